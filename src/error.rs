@@ -1,0 +1,109 @@
+//! The one error type: what went wrong, where, with which value, and what to do about it.
+
+use std::fmt;
+
+/// Result of every fallible call in this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Whose fault an error is, which fixes the exit code of the program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Blame {
+    /// The input's: a file, a key, an argument. Exit code 1.
+    Input,
+    /// The program's: a broken invariant, a failed factorisation. Exit code 2.
+    Program,
+}
+
+/// An error with its place, the offending value, what was expected, and a hint.
+#[derive(Debug, Clone, thiserror::Error)]
+pub struct Error(Box<Fault>);
+
+#[derive(Debug, Clone)]
+struct Fault {
+    blame: Blame,
+    place: String,
+    found: Option<String>,
+    expected: String,
+    hint: Option<String>,
+}
+
+impl Error {
+    /// An error of the input at `place` (file and line or key, or an argument), which should have been `expected`.
+    pub fn input(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::new(Blame::Input, place, expected)
+    }
+
+    /// An error of the program at `place`; `expected` is the invariant that failed.
+    pub fn program(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::new(Blame::Program, place, expected)
+    }
+
+    fn new(blame: Blame, place: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self(Box::new(Fault {
+            blame,
+            place: place.to_string(),
+            found: None,
+            expected: expected.to_string(),
+            hint: None,
+        }))
+    }
+
+    /// The value that was found instead; long values are cut.
+    #[must_use]
+    pub fn found(mut self, value: impl fmt::Display) -> Self {
+        const LONGEST: usize = 120;
+        let text = value.to_string().replace(['\n', '\r'], " ");
+        self.0.found = Some(match text.char_indices().nth(LONGEST) {
+            Some((cut, _)) => format!("{}...", &text[..cut]),
+            None => text,
+        });
+        self
+    }
+
+    /// What the user can do about it.
+    #[must_use]
+    pub fn hint(mut self, hint: impl fmt::Display) -> Self {
+        self.0.hint = Some(hint.to_string());
+        self
+    }
+
+    /// The same error seen from further out: `outer` is put before the place.
+    #[must_use]
+    pub fn within(mut self, outer: impl fmt::Display) -> Self {
+        self.0.place = format!("{outer}: {}", self.0.place);
+        self
+    }
+
+    /// Whose fault it is.
+    pub fn blame(&self) -> Blame {
+        self.0.blame
+    }
+
+    /// The exit code of the program that ends with this error.
+    pub fn exit_code(&self) -> u8 {
+        match self.0.blame {
+            Blame::Input => 1,
+            Blame::Program => 2,
+        }
+    }
+
+    /// The hint, if there is one.
+    pub fn hint_text(&self) -> Option<&str> {
+        self.0.hint.as_deref()
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Fault {
+            place,
+            found,
+            expected,
+            ..
+        } = &*self.0;
+        match found {
+            Some(value) => write!(f, "{place}: found {value}, expected {expected}"),
+            None => write!(f, "{place}: expected {expected}"),
+        }
+    }
+}

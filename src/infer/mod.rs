@@ -1,0 +1,5 @@
+//! Prior, likelihood and posterior.
+
+mod density;
+
+pub use density::LogDensity;

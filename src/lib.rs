@@ -1,0 +1,5 @@
+//! MCMC-first inference of ply elastic constants from full-field displacement measurements.
+
+pub mod error;
+pub mod infer;
+pub mod quantity;

@@ -1,0 +1,76 @@
+//! Units at the border. Inside the program lengths are mm, forces N, stresses MPa, angles rad.
+
+use crate::error::{Error, Result};
+
+/// MPa in one GPa.
+pub const MPA_PER_GPA: f64 = 1e3;
+/// Micrometres in one mm.
+pub const UM_PER_MM: f64 = 1e3;
+/// Nanometres in one mm.
+pub const NM_PER_MM: f64 = 1e6;
+/// Microradians in one rad.
+pub const URAD_PER_RAD: f64 = 1e6;
+
+/// A unit of length that a data file may declare.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Length {
+    /// Metres.
+    Metre,
+    /// Millimetres.
+    Millimetre,
+    /// Micrometres.
+    Micrometre,
+    /// Nanometres.
+    Nanometre,
+    /// Inches.
+    Inch,
+}
+
+impl Length {
+    /// Names as they are written in files, with the unit each stands for.
+    const NAMES: [(&'static str, Length); 5] = [
+        ("m", Length::Metre),
+        ("mm", Length::Millimetre),
+        ("um", Length::Micrometre),
+        ("nm", Length::Nanometre),
+        ("in", Length::Inch),
+    ];
+
+    /// Parse a declared unit; `place` names the key for the error.
+    pub fn parse(place: &str, name: &str) -> Result<Self> {
+        Self::NAMES
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, unit)| *unit)
+            .ok_or_else(|| {
+                let known: Vec<_> = Self::NAMES.iter().map(|(known, _)| *known).collect();
+                Error::input(place, format!("a unit of length: {}", known.join(", "))).found(name)
+            })
+    }
+
+    /// How many mm one of this unit is.
+    pub fn in_mm(self) -> f64 {
+        match self {
+            Length::Metre => 1e3,
+            Length::Millimetre => 1.0,
+            Length::Micrometre => 1e-3,
+            Length::Nanometre => 1e-6,
+            Length::Inch => 25.4,
+        }
+    }
+}
+
+/// The factor from a parameter's border unit, which is the suffix of its name (`E1_GPa`, `thickness_mm`,
+/// `angle_deg`), to the unit used inside. A name without a unit (`nu12`) is dimensionless.
+pub fn to_internal(name: &str) -> f64 {
+    match name.rsplit_once('_').map_or("", |(_, unit)| unit) {
+        "GPa" => MPA_PER_GPA,
+        "deg" => std::f64::consts::PI / 180.0,
+        "um" => 1.0 / UM_PER_MM,
+        "nm" => 1.0 / NM_PER_MM,
+        "urad" => 1.0 / URAD_PER_RAD,
+        "microstrain" => 1e-6,
+        "percent" => 1e-2,
+        _ => 1.0,
+    }
+}
