@@ -1,0 +1,206 @@
+//! The stiffness matrix: its pattern and geometry integrals once, its values for any laminate by an affine refill.
+
+use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
+
+use super::element::{self, GAUSS};
+use super::mesh::Mesh;
+use crate::laminate::Membrane;
+
+/// Lower triangle of K, assembled by pairs of nodes. For a pair (a, b) the four integrals of products of shape
+/// gradients, [a1 b1, a1 b2, a2 b1, a2 b2], determine the 2 x 2 block of K for any membrane stiffness.
+#[derive(Debug, Clone)]
+pub struct Assembly {
+    nodes: usize,
+    /// CSC pattern of node pairs a >= b.
+    first: Vec<usize>,
+    row: Vec<u32>,
+    integral: Vec<[f64; 4]>,
+    pinned: [usize; 3],
+    /// CSC pattern of the scalar matrix's lower triangle.
+    pattern: SymbolicSparseColMat<usize>,
+}
+
+impl Assembly {
+    /// Assemble for a mesh whose membrane stiffness is multiplied by `scale(point)`. The three `pinned`
+    /// unknowns, which only fix the rigid motion, get unit rows.
+    pub fn new(mesh: &Mesh, pinned: [usize; 3], scale: &dyn Fn([f64; 2]) -> f64) -> Self {
+        let (first, row) = node_pattern(mesh);
+        let mut integral = vec![[0.0; 4]; row.len()];
+        for (e, nodes) in mesh.elements.iter().enumerate() {
+            let x = mesh.corners(e);
+            let block = gradient_products(&x, scale);
+            for (i, &a) in nodes.iter().enumerate() {
+                for (j, &b) in nodes.iter().enumerate() {
+                    if a < b {
+                        continue;
+                    }
+                    let column = first[b as usize]..first[b as usize + 1];
+                    if let Ok(k) = row[column.clone()].binary_search(&a) {
+                        let slot = &mut integral[column.start + k];
+                        for (sum, value) in slot.iter_mut().zip(block[i][j]) {
+                            *sum += value;
+                        }
+                    }
+                }
+            }
+        }
+        let pattern = scalar_pattern(&first, &row);
+        Self {
+            nodes: mesh.nodes.len(),
+            first,
+            row,
+            integral,
+            pinned,
+            pattern,
+        }
+    }
+
+    /// Pattern of the lower triangle of K.
+    pub fn pattern(&self) -> SymbolicSparseColMatRef<'_, usize> {
+        self.pattern.as_ref()
+    }
+
+    /// Number of stored entries of the lower triangle.
+    pub fn stored(&self) -> usize {
+        4 * self.row.len() - self.nodes
+    }
+
+    /// Fill `values` (in the order of [`Assembly::pattern`]) for a membrane stiffness.
+    pub fn refill(&self, a: &Membrane, values: &mut [f64]) {
+        let mut at = 0;
+        for b in 0..self.nodes {
+            let column = self.first[b]..self.first[b + 1];
+            let blocks = column
+                .clone()
+                .map(|k| (self.row[k] as usize, block(a, &self.integral[k])));
+            let height = 2 * column.len();
+            for (k, (node, [xx, xy, yx, yy])) in blocks.enumerate() {
+                // Column 2b holds both rows of every block; column 2b + 1 starts at its own diagonal.
+                values[at + 2 * k] = xx;
+                values[at + 2 * k + 1] = yx;
+                let second = at + height + 2 * k;
+                if node != b {
+                    values[second - 1] = xy;
+                }
+                values[second] = yy;
+            }
+            at += 2 * height - 1;
+        }
+        self.pin(values);
+    }
+
+    fn pin(&self, values: &mut [f64]) {
+        let starts = self.pattern.col_ptr();
+        let rows = self.pattern.row_idx();
+        for &dof in &self.pinned {
+            let node = dof / 2;
+            // Entries of the pinned row lie in columns of smaller unknowns; the mesh keeps such nodes few, so
+            // the columns that hold it are found by searching each.
+            for column in 0..=2 * node + 1 {
+                let range = starts[column]..starts[column + 1];
+                if let Ok(k) = rows[range.clone()].binary_search(&dof) {
+                    values[range.start + k] = 0.0;
+                }
+            }
+            values[starts[dof]..starts[dof + 1]].fill(0.0);
+            values[starts[dof]] = 1.0;
+        }
+    }
+
+    /// Set the pinned entries of a load vector to zero.
+    pub fn pin_load(&self, load: &mut [f64]) {
+        for &dof in &self.pinned {
+            load[dof] = 0.0;
+        }
+    }
+
+    /// K u for one displacement vector and one membrane stiffness (without the pinning).
+    pub fn multiply(&self, a: &Membrane, u: &[f64]) -> Vec<f64> {
+        let mut force = vec![0.0; u.len()];
+        for b in 0..self.nodes {
+            for k in self.first[b]..self.first[b + 1] {
+                let node = self.row[k] as usize;
+                let [xx, xy, yx, yy] = block(a, &self.integral[k]);
+                force[2 * node] += xx * u[2 * b] + xy * u[2 * b + 1];
+                force[2 * node + 1] += yx * u[2 * b] + yy * u[2 * b + 1];
+                if node != b {
+                    force[2 * b] += xx * u[2 * node] + yx * u[2 * node + 1];
+                    force[2 * b + 1] += xy * u[2 * node] + yy * u[2 * node + 1];
+                }
+            }
+        }
+        force
+    }
+}
+
+/// The 2 x 2 block [11, 12, 21, 22] of K for a node pair.
+fn block(a: &Membrane, &[g11, g12, g21, g22]: &[f64; 4]) -> [f64; 4] {
+    [
+        a.a11 * g11 + a.a66 * g22 + a.a16 * (g12 + g21),
+        a.a12 * g12 + a.a66 * g21 + a.a16 * g11 + a.a26 * g22,
+        a.a12 * g21 + a.a66 * g12 + a.a16 * g11 + a.a26 * g22,
+        a.a22 * g22 + a.a66 * g11 + a.a26 * (g12 + g21),
+    ]
+}
+
+/// Integrals over an element of [a1 b1, a1 b2, a2 b1, a2 b2] for every pair of its nodes.
+fn gradient_products(x: &[[f64; 2]; 8], scale: &dyn Fn([f64; 2]) -> f64) -> [[[f64; 4]; 8]; 8] {
+    let mut block = [[[0.0; 4]; 8]; 8];
+    for (a, wa) in GAUSS {
+        for (b, wb) in GAUSS {
+            let (g, det) = element::physical_gradient(x, a, b);
+            let w = wa * wb * det * scale(element::position(x, &element::shape(a, b)));
+            for i in 0..8 {
+                for j in 0..8 {
+                    block[i][j][0] += w * g[i][0] * g[j][0];
+                    block[i][j][1] += w * g[i][0] * g[j][1];
+                    block[i][j][2] += w * g[i][1] * g[j][0];
+                    block[i][j][3] += w * g[i][1] * g[j][1];
+                }
+            }
+        }
+    }
+    block
+}
+
+/// Lower-triangular CSC pattern of the node graph.
+fn node_pattern(mesh: &Mesh) -> (Vec<usize>, Vec<u32>) {
+    let mut below: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
+    for nodes in &mesh.elements {
+        for &a in nodes {
+            for &b in nodes {
+                if a >= b {
+                    below[b as usize].push(a);
+                }
+            }
+        }
+    }
+    let mut first = vec![0];
+    let mut row = Vec::new();
+    for mut rows in below {
+        rows.sort_unstable();
+        rows.dedup();
+        row.extend(rows);
+        first.push(row.len());
+    }
+    (first, row)
+}
+
+/// Lower-triangular CSC pattern of the unknowns, two a node.
+fn scalar_pattern(first: &[usize], row: &[u32]) -> SymbolicSparseColMat<usize> {
+    let nodes = first.len() - 1;
+    let mut starts = vec![0];
+    let mut rows = Vec::with_capacity(4 * row.len());
+    for b in 0..nodes {
+        let both = || {
+            row[first[b]..first[b + 1]]
+                .iter()
+                .flat_map(|&a| [2 * a as usize, 2 * a as usize + 1])
+        };
+        rows.extend(both());
+        starts.push(rows.len());
+        rows.extend(both().skip(1));
+        starts.push(rows.len());
+    }
+    SymbolicSparseColMat::new_checked(2 * nodes, 2 * nodes, starts, None, rows)
+}

@@ -1,0 +1,266 @@
+//! Structured mesh of the plate with a hole: an O-grid about the hole blended into a box, and strips from the
+//! box to both ends. Eight-node quadrilaterals (Q8), graded towards the hole.
+
+use std::f64::consts::FRAC_PI_2;
+
+/// Outline of the plate in coordinates centred on the hole, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outline {
+    /// Ends along direction 1: `[low, high]`.
+    pub s: [f64; 2],
+    /// Edges along direction 2: `[low, high]`.
+    pub t: [f64; 2],
+    /// Hole radius.
+    pub radius: f64,
+}
+
+/// Numbers of elements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Density {
+    /// Along each of the four sides of the box about the hole.
+    pub per_side: usize,
+    /// From the hole to the box.
+    pub radial: usize,
+    /// From the box to both ends together.
+    pub along: usize,
+}
+
+impl Density {
+    /// The default mesh, 8,192 elements.
+    pub const DEFAULT: Density = Density {
+        per_side: 32,
+        radial: 40,
+        along: 96,
+    };
+
+    /// The same mesh with every count multiplied by `factor`.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        let scale = |n: usize| ((n as f64 * factor).round() as usize).max(2);
+        Self {
+            per_side: scale(self.per_side).next_multiple_of(2),
+            radial: scale(self.radial),
+            along: scale(self.along),
+        }
+    }
+}
+
+/// Nodes and Q8 elements.
+#[derive(Debug, Clone)]
+pub struct Mesh {
+    /// Node coordinates (direction 1, direction 2), mm.
+    pub nodes: Vec<[f64; 2]>,
+    /// Corners counter-clockwise, then the midside nodes of edges 0-1, 1-2, 2-3, 3-0.
+    pub elements: Vec<[u32; 8]>,
+    /// Edges on the end s = high and s = low: two corners and the node between, in order of increasing t.
+    pub ends: [Vec<[u32; 3]>; 2],
+    /// The outline that was meshed.
+    pub outline: Outline,
+}
+
+/// Index of a lattice point that no Q8 element has (the middle of an element).
+const NONE: u32 = u32::MAX;
+
+/// A structured block's nodes: `id[i][j]` on a lattice of corners and midsides.
+type Lattice = Vec<Vec<u32>>;
+
+impl Mesh {
+    /// Mesh the outline.
+    pub fn new(outline: Outline, density: Density) -> Self {
+        let mut mesh = Mesh {
+            nodes: Vec::new(),
+            elements: Vec::new(),
+            ends: [Vec::new(), Vec::new()],
+            outline,
+        };
+        let sides = box_about_hole(&outline);
+        let rim = mesh.add_ring(&outline, &sides, density);
+        let n = 2 * density.per_side;
+        let high: Vec<u32> = (0..=n).map(|i| rim[i]).collect();
+        let low: Vec<u32> = (0..=n).map(|i| rim[3 * n - i]).collect();
+        let reach = [outline.s[1] - sides[1], sides[0] - outline.s[0]];
+        for (end, edge) in [high, low].into_iter().enumerate() {
+            let far = outline.s[1 - end];
+            let share = reach[end] / (reach[0] + reach[1]).max(f64::MIN_POSITIVE);
+            let count = (density.along as f64 * share).round().max(2.0) as usize;
+            mesh.add_strip(end, &edge, far, count);
+        }
+        mesh
+    }
+
+    /// Degrees of freedom: two a node.
+    pub fn unknowns(&self) -> usize {
+        2 * self.nodes.len()
+    }
+
+    /// Coordinates of an element's eight nodes.
+    pub fn corners(&self, element: usize) -> [[f64; 2]; 8] {
+        self.elements[element].map(|n| self.nodes[n as usize])
+    }
+
+    fn add_node(&mut self, p: [f64; 2]) -> u32 {
+        self.nodes.push(p);
+        (self.nodes.len() - 1) as u32
+    }
+
+    /// The O-grid. Returns the nodes on the box, counter-clockwise from the corner (s high, t low).
+    fn add_ring(&mut self, outline: &Outline, sides: &[f64; 2], density: Density) -> Vec<u32> {
+        let rays = ring_rays(outline, sides, density.per_side);
+        let first = outline.radius * FRAC_PI_2 / density.per_side as f64;
+        let depth = outline.t[1].min(-outline.t[0]).min(sides[1]).min(-sides[0]) - outline.radius;
+        let grading = graded(density.radial, (0.8 * first / depth).min(1.0));
+        let mut lattice: Lattice = Vec::with_capacity(rays.len() + 1);
+        for (i, [inner, outer]) in rays.iter().enumerate() {
+            let column = (0..=2 * density.radial)
+                .map(|j| {
+                    if i % 2 == 1 && j % 2 == 1 {
+                        return NONE;
+                    }
+                    let g = at_half(&grading, j);
+                    self.add_node([0, 1].map(|k| inner[k] + g * (outer[k] - inner[k])))
+                })
+                .collect();
+            lattice.push(column);
+        }
+        lattice.push(lattice[0].clone());
+        self.add_elements(&lattice);
+        lattice
+            .iter()
+            .map(|column| column[2 * density.radial])
+            .collect()
+    }
+
+    /// A strip of elements from the box's side `edge` (t increasing) to the end at s = `far`.
+    fn add_strip(&mut self, end: usize, edge: &[u32], far: f64, count: usize) {
+        let near = self.nodes[edge[0] as usize][0];
+        let reach = far - near;
+        let step = (self.outline.t[1] - self.outline.t[0]) / (edge.len() / 2) as f64;
+        let mut lattice: Lattice = vec![edge.to_vec()];
+        if reach != 0.0 {
+            let grading = graded(count, (0.7 * step / reach.abs()).min(1.0));
+            for j in 1..=2 * count {
+                let s = near + reach * at_half(&grading, j);
+                let row = (0..edge.len()).map(|i| {
+                    if i % 2 == 1 && j % 2 == 1 {
+                        return NONE;
+                    }
+                    let t = self.nodes[edge[i] as usize][1];
+                    self.add_node([s, t])
+                });
+                let row = row.collect();
+                lattice.push(row);
+            }
+            self.add_elements(&lattice);
+        }
+        let last = &lattice[lattice.len() - 1];
+        self.ends[end] = (0..last.len() - 1)
+            .step_by(2)
+            .map(|i| [last[i], last[i + 1], last[i + 2]])
+            .collect();
+    }
+
+    /// The elements of a lattice of nodes `id[i][j]`, turned counter-clockwise.
+    fn add_elements(&mut self, id: &Lattice) {
+        for i in (0..id.len() - 1).step_by(2) {
+            for j in (0..id[0].len() - 1).step_by(2) {
+                let at = |di: usize, dj: usize| id[i + di][j + dj];
+                let [a, b, c, d] = [at(0, 0), at(2, 0), at(2, 2), at(0, 2)];
+                let [ab, bc, cd, da] = [at(1, 0), at(2, 1), at(1, 2), at(0, 1)];
+                self.elements.push(if self.turns_left(a, b, c) {
+                    [a, b, c, d, ab, bc, cd, da]
+                } else {
+                    [a, d, c, b, da, cd, bc, ab]
+                });
+            }
+        }
+    }
+
+    fn turns_left(&self, a: u32, b: u32, c: u32) -> bool {
+        let [a, b, c] = [a, b, c].map(|n| self.nodes[n as usize]);
+        (b[0] - a[0]) * (c[1] - b[1]) > (b[1] - a[1]) * (c[0] - b[0])
+    }
+}
+
+/// The box about the hole along direction 1: as long as the plate is wide, but never past an end, and snapped
+/// to an end that would leave only a sliver.
+fn box_about_hole(outline: &Outline) -> [f64; 2] {
+    let half = 0.5 * (outline.t[1] - outline.t[0]);
+    let side = |end: f64| {
+        if end.abs() < 1.1 * half {
+            end
+        } else {
+            half.copysign(end)
+        }
+    };
+    outline.s.map(side)
+}
+
+/// Rays of the O-grid, counter-clockwise from the corner (s high, t low): the point on the hole and the point
+/// on the box, for corners (even) and midsides (odd) in turn. A midside's point on the box is the middle of its
+/// neighbours, so that the strips' edges stay straight and evenly divided; on the hole it lies on the circle.
+fn ring_rays(outline: &Outline, sides: &[f64; 2], per_side: usize) -> Vec<[[f64; 2]; 2]> {
+    let corner = [
+        [sides[1], outline.t[0]],
+        [sides[1], outline.t[1]],
+        [sides[0], outline.t[1]],
+        [sides[0], outline.t[0]],
+    ];
+    let mut angles = Vec::with_capacity(4 * per_side);
+    let mut outer = Vec::with_capacity(4 * per_side);
+    for side in 0..4 {
+        let [a, b] = [corner[side], corner[(side + 1) % 4]];
+        let from = a[1].atan2(a[0]);
+        let sweep = (b[1].atan2(b[0]) - from).rem_euclid(2.0 * std::f64::consts::PI);
+        for k in 0..per_side {
+            let angle = from + sweep * k as f64 / per_side as f64;
+            let (sin, cos) = angle.sin_cos();
+            // The point of the side a-b on the ray: a + f (b - a) with its cross product with the ray zero.
+            let f = (a[0] * sin - a[1] * cos) / ((a[0] - b[0]) * sin - (a[1] - b[1]) * cos);
+            angles.push(angle);
+            outer.push([0, 1].map(|k| a[k] + f * (b[k] - a[k])));
+        }
+    }
+    let n = angles.len();
+    let on_hole = |angle: f64| [outline.radius * angle.cos(), outline.radius * angle.sin()];
+    let mut rays = Vec::with_capacity(2 * n);
+    for k in 0..n {
+        let next = (k + 1) % n;
+        let sweep = (angles[next] - angles[k]).rem_euclid(2.0 * std::f64::consts::PI);
+        rays.push([on_hole(angles[k]), outer[k]]);
+        rays.push([
+            on_hole(angles[k] + 0.5 * sweep),
+            [0, 1].map(|c| 0.5 * (outer[k][c] + outer[next][c])),
+        ]);
+    }
+    rays
+}
+
+/// `n + 1` places from 0 to 1 in geometric progression whose first step is `first`; even where that is coarser.
+fn graded(n: usize, first: f64) -> Vec<f64> {
+    if first * n as f64 >= 1.0 {
+        return (0..=n).map(|k| k as f64 / n as f64).collect();
+    }
+    let total = |q: f64| first * (q.powi(n as i32) - 1.0) / (q - 1.0);
+    let [mut low, mut high] = [1.0 + 1e-12, 2.0];
+    while total(high) < 1.0 {
+        high *= 2.0;
+    }
+    for _ in 0..200 {
+        let q = 0.5 * (low + high);
+        if total(q) < 1.0 {
+            low = q;
+        } else {
+            high = q;
+        }
+    }
+    let mut places: Vec<f64> = (0..=n)
+        .map(|k| first * (low.powi(k as i32) - 1.0) / (low - 1.0))
+        .collect();
+    places[n] = 1.0;
+    places
+}
+
+/// Place `j` on a lattice of corners (even) and midsides (odd).
+fn at_half(places: &[f64], j: usize) -> f64 {
+    0.5 * (places[j / 2] + places[j.div_ceil(2)])
+}

@@ -1,0 +1,17 @@
+//! Plane-stress finite elements of the whole plate: mesh, Q8 element, assembly, sparse Cholesky, observation.
+
+mod assemble;
+mod element;
+mod load;
+mod mesh;
+mod observe;
+mod plate;
+mod setup;
+mod solve;
+
+pub use load::EndLoad;
+pub use mesh::{Density, Mesh, Outline};
+pub use observe::{Locator, Nodal, Observer};
+pub use plate::{Forward, Plate};
+pub use setup::Setup;
+pub use solve::Factor;

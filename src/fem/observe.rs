@@ -1,0 +1,169 @@
+//! From nodal displacements to any points of the plate, through the element shape functions.
+
+use rayon::prelude::*;
+use rstar::{AABB, RTree, RTreeObject};
+
+use super::element;
+use super::mesh::Mesh;
+
+/// A nodal field: two components a node, interleaved.
+pub type Nodal = [f64];
+
+/// Where each of a set of points lies in the mesh.
+#[derive(Debug, Clone)]
+pub struct Observer {
+    places: Vec<Place>,
+    nodes: Vec<[u32; 8]>,
+    corners: Vec<[[f64; 2]; 8]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    element: u32,
+    local: [f64; 2],
+}
+
+/// Finds the element that holds a point.
+pub struct Locator<'a> {
+    mesh: &'a Mesh,
+    tree: RTree<Envelope>,
+}
+
+struct Envelope {
+    element: u32,
+    bounds: AABB<[f64; 2]>,
+}
+
+impl RTreeObject for Envelope {
+    type Envelope = AABB<[f64; 2]>;
+
+    fn envelope(&self) -> Self::Envelope {
+        self.bounds
+    }
+}
+
+/// How far outside [-1, 1] a local coordinate may lie: points on an element's edge, to rounding.
+const SLACK: f64 = 1e-9;
+
+impl<'a> Locator<'a> {
+    /// Index the elements of a mesh.
+    pub fn new(mesh: &'a Mesh) -> Self {
+        let envelopes = (0..mesh.elements.len())
+            .map(|e| {
+                // A curved edge may bulge past its nodes by at most an eighth of its length.
+                let x = mesh.corners(e);
+                let [mut low, mut high] = [x[0], x[0]];
+                for p in &x {
+                    for k in 0..2 {
+                        low[k] = low[k].min(p[k]);
+                        high[k] = high[k].max(p[k]);
+                    }
+                }
+                let margin = 0.125 * (high[0] - low[0] + high[1] - low[1]);
+                Envelope {
+                    element: e as u32,
+                    bounds: AABB::from_corners(low.map(|v| v - margin), high.map(|v| v + margin)),
+                }
+            })
+            .collect();
+        Self {
+            mesh,
+            tree: RTree::bulk_load(envelopes),
+        }
+    }
+
+    fn locate(&self, point: [f64; 2]) -> Option<Place> {
+        self.tree
+            .locate_in_envelope_intersecting(AABB::from_point(point))
+            .filter_map(|envelope| {
+                let local = invert(&self.mesh.corners(envelope.element as usize), point)?;
+                Some(Place {
+                    element: envelope.element,
+                    local,
+                })
+            })
+            // A point on a shared edge belongs to the element of the smaller index, whatever the search order.
+            .min_by_key(|place| place.element)
+    }
+
+    /// Locate all points; `None` for those outside the plate or in the hole.
+    pub fn observe(&self, points: &[[f64; 2]]) -> (Observer, Vec<bool>) {
+        let places: Vec<Option<Place>> = points.par_iter().map(|&p| self.locate(p)).collect();
+        let inside = places.iter().map(Option::is_some).collect();
+        let observer = Observer {
+            places: places.into_iter().flatten().collect(),
+            nodes: self.mesh.elements.clone(),
+            corners: (0..self.mesh.elements.len())
+                .map(|e| self.mesh.corners(e))
+                .collect(),
+        };
+        (observer, inside)
+    }
+}
+
+/// Newton's method for the local coordinates of a point; `None` if it lies outside the element.
+fn invert(x: &[[f64; 2]; 8], point: [f64; 2]) -> Option<[f64; 2]> {
+    let [mut a, mut b] = [0.0, 0.0];
+    for _ in 0..20 {
+        let p = element::position(x, &element::shape(a, b));
+        let j = element::jacobian(x, &element::shape_gradient(a, b));
+        let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+        let r = [point[0] - p[0], point[1] - p[1]];
+        let da = (j[1][1] * r[0] - j[0][1] * r[1]) / det;
+        let db = (j[0][0] * r[1] - j[1][0] * r[0]) / det;
+        a = (a + da).clamp(-2.0, 2.0);
+        b = (b + db).clamp(-2.0, 2.0);
+        if da.abs() + db.abs() < 1e-13 {
+            break;
+        }
+    }
+    let inside = a.abs().max(b.abs()) <= 1.0 + SLACK;
+    let p = element::position(x, &element::shape(a, b));
+    let near = (p[0] - point[0]).abs() + (p[1] - point[1]).abs() < 1e-9;
+    (inside && near).then_some([a, b])
+}
+
+impl Observer {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Displacement (u1, u2) at every point, mm.
+    pub fn displacement(&self, nodal: &Nodal) -> Vec<[f64; 2]> {
+        let at = |place: &Place| {
+            let n = element::shape(place.local[0], place.local[1]);
+            let mut u = [0.0; 2];
+            for (node, n) in self.nodes[place.element as usize].iter().zip(n) {
+                u[0] += n * nodal[2 * *node as usize];
+                u[1] += n * nodal[2 * *node as usize + 1];
+            }
+            u
+        };
+        self.places.par_iter().map(at).collect()
+    }
+
+    /// Displacement gradient at every point, `g[i][k]` = derivative of u_i along direction k.
+    pub fn gradient(&self, nodal: &Nodal) -> Vec<[[f64; 2]; 2]> {
+        let at = |place: &Place| {
+            let e = place.element as usize;
+            let (g, _) =
+                element::physical_gradient(&self.corners[e], place.local[0], place.local[1]);
+            let mut sum = [[0.0; 2]; 2];
+            for (node, g) in self.nodes[e].iter().zip(g) {
+                for (i, row) in sum.iter_mut().enumerate() {
+                    for (k, value) in row.iter_mut().enumerate() {
+                        *value += g[k] * nodal[2 * *node as usize + i];
+                    }
+                }
+            }
+            sum
+        };
+        self.places.par_iter().map(at).collect()
+    }
+}

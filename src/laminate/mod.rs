@@ -1,0 +1,9 @@
+//! Ply, laminate, specimen: from elastic constants to the plate's membrane stiffness.
+
+mod ply;
+mod specimen;
+mod stack;
+
+pub use ply::{Ply, rotate_stiffness, strain_rotation};
+pub use specimen::{HoleSpec, LoadSpec, Material, SpecimenSpec, ThicknessSpec};
+pub use stack::{Abd, Membrane, abd};

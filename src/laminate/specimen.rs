@@ -1,0 +1,193 @@
+//! The specimen and its load as the model file declares them.
+
+use serde::{Deserialize, Serialize};
+
+use super::ply::Ply;
+use crate::error::{Error, Result};
+use crate::quantity;
+
+/// The `specimen` object of a model file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpecimenSpec {
+    /// Length along direction 1, mm.
+    pub length_mm: f64,
+    /// Width along direction 2, mm.
+    pub width_mm: f64,
+    /// The hole.
+    pub hole: HoleSpec,
+    /// `"laminate"` (the default) or `"isotropic"`.
+    #[serde(default, skip_serializing_if = "Material::is_laminate")]
+    pub material: Material,
+    /// Ply angles from the loading axis, degrees, counter-clockwise in the data's x-y plane, from one face to the other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layup_deg: Option<Vec<f64>>,
+    /// Total thickness.
+    pub thickness_mm: ThicknessSpec,
+    /// Free text, for example which dimensions are assumed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+}
+
+/// The circular hole.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HoleSpec {
+    /// Diameter, mm.
+    pub diameter_mm: f64,
+    /// Place of the hole relative to the plate's centre, (direction 1, direction 2), mm.
+    pub center_mm: [f64; 2],
+}
+
+/// Total thickness: mean and standard deviation of its spatial average.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ThicknessSpec {
+    /// Mean, mm.
+    pub mean: f64,
+    /// Standard deviation, mm.
+    pub sd: f64,
+}
+
+/// The `load` object of a model file.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadSpec {
+    /// Tensile force along direction 1, N.
+    #[serde(rename = "force_N")]
+    pub force_n: f64,
+}
+
+/// How the ply's stiffness is parameterised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Material {
+    /// Plies with E1, E2, nu12, G12.
+    #[default]
+    Laminate,
+    /// One isotropic sheet with E, nu.
+    Isotropic,
+}
+
+impl Material {
+    fn is_laminate(&self) -> bool {
+        *self == Material::Laminate
+    }
+
+    /// Names of the elastic constants at the border.
+    pub fn constants(self) -> &'static [&'static str] {
+        match self {
+            Material::Laminate => &["E1_GPa", "E2_GPa", "nu12", "G12_GPa"],
+            Material::Isotropic => &["E_GPa", "nu"],
+        }
+    }
+
+    /// The ply of the given constants, in border units and the order of [`Material::constants`].
+    pub fn ply(self, constants: &[f64]) -> Ply {
+        let mpa = quantity::MPA_PER_GPA;
+        match self {
+            Material::Laminate => Ply {
+                e1: constants[0] * mpa,
+                e2: constants[1] * mpa,
+                nu12: constants[2],
+                g12: constants[3] * mpa,
+            },
+            Material::Isotropic => Ply::isotropic(constants[0] * mpa, constants[1]),
+        }
+    }
+}
+
+impl SpecimenSpec {
+    /// Ply angles in degrees; an isotropic sheet is one ply at 0.
+    pub fn angles_deg(&self) -> &[f64] {
+        match self.material {
+            Material::Laminate => self.layup_deg.as_deref().unwrap_or(&[]),
+            Material::Isotropic => &[0.0],
+        }
+    }
+
+    /// Check every dimension; errors name the key.
+    pub fn validate(&self) -> Result<()> {
+        positive("specimen.length_mm", self.length_mm)?;
+        positive("specimen.width_mm", self.width_mm)?;
+        positive("specimen.hole.diameter_mm", self.hole.diameter_mm)?;
+        positive("specimen.thickness_mm.mean", self.thickness_mm.mean)?;
+        not_negative("specimen.thickness_mm.sd", self.thickness_mm.sd)?;
+        if self.thickness_mm.sd > 0.1 * self.thickness_mm.mean {
+            return Err(Error::input("specimen.thickness_mm.sd", "at most a tenth of the mean")
+                .found(self.thickness_mm.sd)
+                .hint("the thickness is marginalised to first order, which holds for small relative deviations"));
+        }
+        for (&c, key) in self.hole.center_mm.iter().zip(["[0]", "[1]"]) {
+            finite(&format!("specimen.hole.center_mm{key}"), c)?;
+        }
+        self.validate_hole_inside()?;
+        self.validate_layup()
+    }
+
+    fn validate_hole_inside(&self) -> Result<()> {
+        let radius = 0.5 * self.hole.diameter_mm;
+        let half = [0.5 * self.length_mm, 0.5 * self.width_mm];
+        for (axis, half) in half.into_iter().enumerate() {
+            let ligament = half - self.hole.center_mm[axis].abs() - radius;
+            if ligament < 0.05 * radius {
+                return Err(Error::input("specimen.hole", "a hole that stays clear of the plate's edge")
+                    .found(format!(
+                        "diameter {} mm at {:?} mm in a plate of {} x {} mm, which leaves {ligament:.3} mm along direction {}",
+                        self.hole.diameter_mm, self.hole.center_mm, self.length_mm, self.width_mm, axis + 1
+                    ))
+                    .hint("hole.center_mm is measured from the plate's centre, (direction 1 along the load, direction 2)"));
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_layup(&self) -> Result<()> {
+        const PLACE: &str = "specimen.layup_deg";
+        match (self.material, &self.layup_deg) {
+            (Material::Laminate, None) => {
+                Err(Error::input(PLACE, "the ply angles in degrees").found("no such key"))
+            }
+            (Material::Laminate, Some(angles)) if angles.is_empty() => {
+                Err(Error::input(PLACE, "at least one ply angle").found("[]"))
+            }
+            (Material::Isotropic, Some(angles)) => Err(Error::input(
+                PLACE,
+                "no layup, because the material is isotropic",
+            )
+            .found(format!("{angles:?}"))),
+            (Material::Laminate, Some(angles)) => {
+                angles.iter().try_for_each(|&angle| finite(PLACE, angle))
+            }
+            (Material::Isotropic, None) => Ok(()),
+        }
+    }
+}
+
+impl LoadSpec {
+    /// Check the force.
+    pub fn validate(&self) -> Result<()> {
+        positive("load.force_N", self.force_n)
+    }
+}
+
+fn finite(place: &str, value: f64) -> Result<()> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::input(place, "a finite number").found(value))
+}
+
+fn positive(place: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(Error::input(place, "a number above 0").found(value))
+}
+
+fn not_negative(place: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(());
+    }
+    Err(Error::input(place, "a number of at least 0").found(value))
+}

@@ -1,0 +1,67 @@
+//! Classical lamination theory: plies stacked to A, B, D.
+
+use nalgebra::Matrix3;
+
+use super::ply::{Ply, rotate_stiffness};
+
+/// Laminate stiffnesses: N = A eps + B kappa, M = B eps + D kappa (N/mm, N, N mm).
+#[derive(Debug, Clone, Copy)]
+pub struct Abd {
+    /// Membrane stiffness, N/mm.
+    pub a: Matrix3<f64>,
+    /// Coupling stiffness, N.
+    pub b: Matrix3<f64>,
+    /// Bending stiffness, N mm.
+    pub d: Matrix3<f64>,
+}
+
+/// Stiffnesses of a stack of equal plies: fibre angles `angles` (rad, from the face z = -h/2 up) and total
+/// thickness `thickness` (mm).
+pub fn abd(ply: &Ply, angles: &[f64], thickness: f64) -> Abd {
+    let q = ply.stiffness();
+    let t = thickness / angles.len() as f64;
+    let mut sum = Abd {
+        a: Matrix3::zeros(),
+        b: Matrix3::zeros(),
+        d: Matrix3::zeros(),
+    };
+    for (k, &angle) in angles.iter().enumerate() {
+        let q = rotate_stiffness(&q, angle);
+        let low = -0.5 * thickness + k as f64 * t;
+        let high = low + t;
+        sum.a += q * t;
+        sum.b += q * ((high * high - low * low) / 2.0);
+        sum.d += q * ((high.powi(3) - low.powi(3)) / 3.0);
+    }
+    sum
+}
+
+/// The six in-plane stiffness components on which the plane-stress plate depends, N/mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Membrane {
+    /// A11.
+    pub a11: f64,
+    /// A12.
+    pub a12: f64,
+    /// A22.
+    pub a22: f64,
+    /// A16.
+    pub a16: f64,
+    /// A26.
+    pub a26: f64,
+    /// A66.
+    pub a66: f64,
+}
+
+impl From<&Matrix3<f64>> for Membrane {
+    fn from(a: &Matrix3<f64>) -> Self {
+        Self {
+            a11: a[(0, 0)],
+            a12: a[(0, 1)],
+            a22: a[(1, 1)],
+            a16: a[(0, 2)],
+            a26: a[(1, 2)],
+            a66: a[(2, 2)],
+        }
+    }
+}
