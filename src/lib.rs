@@ -1,7 +1,23 @@
 //! MCMC-first inference of ply elastic constants from full-field displacement measurements.
+//!
+//! Data flow one way: measured files -> [`field`] -> projections; specimen -> [`laminate`] -> finite-element
+//! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
+//! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; residual -> [`trace`] -> [`report`].
+//! Imports point only to the left of
+//! `error, quantity, progress < field < laminate < fem < effect < reduce < infer < chain < sample < diagnose < trace < report < cli`.
 
+pub mod chain;
+pub mod cli;
+pub mod diagnose;
+pub mod effect;
 pub mod error;
 pub mod fem;
+pub mod field;
 pub mod infer;
 pub mod laminate;
+pub mod progress;
 pub mod quantity;
+pub mod reduce;
+pub mod report;
+pub mod sample;
+pub mod trace;

@@ -1,5 +1,22 @@
-//! Prior, likelihood and posterior.
+//! Prior, likelihood and posterior, and the model file that declares them.
 
 mod density;
+mod laplace;
+mod likelihood;
+mod model;
+mod noise;
+mod observation;
+mod posterior;
+mod prior;
+pub mod simulate;
+mod statistics;
 
 pub use density::LogDensity;
+pub use laplace::{Laplace, laplace};
+pub use likelihood::Likelihood;
+pub use model::{LikelihoodSpec, Model, ModelFile, ParameterSpec, SCHEMA};
+pub use noise::{Noise, component};
+pub use observation::{Columns, Observation};
+pub use posterior::{NOISE, Posterior};
+pub use prior::{Marginal, PriorSpec};
+pub use statistics::Statistics;

@@ -1,0 +1,74 @@
+//! The command line: arguments, validated into a plan before any work, and one file a verb.
+
+mod build;
+mod console;
+mod folder;
+mod identify;
+mod simulate;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::error::{Error, Result};
+use console::Console;
+
+/// Inference of ply elastic constants, with their joint uncertainty, from a measured displacement field.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true, arg_required_else_help = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+    #[command(flatten)]
+    global: Global,
+}
+
+/// Options of every verb.
+#[derive(Debug, Clone, Args)]
+struct Global {
+    /// Seed of every random number; the same seed gives the same bits
+    #[arg(long, global = true, default_value_t = 1)]
+    seed: u64,
+    /// Threads (default: one a core); the results do not depend on it
+    #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// No progress, only results
+    #[arg(long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Identify the constants of a model from its measurement
+    Identify(identify::Arguments),
+    /// Build the reduced model and print its error tables
+    Build(build::Arguments),
+    /// Simulate a measurement, in the article's format, with effects and noise
+    Simulate(simulate::Arguments),
+}
+
+/// Where runs and cached reduced models are kept.
+const RUNS: &str = "runs";
+
+/// The default model, whose sample measurement lies beside it.
+const DEFAULT_MODEL: &str = "models/openhole.json";
+
+fn cache() -> PathBuf {
+    PathBuf::from(RUNS).join(".cache")
+}
+
+/// Carry out what the arguments ask for.
+pub fn run(cli: Cli) -> Result<()> {
+    if let Some(threads) = cli.global.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .map_err(|e| Error::program("--threads", "a thread pool").found(e))?;
+    }
+    let console = Console::new(cli.global.quiet);
+    match cli.verb {
+        Verb::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
+        Verb::Build(arguments) => build::run(&arguments, &console),
+        Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
+    }
+}

@@ -1,0 +1,158 @@
+//! Progress: bars on a terminal, plain lines otherwise, nothing when quiet. Always on standard error.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::progress::Watch;
+
+/// Watches work for a person.
+pub struct Console {
+    mode: Mode,
+    stage: Mutex<Option<Stage>>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Mode {
+    Quiet,
+    Lines,
+    Bars,
+}
+
+struct Stage {
+    what: String,
+    started: Instant,
+    steps: Option<u64>,
+    done: u64,
+    said: String,
+    told: Instant,
+    bar: Option<ProgressBar>,
+}
+
+/// Between two plain lines of one stage.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+impl Console {
+    /// A console for standard error.
+    pub fn new(quiet: bool) -> Self {
+        let mode = if quiet {
+            Mode::Quiet
+        } else if std::io::stderr().is_terminal() {
+            Mode::Bars
+        } else {
+            Mode::Lines
+        };
+        Self {
+            mode,
+            stage: Mutex::new(None),
+        }
+    }
+
+    fn with(&self, act: impl FnOnce(&mut Option<Stage>)) {
+        if self.mode == Mode::Quiet {
+            return;
+        }
+        // A poisoned lock means another thread panicked while drawing; there is nothing left to protect.
+        let mut stage = self
+            .stage
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        act(&mut stage);
+    }
+}
+
+impl Stage {
+    /// A plain line now and then, so that a log shows that the work goes on.
+    fn tell(&mut self) {
+        if self.bar.is_some() || self.told.elapsed() < PATIENCE {
+            return;
+        }
+        self.told = Instant::now();
+        match self.steps {
+            Some(steps) => {
+                let left = self.started.elapsed().as_secs_f64()
+                    * (steps - self.done.min(steps)) as f64
+                    / self.done.max(1) as f64;
+                eprintln!(
+                    "  {}: {} of {steps}, {left:.0} s left",
+                    self.what, self.done
+                );
+            }
+            None => eprintln!("  {}: {}", self.what, self.said),
+        }
+    }
+}
+
+impl Watch for Console {
+    fn begin(&self, what: &str, steps: Option<u64>) {
+        self.with(|stage| {
+            let bar = (self.mode == Mode::Bars).then(|| bar(what, steps));
+            let now = Instant::now();
+            *stage = Some(Stage {
+                what: what.into(),
+                started: now,
+                steps,
+                done: 0,
+                said: String::new(),
+                told: now,
+                bar,
+            });
+        });
+    }
+
+    fn tick(&self) {
+        self.with(|stage| {
+            let Some(stage) = stage else { return };
+            stage.done += 1;
+            if let Some(bar) = &stage.bar {
+                bar.inc(1);
+            }
+            stage.tell();
+        });
+    }
+
+    fn say(&self, what: &str) {
+        self.with(|stage| {
+            let Some(stage) = stage else { return };
+            stage.said = what.into();
+            if let Some(bar) = &stage.bar {
+                bar.set_message(format!("{}: {what}", stage.what));
+            }
+            stage.tell();
+        });
+    }
+
+    fn end(&self) {
+        self.with(|stage| {
+            let Some(stage) = stage.take() else { return };
+            if let Some(bar) = &stage.bar {
+                bar.finish_and_clear();
+            }
+            let colon = if stage.said.is_empty() { "" } else { ": " };
+            eprintln!(
+                "  {}{colon}{} ({:.1} s)",
+                stage.what,
+                stage.said,
+                stage.started.elapsed().as_secs_f64()
+            );
+        });
+    }
+}
+
+fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
+    let (bar, template) = match steps {
+        Some(steps) => (
+            ProgressBar::new(steps),
+            "  {msg} {wide_bar:.cyan} {pos}/{len}, {eta} left",
+        ),
+        None => (ProgressBar::new_spinner(), "  {spinner} {msg}"),
+    };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar.set_message(what.to_string());
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}

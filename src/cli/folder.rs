@@ -1,0 +1,120 @@
+//! A run folder: made before the work, named so that no run overwrites another, removed again if the work fails.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::RUNS;
+use crate::error::{Error, Result};
+use crate::infer::Model;
+use crate::reduce::cache::hex;
+
+/// A folder under construction. Dropped without [`Folder::keep`], it is removed.
+pub struct Folder {
+    path: PathBuf,
+    started: Instant,
+    kept: bool,
+}
+
+impl Folder {
+    /// Make the folder of a run: `out` if given, which must not exist, or the first free of `runs/NAME`, `runs/NAME-2`, ...
+    pub fn create(out: Option<&Path>, name: &str) -> Result<Self> {
+        let path = match out {
+            Some(path) => path.to_path_buf(),
+            None => (1..)
+                .map(|k| {
+                    PathBuf::from(RUNS).join(if k == 1 {
+                        name.to_string()
+                    } else {
+                        format!("{name}-{k}")
+                    })
+                })
+                .find(|path| !path.exists())
+                .unwrap_or_default(),
+        };
+        if path.exists() {
+            return Err(Error::input(
+                format!("--out {}", path.display()),
+                "a folder that does not exist yet",
+            )
+            .found("an existing one")
+            .hint("give another name, or remove the old one"));
+        }
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent).map_err(|e| unwritable(&path, &e))?;
+        }
+        std::fs::create_dir(&path).map_err(|e| unwritable(&path, &e))?;
+        Ok(Self {
+            path,
+            started: Instant::now(),
+            kept: false,
+        })
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Write a file of the folder.
+    pub fn write(&self, name: &str, contents: &str) -> Result<()> {
+        let path = self.path.join(name);
+        std::fs::write(&path, contents).map_err(|e| unwritable(&path, &e))
+    }
+
+    /// Write a JSON file of the folder.
+    pub fn write_json(&self, name: &str, value: &Value) -> Result<()> {
+        let mut text = serde_json::to_string_pretty(value)
+            .map_err(|e| Error::program(name, "numbers that JSON can hold").found(e))?;
+        text.push('\n');
+        self.write(name, &text)
+    }
+
+    /// Write the manifest of a run over a model and the files it read.
+    pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<()> {
+        let inputs = std::iter::once(&model.path)
+            .chain(files)
+            .map(|path| Ok((path.display().to_string(), json!(hash(path)?))))
+            .collect::<Result<serde_json::Map<_, _>>>()?;
+        let command: Vec<String> = std::env::args().skip(1).collect();
+        self.write_json(
+            "run.json",
+            &json!({
+                "program": "plychain", "version": env!("CARGO_PKG_VERSION"),
+                "command": command, "seed": seed, "inputs_sha256": inputs,
+                "seconds": self.started.elapsed().as_secs_f64(),
+            }),
+        )
+    }
+
+    /// The folder is complete: it stays.
+    pub fn keep(mut self) {
+        self.kept = true;
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if !self.kept {
+            // Nothing half-written stays; if removing fails too there is no better place to say so than the error
+            // that is already on its way.
+            let _ = std::fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Error {
+    Error::input(
+        format!("--out {}", path.display()),
+        "a place that can be written",
+    )
+    .found(error)
+}
+
+fn hash(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path)
+        .map_err(|e| Error::input(path.display(), "a readable file").found(e))?;
+    Ok(hex(&Sha256::digest(bytes)))
+}

@@ -1,0 +1,138 @@
+//! `plychain simulate`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::folder::Folder;
+use super::{DEFAULT_MODEL, Global};
+use crate::effect::{Acting, EFFECTS};
+use crate::error::{Error, Result};
+use crate::field::matrices::write_matrices;
+use crate::infer::Model;
+use crate::infer::simulate::{Truth, simulate};
+
+/// Arguments of `simulate`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Model file
+    #[arg(default_value = DEFAULT_MODEL)]
+    model: PathBuf,
+    /// An effect that acts, NAME=VALUE[,VALUE] in the units of its parameters; may be repeated
+    #[arg(long = "effect", value_name = "NAME=VALUE")]
+    effects: Vec<String>,
+    /// An elastic constant or thickness_mm, NAME=VALUE (default: the prior's mean); may be repeated
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// Noise sd of a point, nm
+    #[arg(long, default_value_t = 10.0)]
+    noise_nm: f64,
+    /// Correlation length of the noise (Matern-3/2), mm; 0 for white noise
+    #[arg(long, default_value_t = 0.0)]
+    correlation_mm: f64,
+    /// Points along each side of the square window
+    #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
+    grid: u16,
+    /// Directory to make
+    #[arg(long)]
+    out: PathBuf,
+}
+
+/// Run the verb.
+pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
+    let model = Model::load(&arguments.model)?;
+    let truth = plan(arguments, &model, global.seed)?;
+    let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
+    let grid = simulate(&model, &truth)?;
+    write_matrices(folder.path(), &grid)?;
+    folder.write_json("truth.json", &truth_json(&model, &truth))?;
+    println!(
+        "{} x {} points and truth.json written to {}",
+        grid.rows,
+        grid.cols,
+        folder.path().display()
+    );
+    folder.keep();
+    Ok(())
+}
+
+fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
+    let mut truth = Truth {
+        constants: model.marginals().iter().map(|m| m.mean).collect(),
+        thickness_mm: model.file.specimen.thickness_mm.mean,
+        effects: Vec::new(),
+        noise_nm: not_negative("--noise-nm", arguments.noise_nm)?,
+        correlation_mm: not_negative("--correlation-mm", arguments.correlation_mm)?,
+        grid: usize::from(arguments.grid),
+        seed,
+    };
+    for text in &arguments.set {
+        let (name, value) = text
+            .split_once('=')
+            .ok_or_else(|| Error::input("--set", "NAME=VALUE").found(text))?;
+        let value: f64 = value
+            .parse()
+            .map_err(|_| Error::input(format!("--set {name}"), "a number").found(value))?;
+        if name == "thickness_mm" && value > 0.0 {
+            truth.thickness_mm = value;
+        } else if let Some(k) = model.constants().iter().position(|c| *c == name) {
+            truth.constants[k] = value;
+        } else {
+            let known = model.constants().join(", ");
+            return Err(
+                Error::input("--set", format!("one of {known}, thickness_mm (above 0)"))
+                    .found(text),
+            );
+        }
+    }
+    let acting = arguments
+        .effects
+        .iter()
+        .map(|text| Acting::parse("--effect", text))
+        .collect::<Result<Vec<_>>>()?;
+    // Effects act in the order of the dictionary, whatever the order of the arguments.
+    for effect in EFFECTS {
+        truth.effects.extend(
+            acting
+                .iter()
+                .filter(|a| a.effect.name() == effect.name())
+                .cloned(),
+        );
+    }
+    Ok(truth)
+}
+
+fn not_negative(place: &str, value: f64) -> Result<f64> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(value);
+    }
+    Err(Error::input(place, "a number of at least 0").found(value))
+}
+
+fn truth_json(model: &Model, truth: &Truth) -> serde_json::Value {
+    let constants: serde_json::Map<_, _> = model
+        .constants()
+        .iter()
+        .zip(&truth.constants)
+        .map(|(n, v)| ((*n).to_string(), json!(v)))
+        .collect();
+    let effects: serde_json::Map<_, _> = truth
+        .effects
+        .iter()
+        .map(|a| {
+            let values: serde_json::Map<_, _> = a
+                .effect
+                .parameters()
+                .iter()
+                .zip(&a.amplitude)
+                .map(|(p, v)| (p.name.to_string(), json!(v)))
+                .collect();
+            (a.effect.name().to_string(), json!(values))
+        })
+        .collect();
+    json!({
+        "model": model.file.name, "constants": constants, "thickness_mm": truth.thickness_mm, "effects": effects,
+        "noise_nm": truth.noise_nm, "correlation_mm": truth.correlation_mm, "seed": truth.seed,
+    })
+}

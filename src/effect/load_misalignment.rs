@@ -1,0 +1,39 @@
+//! The load's resultant leans towards direction 2.
+
+use super::{Effect, Kind, Parameter};
+use crate::fem::Setup;
+
+pub struct LoadMisalignment;
+
+impl Effect for LoadMisalignment {
+    fn name(&self) -> &'static str {
+        "load_misalignment"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "angle_deg",
+            plausible: Some(1.0),
+            bound: 20.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Mechanical
+    }
+
+    fn about(&self) -> &'static str {
+        "The pull through the plate's centre leans from direction 1 towards direction 2: end shear, with the end moments that balance it."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Turn the specimen over about the loading axis and repeat: the shear changes its sign in the specimen, a ply angle does not."
+    }
+
+    /// End shear F sin a, parabolic, with end moments +-F (L/2) sin a; axial F cos a.
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        let (sin, cos) = amplitude[0].to_radians().sin_cos();
+        setup.load.shear += setup.load.axial * sin;
+        setup.load.axial *= cos;
+    }
+}

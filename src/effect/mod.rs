@@ -1,0 +1,133 @@
+//! The dictionary of physical effects: what each does to the test, to the observation, or to both.
+//!
+//! A new effect is one new file here and one line in [`EFFECTS`].
+
+mod in_plane_bending;
+mod load_misalignment;
+mod rigid_rotation;
+mod rigid_translation;
+
+use crate::error::{Error, Result};
+use crate::fem::Setup;
+use crate::field::Frame;
+
+/// Every known effect, in the order in which they are listed.
+pub static EFFECTS: &[&dyn Effect] = &[
+    &rigid_translation::RigidTranslation,
+    &rigid_rotation::RigidRotation,
+    &load_misalignment::LoadMisalignment,
+    &in_plane_bending::InPlaneBending,
+];
+
+/// One parameter of an effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// Name that ends in its unit (`angle_urad`).
+    pub name: &'static str,
+    /// Standard deviation of the amplitude's normal prior, in that unit; `None` where nothing bounds it.
+    pub plausible: Option<f64>,
+    /// Largest amplitude for which the effect is modelled.
+    pub bound: f64,
+}
+
+/// How an effect acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A displacement field known in closed form is added to what is observed.
+    Additive,
+    /// The test itself is another one: the finite elements are solved anew.
+    Mechanical,
+}
+
+/// A physical effect that a model may lack.
+pub trait Effect: Sync {
+    /// Canonical name.
+    fn name(&self) -> &'static str;
+
+    /// Its parameters. Amplitudes are given in this order, in border units.
+    fn parameters(&self) -> &'static [Parameter];
+
+    /// How it acts.
+    fn kind(&self) -> Kind;
+
+    /// What it is, in a sentence.
+    fn about(&self) -> &'static str;
+
+    /// What experiment would confirm it.
+    fn confirm(&self) -> &'static str;
+
+    /// A mechanical effect's change to the test.
+    fn alter(&self, _amplitude: &[f64], _setup: &mut Setup) {}
+
+    /// An additive effect's displacement (u1, u2) in mm at a point (s, t) in mm.
+    fn displacement(&self, _amplitude: &[f64], _frame: &Frame, _point: [f64; 2]) -> [f64; 2] {
+        [0.0; 2]
+    }
+}
+
+/// The effect of a name; `place` names the key or argument for the error, which lists the known names.
+pub fn find(place: &str, name: &str) -> Result<&'static dyn Effect> {
+    EFFECTS
+        .iter()
+        .find(|effect| effect.name() == name)
+        .copied()
+        .ok_or_else(|| {
+            let known: Vec<_> = EFFECTS.iter().map(|effect| effect.name()).collect();
+            Error::input(place, format!("one of {}", known.join(", "))).found(name)
+        })
+}
+
+/// An effect with its amplitudes, one a parameter, in border units.
+#[derive(Clone)]
+pub struct Acting {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// Its amplitudes.
+    pub amplitude: Vec<f64>,
+}
+
+impl Acting {
+    /// Parse `NAME=VALUE` or `NAME=VALUE,VALUE`, in the units of the effect's parameters.
+    pub fn parse(place: &str, text: &str) -> Result<Self> {
+        let (name, values) = text
+            .split_once('=')
+            .ok_or_else(|| Error::input(place, "NAME=VALUE").found(text))?;
+        let effect = find(place, name.trim())?;
+        let parameters = effect.parameters();
+        let wanted: Vec<_> = parameters.iter().map(|p| p.name).collect();
+        let place = format!("{place} {name}");
+        let amplitude = values
+            .split(',')
+            .map(|value| {
+                value
+                    .trim()
+                    .parse()
+                    .map_err(|_| Error::input(&place, "a number").found(value))
+            })
+            .collect::<Result<Vec<f64>>>()?;
+        if amplitude.len() != parameters.len() {
+            return Err(Error::input(
+                &place,
+                format!("{} value(s): {}", wanted.len(), wanted.join(",")),
+            )
+            .found(values));
+        }
+        for (value, parameter) in amplitude.iter().zip(parameters) {
+            check_amplitude(&place, parameter, *value)?;
+        }
+        Ok(Self { effect, amplitude })
+    }
+}
+
+fn check_amplitude(place: &str, parameter: &Parameter, value: f64) -> Result<()> {
+    if value.abs() <= parameter.bound {
+        return Ok(());
+    }
+    let expected = format!("at most {} in size for {}", parameter.bound, parameter.name);
+    Err(Error::input(place, expected).found(value))
+}
+
+/// `effect.parameter`, the name under which an amplitude is reported.
+pub fn amplitude_name(effect: &dyn Effect, parameter: &Parameter) -> String {
+    format!("{}.{}", effect.name(), parameter.name)
+}

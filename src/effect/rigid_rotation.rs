@@ -1,0 +1,39 @@
+//! Small rigid rotation of the specimen in its plane.
+
+use super::{Effect, Kind, Parameter};
+use crate::field::Frame;
+use crate::quantity::URAD_PER_RAD;
+
+pub struct RigidRotation;
+
+impl Effect for RigidRotation {
+    fn name(&self) -> &'static str {
+        "rigid_rotation"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "angle_urad",
+            plausible: Some(100.0),
+            bound: 1e4,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Additive
+    }
+
+    fn about(&self) -> &'static str {
+        "The specimen turned in its plane between the two exposures; counter-clockwise in the data's x-y plane is positive."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Clamp anew and repeat: the angle changes while the constants do not; or track two marks on the grips."
+    }
+
+    /// Loading along y: u1 += w x, u2 -= w y.
+    fn displacement(&self, amplitude: &[f64], frame: &Frame, [s, t]: [f64; 2]) -> [f64; 2] {
+        let angle = frame.handedness() * amplitude[0] / URAD_PER_RAD;
+        [-angle * t, angle * s]
+    }
+}

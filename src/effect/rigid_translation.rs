@@ -1,0 +1,47 @@
+//! Rigid translation of the observed field.
+
+use super::{Effect, Kind, Parameter};
+use crate::field::Frame;
+use crate::quantity::UM_PER_MM;
+
+pub struct RigidTranslation;
+
+impl Effect for RigidTranslation {
+    fn name(&self) -> &'static str {
+        "rigid_translation"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const FREE: Parameter = Parameter {
+            name: "",
+            plausible: None,
+            bound: 1e6,
+        };
+        &[
+            Parameter {
+                name: "tx_um",
+                ..FREE
+            },
+            Parameter {
+                name: "ty_um",
+                ..FREE
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Additive
+    }
+
+    fn about(&self) -> &'static str {
+        "The whole field is shifted along the data's x and y: a fringe order has no origin, and a specimen moves in its grips."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Nothing to confirm: any displacement measurement carries it unless a point is held fixed."
+    }
+
+    fn displacement(&self, amplitude: &[f64], frame: &Frame, _point: [f64; 2]) -> [f64; 2] {
+        frame.vector([amplitude[0] / UM_PER_MM, amplitude[1] / UM_PER_MM])
+    }
+}

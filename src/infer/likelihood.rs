@@ -1,0 +1,200 @@
+//! The article's likelihood in the POD coefficients, with the thickness marginalised analytically.
+//!
+//! Residual r = alpha_measured - alpha(theta, h_mean), covariance C = s^2 P^-1 + F + sd_h^2 J J^T: noise of scale s
+//! with precision P at s = 1, fixed errors F = diag(surrogate PRESS^2 + (model_error_fraction x mean |alpha|)^2), and the
+//! thickness to first order, J = d alpha / d h. A fixed change of coordinates diagonalises P and F together, so that
+//! every evaluation costs a diagonal and a rank-one term (Sherman-Morrison).
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use super::statistics::Statistics;
+use crate::error::{Error, Result};
+use crate::reduce::{Choice, ReducedModel, Surface, monomial};
+
+/// The likelihood of elastic constants (and mechanical amplitudes) and of the noise scale.
+#[derive(Debug, Clone)]
+pub struct Likelihood {
+    surface: Surface,
+    /// Polynomial coefficients in the diagonalising coordinates, coordinates x monomials.
+    polynomial: DMatrix<f64>,
+    /// The same, differentiated by the thickness; only for a surface in the plain parameters.
+    slope: Option<DMatrix<f64>>,
+    measured: DVector<f64>,
+    /// Information of the data on each coordinate relative to the fixed errors, at noise scale 1.
+    lambda: DVector<f64>,
+    /// From coefficients (mm) to the diagonalising coordinates, and back.
+    forward: DMatrix<f64>,
+    backward: DMatrix<f64>,
+    thickness_mean: f64,
+    thickness_sd: f64,
+    contrasts: f64,
+}
+
+/// What remains fixed of the errors however good the surrogate, as a fraction of a coefficient's mean size.
+const ERROR_FLOOR: f64 = 1e-9;
+
+impl Likelihood {
+    /// Combine the data's statistics with a reduced model. `thickness` is (mean, sd) in mm.
+    pub fn new(
+        statistics: &Statistics,
+        reduced: &ReducedModel,
+        model_error_fraction: f64,
+        thickness: (f64, f64),
+    ) -> Result<Self> {
+        let surface = reduced.surface.clone();
+        let error: Vec<f64> = surface
+            .quality
+            .iter()
+            .map(|q| {
+                let model = model_error_fraction.max(ERROR_FLOOR) * q.mean_abs;
+                q.press.hypot(model).max(f64::MIN_POSITIVE)
+            })
+            .collect();
+        let p = error.len();
+        let scaled = DMatrix::from_fn(p, p, |i, j| {
+            statistics.precision[(i, j)] * error[i] * error[j]
+        });
+        let eigen = SymmetricEigen::try_new(scaled, 1e-15, 10_000)
+            .ok_or_else(|| Error::program("likelihood", "an eigendecomposition that converges"))?;
+        let v = eigen.eigenvectors;
+        let forward = DMatrix::from_fn(p, p, |i, k| v[(k, i)] / error[k]);
+        let backward = DMatrix::from_fn(p, p, |k, i| v[(k, i)] * error[k]);
+        let largest = eigen.eigenvalues.amax();
+        // A coordinate without information has lambda 0; rounding must not make it negative.
+        let lambda = eigen.eigenvalues.map(|l| l.max(1e-14 * largest));
+        let weighted = DVector::from_fn(p, |k, _| statistics.weighted[k] * error[k]);
+        let measured = v.tr_mul(&weighted).component_div(&lambda);
+        let raw = DMatrix::from_fn(p, surface.exponents.len(), |k, m| {
+            surface.coefficients[k][m]
+        });
+        let slope = thickness_slope(&surface, &raw).map(|s| &forward * s);
+        Ok(Self {
+            polynomial: &forward * raw,
+            slope,
+            surface,
+            measured,
+            lambda,
+            forward,
+            backward,
+            thickness_mean: thickness.0,
+            thickness_sd: thickness.1,
+            contrasts: statistics.contrasts as f64,
+        })
+    }
+
+    /// Parameters of the surface: elastic constants and mechanical amplitudes with the mean thickness put in.
+    fn point(&self, theta: &[f64]) -> Vec<f64> {
+        let mut point = theta.to_vec();
+        if let Some(k) = self.surface.variables.thickness() {
+            point.insert(k, self.thickness_mean);
+        }
+        point
+    }
+
+    /// Prediction and thickness response (times the thickness' sd) in the diagonalising coordinates.
+    fn predict(&self, theta: &[f64]) -> (DVector<f64>, DVector<f64>) {
+        let point = self.point(theta);
+        let z = self.surface.variables.scaled(&point);
+        let factor = self.surface.variables.factor(&point);
+        let m = DVector::from_iterator(
+            self.surface.exponents.len(),
+            self.surface.exponents.iter().map(|e| monomial(e, &z)),
+        );
+        let mean = factor * (&self.polynomial * &m);
+        let response = match &self.slope {
+            Some(slope) => self.thickness_sd * (slope * &m),
+            None => -(self.thickness_sd / self.thickness_mean) * &mean,
+        };
+        (mean, response)
+    }
+
+    /// Log likelihood of the parameters `theta` (border units) at noise scale `s` (1: the estimated noise),
+    /// without the noise's own contrasts.
+    pub fn log_likelihood(&self, theta: &[f64], s: f64) -> f64 {
+        let (mean, response) = self.predict(theta);
+        let (mut quad, mut log_det, mut ww, mut wr) = (0.0, 0.0, 0.0, 0.0);
+        for k in 0..mean.len() {
+            let v = (s * s + self.lambda[k]) / self.lambda[k];
+            let r = self.measured[k] - mean[k];
+            quad += r * r / v;
+            log_det += v.ln();
+            ww += response[k] * response[k] / v;
+            wr += response[k] * r / v;
+        }
+        -0.5 * (quad - wr * wr / (1.0 + ww) + log_det + ww.ln_1p())
+    }
+
+    /// Log likelihood of the noise scale from the contrasts that no smooth field explains, normalised to 0 at 1
+    /// up to a constant.
+    pub fn log_noise(&self, s: f64) -> f64 {
+        -self.contrasts * (s.ln() + 0.5 / (s * s))
+    }
+
+    /// Expected POD coefficients (mm) given the data and `theta`, noise scale `s`: the surface's prediction plus what
+    /// the thickness and the fixed errors take up.
+    pub fn expected(&self, theta: &[f64], s: f64) -> DVector<f64> {
+        self.expected_with_covariance(theta, s).0
+    }
+
+    /// [`Likelihood::expected`] and its covariance (mm^2) given the data and `theta`.
+    pub fn expected_with_covariance(&self, theta: &[f64], s: f64) -> (DVector<f64>, DMatrix<f64>) {
+        let (mean, response) = self.predict(theta);
+        let r = &self.measured - &mean;
+        let variance = self.lambda.map(|l| (s * s + l) / l);
+        let scaled = response.component_div(&variance);
+        let w = 1.0 + response.dot(&scaled);
+        // With S = I + w w' (signal) and V = diag(v) + w w' (signal and noise): mean S V^-1 r, covariance S - S V^-1 S.
+        let signal = DMatrix::identity(r.len(), r.len()) + &response * response.transpose();
+        let inverse =
+            DMatrix::from_diagonal(&variance.map(|v| 1.0 / v)) - &scaled * scaled.transpose() / w;
+        let gain = &signal * inverse;
+        let covariance = &signal - &gain * &signal;
+        (
+            &self.backward * (mean + &gain * r),
+            &self.backward * covariance * self.backward.transpose(),
+        )
+    }
+
+    /// Surface prediction of the POD coefficients (mm) at the mean thickness.
+    pub fn surface_prediction(&self, theta: &[f64]) -> Vec<f64> {
+        self.surface.evaluate(&self.point(theta))
+    }
+
+    /// Least-squares coefficients (mm) in the coordinates that the data determine.
+    pub fn measured(&self) -> DVector<f64> {
+        &self.backward * &self.measured
+    }
+
+    /// From coefficients (mm) to the diagonalising coordinates.
+    pub fn to_coordinates(&self, alpha: &DVector<f64>) -> DVector<f64> {
+        &self.forward * alpha
+    }
+}
+
+/// Coefficients of d alpha / d h over the same monomials, for a surface that has the thickness among its variables
+/// and no factor; `None` where the factor carries the thickness as 1/h.
+fn thickness_slope(surface: &Surface, raw: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    if surface.variables.choice == Choice::Ratios {
+        return None;
+    }
+    let Some(k) = surface.variables.thickness() else {
+        return Some(DMatrix::zeros(raw.nrows(), raw.ncols()));
+    };
+    let half = surface.variables.half_width(k);
+    let mut slope = DMatrix::zeros(raw.nrows(), raw.ncols());
+    for (m, e) in surface
+        .exponents
+        .iter()
+        .enumerate()
+        .filter(|(_, e)| e[k] > 0)
+    {
+        let mut lower = e.clone();
+        lower[k] -= 1;
+        if let Some(at) = surface.exponents.iter().position(|x| *x == lower) {
+            let d = raw.column(m) * (f64::from(e[k]) / half);
+            let mut column = slope.column_mut(at);
+            column += d;
+        }
+    }
+    Some(slope)
+}

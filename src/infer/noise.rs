@@ -1,0 +1,99 @@
+//! The noise of the measurement: its covariance on block averages, independent of what the model lacks.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::observation::{Columns, Observation};
+use crate::error::Result;
+use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
+use crate::field::reml::{Reml, reml};
+use crate::field::{BlockCovariance, Blocks, noise};
+use crate::quantity::NM_PER_MM;
+
+/// Side of the squares on which a plane is taken out of the data before the noise is estimated, mm at least.
+/// Misfit that is smooth on this scale does not pass for noise.
+const PLANE_MM: f64 = 6.0;
+
+/// Blocks, and the short-range noise covariance of each component.
+pub struct Noise {
+    /// Block averages' geometry, the same for both components.
+    pub blocks: Blocks,
+    /// Restricted-likelihood estimate of each component.
+    pub reml: [Reml; 2],
+    /// Covariance of each component's block averages at unit scale.
+    pub covariance: [BlockCovariance; 2],
+    /// White sd of a point from local differences, mm.
+    pub white_mm: [f64; 2],
+    /// Effective number of independent points of both components.
+    pub effective_points: f64,
+}
+
+impl Noise {
+    /// Estimate from contrasts orthogonal to the model's columns and to local planes (TRACING step 4 with
+    /// l <= 1.5 mm).
+    pub fn estimate(observation: &Observation, columns: &Columns) -> Result<Self> {
+        let field = &observation.field;
+        let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
+        let planes = blocks.local_planes(PLANE_MM.max(6.0 * blocks.size_mm));
+        let estimate = |c: usize| -> Result<(Reml, BlockCovariance)> {
+            let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
+            let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + planes.ncols());
+            all.columns_mut(0, explained.ncols()).copy_from(&explained);
+            all.columns_mut(explained.ncols(), planes.ncols())
+                .copy_from(&planes);
+            let y = blocks.average(&field.component(c));
+            let estimate = reml(&blocks, &y, &all, &NOISE_LENGTHS_MM, &RATIOS)?;
+            let covariance = estimate.covariance(&blocks)?;
+            Ok((estimate, covariance))
+        };
+        let ((reml1, cov1), (reml2, cov2)) = (estimate(0)?, estimate(1)?);
+        let effective_points = cov1.effective_points() + cov2.effective_points();
+        Ok(Self {
+            white_mm: noise::white(field).sd_mm,
+            reml: [reml1, reml2],
+            covariance: [cov1, cov2],
+            effective_points,
+            blocks,
+        })
+    }
+
+    /// Sd of a point's noise in nm, white and correlated parts together: the white part from local differences,
+    /// which know it best, unless the blocks show more.
+    pub fn point_sd_nm(&self, c: usize) -> f64 {
+        self.white_mm[c].hypot(self.reml[c].correlated_sd()) * NM_PER_MM
+    }
+
+    /// Root mean square of the block covariance's point sd over both components, nm: the noise scale that the
+    /// posterior samples is given in this unit.
+    pub fn reference_nm(&self) -> f64 {
+        let variance = |c: usize| self.reml[c].best.scale2 * self.covariance[c].point_variance();
+        (0.5 * (variance(0) + variance(1))).sqrt() * NM_PER_MM
+    }
+
+    /// Contrasts of both components from which the noise's scale is known.
+    pub fn contrasts(&self) -> usize {
+        self.reml.iter().map(|r| r.contrasts).sum()
+    }
+
+    /// Whitened block averages of one component of some columns, at the estimated scale.
+    pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
+        self.covariance[c].whiten(columns) / self.reml[c].best.scale2.sqrt()
+    }
+}
+
+/// Block averages of one component of columns: blocks x columns.
+pub fn component<'a>(
+    columns: impl Iterator<Item = &'a Vec<[f64; 2]>>,
+    c: usize,
+    blocks: &Blocks,
+) -> DMatrix<f64> {
+    let averages: Vec<DVector<f64>> = columns
+        .map(|column| {
+            let values: Vec<f64> = column.iter().map(|u| u[c]).collect();
+            blocks.average(&values)
+        })
+        .collect();
+    if averages.is_empty() {
+        return DMatrix::zeros(blocks.len(), 0);
+    }
+    DMatrix::from_columns(&averages)
+}

@@ -1,0 +1,89 @@
+//! The measured field seen by the reduced model: the modes' and declared effects' columns at the measured points.
+
+use crate::effect::{Effect, amplitude_name};
+use crate::error::{Error, Result};
+use crate::fem::{Locator, Mesh, Observer};
+use crate::field::{Field, Reason};
+use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion};
+
+/// The measured points on the plate.
+pub struct Observation {
+    /// The field, without points outside the plate.
+    pub field: Field,
+    /// Where its points lie in the mesh.
+    pub observer: Observer,
+}
+
+/// Columns at the measured points: `columns[k][i]` = (u1, u2) in mm of unit amplitude of column k at point i.
+pub struct Columns {
+    /// POD modes of u1, then of u2, for one mm of coefficient.
+    pub modes: Vec<Vec<[f64; 2]>>,
+    /// Declared additive effects, for one border unit of amplitude.
+    pub effects: Vec<Vec<[f64; 2]>>,
+    /// Name of each effect column, `effect.parameter`.
+    pub names: Vec<String>,
+    /// Prior standard deviation of each effect column's amplitude; `None` is flat.
+    pub plausible: Vec<Option<f64>>,
+}
+
+/// Share of points outside the plate above which the geometry cannot be right.
+const MOST_OUTSIDE: f64 = 0.2;
+
+impl Observation {
+    /// Locate the points of a field; those outside the plate or in the hole are dropped and counted.
+    pub fn new(mut field: Field, mesh: &Mesh) -> Result<Self> {
+        let count = field.len();
+        let (observer, inside) = Locator::new(mesh).observe(&field.points);
+        let dropped = field.retain(Reason::OutsidePlate, |i| inside[i]);
+        if dropped as f64 > MOST_OUTSIDE * count as f64 {
+            return Err(Error::input("measurement", "points on the plate")
+                .found(format!("{dropped} of {count} points outside the plate or in the hole"))
+                .hint(format!(
+                    "the plate spans {:?} mm along the load and {:?} mm across it, from the hole's centre; check loading_axis, hole_center_in_data_mm, the units and the specimen's dimensions",
+                    mesh.outline.s, mesh.outline.t
+                )));
+        }
+        Ok(Self { field, observer })
+    }
+
+    /// Evaluate modes and additive effects at the points, under the model's gauge.
+    pub fn columns(
+        &self,
+        reduced: &ReducedModel,
+        mesh: &Mesh,
+        gauge: Gauge,
+        effects: &[&'static dyn Effect],
+    ) -> Columns {
+        let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
+        if gauge == Gauge::Window {
+            for column in &mut modes {
+                remove_rigid_motion(&self.field.points, column);
+            }
+        }
+        let mut columns = Columns {
+            modes,
+            effects: Vec::new(),
+            names: Vec::new(),
+            plausible: Vec::new(),
+        };
+        for effect in effects {
+            for (k, parameter) in effect.parameters().iter().enumerate() {
+                columns.effects.push(self.additive(*effect, k));
+                columns.names.push(amplitude_name(*effect, parameter));
+                columns.plausible.push(parameter.plausible);
+            }
+        }
+        columns
+    }
+
+    /// Field of one border unit of an additive effect's parameter `k`.
+    pub fn additive(&self, effect: &dyn Effect, k: usize) -> Vec<[f64; 2]> {
+        let mut unit = vec![0.0; effect.parameters().len()];
+        unit[k] = 1.0;
+        self.field
+            .points
+            .iter()
+            .map(|&p| effect.displacement(&unit, &self.field.frame, p))
+            .collect()
+    }
+}

@@ -1,0 +1,40 @@
+//! Priors of the sampled parameters.
+
+use serde::{Deserialize, Serialize};
+
+/// A prior as the model file gives it.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum PriorSpec {
+    /// Normal, in the parameter's unit.
+    Normal {
+        /// Mean.
+        mean: f64,
+        /// Standard deviation.
+        sd: f64,
+    },
+}
+
+/// One parameter's normal prior, cut at bounds if there are any.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Marginal {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Bounds outside which the density is zero.
+    pub truncate: Option<[f64; 2]>,
+}
+
+impl Marginal {
+    /// Log density; the normalisation ignores the cut, which is the same for every point.
+    pub fn log_density(&self, x: f64) -> f64 {
+        if let Some([low, high]) = self.truncate
+            && !(low..=high).contains(&x)
+        {
+            return f64::NEG_INFINITY;
+        }
+        let z = (x - self.mean) / self.sd;
+        -0.5 * z * z - self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
+    }
+}

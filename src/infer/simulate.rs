@@ -1,0 +1,155 @@
+//! Test data: a field from a finer mesh than any reduced model uses, with effects and noise, in the article's format.
+
+use rand::RngExt;
+use rand::SeedableRng;
+use rand_distr::{ChiSquared, Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
+use rayon::prelude::*;
+
+use super::model::Model;
+use crate::effect::{Acting, Kind};
+use crate::error::{Error, Result};
+use crate::fem::{Density, Forward, Locator, Plate, Setup};
+use crate::field::{Frame, Grid};
+use crate::quantity::NM_PER_MM;
+use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion};
+
+/// What to simulate.
+#[derive(Clone)]
+pub struct Truth {
+    /// Elastic constants in border units, in their canonical order.
+    pub constants: Vec<f64>,
+    /// Total thickness, mm.
+    pub thickness_mm: f64,
+    /// Effects that act.
+    pub effects: Vec<Acting>,
+    /// Total noise sd of a point, nm.
+    pub noise_nm: f64,
+    /// Correlation length of the noise (Matern-3/2), mm; 0 for white noise.
+    pub correlation_mm: f64,
+    /// Points along each side of the square window.
+    pub grid: usize,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+/// Refinement against the reduced model's mesh.
+const FINER: f64 = 1.5;
+
+/// Side of the default window as a fraction of the plate's width: the article's 24.3 mm of 25 mm.
+const WINDOW: f64 = 24.3 / 25.0;
+
+/// Simulate a field in the model's frame, with NaN where the hole is.
+pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
+    let frame = Frame {
+        hole_center_mm: [0.0; 2],
+        ..model.file.measurement.frame
+    };
+    let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
+    setup.thickness = truth.thickness_mm;
+    for acting in truth
+        .effects
+        .iter()
+        .filter(|a| a.effect.kind() == Kind::Mechanical)
+    {
+        acting.effect.alter(&acting.amplitude, &mut setup);
+    }
+    let ply = model
+        .file
+        .specimen
+        .material
+        .ply(&truth.constants)
+        .admissible("--set")?;
+    let plate = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
+    let mut nodal = plate.displacement(&setup, &ply)?;
+    if let Some(zero) = ZeroAt::new(model.file.gauge, &model.file.measurement.frame, &plate)? {
+        zero.apply(&plate.mesh, &mut nodal);
+    }
+    let half = 0.5 * WINDOW * model.file.specimen.width_mm;
+    let mut grid = Grid::regular([[-half; 2], [half; 2]], truth.grid, truth.grid);
+    let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
+    let (observer, inside) = Locator::new(&plate.mesh).observe(&points);
+    let seen: Vec<[f64; 2]> = points
+        .iter()
+        .zip(&inside)
+        .filter(|(_, inside)| **inside)
+        .map(|(p, _)| *p)
+        .collect();
+    if seen.is_empty() {
+        return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
+    }
+    let mut u = observer.displacement(&nodal);
+    if model.file.gauge == Gauge::Window {
+        remove_rigid_motion(&seen, &mut u);
+    }
+    for acting in truth
+        .effects
+        .iter()
+        .filter(|a| a.effect.kind() == Kind::Additive)
+    {
+        for (u, &p) in u.iter_mut().zip(&seen) {
+            let added = acting.effect.displacement(&acting.amplitude, &frame, p);
+            u[0] += added[0];
+            u[1] += added[1];
+        }
+    }
+    add_noise(&seen, &mut u, truth);
+    let mut measured = u.into_iter();
+    for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {
+        *slot = if *inside {
+            measured.next().unwrap_or([f64::NAN; 2])
+        } else {
+            [f64::NAN; 2]
+        };
+    }
+    Ok(grid)
+}
+
+/// Cosines in a correlated noise field.
+const COSINES: usize = 1500;
+
+fn add_noise(points: &[[f64; 2]], u: &mut [[f64; 2]], truth: &Truth) {
+    let sd = truth.noise_nm / NM_PER_MM;
+    if sd == 0.0 {
+        return;
+    }
+    for c in 0..2 {
+        let mut rng = Pcg64Dxsm::seed_from_u64(truth.seed.wrapping_mul(2).wrapping_add(c as u64));
+        if truth.correlation_mm == 0.0 {
+            for u in u.iter_mut() {
+                let z: f64 = StandardNormal.sample(&mut rng);
+                u[c] += sd * z;
+            }
+            continue;
+        }
+        let waves = matern_waves(truth.correlation_mm, &mut rng);
+        u.par_iter_mut().zip(points).for_each(|(u, p)| {
+            let sum: f64 = waves
+                .iter()
+                .map(|[a, b, phase]| (a * p[0] + b * p[1] + phase).cos())
+                .sum();
+            u[c] += sd * sum * (2.0 / COSINES as f64).sqrt();
+        });
+    }
+}
+
+/// Wave vectors and phases of a Gaussian random field with Matern-3/2 correlation of length `l` (random Fourier
+/// features): in the plane the spectral density is a bivariate Student-t with 3 degrees of freedom and scale 1/l.
+fn matern_waves(l: f64, rng: &mut Pcg64Dxsm) -> Vec<[f64; 3]> {
+    let degrees: f64 = 3.0;
+    (0..COSINES)
+        .map(|_| {
+            let (a, b): (f64, f64) = (StandardNormal.sample(rng), StandardNormal.sample(rng));
+            let chi2 = match ChiSquared::new(degrees) {
+                Ok(distribution) => distribution.sample(rng),
+                Err(_) => degrees,
+            };
+            let scale = (degrees / chi2).sqrt() / l;
+            [
+                a * scale,
+                b * scale,
+                rng.random_range(0.0..std::f64::consts::TAU),
+            ]
+        })
+        .collect()
+}

@@ -1,0 +1,105 @@
+//! Reduced models on disk, by the hash of what determines them.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::model::ReducedModel;
+use super::problem::Problem;
+use super::snapshots::Snapshots;
+use crate::error::{Error, Result};
+use crate::fem::Plate;
+use crate::progress::Watch;
+
+/// Raised whenever the code changes what a reduced model of the same problem is.
+const FORMAT: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    key: String,
+    model: ReducedModel,
+}
+
+/// Hash of everything that determines a reduced model (hexadecimal SHA-256).
+pub fn key(problem: &Problem) -> String {
+    let effects: Vec<_> = problem.effects.iter().map(|e| e.name()).collect();
+    let text = serde_json::json!([
+        FORMAT,
+        env!("CARGO_PKG_VERSION"),
+        problem.specimen,
+        problem.load,
+        problem.frame.handedness(),
+        problem.frame.hole_center_mm,
+        problem.gauge,
+        effects,
+        problem.dimensions,
+        problem.spec,
+        problem.window,
+        [
+            problem.density.per_side,
+            problem.density.radial,
+            problem.density.along
+        ],
+    ]);
+    hex(&Sha256::digest(text.to_string()))
+}
+
+/// Hexadecimal digits of a hash.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// The reduced model of a problem: from `directory` if it is there, solved and stored there otherwise. Returns
+/// whether it was there. A stored model that cannot be read is solved anew.
+pub fn obtain(
+    problem: &Problem,
+    plate: &Plate,
+    directory: &Path,
+    watch: &dyn Watch,
+) -> Result<(ReducedModel, bool)> {
+    let key = key(problem);
+    let path = directory.join(format!("{key}.json"));
+    if let Some(model) = read(&path, &key) {
+        watch.begin("reduced model found in the cache, nothing to solve", None);
+        watch.end();
+        return Ok((model, true));
+    }
+    watch.begin(
+        "finite-element snapshots",
+        Some(problem.spec.snapshots as u64),
+    );
+    let snapshots = Snapshots::compute(problem, plate, &|| watch.tick())?;
+    watch.end();
+    watch.begin("modes and response surfaces", None);
+    let model = ReducedModel::build(problem, plate, &snapshots)?;
+    watch.end();
+    let stored = Stored { key, model };
+    // A cache that cannot be written costs time, not correctness.
+    if let Err(e) = write(&path, &stored) {
+        watch.say(&format!("the reduced model is not cached: {e}"));
+    }
+    Ok((stored.model, false))
+}
+
+fn read(path: &PathBuf, key: &str) -> Option<ReducedModel> {
+    let text = std::fs::read(path).ok()?;
+    let stored: Stored = serde_json::from_slice(&text).ok()?;
+    (stored.key == key && stored.model.is_consistent()).then_some(stored.model)
+}
+
+/// Write under another name first, so that a reader never sees half a file.
+fn write(path: &Path, stored: &Stored) -> Result<()> {
+    let fail =
+        |e: &dyn std::fmt::Display| Error::input(path.display(), "a writable cache").found(e);
+    if let Some(directory) = path.parent() {
+        std::fs::create_dir_all(directory).map_err(|e| fail(&e))?;
+    }
+    let partial = path.with_extension(format!("{}.partial", std::process::id()));
+    let text = serde_json::to_vec(stored).map_err(|e| fail(&e))?;
+    std::fs::File::create(&partial)
+        .and_then(|mut file| file.write_all(&text))
+        .and_then(|()| std::fs::rename(&partial, path))
+        .map_err(|e| fail(&e))
+}

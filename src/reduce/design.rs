@@ -1,0 +1,45 @@
+//! Design of experiments: the box of parameters and a Latin hypercube in it.
+
+use rand::RngExt;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64Dxsm;
+use serde::{Deserialize, Serialize};
+
+/// One side of the DoE box, in border units.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Dimension {
+    /// Name with its unit (`E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`).
+    pub name: String,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+}
+
+impl Dimension {
+    /// The value at `fraction` of the way from the lower to the upper bound.
+    pub fn at(&self, fraction: f64) -> f64 {
+        self.low + fraction * (self.high - self.low)
+    }
+
+    /// Whether a value lies in the box.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+}
+
+/// Latin hypercube of `n` points (each `dims` long) in the unit cube: every coordinate has one point in each of
+/// its `n` equal strata. The same seed gives the same design.
+pub fn latin_hypercube(n: usize, dims: usize, seed: u64) -> Vec<Vec<f64>> {
+    let mut rng = Pcg64Dxsm::seed_from_u64(seed);
+    let mut points = vec![vec![0.0; dims]; n];
+    let mut strata: Vec<usize> = (0..n).collect();
+    for dim in 0..dims {
+        strata.shuffle(&mut rng);
+        for (point, &stratum) in points.iter_mut().zip(&strata) {
+            point[dim] = (stratum as f64 + rng.random::<f64>()) / n as f64;
+        }
+    }
+    points
+}

@@ -1,0 +1,217 @@
+//! The reduced model: POD modes on the window's nodes and response surfaces of their coefficients.
+
+use faer::Mat;
+use serde::{Deserialize, Serialize};
+
+use super::design::Dimension;
+use super::pod::{self, Pod};
+use super::problem::Problem;
+use super::snapshots::Snapshots;
+use super::surface::Surface;
+use super::variables::{Choice, Variables};
+use crate::error::Result;
+use crate::fem::{Observer, Plate};
+
+/// A reduced model, as it is saved.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ReducedModel {
+    /// The DoE box.
+    pub dimensions: Vec<Dimension>,
+    /// Nodes on which the modes are given.
+    pub nodes: Vec<u32>,
+    /// `modes[c][k][i]`: mode k of component c at node i; orthonormal over the nodes.
+    pub modes: [Vec<Vec<f64>>; 2],
+    /// Surfaces of the coefficients: those of u1, then those of u2.
+    pub surface: Surface,
+    /// The article's surface, a polynomial of the parameters as they are, for comparison.
+    pub plain: Surface,
+    /// Truncation error eps (article Eq. 10) of each component for K = 1, 2, ...
+    pub truncation: [Vec<f64>; 2],
+    /// Leave-one-out truncation error CV_RMS in mm (article Table 8) of each component for K = 1, 2, ...
+    pub cross_validation: [Vec<f64>; 2],
+    /// Number of snapshots.
+    pub snapshots: usize,
+    /// Elements and unknowns of the mesh.
+    pub mesh_size: [usize; 2],
+}
+
+/// Truncations for which error measures are kept.
+const TABLED: usize = 8;
+
+impl ReducedModel {
+    /// Build from snapshots: POD of each component, then the response surface with the smaller held-out error.
+    pub fn build(problem: &Problem, plate: &Plate, snapshots: &Snapshots) -> Result<Self> {
+        let (first, second) = rayon::join(
+            || pod::decompose(&snapshots.fields[0]),
+            || pod::decompose(&snapshots.fields[1]),
+        );
+        let pods = [first?, second?];
+        let k = problem.spec.modes.min(snapshots.points.len());
+        let values: Vec<Vec<f64>> = pods
+            .iter()
+            .flat_map(|pod| {
+                let a = pod.coefficients(k);
+                (0..k).map(move |j| a.col(j).iter().copied().collect())
+            })
+            .collect();
+        let plain = fit(
+            problem,
+            Choice::Plain,
+            problem.spec.degree,
+            &snapshots.points,
+            &values,
+        )?;
+        let surface = best_surface(problem, &plain, &snapshots.points, &values)?;
+        Ok(Self {
+            dimensions: problem.dimensions.clone(),
+            nodes: snapshots.nodes.clone(),
+            modes: [0, 1].map(|c| {
+                (0..k)
+                    .map(|j| pods[c].modes.col(j).iter().copied().collect())
+                    .collect()
+            }),
+            surface,
+            plain,
+            truncation: [0, 1].map(|c| (1..=TABLED).map(|k| pods[c].truncation_error(k)).collect()),
+            cross_validation: [0, 1].map(|c| leave_one_out(&pods[c], TABLED)),
+            snapshots: snapshots.points.len(),
+            mesh_size: [plate.mesh.elements.len(), plate.mesh.unknowns()],
+        })
+    }
+
+    /// Modes kept for each component.
+    pub fn modes_per_component(&self) -> usize {
+        self.modes[0].len()
+    }
+
+    /// The modes as columns over the observer's points: `columns[k][i]` = (u1, u2) of column k at point i, mm a mm
+    /// of coefficient; columns of u1's modes, then of u2's.
+    pub fn columns(&self, observer: &Observer, nodes_of_mesh: usize) -> Vec<Vec<[f64; 2]>> {
+        let mut columns = [Vec::new(), Vec::new()];
+        for k in 0..self.modes_per_component() {
+            let mut nodal = vec![0.0; 2 * nodes_of_mesh];
+            for (i, &node) in self.nodes.iter().enumerate() {
+                nodal[2 * node as usize] = self.modes[0][k][i];
+                nodal[2 * node as usize + 1] = self.modes[1][k][i];
+            }
+            let both = observer.displacement(&nodal);
+            columns[0].push(both.iter().map(|u| [u[0], 0.0]).collect());
+            columns[1].push(both.iter().map(|u| [0.0, u[1]]).collect());
+        }
+        let [first, second] = columns;
+        first.into_iter().chain(second).collect()
+    }
+
+    /// Whether the sizes of a model read from a file fit together.
+    pub fn is_consistent(&self) -> bool {
+        let nodes = self.nodes.len();
+        let k = self.modes_per_component();
+        let surface = &self.surface;
+        self.modes
+            .iter()
+            .all(|m| m.len() == k && m.iter().all(|mode| mode.len() == nodes))
+            && surface.coefficients.len() == 2 * k
+            && surface.quality.len() == 2 * k
+            && surface
+                .coefficients
+                .iter()
+                .all(|c| c.len() == surface.exponents.len())
+    }
+
+    /// Whether a point of the parameter space lies in the DoE box (dimensions in the order of the box).
+    pub fn in_box(&self, point: &[f64]) -> bool {
+        self.dimensions
+            .iter()
+            .zip(point)
+            .all(|(d, &x)| d.contains(x))
+    }
+}
+
+fn fit(
+    problem: &Problem,
+    choice: Choice,
+    degree: usize,
+    points: &[Vec<f64>],
+    values: &[Vec<f64>],
+) -> Result<Surface> {
+    let variables = Variables::new(choice, problem, points);
+    Surface::fit(variables, degree, points, values)
+}
+
+/// The surface with the smallest held-out error: the plain one, or one in the ratios of the declared degree or
+/// up to three degrees above it, as long as three snapshots stand behind each monomial. The ratios are fewer than
+/// the parameters, so that a quintic in three ratios has no more monomials than a cubic in five parameters.
+fn best_surface(
+    problem: &Problem,
+    plain: &Surface,
+    points: &[Vec<f64>],
+    values: &[Vec<f64>],
+) -> Result<Surface> {
+    let mut best = plain.clone();
+    for degree in problem.spec.degree..=problem.spec.degree + 3 {
+        let dims = Variables::new(Choice::Ratios, problem, points).count();
+        if 3 * super::surface::exponents(dims, degree).len() > points.len() {
+            break;
+        }
+        let surface = fit(problem, Choice::Ratios, degree, points, values)?;
+        if surface.held_out() < best.held_out() {
+            best = surface;
+        }
+    }
+    Ok(best)
+}
+
+impl Surface {
+    /// Held-out error of all surfaces together: root sum of squared PRESS errors, mm.
+    pub fn held_out(&self) -> f64 {
+        self.quality
+            .iter()
+            .map(|q| q.press * q.press)
+            .sum::<f64>()
+            .sqrt()
+    }
+}
+
+/// CV_RMS of the max absolute field error for K = 1..=`most`: each snapshot against the POD of the others. The
+/// POD of all snapshots reduces each leave-one-out problem to the leading `RANK` coordinates.
+fn leave_one_out(pod: &Pod, most: usize) -> Vec<f64> {
+    const RANK: usize = 24;
+    let rank = RANK.min(pod.singular.len());
+    let count = pod.right.nrows();
+    let coordinates =
+        nalgebra::DMatrix::from_fn(rank, count, |r, i| pod.singular[r] * pod.right[(i, r)]);
+    let full = &coordinates * coordinates.transpose();
+    use rayon::prelude::*;
+    let errors: Vec<Vec<f64>> = (0..count)
+        .into_par_iter()
+        .map(|left_out| {
+            let c = coordinates.column(left_out);
+            let gram = &full - c * c.transpose();
+            let eigen = nalgebra::SymmetricEigen::new(gram);
+            let mut order: Vec<usize> = (0..rank).collect();
+            order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+            let mut rest = c.clone_owned();
+            (0..most.min(rank))
+                .map(|k| {
+                    let axis = eigen.eigenvectors.column(order[k]);
+                    rest -= axis * axis.dot(&rest);
+                    max_abs(&pod.modes, rest.as_slice())
+                })
+                .collect()
+        })
+        .collect();
+    (0..most.min(rank))
+        .map(|k| (errors.iter().map(|e| e[k] * e[k]).sum::<f64>() / count as f64).sqrt())
+        .collect()
+}
+
+/// Largest absolute value of the field with the given coordinates in the leading modes.
+fn max_abs(modes: &Mat<f64>, coordinates: &[f64]) -> f64 {
+    let mut field = vec![0.0; modes.nrows()];
+    for (r, &c) in coordinates.iter().enumerate() {
+        for (f, m) in field.iter_mut().zip(modes.col(r).iter()) {
+            *f += c * m;
+        }
+    }
+    field.iter().fold(0.0, |a, f| a.max(f.abs()))
+}

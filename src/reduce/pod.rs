@@ -1,0 +1,70 @@
+//! Proper orthogonal decomposition of a snapshot matrix, without centring.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
+use faer::prelude::default;
+use faer::{Mat, Par};
+
+use crate::error::{Error, Result};
+
+/// POD of a snapshot matrix (n x N): X = modes diag(singular) right^T.
+#[derive(Debug, Clone)]
+pub struct Pod {
+    /// Orthonormal modes, n x r with r = min(n, N).
+    pub modes: Mat<f64>,
+    /// Singular values, decreasing.
+    pub singular: Vec<f64>,
+    /// Right singular vectors, N x r.
+    pub right: Mat<f64>,
+}
+
+/// Decompose a snapshot matrix by a thin SVD. The result does not depend on the number of threads.
+pub fn decompose(snapshots: &Mat<f64>) -> Result<Pod> {
+    let (n, count) = (snapshots.nrows(), snapshots.ncols());
+    let r = n.min(count);
+    let (mut modes, mut right) = (Mat::zeros(n, r), Mat::zeros(count, r));
+    let mut singular = faer::Col::<f64>::zeros(r);
+    let need = svd_scratch::<f64>(
+        n,
+        count,
+        ComputeSvdVectors::Thin,
+        ComputeSvdVectors::Thin,
+        Par::Seq,
+        default(),
+    );
+    svd(
+        snapshots.as_ref(),
+        singular.as_diagonal_mut(),
+        Some(modes.as_mut()),
+        Some(right.as_mut()),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(need)),
+        default(),
+    )
+    .map_err(|e| {
+        Error::program("POD", "a singular value decomposition that converges")
+            .found(format!("{e:?}"))
+    })?;
+    Ok(Pod {
+        modes,
+        singular: singular.iter().copied().collect(),
+        right,
+    })
+}
+
+impl Pod {
+    /// Truncation error of `k` modes (Gogu et al. 2013, Eq. 10): 1 - sum_{j<=k} s_j^2 / sum s_j^2, summed from the
+    /// small end so that it does not drown in rounding.
+    pub fn truncation_error(&self, k: usize) -> f64 {
+        let tail: f64 = self.singular.iter().skip(k).rev().map(|s| s * s).sum();
+        let total: f64 = self.singular.iter().rev().map(|s| s * s).sum();
+        tail / total
+    }
+
+    /// Coefficients of the snapshots in the first `k` modes: N x k, mm.
+    pub fn coefficients(&self, k: usize) -> Mat<f64> {
+        Mat::from_fn(self.right.nrows(), k, |i, j| {
+            self.right[(i, j)] * self.singular[j]
+        })
+    }
+}

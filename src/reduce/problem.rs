@@ -1,0 +1,133 @@
+//! What a reduced model is built for: the test, the parameters that vary, and where the field is seen.
+
+use serde::{Deserialize, Serialize};
+
+use super::design::Dimension;
+use super::gauge::Gauge;
+use crate::effect::Effect;
+use crate::error::{Error, Result};
+use crate::fem::{Density, Setup};
+use crate::field::Frame;
+use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
+
+/// The `reduced_model` object of a model file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReducedSpec {
+    /// Number of snapshots.
+    pub snapshots: usize,
+    /// POD modes kept for each displacement component.
+    pub modes: usize,
+    /// Total degree of the response surfaces.
+    pub degree: usize,
+    /// Bounds by parameter name, in place of those that follow from the priors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doe: Option<std::collections::BTreeMap<String, [f64; 2]>>,
+}
+
+impl ReducedSpec {
+    /// Check the numbers; errors name the key.
+    pub fn validate(&self) -> Result<()> {
+        let check = |key: &str, value: usize, low: usize, high: usize| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(Error::input(
+                format!("reduced_model.{key}"),
+                format!("a whole number from {low} to {high}"),
+            )
+            .found(value))
+        };
+        check("snapshots", self.snapshots, 10, 100_000)?;
+        check("modes", self.modes, 1, 30)?;
+        check("degree", self.degree, 1, 6)
+    }
+}
+
+/// Everything that determines the snapshots.
+#[derive(Clone)]
+pub struct Problem {
+    /// The specimen.
+    pub specimen: SpecimenSpec,
+    /// The load.
+    pub load: LoadSpec,
+    /// The data's frame.
+    pub frame: Frame,
+    /// The gauge.
+    pub gauge: Gauge,
+    /// Mechanical effects whose amplitudes vary.
+    pub effects: Vec<&'static dyn Effect>,
+    /// The DoE box: elastic constants, the thickness if it is uncertain, the effects' amplitudes.
+    pub dimensions: Vec<Dimension>,
+    /// Sizes.
+    pub spec: ReducedSpec,
+    /// Bounding box of the measured points, (s, t) mm, low and high corner.
+    pub window: [[f64; 2]; 2],
+    /// Mesh density.
+    pub density: Density,
+}
+
+/// Name of the thickness among the dimensions.
+pub const THICKNESS: &str = "thickness_mm";
+
+impl Problem {
+    /// Number of elastic constants.
+    pub fn constants(&self) -> usize {
+        self.specimen.material.constants().len()
+    }
+
+    /// Index of the thickness among the dimensions, if it varies.
+    pub fn thickness_index(&self) -> Option<usize> {
+        self.dimensions.iter().position(|d| d.name == THICKNESS)
+    }
+
+    /// The test and the ply at a point of the DoE, in border units.
+    pub fn test_at(&self, point: &[f64]) -> (Setup, Ply) {
+        let mut setup = Setup::nominal(&self.specimen, &self.load, self.frame.handedness());
+        let mut next = self.constants();
+        if let Some(k) = self.thickness_index() {
+            setup.thickness = point[k];
+            next = k + 1;
+        }
+        for effect in &self.effects {
+            let count = effect.parameters().len();
+            effect.alter(&point[next..next + count], &mut setup);
+            next += count;
+        }
+        (setup, self.specimen.material.ply(point))
+    }
+
+    /// Check that every corner of the box has an admissible ply, and every side some length.
+    pub fn validate(&self) -> Result<()> {
+        for d in &self.dimensions {
+            if !(d.low.is_finite() && d.high.is_finite() && d.low < d.high) {
+                return Err(Error::input(
+                    format!("reduced_model.doe.{}", d.name),
+                    "a lower bound below the upper bound",
+                )
+                .found(format!("[{}, {}]", d.low, d.high)));
+            }
+        }
+        if let Some(k) = self.thickness_index()
+            && self.dimensions[k].low <= 0.0
+        {
+            return Err(
+                Error::input("reduced_model.doe.thickness_mm", "a thickness above 0")
+                    .found(self.dimensions[k].low),
+            );
+        }
+        let constants = self.constants();
+        for corner in 0..1usize << constants {
+            let point: Vec<f64> = (0..constants)
+                .map(|k| {
+                    let d = &self.dimensions[k];
+                    if corner >> k & 1 == 1 { d.high } else { d.low }
+                })
+                .collect();
+            self.specimen.material.ply(&point).admissible("a corner of the DoE box").map_err(|e| {
+                e.hint("narrow the priors or give reduced_model.doe bounds whose corners keep E, G > 0 and nu12^2 < E1/E2")
+            })?;
+        }
+        Ok(())
+    }
+}

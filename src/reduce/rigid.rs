@@ -1,0 +1,44 @@
+//! Least-squares rigid motion of a plane field.
+
+/// Translation of the centre and small rotation about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidMotion {
+    /// Translation (u1, u2), mm.
+    pub shift: [f64; 2],
+    /// Rotation in the right-handed pair (direction 1, direction 2), rad.
+    pub angle: f64,
+    /// The centre of the points, mm.
+    pub center: [f64; 2],
+}
+
+impl RigidMotion {
+    /// Displacement at a point.
+    pub fn at(&self, [s, t]: [f64; 2]) -> [f64; 2] {
+        [
+            self.shift[0] - self.angle * (t - self.center[1]),
+            self.shift[1] + self.angle * (s - self.center[0]),
+        ]
+    }
+}
+
+/// Fit a rigid motion to displacements `values` at `points`.
+pub fn fit(points: &[[f64; 2]], values: &[[f64; 2]]) -> RigidMotion {
+    let n = points.len().max(1) as f64;
+    let mean = |v: &[[f64; 2]]| {
+        v.iter()
+            .fold([0.0; 2], |m, v| [m[0] + v[0] / n, m[1] + v[1] / n])
+    };
+    let (center, shift) = (mean(points), mean(values));
+    let (mut moment, mut inertia) = (0.0, 0.0);
+    for (p, u) in points.iter().zip(values) {
+        let (s, t) = (p[0] - center[0], p[1] - center[1]);
+        moment += s * (u[1] - shift[1]) - t * (u[0] - shift[0]);
+        inertia += s * s + t * t;
+    }
+    let angle = if inertia > 0.0 { moment / inertia } else { 0.0 };
+    RigidMotion {
+        shift,
+        angle,
+        center,
+    }
+}

@@ -1,0 +1,4 @@
+//! What a run leaves behind: numbers gathered once, and tables made of them.
+
+pub mod numbers;
+pub mod terminal;

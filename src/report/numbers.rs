@@ -1,0 +1,132 @@
+//! The numbers of a run, gathered once: `report.json`.
+
+use serde_json::{Map, Value, json};
+
+use crate::diagnose::Row;
+use crate::infer::Model;
+use crate::trace::Round;
+
+/// The schema of `report.json`.
+pub const SCHEMA: &str = "plychain-report/1";
+
+/// `report.json` of one model's rounds.
+pub fn report(model: &Model, rounds: &[Round], seed: u64) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "model": model.file.name,
+        "seed": seed,
+        "rounds": rounds.iter().map(|round| round_numbers(model, round)).collect::<Vec<_>>(),
+    })
+}
+
+fn round_numbers(model: &Model, round: &Round) -> Value {
+    let Round {
+        prepared, verdict, ..
+    } = round;
+    let rows = &verdict.rows;
+    let effects: Vec<_> = model.effects.iter().map(|e| e.name()).collect();
+    json!({
+        "effects_declared": effects,
+        "posterior": rows.iter().map(|row| (row.name.clone(), posterior(row))).collect::<Map<_, _>>(),
+        "effect_amplitudes": amplitudes(round),
+        "correlation": { "names": rows.iter().map(|r| &r.name).collect::<Vec<_>>(), "matrix": correlation(round) },
+        "convergence": {
+            "rhat_max": verdict.rhat_max(),
+            "ess_bulk_min": verdict.ess_bulk_min(),
+            "ess_tail_min": verdict.ess_tail_min(),
+            "tau_max": verdict.tau_max(),
+            "converged": verdict.converged,
+            "text": verdict.line(),
+            "ensembles": verdict.shape[0], "chains": verdict.shape[1], "draws": verdict.shape[2],
+        },
+        "residual": residual(round),
+        "noise": noise(round),
+        "surrogate": {
+            "draws_outside_doe": round.outside_doe,
+            "variables": prepared.reduced.surface.variables.choice,
+            "doe": prepared.reduced.dimensions.iter().map(|d| (d.name.clone(), json!([d.low, d.high]))).collect::<Map<_, _>>(),
+            "press_mm": prepared.reduced.surface.quality.iter().map(|q| q.press).collect::<Vec<_>>(),
+            "cached": prepared.cached,
+        },
+    })
+}
+
+fn posterior(row: &Row) -> Value {
+    json!({
+        "mean": row.mean, "sd": row.sd,
+        "q2.5": row.low, "median": row.median, "q97.5": row.high,
+        "mcse_mean": row.mcse_mean, "rhat": row.rhat, "ess_bulk": row.ess_bulk, "ess_tail": row.ess_tail,
+    })
+}
+
+/// Amplitudes of all declared effects: closed-form ones, and mechanical ones, which are sampled.
+fn amplitudes(round: &Round) -> Map<String, Value> {
+    let closed = round
+        .effect_amplitudes
+        .iter()
+        .map(|(name, mean, sd)| (name.clone(), json!({ "mean": mean, "sd": sd })));
+    let sampled = round
+        .verdict
+        .rows
+        .iter()
+        .filter(|row| row.name.contains('.'))
+        .map(|row| (row.name.clone(), json!({ "mean": row.mean, "sd": row.sd })));
+    closed.chain(sampled).collect()
+}
+
+fn residual(round: &Round) -> Value {
+    let r = &round.residual;
+    let both = |v: [f64; 2]| json!({ "u1": v[0], "u2": v[1] });
+    json!({
+        "rms_nm": { "u1": r.rms_nm[0], "u2": r.rms_nm[1], "all": r.rms_all_nm() },
+        "noise_nm": both(r.noise_nm),
+        "chi2_reduced": r.chi2_reduced,
+        "structured_fraction": r.structured_fraction,
+        "n": r.points,
+        "n_eff": r.effective_points,
+    })
+}
+
+fn noise(round: &Round) -> Value {
+    let component = |c: usize| {
+        let reml = &round.noise.reml[c];
+        json!({
+            "white_nm": round.noise.white_mm[c] * crate::quantity::NM_PER_MM,
+            "block_white_nm": reml.white_sd() * crate::quantity::NM_PER_MM,
+            "correlated_nm": reml.correlated_sd() * crate::quantity::NM_PER_MM,
+            "length_mm": reml.best.length_mm,
+        })
+    };
+    let rejected = round.prepared.observation.field.rejected;
+    json!({
+        "u1": component(0), "u2": component(1),
+        "block_mm": round.noise.blocks.size_mm, "blocks": round.noise.blocks.len(),
+        "points_dropped": {
+            "missing": rejected.missing, "outside_window": rejected.outside_window,
+            "outliers": rejected.outliers, "outside_plate": rejected.outside_plate,
+        },
+    })
+}
+
+/// Correlation matrix of the draws.
+pub fn correlation(round: &Round) -> Vec<Vec<f64>> {
+    let draws = &round.draws;
+    let d = draws.dim();
+    let n = draws.len() as f64;
+    let means: Vec<f64> = round.verdict.rows.iter().map(|r| r.mean).collect();
+    let mut sums = vec![vec![0.0; d]; d];
+    for x in draws.points() {
+        for i in 0..d {
+            for j in 0..d {
+                sums[i][j] += (x[i] - means[i]) * (x[j] - means[j]) / n;
+            }
+        }
+    }
+    (0..d)
+        .map(|i| {
+            (0..d)
+                .map(|j| sums[i][j] / (sums[i][i] * sums[j][j]).sqrt())
+                .collect()
+        })
+        .collect()
+}

@@ -1,0 +1,219 @@
+//! What a run says on the terminal: aligned tables with units in their headers.
+
+use std::fmt::Write;
+
+use super::numbers::correlation;
+use crate::infer::Model;
+use crate::reduce::{Quality, ReducedModel, Surface};
+use crate::trace::Round;
+
+/// Aligned columns: the first to the left, the others to the right.
+pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |k: usize| {
+        rows.iter()
+            .map(|r| r[k].chars().count())
+            .chain([header[k].chars().count()])
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let mut text = String::new();
+        for (k, cell) in cells.enumerate() {
+            let pad = " ".repeat(widths[k] - cell.chars().count());
+            if k == 0 {
+                text += &format!("  {cell}{pad}");
+            } else {
+                text += &format!("  {pad}{cell}");
+            }
+        }
+        text.trim_end().to_string() + "\n"
+    };
+    let mut text = line(&mut header.iter().copied());
+    for row in rows {
+        text += &line(&mut row.iter().map(String::as_str));
+    }
+    text
+}
+
+/// The constants, their uncertainty and correlation, and the residual against the noise.
+pub fn identification(model: &Model, round: &Round) -> String {
+    let mut text = format!(
+        "\n{}: posterior of {} draws\n\n",
+        model.file.name,
+        round.draws.len()
+    );
+    let rows: Vec<Vec<String>> = round
+        .verdict
+        .rows
+        .iter()
+        .map(|r| {
+            let cov = if r.name.contains('.') {
+                "-".into()
+            } else {
+                format!("{:.2}", 100.0 * r.sd / r.mean.abs())
+            };
+            vec![
+                r.name.clone(),
+                significant(r.mean, r.sd),
+                significant(r.sd, r.sd),
+                cov,
+                significant(r.low, r.sd),
+                significant(r.high, r.sd),
+                format!("{:.4}", r.rhat),
+                format!("{:.0}", r.ess_bulk),
+            ]
+        })
+        .collect();
+    text += &table(
+        &["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"],
+        &rows,
+    );
+    text += "\ncorrelation\n\n";
+    let names: Vec<&str> = round.verdict.rows.iter().map(|r| r.name.as_str()).collect();
+    let header: Vec<&str> = std::iter::once("").chain(names.iter().copied()).collect();
+    let rows: Vec<Vec<String>> = correlation(round)
+        .iter()
+        .zip(&names)
+        .map(|(row, name)| {
+            std::iter::once((*name).to_string())
+                .chain(row.iter().map(|c| format!("{c:.3}")))
+                .collect()
+        })
+        .collect();
+    text += &table(&header, &rows);
+    for (name, mean, sd) in &round.effect_amplitudes {
+        let _ = writeln!(
+            text,
+            "\n  {name} = {} +- {}",
+            significant(*mean, *sd),
+            significant(*sd, *sd)
+        );
+    }
+    text += &residual(round);
+    let _ = writeln!(text, "\n{}", round.verdict.line());
+    if round.outside_doe > 0.0 {
+        let _ = writeln!(
+            text,
+            "{:.2} % of the draws lie outside the DoE box: there the reduced model extrapolates",
+            100.0 * round.outside_doe
+        );
+    }
+    text
+}
+
+fn residual(round: &Round) -> String {
+    let r = &round.residual;
+    let rejected = round.prepared.observation.field.rejected;
+    let mut text = String::from("\nresidual against the noise\n\n");
+    let rows: Vec<Vec<String>> = [0, 1]
+        .map(|c| {
+            vec![
+                format!("u{}", c + 1),
+                format!("{:.3}", r.rms_nm[c]),
+                format!("{:.3}", r.noise_nm[c]),
+                format!("{:.3}", r.rms_nm[c] / r.noise_nm[c]),
+            ]
+        })
+        .to_vec();
+    text += &table(&["", "RMS nm", "noise nm", "ratio"], &rows);
+    let _ = writeln!(
+        text,
+        "\n  {} points count as {:.0} independent ones (both components); dropped: {} not measured, {} outliers, {} off the plate, {} outside the window",
+        r.points,
+        r.effective_points,
+        rejected.missing,
+        rejected.outliers,
+        rejected.outside_plate,
+        rejected.outside_window
+    );
+    let _ = writeln!(
+        text,
+        "  reduced chi^2 of the block averages: {:.3}",
+        r.chi2_reduced
+    );
+    if r.chi2_reduced > 1.5 {
+        text += "  The model leaves structure that is not noise: the intervals above do not include what it does to the constants.\n";
+    }
+    text
+}
+
+/// A number with as many decimals as its standard deviation's second significant digit asks for.
+pub fn significant(value: f64, sd: f64) -> String {
+    if !(value.is_finite() && sd.is_finite() && sd > 0.0) {
+        return format!("{value}");
+    }
+    let decimals = (1 - sd.log10().floor() as i32).clamp(0, 12) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// The error tables of a reduced model (the article's Tables 3, 8, 9 and 10).
+pub fn reduced_model(reduced: &ReducedModel) -> String {
+    let [elements, unknowns] = reduced.mesh_size;
+    let mut text = format!(
+        "\n{} snapshots of {elements} quadratic elements, {unknowns} unknowns\n\nDoE box\n\n",
+        reduced.snapshots
+    );
+    let rows: Vec<Vec<String>> = reduced
+        .dimensions
+        .iter()
+        .map(|d| {
+            vec![
+                d.name.clone(),
+                format!("{:.6}", d.low),
+                format!("{:.6}", d.high),
+            ]
+        })
+        .collect();
+    text += &table(&["", "low", "high"], &rows);
+    text += "\ntruncation error eps (Eq. 10) and leave-one-out CV_RMS, mm (Tables 3 and 8)\n\n";
+    let most = reduced.truncation[0].len();
+    let rows: Vec<Vec<String>> = (1..most)
+        .map(|k| {
+            let mut row = vec![(k + 1).to_string()];
+            for c in 0..2 {
+                row.push(format!("{:.3e}", reduced.truncation[c][k]));
+                row.push(
+                    reduced.cross_validation[c]
+                        .get(k)
+                        .map_or("-".into(), |v| format!("{v:.3e}")),
+                );
+            }
+            row
+        })
+        .collect();
+    text += &table(&["K", "eps U", "CV U mm", "eps V", "CV V mm"], &rows);
+    for (name, surface) in [
+        ("kept", &reduced.surface),
+        ("the article's, for comparison", &reduced.plain),
+    ] {
+        let _ = write!(
+            text,
+            "\nresponse surfaces {name}: {:?} variables, {} monomials (Tables 9 and 10)\n\n{}",
+            surface.variables.choice,
+            surface.exponents.len(),
+            surfaces(surface)
+        );
+    }
+    text
+}
+
+fn surfaces(surface: &Surface) -> String {
+    let half = surface.quality.len() / 2;
+    let row = |(k, q): (usize, &Quality)| {
+        let component = if k < half { "U" } else { "V" };
+        vec![
+            format!("{component}{}", k % half + 1),
+            format!("{:.3e}", q.mean),
+            format!("{:.3e}", q.sd),
+            format!("{:.9}", q.r2),
+            format!("{:.2e}", q.rms),
+            format!("{:.2e}", q.press),
+        ]
+    };
+    let rows: Vec<Vec<String>> = surface.quality.iter().enumerate().map(row).collect();
+    table(
+        &["", "mean mm", "sd mm", "R^2", "RMS mm", "PRESS mm"],
+        &rows,
+    )
+}
