@@ -7,6 +7,9 @@ use crate::chain::Series;
 /// Sokal's constant: the window is the first lag M with M >= 5 tau(M).
 const WINDOW: f64 = 5.0;
 
+/// Shortest window, so that antithetic draws (tau < 1) are not cut off after one lag.
+const SHORTEST: f64 = 10.0;
+
 /// tau = 1 + 2 sum of the autocorrelation to the window, in stored draws. Autocovariances are taken along each walker
 /// about its ensemble's mean and averaged over walkers before they are normalised (emcee normalises first, about each
 /// walker's own mean, which is biased low while chains are short). NaN as the conventions of [`crate::diagnose`] say.
@@ -29,10 +32,11 @@ pub fn tau(series: &Series) -> f64 {
     }
     let mut tau = 1.0;
     for (lag, value) in autocovariance.iter().enumerate().skip(1) {
-        if lag as f64 > WINDOW * tau {
+        if lag as f64 > (WINDOW * tau).max(SHORTEST) {
             break;
         }
         tau += 2.0 * value / autocovariance[0];
     }
-    tau
+    // Noise must not make a time of it that is not positive.
+    tau.max(0.05)
 }
