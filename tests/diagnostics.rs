@@ -31,7 +31,11 @@ fn ar1_has_tau_19_and_known_ess() {
     let series = ar1(0.9, 16, 500_000, 1);
     let n = 16.0 * 500_000.0f64;
     let spread = (2.0 * (2.0 * 5.0 * 19.0 + 1.0) / n).sqrt();
-    assert!((tau(&series) / 19.0 - 1.0).abs() < 5.0 * spread + 0.007, "{}", tau(&series));
+    assert!(
+        (tau(&series) / 19.0 - 1.0).abs() < 5.0 * spread + 0.007,
+        "{}",
+        tau(&series)
+    );
     let ess = ess_mean(&series);
     assert!((ess * 19.0 / n - 1.0).abs() < 0.05, "{ess}");
     let truth = (1.0f64 / (1.0 - 0.81)).sqrt() * (19.0 / n).sqrt();
@@ -89,19 +93,35 @@ fn nan_and_constants_are_nan_and_not_converged() {
     let draws = Draws::new(names, (0..4).collect(), values, vec![0.0; 4000]).unwrap();
     let verdict = diagnose(&draws, &Rule::default());
     assert!(!verdict.converged);
-    assert!(verdict.reasons.iter().any(|r| r.starts_with("stuck: ")), "{verdict}");
+    assert!(
+        verdict.reasons.iter().any(|r| r.starts_with("stuck: ")),
+        "{verdict}"
+    );
     assert!(verdict.rhat_max().is_nan());
 }
 
 #[test]
 fn verdict_names_what_is_wrong() {
     let series = ar1(0.99, 4, 1000, 8);
-    let draws = Draws::new(vec!["slow".into()], (0..4).collect(), series.values, vec![0.0; 4000]);
+    let draws = Draws::new(
+        vec!["slow".into()],
+        (0..4).collect(),
+        series.values,
+        vec![0.0; 4000],
+    );
     let verdict = diagnose(&draws.unwrap(), &Rule::default());
     assert!(!verdict.converged && verdict.line().starts_with("NOT converged: slow: "));
-    assert!(verdict.line().contains("ESS bulk") && verdict.line().contains("tau"), "{verdict}");
+    assert!(
+        verdict.line().contains("ESS bulk") && verdict.line().contains("tau"),
+        "{verdict}"
+    );
     let series = ar1(0.3, 4, 100_000, 9);
-    let draws = Draws::new(vec!["fast".into()], (0..4).collect(), series.values, vec![0.0; 400_000]);
+    let draws = Draws::new(
+        vec!["fast".into()],
+        (0..4).collect(),
+        series.values,
+        vec![0.0; 400_000],
+    );
     let verdict = diagnose(&draws.unwrap(), &Rule::default());
     assert!(verdict.converged, "{verdict}");
 }
@@ -122,7 +142,9 @@ print(json.dumps(np.array(out, dtype=float).tolist()))
 #[test]
 fn agrees_with_arviz() {
     let python = std::env::var("PLYCHAIN_PYTHON").unwrap_or_else(|_| "python3".into());
-    let probe = Command::new(&python).args(["-c", "from arviz.stats import diagnostics"]).output();
+    let probe = Command::new(&python)
+        .args(["-c", "from arviz.stats import diagnostics"])
+        .output();
     if !probe.is_ok_and(|o| o.status.success()) {
         println!("skipped: {python} cannot import arviz.stats.diagnostics");
         return;
@@ -152,10 +174,19 @@ fn agrees_with_arviz() {
         .spawn()
         .unwrap();
     let input = serde_json::to_string(&rows).unwrap();
-    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    child
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(input.as_bytes())
+        .unwrap();
     let answer = child.wait_with_output().unwrap();
-    let theirs: Vec<Vec<f64>> =
-        serde_json::from_str(&String::from_utf8(answer.stdout).unwrap().replace("NaN", "-1")).unwrap();
+    let theirs: Vec<Vec<f64>> = serde_json::from_str(
+        &String::from_utf8(answer.stdout)
+            .unwrap()
+            .replace("NaN", "-1"),
+    )
+    .unwrap();
     for (k, (s, theirs)) in cases.iter().zip(theirs).enumerate() {
         let ours = [
             rhat(s),
@@ -171,7 +202,10 @@ fn agrees_with_arviz() {
         for (which, (a, b)) in ours.into_iter().zip(theirs).enumerate() {
             // ArviZ gives no R-hat of a single chain.
             if s.chains() > 1 || which > 0 {
-                assert!((a - b).abs() <= 1e-6 * b.abs(), "case {k}, figure {which}: {a} against {b}");
+                assert!(
+                    (a - b).abs() <= 1e-6 * b.abs(),
+                    "case {k}, figure {which}: {a} against {b}"
+                );
             }
         }
     }

@@ -84,7 +84,12 @@ pub fn correlated(dim: usize, condition: f64) -> Known {
     let norm2: f64 = v.iter().map(|v| v * v).sum();
     let q = move |i: usize, j: usize| f64::from(u8::from(i == j)) - 2.0 * v[i] * v[j] / norm2;
     let sd: Vec<f64> = (0..dim)
-        .map(|i| (0..dim).map(|k| q(i, k).powi(2) * value(k)).sum::<f64>().sqrt())
+        .map(|i| {
+            (0..dim)
+                .map(|k| q(i, k).powi(2) * value(k))
+                .sum::<f64>()
+                .sqrt()
+        })
         .collect();
     let mean: Vec<f64> = (0..dim).map(|k| 10.0 * k as f64).collect();
     let (m, s) = (mean.clone(), sd.clone());
@@ -96,7 +101,11 @@ pub fn correlated(dim: usize, condition: f64) -> Known {
         Box::new(move |k, p| Some(m[k] + s[k] * probit(p))),
         Box::new(move |x| {
             let along = |k: usize| -> f64 { (0..dim).map(|i| q(i, k) * (x[i] - centre[i])).sum() };
-            (0..dim).map(|k| -0.5 * along(k).powi(2) / condition.powf(k as f64 / (dim as f64 - 1.0).max(1.0))).sum()
+            (0..dim)
+                .map(|k| {
+                    -0.5 * along(k).powi(2) / condition.powf(k as f64 / (dim as f64 - 1.0).max(1.0))
+                })
+                .sum()
         }),
     )
 }
@@ -191,5 +200,16 @@ pub fn funnel() -> Known {
             let sum: f64 = x[1..].iter().map(|v| v * v).sum();
             -x[0] * x[0] / 18.0 - 0.5 * sum * (-x[0]).exp() - 0.5 * (x.len() as f64 - 1.0) * x[0]
         }),
+    )
+}
+
+/// Any density, without answers.
+pub fn custom(dim: usize, density: impl Fn(&[f64]) -> f64 + Sync + 'static) -> Known {
+    Known::new(
+        "custom",
+        vec![0.0; dim],
+        vec![1.0; dim],
+        Box::new(|_, _| None),
+        Box::new(density),
     )
 }
