@@ -2,6 +2,7 @@
 
 mod chain_files;
 mod diagnostics;
+mod measure;
 mod samplers;
 mod starts;
 mod targets;

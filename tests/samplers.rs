@@ -93,7 +93,7 @@ fn kernel(name: &str) -> Box<dyn Sampler> {
 }
 
 /// Sum and count of the squared deviations, and the failures in words.
-fn judge(
+pub fn judge(
     name: &str,
     sampler: &dyn Sampler,
     target: &Known,
@@ -104,7 +104,7 @@ fn judge(
     for &seed in seeds {
         let schedule = Schedule {
             seed,
-            max_draws: 150_000,
+            max_draws: 120_000,
             ..Schedule::default()
         };
         let outcome = sample(sampler, target, &schedule);
@@ -125,7 +125,7 @@ fn judge(
     );
     let failures = sums
         .into_iter()
-        .filter(|(_, z)| !(z.abs() < 4.0))
+        .filter(|(_, z)| z.is_nan() || z.abs() >= 4.0)
         .map(|(label, z)| {
             format!(
                 "{name} on {}: {label} is {z:.1} standard errors off",
@@ -136,22 +136,8 @@ fn judge(
     (squares, count, failures)
 }
 
-/// Are the standard errors right? Many seeds, printed a kernel and target each.
-#[test]
-#[ignore = "a measurement: cargo test --release calibration -- --ignored --nocapture"]
-fn calibration() {
-    let seeds: Vec<u64> = (100..130).collect();
-    let names: Vec<String> = kernels().into_iter().map(|(n, _)| n).collect();
-    names.par_iter().for_each(|name| {
-        for target in targets::all() {
-            let (_, _, failures) = judge(name, &*kernel(name), &target, &seeds);
-            println!("{failures:?}");
-        }
-    });
-}
-
 /// Walkers drawn exactly from the target are still exactly of the target after some steps, whatever the kernel: the
-/// sharpest test of detailed balance. By the Kolmogorov-Smirnov distance of 40,000 walkers to the exact marginal,
+/// sharpest test of detailed balance. By the Kolmogorov-Smirnov distance of 20,000 walkers to the exact marginal,
 /// independent of each other across ensembles and, at one time, within one; sqrt(n) D > 2.8 has probability 3e-7.
 #[test]
 fn an_exact_start_stays_exact() {
@@ -160,9 +146,9 @@ fn an_exact_start_stays_exact() {
         for (name, sampler) in kernels() {
             let adaptive = sampler.walkers(dim) == 1;
             let ensembles = if adaptive {
-                40_000
+                20_000
             } else {
-                40_000 / sampler.walkers(dim)
+                20_000 / sampler.walkers(dim)
             };
             let finals: Vec<Vec<f64>> = (0..ensembles as u64)
                 .into_par_iter()
@@ -298,7 +284,7 @@ fn the_funnel_is_flagged() {
         for seed in [1, 2, 3] {
             let schedule = Schedule {
                 seed,
-                max_draws: 60_000,
+                max_draws: 30_000,
                 ..Schedule::default()
             };
             let outcome = sample(&*(entry.build)(), &targets::funnel(), &schedule);

@@ -37,8 +37,10 @@ fn a_degenerate_start_is_refused() {
         vec![1.0 + t, 2.0 - 3.0 * t]
     };
     let point = |_: usize, _: usize, _: &mut Stream| vec![0.1, 0.7];
-    let places: [&(dyn Fn(usize, usize, &mut Stream) -> Vec<f64> + Sync); 2] = [&line, &point];
-    for place in places {
+    for place in [
+        &line as &(dyn Fn(usize, usize, &mut Stream) -> Vec<f64> + Sync),
+        &point,
+    ] {
         let place = Start::Walkers {
             place,
             covariance: &UNIT,

@@ -6,12 +6,15 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 /// Quantile of parameter `.0` at probability `.1`.
 type Quantile = Box<dyn Fn(usize, f64) -> Option<f64> + Sync>;
 
+/// A log density.
+type Density = Box<dyn Fn(&[f64]) -> f64 + Sync>;
+
 /// A target whose answers are known.
 pub struct Known {
     /// For messages.
     pub name: &'static str,
     names: Vec<String>,
-    density: Box<dyn Fn(&[f64]) -> f64 + Sync>,
+    density: Density,
     /// Exact means.
     pub mean: Vec<f64>,
     /// Exact standard deviations.
@@ -36,7 +39,7 @@ impl Known {
         mean: Vec<f64>,
         sd: Vec<f64>,
         quantile: Quantile,
-        density: Box<dyn Fn(&[f64]) -> f64 + Sync>,
+        density: Density,
     ) -> Self {
         let names = (0..mean.len()).map(|k| format!("x{k}")).collect();
         Self {

@@ -1,5 +1,7 @@
 //! Effective sample sizes: Vehtari et al. (2021), section 3.2, with Geyer's (1992) initial monotone sequence, as in
-//! posterior and ArviZ. The autocorrelation is each walker's own; walkers enter as chains.
+//! posterior and ArviZ. The autocorrelation is each walker's own; walkers enter as chains. Walkers of an ensemble can
+//! also wander together (an ensemble that misses a tail proposes none of it), which no walker's own autocorrelation
+//! shows: so the ESS is never above that of the ensembles' mean values over time. For single chains the two are one.
 
 use super::autocov::mean_autocovariance;
 use super::transform::{map, mean, normal_scores, quantile, sorted, split, variance};
@@ -45,8 +47,38 @@ pub(super) fn indicator_ess(series: &Series, level: f64) -> f64 {
     ess(&split(&map(series, |v| f64::from(u8::from(v <= level)))))
 }
 
-/// Effective number of draws of a series as it is; NaN if it is constant.
+/// Effective number of draws: of the walkers, or of the ensembles' means if that is less. NaN if constant.
 fn ess(series: &Series) -> f64 {
+    let groups = series.groups();
+    let single = ess_of_chains(series);
+    if groups.len() == series.chains() {
+        return single;
+    }
+    let means: Vec<f64> = groups
+        .iter()
+        .flat_map(|chains| {
+            let at = |t| {
+                chains
+                    .iter()
+                    .map(|&c| series.values[c * series.draws + t])
+                    .sum::<f64>()
+            };
+            (0..series.draws).map(move |t| at(t) / chains.len() as f64)
+        })
+        .collect();
+    let means = Series::of_chains(means, series.draws);
+    // Independent walkers would give the means a variance smaller by their number; what counts is the variance that
+    // the grand mean has.
+    let collective = ess_of_chains(&means) * variance(&series.values) / variance(&means.values);
+    if collective.is_nan() {
+        single
+    } else {
+        single.min(collective)
+    }
+}
+
+/// Effective number of draws of chains as they are; NaN if they are constant.
+fn ess_of_chains(series: &Series) -> f64 {
     let (n, chains) = (series.draws, series.chains());
     let mut centred = series.values.clone();
     let mut means = Vec::with_capacity(chains);

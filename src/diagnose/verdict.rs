@@ -290,10 +290,18 @@ impl Stop for Rule {
     }
 
     fn enough(&self, draws: &Draws) -> bool {
-        // The cheap figures first: most checks fail on the length.
-        let taus = (0..draws.dim()).into_par_iter();
-        taus.all(|p| tau(&draws.series(p)) * self.lengths <= draws.draws() as f64)
-            && diagnose(draws, self).converged
+        let wanted = self.ess * draws.ensembles() as f64;
+        // The cheap figures first: most checks fail on the length. Written so that NaN is not enough.
+        let good = |p: usize| {
+            let series = draws.series(p);
+            let tau = tau(&series);
+            draws.draws() as f64 / tau >= self.lengths
+                && change(&series, tau) <= self.tau_change
+                && rhat(&series) < self.rhat
+                && ess_bulk(&series) >= wanted
+                && ess_tail(&series) >= wanted
+        };
+        (0..draws.dim()).into_par_iter().all(good)
     }
 }
 

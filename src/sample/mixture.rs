@@ -41,7 +41,9 @@ pub struct Mixture {
 }
 
 impl Default for Mixture {
-    /// Chosen by measurement: the table is printed by the ignored test `samplers::moves_by_measurement`.
+    /// 70 % independence (Student-t), 25 % DE, 5 % stretch. Chosen by measurement (`measure_moves` and
+    /// `measure_calibration` among the tests): on nearly normal targets four times the ESS per evaluation of DE alone,
+    /// nowhere below DE, and standard errors that hold on heavy tails too.
     fn default() -> Self {
         Self {
             parts: vec![
