@@ -31,7 +31,9 @@ pub struct Stream {
 impl Stream {
     /// The stream of `lane` (a walker) under `key`, after `used` numbers.
     pub fn at(key: Key, lane: u64, used: u64) -> Self {
-        let mut hash = key.seed;
+        // The seed is scrambled first: seeds, ensembles and lanes are small numbers, whose plain XOR would give two runs
+        // with neighbouring seeds some streams in common.
+        let mut hash = split_mix(key.seed);
         let mut word = |salt: u64| {
             hash = split_mix(hash ^ salt);
             u128::from(hash)
