@@ -1,1 +1,8 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
+
+mod chain_files;
+mod diagnostics;
+mod measure;
+mod samplers;
+mod starts;
+mod targets;

@@ -1,0 +1,283 @@
+//! The draws of a run, with axes chain, draw, parameter: a chain is one walker (or one adaptive chain), so that
+//! autocorrelation is never computed across interleaved walkers.
+
+use crate::error::{Error, Result};
+
+/// Proposals and acceptances of one move over a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MoveTally {
+    /// Name of the move (`stretch`, `de`, ...).
+    pub name: String,
+    /// Number of proposals.
+    pub proposed: u64,
+    /// Number of accepted proposals.
+    pub accepted: u64,
+}
+
+/// What is worth knowing of how draws came about; no later step needs it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Info {
+    /// Steps from one stored draw to the next.
+    pub thin: usize,
+    /// Steps of warm-up, not stored.
+    pub warmup: usize,
+    /// Acceptance rate of each chain after warm-up, in [0, 1]; empty if unknown.
+    pub acceptance: Vec<f64>,
+    /// Tally of each move after warm-up.
+    pub moves: Vec<MoveTally>,
+    /// Evaluations that gave NaN or +inf, counted as outside the support.
+    pub nan: u64,
+    /// Evaluations of the log density after warm-up.
+    pub evaluations: u64,
+    /// Columns that are not parameters (`stepsize__`), each of length chains x draws, chain by chain.
+    pub columns: Vec<(String, Vec<f64>)>,
+}
+
+/// One scalar over a run, chain by chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Values, chain by chain: `values[chain * draws + draw]`.
+    pub values: Vec<f64>,
+    /// Number of draws of each chain.
+    pub draws: usize,
+    /// Ensemble of each chain; chains of one ensemble depend on each other.
+    pub ensemble: Vec<usize>,
+}
+
+impl Series {
+    /// Chains that are their own ensembles: `values[chain * draws + draw]`.
+    pub fn of_chains(values: Vec<f64>, draws: usize) -> Self {
+        let chains = values.len().checked_div(draws).unwrap_or(0);
+        Self {
+            values,
+            draws,
+            ensemble: (0..chains).collect(),
+        }
+    }
+
+    /// Number of chains.
+    pub fn chains(&self) -> usize {
+        self.ensemble.len()
+    }
+
+    /// The values of one chain in time order.
+    pub fn chain(&self, chain: usize) -> &[f64] {
+        &self.values[chain * self.draws..(chain + 1) * self.draws]
+    }
+
+    /// The chains of each ensemble, in order of first appearance.
+    pub fn groups(&self) -> Vec<Vec<usize>> {
+        groups(&self.ensemble)
+    }
+
+    /// The same series cut to its first `draws` draws.
+    pub fn first(&self, draws: usize) -> Self {
+        let draws = draws.min(self.draws);
+        let values = (0..self.chains())
+            .flat_map(|c| self.chain(c)[..draws].iter().copied())
+            .collect();
+        Self {
+            values,
+            draws,
+            ensemble: self.ensemble.clone(),
+        }
+    }
+}
+
+fn groups(ensemble: &[usize]) -> Vec<Vec<usize>> {
+    let mut ids: Vec<usize> = Vec::new();
+    let mut members: Vec<Vec<usize>> = Vec::new();
+    for (chain, &id) in ensemble.iter().enumerate() {
+        match ids.iter().position(|&known| known == id) {
+            Some(place) => members[place].push(chain),
+            None => {
+                ids.push(id);
+                members.push(vec![chain]);
+            }
+        }
+    }
+    members
+}
+
+/// Draws of a run: values `[chain][draw][parameter]` and the log density `[chain][draw]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draws {
+    names: Vec<String>,
+    ensemble: Vec<usize>,
+    draws: usize,
+    values: Vec<f64>,
+    lp: Vec<f64>,
+    /// How the draws came about.
+    pub info: Info,
+}
+
+impl Draws {
+    /// Draws from their parts: `names` of the parameters, `ensemble` of each chain, `values` of shape chain x draw x
+    /// parameter and `lp` of shape chain x draw, both contiguous.
+    ///
+    /// # Errors
+    /// The program's fault if the shapes disagree.
+    pub fn new(
+        names: Vec<String>,
+        ensemble: Vec<usize>,
+        values: Vec<f64>,
+        lp: Vec<f64>,
+    ) -> Result<Self> {
+        let chains = ensemble.len();
+        let draws = lp.len().checked_div(chains).unwrap_or(0);
+        if lp.len() != chains * draws || values.len() != lp.len() * names.len() {
+            return Err(Error::program(
+                "draws",
+                format!(
+                    "{chains} chains x draws x {} parameters and as many log densities",
+                    names.len()
+                ),
+            )
+            .found(format!("{} values, {} lp", values.len(), lp.len())));
+        }
+        Ok(Self {
+            names,
+            ensemble,
+            draws,
+            values,
+            lp,
+            info: Info {
+                thin: 1,
+                ..Info::default()
+            },
+        })
+    }
+
+    /// Names of the parameters, with their units.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Number of parameters.
+    pub fn dim(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Number of chains (walkers of all ensembles).
+    pub fn chains(&self) -> usize {
+        self.ensemble.len()
+    }
+
+    /// Number of stored draws of each chain.
+    pub fn draws(&self) -> usize {
+        self.draws
+    }
+
+    /// Stored draws of all chains together.
+    pub fn len(&self) -> usize {
+        self.lp.len()
+    }
+
+    /// Whether nothing is stored.
+    pub fn is_empty(&self) -> bool {
+        self.lp.is_empty()
+    }
+
+    /// Ensemble of each chain.
+    pub fn ensemble(&self) -> &[usize] {
+        &self.ensemble
+    }
+
+    /// Number of independent ensembles.
+    pub fn ensembles(&self) -> usize {
+        groups(&self.ensemble).len()
+    }
+
+    /// All values, shape chain x draw x parameter.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Log density of each draw, shape chain x draw.
+    pub fn lp(&self) -> &[f64] {
+        &self.lp
+    }
+
+    /// The parameters of one draw.
+    pub fn point(&self, chain: usize, draw: usize) -> &[f64] {
+        let at = (chain * self.draws + draw) * self.dim();
+        &self.values[at..at + self.dim()]
+    }
+
+    /// Every draw as a point, chain by chain.
+    pub fn points(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.dim().max(1))
+    }
+
+    /// One parameter over the run.
+    pub fn series(&self, parameter: usize) -> Series {
+        self.map(|point| point[parameter])
+    }
+
+    /// The log density over the run.
+    pub fn lp_series(&self) -> Series {
+        Series {
+            values: self.lp.clone(),
+            draws: self.draws,
+            ensemble: self.ensemble.clone(),
+        }
+    }
+
+    /// A scalar function of the parameters over the run.
+    pub fn map(&self, f: impl Fn(&[f64]) -> f64) -> Series {
+        Series {
+            values: self.points().map(f).collect(),
+            draws: self.draws,
+            ensemble: self.ensemble.clone(),
+        }
+    }
+
+    /// The index of the parameter called `name`.
+    pub fn index(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|n| n == name)
+    }
+
+    /// Declares that every `walkers` consecutive chains are one ensemble (a CSV file does not say it).
+    ///
+    /// # Errors
+    /// The input's fault if the number of chains is no multiple of `walkers`.
+    pub fn with_walkers(mut self, walkers: usize) -> Result<Self> {
+        if walkers == 0 || !self.chains().is_multiple_of(walkers) {
+            return Err(Error::input(
+                "walkers",
+                format!("a divisor of the {} chains", self.chains()),
+            )
+            .found(walkers));
+        }
+        self.ensemble = (0..self.chains()).map(|chain| chain / walkers).collect();
+        Ok(self)
+    }
+
+    /// Appends later draws of the same chains; `info` stays that of `self`.
+    ///
+    /// # Errors
+    /// The program's fault if names or chains differ.
+    pub fn append(&mut self, later: &Self) -> Result<()> {
+        if self.names != later.names || self.ensemble != later.ensemble {
+            return Err(Error::program(
+                "draws",
+                "later draws of the same chains and parameters",
+            ));
+        }
+        self.values = interleave(&self.values, &later.values, self.chains());
+        self.lp = interleave(&self.lp, &later.lp, self.chains());
+        self.draws += later.draws;
+        Ok(())
+    }
+}
+
+/// Joins two arrays whose leading axis is `chains` along their second axis.
+fn interleave(first: &[f64], second: &[f64], chains: usize) -> Vec<f64> {
+    let (a, b) = (first.len() / chains.max(1), second.len() / chains.max(1));
+    let mut joined = Vec::with_capacity(first.len() + second.len());
+    for chain in 0..chains {
+        joined.extend_from_slice(&first[chain * a..(chain + 1) * a]);
+        joined.extend_from_slice(&second[chain * b..(chain + 1) * b]);
+    }
+    joined
+}

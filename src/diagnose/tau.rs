@@ -1,0 +1,42 @@
+//! Integrated autocorrelation time: Sokal's automatic window (1989), per walker, averaged as emcee does.
+
+use super::autocov::mean_autocovariance;
+use super::usable;
+use crate::chain::Series;
+
+/// Sokal's constant: the window is the first lag M with M >= 5 tau(M).
+const WINDOW: f64 = 5.0;
+
+/// Shortest window, so that antithetic draws (tau < 1) are not cut off after one lag.
+const SHORTEST: f64 = 10.0;
+
+/// tau = 1 + 2 sum of the autocorrelation to the window, in stored draws. Autocovariances are taken along each walker
+/// about its ensemble's mean and averaged over walkers before they are normalised (emcee normalises first, about each
+/// walker's own mean, which is biased low while chains are short). NaN as the conventions of [`crate::diagnose`] say.
+pub fn tau(series: &Series) -> f64 {
+    if !usable(series) {
+        return f64::NAN;
+    }
+    let mut centred = series.values.clone();
+    for chains in series.groups() {
+        let values = chains.iter().flat_map(|&c| series.chain(c));
+        let centre = values.sum::<f64>() / (chains.len() * series.draws) as f64;
+        for c in chains {
+            let rows = c * series.draws..(c + 1) * series.draws;
+            centred[rows].iter_mut().for_each(|v| *v -= centre);
+        }
+    }
+    let autocovariance = mean_autocovariance(&centred, series.draws);
+    if autocovariance[0] <= 0.0 {
+        return f64::NAN;
+    }
+    let mut tau = 1.0;
+    for (lag, value) in autocovariance.iter().enumerate().skip(1) {
+        if lag as f64 > (WINDOW * tau).max(SHORTEST) {
+            break;
+        }
+        tau += 2.0 * value / autocovariance[0];
+    }
+    // Noise must not make a time of it that is not positive.
+    tau.max(0.05)
+}

@@ -1,0 +1,119 @@
+//! Samplers: kernels that advance a state under a target, and the schedule that runs independent ensembles of them.
+//!
+//! A [`Sampler`] has no state of its own. What the next step needs is in [`State`]; what is worth knowing about the
+//! steps taken is in [`Block`]. Every random number comes from a [`Stream`] that is known from (seed, ensemble, walker,
+//! count), so the draws depend neither on the number of threads nor on where a run was interrupted.
+
+mod adaptive;
+mod de;
+mod ensemble;
+mod gaussian;
+mod independence;
+mod mixture;
+mod moves;
+mod run;
+mod snooker;
+mod start;
+mod stream;
+mod stretch;
+
+pub use adaptive::Adaptive;
+pub use de::De;
+pub use ensemble::Ensemble;
+pub use independence::{Independence, Tail};
+pub use mixture::{MOVES, Mixture, MoveEntry};
+pub use moves::{Fit, Move, Others};
+pub use run::{Outcome, Phase, Progress, Quiet, Report, Schedule, Stop, Stopped, run};
+pub use snooker::Snooker;
+pub use start::Start;
+pub use stream::{Key, Stream};
+pub use stretch::Stretch;
+
+use crate::chain::MoveTally;
+use crate::error::Result;
+use crate::infer::LogDensity;
+
+/// What the next step of one ensemble needs, and nothing else.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Steps taken.
+    pub step: u64,
+    /// Positions, walker x parameter.
+    pub x: Vec<f64>,
+    /// Log density of each walker.
+    pub lp: Vec<f64>,
+    /// Random numbers drawn by each walker's stream, and last by the ensemble's own.
+    pub drawn: Vec<u64>,
+    /// What the sampler has learned, in an order of its own.
+    pub memory: Vec<f64>,
+}
+
+/// A stretch of steps to take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Span {
+    /// Number of steps.
+    pub steps: usize,
+    /// Keep the state after every `thin`-th step; at least 1.
+    pub thin: usize,
+    /// Whether the sampler may adapt. Its draws are then not of the target.
+    pub warmup: bool,
+}
+
+/// What one ensemble did over a span.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Block {
+    /// Kept positions, draw x walker x parameter.
+    pub x: Vec<f64>,
+    /// Kept log densities, draw x walker.
+    pub lp: Vec<f64>,
+    /// Steps in which each walker moved.
+    pub accepted: Vec<u64>,
+    /// Tally of each move.
+    pub moves: Vec<MoveTally>,
+    /// Evaluations that gave NaN or +inf.
+    pub nan: u64,
+    /// Evaluations.
+    pub evaluations: u64,
+}
+
+/// A Markov kernel on ensembles of walkers (of one walker for a sampler of single chains).
+pub trait Sampler: Send + Sync {
+    /// Canonical name (`ensemble`).
+    fn name(&self) -> &'static str;
+
+    /// Walkers of one ensemble in `dim` dimensions.
+    fn walkers(&self, dim: usize) -> usize;
+
+    /// Steps of the first warm-up window, and of the first block after it.
+    fn window(&self, dim: usize) -> usize;
+
+    /// Checks walkers `x` (walker x parameter) whose log densities are `lp`, and makes a state of them. `covariance`
+    /// (dim x dim) is a guess of the target's.
+    ///
+    /// # Errors
+    /// The input's fault: a degenerate start, or too few walkers.
+    fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, covariance: &[f64]) -> Result<State>;
+
+    /// Advances `state` by a span of steps. The same key, state and span give the same block and the same new state.
+    fn advance(&self, target: &dyn LogDensity, key: Key, span: Span, state: &mut State) -> Block;
+}
+
+/// A sampler by name.
+pub struct SamplerEntry {
+    /// Canonical name.
+    pub name: &'static str,
+    /// The sampler with its default constants.
+    pub build: fn() -> Box<dyn Sampler>,
+}
+
+/// Every sampler. A new one is one file and one line here.
+pub static SAMPLERS: &[SamplerEntry] = &[
+    SamplerEntry {
+        name: "ensemble",
+        build: || Box::new(Ensemble::default()),
+    },
+    SamplerEntry {
+        name: "adaptive",
+        build: || Box::new(Adaptive::default()),
+    },
+];

@@ -1,0 +1,212 @@
+//! Diagnostics against processes of known autocorrelation and against ArviZ.
+
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+use plychain::chain::{Draws, Series};
+use plychain::diagnose::{
+    Rule, diagnose, ess_bulk, ess_mean, ess_quantile, ess_tail, mcse_mean, mcse_quantile, mcse_sd,
+    rhat, tau,
+};
+use plychain::sample::{Key, Stream};
+
+/// Stationary AR(1) chains x_t = a x_{t-1} + e_t of unit innovation variance.
+fn ar1(a: f64, chains: usize, draws: usize, seed: u64) -> Series {
+    let mut values = Vec::with_capacity(chains * draws);
+    for chain in 0..chains {
+        let mut rng = Stream::at(Key { seed, ensemble: 0 }, chain as u64, 0);
+        let mut x = rng.normal() / (1.0 - a * a).sqrt();
+        for _ in 0..draws {
+            values.push(x);
+            x = a * x + rng.normal();
+        }
+    }
+    Series::of_chains(values, draws)
+}
+
+/// tau = (1 + a) / (1 - a) = 19. Madras & Sokal: var(tau)/tau^2 = 2 (2 M + 1) / n, M = 5 tau: 0.7 % here; five sd
+/// allowed (false alarm 6e-7), and 0.7 % of bias by the window.
+#[test]
+fn ar1_has_tau_19_and_known_ess() {
+    let series = ar1(0.9, 16, 500_000, 1);
+    let n = 16.0 * 500_000.0f64;
+    let spread = (2.0 * (2.0 * 5.0 * 19.0 + 1.0) / n).sqrt();
+    assert!(
+        (tau(&series) / 19.0 - 1.0).abs() < 5.0 * spread + 0.007,
+        "{}",
+        tau(&series)
+    );
+    let ess = ess_mean(&series);
+    assert!((ess * 19.0 / n - 1.0).abs() < 0.05, "{ess}");
+    let truth = (1.0f64 / (1.0 - 0.81)).sqrt() * (19.0 / n).sqrt();
+    assert!((mcse_mean(&series) / truth - 1.0).abs() < 0.05);
+}
+
+/// An independent series has tau 1 and ESS n; an alternating one is worth more than n.
+#[test]
+fn white_and_antithetic_series() {
+    let white = ar1(0.0, 4, 20_000, 2);
+    assert!((tau(&white) - 1.0).abs() < 0.1);
+    assert!((ess_bulk(&white) / 80_000.0 - 1.0).abs() < 0.1);
+    let antithetic = ar1(-0.5, 4, 20_000, 3);
+    assert!(ess_mean(&antithetic) > 160_000.0);
+    assert!((tau(&antithetic) - 1.0 / 3.0).abs() < 0.1);
+}
+
+/// Walkers of one ensemble that disagree with each other are one group: R-hat must not compare them, but it must
+/// compare ensembles.
+#[test]
+fn rhat_compares_ensembles_not_walkers() {
+    let mut series = ar1(0.0, 8, 2000, 4);
+    for (k, value) in series.values.iter_mut().enumerate() {
+        *value += if (k / 2000) % 2 == 0 { 3.0 } else { -3.0 };
+    }
+    assert!(rhat(&series) > 1.5);
+    series.ensemble = vec![0, 0, 1, 1, 2, 2, 3, 3];
+    assert!(rhat(&series) < 1.01, "{}", rhat(&series));
+    series.ensemble = vec![0, 1, 0, 1, 0, 1, 0, 1];
+    assert!(rhat(&series) > 1.5);
+}
+
+/// Different scale, same location: only the folded R-hat sees it.
+#[test]
+fn folded_rhat_sees_scale() {
+    let mut series = ar1(0.0, 4, 1000, 5);
+    series.values[..1000].iter_mut().for_each(|v| *v *= 3.0);
+    assert!(rhat(&series) > 1.05, "{}", rhat(&series));
+}
+
+#[test]
+fn nan_and_constants_are_nan_and_not_converged() {
+    let good = ar1(0.0, 4, 1000, 6);
+    let mut holed = good.clone();
+    holed.values[17] = f64::NAN;
+    let constant = Series::of_chains(vec![0.1; 4000], 1000);
+    let short = ar1(0.0, 4, 3, 7);
+    for series in [&holed, &constant, &short] {
+        let all = [rhat, ess_bulk, ess_tail, ess_mean, mcse_mean, mcse_sd, tau];
+        assert!(all.iter().all(|f| f(series).is_nan()));
+        assert!(mcse_quantile(series, 0.5).is_nan());
+    }
+    let values: Vec<f64> = good.values.iter().flat_map(|&v| [v, 0.1]).collect();
+    let names = vec!["a".to_string(), "stuck".to_string()];
+    let draws = Draws::new(names, (0..4).collect(), values, vec![0.0; 4000]).unwrap();
+    let verdict = diagnose(&draws, &Rule::default());
+    assert!(!verdict.converged);
+    assert!(
+        verdict.reasons.iter().any(|r| r.starts_with("stuck: ")),
+        "{verdict}"
+    );
+    assert!(verdict.rhat_max().is_nan());
+}
+
+#[test]
+fn verdict_names_what_is_wrong() {
+    let series = ar1(0.99, 4, 1000, 8);
+    let draws = Draws::new(
+        vec!["slow".into()],
+        (0..4).collect(),
+        series.values,
+        vec![0.0; 4000],
+    );
+    let verdict = diagnose(&draws.unwrap(), &Rule::default());
+    assert!(!verdict.converged && verdict.line().starts_with("NOT converged: slow: "));
+    assert!(
+        verdict.line().contains("ESS bulk") && verdict.line().contains("tau"),
+        "{verdict}"
+    );
+    let series = ar1(0.3, 4, 100_000, 9);
+    let draws = Draws::new(
+        vec!["fast".into()],
+        (0..4).collect(),
+        series.values,
+        vec![0.0; 400_000],
+    );
+    let verdict = diagnose(&draws.unwrap(), &Rule::default());
+    assert!(verdict.converged, "{verdict}");
+}
+
+const ARVIZ: &str = r#"
+import sys, json, numpy as np
+from arviz.stats import diagnostics as d
+out = []
+for case in json.load(sys.stdin):
+    x = np.array(case)
+    out.append([d._rhat_rank(x), d._ess_bulk(x), d._ess_tail(x), d._ess_mean(x), d._ess_quantile(x, 0.3),
+                d._mcse_mean(x), d._mcse_sd(x), d._mcse_quantile(x, 0.1), d._mcse_quantile(x, 0.975)])
+print(json.dumps(np.array(out, dtype=float).tolist()))
+"#;
+
+/// Plain chains, where our definitions and ArviZ's are the same: smooth, slow, antithetic, tied, heavy-tailed, odd
+/// and short. Skipped, saying so, where no Python with ArviZ is found (PLYCHAIN_PYTHON names another interpreter).
+#[test]
+fn agrees_with_arviz() {
+    let python = std::env::var("PLYCHAIN_PYTHON").unwrap_or_else(|_| "python3".into());
+    let probe = Command::new(&python)
+        .args(["-c", "from arviz.stats import diagnostics"])
+        .output();
+    if !probe.is_ok_and(|o| o.status.success()) {
+        println!("skipped: {python} cannot import arviz.stats.diagnostics");
+        return;
+    }
+    let mut cases = vec![
+        ar1(0.5, 4, 1000, 20),
+        ar1(0.97, 4, 999, 21),
+        ar1(-0.6, 3, 500, 22),
+        ar1(0.0, 1, 400, 23),
+        ar1(0.2, 8, 21, 24),
+        ar1(0.8, 4, 6000, 25),
+    ];
+    let mut tied = ar1(0.5, 4, 800, 26);
+    tied.values.iter_mut().for_each(|v| *v = (*v * 2.0).round());
+    cases.push(tied);
+    let mut heavy = ar1(0.5, 4, 800, 27);
+    heavy.values.iter_mut().for_each(|v| *v = v.powi(5));
+    cases.push(heavy);
+    let rows: Vec<Vec<&[f64]>> = cases
+        .iter()
+        .map(|s| (0..s.chains()).map(|c| s.chain(c)).collect())
+        .collect();
+    let mut child = Command::new(&python)
+        .args(["-c", ARVIZ])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let input = serde_json::to_string(&rows).unwrap();
+    child
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(input.as_bytes())
+        .unwrap();
+    let answer = child.wait_with_output().unwrap();
+    let theirs: Vec<Vec<f64>> = serde_json::from_str(
+        &String::from_utf8(answer.stdout)
+            .unwrap()
+            .replace("NaN", "-1"),
+    )
+    .unwrap();
+    for (k, (s, theirs)) in cases.iter().zip(theirs).enumerate() {
+        let ours = [
+            rhat(s),
+            ess_bulk(s),
+            ess_tail(s),
+            ess_mean(s),
+            ess_quantile(s, 0.3),
+            mcse_mean(s),
+            mcse_sd(s),
+            mcse_quantile(s, 0.1),
+            mcse_quantile(s, 0.975),
+        ];
+        for (which, (a, b)) in ours.into_iter().zip(theirs).enumerate() {
+            // ArviZ gives no R-hat of a single chain.
+            if s.chains() > 1 || which > 0 {
+                assert!(
+                    (a - b).abs() <= 1e-6 * b.abs(),
+                    "case {k}, figure {which}: {a} against {b}"
+                );
+            }
+        }
+    }
+}
