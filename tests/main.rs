@@ -1,1 +1,3 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
+
+mod field;

@@ -8,6 +8,7 @@ use rstar::primitives::GeomWithData;
 pub(super) const NEIGHBOURS: usize = 20;
 
 type Coefficients = SVector<f64, 6>;
+type Plane = SVector<f64, 3>;
 type Factor = Cholesky<f64, Const<6>>;
 
 /// Displacements with an index of their points.
@@ -15,6 +16,8 @@ pub(super) struct LocalFit<'a> {
     points: &'a [[f64; 2]],
     displacement: &'a [[f64; 2]],
     tree: RTree<GeomWithData<[f64; 2], u32>>,
+    /// Points that are nobody's neighbours: spikes already found.
+    pub excluded: Vec<bool>,
 }
 
 /// Neighbours of a point in coordinates about it, scaled by the distance of the farthest.
@@ -48,6 +51,7 @@ impl<'a> LocalFit<'a> {
             points,
             displacement,
             tree: RTree::bulk_load(entries),
+            excluded: vec![false; points.len()],
         }
     }
 
@@ -58,7 +62,7 @@ impl<'a> LocalFit<'a> {
             .tree
             .nearest_neighbor_iter(center)
             .map(|entry| entry.data as usize)
-            .filter(|&j| j != i)
+            .filter(|&j| j != i && !self.excluded[j])
             .take(NEIGHBOURS)
             .collect();
         let offset = |j: usize| [self.points[j][0] - center[0], self.points[j][1] - center[1]];
@@ -142,6 +146,46 @@ impl<'a> LocalFit<'a> {
             widening,
             curvature: (fit[3] * fit[3] + fit[4] * fit[4] + fit[5] * fit[5]).sqrt(),
         }
+    }
+
+    /// Whether a plane through the neighbours on one side of point `i` alone, for any of twelve sides, fits them to
+    /// within twice `scale` and predicts the point to within `multiple` standard deviations: the point then
+    /// belongs to that side of a step.
+    pub fn joins_one_side(&self, i: usize, k: usize, scale: f64, multiple: f64) -> bool {
+        const SIDES: usize = 12;
+        let near = self.neighbourhood(i);
+        let center = self.displacement[i][k];
+        (0..SIDES).any(|side| {
+            let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
+            let members: Vec<(Plane, f64)> = near
+                .index
+                .iter()
+                .zip(&near.basis)
+                .filter(|(_, phi)| cos * phi[1] + sin * phi[2] > 0.05)
+                .map(|(&j, phi)| {
+                    (
+                        Plane::new(phi[0], phi[1], phi[2]),
+                        self.displacement[j][k] - center,
+                    )
+                })
+                .collect();
+            let mut normal = SMatrix::<f64, 3, 3>::zeros();
+            let mut right = Plane::zeros();
+            for (phi, u) in &members {
+                normal.ger(1.0, phi, phi, 1.0);
+                right += phi * *u;
+            }
+            let Some(inverse) = normal.try_inverse().filter(|_| members.len() >= 6) else {
+                return false;
+            };
+            let fit = inverse * right;
+            let square: f64 = members
+                .iter()
+                .map(|(phi, u)| (u - phi.dot(&fit)).powi(2))
+                .sum();
+            let clean = square < (members.len() - 3) as f64 * (2.0 * scale).powi(2);
+            clean && fit[0].abs() < multiple * scale * (1.0 + inverse[(0, 0)]).sqrt()
+        })
     }
 }
 

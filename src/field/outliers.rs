@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::local::{LocalFit, mad};
+use super::local::{LocalFit, mad, median};
 use super::measured::{Field, Reason, bounds};
 
 /// A residual beyond this many standard deviations makes a spike (6e-7 of good Gaussian points).
@@ -16,7 +16,7 @@ pub const MULTIPLE: f64 = 5.0;
 /// Least-squares residuals beyond this many standard deviations are looked at again, robustly.
 const SUSPICIOUS: f64 = 3.0;
 /// The next order of a local expansion may be this fraction of the quadratic one (strong gradients at the hole).
-const NEXT_ORDER: f64 = 0.5;
+const NEXT_ORDER: f64 = 0.6;
 /// This many neighbours that share a deviation make it a feature of the field.
 const COMPANIONS: usize = 4;
 /// Points in the parts of the field that have a scale of their own.
@@ -41,27 +41,45 @@ pub fn reject(field: &mut Field) -> usize {
 }
 
 /// The spikes among `displacement` (u1, u2) at `points` (s, t), by increasing index of the point.
+///
+/// Spikes that are found no longer count as neighbours, which may unmask others: the suspicious points are looked
+/// at again until no more are found.
 pub fn spikes(points: &[[f64; 2]], displacement: &[[f64; 2]]) -> Vec<Spike> {
-    let fits = LocalFit::new(points, displacement);
+    const ROUNDS: usize = 6;
+    let mut fits = LocalFit::new(points, displacement);
     let residuals: Vec<([f64; 2], f64)> = (0..points.len())
         .into_par_iter()
         .map(|i| fits.residual(i))
         .collect();
     let scales = [0, 1].map(|k| scales(points, displacement, &residuals, k));
-    (0..points.len())
-        .into_par_iter()
-        .filter_map(|point| {
-            let (residual, widening) = residuals[point];
-            let component = [0, 1].map(|k| {
-                let scale = scales[k][point];
-                residual[k].abs() > SUSPICIOUS * scale * widening
-                    && is_spike(&fits, point, k, scale)
-            });
-            component
-                .contains(&true)
-                .then_some(Spike { point, component })
-        })
-        .collect()
+    let suspicious =
+        |i: usize, k: usize| residuals[i].0[k].abs() > SUSPICIOUS * scales[k][i] * residuals[i].1;
+    let mut candidates: Vec<usize> = (0..points.len())
+        .filter(|&i| suspicious(i, 0) || suspicious(i, 1))
+        .collect();
+    let mut found: Vec<Spike> = Vec::new();
+    for _ in 0..ROUNDS {
+        let spikes: Vec<Spike> = candidates
+            .par_iter()
+            .filter_map(|&point| {
+                let component = [0, 1]
+                    .map(|k| suspicious(point, k) && is_spike(&fits, point, k, scales[k][point]));
+                component
+                    .contains(&true)
+                    .then_some(Spike { point, component })
+            })
+            .collect();
+        if spikes.is_empty() {
+            break;
+        }
+        spikes
+            .iter()
+            .for_each(|spike| fits.excluded[spike.point] = true);
+        candidates.retain(|&i| !fits.excluded[i]);
+        found.extend(spikes);
+    }
+    found.sort_unstable_by_key(|spike| spike.point);
+    found
 }
 
 /// The sd of component `k` at each point: the field's, or that of the point's part of it if that is larger.
@@ -100,7 +118,24 @@ fn scales(
 /// Whether point `i` contradicts a robust fit of its neighbours, and does so alone.
 fn is_spike(fits: &LocalFit, i: usize, k: usize, scale: f64) -> bool {
     let fit = fits.robust(i, k, scale);
-    let tolerance = MULTIPLE * scale * fit.widening + NEXT_ORDER * fit.curvature;
+    let excess = fit.residual.abs() - MULTIPLE * scale * fit.widening;
     let shared = |r: &&f64| (**r / fit.residual - 1.0).abs() < 0.5;
-    fit.residual.abs() > tolerance && fit.neighbours.iter().filter(shared).count() < COMPANIONS
+    excess > 0.0
+        && fit.neighbours.iter().filter(shared).count() < COMPANIONS
+        && excess > NEXT_ORDER * curvature(fits, i, k, scale).min(fit.curvature)
+        && !fits.joins_one_side(i, k, scale, SUSPICIOUS)
+}
+
+/// Curvature of the field about point `i` as its nearest neighbours see it, each from its own fit: a cluster of spikes
+/// bends one fit but hardly the median of several.
+fn curvature(fits: &LocalFit, i: usize, k: usize, scale: f64) -> f64 {
+    const WITNESSES: usize = 8;
+    let near = fits.neighbourhood(i);
+    let mut seen: Vec<f64> = near
+        .index
+        .iter()
+        .take(WITNESSES)
+        .map(|&j| fits.robust(j, k, scale).curvature)
+        .collect();
+    median(&mut seen)
 }
