@@ -1,0 +1,274 @@
+//! The article's format (its Appendix 4): four whitespace-separated matrices of one shape, `X.txt` and `Y.txt` in
+//! mm, `U.txt` and `V.txt` in micrometres, NaN where nothing was measured. U is the displacement along the
+//! *loading* axis and V along the other one, whichever axes these are.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::frame::Frame;
+use super::measured::{FARTHEST_MM, Field, GridShape, Rejected};
+use crate::error::{Error, Result};
+use crate::quantity::UM_PER_MM;
+
+/// Files of a measurement, in the order of reading.
+const NAMES: [&str; 4] = ["X.txt", "Y.txt", "U.txt", "V.txt"];
+
+/// A field on a matrix, row by row; `points` and `displacement` have `rows * cols` entries.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Points (x, y) in the data's coordinates, mm.
+    pub points: Vec<[f64; 2]>,
+    /// Displacements (u1, u2), u1 along the loading axis, mm; NaN where nothing was measured.
+    pub displacement: Vec<[f64; 2]>,
+}
+
+impl Grid {
+    /// A regular grid over the window `[[x0, y0], [x1, y1]]` mm, borders included; rows y increasing, columns x
+    /// increasing, no displacement measured yet.
+    pub fn regular([low, high]: [[f64; 2]; 2], rows: usize, cols: usize) -> Self {
+        let at = |k: usize, i: usize, n: usize| {
+            low[k] + (high[k] - low[k]) * i as f64 / (n.max(2) - 1) as f64
+        };
+        let points: Vec<_> = (0..rows * cols)
+            .map(|i| [at(0, i % cols, cols), at(1, i / cols, rows)])
+            .collect();
+        Self {
+            rows,
+            cols,
+            displacement: vec![[f64::NAN; 2]; points.len()],
+            points,
+        }
+    }
+
+    /// The field of the measured points, in the model's frame.
+    pub fn field(&self, frame: Frame) -> Field {
+        let index: Vec<usize> = (0..self.points.len())
+            .filter(|&i| self.displacement[i].iter().all(|u| u.is_finite()))
+            .collect();
+        Field {
+            points: index.iter().map(|&i| frame.point(self.points[i])).collect(),
+            displacement: index.iter().map(|&i| self.displacement[i]).collect(),
+            frame,
+            rejected: Rejected {
+                missing: self.points.len() - index.len(),
+                ..Rejected::default()
+            },
+            grid: Some(GridShape {
+                rows: self.rows,
+                cols: self.cols,
+                index,
+            }),
+            fringe_frequency_per_mm: None,
+            files: Vec::new(),
+        }
+    }
+}
+
+/// One file: its numbers row by row and the line of each row.
+struct Matrix {
+    path: PathBuf,
+    cols: usize,
+    lines: Vec<usize>,
+    values: Vec<f64>,
+}
+
+impl Matrix {
+    /// An error at entry `i`.
+    fn error_at(&self, i: usize, expected: &str) -> Error {
+        let place = format!(
+            "{}:{}, column {}",
+            self.path.display(),
+            self.lines[i / self.cols],
+            i % self.cols + 1
+        );
+        Error::input(place, expected).found(self.values[i])
+    }
+}
+
+/// Read `X.txt`, `Y.txt`, `U.txt`, `V.txt` of the directory `dir` as a field in `frame`.
+///
+/// # Errors
+/// Of the input, naming file, line, column and value: a missing, empty or non-text file, a cell that is not a number,
+/// ragged rows, different shapes, no measured point, a measured point without coordinates, impossible magnitudes.
+pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
+    let files: Vec<PathBuf> = NAMES.iter().map(|name| dir.join(name)).collect();
+    let read: Vec<Result<Matrix>> = files.par_iter().map(|path| read_matrix(path)).collect();
+    let matrices = read.into_iter().collect::<Result<Vec<_>>>()?;
+    let [x, y, u, v] = &matrices[..] else {
+        return Err(Error::program("field::matrices", "four matrices"));
+    };
+    for other in [y, u, v] {
+        if (other.lines.len(), other.cols) != (x.lines.len(), x.cols) {
+            let expected = format!("{} rows x {} columns as in X.txt", x.lines.len(), x.cols);
+            return Err(Error::input(other.path.display(), expected).found(format!(
+                "{} rows x {} columns",
+                other.lines.len(),
+                other.cols
+            )));
+        }
+    }
+    let grid = assemble(x, y, u, v)?;
+    let mut field = grid.field(frame);
+    if field.is_empty() {
+        return Err(Error::input(
+            u.path.display(),
+            "at least one point where both U and V are measured",
+        )
+        .found("NaN everywhere"));
+    }
+    field.files = files;
+    Ok(field)
+}
+
+/// Join the four matrices, checking every entry.
+fn assemble(x: &Matrix, y: &Matrix, u: &Matrix, v: &Matrix) -> Result<Grid> {
+    let n = x.values.len();
+    let mut points = Vec::with_capacity(n);
+    let mut displacement = Vec::with_capacity(n);
+    for i in 0..n {
+        let measured = !(u.values[i].is_nan() || v.values[i].is_nan());
+        for matrix in [x, y] {
+            if measured && matrix.values[i].is_nan() {
+                return Err(matrix.error_at(i, "a coordinate, since U and V are measured here"));
+            }
+            if matrix.values[i].abs() > FARTHEST_MM {
+                return Err(matrix
+                    .error_at(i, "a coordinate in mm below 1e5")
+                    .hint("X.txt and Y.txt are in mm"));
+            }
+        }
+        for matrix in [u, v] {
+            if matrix.values[i].abs() > FARTHEST_MM * UM_PER_MM {
+                return Err(matrix.error_at(i, "a displacement in micrometres below 1e8"));
+            }
+        }
+        points.push([x.values[i], y.values[i]]);
+        displacement.push([u.values[i] / UM_PER_MM, v.values[i] / UM_PER_MM]);
+    }
+    Ok(Grid {
+        rows: x.lines.len(),
+        cols: x.cols,
+        points,
+        displacement,
+    })
+}
+
+/// The text of a file, without a byte order mark.
+///
+/// # Errors
+/// Of the input: a file that cannot be read or is not UTF-8 (with the line of the first bad byte).
+pub(super) fn read_text(path: &Path) -> Result<String> {
+    let bytes = fs::read(path).map_err(|e| {
+        Error::input(path.display(), "a readable file")
+            .found(e)
+            .hint("paths in a model file are relative to it; --data PATH gives another place")
+    })?;
+    let mut text = String::from_utf8(bytes).map_err(|e| {
+        let good = e.utf8_error().valid_up_to();
+        let bytes = e.as_bytes();
+        let line = 1 + bytes[..good].iter().filter(|b| **b == b'\n').count();
+        Error::input(format!("{}:{line}", path.display()), "text in UTF-8")
+            .found(format!(
+                "byte 0x{:02x}",
+                bytes.get(good).copied().unwrap_or(0)
+            ))
+            .hint("save the file as plain UTF-8 text")
+    })?;
+    if text.starts_with('\u{feff}') {
+        text.remove(0);
+    }
+    Ok(text)
+}
+
+/// A number of a text file: NaN (any case) is a number here, an infinity is not.
+pub(super) fn number(text: &str) -> Option<f64> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|value| !value.is_infinite())
+}
+
+/// Read one matrix; blank lines are skipped.
+fn read_matrix(path: &Path) -> Result<Matrix> {
+    let text = read_text(path)?;
+    let mut matrix = Matrix {
+        path: path.to_owned(),
+        cols: 0,
+        lines: Vec::new(),
+        values: Vec::new(),
+    };
+    for (line, row) in text.lines().enumerate() {
+        let start = matrix.values.len();
+        for (col, cell) in row.split_ascii_whitespace().enumerate() {
+            let value = number(cell).ok_or_else(|| {
+                let error = Error::input(
+                    format!("{}:{}, column {}", path.display(), line + 1, col + 1),
+                    "a number or NaN",
+                );
+                let error = error.found(cell);
+                if cell.contains(',') {
+                    error.hint("separate numbers by blanks and use a decimal point")
+                } else {
+                    error
+                }
+            })?;
+            matrix.values.push(value);
+        }
+        let cols = matrix.values.len() - start;
+        if cols == 0 {
+            continue;
+        }
+        if matrix.lines.is_empty() {
+            matrix.cols = cols;
+        } else if cols != matrix.cols {
+            let expected = format!("{} columns as in line {}", matrix.cols, matrix.lines[0]);
+            return Err(
+                Error::input(format!("{}:{}", path.display(), line + 1), expected)
+                    .found(format!("{cols} columns")),
+            );
+        }
+        matrix.lines.push(line + 1);
+    }
+    if matrix.values.is_empty() {
+        return Err(Error::input(path.display(), "a matrix of numbers").found("an empty file"));
+    }
+    Ok(matrix)
+}
+
+/// Write `grid` as the four files of this format into the directory `dir`, which is made if need be. X, Y have 5
+/// decimals of a mm (at a strain of 1e-3 their rounding is worth 5 pm of displacement), U, V 6 decimals of a micrometre.
+///
+/// # Errors
+/// Of the input: a place that cannot be written.
+pub fn write_matrices(dir: &Path, grid: &Grid) -> Result<()> {
+    let fail =
+        |path: &Path, e: std::io::Error| Error::input(path.display(), "a writable place").found(e);
+    fs::create_dir_all(dir).map_err(|e| fail(dir, e))?;
+    let entry = |file: usize, i: usize| match file {
+        0 | 1 => grid.points[i][file],
+        _ => grid.displacement[i][file - 2] * UM_PER_MM,
+    };
+    for (file, name) in NAMES.iter().enumerate() {
+        let decimals = if file < 2 { 5 } else { 6 };
+        let mut text = String::with_capacity(grid.points.len() * 12);
+        for i in 0..grid.points.len() {
+            let value = entry(file, i);
+            // writing to a String cannot fail
+            let _ = if value.is_finite() {
+                write!(text, "{value:.decimals$}")
+            } else {
+                write!(text, "NaN")
+            };
+            text.push(if (i + 1) % grid.cols == 0 { '\n' } else { ' ' });
+        }
+        let path = dir.join(name);
+        fs::write(&path, text).map_err(|e| fail(&path, e))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,248 @@
+//! The measured field: points, displacements, and what was dropped on the way.
+
+use std::path::PathBuf;
+
+use rstar::RTree;
+
+use super::frame::Frame;
+use crate::error::{Error, Result};
+
+/// Coordinates and displacements beyond this are taken for a mistake in the units, mm.
+pub(super) const FARTHEST_MM: f64 = 1e5;
+
+/// A measured displacement field. All vectors have one entry a point.
+#[derive(Debug, Clone)]
+pub struct Field {
+    /// Points (s, t) in mm: along direction 1 and 2, origin at the hole's centre.
+    pub points: Vec<[f64; 2]>,
+    /// Displacements (u1, u2) in mm along direction 1 and 2.
+    pub displacement: Vec<[f64; 2]>,
+    /// The declared axes and origin.
+    pub frame: Frame,
+    /// The matrix the points come from, if they do.
+    pub grid: Option<GridShape>,
+    /// How many points were dropped, and why.
+    pub rejected: Rejected,
+    /// Frequency of a moire grating, lines per mm of displacement.
+    pub fringe_frequency_per_mm: Option<f64>,
+    /// The files that were read, for the manifest's hashes.
+    pub files: Vec<PathBuf>,
+}
+
+/// Where the points lie in a matrix.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GridShape {
+    /// Rows of the matrix.
+    pub rows: usize,
+    /// Columns of the matrix.
+    pub cols: usize,
+    /// `row * cols + col` of each point.
+    pub index: Vec<usize>,
+}
+
+/// Numbers of dropped points by reason.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Rejected {
+    /// Not measured: NaN or empty cells.
+    pub missing: usize,
+    /// Outside the declared window.
+    pub outside_window: usize,
+    /// Spikes ([`super::outliers`]).
+    pub outliers: usize,
+    /// Outside the plate or inside the hole, as the caller knows them.
+    pub outside_plate: usize,
+}
+
+/// Why points are dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// Outside the declared window.
+    OutsideWindow,
+    /// A spike.
+    Outlier,
+    /// Outside the plate or inside the hole.
+    OutsidePlate,
+}
+
+impl Field {
+    /// A field with fewer points than this is refused when it is read.
+    pub const FEWEST: usize = 24;
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether no point is left.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// One component of the displacement, mm: 0 for u1, 1 for u2.
+    pub fn component(&self, component: usize) -> Vec<f64> {
+        self.displacement.iter().map(|u| u[component]).collect()
+    }
+
+    /// Keep the points for which `keep(index)` holds, count the others under `reason`, and return how many went.
+    pub fn retain(&mut self, reason: Reason, keep: impl Fn(usize) -> bool) -> usize {
+        let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
+        let dropped = self.len() - kept.len();
+        if dropped > 0 {
+            self.points = kept.iter().map(|&i| self.points[i]).collect();
+            self.displacement = kept.iter().map(|&i| self.displacement[i]).collect();
+            if let Some(grid) = &mut self.grid {
+                grid.index = kept.iter().map(|&i| grid.index[i]).collect();
+            }
+        }
+        *match reason {
+            Reason::OutsideWindow => &mut self.rejected.outside_window,
+            Reason::Outlier => &mut self.rejected.outliers,
+            Reason::OutsidePlate => &mut self.rejected.outside_plate,
+        } += dropped;
+        dropped
+    }
+
+    /// Drop the points outside `[[x0, y0], [x1, y1]]` (data's coordinates, mm, borders included).
+    pub fn restrict_to(&mut self, [low, high]: [[f64; 2]; 2]) -> usize {
+        let frame = self.frame;
+        let inside: Vec<bool> = self
+            .points
+            .iter()
+            .map(|&p| frame.data_point(p))
+            .map(|p| (0..2).all(|k| low[k] <= p[k] && p[k] <= high[k]))
+            .collect();
+        self.retain(Reason::OutsideWindow, |i| inside[i])
+    }
+
+    /// Refuse a field of fewer than [`Field::FEWEST`] points; `place` names its file.
+    pub(super) fn check_enough(&self, place: &str) -> Result<()> {
+        if self.len() >= Self::FEWEST {
+            return Ok(());
+        }
+        let Rejected {
+            missing,
+            outside_window,
+            outliers,
+            ..
+        } = self.rejected;
+        Err(Error::input(
+            place,
+            format!("at least {} measured points in the window", Self::FEWEST),
+        )
+        .found(format!(
+            "{} ({missing} missing, {outside_window} outside the window, {outliers} outliers)",
+            self.len()
+        ))
+        .hint("check window_mm (data's coordinates) and the units"))
+    }
+
+    /// The smallest and largest (s, t), mm. Both are zero for an empty field.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        bounds(&self.points)
+    }
+
+    /// The typical distance of neighbouring points in mm: the median distance to the nearest other point (of some
+    /// 2000 points). Zero for a field of fewer than two distinct points.
+    pub fn spacing_mm(&self) -> f64 {
+        let tree = RTree::bulk_load(self.points.clone());
+        let stride = self.len() / 2000 + 1;
+        let mut nearest: Vec<f64> = self
+            .points
+            .iter()
+            .step_by(stride)
+            .filter_map(|&p| {
+                // coincident points (a repeated measurement) say nothing about the spacing
+                tree.nearest_neighbor_iter_with_distance_2(p)
+                    .take(64)
+                    .map(|(_, d2)| d2)
+                    .find(|d2| *d2 > 0.0)
+            })
+            .map(f64::sqrt)
+            .collect();
+        super::local::median(&mut nearest)
+    }
+
+    /// Check that the declared centre lies in the hole: nothing is measured well inside it (r < 0.8 `radius_mm`).
+    ///
+    /// # Errors
+    /// Of the input, with the number of points there and the largest void near the declared centre.
+    pub fn check_hole(&self, radius_mm: f64) -> Result<()> {
+        let reach = 0.8 * radius_mm;
+        let inside = self
+            .points
+            .iter()
+            .filter(|p| p[0].hypot(p[1]) < reach)
+            .count();
+        let spacing = self.spacing_mm();
+        let expected = std::f64::consts::PI * (reach / spacing.max(f64::MIN_POSITIVE)).powi(2);
+        // a few stray points of a correlation program are not evidence of a wrong centre
+        if (inside as f64) < (0.02 * expected).max(3.0) {
+            return Ok(());
+        }
+        let [cx, cy] = self.frame.hole_center_mm;
+        let error = Error::input(
+            "hole_center_in_data_mm",
+            format!("no point within {reach:.3} mm of the hole's centre"),
+        )
+        .found(format!("{inside} points near ({cx}, {cy})"));
+        Err(match self.largest_void(radius_mm) {
+            Some((center, radius)) if radius > 2.0 * spacing => {
+                let [x, y] = self.frame.data_point(center);
+                error.hint(format!("the largest void nearby has radius {radius:.2} mm about ({x:.2}, {y:.2}) in the data"))
+            }
+            _ => error
+                .hint("the data show no hole nearby: check its centre, its diameter and the units"),
+        })
+    }
+
+    /// Centre (s, t) and radius of the largest empty disc inside the bounds with its centre within six `radius_mm`
+    /// of the origin, on a lattice refined twice.
+    fn largest_void(&self, radius_mm: f64) -> Option<([f64; 2], f64)> {
+        let tree = RTree::bulk_load(self.points.clone());
+        let [low, high] = self.bounds();
+        let clearance = |c: [f64; 2]| {
+            let to_border = (0..2)
+                .map(|k| (c[k] - low[k]).min(high[k] - c[k]))
+                .fold(f64::INFINITY, f64::min);
+            let to_point = tree
+                .nearest_neighbor_iter_with_distance_2(c)
+                .next()
+                .map_or(0.0, |(_, d2)| d2.sqrt());
+            to_border.min(to_point)
+        };
+        let mut best: Option<([f64; 2], f64)> = None;
+        let mut reach = 6.0 * radius_mm;
+        for _ in 0..3 {
+            const HALF: i32 = 24;
+            let middle = best.map_or([0.0; 2], |(c, _)| c);
+            for i in -HALF..=HALF {
+                for j in -HALF..=HALF {
+                    let step = reach / f64::from(HALF);
+                    let c = [
+                        middle[0] + step * f64::from(i),
+                        middle[1] + step * f64::from(j),
+                    ];
+                    let r = clearance(c);
+                    if r > 0.0 && best.is_none_or(|(_, largest)| r > largest) {
+                        best = Some((c, r));
+                    }
+                }
+            }
+            reach /= 12.0;
+        }
+        best
+    }
+}
+
+/// The smallest and largest coordinates of `points`; zeros if there are none.
+pub(super) fn bounds(points: &[[f64; 2]]) -> [[f64; 2]; 2] {
+    let Some(&first) = points.first() else {
+        return [[0.0; 2]; 2];
+    };
+    points.iter().fold([first, first], |[low, high], p| {
+        [
+            [low[0].min(p[0]), low[1].min(p[1])],
+            [high[0].max(p[0]), high[1].max(p[1])],
+        ]
+    })
+}

@@ -1,0 +1,24 @@
+//! The measured field: readers, frame, spikes, noise, block averages and their covariance.
+//!
+//! Inside this crate a field is points (s, t) and displacements (u1, u2) in mm, direction 1 along the load, origin
+//! at the hole's centre. [`spec::MeasurementSpec::read`] makes one from files.
+
+pub mod blocks;
+pub mod covariance;
+pub mod frame;
+mod local;
+pub mod matrices;
+pub mod measured;
+pub mod noise;
+pub mod outliers;
+pub mod reml;
+pub mod spec;
+pub mod table;
+
+pub use blocks::Blocks;
+pub use covariance::{BlockCovariance, Matern};
+pub use frame::{Axis, Frame};
+pub use matrices::Grid;
+pub use measured::{Field, GridShape, Reason, Rejected};
+pub use reml::Reml;
+pub use spec::MeasurementSpec;

@@ -1,0 +1,187 @@
+//! Restricted maximum likelihood of the covariance of block averages: on contrasts orthogonal to given columns, so
+//! that what the columns explain does not pass for noise (TRACING step 4).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::blocks::Blocks;
+use super::covariance::{BlockCovariance, Matern, over_grid};
+use crate::error::{Error, Result};
+
+/// Restricted likelihood at one setting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setting {
+    /// Correlation length l, mm.
+    pub length_mm: f64,
+    /// Ratio rho.
+    pub ratio: f64,
+    /// Restricted log likelihood with s^2 at its maximum; comparable between settings for the same columns.
+    pub log_likelihood: f64,
+    /// The s^2 of the maximum, unit of the data squared.
+    pub scale2: f64,
+}
+
+/// The whole table of settings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reml {
+    /// Lengths outermost, ratios within, as given.
+    pub table: Vec<Setting>,
+    /// The setting of the largest likelihood (the first of equals).
+    pub best: Setting,
+    /// Mean number of points of a block, nbar.
+    pub mean_count: f64,
+    /// Number of contrasts: blocks minus the rank of the columns.
+    pub contrasts: usize,
+}
+
+impl Reml {
+    /// Sd of the white part of a single point at the best setting, unit of the data.
+    pub fn white_sd(&self) -> f64 {
+        (self.best.scale2 * self.mean_count).sqrt()
+    }
+
+    /// Sd of the correlated part of a single point at the best setting, unit of the data.
+    pub fn correlated_sd(&self) -> f64 {
+        (self.best.scale2 * self.best.ratio).sqrt()
+    }
+
+    /// The covariance of the best setting at s = 1.
+    ///
+    /// # Errors
+    /// Of the program, if the factorisation fails.
+    pub fn covariance(&self, blocks: &Blocks) -> Result<BlockCovariance> {
+        BlockCovariance::new(
+            blocks,
+            &Matern::new(blocks, self.best.length_mm),
+            self.best.ratio,
+        )
+    }
+}
+
+/// Restricted likelihood of block averages `y` of one component over all `lengths_mm` and `ratios`, with the columns
+/// (blocks x p, of any rank, p may be zero) projected out. A ratio of zero makes the length immaterial.
+///
+/// # Errors
+/// Of the program: nothing left to estimate from (fewer than ten contrasts), empty lengths or ratios, a value that is
+/// not finite, a factorisation that fails.
+pub fn reml(
+    blocks: &Blocks,
+    y: &DVector<f64>,
+    columns: &DMatrix<f64>,
+    lengths_mm: &[f64],
+    ratios: &[f64],
+) -> Result<Reml> {
+    if !y
+        .iter()
+        .chain(columns.iter())
+        .all(|value| value.is_finite())
+    {
+        return Err(Error::program(
+            "field::reml",
+            "finite block averages and columns",
+        ));
+    }
+    let basis = orthonormal(columns);
+    let rank = basis.ncols();
+    if blocks.len() < rank + 10 {
+        let expected = format!("at least ten more blocks than the {rank} independent columns");
+        return Err(
+            Error::program("field::reml", expected).found(format!("{} blocks", blocks.len()))
+        );
+    }
+    let contrasts = blocks.len() - rank;
+    let table = over_grid(blocks, lengths_mm, ratios, |covariance| {
+        restricted(covariance, y, &basis, contrasts)
+    })?;
+    let best = table.iter().copied().reduce(|a, b| {
+        if b.log_likelihood > a.log_likelihood {
+            b
+        } else {
+            a
+        }
+    });
+    let best =
+        best.ok_or_else(|| Error::program("field::reml", "at least one length and one ratio"))?;
+    Ok(Reml {
+        table,
+        best,
+        mean_count: blocks.mean_count(),
+        contrasts,
+    })
+}
+
+/// The restricted likelihood (Patterson and Thompson 1971; Harville 1974) with s^2 profiled out.
+fn restricted(
+    c: &BlockCovariance,
+    y: &DVector<f64>,
+    basis: &DMatrix<f64>,
+    contrasts: usize,
+) -> Result<Setting> {
+    let white = c.whiten_vector(y);
+    let mut square = white.norm_squared();
+    let mut log_det = c.log_det();
+    if basis.ncols() > 0 {
+        let columns = c.whiten(basis);
+        let factor = columns.tr_mul(&columns).cholesky().ok_or_else(|| {
+            Error::program("field::reml", "independent columns after whitening")
+                .found(format!("rho = {}", c.ratio))
+        })?;
+        let projected = columns.tr_mul(&white);
+        square -= projected.dot(&factor.solve(&projected));
+        log_det += 2.0
+            * factor
+                .l_dirty()
+                .diagonal()
+                .iter()
+                .map(|d| d.ln())
+                .sum::<f64>();
+    }
+    let m = contrasts as f64;
+    // data that the columns explain exactly have no noise; keep the logarithm finite
+    let scale2 = (square / m).max(f64::MIN_POSITIVE);
+    let log_likelihood =
+        -0.5 * (m * (scale2.ln() + 1.0 + (2.0 * std::f64::consts::PI).ln()) + log_det);
+    Ok(Setting {
+        length_mm: c.length_mm,
+        ratio: c.ratio,
+        log_likelihood,
+        scale2,
+    })
+}
+
+/// Orthonormal basis of the span of `columns` (n x p), n x rank: Gram-Schmidt with pivoting, twice for
+/// orthogonality. Directions below 1e-8 of a column's own length count as dependent.
+pub fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    const DEPENDENT: f64 = 1e-8;
+    let n = columns.nrows();
+    let mut left: Vec<DVector<f64>> = columns
+        .column_iter()
+        .filter(|c| c.norm() > 0.0)
+        .map(|c| c / c.norm())
+        .collect();
+    let mut basis: Vec<DVector<f64>> = Vec::new();
+    while basis.len() < n {
+        let longest = (0..left.len()).reduce(|a, b| {
+            if left[b].norm_squared() > left[a].norm_squared() {
+                b
+            } else {
+                a
+            }
+        });
+        let Some(pivot) = longest.filter(|&p| left[p].norm() > DEPENDENT) else {
+            break;
+        };
+        let mut next = left.swap_remove(pivot).normalize();
+        for earlier in &basis {
+            next.axpy(-earlier.dot(&next), earlier, 1.0);
+        }
+        next.normalize_mut();
+        left.iter_mut()
+            .for_each(|c| c.axpy(-next.dot(c), &next, 1.0));
+        basis.push(next);
+    }
+    if basis.is_empty() {
+        DMatrix::zeros(n, 0)
+    } else {
+        DMatrix::from_columns(&basis)
+    }
+}

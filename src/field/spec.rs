@@ -1,0 +1,293 @@
+//! The `measurement` object of a model file: what was measured, in which units, axes and origin.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::frame::{Axis, Frame};
+use super::measured::Field;
+use super::outliers;
+use super::{matrices, table};
+use crate::error::{Error, Result};
+use crate::quantity::Length;
+
+/// A declared measurement. In JSON its fields lie flat beside `format`; an unknown key is an error.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Keys", into = "Keys")]
+pub struct MeasurementSpec {
+    /// Where the numbers are and how they are written.
+    pub source: Source,
+    /// The declared axes and origin.
+    pub frame: Frame,
+    /// Frequency f_s of a moire grating in lines per mm of displacement (a fringe order is 1/f_s), if it is one.
+    pub fringe_frequency_per_mm: Option<f64>,
+    /// What happens to spikes.
+    pub outliers: OutlierRule,
+}
+
+/// The file or files of a measurement.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// `X.txt`, `Y.txt` (mm), `U.txt`, `V.txt` (micrometres) in one directory; see [`matrices`].
+    Matrices {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// Named columns of one file; see [`table`].
+    Csv {
+        /// The file.
+        file: PathBuf,
+        /// Header names of the four columns.
+        columns: Columns,
+        /// Declared units of the columns.
+        units: Units,
+    },
+}
+
+/// Header names of the columns of a table.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Columns {
+    /// The point's x coordinate.
+    pub x: String,
+    /// The point's y coordinate.
+    pub y: String,
+    /// The displacement along x.
+    pub ux: String,
+    /// The displacement along y.
+    pub uy: String,
+}
+
+/// Units of a table's columns, by their names in [`Length`].
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Units {
+    /// Unit of both coordinates.
+    pub coordinates: String,
+    /// Unit of both displacements.
+    pub displacements: String,
+}
+
+/// What happens to points that [`outliers::spikes`] finds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OutlierRule {
+    /// They are dropped and counted.
+    #[default]
+    Reject,
+    /// They stay.
+    Keep,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Format {
+    Matrices,
+    Csv,
+}
+
+/// The keys as they are written: serde's internally tagged enums let unknown keys pass, so one flat set of keys is
+/// read and then sorted by format.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    format: Format,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    dir: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    file: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    columns: Option<Columns>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    units: Option<Units>,
+    loading_axis: Axis,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hole_center_in_data_mm: Option<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fringe_frequency_per_mm: Option<f64>,
+    #[serde(default)]
+    outliers: OutlierRule,
+}
+
+/// A key that the format needs.
+fn needed<T>(value: Option<T>, format: &str, key: &str) -> Result<T> {
+    value.ok_or_else(|| {
+        Error::input(
+            key,
+            format!("this key in a measurement of format \"{format}\""),
+        )
+    })
+}
+
+/// A key that the format does not know.
+fn foreign<T>(value: &Option<T>, format: &str, key: &str) -> Result<()> {
+    match value {
+        None => Ok(()),
+        Some(_) => Err(Error::input(
+            key,
+            format!("no such key in a measurement of format \"{format}\""),
+        )),
+    }
+}
+
+impl TryFrom<Keys> for MeasurementSpec {
+    type Error = Error;
+
+    fn try_from(keys: Keys) -> Result<Self> {
+        let (source, hole_center_mm) = match keys.format {
+            Format::Matrices => {
+                foreign(&keys.file, "matrices", "file")?;
+                foreign(&keys.columns, "matrices", "columns")?;
+                foreign(&keys.units, "matrices", "units")?;
+                let dir = needed(keys.dir, "matrices", "dir")?;
+                (
+                    Source::Matrices { dir },
+                    keys.hole_center_in_data_mm.unwrap_or([0.0; 2]),
+                )
+            }
+            Format::Csv => {
+                foreign(&keys.dir, "csv", "dir")?;
+                let file = needed(keys.file, "csv", "file")?;
+                let columns = needed(keys.columns, "csv", "columns")?;
+                let units = needed(keys.units, "csv", "units")?;
+                let center = needed(keys.hole_center_in_data_mm, "csv", "hole_center_in_data_mm")?;
+                (
+                    Source::Csv {
+                        file,
+                        columns,
+                        units,
+                    },
+                    center,
+                )
+            }
+        };
+        let spec = Self {
+            source,
+            frame: Frame {
+                loading_axis: keys.loading_axis,
+                hole_center_mm,
+            },
+            fringe_frequency_per_mm: keys.fringe_frequency_per_mm,
+            outliers: keys.outliers,
+        };
+        spec.check()?;
+        Ok(spec)
+    }
+}
+
+impl From<MeasurementSpec> for Keys {
+    fn from(spec: MeasurementSpec) -> Self {
+        let (format, dir, file, columns, units) = match spec.source {
+            Source::Matrices { dir } => (Format::Matrices, Some(dir), None, None, None),
+            Source::Csv {
+                file,
+                columns,
+                units,
+            } => (Format::Csv, None, Some(file), Some(columns), Some(units)),
+        };
+        Self {
+            format,
+            dir,
+            file,
+            columns,
+            units,
+            loading_axis: spec.frame.loading_axis,
+            hole_center_in_data_mm: Some(spec.frame.hole_center_mm),
+            fringe_frequency_per_mm: spec.fringe_frequency_per_mm,
+            outliers: spec.outliers,
+        }
+    }
+}
+
+impl MeasurementSpec {
+    /// Refuse values no measurement can have.
+    fn check(&self) -> Result<()> {
+        let [cx, cy] = self.frame.hole_center_mm;
+        if !(cx.is_finite() && cy.is_finite()) {
+            return Err(Error::input("hole_center_in_data_mm", "two finite numbers")
+                .found(format!("[{cx}, {cy}]")));
+        }
+        if let Some(f) = self
+            .fringe_frequency_per_mm
+            .filter(|f| !(f.is_finite() && *f > 0.0))
+        {
+            return Err(Error::input(
+                "fringe_frequency_per_mm",
+                "a positive number of lines per mm",
+            )
+            .found(f));
+        }
+        if let Source::Csv { columns, units, .. } = &self.source {
+            Length::parse("units.coordinates", &units.coordinates)?;
+            Length::parse("units.displacements", &units.displacements)?;
+            let names = [
+                ("x", &columns.x),
+                ("y", &columns.y),
+                ("ux", &columns.ux),
+                ("uy", &columns.uy),
+            ];
+            for (i, (key, name)) in names.iter().enumerate() {
+                if let Some((other, _)) = names[..i].iter().find(|(_, earlier)| earlier == name) {
+                    let expected = format!("another column than that of columns.{other}");
+                    return Err(Error::input(format!("columns.{key}"), expected).found(name));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The same measurement at another place: the directory of the matrices or the file of the table.
+    #[must_use]
+    pub fn with_path(mut self, path: PathBuf) -> Self {
+        match &mut self.source {
+            Source::Matrices { dir } => *dir = path,
+            Source::Csv { file, .. } => *file = path,
+        }
+        self
+    }
+
+    /// Read the field. Relative paths start at `base_dir`, the model file's directory; `window_mm`
+    /// `[[x0, y0], [x1, y1]]` in the data's coordinates restricts the points used. Spikes are dropped unless they
+    /// are declared to be kept.
+    ///
+    /// # Errors
+    /// Of the input: whatever is wrong with the files, an inverted window, or fewer than [`Field::FEWEST`] points left.
+    pub fn read(&self, base_dir: &Path, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
+        check_window(window_mm)?;
+        let mut field = match &self.source {
+            Source::Matrices { dir } => matrices::read(&base_dir.join(dir), self.frame)?,
+            Source::Csv {
+                file,
+                columns,
+                units,
+            } => table::read(&base_dir.join(file), columns, units, self.frame)?,
+        };
+        field.fringe_frequency_per_mm = self.fringe_frequency_per_mm;
+        if let Some(window) = window_mm {
+            field.restrict_to(window);
+        }
+        let place = field
+            .files
+            .first()
+            .map_or_else(String::new, |file| file.display().to_string());
+        field.check_enough(&place)?;
+        if self.outliers == OutlierRule::Reject {
+            outliers::reject(&mut field);
+            field.check_enough(&place)?;
+        }
+        Ok(field)
+    }
+}
+
+/// A window has its lower corner first.
+fn check_window(window_mm: Option<[[f64; 2]; 2]>) -> Result<()> {
+    match window_mm {
+        // written so that a NaN fails too
+        Some([a, b]) if !(a[0] < b[0] && a[1] < b[1]) => Err(Error::input(
+            "window_mm",
+            "[[x0, y0], [x1, y1]] with x0 < x1 and y0 < y1",
+        )
+        .found(format!("{a:?}, {b:?}"))),
+        _ => Ok(()),
+    }
+}

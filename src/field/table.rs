@@ -1,0 +1,193 @@
+//! A table with named columns, as programs for digital image correlation export it: comma, semicolon or tab
+//! separated, `#` starts a comment line, failed points have empty or NaN cells.
+
+use std::path::Path;
+
+use csv::{ReaderBuilder, StringRecord, Trim};
+
+use super::frame::Frame;
+use super::matrices::{number, read_text};
+use super::measured::{FARTHEST_MM, Field, Rejected};
+use super::spec::{Columns, Units};
+use crate::error::{Error, Result};
+use crate::quantity::Length;
+
+/// Read the columns `columns` of the file `path`, declared in `units`, as a field in `frame`.
+///
+/// # Errors
+/// Of the input: a missing, empty or non-text file, an unknown or repeated column (with the columns there are), a
+/// row of another length or a cell that is not a number (with line and column), no measured point.
+pub fn read(path: &Path, columns: &Columns, units: &Units, frame: Frame) -> Result<Field> {
+    let coordinate_mm = Length::parse("units.coordinates", &units.coordinates)?.in_mm();
+    let displacement_mm = Length::parse("units.displacements", &units.displacements)?.in_mm();
+    let text = read_text(path)?;
+    let wanted = [
+        ("x", &columns.x),
+        ("y", &columns.y),
+        ("ux", &columns.ux),
+        ("uy", &columns.uy),
+    ];
+    let mut reader = ReaderBuilder::new()
+        .delimiter(delimiter(&text))
+        .comment(Some(b'#'))
+        .trim(Trim::All)
+        .flexible(true)
+        .from_reader(text.as_bytes());
+    let headers = reader
+        .headers()
+        .map_err(|e| Error::input(path.display(), "a header line").found(e))?
+        .clone();
+    if headers.is_empty() {
+        return Err(
+            Error::input(path.display(), "a header line and rows of numbers")
+                .found("an empty file"),
+        );
+    }
+    let mut place = [0; 4];
+    for (slot, (key, name)) in place.iter_mut().zip(wanted) {
+        *slot = find_column(path, &headers, key, name)?;
+    }
+    let scale = [
+        coordinate_mm,
+        coordinate_mm,
+        displacement_mm,
+        displacement_mm,
+    ];
+    let mut field = Field {
+        points: Vec::new(),
+        displacement: Vec::new(),
+        frame,
+        grid: None,
+        rejected: Rejected::default(),
+        fringe_frequency_per_mm: None,
+        files: vec![path.to_owned()],
+    };
+    let mut record = StringRecord::new();
+    while reader
+        .read_record(&mut record)
+        .map_err(|e| Error::input(path.display(), "rows of text").found(e))?
+    {
+        let line = || record.position().map_or(0, |p| line_at(&text, p.byte()));
+        if record.len() != headers.len() {
+            let expected = format!("{} cells as in the header", headers.len());
+            return Err(
+                Error::input(format!("{}:{}", path.display(), line()), expected)
+                    .found(format!("{} cells", record.len())),
+            );
+        }
+        let mut row = [0.0; 4];
+        for k in 0..4 {
+            let cell = record.get(place[k]).unwrap_or("");
+            let at = || format!("{}:{}, column \"{}\"", path.display(), line(), wanted[k].1);
+            row[k] = scale[k] * read_cell(cell).ok_or_else(|| not_a_number(at(), cell))?;
+            if row[k].abs() > FARTHEST_MM {
+                let expected = "a length below 1e5 mm";
+                return Err(Error::input(at(), expected)
+                    .found(cell)
+                    .hint("check the declared units"));
+            }
+        }
+        if row.iter().any(|value| value.is_nan()) {
+            field.rejected.missing += 1;
+        } else {
+            field.points.push(frame.point([row[0], row[1]]));
+            field.displacement.push(frame.vector([row[2], row[3]]));
+        }
+    }
+    if field.is_empty() {
+        let found = format!("{} rows, none complete", field.rejected.missing);
+        return Err(Error::input(path.display(), "at least one measured point").found(found));
+    }
+    Ok(field)
+}
+
+/// The column called `name`, which must be there once.
+fn find_column(path: &Path, headers: &StringRecord, key: &str, name: &str) -> Result<usize> {
+    let mut found = headers
+        .iter()
+        .enumerate()
+        .filter(|(_, header)| *header == name.trim());
+    match (found.next(), found.next()) {
+        (Some((index, _)), None) => Ok(index),
+        (first, _) => {
+            let there: Vec<_> = headers
+                .iter()
+                .map(|header| format!("\"{header}\""))
+                .collect();
+            let how = if first.is_some() {
+                "one column of this name only"
+            } else {
+                "a column of the file"
+            };
+            Err(Error::input(
+                format!("columns.{key}"),
+                format!("{how}: {}", there.join(", ")),
+            )
+            .found(format!("\"{name}\""))
+            .within(path.display()))
+        }
+    }
+}
+
+/// A cell: empty means not measured.
+fn read_cell(cell: &str) -> Option<f64> {
+    if cell.is_empty() {
+        Some(f64::NAN)
+    } else {
+        number(cell)
+    }
+}
+
+fn not_a_number(place: String, cell: &str) -> Error {
+    let error = Error::input(place, "a number, NaN or an empty cell").found(cell);
+    let comma = number(&cell.replacen(',', ".", 1)).is_some();
+    if comma {
+        error.hint("export with a decimal point, not a decimal comma")
+    } else {
+        error
+    }
+}
+
+/// The delimiter that occurs most often in the first line that is no comment, outside quotes; a comma if none does.
+fn delimiter(text: &str) -> u8 {
+    let header = text
+        .lines()
+        .find(|line| !line.starts_with('#') && !line.trim().is_empty())
+        .unwrap_or("");
+    let mut counts = [(b',', 0), (b';', 0), (b'\t', 0)];
+    let mut quoted = false;
+    for byte in header.bytes() {
+        quoted ^= byte == b'"';
+        if let Some((_, count)) = counts
+            .iter_mut()
+            .find(|(delimiter, _)| !quoted && *delimiter == byte)
+        {
+            *count += 1;
+        }
+    }
+    // the first of equals: a comma before a semicolon before a tab
+    counts
+        .iter()
+        .rev()
+        .max_by_key(|(_, count)| *count)
+        .map_or(b',', |(delimiter, _)| *delimiter)
+}
+
+/// Line of the record whose reading began at `byte`: blank and comment lines before it were skipped unseen.
+fn line_at(text: &str, byte: u64) -> usize {
+    let mut start = usize::try_from(byte).unwrap_or(0).min(text.len());
+    let bytes = text.as_bytes();
+    while let Some(&first) = bytes.get(start) {
+        match first {
+            b'\n' | b'\r' => start += 1,
+            b'#' => {
+                start += bytes[start..]
+                    .iter()
+                    .position(|b| *b == b'\n')
+                    .unwrap_or(bytes.len() - start)
+            }
+            _ => break,
+        }
+    }
+    1 + bytes[..start].iter().filter(|b| **b == b'\n').count()
+}
