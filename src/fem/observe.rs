@@ -134,6 +134,15 @@ impl Observer {
         self.places.is_empty()
     }
 
+    /// Keep the points for which `keep(index)` holds.
+    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let mut index = 0;
+        self.places.retain(|_| {
+            index += 1;
+            keep(index - 1)
+        });
+    }
+
     /// Displacement (u1, u2) at every point, mm.
     pub fn displacement(&self, nodal: &Nodal) -> Vec<[f64; 2]> {
         let at = |place: &Place| {

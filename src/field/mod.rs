@@ -13,6 +13,7 @@ pub mod noise;
 pub mod outliers;
 pub mod reml;
 pub mod spec;
+pub mod stray;
 pub mod table;
 
 pub use blocks::Blocks;

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::observation::{Columns, Observation};
 use crate::error::Result;
 use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
-use crate::field::reml::{Reml, reml};
+use crate::field::reml::{Reml, Setting, reml};
 use crate::field::{BlockCovariance, Blocks, noise};
 use crate::quantity::NM_PER_MM;
 
@@ -34,6 +34,7 @@ impl Noise {
         let field = &observation.field;
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
         let planes = blocks.local_planes(PLANE_MM.max(6.0 * blocks.size_mm));
+        let white_mm = noise::white(field).sd_mm;
         let estimate = |c: usize| -> Result<(Reml, BlockCovariance)> {
             let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + planes.ncols());
@@ -41,14 +42,15 @@ impl Noise {
             all.columns_mut(explained.ncols(), planes.ncols())
                 .copy_from(&planes);
             let y = blocks.average(&field.component(c));
-            let estimate = reml(&blocks, &y, &all, &NOISE_LENGTHS_MM, &RATIOS)?;
+            let mut estimate = reml(&blocks, &y, &all, &NOISE_LENGTHS_MM, &RATIOS)?;
+            estimate.best = with_white(&estimate, white_mm[c]);
             let covariance = estimate.covariance(&blocks)?;
             Ok((estimate, covariance))
         };
         let ((reml1, cov1), (reml2, cov2)) = (estimate(0)?, estimate(1)?);
         let effective_points = cov1.effective_points() + cov2.effective_points();
         Ok(Self {
-            white_mm: noise::white(field).sd_mm,
+            white_mm,
             reml: [reml1, reml2],
             covariance: [cov1, cov2],
             effective_points,
@@ -78,6 +80,48 @@ impl Noise {
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].whiten(columns) / self.reml[c].best.scale2.sqrt()
     }
+}
+
+/// Relative sd of the white variance of a block average, given the white noise of points: the local differences
+/// see a little of a short correlation too.
+const WHITE_VARIANCE_SD: f64 = 0.1;
+
+/// The most likely setting given also the white noise of points, which the block averages by themselves hardly tell
+/// from noise that is correlated over less than a block: the restricted likelihood times a lognormal for s^2
+/// about white^2 / nbar, at the s^2 that is best for each setting.
+fn with_white(estimate: &Reml, white_mm: f64) -> Setting {
+    let nu = estimate.contrasts as f64;
+    let expected = (white_mm * white_mm / estimate.mean_count).ln();
+    let refined = |setting: &Setting| {
+        let profile = setting.scale2.ln();
+        let mut x = profile;
+        for _ in 0..50 {
+            let ratio = (profile - x).exp();
+            let slope = -0.5 * nu * (1.0 - ratio) - (x - expected) / WHITE_VARIANCE_SD.powi(2);
+            let curvature = 0.5 * nu * ratio + WHITE_VARIANCE_SD.powi(-2);
+            x += (slope / curvature).clamp(-1.0, 1.0);
+        }
+        let lost = 0.5 * nu * (x - profile + (profile - x).exp() - 1.0);
+        let penalty = 0.5 * ((x - expected) / WHITE_VARIANCE_SD).powi(2);
+        Setting {
+            scale2: x.exp(),
+            log_likelihood: setting.log_likelihood - lost - penalty,
+            ..*setting
+        }
+    };
+    let best = |a: Setting, b: Setting| {
+        if b.log_likelihood > a.log_likelihood {
+            b
+        } else {
+            a
+        }
+    };
+    estimate
+        .table
+        .iter()
+        .map(refined)
+        .reduce(best)
+        .unwrap_or(estimate.best)
 }
 
 /// Block averages of one component of columns: blocks x columns.

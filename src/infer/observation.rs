@@ -1,8 +1,12 @@
 //! The measured field seen by the reduced model: the modes' and declared effects' columns at the measured points.
 
+use nalgebra::{DMatrix, DVector};
+
+use super::statistics::solve;
 use crate::effect::{Effect, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
+use crate::field::stray::strays;
 use crate::field::{Field, Reason};
 use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion};
 
@@ -26,6 +30,32 @@ pub struct Columns {
     pub plausible: Vec<Option<f64>>,
 }
 
+/// Residual of each component's least-squares fit on its own modes and {1, s, t}.
+fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
+    let mut residual = field.displacement.clone();
+    let half = modes.len() / 2;
+    for c in 0..2 {
+        let basis = |i: usize| {
+            let p = field.points[i];
+            let own = modes[c * half..(c + 1) * half].iter().map(move |m| m[i][c]);
+            own.chain([1.0, p[0], p[1]])
+        };
+        let p = half + 3;
+        let mut gram = DMatrix::<f64>::zeros(p, p);
+        let mut right = DVector::<f64>::zeros(p);
+        for i in 0..field.len() {
+            let row = DVector::from_iterator(p, basis(i));
+            right.axpy(field.displacement[i][c], &row, 1.0);
+            gram.ger(1.0, &row, &row, 1.0);
+        }
+        let fit = solve(&gram, &right);
+        for (i, r) in residual.iter_mut().enumerate() {
+            r[c] -= basis(i).zip(fit.iter()).map(|(b, f)| b * f).sum::<f64>();
+        }
+    }
+    residual
+}
+
 /// Share of points outside the plate above which the geometry cannot be right.
 const MOST_OUTSIDE: f64 = 0.2;
 
@@ -44,6 +74,16 @@ impl Observation {
                 )));
         }
         Ok(Self { field, observer })
+    }
+
+    /// Drop points whose residual from a least-squares fit of the modes and any affine displacement contradicts the
+    /// residuals around them, and count them as outliers. Returns how many went.
+    pub fn drop_strays(&mut self, reduced: &ReducedModel, mesh: &Mesh) -> usize {
+        let modes = reduced.columns(&self.observer, mesh.nodes.len());
+        let residual = residual_of_fit(&self.field, &modes);
+        let stray = strays(&self.field.points, &residual);
+        self.observer.retain(|i| !stray[i]);
+        self.field.retain(Reason::Outlier, |i| !stray[i])
     }
 
     /// Evaluate modes and additive effects at the points, under the model's gauge.

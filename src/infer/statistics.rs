@@ -103,7 +103,7 @@ fn unit_scaling(m: &DMatrix<f64>) -> DVector<f64> {
 }
 
 /// Solve a symmetric positive semi-definite system; directions without information get 0.
-fn solve(m: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
+pub(super) fn solve(m: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     let d = unit_scaling(m);
     let scaled = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * d[i] * d[j]);
     let eigen = nalgebra::SymmetricEigen::new(scaled);

@@ -10,6 +10,7 @@ use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::effect::amplitude_name;
 use crate::error::{Error, Result};
 use crate::fem::Plate;
+use crate::field::spec::OutlierRule;
 use crate::infer::{
     Columns, Likelihood, LogDensity, Marginal, Model, Noise, Observation, Posterior, Statistics,
     laplace,
@@ -77,8 +78,11 @@ pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) ->
     let problem = model.problem(&field)?;
     let nominal = nominal_point(&problem, model);
     let plate = Plate::new(problem.test_at(&nominal).0.outline, problem.density)?;
-    let observation = Observation::new(field, &plate.mesh)?;
+    let mut observation = Observation::new(field, &plate.mesh)?;
     let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
+    if model.file.measurement.outliers == OutlierRule::Reject {
+        observation.drop_strays(&reduced, &plate.mesh);
+    }
     Ok(Prepared {
         problem,
         plate,
