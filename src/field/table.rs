@@ -43,8 +43,8 @@ pub fn read(path: &Path, columns: &Columns, units: &Units, frame: Frame) -> Resu
                 .found("an empty file"),
         );
     }
-    let mut place = [0; 4];
-    for (slot, (key, name)) in place.iter_mut().zip(wanted) {
+    let mut column = [0; 4];
+    for (slot, (key, name)) in column.iter_mut().zip(wanted) {
         *slot = find_column(path, &headers, key, name)?;
     }
     let scale = [
@@ -67,25 +67,19 @@ pub fn read(path: &Path, columns: &Columns, units: &Units, frame: Frame) -> Resu
         .read_record(&mut record)
         .map_err(|e| Error::input(path.display(), "rows of text").found(e))?
     {
-        let line = || record.position().map_or(0, |p| line_at(&text, p.byte()));
+        let place = || {
+            let line = record.position().map_or(0, |p| line_at(&text, p.byte()));
+            format!("{}:{line}", path.display())
+        };
         if record.len() != headers.len() {
             let expected = format!("{} cells as in the header", headers.len());
-            return Err(
-                Error::input(format!("{}:{}", path.display(), line()), expected)
-                    .found(format!("{} cells", record.len())),
-            );
+            return Err(Error::input(place(), expected).found(format!("{} cells", record.len())));
         }
         let mut row = [0.0; 4];
-        for k in 0..4 {
-            let cell = record.get(place[k]).unwrap_or("");
-            let at = || format!("{}:{}, column \"{}\"", path.display(), line(), wanted[k].1);
-            row[k] = scale[k] * read_cell(cell).ok_or_else(|| not_a_number(at(), cell))?;
-            if row[k].abs() > FARTHEST_MM {
-                let expected = "a length below 1e5 mm";
-                return Err(Error::input(at(), expected)
-                    .found(cell)
-                    .hint("check the declared units"));
-            }
+        for (k, (_, name)) in wanted.iter().enumerate() {
+            let cell = record.get(column[k]).unwrap_or("");
+            let at = || format!("{}, column \"{name}\"", place());
+            row[k] = length_mm(cell, scale[k], at)?;
         }
         if row.iter().any(|value| value.is_nan()) {
             field.rejected.missing += 1;
@@ -129,13 +123,17 @@ fn find_column(path: &Path, headers: &StringRecord, key: &str, name: &str) -> Re
     }
 }
 
-/// A cell: empty means not measured.
-fn read_cell(cell: &str) -> Option<f64> {
+/// A cell in mm, `scale` mm a unit: NaN where it is empty, which means not measured.
+fn length_mm(cell: &str, scale: f64, at: impl Fn() -> String) -> Result<f64> {
     if cell.is_empty() {
-        Some(f64::NAN)
-    } else {
-        number(cell)
+        return Ok(f64::NAN);
     }
+    let length = scale * number(cell).ok_or_else(|| not_a_number(at(), cell))?;
+    if length.abs() > FARTHEST_MM {
+        let error = Error::input(at(), "a length below 1e5 mm").found(cell);
+        return Err(error.hint("check the declared units"));
+    }
+    Ok(length)
 }
 
 fn not_a_number(place: String, cell: &str) -> Error {
