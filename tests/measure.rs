@@ -100,13 +100,17 @@ fn measure_moves() {
     }
 }
 
-/// Spread of the deviations in standard errors over 16 seeds: 1 if the standard errors are right.
+/// Spread of the deviations in standard errors over 24 seeds: 1 if the standard errors are right.
 #[test]
 #[ignore = "a measurement"]
 fn measure_calibration() {
-    let seeds: Vec<u64> = (100..116).collect();
+    let seeds: Vec<u64> = (100..124).collect();
     RECIPES.par_iter().for_each(|recipe| {
-        for target in [targets::correlated(5, 1e6), targets::student(3, 5.0)] {
+        for target in [
+            targets::correlated(5, 1e6),
+            targets::student(3, 5.0),
+            targets::banana(),
+        ] {
             let (_, _, failures) = judge(recipe.0, &build(recipe, 64), &target, &seeds);
             println!("{failures:?}");
         }
