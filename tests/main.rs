@@ -1,9 +1,13 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
 mod chain_files;
+mod cli;
 mod diagnostics;
 mod field;
+mod identify;
+mod layering;
 mod measure;
+mod program;
 mod samplers;
 mod starts;
 mod targets;
