@@ -285,3 +285,14 @@ fn independent_reference_fields() {
     turned.angles.iter_mut().for_each(|a| *a -= angle);
     assert_reference("ply-misorientation", &turned);
 }
+
+#[test]
+fn a_box_that_reaches_the_ends_needs_no_strips() {
+    let outline = Outline {
+        s: [-8.0, 8.0],
+        t: [-8.0, 8.0],
+        radius: 2.0,
+    };
+    let short = Setup { outline, ..setup() };
+    assert_passed(&[verify::window_convergence(&short, &NOMINAL, Density::DEFAULT, 8.0).unwrap()]);
+}

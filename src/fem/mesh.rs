@@ -176,7 +176,8 @@ impl Mesh {
         let reach = far - near;
         let step = (self.outline.t[1] - self.outline.t[0]) / (edge.len() / 2) as f64;
         let mut lattice: Lattice = vec![edge.to_vec()];
-        if reach != 0.0 {
+        // The box's nodes lie on its side to rounding only.
+        if reach.abs() > 1e-9 * step {
             let grading = graded(count, (0.7 * step / reach.abs()).min(1.0));
             for j in 1..=2 * count {
                 let s = near + reach * at_half(&grading, j);
