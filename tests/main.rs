@@ -3,8 +3,10 @@
 mod chain_files;
 mod cli;
 mod diagnostics;
+mod fem;
 mod field;
 mod identify;
+mod laminate;
 mod layering;
 mod measure;
 mod program;

@@ -2,13 +2,16 @@
 
 mod assemble;
 mod element;
+mod lekhnitskii;
 mod load;
 mod mesh;
 mod observe;
 mod plate;
 mod setup;
 mod solve;
+pub mod verify;
 
+pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use mesh::{Density, Mesh, Outline};
 pub use observe::{Locator, Nodal, Observer};

@@ -24,7 +24,11 @@ pub struct Plate {
 
 impl Plate {
     /// Mesh an outline and analyse its stiffness pattern.
+    ///
+    /// # Errors
+    /// A hole that does not stay clear of the plate's edges.
     pub fn new(outline: Outline, density: Density) -> Result<Self> {
+        outline.validate()?;
         let mesh = Mesh::new(outline, density);
         let assembly = Assembly::new(&mesh, pinned(&mesh), &|_| 1.0);
         let symbolic = Symbolic::new(assembly.pattern())?;
