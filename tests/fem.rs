@@ -35,6 +35,7 @@ fn outline(diameter: f64, center: [f64; 2]) -> Outline {
         s: [-100.0 - center[0], 100.0 - center[0]],
         t: [-12.5 - center[1], 12.5 - center[1]],
         radius: 0.5 * diameter,
+        clamp: None,
     }
 }
 
@@ -96,6 +97,7 @@ fn steel_strip_converges() {
             s: [-60.0, 40.0],
             t: [-10.0, 10.0],
             radius: 4.0,
+            clamp: None,
         },
         angles: vec![0.0],
         ..setup()
@@ -292,6 +294,7 @@ fn a_box_that_reaches_the_ends_needs_no_strips() {
         s: [-8.0, 8.0],
         t: [-8.0, 8.0],
         radius: 2.0,
+        clamp: None,
     };
     let short = Setup { outline, ..setup() };
     assert_passed(&[verify::window_convergence(&short, &NOMINAL, Density::DEFAULT, 8.0).unwrap()]);

@@ -3,6 +3,7 @@
 
 use std::f64::consts::PI;
 
+use super::clamp::Clamp;
 use crate::error::{Error, Result};
 
 /// Outline of the plate in coordinates centred on the hole, mm.
@@ -14,9 +15,21 @@ pub struct Outline {
     pub t: [f64; 2],
     /// Hole radius.
     pub radius: f64,
+    /// A clamped end, if there is one.
+    pub clamp: Option<Clamp>,
 }
 
 impl Outline {
+    /// Width at `s` over the nominal width, in the strip that leads to an end (0: s = high, 1: s = low).
+    fn widening(&self, end: usize, s: f64) -> f64 {
+        let width = self.t[1] - self.t[0];
+        self.clamp
+            .filter(|clamp| clamp.end == end)
+            .map_or(1.0, |clamp| {
+                clamp.factor(width, (self.s[1 - end] - s).abs())
+            })
+    }
+
     /// Check that the hole stays clear of the edges by at least a twentieth of its radius.
     ///
     /// # Errors
@@ -175,18 +188,20 @@ impl Mesh {
         let near = self.nodes[edge[0] as usize][0];
         let reach = far - near;
         let step = (self.outline.t[1] - self.outline.t[0]) / (edge.len() / 2) as f64;
+        let center = 0.5 * (self.outline.t[0] + self.outline.t[1]);
         let mut lattice: Lattice = vec![edge.to_vec()];
         // The box's nodes lie on its side to rounding only.
         if reach.abs() > 1e-9 * step {
             let grading = graded(count, (0.7 * step / reach.abs()).min(1.0));
             for j in 1..=2 * count {
                 let s = near + reach * at_half(&grading, j);
+                let widening = self.outline.widening(end, s);
                 let row = (0..edge.len()).map(|i| {
                     if i % 2 == 1 && j % 2 == 1 {
                         return NONE;
                     }
                     let t = self.nodes[edge[i] as usize][1];
-                    self.add_node([s, t])
+                    self.add_node([s, center + widening * (t - center)])
                 });
                 let row = row.collect();
                 lattice.push(row);

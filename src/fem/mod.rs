@@ -1,6 +1,7 @@
 //! Plane-stress finite elements of the whole plate: mesh, Q8 element, assembly, sparse Cholesky, observation.
 
 mod assemble;
+mod clamp;
 mod element;
 mod lekhnitskii;
 mod load;
@@ -11,6 +12,7 @@ mod setup;
 mod solve;
 pub mod verify;
 
+pub use clamp::Clamp;
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use mesh::{Density, Mesh, Outline};

@@ -404,6 +404,7 @@ fn square(half: f64, radius: f64) -> Outline {
         s: [-half, half],
         t: [-half, half],
         radius,
+        clamp: None,
     }
 }
 

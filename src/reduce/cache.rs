@@ -14,7 +14,7 @@ use crate::fem::Plate;
 use crate::progress::Watch;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 struct Stored {
