@@ -1,7 +1,7 @@
 //! Plane-stress finite elements of the whole plate: mesh, Q8 element, assembly, sparse Cholesky, observation.
 
 mod assemble;
-mod element;
+pub mod element;
 mod lekhnitskii;
 mod load;
 mod mesh;
