@@ -110,6 +110,8 @@ fn steel_strip_converges() {
 fn stress_concentration_of_the_nominal_laminate() {
     let k = stress_concentration(&setup().membrane(&NOMINAL)).unwrap();
     assert!((k - 2.98345).abs() < 5e-6, "{k}");
+    let exact = HoleSolution::new(&setup().membrane(&NOMINAL), 2.0, [1.0, 0.0, 0.0]).unwrap();
+    assert!((exact.resultants([0.0, 2.0])[0] - k).abs() < 1e-10);
 }
 
 #[test]
@@ -298,4 +300,65 @@ fn a_box_that_reaches_the_ends_needs_no_strips() {
     };
     let short = Setup { outline, ..setup() };
     assert_passed(&[verify::window_convergence(&short, &NOMINAL, Density::DEFAULT, 8.0).unwrap()]);
+}
+
+#[test]
+fn shape_functions_interpolate() {
+    use plychain::fem::element::{shape, shape_gradient};
+    let nodes = [
+        [-1.0, -1.0],
+        [1.0, -1.0],
+        [1.0, 1.0],
+        [-1.0, 1.0],
+        [0.0, -1.0],
+        [1.0, 0.0],
+        [0.0, 1.0],
+        [-1.0, 0.0],
+    ];
+    for (k, [a, b]) in nodes.into_iter().enumerate() {
+        for (j, n) in shape(a, b).into_iter().enumerate() {
+            assert!((n - f64::from(u8::from(j == k))).abs() < 1e-15);
+        }
+    }
+    for (a, b) in [(0.3, -0.7), (-0.9, 0.2), (0.0, 0.0), (1.0, 0.4)] {
+        assert!((shape(a, b).iter().sum::<f64>() - 1.0).abs() < 1e-14);
+        let h = 1e-6;
+        for (k, g) in shape_gradient(a, b).into_iter().enumerate() {
+            let d = [
+                (shape(a + h, b)[k] - shape(a - h, b)[k]) / (2.0 * h),
+                (shape(a, b + h)[k] - shape(a, b - h)[k]) / (2.0 * h),
+            ];
+            assert!((g[0] - d[0]).abs().max((g[1] - d[1]).abs()) < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn closed_form_turns_with_its_axes() {
+    let (sin, cos) = 0.4_f64.sin_cos();
+    let straight = setup();
+    let turned = Setup {
+        angles: straight.angles.iter().map(|a| a + 0.4).collect(),
+        ..straight.clone()
+    };
+    // A pull of 1 along direction 1 of the turned plate, in the laminate's own axes.
+    let own = HoleSolution::new(
+        &straight.membrane(&NOMINAL),
+        2.0,
+        [cos * cos, sin * sin, -sin * cos],
+    )
+    .unwrap();
+    let seen = HoleSolution::new(&turned.membrane(&NOMINAL), 2.0, [1.0, 0.0, 0.0]).unwrap();
+    for k in 0..24 {
+        let (s, c) = (0.26 * f64::from(k)).sin_cos();
+        let p = [2.5 * c, 2.5 * s];
+        let u = own.displacement([cos * p[0] + sin * p[1], cos * p[1] - sin * p[0]]);
+        let v = seen.displacement(p);
+        let back = [cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]];
+        let size = v[0].hypot(v[1]);
+        assert!(
+            (back[0] - v[0]).hypot(back[1] - v[1]) < 1e-10 * size,
+            "{back:?} {v:?}"
+        );
+    }
 }

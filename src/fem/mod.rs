@@ -2,7 +2,7 @@
 
 mod assemble;
 mod clamp;
-mod element;
+pub mod element;
 mod lekhnitskii;
 mod load;
 mod mesh;
