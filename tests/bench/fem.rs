@@ -24,6 +24,7 @@ fn setup() -> Setup {
             s: [-100.0, 100.0],
             t: [-12.5, 12.5],
             radius: 2.0,
+            clamp: None,
         },
         angles: [45.0, -45.0, 0.0, 0.0, -45.0, 45.0]
             .map(f64::to_radians)
