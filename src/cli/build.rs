@@ -7,7 +7,7 @@ use clap::Args;
 use super::console::Console;
 use super::folder::Folder;
 use super::identify::load;
-use super::{DEFAULT_MODEL, cache};
+use super::{DEFAULT_MODEL, cache, print};
 use crate::error::{Error, Result};
 use crate::report::terminal;
 use crate::trace;
@@ -34,11 +34,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         &format!("{}-build", model.file.name),
     )?;
     let prepared = trace::prepare(&model, &cache(), console)?;
-    print!("{}", terminal::reduced_model(&prepared.reduced));
+    print(&terminal::reduced_model(&prepared.reduced))?;
     let value = serde_json::to_string(&prepared.reduced)
         .map_err(|e| Error::program("reduced_model.json", "numbers that JSON can hold").found(e))?;
     folder.write("reduced_model.json", &value)?;
-    println!("\nwritten to {}", folder.path().display());
+    print(&format!("\nwritten to {}\n", folder.path().display()))?;
     folder.keep();
     Ok(())
 }

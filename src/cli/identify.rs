@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::{DEFAULT_MODEL, Global, cache};
+use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         cache: cache(),
     };
     let round = trace::identify(&model, &options, console)?;
-    print!("{}", terminal::identification(&model, &round));
+    print(&terminal::identification(&model, &round))?;
     write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     let resolved = serde_json::to_value(&model.file)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         &rounds[0].prepared.observation.field.files,
         global.seed,
     )?;
-    println!("written to {}", folder.path().display());
+    print(&format!("written to {}\n", folder.path().display()))?;
     folder.keep();
     let [round] = rounds;
     if arguments.strict && !round.verdict.converged {

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::folder::Folder;
-use super::{DEFAULT_MODEL, Global};
+use super::{DEFAULT_MODEL, Global, print};
 use crate::effect::{Acting, EFFECTS};
 use crate::error::{Error, Result};
 use crate::field::matrices::write_matrices;
@@ -47,12 +47,12 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let grid = simulate(&model, &truth)?;
     write_matrices(folder.path(), &grid)?;
     folder.write_json("truth.json", &truth_json(&model, &truth))?;
-    println!(
-        "{} x {} points and truth.json written to {}",
+    print(&format!(
+        "{} x {} points and truth.json written to {}\n",
         grid.rows,
         grid.cols,
         folder.path().display()
-    );
+    ))?;
     folder.keep();
     Ok(())
 }

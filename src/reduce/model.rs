@@ -46,7 +46,7 @@ impl ReducedModel {
             || pod::decompose(&snapshots.fields[1]),
         );
         let pods = [first?, second?];
-        let k = problem.spec.modes.min(snapshots.points.len());
+        let k = problem.modes().min(snapshots.points.len());
         let values: Vec<Vec<f64>> = pods
             .iter()
             .flat_map(|pod| {

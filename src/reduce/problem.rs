@@ -76,6 +76,13 @@ impl Problem {
         self.specimen.material.constants().len()
     }
 
+    /// POD modes kept for each component: the declared number for the plate under its nominal load, and as many again
+    /// for every amplitude of a mechanical effect, whose response varies with the constants just as much.
+    pub fn modes(&self) -> usize {
+        let amplitudes: usize = self.effects.iter().map(|e| e.parameters().len()).sum();
+        self.spec.modes * (1 + amplitudes)
+    }
+
     /// Index of the thickness among the dimensions, if it varies.
     pub fn thickness_index(&self) -> Option<usize> {
         self.dimensions.iter().position(|d| d.name == THICKNESS)
