@@ -9,9 +9,9 @@ use crate::field::reml::{Reml, Setting, reml};
 use crate::field::{BlockCovariance, Blocks, noise};
 use crate::quantity::NM_PER_MM;
 
-/// Side of the squares on which a plane is taken out of the data before the noise is estimated, mm at least.
+/// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, mm at least.
 /// Misfit that is smooth on this scale does not pass for noise.
-const PLANE_MM: f64 = 6.0;
+const SQUARE_MM: f64 = 6.0;
 
 /// Blocks, and the short-range noise covariance of each component.
 pub struct Noise {
@@ -28,19 +28,19 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Estimate from contrasts orthogonal to the model's columns and to local planes (TRACING step 4 with
-    /// l <= 1.5 mm).
+    /// Estimate from contrasts orthogonal to the model's columns and to local quadratics (restricted maximum
+    /// likelihood over correlation lengths up to 1.5 mm).
     pub fn estimate(observation: &Observation, columns: &Columns) -> Result<Self> {
         let field = &observation.field;
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-        let planes = blocks.local_planes(PLANE_MM.max(6.0 * blocks.size_mm));
+        let smooth = blocks.local_polynomials(SQUARE_MM.max(6.0 * blocks.size_mm), 2);
         let white_mm = noise::white(field).sd_mm;
         let estimate = |c: usize| -> Result<(Reml, BlockCovariance)> {
             let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
-            let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + planes.ncols());
+            let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
-            all.columns_mut(explained.ncols(), planes.ncols())
-                .copy_from(&planes);
+            all.columns_mut(explained.ncols(), smooth.ncols())
+                .copy_from(&smooth);
             let y = blocks.average(&field.component(c));
             let mut estimate = reml(&blocks, &y, &all, &NOISE_LENGTHS_MM, &RATIOS)?;
             estimate.best = with_white(&estimate, white_mm[c]);
