@@ -14,7 +14,7 @@ use crate::fem::Plate;
 use crate::progress::Watch;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct Stored {
@@ -36,6 +36,7 @@ pub fn key(problem: &Problem) -> String {
         effects,
         problem.dimensions,
         problem.spec,
+        problem.modes(),
         problem.window,
         [
             problem.density.per_side,
