@@ -109,12 +109,18 @@ fn with_white(estimate: &Reml, white_mm: f64) -> Setting {
             ..*setting
         }
     };
+    // Half the prior probability on white noise, half shared by the correlated settings: a correlation is
+    // found where the data ask for it.
+    let correlated = estimate
+        .table
+        .iter()
+        .filter(|s| s.ratio > 0.0)
+        .count()
+        .max(1) as f64;
+    let weighed =
+        |s: &Setting| s.log_likelihood - if s.ratio > 0.0 { correlated.ln() } else { 0.0 };
     let best = |a: Setting, b: Setting| {
-        if b.log_likelihood > a.log_likelihood {
-            b
-        } else {
-            a
-        }
+        if weighed(&b) > weighed(&a) { b } else { a }
     };
     estimate
         .table
