@@ -10,6 +10,7 @@ mod laminate;
 mod layering;
 mod measure;
 mod program;
+mod reduce;
 mod samplers;
 mod starts;
 mod targets;

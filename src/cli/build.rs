@@ -3,13 +3,15 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
 use super::console::Console;
 use super::folder::Folder;
 use super::identify::load;
 use super::{DEFAULT_MODEL, cache, print};
 use crate::error::{Error, Result};
-use crate::report::terminal;
+use crate::reduce::cache as reduced_models;
+use crate::report::tables;
 use crate::trace;
 
 /// Arguments of `build`.
@@ -26,6 +28,10 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
+/// The schema of `reduced_model.json`: `tables` (error tables by name), `comparison` (beside published ones, where the
+/// model file names a reference), `model` (the reduced model itself).
+const SCHEMA: &str = "plychain-reduced-model/1";
+
 /// Run the verb.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let model = load(&arguments.model, arguments.data.as_ref())?;
@@ -34,10 +40,17 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         &format!("{}-build", model.file.name),
     )?;
     let prepared = trace::prepare(&model, &cache(), console)?;
-    print(&terminal::reduced_model(&prepared.reduced))?;
-    let value = serde_json::to_string(&prepared.reduced)
+    print(&tables::text(&prepared.reduced))?;
+    let mut value = json!({ "schema": SCHEMA, "tables": tables::numbers(&prepared.reduced) });
+    if let Some(reference) = model.file.reduced_model.reference {
+        let problem = reference.problem(&prepared.problem);
+        let (built, _) = reduced_models::obtain(&problem, &prepared.plate, &cache(), console)?;
+        print(&tables::comparison_text(reference, &built))?;
+        value["comparison"] = tables::comparison_numbers(reference, &built);
+    }
+    value["model"] = serde_json::to_value(&prepared.reduced)
         .map_err(|e| Error::program("reduced_model.json", "numbers that JSON can hold").found(e))?;
-    folder.write("reduced_model.json", &value)?;
+    folder.write_json("reduced_model.json", &value)?;
     print(&format!("\nwritten to {}\n", folder.path().display()))?;
     folder.keep();
     Ok(())

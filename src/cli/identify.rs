@@ -30,6 +30,10 @@ pub struct Arguments {
     /// Sampler: ensemble or adaptive
     #[arg(long, default_value = "ensemble")]
     sampler: String,
+    /// Refine the reduced model about the posterior while the finite elements disagree by more than 1 % of a posterior
+    /// sd or draws lie outside the DoE box, at most ROUNDS times
+    #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
+    refine: Option<u8>,
     /// Exit with an error if the chains have not converged
     #[arg(long)]
     strict: bool,
@@ -60,6 +64,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         },
         rule: Rule::default(),
         cache: cache(),
+        refinements: arguments.refine.map_or(0, usize::from),
     };
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;

@@ -124,6 +124,19 @@ impl Likelihood {
         -0.5 * (quad - wr * wr / (1.0 + ww) + log_det + ww.ln_1p())
     }
 
+    /// Change of the log likelihood when the predicted field gains an error whose weighted projection on the modes
+    /// is `weighted` (1/mm, [`Statistics::weighted_of`]).
+    pub fn log_likelihood_change(&self, theta: &[f64], s: f64, weighted: &DVector<f64>) -> f64 {
+        let error = self.backward.tr_mul(weighted).component_div(&self.lambda);
+        let (mean, response) = self.predict(theta);
+        let variance = self.lambda.map(|l| (s * s + l) / l);
+        let scaled = response.component_div(&variance);
+        let by_diagonal = error.component_div(&variance);
+        let solved =
+            &by_diagonal - &scaled * (response.dot(&by_diagonal) / (1.0 + response.dot(&scaled)));
+        (&self.measured - mean - 0.5 * &error).dot(&solved)
+    }
+
     /// Log likelihood of the noise scale from the contrasts that no smooth field explains, normalised to 0 at 1
     /// up to a constant.
     pub fn log_noise(&self, s: f64) -> f64 {

@@ -20,4 +20,4 @@ pub use noise::{Noise, component};
 pub use observation::{Columns, Observation};
 pub use posterior::{NOISE, Posterior};
 pub use prior::{Marginal, PriorSpec};
-pub use statistics::Statistics;
+pub use statistics::{Statistics, Whitened};

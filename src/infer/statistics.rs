@@ -32,25 +32,12 @@ impl Statistics {
     /// Reduce an observation.
     pub fn new(observation: &Observation, columns: &Columns, noise: &Noise) -> Result<Self> {
         let (p, q) = (columns.modes.len(), columns.effects.len());
+        let whitened = Whitened::new(columns, noise);
         let mut gram = DMatrix::zeros(p + q, p + q);
-        let mut weighted = DVector::zeros(p + q);
-        let mut total = 0.0;
-        for c in 0..2 {
-            let x = component(
-                columns.modes.iter().chain(&columns.effects),
-                c,
-                &noise.blocks,
-            );
-            let x = noise.whiten(&x, c);
-            let y = noise.blocks.average(&observation.field.component(c));
-            let y = noise
-                .whiten(&DMatrix::from_column_slice(y.len(), 1, y.as_slice()), c)
-                .column(0)
-                .into_owned();
-            gram += x.tr_mul(&x);
-            weighted += x.tr_mul(&y);
-            total += y.norm_squared();
+        for x in &whitened.columns {
+            gram += x.tr_mul(x);
         }
+        let (weighted, total) = whitened.project(noise, &observation.field.displacement);
         let prior = DVector::from_iterator(
             q,
             columns
@@ -81,6 +68,18 @@ impl Statistics {
         })
     }
 
+    /// What a field at the measured points adds to `weighted`, with the effects marginalised, 1/mm.
+    pub fn weighted_of(
+        &self,
+        whitened: &Whitened,
+        noise: &Noise,
+        field: &[[f64; 2]],
+    ) -> DVector<f64> {
+        let (all, _) = whitened.project(noise, field);
+        let (p, q) = (self.weighted.len(), self.effect_offset.len());
+        all.rows(0, p) - self.effect_slope.tr_mul(&all.rows(p, q))
+    }
+
     /// Least-squares estimate of the coefficients, mm.
     pub fn estimate(&self) -> DVector<f64> {
         solve(&self.precision, &self.weighted)
@@ -92,5 +91,34 @@ impl Statistics {
         let fitted = self.precision.nrows() + self.effect_offset.len();
         let chi2 = self.residual + d.dot(&(&self.precision * &d));
         chi2 / (self.count - fitted) as f64
+    }
+}
+
+/// Block averages of all columns, modes then effects, whitened by the noise of each component.
+pub struct Whitened {
+    columns: [DMatrix<f64>; 2],
+}
+
+impl Whitened {
+    /// Average and whiten.
+    pub fn new(columns: &Columns, noise: &Noise) -> Self {
+        let all = || columns.modes.iter().chain(&columns.effects);
+        Self {
+            columns: [0, 1].map(|c| noise.whiten(&component(all(), c, &noise.blocks), c)),
+        }
+    }
+
+    /// Scalar products of a field (mm at the measured points) with every column, and with itself.
+    fn project(&self, noise: &Noise, field: &[[f64; 2]]) -> (DVector<f64>, f64) {
+        let mut products = DVector::zeros(self.columns[0].ncols());
+        let mut total = 0.0;
+        for (c, x) in self.columns.iter().enumerate() {
+            let values: Vec<f64> = field.iter().map(|u| u[c]).collect();
+            let y = noise.blocks.average(&values);
+            let y = noise.whiten(&DMatrix::from_column_slice(y.len(), 1, y.as_slice()), c);
+            products += x.tr_mul(&y.column(0));
+            total += y.norm_squared();
+        }
+        (products, total)
     }
 }

@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::model::ReducedModel;
-use super::problem::Problem;
+use super::problem::{Problem, ReducedSpec};
 use super::snapshots::Snapshots;
 use crate::error::{Error, Result};
 use crate::fem::Plate;
 use crate::progress::Watch;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 #[derive(Serialize, Deserialize)]
 struct Stored {
@@ -25,6 +25,11 @@ struct Stored {
 /// Hash of everything that determines a reduced model (hexadecimal SHA-256).
 pub fn key(problem: &Problem) -> String {
     let effects: Vec<_> = problem.effects.iter().map(|e| e.name()).collect();
+    // What a model is compared with does not change it.
+    let spec = ReducedSpec {
+        reference: None,
+        ..problem.spec.clone()
+    };
     let text = serde_json::json!([
         FORMAT,
         env!("CARGO_PKG_VERSION"),
@@ -35,8 +40,7 @@ pub fn key(problem: &Problem) -> String {
         problem.gauge,
         effects,
         problem.dimensions,
-        problem.spec,
-        problem.modes(),
+        spec,
         problem.window,
         [
             problem.density.per_side,

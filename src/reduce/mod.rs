@@ -1,21 +1,27 @@
 //! The reduced model: Latin hypercube, snapshots, POD, response surfaces.
 
 pub mod cache;
+mod cross;
 mod design;
 mod gauge;
 mod model;
+mod modes;
 mod pod;
 mod problem;
+mod reference;
 mod rigid;
 mod snapshots;
 mod surface;
 mod variables;
 
+pub use cross::{CrossValidation, leave_one_out};
 pub use design::{Dimension, latin_hypercube};
 pub use gauge::{Gauge, ZeroAt, remove_rigid_motion};
 pub use model::ReducedModel;
+pub use modes::{AUTO_MM, Modes};
 pub use pod::{Pod, decompose};
 pub use problem::{Problem, ReducedSpec, THICKNESS};
+pub use reference::{GOGU_2013, Published, Reference, TRUNCATIONS};
 pub use rigid::{RigidMotion, fit as fit_rigid_motion};
 pub use snapshots::Snapshots;
 pub use surface::{Quality, Surface, exponents, monomial};

@@ -1,10 +1,10 @@
 //! The reduced model: POD modes on the window's nodes and response surfaces of their coefficients.
 
-use faer::Mat;
 use serde::{Deserialize, Serialize};
 
+use super::cross::{CrossValidation, leave_one_out};
 use super::design::Dimension;
-use super::pod::{self, Pod};
+use super::pod;
 use super::problem::Problem;
 use super::snapshots::Snapshots;
 use super::surface::Surface;
@@ -27,8 +27,8 @@ pub struct ReducedModel {
     pub plain: Surface,
     /// Truncation error eps (article Eq. 10) of each component for K = 1, 2, ...
     pub truncation: [Vec<f64>; 2],
-    /// Leave-one-out truncation error CV_RMS in mm (article Table 8) of each component for K = 1, 2, ...
-    pub cross_validation: [Vec<f64>; 2],
+    /// Leave-one-out truncation error CV_RMS (article Table 8) of each component for K = 1, 2, ...
+    pub cross_validation: [CrossValidation; 2],
     /// Number of snapshots.
     pub snapshots: usize,
     /// Elements and unknowns of the mesh.
@@ -36,7 +36,7 @@ pub struct ReducedModel {
 }
 
 /// Truncations for which error measures are kept.
-const TABLED: usize = 8;
+const TABLED: usize = 12;
 
 impl ReducedModel {
     /// Build from snapshots: POD of each component, then the response surface with the smaller held-out error.
@@ -46,7 +46,12 @@ impl ReducedModel {
             || pod::decompose(&snapshots.fields[1]),
         );
         let pods = [first?, second?];
-        let k = problem.modes().min(snapshots.points.len());
+        let cross_validation = [0, 1].map(|c| leave_one_out(&pods[c], TABLED));
+        let k = problem.spec.modes.resolve(
+            problem.families(),
+            &cross_validation,
+            snapshots.points.len(),
+        );
         let values: Vec<Vec<f64>> = pods
             .iter()
             .flat_map(|pod| {
@@ -73,7 +78,7 @@ impl ReducedModel {
             surface,
             plain,
             truncation: [0, 1].map(|c| (1..=TABLED).map(|k| pods[c].truncation_error(k)).collect()),
-            cross_validation: [0, 1].map(|c| leave_one_out(&pods[c], TABLED)),
+            cross_validation,
             snapshots: snapshots.points.len(),
             mesh_size: [plate.mesh.elements.len(), plate.mesh.unknowns()],
         })
@@ -170,48 +175,4 @@ impl Surface {
             .sum::<f64>()
             .sqrt()
     }
-}
-
-/// CV_RMS of the max absolute field error for K = 1..=`most`: each snapshot against the POD of the others. The
-/// POD of all snapshots reduces each leave-one-out problem to the leading `RANK` coordinates.
-fn leave_one_out(pod: &Pod, most: usize) -> Vec<f64> {
-    const RANK: usize = 24;
-    let rank = RANK.min(pod.singular.len());
-    let count = pod.right.nrows();
-    let coordinates =
-        nalgebra::DMatrix::from_fn(rank, count, |r, i| pod.singular[r] * pod.right[(i, r)]);
-    let full = &coordinates * coordinates.transpose();
-    use rayon::prelude::*;
-    let errors: Vec<Vec<f64>> = (0..count)
-        .into_par_iter()
-        .map(|left_out| {
-            let c = coordinates.column(left_out);
-            let gram = &full - c * c.transpose();
-            let eigen = nalgebra::SymmetricEigen::new(gram);
-            let mut order: Vec<usize> = (0..rank).collect();
-            order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-            let mut rest = c.clone_owned();
-            (0..most.min(rank))
-                .map(|k| {
-                    let axis = eigen.eigenvectors.column(order[k]);
-                    rest -= axis * axis.dot(&rest);
-                    max_abs(&pod.modes, rest.as_slice())
-                })
-                .collect()
-        })
-        .collect();
-    (0..most.min(rank))
-        .map(|k| (errors.iter().map(|e| e[k] * e[k]).sum::<f64>() / count as f64).sqrt())
-        .collect()
-}
-
-/// Largest absolute value of the field with the given coordinates in the leading modes.
-fn max_abs(modes: &Mat<f64>, coordinates: &[f64]) -> f64 {
-    let mut field = vec![0.0; modes.nrows()];
-    for (r, &c) in coordinates.iter().enumerate() {
-        for (f, m) in field.iter_mut().zip(modes.col(r).iter()) {
-            *f += c * m;
-        }
-    }
-    field.iter().fold(0.0, |a, f| a.max(f.abs()))
 }

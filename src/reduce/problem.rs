@@ -4,11 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::design::Dimension;
 use super::gauge::Gauge;
+use super::modes::Modes;
+use super::reference::Reference;
 use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::fem::{Density, Setup};
 use crate::field::Frame;
-use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
+use crate::laminate::{LoadSpec, Material, Ply, SpecimenSpec};
 
 /// The `reduced_model` object of a model file.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -16,13 +18,16 @@ use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
 pub struct ReducedSpec {
     /// Number of snapshots.
     pub snapshots: usize,
-    /// POD modes kept for each displacement component.
-    pub modes: usize,
+    /// POD modes kept for each displacement component: a number, or `"auto"`.
+    pub modes: Modes,
     /// Total degree of the response surfaces.
     pub degree: usize,
     /// Bounds by parameter name, in place of those that follow from the priors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doe: Option<std::collections::BTreeMap<String, [f64; 2]>>,
+    /// The published reduced model that this one is to be compared with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Reference>,
 }
 
 impl ReducedSpec {
@@ -39,7 +44,9 @@ impl ReducedSpec {
             .found(value))
         };
         check("snapshots", self.snapshots, 10, 100_000)?;
-        check("modes", self.modes, 1, 30)?;
+        if let Modes::Count(modes) = self.modes {
+            check("modes", modes, 1, 30)?;
+        }
         check("degree", self.degree, 1, 6)
     }
 }
@@ -76,16 +83,28 @@ impl Problem {
         self.specimen.material.constants().len()
     }
 
-    /// POD modes kept for each component: the declared number for the plate under its nominal load, and as many again
-    /// for every amplitude of a mechanical effect, whose response varies with the constants just as much.
-    pub fn modes(&self) -> usize {
-        let amplitudes: usize = self.effects.iter().map(|e| e.parameters().len()).sum();
-        self.spec.modes * (1 + amplitudes)
+    /// Families of fields that vary with the constants: the plate under its nominal load, and one for every amplitude
+    /// of a mechanical effect. A declared number of modes is kept for each family.
+    pub fn families(&self) -> usize {
+        1 + self
+            .effects
+            .iter()
+            .map(|e| e.parameters().len())
+            .sum::<usize>()
     }
 
     /// Index of the thickness among the dimensions, if it varies.
     pub fn thickness_index(&self) -> Option<usize> {
         self.dimensions.iter().position(|d| d.name == THICKNESS)
+    }
+
+    /// The point of the DoE with elastic constants and amplitudes `theta`, at the mean thickness.
+    pub fn point(&self, theta: &[f64]) -> Vec<f64> {
+        let mut point = theta.to_vec();
+        if let Some(k) = self.thickness_index() {
+            point.insert(k, self.specimen.thickness_mm.mean);
+        }
+        point
     }
 
     /// The test and the ply at a point of the DoE, in border units.
@@ -106,6 +125,13 @@ impl Problem {
 
     /// Check that every corner of the box has an admissible ply, and every side some length.
     pub fn validate(&self) -> Result<()> {
+        if self.spec.reference.is_some() && self.specimen.material != Material::Laminate {
+            return Err(Error::input(
+                "reduced_model.reference",
+                "a laminate, as the published one",
+            )
+            .found("an isotropic material"));
+        }
         for d in &self.dimensions {
             if !(d.low.is_finite() && d.high.is_finite() && d.low < d.high) {
                 return Err(Error::input(

@@ -1,4 +1,5 @@
 //! What a run leaves behind: numbers gathered once, and tables made of them.
 
 pub mod numbers;
+pub mod tables;
 pub mod terminal;

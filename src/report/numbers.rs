@@ -4,7 +4,8 @@ use serde_json::{Map, Value, json};
 
 use crate::diagnose::Row;
 use crate::infer::Model;
-use crate::trace::Round;
+use crate::reduce::Dimension;
+use crate::trace::{Refinement, Round};
 
 /// The schema of `report.json`.
 pub const SCHEMA: &str = "plychain-report/1";
@@ -20,9 +21,7 @@ pub fn report(model: &Model, rounds: &[Round], seed: u64) -> Value {
 }
 
 fn round_numbers(model: &Model, round: &Round) -> Value {
-    let Round {
-        prepared, verdict, ..
-    } = round;
+    let verdict = &round.verdict;
     let rows = &verdict.rows;
     let effects: Vec<_> = model.effects.iter().map(|e| e.name()).collect();
     json!({
@@ -41,14 +40,47 @@ fn round_numbers(model: &Model, round: &Round) -> Value {
         },
         "residual": residual(round),
         "noise": noise(round),
-        "surrogate": {
-            "draws_outside_doe": round.outside_doe,
-            "variables": prepared.reduced.surface.variables.choice,
-            "doe": prepared.reduced.dimensions.iter().map(|d| (d.name.clone(), json!([d.low, d.high]))).collect::<Map<_, _>>(),
-            "press_mm": prepared.reduced.surface.quality.iter().map(|q| q.press).collect::<Vec<_>>(),
-            "cached": prepared.cached,
-        },
+        "surrogate": surrogate(round),
     })
+}
+
+/// The reduced model's own error, measured by the finite elements at draws of the posterior.
+fn surrogate(round: &Round) -> Value {
+    let reduced = &round.prepared.reduced;
+    let error = &round.surrogate;
+    json!({
+        "max_error_in_posterior_sd": error.max_sd(),
+        "error_in_posterior_sd": error.shift_sd.iter().map(|(name, s)| (name.clone(), json!(s))).collect::<Map<_, _>>(),
+        "bias_in_posterior_sd": error.shift_sd.iter().zip(&error.bias_sd).map(|((name, _), b)| (name.clone(), json!(b))).collect::<Map<_, _>>(),
+        "truth_draws": error.draws,
+        "field_error_nm": { "max": error.max_field_nm, "rms": error.rms_field_nm },
+        "draws_outside_doe": round.outside_doe,
+        "variables": reduced.surface.variables.choice,
+        "modes": reduced.modes_per_component(),
+        "doe": doe(&reduced.dimensions),
+        "press_mm": reduced.surface.quality.iter().map(|q| q.press).collect::<Vec<_>>(),
+        "cached": round.prepared.cached,
+        "refinement": round.refinements.iter().map(refinement).collect::<Vec<_>>(),
+    })
+}
+
+/// One reduced model on the way: the first, then every refinement.
+fn refinement(step: &Refinement) -> Value {
+    json!({
+        "max_error_in_posterior_sd": step.max_error_sd,
+        "max_field_error_nm": step.max_field_nm,
+        "draws_outside_doe": step.outside_doe,
+        "snapshots": step.snapshots,
+        "modes": step.modes,
+        "doe": doe(&step.dimensions),
+    })
+}
+
+fn doe(dimensions: &[Dimension]) -> Map<String, Value> {
+    let sides = dimensions.iter();
+    sides
+        .map(|d| (d.name.clone(), json!([d.low, d.high])))
+        .collect()
 }
 
 fn posterior(row: &Row) -> Value {

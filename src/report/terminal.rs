@@ -4,7 +4,6 @@ use std::fmt::Write;
 
 use super::numbers::correlation;
 use crate::infer::Model;
-use crate::reduce::{Quality, ReducedModel, Surface};
 use crate::trace::Round;
 
 /// Aligned columns: the first to the left, the others to the right.
@@ -92,12 +91,60 @@ pub fn identification(model: &Model, round: &Round) -> String {
     }
     text += &residual(round);
     let _ = writeln!(text, "\n{}", round.verdict.line());
+    text += &surrogate(round);
+    text
+}
+
+/// What the finite elements say of the reduced model, and how refinement went.
+fn surrogate(round: &Round) -> String {
+    let error = &round.surrogate;
+    let mut text = format!(
+        "reduced model against the finite elements at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field\n",
+        error.draws,
+        100.0 * error.max_sd(),
+        error.max_field_nm
+    );
     if round.outside_doe > 0.0 {
         let _ = writeln!(
             text,
-            "{:.2} % of the draws lie outside the DoE box: there the reduced model extrapolates",
-            100.0 * round.outside_doe
+            "{:.2} % of the draws lie outside the DoE box: there the reduced model extrapolates{}",
+            100.0 * round.outside_doe,
+            if round.refinements.len() > 1 {
+                ""
+            } else {
+                " (--refine moves the box)"
+            }
         );
+    }
+    if round.refinements.len() > 1 {
+        let rows: Vec<Vec<String>> = round
+            .refinements
+            .iter()
+            .enumerate()
+            .map(|(k, r)| {
+                vec![
+                    if k == 0 {
+                        "first".into()
+                    } else {
+                        format!("refined {k}")
+                    },
+                    r.snapshots.to_string(),
+                    r.modes.to_string(),
+                    format!("{:.3}", 100.0 * r.max_error_sd),
+                    format!("{:.4}", r.max_field_nm),
+                    format!("{:.3}", 100.0 * r.outside_doe),
+                ]
+            })
+            .collect();
+        let header = [
+            "reduced model",
+            "snapshots",
+            "modes",
+            "error % of sd",
+            "field nm",
+            "draws outside %",
+        ];
+        text += &format!("\n{}", table(&header, &rows));
     }
     text
 }
@@ -145,75 +192,4 @@ pub fn significant(value: f64, sd: f64) -> String {
     }
     let decimals = (1 - sd.log10().floor() as i32).clamp(0, 12) as usize;
     format!("{value:.decimals$}")
-}
-
-/// The error tables of a reduced model (the article's Tables 3, 8, 9 and 10).
-pub fn reduced_model(reduced: &ReducedModel) -> String {
-    let [elements, unknowns] = reduced.mesh_size;
-    let mut text = format!(
-        "\n{} snapshots of {elements} quadratic elements, {unknowns} unknowns\n\nDoE box\n\n",
-        reduced.snapshots
-    );
-    let rows: Vec<Vec<String>> = reduced
-        .dimensions
-        .iter()
-        .map(|d| {
-            vec![
-                d.name.clone(),
-                format!("{:.6}", d.low),
-                format!("{:.6}", d.high),
-            ]
-        })
-        .collect();
-    text += &table(&["", "low", "high"], &rows);
-    text += "\ntruncation error eps (Eq. 10) and leave-one-out CV_RMS, mm (Tables 3 and 8)\n\n";
-    let most = reduced.truncation[0].len();
-    let rows: Vec<Vec<String>> = (1..most)
-        .map(|k| {
-            let mut row = vec![(k + 1).to_string()];
-            for c in 0..2 {
-                row.push(format!("{:.3e}", reduced.truncation[c][k]));
-                row.push(
-                    reduced.cross_validation[c]
-                        .get(k)
-                        .map_or("-".into(), |v| format!("{v:.3e}")),
-                );
-            }
-            row
-        })
-        .collect();
-    text += &table(&["K", "eps U", "CV U mm", "eps V", "CV V mm"], &rows);
-    for (name, surface) in [
-        ("kept", &reduced.surface),
-        ("the article's, for comparison", &reduced.plain),
-    ] {
-        let _ = write!(
-            text,
-            "\nresponse surfaces {name}: {:?} variables, {} monomials (Tables 9 and 10)\n\n{}",
-            surface.variables.choice,
-            surface.exponents.len(),
-            surfaces(surface)
-        );
-    }
-    text
-}
-
-fn surfaces(surface: &Surface) -> String {
-    let half = surface.quality.len() / 2;
-    let row = |(k, q): (usize, &Quality)| {
-        let component = if k < half { "U" } else { "V" };
-        vec![
-            format!("{component}{}", k % half + 1),
-            format!("{:.3e}", q.mean),
-            format!("{:.3e}", q.sd),
-            format!("{:.9}", q.r2),
-            format!("{:.2e}", q.rms),
-            format!("{:.2e}", q.press),
-        ]
-    };
-    let rows: Vec<Vec<String>> = surface.quality.iter().enumerate().map(row).collect();
-    table(
-        &["", "mean mm", "sd mm", "R^2", "RMS mm", "PRESS mm"],
-        &rows,
-    )
 }

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
+use super::truth::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::effect::amplitude_name;
@@ -29,6 +31,8 @@ pub struct Options<'a> {
     pub rule: Rule,
     /// Directory of cached reduced models.
     pub cache: PathBuf,
+    /// At most this many refinements of the reduced model about the posterior.
+    pub refinements: usize,
 }
 
 /// A reduced model with the plate it was made on.
@@ -63,6 +67,10 @@ pub struct Round {
     pub verdict: Verdict,
     /// Draws whose constants lie outside the DoE box, as a fraction.
     pub outside_doe: f64,
+    /// The reduced model against the finite elements at draws of the posterior.
+    pub surrogate: SurrogateError,
+    /// The reduced models used, the first and every refinement; the last is this round's.
+    pub refinements: Vec<Refinement>,
     /// Mean and sd of each declared closed-form effect's amplitude, border units.
     pub effect_amplitudes: Vec<(String, f64, f64)>,
     /// What the posterior mean leaves unexplained.
@@ -102,9 +110,31 @@ fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
     point
 }
 
-/// Identify the constants of a model from its measurement.
+/// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
+/// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
 pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Result<Round> {
     let prepared = prepare(model, &options.cache, watch)?;
+    let mut round = identify_prepared(model, prepared, options, watch)?;
+    let mut history = vec![Refinement::of(&round)];
+    for _ in 0..options.refinements {
+        if history.last().is_some_and(Refinement::is_enough) {
+            break;
+        }
+        let prepared = enrich(round, &options.cache, watch)?;
+        round = identify_prepared(model, prepared, options, watch)?;
+        history.push(Refinement::of(&round));
+    }
+    round.refinements = history;
+    Ok(round)
+}
+
+/// Identify with a given reduced model.
+fn identify_prepared(
+    model: &Model,
+    prepared: Prepared,
+    options: &Options<'_>,
+    watch: &dyn Watch,
+) -> Result<Round> {
     let gauge = model.file.gauge;
     let columns = prepared.observation.columns(
         &prepared.reduced,
@@ -147,6 +177,17 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
         .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
         .collect();
     let outside_doe = outside(&prepared, &posterior, &draws);
+    let surrogate = SurrogateError::measure(
+        &Identified {
+            prepared: &prepared,
+            columns: &columns,
+            noise: &noise,
+            statistics: &statistics,
+            posterior: &posterior,
+            draws: &draws,
+        },
+        watch,
+    )?;
     Ok(Round {
         prepared,
         columns,
@@ -156,6 +197,8 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
         draws,
         verdict,
         outside_doe,
+        surrogate,
+        refinements: Vec::new(),
         effect_amplitudes,
         residual,
     })

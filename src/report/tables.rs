@@ -1,0 +1,296 @@
+//! The error tables of a reduced model, in the article's order, and beside the article's own figures.
+
+use std::fmt::Write;
+
+use serde_json::{Map, Value, json};
+
+use super::terminal::table;
+use crate::reduce::{Published, Quality, ReducedModel, Reference, Surface, TRUNCATIONS};
+
+/// What the columns of Tables 9 and 10 are called, in `reduced_model.json` and on the terminal.
+const MEASURES: [&str; 5] = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
+
+const COMPONENTS: [&str; 2] = ["U", "V"];
+
+fn measures(q: &Quality) -> [f64; 5] {
+    [q.mean, q.sd, q.r2, q.rms, q.press]
+}
+
+/// The tables of a reduced model.
+pub fn numbers(reduced: &ReducedModel) -> Value {
+    let by_component = |values: &dyn Fn(usize) -> Value| -> Map<String, Value> {
+        let names = COMPONENTS.iter().enumerate();
+        names.map(|(c, name)| ((*name).into(), values(c))).collect()
+    };
+    json!({
+        "snapshots": reduced.snapshots,
+        "elements": reduced.mesh_size[0],
+        "unknowns": reduced.mesh_size[1],
+        "nodes_in_window": reduced.nodes.len(),
+        "modes": reduced.modes_per_component(),
+        "doe": reduced.dimensions.iter().map(|d| (d.name.clone(), json!([d.low, d.high]))).collect::<Map<_, _>>(),
+        "table_3_truncation_error_K_1_up": by_component(&|c| json!(reduced.truncation[c])),
+        "table_8_cv_rms_mm_K_1_up": by_component(&|c| json!(reduced.cross_validation[c].mm)),
+        "table_8_cv_rms_percent_K_1_up": by_component(&|c| json!(reduced.cross_validation[c].percent)),
+        "surface_kept": surface_numbers(&reduced.surface),
+        "tables_9_10_plain_surface": surface_numbers(&reduced.plain),
+    })
+}
+
+fn surface_numbers(surface: &Surface) -> Value {
+    let half = surface.quality.len() / 2;
+    let rows = surface.quality.iter().enumerate().map(|(k, q)| {
+        let name = format!("{}{}", COMPONENTS[usize::from(k >= half)], k % half + 1);
+        let values = MEASURES.iter().zip(measures(q));
+        let row: Map<_, _> = values.map(|(m, v)| ((*m).to_string(), json!(v))).collect();
+        (name, Value::Object(row))
+    });
+    json!({
+        "variables": surface.variables.choice,
+        "monomials": surface.exponents.len(),
+        "coefficients": rows.collect::<Map<_, _>>(),
+    })
+}
+
+/// The tables on the terminal.
+pub fn text(reduced: &ReducedModel) -> String {
+    let [elements, unknowns] = reduced.mesh_size;
+    let mut text = format!(
+        "\n{} snapshots of {elements} quadratic elements, {unknowns} unknowns; {} modes kept\n\nDoE box\n\n",
+        reduced.snapshots,
+        reduced.modes_per_component()
+    );
+    let rows: Vec<Vec<String>> = reduced
+        .dimensions
+        .iter()
+        .map(|d| {
+            vec![
+                d.name.clone(),
+                format!("{:.6}", d.low),
+                format!("{:.6}", d.high),
+            ]
+        })
+        .collect();
+    text += &table(&["", "low", "high"], &rows);
+    text += "\ntruncation error eps (Table 3) and leave-one-out CV_RMS (Table 8)\n\n";
+    text += &truncations(reduced);
+    for (name, surface) in [
+        ("kept", &reduced.surface),
+        (
+            "in the parameters as they are, for comparison",
+            &reduced.plain,
+        ),
+    ] {
+        let _ = write!(
+            text,
+            "\nresponse surfaces {name}: {:?} variables, {} monomials (Tables 9 and 10)\n\n{}",
+            surface.variables.choice,
+            surface.exponents.len(),
+            surfaces(surface)
+        );
+    }
+    text
+}
+
+fn truncations(reduced: &ReducedModel) -> String {
+    let most = reduced.truncation[0].len();
+    let rows: Vec<Vec<String>> = (1..most)
+        .map(|k| {
+            let mut row = vec![(k + 1).to_string()];
+            for c in 0..2 {
+                let cross = &reduced.cross_validation[c];
+                let or_dash = |v: Option<&f64>| v.map_or("-".into(), |v| format!("{v:.3e}"));
+                row.push(format!("{:.3e}", reduced.truncation[c][k]));
+                row.push(or_dash(cross.mm.get(k)));
+                row.push(or_dash(cross.percent.get(k)));
+            }
+            row
+        })
+        .collect();
+    let header = [
+        "K", "eps U", "CV U mm", "CV U %", "eps V", "CV V mm", "CV V %",
+    ];
+    table(&header, &rows)
+}
+
+fn surfaces(surface: &Surface) -> String {
+    let half = surface.quality.len() / 2;
+    let row = |(k, q): (usize, &Quality)| {
+        vec![
+            format!("{}{}", COMPONENTS[usize::from(k >= half)], k % half + 1),
+            format!("{:.3e}", q.mean),
+            format!("{:.3e}", q.sd),
+            format!("{:.9}", q.r2),
+            format!("{:.2e}", q.rms),
+            format!("{:.2e}", q.press),
+        ]
+    };
+    let rows: Vec<Vec<String>> = surface.quality.iter().enumerate().map(row).collect();
+    table(
+        &["", "mean mm", "sd mm", "R^2", "RMS mm", "PRESS mm"],
+        &rows,
+    )
+}
+
+/// One figure beside the published one.
+struct Pair {
+    table: u8,
+    component: usize,
+    /// K, or the number of the coefficient.
+    index: usize,
+    measure: &'static str,
+    here: f64,
+    published: f64,
+}
+
+impl Pair {
+    /// Here over published, in size: the sign of a mode is arbitrary.
+    fn ratio(&self) -> f64 {
+        (self.here / self.published).abs()
+    }
+}
+
+/// Every published figure with its counterpart in `built`, a reduced model of [`Reference::problem`].
+fn pairs(built: &ReducedModel, published: &Published) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    for component in 0..2 {
+        let cross = &built.cross_validation[component];
+        let series = [
+            (
+                3,
+                "eps",
+                &built.truncation[component],
+                &published.truncation[component],
+            ),
+            (8, "cv_rms_mm", &cross.mm, &published.cv_mm[component]),
+            (
+                8,
+                "cv_rms_percent",
+                &cross.percent,
+                &published.cv_percent[component],
+            ),
+        ];
+        for (table, measure, here, there) in series {
+            pairs.extend(TRUNCATIONS.iter().zip(there).map(|(&k, &published)| Pair {
+                table,
+                component,
+                index: k,
+                measure,
+                here: here.get(k - 1).copied().unwrap_or(f64::NAN),
+                published,
+            }));
+        }
+        let half = built.plain.quality.len() / 2;
+        let qualities = &built.plain.quality[component * half..(component + 1) * half];
+        for (k, (q, there)) in qualities
+            .iter()
+            .zip(&published.surfaces[component])
+            .enumerate()
+        {
+            for (m, &measure) in MEASURES.iter().enumerate() {
+                pairs.push(Pair {
+                    table: 9 + component as u8,
+                    component,
+                    index: k + 1,
+                    measure,
+                    here: measures(q)[m],
+                    published: there[m],
+                });
+            }
+        }
+    }
+    pairs
+}
+
+/// Factor that takes POD coefficients from this model's number of nodes to the published one's.
+fn node_factor(built: &ReducedModel, published: &Published) -> f64 {
+    (published.nodes as f64 / built.nodes.len() as f64).sqrt()
+}
+
+/// Figures here beside those published, with their ratio.
+pub fn comparison_numbers(reference: Reference, built: &ReducedModel) -> Value {
+    let published = reference.published();
+    let mut tables: Map<String, Value> = Map::new();
+    for pair in pairs(built, published) {
+        let row = json!({
+            "component": COMPONENTS[pair.component], "index": pair.index, "measure": pair.measure,
+            "here": pair.here, "published": pair.published, "ratio": pair.ratio(),
+        });
+        let rows = tables
+            .entry(format!("table_{}", pair.table))
+            .or_insert_with(|| json!([]));
+        if let Value::Array(rows) = rows {
+            rows.push(row);
+        }
+    }
+    json!({
+        "reference": reference,
+        "nodes": { "here": built.nodes.len(), "published": published.nodes },
+        "node_factor": node_factor(built, published),
+        "tables": tables,
+        "remarks": REMARKS,
+        "model": numbers(built),
+    })
+}
+
+/// Where and why the figures differ.
+const REMARKS: &[&str] = &[
+    "Figures without a unit of length (eps, R^2, sd/mean of the first coefficients) agree: box, layup and method are the article's.",
+    "A node's displacement is 2.2 to 2.3 times larger there (first means over the square roots of the numbers of nodes; CV_RMS in mm says the same): 700 N on the assumed plate (200 x 25 mm, 4 mm hole) with the window's rigid motion removed is not what Tables 8 to 10 were made for. Displacements counted from a corner of the window would double them; the plate's drawing and gauge are not available.",
+    "Means of the coefficients 2 to 4 are differences of nearly equal terms and belong to one design: a fourth mean lies within its sampling error sd/sqrt(200) of zero.",
+    "PRESS of V2, 3.05e-6 mm there, cannot be right: it is never below RMS sqrt((n - m)/n) = 0.85 x 2.26e-5 mm. 3.05e-5 mm would fit the other seven, whose PRESS is 1.25 to 1.55 times their RMS.",
+    "CV_RMS of V at K = 3, 4.71e-2 %, does not fit its 6.30e-7 mm: it implies a field of 1.3e-3 mm, where K = 2 and 4 imply 8 to 9e-3 mm.",
+];
+
+/// The same on the terminal.
+pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
+    let published = reference.published();
+    let pairs = pairs(built, published);
+    let mut text = format!(
+        "\nGogu et al. 2013, Tables 3, 8, 9 and 10, in the article's box (Table 2): here / published = ratio\n{} nodes here, {} there: POD coefficients grow with the square root, so the ratios of their figures are to be multiplied by {:.3}\n\n",
+        built.nodes.len(),
+        published.nodes,
+        node_factor(built, published)
+    );
+    let cells = |pick: &dyn Fn(&&Pair) -> bool| -> Vec<String> {
+        let picked = pairs.iter().filter(pick);
+        picked
+            .map(|p| match p.measure {
+                "r2" => format!("{:.5} / {:.5}", p.here, p.published),
+                _ => format!("{:.2e} / {:.2e} = {:.2}", p.here, p.published, p.ratio()),
+            })
+            .collect()
+    };
+    let mut rows = Vec::new();
+    for measure in ["eps", "cv_rms_mm", "cv_rms_percent"] {
+        for (c, component) in COMPONENTS.iter().enumerate() {
+            let mut row = vec![format!("{measure} {component}")];
+            row.extend(cells(&|p| p.measure == measure && p.component == c));
+            rows.push(row);
+        }
+    }
+    text += &table(
+        &["Tables 3 and 8", "K = 2", "K = 3", "K = 4", "K = 5"],
+        &rows,
+    );
+    for (c, component) in COMPONENTS.iter().enumerate() {
+        let rows: Vec<Vec<String>> = MEASURES
+            .iter()
+            .map(|&measure| {
+                let mut row = vec![measure.to_string()];
+                row.extend(cells(&|p| p.measure == measure && p.component == c));
+                row
+            })
+            .collect();
+        let header: Vec<String> = (1..=4).map(|k| format!("{component}{k}")).collect();
+        let name = format!("Table {}", 9 + c);
+        let header: Vec<&str> = std::iter::once(name.as_str())
+            .chain(header.iter().map(String::as_str))
+            .collect();
+        text += &format!("\n{}", table(&header, &rows));
+    }
+    for remark in REMARKS {
+        let _ = write!(text, "\n{remark}");
+    }
+    text + "\n"
+}

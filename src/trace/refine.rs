@@ -1,0 +1,101 @@
+//! Refinement of the reduced model where the posterior is.
+
+use super::round::{Prepared, Round};
+use super::truth::TOLERANCE;
+use crate::chain::Draws;
+use crate::error::Result;
+use crate::progress::Watch;
+use crate::reduce::{Dimension, Modes, Problem, cache};
+
+/// What one refinement round worked with and how far it got.
+#[derive(Debug, Clone)]
+pub struct Refinement {
+    /// The DoE box.
+    pub dimensions: Vec<Dimension>,
+    /// Snapshots solved.
+    pub snapshots: usize,
+    /// Modes kept for each component.
+    pub modes: usize,
+    /// Largest error of any constant, in posterior standard deviations.
+    pub max_error_sd: f64,
+    /// Largest error of the field at a measured point, nm.
+    pub max_field_nm: f64,
+    /// Draws outside the DoE box, as a fraction.
+    pub outside_doe: f64,
+}
+
+impl Refinement {
+    /// Where a round stands.
+    pub fn of(round: &Round) -> Self {
+        Self {
+            dimensions: round.prepared.reduced.dimensions.clone(),
+            snapshots: round.prepared.reduced.snapshots,
+            modes: round.prepared.reduced.modes_per_component(),
+            max_error_sd: round.surrogate.max_sd(),
+            max_field_nm: round.surrogate.max_field_nm,
+            outside_doe: round.outside_doe,
+        }
+    }
+
+    /// Whether the reduced model needs no refinement: its error is within the tolerance, and no draw extrapolates.
+    pub fn is_enough(&self) -> bool {
+        self.max_error_sd <= TOLERANCE && self.outside_doe == 0.0
+    }
+}
+
+/// Half-width of the box about the posterior in standard deviations: a normal tail beyond it holds 4e-8.
+const REACH_SDS: f64 = 5.5;
+
+/// Room beyond the outermost draw, in standard deviations.
+const MARGIN_SDS: f64 = 0.5;
+
+/// A reduced model on a box about the draws, in place of the one they were drawn with, and with one mode more where
+/// the error was above the tolerance. Every snapshot lies in that box: those far away would take modes and monomials
+/// from where the posterior is.
+pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
+    let families = round.prepared.problem.families();
+    let modes = round
+        .prepared
+        .reduced
+        .modes_per_component()
+        .div_ceil(families);
+    let within = round.surrogate.max_sd() <= TOLERANCE;
+    let Prepared {
+        mut problem,
+        plate,
+        observation,
+        ..
+    } = round.prepared;
+    problem.dimensions = around(&problem, &round.draws, round.posterior.structural());
+    problem.spec.modes = Modes::Count(if within { modes } else { modes + 1 });
+    problem.validate()?;
+    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
+    Ok(Prepared {
+        problem,
+        plate,
+        reduced,
+        cached,
+        observation,
+    })
+}
+
+/// The box about the draws of the first `d` parameters; the thickness, which is not drawn, keeps its side.
+fn around(problem: &Problem, draws: &Draws, d: usize) -> Vec<Dimension> {
+    let thickness = problem.thickness_index();
+    let n = draws.len() as f64;
+    let mut dimensions = problem.dimensions.clone();
+    for k in 0..d {
+        let values = || draws.points().map(|x| x[k]);
+        let mean = values().sum::<f64>() / n;
+        let sd = (values().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let (low, high) = values().fold((mean, mean), |(a, b), x| (a.min(x), b.max(x)));
+        let side = &mut dimensions[k + usize::from(thickness.is_some_and(|t| t <= k))];
+        side.low = (mean - REACH_SDS * sd).min(low - MARGIN_SDS * sd);
+        side.high = (mean + REACH_SDS * sd).max(high + MARGIN_SDS * sd);
+        if side.name.ends_with("_GPa") {
+            // Draws are positive; what lies below half the smallest of them is of no use.
+            side.low = side.low.max(0.5 * low);
+        }
+    }
+    dimensions
+}

@@ -1,0 +1,186 @@
+//! The finite elements against the reduced model at draws of the posterior.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::round::Prepared;
+use crate::chain::Draws;
+use crate::error::Result;
+use crate::infer::{Columns, LogDensity, Noise, Posterior, Statistics, Whitened};
+use crate::progress::Watch;
+use crate::quantity::NM_PER_MM;
+use crate::reduce::{Gauge, Snapshots, remove_rigid_motion};
+
+/// What the reduced model's error does to the posterior, measured where the posterior is.
+#[derive(Debug, Clone)]
+pub struct SurrogateError {
+    /// Number of draws at which the finite elements were solved.
+    pub draws: usize,
+    /// Name of each constant and amplitude, and the largest shift of its posterior mode that the reduced model's
+    /// error causes at any of the draws, in posterior standard deviations.
+    pub shift_sd: Vec<(String, f64)>,
+    /// The mean of those shifts with their signs: what does not average out.
+    pub bias_sd: Vec<f64>,
+    /// Largest difference of the fields at a measured point, nm.
+    pub max_field_nm: f64,
+    /// Root mean square difference of the fields, nm.
+    pub rms_field_nm: f64,
+}
+
+/// Draws at which the finite elements are solved.
+pub const TRUTH_DRAWS: usize = 32;
+
+/// Largest error of a reduced model that needs no refinement, in posterior standard deviations.
+pub const TOLERANCE: f64 = 0.01;
+
+/// Everything the comparison needs of one identification.
+pub struct Identified<'a> {
+    /// Problem, plate, reduced model, measured points.
+    pub prepared: &'a Prepared,
+    /// Columns at the measured points.
+    pub columns: &'a Columns,
+    /// Noise of the measurement.
+    pub noise: &'a Noise,
+    /// What the data say.
+    pub statistics: &'a Statistics,
+    /// The sampled density.
+    pub posterior: &'a Posterior,
+    /// Its draws.
+    pub draws: &'a Draws,
+}
+
+impl SurrogateError {
+    /// The largest shift of any constant, in posterior standard deviations.
+    pub fn max_sd(&self) -> f64 {
+        self.shift_sd.iter().fold(0.0, |a, (_, s)| a.max(*s))
+    }
+
+    /// Solve at [`TRUTH_DRAWS`] draws, spread over all chains, the same for the same draws.
+    ///
+    /// With an error d of the predicted field, the posterior's gradient changes by g = grad (log L(d) - log L) and its
+    /// mode by one Newton step, Sigma g, with Sigma the covariance of the draws.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn measure(run: &Identified<'_>, watch: &dyn Watch) -> Result<Self> {
+        let chosen = spread(run.draws, TRUTH_DRAWS);
+        watch.begin(
+            "finite elements at posterior draws",
+            Some(chosen.len() as u64),
+        );
+        let d = run.posterior.structural();
+        let points = chosen
+            .iter()
+            .map(|x| run.prepared.problem.point(&x[..d]))
+            .collect();
+        let truth = Snapshots::at(&run.prepared.problem, &run.prepared.plate, points, &|| {
+            watch.tick();
+        })?;
+        let whitened = Whitened::new(run.columns, run.noise);
+        let covariance = covariance(run.draws, d);
+        let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
+        let mut largest = vec![0.0_f64; d];
+        let mut bias = vec![0.0; d];
+        let (mut max_field, mut sum, mut count) = (0.0_f64, 0.0, 0);
+        for (j, x) in chosen.iter().enumerate() {
+            let error = field_error(run, &truth, j, &x[..d]);
+            for u in error.iter().flatten() {
+                max_field = max_field.max(u.abs());
+                sum += u * u;
+                count += 1;
+            }
+            let weighted = run.statistics.weighted_of(&whitened, run.noise, &error);
+            let shift = &covariance * gradient(run.posterior, x, &sd, &weighted);
+            for k in 0..d {
+                largest[k] = largest[k].max((shift[k] / sd[k]).abs());
+                bias[k] += shift[k] / sd[k] / chosen.len() as f64;
+            }
+        }
+        let error = Self {
+            draws: chosen.len(),
+            shift_sd: run.posterior.names().iter().cloned().zip(largest).collect(),
+            bias_sd: bias,
+            max_field_nm: max_field * NM_PER_MM,
+            rms_field_nm: (sum / f64::from(count.max(1))).sqrt() * NM_PER_MM,
+        };
+        watch.say(&format!(
+            "{:.3} % of a posterior sd",
+            100.0 * error.max_sd()
+        ));
+        watch.end();
+        Ok(error)
+    }
+}
+
+/// `count` draws at multiples of the golden ratio through the flattened draws: all chains, early and late.
+fn spread(draws: &Draws, count: usize) -> Vec<Vec<f64>> {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let n = draws.len();
+    let mut chosen: Vec<usize> = (0..count.min(n))
+        .map(|i| (((i as f64 + 0.5) * GOLDEN).fract() * n as f64) as usize)
+        .collect();
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+        .iter()
+        .map(|&i| draws.values()[i * draws.dim()..(i + 1) * draws.dim()].to_vec())
+        .collect()
+}
+
+/// Finite elements minus reduced model at the measured points, mm.
+fn field_error(run: &Identified<'_>, truth: &Snapshots, j: usize, theta: &[f64]) -> Vec<[f64; 2]> {
+    let prepared = run.prepared;
+    let mut nodal = vec![0.0; prepared.plate.mesh.unknowns()];
+    for (i, &node) in truth.nodes.iter().enumerate() {
+        for c in 0..2 {
+            nodal[2 * node as usize + c] = truth.fields[c][(i, j)];
+        }
+    }
+    let mut error = prepared.observation.observer.displacement(&nodal);
+    if prepared.problem.gauge == Gauge::Window {
+        remove_rigid_motion(&prepared.observation.field.points, &mut error);
+    }
+    let alpha = run.posterior.likelihood().surface_prediction(theta);
+    for (column, a) in run.columns.modes.iter().zip(alpha) {
+        for (e, u) in error.iter_mut().zip(column) {
+            e[0] -= a * u[0];
+            e[1] -= a * u[1];
+        }
+    }
+    error
+}
+
+/// Covariance of the first `d` parameters of the draws.
+fn covariance(draws: &Draws, d: usize) -> DMatrix<f64> {
+    let n = draws.len() as f64;
+    let mean = draws.points().fold(DVector::zeros(d), |m, x| {
+        m + DVector::from_column_slice(&x[..d]) / n
+    });
+    let mut sum = DMatrix::zeros(d, d);
+    for x in draws.points() {
+        let r = DVector::from_column_slice(&x[..d]) - &mean;
+        sum.ger(1.0 / n, &r, &r, 1.0);
+    }
+    sum
+}
+
+/// Gradient of the change of the log likelihood, by central differences over a tenth of a posterior sd.
+fn gradient(
+    posterior: &Posterior,
+    x: &[f64],
+    sd: &DVector<f64>,
+    weighted: &DVector<f64>,
+) -> DVector<f64> {
+    let scale = posterior.scale(x);
+    let theta = &x[..sd.len()];
+    DVector::from_fn(sd.len(), |k, _| {
+        let step = 0.1 * sd[k];
+        let at = |step: f64| {
+            let mut moved = theta.to_vec();
+            moved[k] += step;
+            posterior
+                .likelihood()
+                .log_likelihood_change(&moved, scale, weighted)
+        };
+        (at(step) - at(-step)) / (2.0 * step)
+    })
+}

@@ -1,0 +1,350 @@
+//! The reduced model: design, POD, response surfaces, cache, and inputs that cannot work.
+
+mod inputs;
+mod surrogate;
+
+use faer::Mat;
+use plychain::fem::{Density, Plate};
+use plychain::field::{Axis, Frame};
+use plychain::laminate::LoadSpec;
+use plychain::progress::Unwatched;
+use plychain::reduce::{
+    Choice, CrossValidation, Dimension, Gauge, Modes, Pod, Problem, ReducedModel, ReducedSpec,
+    Snapshots, Surface, THICKNESS, Variables, cache, decompose, exponents, latin_hypercube,
+    leave_one_out, monomial,
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// The open-hole laminate on a coarse mesh.
+pub fn small_problem() -> Problem {
+    let side = |name: &str, low: f64, high: f64| Dimension {
+        name: name.into(),
+        low,
+        high,
+    };
+    Problem {
+        specimen: serde_json::from_str(
+            r#"{ "length_mm": 60.0, "width_mm": 25.0, "hole": { "diameter_mm": 4.0, "center_mm": [0.0, 0.0] },
+                 "layup_deg": [45, -45, 0, 0, -45, 45], "thickness_mm": { "mean": 0.78, "sd": 0.005 } }"#,
+        )
+        .unwrap(),
+        load: LoadSpec { force_n: 700.0 },
+        frame: Frame {
+            loading_axis: Axis::X,
+            hole_center_mm: [0.0; 2],
+        },
+        gauge: Gauge::Window,
+        effects: Vec::new(),
+        dimensions: vec![
+            side("E1_GPa", 120.0, 200.0),
+            side("E2_GPa", 6.0, 9.0),
+            side("nu12", 0.26, 0.42),
+            side("G12_GPa", 3.2, 5.8),
+            side(THICKNESS, 0.76, 0.80),
+        ],
+        spec: ReducedSpec {
+            snapshots: 120,
+            modes: Modes::Count(4),
+            degree: 3,
+            doe: None,
+            reference: None,
+        },
+        window: [[-8.0, -8.0], [8.0, 8.0]],
+        density: Density {
+            per_side: 6,
+            radial: 8,
+            along: 12,
+        },
+    }
+}
+
+pub fn plate(problem: &Problem) -> Plate {
+    let nominal = problem.point(&[160.0, 7.5, 0.34, 4.5]);
+    Plate::new(problem.test_at(&nominal).0.outline, problem.density).unwrap()
+}
+
+/// A random matrix whose singular values fall by about a decade from one to the next.
+fn decaying(n: usize, count: usize) -> Mat<f64> {
+    let mut rng = Pcg64::seed_from_u64(5);
+    let mut random = |rows, cols| {
+        let values: Vec<f64> = (0..rows * cols)
+            .map(|_| rng.random::<f64>() - 0.5)
+            .collect();
+        Mat::from_fn(rows, cols, |i, j| values[i * cols + j])
+    };
+    let (left, right) = (random(n, count), random(count, count));
+    let scaled = Mat::from_fn(n, count, |i, j| left[(i, j)] * 10_f64.powi(-(j as i32)));
+    &scaled * &right
+}
+
+/// Points of a Latin hypercube in the problem's box.
+pub fn points(problem: &Problem, n: usize, seed: u64) -> Vec<Vec<f64>> {
+    let unit = latin_hypercube(n, problem.dimensions.len(), seed);
+    let scale = |u: &Vec<f64>| {
+        u.iter()
+            .zip(&problem.dimensions)
+            .map(|(&u, d)| d.at(u))
+            .collect()
+    };
+    unit.iter().map(scale).collect()
+}
+
+#[test]
+fn a_latin_hypercube_has_one_point_in_every_stratum() {
+    for (n, dims, seed) in [(1, 3, 1), (7, 2, 2), (200, 5, 2013)] {
+        let design = latin_hypercube(n, dims, seed);
+        assert_eq!(design, latin_hypercube(n, dims, seed));
+        for d in 0..dims {
+            let mut strata: Vec<usize> = design
+                .iter()
+                .map(|p| (p[d] * n as f64).floor() as usize)
+                .collect();
+            strata.sort_unstable();
+            assert_eq!(strata, (0..n).collect::<Vec<_>>());
+        }
+    }
+}
+
+#[test]
+fn pod_is_orthonormal_reconstructs_and_leaves_its_input_alone() {
+    let x = decaying(60, 9);
+    let before = x.clone();
+    let pod = decompose(&x).unwrap();
+    assert_eq!(x, before);
+    let gram = pod.modes.transpose() * &pod.modes;
+    let identity = Mat::<f64>::identity(9, 9);
+    assert!((&gram - &identity).norm_max() < 1e-13);
+    assert!(pod.singular.windows(2).all(|s| s[0] >= s[1]));
+    let total = x.norm_l2();
+    for k in 1..=9 {
+        let kept = Mat::from_fn(60, k, |i, j| pod.modes[(i, j)]);
+        let rest = &x - &kept * pod.coefficients(k).transpose();
+        let eps = (rest.norm_l2() / total).powi(2);
+        let formula = pod.truncation_error(k);
+        // The residual itself carries rounding of the whole.
+        let slack = 1e-9 * eps + 1e-15 * eps.sqrt() + 1e-30;
+        assert!(
+            (formula - eps).abs() < slack,
+            "K {k}: {formula:e} and {eps:e}"
+        );
+    }
+}
+
+/// CV_RMS by an SVD of the other snapshots for every one left out.
+fn explicit_leave_one_out(x: &Mat<f64>, most: usize) -> CrossValidation {
+    let (n, count) = (x.nrows(), x.ncols());
+    let mut sums = vec![[0.0; 2]; most];
+    for out in 0..count {
+        let others = Mat::from_fn(n, count - 1, |i, j| x[(i, j + usize::from(j >= out))]);
+        let pod: Pod = decompose(&others).unwrap();
+        let mut rest: Vec<f64> = (0..n).map(|i| x[(i, out)]).collect();
+        for (k, sum) in sums.iter_mut().enumerate() {
+            let a: f64 = (0..n).map(|i| pod.modes[(i, k)] * rest[i]).sum();
+            (0..n).for_each(|i| rest[i] -= a * pod.modes[(i, k)]);
+            let at = (0..n)
+                .max_by(|&i, &j| rest[i].abs().total_cmp(&rest[j].abs()))
+                .unwrap();
+            sum[0] += rest[at].powi(2);
+            sum[1] += x[(at, out)].powi(2);
+        }
+    }
+    CrossValidation {
+        mm: sums.iter().map(|s| (s[0] / count as f64).sqrt()).collect(),
+        percent: sums.iter().map(|s| 100.0 * (s[0] / s[1]).sqrt()).collect(),
+    }
+}
+
+#[test]
+fn the_short_cut_to_cv_rms_is_leave_one_out() {
+    let x = decaying(60, 10);
+    let short = leave_one_out(&decompose(&x).unwrap(), 5);
+    let explicit = explicit_leave_one_out(&x, 5);
+    for (a, b) in [
+        (&short.mm, &explicit.mm),
+        (&short.percent, &explicit.percent),
+    ] {
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).abs() < 1e-7 * b, "{a:e} and {b:e}");
+        }
+    }
+}
+
+/// A smooth function that is no polynomial.
+fn smooth(p: &[f64]) -> f64 {
+    1e-3 * (p[2] + 2.0).ln() / (p[0] * p[4]) + 1e-5 * (p[1] / p[3]).sqrt()
+}
+
+#[test]
+fn press_is_leave_one_out() {
+    let problem = small_problem();
+    let points = points(&problem, 75, 3);
+    let values = vec![points.iter().map(|p| smooth(p)).collect::<Vec<f64>>()];
+    for choice in [Choice::Plain, Choice::Ratios] {
+        let variables = Variables::new(choice, &problem, &points);
+        let full = Surface::fit(variables.clone(), 3, &points, &values).unwrap();
+        let mut sum = 0.0;
+        for out in 0..points.len() {
+            let others = |k: &usize| *k != out;
+            let kept: Vec<Vec<f64>> = (0..points.len())
+                .filter(others)
+                .map(|k| points[k].clone())
+                .collect();
+            let rest = (0..points.len())
+                .filter(others)
+                .map(|k| values[0][k])
+                .collect();
+            let surface = Surface::fit(variables.clone(), 3, &kept, &[rest]).unwrap();
+            sum += (surface.evaluate(&points[out])[0] - values[0][out]).powi(2);
+        }
+        let explicit = (sum / points.len() as f64).sqrt();
+        let press = full.quality[0].press;
+        assert!(
+            (press - explicit).abs() < 1e-6 * explicit,
+            "{choice:?}: {press:e}, {explicit:e}"
+        );
+        let n = points.len() as f64;
+        let least = full.quality[0].rms * ((n - full.exponents.len() as f64) / n).sqrt();
+        assert!(press >= least, "PRESS is never below the residual");
+    }
+}
+
+#[test]
+fn a_cubic_surface_recovers_a_cubic() {
+    let problem = small_problem();
+    let cubic = |p: &[f64]| 3.0 + p[0] * p[1] * p[2] - 0.1 * p[3].powi(3) + p[4] * p[0];
+    let fitted = points(&problem, 80, 4);
+    let values = vec![fitted.iter().map(|p| cubic(p)).collect::<Vec<f64>>()];
+    let variables = Variables::new(Choice::Plain, &problem, &fitted);
+    let surface = Surface::fit(variables, 3, &fitted, &values).unwrap();
+    assert_eq!(surface.exponents, exponents(5, 3));
+    assert!((surface.quality[0].r2 - 1.0).abs() < 1e-14);
+    for p in points(&problem, 50, 5) {
+        let (a, b) = (surface.evaluate(&p)[0], cubic(&p));
+        assert!((a - b).abs() < 1e-10 * b.abs(), "{a} and {b}");
+    }
+    assert_eq!(monomial(&[2, 0, 1], &[3.0, 7.0, 0.5]), 4.5);
+}
+
+#[test]
+fn a_ratios_surface_is_exact_in_a_common_factor_and_in_the_thickness() {
+    let problem = small_problem();
+    let fitted = points(&problem, 80, 6);
+    let values = vec![fitted.iter().map(|p| smooth(p)).collect::<Vec<f64>>()];
+    let variables = Variables::new(Choice::Ratios, &problem, &fitted);
+    let surface = Surface::fit(variables, 3, &fitted, &values).unwrap();
+    for p in points(&problem, 20, 7) {
+        let here = surface.evaluate(&p)[0];
+        for (moduli, thickness) in [(1.7, 1.0), (1.0, 0.6), (0.4, 3.0)] {
+            let there = [
+                p[0] * moduli,
+                p[1] * moduli,
+                p[2],
+                p[3] * moduli,
+                p[4] * thickness,
+            ];
+            let scaled = surface.evaluate(&there)[0] * moduli * thickness;
+            assert!(
+                (scaled - here).abs() < 1e-12 * here.abs(),
+                "{scaled:e} and {here:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn finite_elements_held_out_lie_within_the_stated_error() {
+    let problem = small_problem();
+    let plate = plate(&problem);
+    let snapshots = Snapshots::compute(&problem, &plate, &|| ()).unwrap();
+    let model = ReducedModel::build(&problem, &plate, &snapshots).unwrap();
+    let held_out = Snapshots::at(&problem, &plate, points(&problem, 40, 99), &|| ()).unwrap();
+    let count = held_out.points.len();
+    for surface in [&model.surface, &model.plain] {
+        for k in 0..8 {
+            let mode = &model.modes[k / 4][k % 4];
+            let field = &held_out.fields[k / 4];
+            let press = surface.quality[k].press;
+            let error = |(j, p): (usize, &Vec<f64>)| {
+                let truth: f64 = mode
+                    .iter()
+                    .enumerate()
+                    .map(|(i, m)| m * field[(i, j)])
+                    .sum();
+                (surface.evaluate(p)[k] - truth).abs()
+            };
+            let errors: Vec<f64> = held_out.points.iter().enumerate().map(error).collect();
+            // Errors grow towards the corners of the box, where a Latin hypercube has few points: most are within the
+            // band, and the worst not far out.
+            let within = errors.iter().filter(|e| **e < 2.0 * press).count();
+            let worst = errors.iter().fold(0.0_f64, |a, e| a.max(*e));
+            assert!(
+                10 * within >= 8 * count,
+                "coefficient {k}: {within} of {count}"
+            );
+            assert!(
+                worst < 50.0 * press,
+                "coefficient {k}: {worst:e}, PRESS {press:e} mm"
+            );
+        }
+    }
+    for c in 0..2 {
+        let mut sum = 0.0;
+        for j in 0..count {
+            let mut rest: Vec<f64> = held_out.fields[c].col(j).iter().copied().collect();
+            for mode in &model.modes[c] {
+                let a: f64 = mode.iter().zip(&rest).map(|(m, r)| m * r).sum();
+                rest.iter_mut().zip(mode).for_each(|(r, m)| *r -= a * m);
+            }
+            sum += rest.iter().fold(0.0_f64, |a, r| a.max(r.abs())).powi(2);
+        }
+        let (rms, cv) = ((sum / count as f64).sqrt(), model.cross_validation[c].mm[3]);
+        assert!(
+            rms < 2.0 * cv && rms > 0.25 * cv,
+            "component {c}: {rms:e} mm, CV_RMS {cv:e} mm"
+        );
+    }
+}
+
+#[test]
+fn automatic_modes_are_the_fewest_within_the_limit() {
+    let cross = |mm: &[f64]| CrossValidation {
+        mm: mm.to_vec(),
+        percent: vec![0.0; mm.len()],
+    };
+    let pair = |a: &[f64], b: &[f64]| [cross(a), cross(b)];
+    let auto = |a: &[f64], b: &[f64]| Modes::Auto.resolve(1, &pair(a, b), 200);
+    assert_eq!(auto(&[1e-5, 4e-8, 1e-8], &[6e-8, 2e-8, 1e-9]), 2);
+    assert_eq!(auto(&[1e-9, 1e-9, 1e-9], &[1e-5, 1e-6, 5e-8]), 3);
+    assert_eq!(auto(&[1e-5, 1e-6, 1e-7], &[1e-9; 3]), 3);
+    assert_eq!(Modes::Count(7).resolve(1, &pair(&[1.0], &[1.0]), 5), 5);
+}
+
+#[test]
+fn a_cached_model_is_the_same_and_a_damaged_one_is_rebuilt() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut problem = small_problem();
+    problem.spec.snapshots = 60;
+    let plate = plate(&problem);
+    let obtain =
+        |problem: &Problem| cache::obtain(problem, &plate, directory.path(), &Unwatched).unwrap();
+    let text = |model: &ReducedModel| serde_json::to_string(model).unwrap();
+    let (first, cached) = obtain(&problem);
+    assert!(!cached);
+    let (second, cached) = obtain(&problem);
+    assert!(cached);
+    assert_eq!(text(&first), text(&second));
+    let file = directory
+        .path()
+        .join(format!("{}.json", cache::key(&problem)));
+    let whole = std::fs::read(&file).unwrap();
+    for damage in [&whole[..whole.len() / 2], b"{}".as_slice()] {
+        std::fs::write(&file, damage).unwrap();
+        let (again, cached) = obtain(&problem);
+        assert!(!cached);
+        assert_eq!(text(&first), text(&again));
+        assert_eq!(std::fs::read(&file).unwrap(), whole);
+    }
+    problem.dimensions[1].high += 0.1;
+    assert!(!obtain(&problem).1, "another box is another model");
+}
