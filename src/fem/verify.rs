@@ -10,6 +10,7 @@ use super::observe::Locator;
 use super::plate::{Forward, Plate};
 use super::setup::Setup;
 use crate::error::{Error, Result};
+use crate::field::rigid;
 use crate::laminate::{Membrane, Ply};
 
 /// One line of a verification table.
@@ -273,23 +274,12 @@ pub fn difference(points: &[[f64; 2]], u: &[[f64; 2]], v: &[[f64; 2]]) -> f64 {
     pairs.fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / amplitude
 }
 
-/// A field less its least-squares translation and small rotation over the points.
+/// A field minus its least-squares rigid motion.
 pub fn without_rigid_motion(points: &[[f64; 2]], u: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mean = |f: &[[f64; 2]], k: usize| f.iter().map(|x| x[k]).sum::<f64>() / f.len() as f64;
-    let center = [mean(points, 0), mean(points, 1)];
-    let shift = [mean(u, 0), mean(u, 1)];
-    let (mut turn, mut inertia) = (0.0, 0.0);
-    for (p, u) in points.iter().zip(u) {
-        let d = [p[0] - center[0], p[1] - center[1]];
-        turn += d[0] * (u[1] - shift[1]) - d[1] * (u[0] - shift[0]);
-        inertia += d[0] * d[0] + d[1] * d[1];
-    }
-    let w = turn / inertia;
-    let rest = |(p, u): (&[f64; 2], &[f64; 2])| {
-        [
-            u[0] - shift[0] + w * (p[1] - center[1]),
-            u[1] - shift[1] - w * (p[0] - center[0]),
-        ]
+    let motion = rigid::fit(points, u);
+    let rest = |(&p, u): (&[f64; 2], &[f64; 2])| {
+        let m = motion.at(p);
+        [u[0] - m[0], u[1] - m[1]]
     };
     points.iter().zip(u).map(rest).collect()
 }

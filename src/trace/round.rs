@@ -18,7 +18,7 @@ use crate::infer::{
     laplace,
 };
 use crate::progress::Watch;
-use crate::reduce::{Problem, ReducedModel, cache, fit_rigid_motion};
+use crate::reduce::{Problem, ReducedModel, cache, remove_rigid_motion};
 use crate::sample::{self, Phase, Progress, Report, Sampler, Schedule, Start};
 
 /// How to identify.
@@ -213,13 +213,9 @@ fn check_size(model: &Model, prepared: &Prepared, columns: &Columns) -> Result<(
     let nominal = nominal_point(&prepared.problem, model);
     let alpha = prepared.reduced.surface.evaluate(&nominal);
     let field = &prepared.observation.field;
-    let without_rigid = |mut field_values: Vec<[f64; 2]>| {
-        let motion = fit_rigid_motion(&field.points, &field_values);
-        for (u, &p) in field_values.iter_mut().zip(&field.points) {
-            let m = motion.at(p);
-            *u = [u[0] - m[0], u[1] - m[1]];
-        }
-        field_values
+    let without_rigid = |mut values: Vec<[f64; 2]>| {
+        remove_rigid_motion(&field.points, &mut values);
+        values
     };
     let mut predicted = vec![[0.0; 2]; field.len()];
     for (column, a) in columns.modes.iter().zip(&alpha) {
