@@ -69,7 +69,9 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
     write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    let resolved = serde_json::to_value(&model.file)
+    let mut resolved = model.file.clone();
+    resolved.measurement = resolved.measurement.below(model.base_dir())?;
+    let resolved = serde_json::to_value(&resolved)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
     folder.write_json("model.json", &resolved)?;
     let rounds = [round];

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::observation::{Columns, Observation};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
 use crate::field::reml::{Reml, Setting, reml};
 use crate::field::{BlockCovariance, Blocks, noise};
@@ -33,7 +33,17 @@ impl Noise {
     pub fn estimate(observation: &Observation, columns: &Columns) -> Result<Self> {
         let field = &observation.field;
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-        let smooth = blocks.local_polynomials(SQUARE_MM.max(6.0 * blocks.size_mm), 2);
+        let fitted = columns.modes.len() + columns.effects.len();
+        if blocks.len() < fitted + FEWEST_CONTRASTS {
+            let place = field
+                .files
+                .first()
+                .map_or_else(|| "measurement".into(), |f| f.display().to_string());
+            return Err(Error::input(place, format!("points that fill at least {} blocks of {:.2} mm", fitted + FEWEST_CONTRASTS, blocks.size_mm))
+                .found(format!("{} points in {} blocks", field.len(), blocks.len()))
+                .hint("the noise cannot be told from the model's own fields with so few points: enlarge the window or measure more densely"));
+        }
+        let smooth = smooth_columns(&blocks, fitted);
         let white_mm = noise::white(field).sd_mm;
         let estimate = |c: usize| -> Result<(Reml, BlockCovariance)> {
             let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
@@ -80,6 +90,19 @@ impl Noise {
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].whiten(columns) / self.reml[c].best.scale2.sqrt()
     }
+}
+
+/// Contrasts needed beside the fitted columns.
+const FEWEST_CONTRASTS: usize = 20;
+
+/// Local polynomials of the highest degree that leaves most contrasts to the noise.
+fn smooth_columns(blocks: &Blocks, fitted: usize) -> DMatrix<f64> {
+    let side = SQUARE_MM.max(6.0 * blocks.size_mm);
+    [2, 1]
+        .map(|degree| blocks.local_polynomials(side, degree))
+        .into_iter()
+        .find(|columns| 2 * (columns.ncols() + fitted) < blocks.len())
+        .unwrap_or_else(|| DMatrix::zeros(blocks.len(), 0))
 }
 
 /// Relative sd of the white variance of a block average, given the white noise of points: the local differences

@@ -43,7 +43,7 @@ impl ReducedSpec {
             )
             .found(value))
         };
-        check("snapshots", self.snapshots, 10, 100_000)?;
+        check("snapshots", self.snapshots, 10, 5_000)?;
         if let Modes::Count(modes) = self.modes {
             check("modes", modes, 1, 30)?;
         }
