@@ -1,12 +1,19 @@
 //! The posterior of elastic constants, mechanical amplitudes and noise.
 
+use std::cell::RefCell;
+
 use super::density::LogDensity;
+use super::lanes::{Lanes, WIDTH, each, ln};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
 
 /// Name of the noise parameter.
 pub const NOISE: &str = "noise_nm";
+
+thread_local! {
+    static POINTS: RefCell<Vec<Lanes>> = const { RefCell::new(Vec::new()) };
+}
 
 /// Log posterior over (elastic constants, mechanical amplitudes, noise sd of a point in nm unless it is declared).
 pub struct Posterior {
@@ -17,6 +24,8 @@ pub struct Posterior {
     /// The noise in nm at scale 1.
     reference_nm: f64,
     declared_nm: Option<f64>,
+    /// Logarithm of the priors' normalisation, and of whatever else is constant.
+    constant: f64,
 }
 
 impl Posterior {
@@ -26,14 +35,16 @@ impl Posterior {
         mut names: Vec<String>,
         material: Material,
         marginals: Vec<Marginal>,
-        likelihood: Likelihood,
+        mut likelihood: Likelihood,
         reference_nm: f64,
         declared_nm: Option<f64>,
     ) -> Self {
         if declared_nm.is_none() {
             names.push(NOISE.into());
         }
+        likelihood.compile(declared_nm.map(|noise| noise / reference_nm));
         Self {
+            constant: marginals.iter().map(Marginal::log_normalisation).sum(),
             names,
             material,
             marginals,
@@ -41,6 +52,13 @@ impl Posterior {
             reference_nm,
             declared_nm,
         }
+    }
+
+    /// The same density times exp(`constant`).
+    #[must_use]
+    pub fn shifted(mut self, constant: f64) -> Self {
+        self.constant += constant;
+        self
     }
 
     /// The likelihood.
@@ -73,6 +91,49 @@ impl Posterior {
         }
         (centre, sd)
     }
+
+    /// What a point adds to the log likelihood, -inf outside the support.
+    #[inline(always)]
+    fn prior(&self, x: impl Fn(usize) -> f64, scale: f64) -> f64 {
+        let ply = match self.material {
+            Material::Laminate => self.material.ply(&[x(0), x(1), x(2), x(3)]),
+            Material::Isotropic => self.material.ply(&[x(0), x(1)]),
+        };
+        let mut possible =
+            ply.is_admissible() & (scale >= f64::MIN_POSITIVE) & (scale < f64::INFINITY);
+        let mut log = self.constant;
+        for (k, m) in self.marginals.iter().enumerate() {
+            possible &= m.contains(x(k));
+            log += m.log_kernel(x(k));
+        }
+        if self.declared_nm.is_none() {
+            // The contrasts that no smooth field explains, and the prior 1/noise.
+            let contrasts = self.likelihood.contrasts();
+            log -= contrasts * 0.5 / (scale * scale) + (contrasts + 1.0) * ln(scale);
+        }
+        if possible { log } else { f64::NEG_INFINITY }
+    }
+
+    /// Log density at [`WIDTH`] points, parameter by parameter.
+    #[inline(always)]
+    fn lanes<S: pulp::Simd>(&self, simd: S, x: &[Lanes]) -> Lanes {
+        let scale = match self.declared_nm {
+            Some(noise) => [noise / self.reference_nm; WIDTH],
+            None => each(|l| x[self.marginals.len()][l] / self.reference_nm),
+        };
+        let likelihood = self.likelihood.kernel().batch(simd, x, &scale);
+        each(|l| Self::sum(self.prior(|k| x[k][l], scale[l]), likelihood[l]))
+    }
+
+    /// Prior and likelihood; what is outside the support stays there, whatever the likelihood there is.
+    #[inline(always)]
+    fn sum(prior: f64, likelihood: f64) -> f64 {
+        if prior == f64::NEG_INFINITY {
+            prior
+        } else {
+            prior + likelihood
+        }
+    }
 }
 
 impl LogDensity for Posterior {
@@ -81,25 +142,63 @@ impl LogDensity for Posterior {
     }
 
     fn log_density(&self, x: &[f64]) -> f64 {
-        let scale = self.scale(x);
-        let possible = scale > 0.0 && scale.is_finite();
-        if !possible || !self.material.ply(x).is_admissible() {
-            return f64::NEG_INFINITY;
-        }
-        let theta = &x[..self.marginals.len()];
-        let prior: f64 = self
-            .marginals
-            .iter()
-            .zip(theta)
-            .map(|(m, &x)| m.log_density(x))
-            .sum();
+        pulp::Arch::new().dispatch(One { posterior: self, x })
+    }
+
+    fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
+        pulp::Arch::new().dispatch(Many {
+            posterior: self,
+            xs,
+            out,
+        });
+    }
+}
+
+struct One<'a> {
+    posterior: &'a Posterior,
+    x: &'a [f64],
+}
+
+impl pulp::WithSimd for One<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
+        let Self { posterior, x } = self;
+        let scale = posterior.scale(x);
+        let prior = posterior.prior(|k| x[k], scale);
         if prior == f64::NEG_INFINITY {
             return prior;
         }
-        let noise = match self.declared_nm {
-            Some(_) => 0.0,
-            None => self.likelihood.log_noise(scale) - scale.ln(),
-        };
-        prior + noise + self.likelihood.log_likelihood(theta, scale)
+        let kernel = posterior.likelihood.kernel();
+        Posterior::sum(prior, kernel.single(simd, x, scale))
+    }
+}
+
+struct Many<'a> {
+    posterior: &'a Posterior,
+    xs: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Many<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
+        let Self { posterior, xs, out } = self;
+        let dim = posterior.dim();
+        POINTS.with_borrow_mut(|room| {
+            room.resize(dim, [1.0; WIDTH]);
+            for (points, out) in xs.chunks(dim * WIDTH).zip(out.chunks_mut(WIDTH)) {
+                for (lane, point) in points.chunks_exact(dim).enumerate() {
+                    for (x, value) in room.iter_mut().zip(point) {
+                        x[lane] = *value;
+                    }
+                }
+                let values = posterior.lanes(simd, room);
+                out.copy_from_slice(&values[..out.len()]);
+            }
+        });
     }
 }

@@ -27,14 +27,31 @@ pub struct Marginal {
 }
 
 impl Marginal {
-    /// Log density; the normalisation ignores the cut, which is the same for every point.
-    pub fn log_density(&self, x: f64) -> f64 {
-        if let Some([low, high]) = self.truncate
-            && !(low..=high).contains(&x)
-        {
-            return f64::NEG_INFINITY;
-        }
+    /// Whether a value lies within the bounds.
+    #[inline(always)]
+    pub fn contains(&self, x: f64) -> bool {
+        let [low, high] = self.truncate.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        (low <= x) & (x <= high)
+    }
+
+    /// Log density within the bounds, up to [`Marginal::log_normalisation`].
+    #[inline(always)]
+    pub fn log_kernel(&self, x: f64) -> f64 {
         let z = (x - self.mean) / self.sd;
-        -0.5 * z * z - self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
+        -0.5 * z * z
+    }
+
+    /// Logarithm of the normalisation, which ignores the cut: that is the same for every point.
+    pub fn log_normalisation(&self) -> f64 {
+        -self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
+    }
+
+    /// Log density.
+    pub fn log_density(&self, x: f64) -> f64 {
+        if self.contains(x) {
+            self.log_kernel(x) + self.log_normalisation()
+        } else {
+            f64::NEG_INFINITY
+        }
     }
 }
