@@ -95,9 +95,23 @@ pub(super) struct Kernel {
     constant: f64,
 }
 
+/// Room for intermediate values, one a thread, so that an evaluation allocates nothing.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Parameters of [`WIDTH`] points, parameter by parameter.
+    pub points: Vec<Lanes>,
+    lanes: Vec<Lanes>,
+    single: Vec<f64>,
+}
+
 thread_local! {
-    static MONOMIALS: RefCell<Vec<Lanes>> = const { RefCell::new(Vec::new()) };
-    static SINGLE: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+/// Lends this thread's scratch. It has to be borrowed outside the dispatch: a closure that runs inside another
+/// function's body would not be compiled for the dispatched processor.
+pub(super) fn with_scratch<R>(f: impl FnOnce(&mut Scratch) -> R) -> R {
+    SCRATCH.with_borrow_mut(f)
 }
 
 impl Kernel {
@@ -159,24 +173,23 @@ impl Kernel {
         }
     }
 
-    /// Log likelihood at [`WIDTH`] points; `x[k]` is parameter k without the thickness, `scale` the noise scale.
+    /// Log likelihood at the [`WIDTH`] points of `scratch` (parameter k without the thickness), `scale` the noise scale.
     #[inline(always)]
-    pub(super) fn batch<S: Simd>(&self, simd: S, x: &[Lanes], scale: &Lanes) -> Lanes {
-        MONOMIALS.with_borrow_mut(|room| {
-            let count = 1 + self.products.len();
-            if room.len() < count + self.variables.len() {
-                room.resize(count + self.variables.len(), [0.0; WIDTH]);
-            }
-            let (monomials, z) = room.split_at_mut(count);
-            self.scaled(x, z);
-            monomials[0] = [1.0; WIDTH];
-            for (m, &(lower, variable)) in self.products.iter().enumerate() {
-                let (before, after) = monomials.split_at_mut(m + 1);
-                let (a, b) = (&before[lower], &z[variable]);
-                after[0] = each(|l| a[l] * b[l]);
-            }
-            self.forms(simd, monomials, x, scale)
-        })
+    pub(super) fn batch<S: Simd>(&self, simd: S, scratch: &mut Scratch, scale: &Lanes) -> Lanes {
+        let Scratch { points, lanes, .. } = scratch;
+        let (count, variables) = (1 + self.products.len(), self.variables.len());
+        if lanes.len() < count + variables {
+            lanes.resize(count + variables, [0.0; WIDTH]);
+        }
+        let (monomials, z) = lanes[..count + variables].split_at_mut(count);
+        self.scaled(points, z);
+        monomials[0] = [1.0; WIDTH];
+        for (m, &(lower, variable)) in self.products.iter().enumerate() {
+            let (before, after) = monomials.split_at_mut(m + 1);
+            let (a, b) = (&before[lower], &z[variable]);
+            after[0] = each(|l| a[l] * b[l]);
+        }
+        self.forms(simd, monomials, points, scale)
     }
 
     #[inline(always)]
@@ -242,29 +255,37 @@ impl Kernel {
 
     /// Log likelihood at one point, by the operations of [`Kernel::batch`].
     #[inline(always)]
-    pub(super) fn single<S: Simd>(&self, simd: S, x: &[f64], scale: f64) -> f64 {
-        SINGLE.with_borrow_mut(|room| {
-            let (count, padded) = (1 + self.products.len(), self.padded);
-            room.resize(count + self.variables.len() + 2 * padded, 0.0);
-            let (monomials, rest) = room.split_at_mut(count);
-            let (z, rest) = rest.split_at_mut(self.variables.len());
-            let (mean, response) = rest.split_at_mut(padded);
-            for (z, v) in z.iter_mut().zip(&self.variables) {
-                let raw = x[v.numerator];
-                let raw = if v.ratio { raw / x[0] } else { raw };
-                *z = (raw - v.middle) * v.per_half;
-            }
-            monomials[0] = 1.0;
-            for (m, &(lower, variable)) in self.products.iter().enumerate() {
-                monomials[m + 1] = monomials[lower] * z[variable];
-            }
-            accumulate_single(simd, &self.mean.rows, monomials, mean);
-            if let Some(slope) = &self.slope {
-                accumulate_single(simd, &slope.rows, monomials, response);
-            }
-            let factor = self.factor.map_or(1.0, |f| f / x[0]);
-            self.forms_single(mean, response, factor, scale * scale)
-        })
+    pub(super) fn single<S: Simd>(
+        &self,
+        simd: S,
+        scratch: &mut Scratch,
+        x: &[f64],
+        scale: f64,
+    ) -> f64 {
+        let (count, padded) = (1 + self.products.len(), self.padded);
+        let length = count + self.variables.len() + 2 * padded;
+        let room = &mut scratch.single;
+        if room.len() < length {
+            room.resize(length, 0.0);
+        }
+        let (monomials, rest) = room[..length].split_at_mut(count);
+        let (z, rest) = rest.split_at_mut(self.variables.len());
+        let (mean, response) = rest.split_at_mut(padded);
+        for (z, v) in z.iter_mut().zip(&self.variables) {
+            let raw = x[v.numerator];
+            let raw = if v.ratio { raw / x[0] } else { raw };
+            *z = (raw - v.middle) * v.per_half;
+        }
+        monomials[0] = 1.0;
+        for (m, &(lower, variable)) in self.products.iter().enumerate() {
+            monomials[m + 1] = monomials[lower] * z[variable];
+        }
+        accumulate_single(simd, &self.mean.rows, monomials, mean);
+        if let Some(slope) = &self.slope {
+            accumulate_single(simd, &slope.rows, monomials, response);
+        }
+        let factor = self.factor.map_or(1.0, |f| f / x[0]);
+        self.forms_single(mean, response, factor, scale * scale)
     }
 
     #[inline(always)]

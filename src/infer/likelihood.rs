@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::kernel::{Kernel, Parts};
+use super::kernel::{Kernel, Parts, Scratch, with_scratch};
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
 use crate::reduce::{Choice, ReducedModel, Surface, monomial};
@@ -161,10 +161,13 @@ impl Likelihood {
     /// Log likelihood of the parameters `theta` (border units) at noise scale `s` (1: the estimated noise),
     /// without the noise's own contrasts.
     pub fn log_likelihood(&self, theta: &[f64], s: f64) -> f64 {
-        pulp::Arch::new().dispatch(One {
-            kernel: &self.kernel,
-            theta,
-            scale: s,
+        with_scratch(|scratch| {
+            pulp::Arch::new().dispatch(One {
+                kernel: &self.kernel,
+                scratch,
+                theta,
+                scale: s,
+            })
         })
     }
 
@@ -221,6 +224,7 @@ impl Likelihood {
 
 struct One<'a> {
     kernel: &'a Kernel,
+    scratch: &'a mut Scratch,
     theta: &'a [f64],
     scale: f64,
 }
@@ -230,7 +234,7 @@ impl pulp::WithSimd for One<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        self.kernel.single(simd, self.theta, self.scale)
+        self.kernel.single(simd, self.scratch, self.theta, self.scale)
     }
 }
 

@@ -1,8 +1,7 @@
 //! The posterior of elastic constants, mechanical amplitudes and noise.
 
-use std::cell::RefCell;
-
 use super::density::LogDensity;
+use super::kernel::{Scratch, with_scratch};
 use super::lanes::{Lanes, WIDTH, each, ln};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
@@ -10,10 +9,6 @@ use crate::laminate::Material;
 
 /// Name of the noise parameter.
 pub const NOISE: &str = "noise_nm";
-
-thread_local! {
-    static POINTS: RefCell<Vec<Lanes>> = const { RefCell::new(Vec::new()) };
-}
 
 /// Log posterior over (elastic constants, mechanical amplitudes, noise sd of a point in nm unless it is declared).
 pub struct Posterior {
@@ -114,14 +109,15 @@ impl Posterior {
         if possible { log } else { f64::NEG_INFINITY }
     }
 
-    /// Log density at [`WIDTH`] points, parameter by parameter.
+    /// Log density at the [`WIDTH`] points of `scratch`.
     #[inline(always)]
-    fn lanes<S: pulp::Simd>(&self, simd: S, x: &[Lanes]) -> Lanes {
+    fn lanes<S: pulp::Simd>(&self, simd: S, scratch: &mut Scratch) -> Lanes {
         let scale = match self.declared_nm {
             Some(noise) => [noise / self.reference_nm; WIDTH],
-            None => each(|l| x[self.marginals.len()][l] / self.reference_nm),
+            None => each(|l| scratch.points[self.marginals.len()][l] / self.reference_nm),
         };
-        let likelihood = self.likelihood.kernel().batch(simd, x, &scale);
+        let likelihood = self.likelihood.kernel().batch(simd, scratch, &scale);
+        let x = &scratch.points;
         each(|l| Self::sum(self.prior(|k| x[k][l], scale[l]), likelihood[l]))
     }
 
@@ -142,20 +138,30 @@ impl LogDensity for Posterior {
     }
 
     fn log_density(&self, x: &[f64]) -> f64 {
-        pulp::Arch::new().dispatch(One { posterior: self, x })
+        with_scratch(|scratch| {
+            pulp::Arch::new().dispatch(One {
+                posterior: self,
+                scratch,
+                x,
+            })
+        })
     }
 
     fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
-        pulp::Arch::new().dispatch(Many {
-            posterior: self,
-            xs,
-            out,
+        with_scratch(|scratch| {
+            pulp::Arch::new().dispatch(Many {
+                posterior: self,
+                scratch,
+                xs,
+                out,
+            });
         });
     }
 }
 
 struct One<'a> {
     posterior: &'a Posterior,
+    scratch: &'a mut Scratch,
     x: &'a [f64],
 }
 
@@ -164,19 +170,24 @@ impl pulp::WithSimd for One<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        let Self { posterior, x } = self;
+        let Self {
+            posterior,
+            scratch,
+            x,
+        } = self;
         let scale = posterior.scale(x);
         let prior = posterior.prior(|k| x[k], scale);
         if prior == f64::NEG_INFINITY {
             return prior;
         }
         let kernel = posterior.likelihood.kernel();
-        Posterior::sum(prior, kernel.single(simd, x, scale))
+        Posterior::sum(prior, kernel.single(simd, scratch, x, scale))
     }
 }
 
 struct Many<'a> {
     posterior: &'a Posterior,
+    scratch: &'a mut Scratch,
     xs: &'a [f64],
     out: &'a mut [f64],
 }
@@ -186,19 +197,22 @@ impl pulp::WithSimd for Many<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Self { posterior, xs, out } = self;
+        let Self {
+            posterior,
+            scratch,
+            xs,
+            out,
+        } = self;
         let dim = posterior.dim();
-        POINTS.with_borrow_mut(|room| {
-            room.resize(dim, [1.0; WIDTH]);
-            for (points, out) in xs.chunks(dim * WIDTH).zip(out.chunks_mut(WIDTH)) {
-                for (lane, point) in points.chunks_exact(dim).enumerate() {
-                    for (x, value) in room.iter_mut().zip(point) {
-                        x[lane] = *value;
-                    }
+        scratch.points.resize(dim, [1.0; WIDTH]);
+        for (points, out) in xs.chunks(dim * WIDTH).zip(out.chunks_mut(WIDTH)) {
+            for (lane, point) in points.chunks_exact(dim).enumerate() {
+                for (x, value) in scratch.points.iter_mut().zip(point) {
+                    x[lane] = *value;
                 }
-                let values = posterior.lanes(simd, room);
-                out.copy_from_slice(&values[..out.len()]);
             }
-        });
+            let values = posterior.lanes(simd, scratch);
+            out.copy_from_slice(&values[..out.len()]);
+        }
     }
 }
