@@ -208,42 +208,55 @@ impl Kernel {
     /// The quadratic forms of all coordinates, and the log likelihood from them.
     #[inline(always)]
     fn forms<S: Simd>(&self, simd: S, monomials: &[Lanes], x: &[Lanes], scale: &Lanes) -> Lanes {
-        let mut sums = Sums::default();
         let factor = match self.factor {
             Some(f) => each(|l| f / x[0][l]),
             None => [1.0; WIDTH],
         };
         let variance = each(|l| scale[l] * scale[l]);
-        for group in 0..self.padded / GROUP {
-            let mut mean = [[0.0; WIDTH]; GROUP];
-            accumulate(simd, self.mean.group(group, self.padded), monomials, &mut mean);
-            let mut response = [[0.0; WIDTH]; GROUP];
-            if let Some(slope) = &self.slope {
-                accumulate(simd, slope.group(group, self.padded), monomials, &mut response);
-            }
-            let mut product = [1.0; WIDTH];
-            for k in 0..GROUP {
-                let at = group * GROUP + k;
-                let mean = each(|l| factor[l] * mean[k][l]);
+        let mut sums = Sums::default();
+        let mut log_det = [0.0; WIDTH];
+        let zero = simd.splat_f64s(0.0);
+        for pair in (0..WIDTH / S::F64_LANES).step_by(2) {
+            let two = |lanes: &Lanes| {
+                let (v, _) = S::as_simd_f64s(lanes);
+                [v[pair], v[pair + 1]]
+            };
+            let (factor, variance) = (two(&factor), two(&variance));
+            let mut sum = [[zero; 2]; 3];
+            for group in 0..self.padded / GROUP {
+                let mean = self.mean.group(group, self.padded);
+                let mut mean = accumulate(simd, mean, monomials, pair);
+                for mean in &mut mean {
+                    *mean = [0, 1].map(|h| simd.mul_f64s(factor[h], mean[h]));
+                }
                 let response = match &self.slope {
-                    Some(_) => response[k],
-                    None => each(|l| self.relative * mean[l]),
-                };
-                let r = each(|l| self.measured[at] - mean[l]);
-                match self.spread.get(at) {
-                    None => sums.add(&r, &response, None),
-                    Some(mu) => {
-                        let v = each(|l| 1.0 + variance[l] * mu);
-                        product = each(|l| product[l] * v[l]);
-                        sums.add(&r, &response, Some(&each(|l| 1.0 / v[l])));
+                    Some(slope) => {
+                        accumulate(simd, slope.group(group, self.padded), monomials, pair)
                     }
+                    None => {
+                        let relative = simd.splat_f64s(self.relative);
+                        mean.map(|m| [0, 1].map(|h| simd.mul_f64s(relative, m[h])))
+                    }
+                };
+                let at = group * GROUP..(group + 1) * GROUP;
+                let spread = self.spread.get(at.clone());
+                let product = add_group(
+                    simd,
+                    &self.measured[at],
+                    [&mean, &response],
+                    spread.map(|mu| (mu, variance)),
+                    &mut sum,
+                );
+                if spread.is_some() {
+                    add_logarithm(simd, product, pair, &mut log_det);
                 }
             }
-            if !self.spread.is_empty() {
-                sums.log_det = each(|l| sums.log_det[l] + ln(product[l]));
+            for (sums, sum) in [&mut sums.quad, &mut sums.ww, &mut sums.wr].into_iter().zip(sum) {
+                let (sums, _) = S::as_mut_simd_f64s(sums);
+                (sums[pair], sums[pair + 1]) = (sum[0], sum[1]);
             }
         }
-        each(|l| self.log_likelihood(sums.quad[l], sums.ww[l], sums.wr[l], sums.log_det[l]))
+        each(|l| self.log_likelihood(sums.quad[l], sums.ww[l], sums.wr[l], log_det[l]))
     }
 
     /// Sherman-Morrison and the determinant lemma.
@@ -320,55 +333,84 @@ impl Kernel {
     }
 }
 
-/// r' V^-1 r, w' V^-1 w, w' V^-1 r and log det V.
+/// r' V^-1 r, w' V^-1 w and w' V^-1 r.
 #[derive(Default)]
 struct Sums {
     quad: Lanes,
     ww: Lanes,
     wr: Lanes,
-    log_det: Lanes,
 }
 
-impl Sums {
-    #[inline(always)]
-    fn add(&mut self, r: &Lanes, w: &Lanes, inverse: Option<&Lanes>) {
-        let (rv, wv) = match inverse {
-            None => (*r, *w),
-            Some(i) => (each(|l| r[l] * i[l]), each(|l| w[l] * i[l])),
-        };
-        self.quad = each(|l| self.quad[l] + r[l] * rv[l]);
-        self.ww = each(|l| self.ww[l] + w[l] * wv[l]);
-        self.wr = each(|l| self.wr[l] + w[l] * rv[l]);
+/// Two vectors of points.
+type Two<V> = [V; 2];
+
+/// Adds a group of coordinates to the sums (r' V^-1 r, w' V^-1 w, w' V^-1 r) and returns the product of the variances.
+/// Multiplication and addition are apart, as in [`Kernel::forms_single`].
+#[inline(always)]
+fn add_group<S: Simd>(
+    simd: S,
+    measured: &[f64],
+    [mean, response]: [&[Two<S::f64s>; GROUP]; 2],
+    spread: Option<(&[f64], Two<S::f64s>)>,
+    sum: &mut [Two<S::f64s>; 3],
+) -> Two<S::f64s> {
+    let one = simd.splat_f64s(1.0);
+    let mut product = [one; 2];
+    for k in 0..GROUP {
+        for h in 0..2 {
+            let r = simd.sub_f64s(simd.splat_f64s(measured[k]), mean[k][h]);
+            let w = response[k][h];
+            let (mut rv, mut wv) = (r, w);
+            if let Some((mu, variance)) = spread {
+                let mu = simd.splat_f64s(mu[k]);
+                let v = simd.add_f64s(one, simd.mul_f64s(variance[h], mu));
+                product[h] = simd.mul_f64s(product[h], v);
+                let inverse = simd.div_f64s(one, v);
+                (rv, wv) = (simd.mul_f64s(r, inverse), simd.mul_f64s(w, inverse));
+            }
+            sum[0][h] = simd.add_f64s(sum[0][h], simd.mul_f64s(r, rv));
+            sum[1][h] = simd.add_f64s(sum[1][h], simd.mul_f64s(w, wv));
+            sum[2][h] = simd.add_f64s(sum[2][h], simd.mul_f64s(w, rv));
+        }
+    }
+    product
+}
+
+/// Adds the logarithm of two vectors of points to their lanes.
+#[inline(always)]
+fn add_logarithm<S: Simd>(simd: S, product: Two<S::f64s>, pair: usize, out: &mut Lanes) {
+    let mut lanes = [1.0; WIDTH];
+    {
+        let (lanes, _) = S::as_mut_simd_f64s(&mut lanes);
+        (lanes[pair], lanes[pair + 1]) = (product[0], product[1]);
+    }
+    let logarithms = each(|l| ln(lanes[l]));
+    let (logarithms, _) = S::as_simd_f64s(&logarithms);
+    let (out, _) = S::as_mut_simd_f64s(out);
+    for h in 0..2 {
+        out[pair + h] = simd.add_f64s(out[pair + h], logarithms[pair + h]);
     }
 }
 
-/// `out[k] = sum over m of coefficients[m][k] monomials[m]` for a group of coordinates, all lanes.
+/// Sum over m of coefficients[m][k] monomials[m] for a group of coordinates k and two vectors of points.
 #[inline(always)]
 fn accumulate<S: Simd>(
     simd: S,
     coefficients: &[f64],
     monomials: &[Lanes],
-    out: &mut [Lanes; GROUP],
-) {
-    let vectors = WIDTH / S::F64_LANES;
-    for pair in (0..vectors).step_by(2) {
-        let zero = simd.splat_f64s(0.0);
-        let mut sum = [[zero; 2]; GROUP];
-        for (c, monomial) in coefficients.chunks_exact(GROUP).zip(monomials) {
-            let (m, _) = S::as_simd_f64s(monomial);
-            let (a, b) = (m[pair], m[pair + 1]);
-            for k in 0..GROUP {
-                let c = simd.splat_f64s(c[k]);
-                sum[k][0] = simd.mul_add_e_f64s(c, a, sum[k][0]);
-                sum[k][1] = simd.mul_add_e_f64s(c, b, sum[k][1]);
-            }
-        }
-        for (out, sum) in out.iter_mut().zip(sum) {
-            let (out, _) = S::as_mut_simd_f64s(out);
-            out[pair] = sum[0];
-            out[pair + 1] = sum[1];
+    pair: usize,
+) -> [Two<S::f64s>; GROUP] {
+    let mut sum = [[simd.splat_f64s(0.0); 2]; GROUP];
+    for (c, monomial) in coefficients.chunks_exact(GROUP).zip(monomials) {
+        let (m, _) = S::as_simd_f64s(monomial);
+        let (a, b) = (m[pair], m[pair + 1]);
+        for k in 0..GROUP {
+            let c = simd.splat_f64s(c[k]);
+            sum[k][0] = simd.mul_add_e_f64s(c, a, sum[k][0]);
+            sum[k][1] = simd.mul_add_e_f64s(c, b, sum[k][1]);
         }
     }
+    sum
 }
 
 /// The same for one point, with the coordinates side by side.

@@ -87,26 +87,35 @@ impl Posterior {
         (centre, sd)
     }
 
-    /// What a point adds to the log likelihood, -inf outside the support.
+    /// What points add to the log likelihood, -inf outside the support.
     #[inline(always)]
-    fn prior(&self, x: impl Fn(usize) -> f64, scale: f64) -> f64 {
-        let ply = match self.material {
-            Material::Laminate => self.material.ply(&[x(0), x(1), x(2), x(3)]),
-            Material::Isotropic => self.material.ply(&[x(0), x(1)]),
-        };
-        let mut possible =
-            ply.is_admissible() & (scale >= f64::MIN_POSITIVE) & (scale < f64::INFINITY);
-        let mut log = self.constant;
+    fn prior<const N: usize>(&self, x: impl Fn(usize, usize) -> f64, scale: &[f64; N]) -> [f64; N] {
+        let mut log = [self.constant; N];
         for (k, m) in self.marginals.iter().enumerate() {
-            possible &= m.contains(x(k));
-            log += m.log_kernel(x(k));
+            let [low, high] = m.bounds();
+            let per_sd = 1.0 / m.sd;
+            for (l, log) in log.iter_mut().enumerate() {
+                let z = (x(k, l) - m.mean) * per_sd;
+                let inside = (low <= x(k, l)) & (x(k, l) <= high);
+                *log = if inside { *log - 0.5 * z * z } else { f64::NEG_INFINITY };
+            }
         }
         if self.declared_nm.is_none() {
             // The contrasts that no smooth field explains, and the prior 1/noise.
             let contrasts = self.likelihood.contrasts();
-            log -= contrasts * 0.5 / (scale * scale) + (contrasts + 1.0) * ln(scale);
+            for (log, &s) in log.iter_mut().zip(scale) {
+                *log -= contrasts * 0.5 / (s * s) + (contrasts + 1.0) * ln(s);
+            }
         }
-        if possible { log } else { f64::NEG_INFINITY }
+        for (l, (log, &s)) in log.iter_mut().zip(scale).enumerate() {
+            let ply = match self.material {
+                Material::Laminate => self.material.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]),
+                Material::Isotropic => self.material.ply(&[x(0, l), x(1, l)]),
+            };
+            let possible = ply.is_admissible() & (s >= f64::MIN_POSITIVE) & (s < f64::INFINITY);
+            *log = if possible { *log } else { f64::NEG_INFINITY };
+        }
+        log
     }
 
     /// Log density at the [`WIDTH`] points of `scratch`.
@@ -118,7 +127,8 @@ impl Posterior {
         };
         let likelihood = self.likelihood.kernel().batch(simd, scratch, &scale);
         let x = &scratch.points;
-        each(|l| Self::sum(self.prior(|k| x[k][l], scale[l]), likelihood[l]))
+        let prior = self.prior(|k, l| x[k][l], &scale);
+        each(|l| Self::sum(prior[l], likelihood[l]))
     }
 
     /// Prior and likelihood; what is outside the support stays there, whatever the likelihood there is.
@@ -176,7 +186,7 @@ impl pulp::WithSimd for One<'_> {
             x,
         } = self;
         let scale = posterior.scale(x);
-        let prior = posterior.prior(|k| x[k], scale);
+        let [prior] = posterior.prior(|k, _| x[k], &[scale]);
         if prior == f64::NEG_INFINITY {
             return prior;
         }

@@ -27,18 +27,10 @@ pub struct Marginal {
 }
 
 impl Marginal {
-    /// Whether a value lies within the bounds.
+    /// Bounds, infinite if there are none.
     #[inline(always)]
-    pub fn contains(&self, x: f64) -> bool {
-        let [low, high] = self.truncate.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        (low <= x) & (x <= high)
-    }
-
-    /// Log density within the bounds, up to [`Marginal::log_normalisation`].
-    #[inline(always)]
-    pub fn log_kernel(&self, x: f64) -> f64 {
-        let z = (x - self.mean) / self.sd;
-        -0.5 * z * z
+    pub fn bounds(&self) -> [f64; 2] {
+        self.truncate.unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
     }
 
     /// Logarithm of the normalisation, which ignores the cut: that is the same for every point.
@@ -48,10 +40,11 @@ impl Marginal {
 
     /// Log density.
     pub fn log_density(&self, x: f64) -> f64 {
-        if self.contains(x) {
-            self.log_kernel(x) + self.log_normalisation()
-        } else {
-            f64::NEG_INFINITY
+        let [low, high] = self.bounds();
+        if !(low..=high).contains(&x) {
+            return f64::NEG_INFINITY;
         }
+        let z = (x - self.mean) / self.sd;
+        -0.5 * z * z + self.log_normalisation()
     }
 }
