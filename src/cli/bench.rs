@@ -216,6 +216,7 @@ fn measure(
         thin: Some(1),
         max_draws: draws,
         growth: 1e9,
+        memory: usize::MAX,
         ..Schedule::default()
     };
     let start = Start::Ball {
@@ -264,6 +265,7 @@ struct Clock(Cell<Instant>);
 impl Progress for Clock {
     fn report(&self, report: &Report) -> bool {
         if report.phase == Phase::Warmup {
+            // The last report of warm-up counts.
             self.0.set(Instant::now());
         }
         true

@@ -4,6 +4,7 @@ use serde_json::{Map, Value, json};
 
 use crate::diagnose::Row;
 use crate::infer::Model;
+use crate::sample::Stopped;
 use crate::trace::Round;
 
 /// The schema of `report.json`.
@@ -37,6 +38,12 @@ fn round_numbers(model: &Model, round: &Round) -> Value {
             "tau_max": verdict.tau_max(),
             "converged": verdict.converged,
             "text": verdict.line(),
+            "warmup_steps": round.draws.info.warmup, "thin": round.draws.info.thin,
+            "burn_in": format!(
+                "the first {} steps of each ensemble, until a window of them was stationary, are not stored",
+                round.draws.info.warmup
+            ),
+            "stopped": stopped(round.stopped),
             "ensembles": verdict.shape[0], "chains": verdict.shape[1], "draws": verdict.shape[2],
         },
         "residual": residual(round),
@@ -49,6 +56,14 @@ fn round_numbers(model: &Model, round: &Round) -> Value {
             "cached": prepared.cached,
         },
     })
+}
+
+fn stopped(why: Stopped) -> &'static str {
+    match why {
+        Stopped::Enough => "the stopping rule was satisfied",
+        Stopped::MaxDraws => "--max-draws was reached",
+        Stopped::Interrupted => "--time-limit was reached",
+    }
 }
 
 fn posterior(row: &Row) -> Value {

@@ -1,6 +1,7 @@
 //! One identification: reduced model, observation, noise, posterior, chains, residual.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,7 +18,7 @@ use crate::infer::{
 };
 use crate::progress::Watch;
 use crate::reduce::{Problem, ReducedModel, cache, fit_rigid_motion};
-use crate::sample::{self, Phase, Progress, Report, Sampler, Schedule, Start};
+use crate::sample::{self, Keeping, Phase, Progress, Report, Sampler, Schedule, Start, Stopped};
 
 /// How to identify.
 pub struct Options<'a> {
@@ -29,6 +30,10 @@ pub struct Options<'a> {
     pub rule: Rule,
     /// Directory of cached reduced models.
     pub cache: PathBuf,
+    /// Where the chains are kept while the run goes.
+    pub keeping: Option<Keeping>,
+    /// When to stop sampling in any case.
+    pub deadline: Option<Instant>,
 }
 
 /// A reduced model with the plate it was made on.
@@ -59,7 +64,9 @@ pub struct Round {
     pub posterior: Posterior,
     /// The draws.
     pub draws: Draws,
-    /// What they are worth.
+    /// Why sampling ended.
+    pub stopped: Stopped,
+    /// What the draws are worth.
     pub verdict: Verdict,
     /// Draws whose constants lie outside the DoE box, as a fraction.
     pub outside_doe: f64,
@@ -124,7 +131,7 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
     watch.end();
     let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;
     let posterior = posterior(model, &prepared, &statistics, &noise)?;
-    let draws = draw(&posterior, options, watch)?;
+    let (draws, stopped) = draw(&posterior, options, watch)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let theta = &mean[..posterior.structural()];
@@ -154,6 +161,7 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
         statistics,
         posterior,
         draws,
+        stopped,
         verdict,
         outside_doe,
         effect_amplitudes,
@@ -259,7 +267,7 @@ fn posterior(
 /// Spread of the start about the mode, in units of its normal approximation.
 const SPREAD: f64 = 3.0;
 
-fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Result<Draws> {
+fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Result<(Draws, Stopped)> {
     let (centre, sd) = posterior.start();
     let mode = laplace(posterior, &centre, &sd)?;
     let start = Start::Ball {
@@ -276,20 +284,32 @@ fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Resu
         ),
         None,
     );
-    let outcome = sample::run(
+    let measured = posterior.likelihood().measured();
+    let keeping = options.keeping.clone().map(|keeping| Keeping {
+        observed: vec![("alpha_mm".into(), measured.as_slice().to_vec())],
+        ..keeping
+    });
+    let outcome = sample::run_kept(
         posterior,
         options.sampler,
         &start,
         &options.schedule,
         &options.rule,
-        &Telling(watch),
+        &Telling {
+            watch,
+            deadline: options.deadline,
+        },
+        keeping.as_ref(),
     )?;
     watch.end();
-    Ok(outcome.draws)
+    Ok((outcome.draws, outcome.stopped))
 }
 
-/// Passes a sampler's reports on.
-struct Telling<'a>(&'a dyn Watch);
+/// Passes a sampler's reports on, and ends it in time.
+struct Telling<'a> {
+    watch: &'a dyn Watch,
+    deadline: Option<Instant>,
+}
 
 impl Progress for Telling<'_> {
     fn report(&self, report: &Report) -> bool {
@@ -297,11 +317,11 @@ impl Progress for Telling<'_> {
             Phase::Warmup => "warm-up",
             Phase::Sampling => "sampling",
         };
-        self.0.say(&format!(
+        self.watch.say(&format!(
             "{phase}: step {}, {} draws, acceptance {:.2}",
             report.steps, report.draws, report.acceptance
         ));
-        true
+        self.deadline.is_none_or(|end| Instant::now() < end)
     }
 }
 
