@@ -4,6 +4,7 @@ mod chain_files;
 mod diagnostics;
 mod field;
 mod measure;
+mod resume;
 mod samplers;
 mod starts;
 mod targets;
