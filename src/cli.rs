@@ -1,5 +1,6 @@
 //! The command line: arguments, validated into a plan before any work, and one file a verb.
 
+mod bench;
 mod build;
 mod console;
 mod folder;
@@ -44,6 +45,8 @@ enum Verb {
     Identify(identify::Arguments),
     /// Build the reduced model and print its error tables
     Build(build::Arguments),
+    /// Measure the speed of log posterior and samplers on a tabulated posterior
+    Bench(bench::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
 }
@@ -82,6 +85,7 @@ pub fn run(cli: Cli) -> Result<()> {
     match cli.verb {
         Verb::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
         Verb::Build(arguments) => build::run(&arguments, &console),
+        Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
     }
 }

@@ -11,6 +11,7 @@ mod layering;
 mod measure;
 mod program;
 mod reduce;
+mod resume;
 mod samplers;
 mod starts;
 mod targets;

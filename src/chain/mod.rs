@@ -2,6 +2,9 @@
 
 mod csv;
 mod draws;
+mod store;
+mod zarr;
 
 pub use csv::{read_csv, write_csv};
 pub use draws::{Draws, Info, MoveTally, Series};
+pub use store::{Layout, Store, read as read_zarr};

@@ -53,15 +53,65 @@ impl Folder {
         })
     }
 
+    /// The folder of an earlier run, to go on with it. Nothing of it is removed.
+    ///
+    /// # Errors
+    /// The input's fault if it does not exist, or holds files but neither a checkpoint nor a run's manifest.
+    pub fn reopen(path: &Path) -> Result<Self> {
+        let place = format!("--resume: --out {}", path.display());
+        let wanted = || Error::input(&place, "the folder of a run that was interrupted");
+        let mut entries = std::fs::read_dir(path).map_err(|e| wanted().found(e))?;
+        let ours = ["run.json", "checkpoint"]
+            .iter()
+            .any(|name| path.join(name).exists());
+        if !ours && entries.next().is_some() {
+            return Err(wanted()
+                .found("files that are no run's")
+                .hint("choose the run's own folder; nothing was changed"));
+        }
+        Ok(Self {
+            path: path.to_path_buf(),
+            started: Instant::now(),
+            kept: true,
+        })
+    }
+
     /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
+    /// Write what the run is, unless it says so already.
+    ///
+    /// # Errors
+    /// The input's fault if the folder is of another run.
+    pub fn begin(&self, identity: &Value) -> Result<()> {
+        let path = self.path.join("run.json");
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            return self.write_json(
+                "run.json",
+                &json!({ "program": "plychain", "unfinished": identity }),
+            );
+        };
+        let known: Value = serde_json::from_str(&text)
+            .map_err(|e| Error::input(path.display(), "the manifest of a run").found(e))?;
+        match known.get("unfinished") {
+            Some(theirs) if theirs != identity => Err(Error::input(
+                path.display(),
+                format!("a run that is {identity}"),
+            )
+            .found(theirs)
+            .hint("this folder belongs to another run; nothing was changed")),
+            _ => Ok(()),
+        }
+    }
+
     /// Write a file of the folder.
     pub fn write(&self, name: &str, contents: &str) -> Result<()> {
-        let path = self.path.join(name);
-        std::fs::write(&path, contents).map_err(|e| unwritable(&path, &e))
+        // In one step, so that a kill leaves no half file.
+        let (path, beside) = (self.path.join(name), self.path.join(format!("{name}.new")));
+        std::fs::write(&beside, contents).map_err(|e| unwritable(&path, &e))?;
+        std::fs::rename(&beside, &path).map_err(|e| unwritable(&path, &e))
     }
 
     /// Write a JSON file of the folder.
@@ -74,10 +124,7 @@ impl Folder {
 
     /// Write the manifest of a run over a model and the files it read.
     pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<()> {
-        let inputs = std::iter::once(&model.path)
-            .chain(files)
-            .map(|path| Ok((path.display().to_string(), json!(hash(path)?))))
-            .collect::<Result<serde_json::Map<_, _>>>()?;
+        let inputs = hashes(std::iter::once(&model.path).chain(files))?;
         let command: Vec<String> = std::env::args().skip(1).collect();
         self.write_json(
             "run.json",
@@ -111,6 +158,15 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Error {
         "a place that can be written",
     )
     .found(error)
+}
+
+/// SHA-256 of files, by path.
+pub fn hashes<'a>(
+    files: impl Iterator<Item = &'a PathBuf>,
+) -> Result<serde_json::Map<String, Value>> {
+    files
+        .map(|path| Ok((path.display().to_string(), json!(hash(path)?))))
+        .collect()
 }
 
 fn hash(path: &Path) -> Result<String> {

@@ -1,18 +1,22 @@
 //! `plychain identify`.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use clap::Args;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 
 use super::console::Console;
-use super::folder::Folder;
+use super::folder::{Folder, hashes};
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::infer::Model;
+use crate::reduce::cache::hex;
 use crate::report::{numbers, terminal};
-use crate::sample::{SAMPLERS, Sampler, Schedule};
+use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 use crate::trace::{self, Options};
 
 /// Arguments of `identify`.
@@ -37,6 +41,48 @@ pub struct Arguments {
     /// Exit with an error if the chains have not converged
     #[arg(long)]
     strict: bool,
+    /// Go on with the run in --out where it was interrupted, to the same bits
+    #[arg(long, requires = "out", conflicts_with = "refine")]
+    resume: bool,
+    #[command(flatten)]
+    limits: Limits,
+}
+
+/// When sampling ends.
+#[derive(Debug, Clone, Args)]
+pub struct Limits {
+    /// Most draws, over all chains
+    #[arg(long, value_name = "N")]
+    max_draws: Option<usize>,
+    /// Effective draws, bulk and tail, that every parameter must reach (default: 100 an ensemble)
+    #[arg(long, value_name = "N")]
+    min_ess: Option<f64>,
+    /// Stop sampling after this many seconds
+    #[arg(long, value_name = "SECONDS")]
+    time_limit: Option<f64>,
+}
+
+impl Limits {
+    /// Put the limits into a schedule and a rule; when to stop in any case.
+    pub fn apply(&self, schedule: &mut Schedule, rule: &mut Rule) -> Result<Option<Instant>> {
+        if let Some(most) = self.max_draws {
+            schedule.max_draws = most;
+        }
+        if let Some(ess) = self.min_ess {
+            if !(ess > 0.0 && ess.is_finite()) {
+                return Err(Error::input("--min-ess", "a number above 0").found(ess));
+            }
+            rule.ess = ess / schedule.ensembles as f64;
+        }
+        let Some(seconds) = self.time_limit else {
+            return Ok(None);
+        };
+        std::time::Duration::try_from_secs_f64(seconds)
+            .ok()
+            .and_then(|limit| Instant::now().checked_add(limit))
+            .map(Some)
+            .ok_or_else(|| Error::input("--time-limit", "a number of seconds").found(seconds))
+    }
 }
 
 /// Read a model, with its measurement elsewhere if `data` says so.
@@ -55,16 +101,32 @@ pub fn load(path: &std::path::Path, data: Option<&PathBuf>) -> Result<Model> {
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
     let model = load(&arguments.model, arguments.data.as_ref())?;
     let sampler = sampler(&arguments.sampler)?;
-    let folder = Folder::create(arguments.out.as_deref(), &model.file.name)?;
+    let mut schedule = Schedule {
+        seed: global.seed,
+        ..Schedule::default()
+    };
+    let mut rule = Rule::default();
+    let deadline = arguments.limits.apply(&mut schedule, &mut rule)?;
+    let folder = match &arguments.out {
+        Some(path) if arguments.resume && path.exists() => Folder::reopen(path)?,
+        _ => Folder::create(arguments.out.as_deref(), &model.file.name)?,
+    };
+    let identity = identity(&model, &*sampler, &schedule)?;
+    folder.begin(&identity)?;
     let options = Options {
         sampler: &*sampler,
-        schedule: Schedule {
-            seed: global.seed,
-            ..Schedule::default()
-        },
-        rule: Rule::default(),
+        schedule,
+        rule,
         cache: cache(),
         refinements: arguments.refine.map_or(0, usize::from),
+        keeping: Some(Keeping {
+            store: folder.path().join("chain.zarr"),
+            checkpoint: folder.path().join("checkpoint"),
+            identity,
+            resume: arguments.resume,
+            observed: Vec::new(),
+        }),
+        deadline,
     };
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
@@ -93,6 +155,21 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
             .hint("run longer"));
     }
     Ok(())
+}
+
+/// What a resumed run must share with the one that was interrupted.
+fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
+    let text = serde_json::to_string(&model.file)
+        .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
+    Ok(json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "model": model.file.name,
+        "model_sha256": hex(&Sha256::digest(text)),
+        "data_sha256": hashes(model.read_field()?.files.iter())?.values().collect::<Vec<_>>(),
+        "seed": schedule.seed,
+        "sampler": sampler.name(),
+        "ensembles": schedule.ensembles,
+    }))
 }
 
 fn sampler(name: &str) -> Result<Box<dyn Sampler>> {

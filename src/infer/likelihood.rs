@@ -7,6 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::kernel::{Kernel, Parts, Scratch, with_scratch};
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
 use crate::reduce::{Choice, ReducedModel, Surface, monomial};
@@ -28,6 +29,7 @@ pub struct Likelihood {
     thickness_mean: f64,
     thickness_sd: f64,
     contrasts: f64,
+    kernel: Kernel,
 }
 
 /// What remains fixed of the errors however good the surrogate, as a fraction of a coefficient's mean size.
@@ -68,7 +70,7 @@ impl Likelihood {
             surface.coefficients[k][m]
         });
         let slope = thickness_slope(&surface, &raw).map(|s| &forward * s);
-        Ok(Self {
+        let mut likelihood = Self {
             polynomial: &forward * raw,
             slope,
             surface,
@@ -79,7 +81,55 @@ impl Likelihood {
             thickness_mean: thickness.0,
             thickness_sd: thickness.1,
             contrasts: statistics.contrasts as f64,
-        })
+            kernel: Kernel::default(),
+        };
+        likelihood.compile(None);
+        Ok(likelihood)
+    }
+
+    /// The likelihood of exactly known errors: coefficients `measured` (mm) with independent errors of the given
+    /// `variance` (mm^2), and the thickness. Its noise scale has no effect.
+    pub fn with_variance(
+        surface: Surface,
+        measured: &[f64],
+        variance: &[f64],
+        thickness: (f64, f64),
+    ) -> Self {
+        let p = measured.len();
+        let sd: Vec<f64> = variance.iter().map(|v| v.sqrt()).collect();
+        let raw = DMatrix::from_fn(p, surface.exponents.len(), |k, m| {
+            surface.coefficients[k][m]
+        });
+        let forward = DMatrix::from_fn(p, p, |i, k| if i == k { 1.0 / sd[k] } else { 0.0 });
+        let mut likelihood = Self {
+            slope: thickness_slope(&surface, &raw).map(|s| &forward * s),
+            polynomial: &forward * raw,
+            surface,
+            measured: DVector::from_fn(p, |k, _| measured[k] / sd[k]),
+            lambda: DVector::from_element(p, f64::INFINITY),
+            backward: DMatrix::from_fn(p, p, |i, k| if i == k { sd[k] } else { 0.0 }),
+            forward,
+            thickness_mean: thickness.0,
+            thickness_sd: thickness.1,
+            contrasts: 0.0,
+            kernel: Kernel::default(),
+        };
+        likelihood.compile(Some(1.0));
+        likelihood
+    }
+
+    /// Prepares the evaluation, with the noise scale fixed if `scale` gives it.
+    pub(super) fn compile(&mut self, scale: Option<f64>) {
+        let spread: Vec<f64> = self.lambda.iter().map(|l| 1.0 / l).collect();
+        self.kernel = Kernel::new(&Parts {
+            surface: &self.surface,
+            polynomial: &self.polynomial,
+            slope: self.slope.as_ref(),
+            measured: self.measured.as_slice(),
+            spread: &spread,
+            scale,
+            thickness: (self.thickness_mean, self.thickness_sd),
+        });
     }
 
     /// Parameters of the surface: elastic constants and mechanical amplitudes with the mean thickness put in.
@@ -111,17 +161,14 @@ impl Likelihood {
     /// Log likelihood of the parameters `theta` (border units) at noise scale `s` (1: the estimated noise),
     /// without the noise's own contrasts.
     pub fn log_likelihood(&self, theta: &[f64], s: f64) -> f64 {
-        let (mean, response) = self.predict(theta);
-        let (mut quad, mut log_det, mut ww, mut wr) = (0.0, 0.0, 0.0, 0.0);
-        for k in 0..mean.len() {
-            let v = (s * s + self.lambda[k]) / self.lambda[k];
-            let r = self.measured[k] - mean[k];
-            quad += r * r / v;
-            log_det += v.ln();
-            ww += response[k] * response[k] / v;
-            wr += response[k] * r / v;
-        }
-        -0.5 * (quad - wr * wr / (1.0 + ww) + log_det + ww.ln_1p())
+        with_scratch(|scratch| {
+            pulp::Arch::new().dispatch(One {
+                kernel: &self.kernel,
+                scratch,
+                theta,
+                scale: s,
+            })
+        })
     }
 
     /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are.
@@ -148,10 +195,14 @@ impl Likelihood {
         (&self.measured - mean - 0.5 * &error).dot(&solved)
     }
 
-    /// Log likelihood of the noise scale from the contrasts that no smooth field explains, normalised to 0 at 1
-    /// up to a constant.
-    pub fn log_noise(&self, s: f64) -> f64 {
-        -self.contrasts * (s.ln() + 0.5 / (s * s))
+    /// The compiled form.
+    pub(super) fn kernel(&self) -> &Kernel {
+        &self.kernel
+    }
+
+    /// Number of contrasts, the data left over for the noise scale.
+    pub(super) fn contrasts(&self) -> f64 {
+        self.contrasts
     }
 
     /// Expected POD coefficients (mm) given the data and `theta`, noise scale `s`: the surface's prediction plus what
@@ -164,7 +215,7 @@ impl Likelihood {
     pub fn expected_with_covariance(&self, theta: &[f64], s: f64) -> (DVector<f64>, DMatrix<f64>) {
         let (mean, response) = self.predict(theta);
         let r = &self.measured - &mean;
-        let variance = self.lambda.map(|l| (s * s + l) / l);
+        let variance = self.lambda.map(|l| 1.0 + s * s / l);
         let scaled = response.component_div(&variance);
         let w = 1.0 + response.dot(&scaled);
         // With S = I + w w' (signal) and V = diag(v) + w w' (signal and noise): mean S V^-1 r, covariance S - S V^-1 S.
@@ -192,6 +243,23 @@ impl Likelihood {
     /// From coefficients (mm) to the diagonalising coordinates.
     pub fn to_coordinates(&self, alpha: &DVector<f64>) -> DVector<f64> {
         &self.forward * alpha
+    }
+}
+
+struct One<'a> {
+    kernel: &'a Kernel,
+    scratch: &'a mut Scratch,
+    theta: &'a [f64],
+    scale: f64,
+}
+
+impl pulp::WithSimd for One<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
+        self.kernel
+            .single(simd, self.scratch, self.theta, self.scale)
     }
 }
 

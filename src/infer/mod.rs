@@ -1,6 +1,8 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod density;
+mod kernel;
+mod lanes;
 mod laplace;
 mod likelihood;
 mod linear;
@@ -11,6 +13,7 @@ mod posterior;
 mod prior;
 pub mod simulate;
 mod statistics;
+mod tabulated;
 
 pub use density::LogDensity;
 pub use laplace::{Laplace, laplace};
@@ -21,3 +24,4 @@ pub use observation::{Columns, Observation};
 pub use posterior::{NOISE, Posterior};
 pub use prior::{Marginal, PriorSpec};
 pub use statistics::{Statistics, Whitened};
+pub use tabulated::{Moments, Tabulated, TestPoint};

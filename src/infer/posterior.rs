@@ -1,6 +1,8 @@
 //! The posterior of elastic constants, mechanical amplitudes and noise.
 
 use super::density::LogDensity;
+use super::kernel::{Scratch, with_scratch};
+use super::lanes::{Lanes, WIDTH, each, ln};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
@@ -18,6 +20,8 @@ pub struct Posterior {
     /// The noise in nm at scale 1.
     reference_nm: f64,
     declared_nm: Option<f64>,
+    /// Logarithm of the priors' normalisation, and of whatever else is constant.
+    constant: f64,
 }
 
 impl Posterior {
@@ -27,14 +31,16 @@ impl Posterior {
         mut names: Vec<String>,
         material: Material,
         marginals: Vec<Marginal>,
-        likelihood: Likelihood,
+        mut likelihood: Likelihood,
         reference_nm: f64,
         declared_nm: Option<f64>,
     ) -> Self {
         if declared_nm.is_none() {
             names.push(NOISE.into());
         }
+        likelihood.compile(declared_nm.map(|noise| noise / reference_nm));
         Self {
+            constant: marginals.iter().map(Marginal::log_normalisation).sum(),
             names,
             material,
             marginals,
@@ -42,6 +48,13 @@ impl Posterior {
             reference_nm,
             declared_nm,
         }
+    }
+
+    /// The same density times exp(`constant`).
+    #[must_use]
+    pub fn shifted(mut self, constant: f64) -> Self {
+        self.constant += constant;
+        self
     }
 
     /// The likelihood.
@@ -89,6 +102,64 @@ impl Posterior {
         }
         (centre, sd)
     }
+
+    /// What points add to the log likelihood, -inf outside the support.
+    #[inline(always)]
+    fn prior<const N: usize>(&self, x: impl Fn(usize, usize) -> f64, scale: &[f64; N]) -> [f64; N] {
+        let mut log = [self.constant; N];
+        for (k, m) in self.marginals.iter().enumerate() {
+            let [low, high] = m.bounds();
+            let per_sd = 1.0 / m.sd;
+            for (l, log) in log.iter_mut().enumerate() {
+                let z = (x(k, l) - m.mean) * per_sd;
+                let inside = (low <= x(k, l)) & (x(k, l) <= high);
+                *log = if inside {
+                    *log - 0.5 * z * z
+                } else {
+                    f64::NEG_INFINITY
+                };
+            }
+        }
+        if self.declared_nm.is_none() {
+            // The contrasts that no smooth field explains, and the prior 1/noise.
+            let contrasts = self.likelihood.contrasts();
+            for (log, &s) in log.iter_mut().zip(scale) {
+                *log -= contrasts * 0.5 / (s * s) + (contrasts + 1.0) * ln(s);
+            }
+        }
+        for (l, (log, &s)) in log.iter_mut().zip(scale).enumerate() {
+            let ply = match self.material {
+                Material::Laminate => self.material.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]),
+                Material::Isotropic => self.material.ply(&[x(0, l), x(1, l)]),
+            };
+            let possible = ply.is_admissible() & (f64::MIN_POSITIVE..f64::INFINITY).contains(&s);
+            *log = if possible { *log } else { f64::NEG_INFINITY };
+        }
+        log
+    }
+
+    /// Log density at the [`WIDTH`] points of `scratch`.
+    #[inline(always)]
+    fn lanes<S: pulp::Simd>(&self, simd: S, scratch: &mut Scratch) -> Lanes {
+        let scale = match self.declared_nm {
+            Some(noise) => [noise / self.reference_nm; WIDTH],
+            None => each(|l| scratch.points[self.marginals.len()][l] / self.reference_nm),
+        };
+        let likelihood = self.likelihood.kernel().batch(simd, scratch, &scale);
+        let x = &scratch.points;
+        let prior = self.prior(|k, l| x[k][l], &scale);
+        each(|l| Self::sum(prior[l], likelihood[l]))
+    }
+
+    /// Prior and likelihood; what is outside the support stays there, whatever the likelihood there is.
+    #[inline(always)]
+    fn sum(prior: f64, likelihood: f64) -> f64 {
+        if prior == f64::NEG_INFINITY {
+            prior
+        } else {
+            prior + likelihood
+        }
+    }
 }
 
 impl LogDensity for Posterior {
@@ -97,25 +168,81 @@ impl LogDensity for Posterior {
     }
 
     fn log_density(&self, x: &[f64]) -> f64 {
-        let scale = self.scale(x);
-        let possible = scale > 0.0 && scale.is_finite();
-        if !possible || !self.material.ply(x).is_admissible() {
-            return f64::NEG_INFINITY;
-        }
-        let theta = &x[..self.marginals.len()];
-        let prior: f64 = self
-            .marginals
-            .iter()
-            .zip(theta)
-            .map(|(m, &x)| m.log_density(x))
-            .sum();
+        with_scratch(|scratch| {
+            pulp::Arch::new().dispatch(One {
+                posterior: self,
+                scratch,
+                x,
+            })
+        })
+    }
+
+    fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
+        with_scratch(|scratch| {
+            pulp::Arch::new().dispatch(Many {
+                posterior: self,
+                scratch,
+                xs,
+                out,
+            });
+        });
+    }
+}
+
+struct One<'a> {
+    posterior: &'a Posterior,
+    scratch: &'a mut Scratch,
+    x: &'a [f64],
+}
+
+impl pulp::WithSimd for One<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
+        let Self {
+            posterior,
+            scratch,
+            x,
+        } = self;
+        let scale = posterior.scale(x);
+        let [prior] = posterior.prior(|k, _| x[k], &[scale]);
         if prior == f64::NEG_INFINITY {
             return prior;
         }
-        let noise = match self.declared_nm {
-            Some(_) => 0.0,
-            None => self.likelihood.log_noise(scale) - scale.ln(),
-        };
-        prior + noise + self.likelihood.log_likelihood(theta, scale)
+        let kernel = posterior.likelihood.kernel();
+        Posterior::sum(prior, kernel.single(simd, scratch, x, scale))
+    }
+}
+
+struct Many<'a> {
+    posterior: &'a Posterior,
+    scratch: &'a mut Scratch,
+    xs: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Many<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
+        let Self {
+            posterior,
+            scratch,
+            xs,
+            out,
+        } = self;
+        let dim = posterior.dim();
+        scratch.points.resize(dim, [1.0; WIDTH]);
+        for (points, out) in xs.chunks(dim * WIDTH).zip(out.chunks_mut(WIDTH)) {
+            for (lane, point) in points.chunks_exact(dim).enumerate() {
+                for (x, value) in scratch.points.iter_mut().zip(point) {
+                    x[lane] = *value;
+                }
+            }
+            let values = posterior.lanes(simd, scratch);
+            out.copy_from_slice(&values[..out.len()]);
+        }
     }
 }

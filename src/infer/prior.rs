@@ -27,14 +27,24 @@ pub struct Marginal {
 }
 
 impl Marginal {
-    /// Log density; the normalisation ignores the cut, which is the same for every point.
+    /// Bounds, infinite if there are none.
+    #[inline(always)]
+    pub fn bounds(&self) -> [f64; 2] {
+        self.truncate.unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
+    }
+
+    /// Logarithm of the normalisation, which ignores the cut: that is the same for every point.
+    pub fn log_normalisation(&self) -> f64 {
+        -self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
+    }
+
+    /// Log density.
     pub fn log_density(&self, x: f64) -> f64 {
-        if let Some([low, high]) = self.truncate
-            && !(low..=high).contains(&x)
-        {
+        let [low, high] = self.bounds();
+        if !(low..=high).contains(&x) {
             return f64::NEG_INFINITY;
         }
         let z = (x - self.mean) / self.sd;
-        -0.5 * z * z - self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
+        -0.5 * z * z + self.log_normalisation()
     }
 }

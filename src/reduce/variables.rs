@@ -90,6 +90,51 @@ impl Variables {
         }
     }
 
+    /// The numerator of [`Variables::factor`] over the first parameter, at a thickness of `h` mm; none without a factor.
+    pub fn factor_numerator(&self, h: f64) -> Option<f64> {
+        (self.choice == Choice::Ratios).then(|| self.reference / h)
+    }
+
+    /// Every variable before scaling: the index of a parameter (the thickness among them), and whether it is divided by
+    /// the first parameter.
+    pub fn terms(&self) -> Vec<(usize, bool)> {
+        let after = self.constants + usize::from(self.thickness.is_some());
+        let mut terms = match (self.choice, self.material) {
+            (Choice::Plain, _) => return (0..self.count()).map(|k| (k, false)).collect(),
+            (Choice::Ratios, Material::Laminate) => vec![(1, true), (2, false), (3, true)],
+            (Choice::Ratios, Material::Isotropic) => vec![(1, false)],
+        };
+        terms.extend(
+            (terms.len()..self.count())
+                .enumerate()
+                .map(|(k, _)| (after + k, false)),
+        );
+        terms
+    }
+
+    /// Middle and half-width of a variable over the design.
+    pub fn scaling(&self, variable: usize) -> [f64; 2] {
+        self.scaling[variable]
+    }
+
+    /// Plain variables with a declared scaling (middle, half-width); `thickness` is the index of the thickness.
+    pub fn plain(
+        material: Material,
+        scaling: Vec<[f64; 2]>,
+        thickness: Option<usize>,
+        nominal_thickness: f64,
+    ) -> Self {
+        Self {
+            choice: Choice::Plain,
+            material,
+            constants: material.constants().len(),
+            thickness,
+            scaling,
+            reference: 1.0,
+            nominal_thickness,
+        }
+    }
+
     /// Index of the thickness among the parameters, if it varies.
     pub fn thickness(&self) -> Option<usize> {
         self.thickness

@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 use crate::diagnose::Row;
 use crate::infer::Model;
 use crate::reduce::Dimension;
+use crate::sample::Stopped;
 use crate::trace::{Refinement, Round};
 
 /// The schema of `report.json`.
@@ -36,6 +37,12 @@ fn round_numbers(model: &Model, round: &Round) -> Value {
             "tau_max": verdict.tau_max(),
             "converged": verdict.converged,
             "text": verdict.line(),
+            "warmup_steps": round.draws.info.warmup, "thin": round.draws.info.thin,
+            "burn_in": format!(
+                "the first {} steps of each ensemble, until a window of them was stationary, are not stored",
+                round.draws.info.warmup
+            ),
+            "stopped": stopped(round.stopped),
             "ensembles": verdict.shape[0], "chains": verdict.shape[1], "draws": verdict.shape[2],
         },
         "residual": residual(round),
@@ -82,6 +89,14 @@ fn doe(dimensions: &[Dimension]) -> Map<String, Value> {
     sides
         .map(|d| (d.name.clone(), json!([d.low, d.high])))
         .collect()
+}
+
+fn stopped(why: Stopped) -> &'static str {
+    match why {
+        Stopped::Enough => "the stopping rule was satisfied",
+        Stopped::MaxDraws => "--max-draws was reached",
+        Stopped::Interrupted => "--time-limit was reached",
+    }
 }
 
 fn posterior(row: &Row) -> Value {

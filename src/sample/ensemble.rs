@@ -172,10 +172,8 @@ impl Scratch {
         if !self.evaluated {
             return;
         }
-        let proposals = own.chunks_exact(dim).zip(self.y.chunks_exact_mut(dim));
-        for (((x, y), rng), factor) in proposals.zip(&mut *streams).zip(&mut self.factor) {
-            *factor = kernel.propose(x, others, &mut self.fit, rng, y);
-        }
+        let Self { y, factor, fit, .. } = self;
+        kernel.propose_all(own, others, fit, streams, y, factor);
         target.log_density_batch(&self.y, &mut self.lp);
         for k in 0..self.half {
             let new = self.lp[k];

@@ -75,9 +75,10 @@ impl Move for Independence {
             *r = x[k] - fit.mean[k];
         }
         let old = whiten(&fit.lower, &mut fit.work);
-        let stretch = match ChiSquared::new(fit.dof) {
-            Ok(chi2) if fit.dof.is_finite() => (fit.dof / chi2.sample(rng)).sqrt(),
-            _ => 1.0,
+        let stretch = if fit.dof.is_finite() {
+            (fit.dof / chi_squared(fit.dof, rng)).sqrt()
+        } else {
+            1.0
         };
         let mut new = 0.0;
         for z in &mut fit.work {
@@ -86,15 +87,34 @@ impl Move for Independence {
         }
         y.copy_from_slice(&fit.mean);
         add_lower(&fit.lower, &fit.work, 1.0, y);
-        log_kernel(old, fit.dof, x.len()) - log_kernel(new, fit.dof, x.len())
+        log_ratio(old, new, fit.dof, x.len())
     }
 }
 
-/// Log density up to a constant at Mahalanobis distance squared `quad`.
-fn log_kernel(quad: f64, dof: f64, dim: usize) -> f64 {
+/// log q at Mahalanobis distance squared `old` less that at `new`.
+fn log_ratio(old: f64, new: f64, dof: f64, dim: usize) -> f64 {
     if dof.is_finite() {
-        -0.5 * (dof + dim as f64) * (quad / dof).ln_1p()
+        0.5 * (dof + dim as f64) * ((dof + new) / (dof + old)).ln()
     } else {
-        -0.5 * quad
+        0.5 * (new - old)
+    }
+}
+
+/// Most degrees of freedom for which a product of uniforms is quicker than a gamma variate.
+const FEW: f64 = 20.0;
+
+/// A chi-squared number. For few whole degrees of freedom: -2 log of a product of uniforms has two for each, and a
+/// squared normal has one.
+fn chi_squared(dof: f64, rng: &mut Stream) -> f64 {
+    if dof <= FEW && dof.fract() == 0.0 {
+        let whole = dof as u32;
+        // 1 - u is never 0.
+        let product: f64 = (0..whole / 2).map(|_| 1.0 - rng.uniform()).product();
+        let odd = if whole % 2 == 1 { rng.normal() } else { 0.0 };
+        return odd * odd - 2.0 * product.ln();
+    }
+    match ChiSquared::new(dof) {
+        Ok(chi2) => chi2.sample(rng),
+        Err(_) => dof,
     }
 }

@@ -5,10 +5,12 @@
 //! count), so the draws depend neither on the number of threads nor on where a run was interrupted.
 
 mod adaptive;
+mod checkpoint;
 mod de;
 mod ensemble;
 mod gaussian;
 mod independence;
+mod keep;
 mod mixture;
 mod moves;
 mod run;
@@ -18,12 +20,14 @@ mod stream;
 mod stretch;
 
 pub use adaptive::Adaptive;
+pub use checkpoint::{Checkpoint, Warm};
 pub use de::De;
 pub use ensemble::Ensemble;
 pub use independence::{Independence, Tail};
+pub use keep::Keeping;
 pub use mixture::{MOVES, Mixture, MoveEntry};
 pub use moves::{Fit, Move, Others};
-pub use run::{Outcome, Phase, Progress, Quiet, Report, Schedule, Stop, Stopped, run};
+pub use run::{Outcome, Phase, Progress, Quiet, Report, Schedule, Stop, Stopped, run, run_kept};
 pub use snooker::Snooker;
 pub use start::Start;
 pub use stream::{Key, Stream};

@@ -43,7 +43,9 @@ impl<'a> Others<'a> {
             // A uniform choice among those left, by stepping over the picked ones in increasing order.
             let mut candidate = rng.index(self.count() - k);
             let mut taken = picked;
-            taken[..k].sort_unstable();
+            if k > 1 {
+                taken[..k].sort_unstable();
+            }
             for &other in &taken[..k] {
                 candidate += usize::from(candidate >= other);
             }
@@ -101,4 +103,22 @@ pub trait Move: Send + Sync {
         rng: &mut Stream,
         y: &mut [f64],
     ) -> f64;
+
+    /// Proposes for every walker of a half (`own`, `y`: walker by walker); `factor` takes the log factors. As a method of
+    /// the move, its loop is compiled for it.
+    fn propose_all(
+        &self,
+        own: &[f64],
+        others: Others<'_>,
+        fit: &mut Fit,
+        streams: &mut [Stream],
+        y: &mut [f64],
+        factor: &mut [f64],
+    ) {
+        let dim = others.dim();
+        let proposals = own.chunks_exact(dim).zip(y.chunks_exact_mut(dim));
+        for (((x, y), rng), factor) in proposals.zip(streams).zip(factor) {
+            *factor = self.propose(x, others, fit, rng, y);
+        }
+    }
 }

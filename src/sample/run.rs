@@ -1,12 +1,16 @@
 //! The schedule: independent ensembles in parallel, warm-up in doubling windows until it has settled, then blocks of
 //! steps until a stopping rule is satisfied or the draws are used up.
 
+use std::time::{Duration, Instant};
+
 use rayon::prelude::*;
 
+use super::checkpoint::Warm;
+use super::keep::{Keeper, Keeping, Memory, PATIENCE};
 use super::start::Start;
 use super::stream::Key;
 use super::{Block, Sampler, Span, State};
-use crate::chain::Draws;
+use crate::chain::{Draws, Layout};
 use crate::error::{Error, Result};
 use crate::infer::LogDensity;
 
@@ -79,6 +83,8 @@ pub struct Schedule {
     pub thin: Option<usize>,
     /// Growth of the run from one check of the stopping rule to the next, > 1.
     pub growth: f64,
+    /// Most draws held in memory, over all chains: of a longer run every second, fourth, ... is held, and diagnosed.
+    pub memory: usize,
 }
 
 impl Default for Schedule {
@@ -91,6 +97,7 @@ impl Default for Schedule {
             max_draws: 1_000_000,
             thin: None,
             growth: 1.5,
+            memory: 1 << 19,
         }
     }
 }
@@ -132,34 +139,57 @@ pub fn run(
     stop: &dyn Stop,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    run_kept(target, sampler, start, schedule, stop, progress, None)
+}
+
+/// The same with its draws stored as `keeping` says; it may go on from where an earlier run was killed.
+///
+/// # Errors
+/// Those of [`run`], a store that cannot be written, and one that is damaged or of another run.
+pub fn run_kept(
+    target: &dyn LogDensity,
+    sampler: &dyn Sampler,
+    start: &Start<'_>,
+    schedule: &Schedule,
+    stop: &dyn Stop,
+    progress: &dyn Progress,
+    keeping: Option<&Keeping>,
+) -> Result<Outcome> {
     check(schedule)?;
-    let keys = (0..schedule.ensembles as u64).map(|ensemble| Key {
-        seed: schedule.seed,
-        ensemble,
-    });
-    let states: Result<Vec<State>> = keys
-        .clone()
-        .map(|key| start.begin(target, sampler, key))
-        .collect();
-    let mut crew = Crew {
-        target,
-        sampler,
-        keys: keys.collect(),
-        states: states?,
+    let mut crew = Crew::new(target, sampler, schedule);
+    let mut warm = Warm {
+        steps: 0,
+        thin: 1,
+        settled: false,
+        over: false,
     };
-    let warm = warm_up(&mut crew, schedule, stop, progress)?;
-    let (draws, stopped) = if warm.interrupted {
-        (crew.collect(&[])?, Stopped::Interrupted)
-    } else {
-        keep(&mut crew, schedule, warm.thin, stop, progress)?
-    };
-    let mut draws = draws;
-    draws.info.thin = warm.thin;
+    if let Some(keeping) = keeping {
+        crew.open(keeping, schedule, &mut warm)?;
+    }
+    if crew.states.is_empty() {
+        let begin = |&key: &Key| start.begin(target, sampler, key);
+        crew.states = crew
+            .keys
+            .iter()
+            .map(begin)
+            .collect::<Result<Vec<State>>>()?;
+        crew.flush(warm, true)?;
+    }
+    let mut stopped = Stopped::Interrupted;
+    if warm.over || warm_up(&mut crew, schedule, stop, progress, &mut warm)? {
+        stopped = keep(&mut crew, schedule, warm, stop, progress)?;
+    }
+    if warm.over {
+        crew.flush(warm, true)?;
+    }
+    let mut draws = crew.memory.draws(target.names(), crew.walkers())?;
+    describe(&mut draws, &crew.totals, crew.memory.rows * warm.thin);
+    draws.info.thin = warm.thin * crew.memory.stride();
     draws.info.warmup = warm.steps;
     Ok(Outcome {
         draws,
         stopped,
-        settled: warm.settled,
+        settled: warm.settled || schedule.warmup.is_some(),
         states: crew.states,
     })
 }
@@ -180,23 +210,87 @@ fn check(schedule: &Schedule) -> Result<()> {
     Ok(())
 }
 
-/// The ensembles of a run.
+/// The ensembles of a run, and what they have drawn.
 struct Crew<'a> {
     target: &'a dyn LogDensity,
     sampler: &'a dyn Sampler,
     keys: Vec<Key>,
     states: Vec<State>,
+    memory: Memory,
+    totals: Vec<Block>,
+    keeper: Option<Keeper>,
+    pace: Pace,
 }
 
-impl Crew<'_> {
+/// How many steps take about a quarter of the time between flushes; no draw depends on it.
+struct Pace(usize);
+
+impl Pace {
+    /// Steps of the next span, a multiple of `thin` unless fewer are left.
+    fn steps(&self, left: usize, thin: usize) -> usize {
+        (self.0 / thin).max(1).saturating_mul(thin).min(left)
+    }
+
+    fn learn(&mut self, steps: usize, took: Duration) {
+        let wanted = PATIENCE.as_secs_f64() / 4.0;
+        let factor = (wanted / took.as_secs_f64().max(1e-9)).clamp(0.1, 4.0);
+        self.0 = ((steps as f64 * factor) as usize).clamp(1, 1 << 14);
+    }
+}
+
+impl<'a> Crew<'a> {
+    fn new(target: &'a dyn LogDensity, sampler: &'a dyn Sampler, schedule: &Schedule) -> Self {
+        let key = |ensemble| Key {
+            seed: schedule.seed,
+            ensemble,
+        };
+        Self {
+            target,
+            sampler,
+            keys: (0..schedule.ensembles as u64).map(key).collect(),
+            states: Vec::new(),
+            memory: Memory::new(schedule.ensembles, schedule.memory),
+            totals: Vec::new(),
+            keeper: None,
+            pace: Pace(64),
+        }
+    }
+
+    /// Makes the store, or takes up the run in it.
+    fn open(&mut self, keeping: &Keeping, schedule: &Schedule, warm: &mut Warm) -> Result<()> {
+        let layout = Layout {
+            names: self.target.names().to_vec(),
+            walkers: self.walkers(),
+            ensembles: schedule.ensembles,
+            observed: keeping.observed.clone(),
+        };
+        if keeping.resume {
+            let memory = &mut self.memory;
+            let found = Keeper::reopen(keeping, layout.clone(), self.target, memory)?;
+            if let Some((keeper, checkpoint)) = found {
+                *warm = checkpoint.warm;
+                self.states = checkpoint.states;
+                self.totals = checkpoint.totals;
+                self.keeper = Some(keeper);
+                return Ok(());
+            }
+        }
+        self.keeper = Some(Keeper::create(keeping, layout)?);
+        Ok(())
+    }
+
     /// Advances every ensemble by the same span, in parallel.
     fn advance(&mut self, span: Span) -> Vec<Block> {
         let (target, sampler) = (self.target, self.sampler);
-        self.states
+        let began = Instant::now();
+        let blocks = self
+            .states
             .par_iter_mut()
             .zip(&self.keys)
             .map(|(state, &key)| sampler.advance(target, key, span, state))
-            .collect()
+            .collect();
+        self.pace.learn(span.steps, began.elapsed());
+        blocks
     }
 
     fn steps(&self) -> u64 {
@@ -204,137 +298,159 @@ impl Crew<'_> {
     }
 
     fn walkers(&self) -> usize {
-        self.states.first().map_or(1, |s| s.lp.len())
+        self.sampler.walkers(self.target.dim())
     }
 
-    /// Brings blocks from [draw][walker] to [chain][draw].
-    fn collect(&self, blocks: &[Block]) -> Result<Draws> {
-        let (dim, walkers) = (self.target.dim(), self.walkers());
-        let chains = walkers * self.states.len();
-        let total: usize = blocks.iter().map(|b| b.lp.len()).sum();
-        let mut values = Vec::with_capacity(total * dim);
-        let mut lp = Vec::with_capacity(total);
-        for block in blocks {
-            let draws = block.lp.len() / walkers;
-            for walker in 0..walkers {
-                for row in (0..draws).map(|draw| draw * walkers + walker) {
-                    values.extend_from_slice(&block.x[row * dim..(row + 1) * dim]);
-                    lp.push(block.lp[row]);
-                }
-            }
+    fn chains(&self) -> usize {
+        self.walkers() * self.keys.len()
+    }
+
+    /// Brings the store up to date if it is time for it, or if it `must` be.
+    fn flush(&mut self, warm: Warm, must: bool) -> Result<()> {
+        let steps = self.memory.rows * warm.thin;
+        let Some(keeper) = &mut self.keeper else {
+            return Ok(());
+        };
+        if must || keeper.due() {
+            keeper.flush(
+                warm,
+                &self.states,
+                &self.totals,
+                &rates(&self.totals, steps),
+            )?;
         }
-        let ensemble = (0..chains).map(|chain| chain / walkers).collect();
-        Draws::new(self.target.names().to_vec(), ensemble, values, lp)
+        Ok(())
     }
 }
 
-/// How warm-up ended.
-struct Warm {
-    steps: usize,
-    thin: usize,
-    settled: bool,
-    interrupted: bool,
-}
-
-/// Windows of 1, 1, 2, 4, ... times the sampler's, until the last one alone looks stationary.
+/// Windows of 1, 1, 2, 4, ... times the sampler's, until the last one alone looks stationary; false if interrupted.
 fn warm_up(
     crew: &mut Crew<'_>,
     schedule: &Schedule,
     stop: &dyn Stop,
     progress: &dyn Progress,
-) -> Result<Warm> {
+    warm: &mut Warm,
+) -> Result<bool> {
     let unit = crew.sampler.window(crew.target.dim());
     let most = unit * schedule.warmup_windows;
-    let mut warm = Warm {
-        steps: 0,
-        thin: 1,
-        settled: false,
-        interrupted: false,
-    };
-    while !warm.settled && !warm.interrupted {
+    while !warm.over {
         let steps = match schedule.warmup {
             Some(steps) => steps,
             None => warm.steps.max(unit).min(most - warm.steps),
         };
-        let blocks = crew.advance(Span {
-            steps,
+        let Some(window) = warm_up_window(crew, schedule, progress, steps)? else {
+            return Ok(false);
+        };
+        warm.steps += steps;
+        let settled = stop.settled(&window);
+        warm.settled = settled.is_some();
+        warm.thin = settled.unwrap_or_else(|| stop.fallback(&window));
+        warm.over = warm.settled || schedule.warmup.is_some() || warm.steps >= most;
+        if warm.over {
+            warm.thin = schedule.thin.unwrap_or(warm.thin).max(1);
+        }
+        crew.flush(*warm, warm.over)?;
+    }
+    Ok(true)
+}
+
+/// One window of warm-up; none if interrupted.
+fn warm_up_window(
+    crew: &mut Crew<'_>,
+    schedule: &Schedule,
+    progress: &dyn Progress,
+    steps: usize,
+) -> Result<Option<Draws>> {
+    let (walkers, dim) = (crew.walkers(), crew.target.dim());
+    let mut window = Memory::new(crew.keys.len(), usize::MAX);
+    let mut done = 0;
+    while done < steps {
+        let span = Span {
+            steps: crew.pace.steps(steps - done, 1),
             thin: 1,
             warmup: true,
-        });
-        warm.steps += steps;
-        let window = crew.collect(&blocks)?;
-        warm.settled = match stop.settled(&window) {
-            Some(thin) => {
-                warm.thin = thin;
-                true
-            }
-            None => {
-                warm.thin = stop.fallback(&window);
-                schedule.warmup.is_some()
-            }
         };
-        warm.interrupted = !progress.report(&Report {
+        let blocks = crew.advance(span);
+        window.take(&blocks, walkers, dim);
+        done += span.steps;
+        let go_on = progress.report(&Report {
             phase: Phase::Warmup,
             steps: crew.steps(),
             draws: 0,
             most: schedule.max_draws,
-            acceptance: acceptance(&blocks, steps),
+            acceptance: acceptance(&blocks, span.steps),
         });
-        if warm.steps >= most {
-            break;
+        if !go_on {
+            return Ok(None);
         }
     }
-    warm.thin = schedule.thin.unwrap_or(warm.thin).max(1);
-    Ok(warm)
+    window.draws(crew.target.names(), walkers).map(Some)
 }
 
-/// Blocks of kept draws, each making the run `growth` times as long, until the rule or the limit ends it.
+/// Draws until the rule or a limit ends the run; the rule looks whenever the run is `growth` times as long as before.
 fn keep(
     crew: &mut Crew<'_>,
     schedule: &Schedule,
-    thin: usize,
+    warm: Warm,
     stop: &dyn Stop,
     progress: &dyn Progress,
-) -> Result<(Draws, Stopped)> {
-    let chains = crew.walkers() * crew.states.len();
-    let most = (schedule.max_draws / chains).max(4);
-    let first = crew.sampler.window(crew.target.dim()).div_ceil(thin).max(4);
-    let mut all = crew.collect(&[])?;
-    let mut totals: Vec<Block> = Vec::new();
-    let stopped = loop {
-        let grown = (all.draws() as f64 * schedule.growth).ceil() as usize;
-        let count = grown.max(first).min(most) - all.draws();
-        let mut blocks = crew.advance(Span {
-            steps: count * thin,
-            thin,
-            warmup: false,
-        });
-        all.append(&crew.collect(&blocks)?)?;
-        let rate = acceptance(&blocks, count * thin);
-        merge(&mut totals, &mut blocks);
-        let go_on = progress.report(&Report {
-            phase: Phase::Sampling,
-            steps: crew.steps(),
-            draws: all.len(),
-            most: schedule.max_draws,
-            acceptance: rate,
-        });
-        if stop.enough(&all) {
-            break Stopped::Enough;
-        } else if !go_on {
-            break Stopped::Interrupted;
-        } else if all.draws() >= most {
-            break Stopped::MaxDraws;
+) -> Result<Stopped> {
+    let (walkers, dim, thin) = (crew.walkers(), crew.target.dim(), warm.thin);
+    let most = (schedule.max_draws / crew.chains()).max(4);
+    let first = crew.sampler.window(dim).div_ceil(thin).max(4);
+    let mut check = first.min(most);
+    loop {
+        while crew.memory.rows < check {
+            let left = (check - crew.memory.rows) * thin;
+            let span = Span {
+                steps: crew.pace.steps(left, thin),
+                thin,
+                warmup: false,
+            };
+            let mut blocks = crew.advance(span);
+            crew.memory.take(&blocks, walkers, dim);
+            if let Some(keeper) = &mut crew.keeper {
+                keeper.record(&blocks)?;
+            }
+            let rate = acceptance(&blocks, span.steps);
+            merge(&mut crew.totals, &mut blocks);
+            crew.flush(warm, false)?;
+            let go_on = progress.report(&Report {
+                phase: Phase::Sampling,
+                steps: crew.steps(),
+                draws: crew.memory.rows * crew.chains(),
+                most: schedule.max_draws,
+                acceptance: rate,
+            });
+            if !go_on {
+                return Ok(Stopped::Interrupted);
+            }
         }
-    };
-    describe(&mut all, &totals, thin);
-    Ok((all, stopped))
+        // A resumed run may be beyond this point: it has been looked at there, and was not enough.
+        if crew.memory.rows == check || crew.memory.rows >= most {
+            let mut draws = crew.memory.draws(crew.target.names(), walkers)?;
+            describe(&mut draws, &crew.totals, crew.memory.rows * thin);
+            if stop.enough(&draws) {
+                return Ok(Stopped::Enough);
+            }
+        }
+        if crew.memory.rows >= most {
+            return Ok(Stopped::MaxDraws);
+        }
+        check = ((check as f64 * schedule.growth).ceil() as usize).min(most);
+    }
 }
 
 fn acceptance(blocks: &[Block], steps: usize) -> f64 {
     let walkers: usize = blocks.iter().map(|b| b.accepted.len()).sum();
     let moved: u64 = blocks.iter().flat_map(|b| &b.accepted).sum();
     moved as f64 / (walkers * steps).max(1) as f64
+}
+
+/// Acceptance rate of each chain over `steps`.
+fn rates(totals: &[Block], steps: usize) -> Vec<f64> {
+    let counts = totals.iter().flat_map(|b| &b.accepted);
+    counts.map(|&n| n as f64 / steps.max(1) as f64).collect()
 }
 
 /// Adds the tallies of `blocks` to those of the run; the draws are already taken.
@@ -360,10 +476,8 @@ fn merge(totals: &mut Vec<Block>, blocks: &mut Vec<Block>) {
     }
 }
 
-fn describe(draws: &mut Draws, totals: &[Block], thin: usize) {
-    let steps = (draws.draws() * thin).max(1) as f64;
-    let rates = totals.iter().flat_map(|b| &b.accepted);
-    draws.info.acceptance = rates.map(|&n| n as f64 / steps).collect();
+fn describe(draws: &mut Draws, totals: &[Block], steps: usize) {
+    draws.info.acceptance = rates(totals, steps);
     draws.info.nan = totals.iter().map(|b| b.nan).sum();
     draws.info.evaluations = totals.iter().map(|b| b.evaluations).sum();
     if let Some((first, rest)) = totals.split_first() {

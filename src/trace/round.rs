@@ -1,6 +1,7 @@
 //! One identification: reduced model, observation, noise, posterior, chains, residual.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -20,7 +21,7 @@ use crate::infer::{
 };
 use crate::progress::Watch;
 use crate::reduce::{Problem, ReducedModel, cache};
-use crate::sample::{self, Phase, Progress, Report, Sampler, Schedule, Start};
+use crate::sample::{self, Keeping, Phase, Progress, Report, Sampler, Schedule, Start, Stopped};
 
 /// How to identify.
 pub struct Options<'a> {
@@ -34,6 +35,10 @@ pub struct Options<'a> {
     pub cache: PathBuf,
     /// At most this many refinements of the reduced model about the posterior.
     pub refinements: usize,
+    /// Where the chains are kept while the run goes.
+    pub keeping: Option<Keeping>,
+    /// When to stop sampling in any case.
+    pub deadline: Option<Instant>,
 }
 
 /// A reduced model with the plate it was made on.
@@ -64,7 +69,9 @@ pub struct Round {
     pub posterior: Posterior,
     /// The draws.
     pub draws: Draws,
-    /// What they are worth.
+    /// Why sampling ended.
+    pub stopped: Stopped,
+    /// What the draws are worth.
     pub verdict: Verdict,
     /// Draws whose constants lie outside the DoE box, as a fraction.
     pub outside_doe: f64,
@@ -124,6 +131,9 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
             break;
         }
         let prepared = enrich(round, &options.cache, watch)?;
+        if let Some(keeping) = &options.keeping {
+            keeping.clear()?;
+        }
         round = identify_prepared(model, prepared, options, watch)?;
         history.push(Refinement::of(&round));
     }
@@ -161,7 +171,7 @@ fn identify_prepared(
     watch.end();
     let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;
     let posterior = posterior(model, &prepared, &statistics, &noise)?;
-    let draws = draw(&posterior, options, watch)?;
+    let (draws, stopped) = draw(&posterior, options, watch)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let theta = &mean[..posterior.structural()];
@@ -212,6 +222,7 @@ fn identify_prepared(
         statistics,
         posterior,
         draws,
+        stopped,
         verdict,
         outside_doe,
         surrogate,
@@ -274,7 +285,11 @@ fn start(posterior: &Posterior) -> Result<Laplace> {
 /// Spread of the start about the mode, in units of its normal approximation.
 const SPREAD: f64 = 3.0;
 
-fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Result<Draws> {
+fn draw(
+    posterior: &Posterior,
+    options: &Options<'_>,
+    watch: &dyn Watch,
+) -> Result<(Draws, Stopped)> {
     let mode = start(posterior)?;
     let start = Start::Ball {
         centre: &mode.mode,
@@ -290,20 +305,32 @@ fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Resu
         ),
         None,
     );
-    let outcome = sample::run(
+    let measured = posterior.likelihood().measured();
+    let keeping = options.keeping.clone().map(|keeping| Keeping {
+        observed: vec![("alpha_mm".into(), measured.as_slice().to_vec())],
+        ..keeping
+    });
+    let outcome = sample::run_kept(
         posterior,
         options.sampler,
         &start,
         &options.schedule,
         &options.rule,
-        &Telling(watch),
+        &Telling {
+            watch,
+            deadline: options.deadline,
+        },
+        keeping.as_ref(),
     )?;
     watch.end();
-    Ok(outcome.draws)
+    Ok((outcome.draws, outcome.stopped))
 }
 
-/// Passes a sampler's reports on.
-struct Telling<'a>(&'a dyn Watch);
+/// Passes a sampler's reports on, and ends it in time.
+struct Telling<'a> {
+    watch: &'a dyn Watch,
+    deadline: Option<Instant>,
+}
 
 impl Progress for Telling<'_> {
     fn report(&self, report: &Report) -> bool {
@@ -311,11 +338,11 @@ impl Progress for Telling<'_> {
             Phase::Warmup => "warm-up",
             Phase::Sampling => "sampling",
         };
-        self.0.say(&format!(
+        self.watch.say(&format!(
             "{phase}: step {}, {} draws, acceptance {:.2}",
             report.steps, report.draws, report.acceptance
         ));
-        true
+        self.deadline.is_none_or(|end| Instant::now() < end)
     }
 }
 

@@ -95,6 +95,8 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
         rule: Rule::default(),
         cache: directory.path().join("cache"),
         refinements: 3,
+        keeping: None,
+        deadline: None,
     };
     let round = identify(&model, &options, &Unwatched).unwrap();
     let steps = &round.refinements;

@@ -1,0 +1,400 @@
+//! `chain.zarr`: the draws of a run as ArviZ reads them (groups `posterior`, `sample_stats`, `observed_data`; dimensions
+//! `chain`, `draw`; coordinate `ensemble` on `chain`), appended while the run goes. Three calls: record, flush, finalize.
+//!
+//! A chunk holds all chains over a stretch of draws. What a reader may see is fixed by the root's metadata, which is
+//! replaced last; draws beyond the stored shape are not there yet.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::draws::Draws;
+use super::zarr::{self, Kind};
+use crate::error::{Error, Result};
+
+/// Gets an ensemble's rows (walker x parameter) and log densities.
+pub type Replay<'a> = &'a mut dyn FnMut(usize, &[f64], &[f64]);
+
+/// Version of the store's own conventions.
+const FORMAT: &str = "plychain-chain/1";
+
+/// Floats of a chunk, about 1 MiB.
+const CHUNK: usize = 1 << 17;
+
+/// What the draws of a run are called.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    /// Names of the parameters.
+    pub names: Vec<String>,
+    /// Walkers of an ensemble.
+    pub walkers: usize,
+    /// Ensembles.
+    pub ensembles: usize,
+    /// Measured numbers that the posterior depends on, by name.
+    pub observed: Vec<(String, Vec<f64>)>,
+}
+
+impl Layout {
+    /// Number of chains.
+    pub fn chains(&self) -> usize {
+        self.walkers * self.ensembles
+    }
+
+    fn chunk(&self) -> usize {
+        (CHUNK / self.chains().max(1))
+            .clamp(1, 1 << 14)
+            .next_power_of_two()
+    }
+}
+
+/// A store that is being written.
+pub struct Store {
+    path: PathBuf,
+    layout: Layout,
+    chunk: usize,
+    /// The last chunk of each array (parameters, then lp), chain x draw.
+    last: Vec<Vec<f64>>,
+    /// Draws recorded of each chain.
+    draws: usize,
+    /// First draw that is not on disk yet.
+    written: usize,
+    digests: Vec<Digest>,
+    acceptance: Vec<f64>,
+    attributes: Value,
+}
+
+impl Store {
+    /// Makes the store, which must not exist.
+    ///
+    /// # Errors
+    /// The input's fault if the place exists or cannot be written.
+    pub fn create(path: &Path, layout: Layout, attributes: Value) -> Result<Self> {
+        if path.exists() {
+            return Err(
+                Error::input(path.display(), "a place for a new chain store").found("an old one"),
+            );
+        }
+        let mut store = Self::empty(path, layout, attributes);
+        store.flush(&[])?;
+        Ok(store)
+    }
+
+    fn empty(path: &Path, layout: Layout, attributes: Value) -> Self {
+        let chunk = layout.chunk();
+        let arrays = layout.names.len() + 1;
+        Self {
+            path: path.to_path_buf(),
+            chunk,
+            last: vec![vec![f64::NAN; chunk * layout.chains()]; arrays],
+            draws: 0,
+            written: 0,
+            digests: vec![Digest::default(); arrays],
+            acceptance: Vec::new(),
+            attributes,
+            layout,
+        }
+    }
+
+    /// Opens a store to append after its first `draws` draws, whose digest must be `digest`; `replay` gets the rows
+    /// (walker x parameter, then walker) of every ensemble in turn.
+    ///
+    /// # Errors
+    /// The input's fault if the store is damaged or of another layout.
+    pub fn reopen(
+        path: &Path,
+        layout: Layout,
+        attributes: Value,
+        (draws, digest): (usize, u64),
+        replay: Replay<'_>,
+    ) -> Result<Self> {
+        let mut store = Self::empty(path, layout, attributes);
+        let read = read(path, Some(draws))?;
+        let damaged = |found: String| {
+            Error::input(path.display(), "the draws that the checkpoint tells of")
+                .found(found)
+                .hint("the store is damaged or was changed: it is left as it is; start a new run in another folder")
+        };
+        if read.names() != store.layout.names || read.chains() != store.layout.chains() {
+            return Err(damaged(format!(
+                "{} chains of {}",
+                read.chains(),
+                read.names().join(", ")
+            )));
+        }
+        let (walkers, dim) = (store.layout.walkers, store.layout.names.len());
+        let (mut x, mut lp) = (vec![0.0; walkers * dim], vec![0.0; walkers]);
+        for draw in 0..draws {
+            for ensemble in 0..store.layout.ensembles {
+                for walker in 0..walkers {
+                    let chain = ensemble * walkers + walker;
+                    x[walker * dim..(walker + 1) * dim].copy_from_slice(read.point(chain, draw));
+                    lp[walker] = read.lp()[chain * draws + draw];
+                }
+                store.put(ensemble, draw, &x, &lp);
+                replay(ensemble, &x, &lp);
+            }
+            store.draws = draw + 1;
+            if store.draws.is_multiple_of(store.chunk) {
+                store.clear();
+            }
+        }
+        store.written = draws;
+        if store.digest() != digest {
+            return Err(damaged("draws of another digest".into()));
+        }
+        Ok(store)
+    }
+
+    /// Draws recorded of each chain.
+    pub fn draws(&self) -> usize {
+        self.draws
+    }
+
+    /// A digest of every draw recorded.
+    pub fn digest(&self) -> u64 {
+        self.digests
+            .iter()
+            .fold(0, |all, d| Digest(all).with(d.0).0)
+    }
+
+    /// Records draws: for each ensemble its positions (draw x walker x parameter) and log densities (draw x walker).
+    ///
+    /// # Errors
+    /// The input's fault if a full chunk cannot be written.
+    pub fn record(&mut self, blocks: &[(&[f64], &[f64])]) -> Result<()> {
+        let (walkers, dim) = (self.layout.walkers, self.layout.names.len());
+        let count = blocks.first().map_or(0, |(_, lp)| lp.len() / walkers);
+        for draw in 0..count {
+            for (ensemble, (x, lp)) in blocks.iter().enumerate() {
+                let rows = draw * walkers..(draw + 1) * walkers;
+                self.put(
+                    ensemble,
+                    self.draws,
+                    &x[rows.start * dim..rows.end * dim],
+                    &lp[rows],
+                );
+            }
+            self.draws += 1;
+            if self.draws.is_multiple_of(self.chunk) {
+                self.write_chunk(self.draws / self.chunk - 1)?;
+                self.clear();
+            }
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, ensemble: usize, draw: usize, x: &[f64], lp: &[f64]) {
+        let (dim, column) = (self.layout.names.len(), draw % self.chunk);
+        for (walker, lp) in lp.iter().enumerate() {
+            let at = (ensemble * self.layout.walkers + walker) * self.chunk + column;
+            let values = x[walker * dim..(walker + 1) * dim]
+                .iter()
+                .chain(std::iter::once(lp));
+            for ((last, digest), value) in self.last.iter_mut().zip(&mut self.digests).zip(values) {
+                last[at] = *value;
+                *digest = digest.with(value.to_bits());
+            }
+        }
+    }
+
+    fn clear(&mut self) {
+        self.last.iter_mut().for_each(|last| last.fill(f64::NAN));
+    }
+
+    fn write_chunk(&mut self, index: usize) -> Result<()> {
+        let arrays = self.layout.names.iter().map(|n| format!("posterior/{n}"));
+        for (array, values) in arrays
+            .chain(["sample_stats/lp".to_string()])
+            .zip(&self.last)
+        {
+            let path = self.path.join(array).join(format!("c/0/{index}"));
+            zarr::replace(&path, &zarr::floats(values))?;
+        }
+        for group in GROUPS {
+            let first = (index * self.chunk) as i64;
+            let values = zarr::integers(first..first + self.chunk as i64);
+            zarr::replace(
+                &self.path.join(group).join(format!("draw/c/{index}")),
+                &values,
+            )?;
+        }
+        self.written = self.draws;
+        Ok(())
+    }
+
+    /// Brings everything recorded to disk, `acceptance` of each chain (may be empty) with it.
+    ///
+    /// # Errors
+    /// The input's fault if a file cannot be written.
+    pub fn flush(&mut self, acceptance: &[f64]) -> Result<()> {
+        if !self.draws.is_multiple_of(self.chunk) && self.written < self.draws {
+            self.write_chunk(self.draws / self.chunk)?;
+        }
+        let chains = self.layout.chains();
+        self.acceptance = acceptance.to_vec();
+        self.acceptance.resize(chains, f64::NAN);
+        let rates = self.path.join("sample_stats/acceptance_rate/c/0");
+        zarr::replace(&rates, &zarr::floats(&self.acceptance))?;
+        if !self.path.join("zarr.json").exists() {
+            self.write_constants()?;
+        }
+        let nodes = self.nodes();
+        for (node, metadata) in &nodes {
+            zarr::replace_metadata(&self.path.join(node), metadata)?;
+        }
+        let root = zarr::group(&self.attributes());
+        zarr::replace_metadata(&self.path, &zarr::consolidated(&root, &nodes))
+    }
+
+    /// The last flush.
+    ///
+    /// # Errors
+    /// The input's fault if a file cannot be written.
+    pub fn finalize(mut self, acceptance: &[f64]) -> Result<()> {
+        self.flush(acceptance)
+    }
+
+    fn attributes(&self) -> Value {
+        let mut attributes = self.attributes.clone();
+        attributes["format"] = json!(FORMAT);
+        attributes["inference_library"] = json!("plychain");
+        attributes
+    }
+
+    fn write_constants(&self) -> Result<()> {
+        let chains = self.layout.chains() as i64;
+        let walkers = self.layout.walkers as i64;
+        for group in GROUPS {
+            let group = self.path.join(group);
+            zarr::replace(&group.join("chain/c/0"), &zarr::integers(0..chains))?;
+            let ensembles = zarr::integers((0..chains).map(|c| c / walkers));
+            zarr::replace(&group.join("ensemble/c/0"), &ensembles)?;
+        }
+        for (name, values) in &self.layout.observed {
+            let path = self.path.join(format!("observed_data/{name}/c/0"));
+            zarr::replace(&path, &zarr::floats(values))?;
+        }
+        Ok(())
+    }
+
+    /// Every group and array with its metadata.
+    fn nodes(&self) -> Vec<(String, Value)> {
+        let (chains, draws, chunk) = (self.layout.chains(), self.draws, self.chunk);
+        let both = |shape: [usize; 2]| {
+            zarr::array(Kind::Float, &shape, &[chains, chunk], &["chain", "draw"])
+        };
+        let mut nodes = Vec::new();
+        for group in GROUPS {
+            // xarray takes as coordinates what the attribute names.
+            nodes.push((
+                group.into(),
+                zarr::group(&json!({ "coordinates": "ensemble" })),
+            ));
+            let draw = zarr::array(Kind::Integer, &[draws], &[chunk], &["draw"]);
+            nodes.push((format!("{group}/draw"), draw));
+            for name in ["chain", "ensemble"] {
+                let array = zarr::array(Kind::Integer, &[chains], &[chains], &["chain"]);
+                nodes.push((format!("{group}/{name}"), array));
+            }
+        }
+        for name in &self.layout.names {
+            nodes.push((format!("posterior/{name}"), both([chains, draws])));
+        }
+        nodes.push(("sample_stats/lp".into(), both([chains, draws])));
+        let rates = zarr::array(Kind::Float, &[chains], &[chains], &["chain"]);
+        nodes.push(("sample_stats/acceptance_rate".into(), rates));
+        nodes.push(("observed_data".into(), zarr::group(&json!({}))));
+        for (name, values) in &self.layout.observed {
+            let count = [values.len()];
+            let dimension = format!("{name}_dim_0");
+            let array = zarr::array(Kind::Float, &count, &count, &[&dimension]);
+            nodes.push((format!("observed_data/{name}"), array));
+        }
+        nodes
+    }
+}
+
+/// Groups with chains and draws.
+const GROUPS: [&str; 2] = ["posterior", "sample_stats"];
+
+/// A running digest that notices damage; no protection against malice.
+#[derive(Debug, Clone, Copy, Default)]
+struct Digest(u64);
+
+impl Digest {
+    #[inline]
+    fn with(self, bits: u64) -> Self {
+        Self((self.0.rotate_left(5) ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+}
+
+/// Reads a store: all its draws, or the first `draws` of them.
+///
+/// # Errors
+/// The input's fault: no store, another format, missing or cut files.
+pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
+    let place = path.display();
+    let root = zarr::read_metadata(path)?;
+    if root["attributes"]["format"] != FORMAT {
+        return Err(
+            Error::input(place, format!("a chain store of format {FORMAT}"))
+                .found(&root["attributes"]["format"]),
+        );
+    }
+    let metadata = root["consolidated_metadata"]["metadata"]
+        .as_object()
+        .ok_or_else(|| Error::input(path.display(), "consolidated metadata"))?;
+    let lp = &metadata.get("sample_stats/lp").cloned().unwrap_or_default();
+    let number = |value: &Value| value.as_u64().and_then(|v| usize::try_from(v).ok());
+    let shape = [&lp["shape"][0], &lp["shape"][1]].map(number);
+    let chunk = number(&lp["chunk_grid"]["configuration"]["chunk_shape"][1]);
+    let ([Some(chains), Some(stored)], Some(chunk)) = (shape, chunk) else {
+        return Err(Error::input(
+            path.display(),
+            "an array sample_stats/lp of chain x draw",
+        ));
+    };
+    let count = draws.unwrap_or(stored);
+    if count > stored || chains == 0 || chunk == 0 {
+        return Err(Error::input(path.display(), format!("at least {count} draws")).found(stored));
+    }
+    let special = ["chain", "draw", "ensemble"];
+    let names: Vec<String> = metadata
+        .keys()
+        .filter_map(|k| k.strip_prefix("posterior/"))
+        .filter(|k| !special.contains(k))
+        .map(String::from)
+        .collect();
+    let mut values = vec![0.0; chains * count * names.len()];
+    for (k, name) in names.iter().enumerate() {
+        let array = path.join("posterior").join(name);
+        let mut put = |at: usize, value: f64| values[at * names.len() + k] = value;
+        read_array(&array, [chains, count, chunk], &mut put)?;
+    }
+    let mut lp = vec![0.0; chains * count];
+    read_array(
+        &path.join("sample_stats/lp"),
+        [chains, count, chunk],
+        &mut |at, v| lp[at] = v,
+    )?;
+    let ensemble = zarr::read_chunk(&path.join("posterior/ensemble/c/0"), chains)?;
+    let ensemble = ensemble.iter().map(|v| v.to_bits() as usize).collect();
+    Draws::new(names, ensemble, values, lp)
+}
+
+fn read_array(
+    array: &Path,
+    [chains, draws, chunk]: [usize; 3],
+    put: &mut dyn FnMut(usize, f64),
+) -> Result<()> {
+    for index in 0..draws.div_ceil(chunk) {
+        let values = zarr::read_chunk(&array.join(format!("c/0/{index}")), chains * chunk)?;
+        let first = index * chunk;
+        for chain in 0..chains {
+            for draw in first..(first + chunk).min(draws) {
+                put(chain * draws + draw, values[chain * chunk + draw - first]);
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,294 @@
+//! `plychain bench`: what one log posterior costs, and what the samplers make of it.
+
+use std::cell::Cell;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::Global;
+use crate::chain::Draws;
+use crate::diagnose::{Rule, diagnose};
+use crate::error::{Error, Result};
+use crate::infer::{LogDensity, Posterior, Tabulated, laplace};
+use crate::sample::{
+    De, Ensemble, Mixture, Phase, Progress, Report, Sampler, Schedule, Start, Stop, Stretch,
+};
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Tabulated posterior (default: a small synthetic one)
+    file: Option<PathBuf>,
+    /// Draws of each sampler
+    #[arg(long, default_value_t = 2_000_000)]
+    draws: usize,
+    /// Repetitions, of which the fastest counts
+    #[arg(long, default_value_t = 3)]
+    repeat: usize,
+}
+
+/// Run the verb.
+pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
+    let table = match &arguments.file {
+        Some(path) => Tabulated::load(path)?,
+        None => Tabulated::synthetic()?,
+    };
+    let posterior = table.posterior();
+    let start = Point::of(&posterior)?;
+    agreement(&table, &posterior, &start);
+    cost(&posterior, &start);
+    println!("min ESS/s: of the bulk over all parameters, a second of sampling without warm-up");
+    for (name, sampler) in samplers() {
+        let line = |threads| {
+            let runs = (0..arguments.repeat.max(1) as u64)
+                .map(|k| {
+                    measure(
+                        &posterior,
+                        &*sampler,
+                        &start,
+                        arguments.draws,
+                        global.seed + k,
+                        threads,
+                    )
+                })
+                .collect::<Result<Vec<_>>>()?;
+            Ok::<_, Error>(runs)
+        };
+        let one = line(1)?;
+        let two = line(2)?;
+        let least = |runs: &[Measured], f: fn(&Measured) -> f64| {
+            runs.iter().map(f).fold(f64::INFINITY, f64::min)
+        };
+        println!(
+            "  {name:22} {:.3e} one thread, {:5.1} ns a step; {:.2} x with two threads",
+            1.0 / least(&one, |m| m.seconds / m.ess),
+            least(&one, |m| 1e9 * m.seconds / m.draws),
+            least(&one, |m| m.seconds) / least(&two, |m| m.seconds),
+        );
+        if let Some(known) = table.reference.as_ref().filter(|_| name == DEFAULT) {
+            println!(
+                "  {:22} {:.2} largest deviation of mean or sd from the reference, MCSE",
+                "",
+                one[0].deviation(known)
+            );
+        }
+    }
+    Ok(())
+}
+
+const DEFAULT: &str = "default mixture";
+
+fn samplers() -> Vec<(&'static str, Box<dyn Sampler>)> {
+    let stretch = |walkers| Ensemble {
+        mixture: Mixture::only(Box::new(Stretch::default())),
+        walkers: Some(walkers),
+    };
+    vec![
+        (DEFAULT, Box::new(Ensemble::default())),
+        ("stretch, 32 walkers", Box::new(stretch(32))),
+        ("stretch, 64 walkers", Box::new(stretch(64))),
+        (
+            "DE",
+            Box::new(Ensemble::with(Mixture::only(Box::new(De::default())))),
+        ),
+    ]
+}
+
+/// Where chains start.
+struct Point {
+    mode: Vec<f64>,
+    covariance: Vec<f64>,
+    sd: Vec<f64>,
+}
+
+impl Point {
+    fn of(posterior: &Posterior) -> Result<Self> {
+        let (centre, sd) = posterior.start();
+        let normal = laplace(posterior, &centre, &sd)?;
+        let dim = centre.len();
+        Ok(Self {
+            sd: (0..dim)
+                .map(|k| normal.covariance[k * dim + k].sqrt())
+                .collect(),
+            mode: normal.mode,
+            covariance: normal.covariance,
+        })
+    }
+
+    /// Points about the mode, row by row.
+    fn cloud(&self, count: usize) -> Vec<f64> {
+        let mut points = Vec::with_capacity(count * self.mode.len());
+        for i in 0..count {
+            for (k, (m, s)) in self.mode.iter().zip(&self.sd).enumerate() {
+                let phase = ((i * 7 + k * 3) % 29) as f64 / 29.0 - 0.5;
+                points.push(m + 3.0 * s * phase);
+            }
+        }
+        points
+    }
+}
+
+fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) {
+    let worst = |points: &mut dyn Iterator<Item = (f64, f64)>| {
+        points.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    if !table.test_points.is_empty() {
+        let known = &table.test_points;
+        let largest = worst(&mut known.iter().map(|t| (posterior.log_density(&t.p), t.logp)));
+        println!(
+            "log posterior at {} test points: largest deviation {largest:.1e}",
+            known.len()
+        );
+    }
+    let cloud = start.cloud(64);
+    let points = cloud.chunks_exact(posterior.dim());
+    let dense = worst(
+        &mut points
+            .clone()
+            .map(|x| (posterior.log_density(x), table.dense(x))),
+    );
+    let mut batch = vec![0.0; 64];
+    posterior.log_density_batch(&cloud, &mut batch);
+    let same = points
+        .zip(&batch)
+        .all(|(x, v)| posterior.log_density(x).to_bits() == v.to_bits());
+    println!(
+        "against the formula with a dense covariance: {dense:.1e}; batch and single to the same bits: {}",
+        if same { "yes" } else { "NO" }
+    );
+}
+
+fn cost(posterior: &Posterior, start: &Point) {
+    let (count, dim) = (64, posterior.dim());
+    let cloud = start.cloud(count);
+    let mut out = vec![0.0; count];
+    let time = |work: &mut dyn FnMut()| {
+        let times = (0..25).map(|_| {
+            let start = Instant::now();
+            (0..400).for_each(|_| work());
+            start.elapsed().as_secs_f64() * 1e9 / (400 * count) as f64
+        });
+        // Others may be at work on the machine: the fastest run is the least disturbed.
+        times.fold(f64::INFINITY, f64::min)
+    };
+    let batched = time(&mut || {
+        posterior.log_density_batch(std::hint::black_box(&cloud), std::hint::black_box(&mut out));
+    });
+    let half = time(&mut || {
+        for (xs, out) in cloud.chunks(32 * dim).zip(out.chunks_mut(32)) {
+            posterior.log_density_batch(std::hint::black_box(xs), std::hint::black_box(out));
+        }
+    });
+    let single = time(&mut || {
+        for (x, out) in cloud.chunks_exact(dim).zip(&mut out) {
+            *out = posterior.log_density(std::hint::black_box(x));
+        }
+        std::hint::black_box(&out);
+    });
+    println!(
+        "one log posterior: {batched:.1} ns in batches of 64, {half:.1} ns of 32, {single:.1} ns alone ({})",
+        vectors()
+    );
+}
+
+/// The vector instructions in use.
+fn vectors() -> String {
+    let name = format!("{:?}", pulp::Arch::new());
+    match name.split('(').next() {
+        Some("V4") => "AVX-512".into(),
+        Some("V3") => "AVX2".into(),
+        other => other.unwrap_or_default().to_lowercase(),
+    }
+}
+
+struct Measured {
+    seconds: f64,
+    ess: f64,
+    draws: f64,
+    rows: Vec<crate::diagnose::Row>,
+}
+
+impl Measured {
+    fn deviation(&self, known: &crate::infer::Moments) -> f64 {
+        let rows = self.rows.iter().zip(known.mean.iter().zip(&known.sd));
+        rows.map(|(row, (mean, sd))| {
+            let mean = (row.mean - mean).abs() / row.mcse_mean;
+            mean.max((row.sd - sd).abs() / row.mcse_sd)
+        })
+        .fold(0.0, f64::max)
+    }
+}
+
+/// Steps before the clock starts.
+const WARMUP: usize = 1000;
+
+fn measure(
+    posterior: &Posterior,
+    sampler: &dyn Sampler,
+    start: &Point,
+    draws: usize,
+    seed: u64,
+    threads: usize,
+) -> Result<Measured> {
+    let schedule = Schedule {
+        seed,
+        warmup: Some(WARMUP),
+        thin: Some(1),
+        max_draws: draws,
+        growth: 1e9,
+        memory: usize::MAX,
+        ..Schedule::default()
+    };
+    let start = Start::Ball {
+        centre: &start.mode,
+        covariance: &start.covariance,
+        spread: 1.0,
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::program("bench", "a thread pool").found(e))?;
+    let (outcome, seconds) = pool.install(|| {
+        let clock = Clock(Cell::new(Instant::now()));
+        let outcome = crate::sample::run(posterior, sampler, &start, &schedule, &Never, &clock)?;
+        Ok::<_, Error>((outcome, clock.0.get().elapsed().as_secs_f64()))
+    })?;
+    let verdict = diagnose(&outcome.draws, &Rule::default());
+    Ok(Measured {
+        seconds,
+        ess: verdict.ess_bulk_min(),
+        draws: outcome.draws.len() as f64,
+        rows: verdict.rows,
+    })
+}
+
+/// Runs to the most draws.
+struct Never;
+
+impl Stop for Never {
+    fn settled(&self, _window: &Draws) -> Option<usize> {
+        Some(1)
+    }
+
+    fn fallback(&self, _window: &Draws) -> usize {
+        1
+    }
+
+    fn enough(&self, _draws: &Draws) -> bool {
+        false
+    }
+}
+
+/// Starts when warm-up ends.
+struct Clock(Cell<Instant>);
+
+impl Progress for Clock {
+    fn report(&self, report: &Report) -> bool {
+        if report.phase == Phase::Warmup {
+            // The last report of warm-up counts.
+            self.0.set(Instant::now());
+        }
+        true
+    }
+}

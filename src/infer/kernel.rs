@@ -1,0 +1,497 @@
+//! The likelihood compiled for speed: quadratic form of the residual of polynomials with a diagonal plus rank-one
+//! covariance, for [`WIDTH`] points at once or for one.
+//!
+//! Monomials are products of lower ones, polynomials are collapsed at the mean thickness, nothing is allocated in the
+//! loop. Every point undergoes the same operations in the same order whether it comes alone or in company (fused
+//! multiply-adds where the processor has them), so the result does not depend on how points are grouped.
+
+use std::cell::RefCell;
+
+use pulp::Simd;
+
+use super::lanes::{Lanes, WIDTH, each, ln};
+use crate::reduce::{Choice, Surface};
+
+/// Coordinates are padded to a multiple of this with zeros, which change nothing.
+const BLOCK: usize = 8;
+
+/// Coordinates whose product of variances is taken before the logarithm.
+const GROUP: usize = 4;
+
+/// A scaled variable: a parameter, or the ratio of one to the first.
+#[derive(Debug, Clone)]
+struct Variable {
+    numerator: usize,
+    ratio: bool,
+    middle: f64,
+    per_half: f64,
+}
+
+/// Polynomials of all coordinates over monomials, in two layouts.
+#[derive(Debug, Clone, Default)]
+struct Polynomials {
+    /// Monomial by monomial, each padded to whole blocks of coordinates.
+    rows: Vec<f64>,
+    /// [`GROUP`] by group of coordinates, in each monomial by monomial.
+    groups: Vec<f64>,
+}
+
+impl Polynomials {
+    fn new(columns: &[Vec<f64>], padded: usize) -> Self {
+        let mut rows = vec![0.0; columns.len() * padded];
+        for (row, column) in rows.chunks_exact_mut(padded).zip(columns) {
+            row[..column.len()].copy_from_slice(column);
+        }
+        let mut groups = Vec::with_capacity(rows.len());
+        for first in (0..padded).step_by(GROUP) {
+            for row in rows.chunks_exact(padded) {
+                groups.extend_from_slice(&row[first..first + GROUP]);
+            }
+        }
+        Self { rows, groups }
+    }
+
+    fn group(&self, group: usize, padded: usize) -> &[f64] {
+        let length = self.rows.len() / padded * GROUP;
+        &self.groups[group * length..(group + 1) * length]
+    }
+}
+
+/// What the kernel needs to know, in coordinates whose covariance is diagonal.
+pub(super) struct Parts<'a> {
+    /// The response surface, for its variables and exponents.
+    pub surface: &'a Surface,
+    /// Coefficient of each monomial of the surface in each coordinate.
+    pub polynomial: &'a nalgebra::DMatrix<f64>,
+    /// The same of the derivative by the thickness (mm), or none where a factor 1/h carries it.
+    pub slope: Option<&'a nalgebra::DMatrix<f64>>,
+    /// Measured coordinates.
+    pub measured: &'a [f64],
+    /// Variance of each coordinate is 1 + (noise scale)^2 times this.
+    pub spread: &'a [f64],
+    /// Noise scale, if it is fixed.
+    pub scale: Option<f64>,
+    /// Mean and sd of the thickness, mm.
+    pub thickness: (f64, f64),
+}
+
+/// The compiled likelihood.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Kernel {
+    variables: Vec<Variable>,
+    /// Each monomial after the constant as (lower monomial, variable).
+    products: Vec<(usize, usize)>,
+    padded: usize,
+    mean: Polynomials,
+    /// Thickness response times the thickness' sd; over the first monomials only.
+    slope: Option<Polynomials>,
+    /// Without slope: response relative to the mean.
+    relative: f64,
+    measured: Vec<f64>,
+    /// Empty if the noise scale is fixed: the coordinates are then scaled to unit variance.
+    spread: Vec<f64>,
+    /// The factor of the polynomials is this over the first parameter.
+    factor: Option<f64>,
+    constant: f64,
+}
+
+/// Room for intermediate values, one a thread, so that an evaluation allocates nothing.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Parameters of [`WIDTH`] points, parameter by parameter.
+    pub points: Vec<Lanes>,
+    lanes: Vec<Lanes>,
+    single: Vec<f64>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+/// Lends this thread's scratch. It has to be borrowed outside the dispatch: a closure that runs inside another
+/// function's body would not be compiled for the dispatched processor.
+pub(super) fn with_scratch<R>(f: impl FnOnce(&mut Scratch) -> R) -> R {
+    SCRATCH.with_borrow_mut(f)
+}
+
+impl Kernel {
+    pub(super) fn new(parts: &Parts<'_>) -> Self {
+        let surface = parts.surface;
+        let p = parts.measured.len();
+        let padded = p.next_multiple_of(BLOCK);
+        let variance: Vec<f64> = parts
+            .spread
+            .iter()
+            .map(|mu| parts.scale.map_or(1.0, |s| 1.0 + s * s * mu))
+            .collect();
+        let weights: Vec<f64> = variance.iter().map(|v| 1.0 / v.sqrt()).collect();
+        let t = surface.variables.thickness();
+        let plain = surface.variables.choice == Choice::Plain;
+        let at = t.filter(|_| plain).map(|k| {
+            let [middle, half] = surface.variables.scaling(k);
+            (k, (parts.thickness.0 - middle) / half)
+        });
+        let (exponents, products) = closure(&surface.exponents, at.map(|(k, _)| k));
+        let collapse = |matrix: &nalgebra::DMatrix<f64>, by: f64| {
+            let mut columns = vec![vec![0.0; p]; exponents.len()];
+            for (m, e) in surface.exponents.iter().enumerate() {
+                let power = at.map_or(1.0, |(k, z)| z.powi(i32::from(e[k])));
+                let place = position(&exponents, &without(e, at.map(|(k, _)| k)));
+                for (k, value) in columns[place].iter_mut().enumerate() {
+                    *value += by * power * matrix[(k, m)] * weights[k];
+                }
+            }
+            columns
+        };
+        let slope = parts.slope.map(|s| {
+            let mut columns = collapse(s, parts.thickness.1);
+            while columns.len() > 1 && columns.last().is_some_and(|c| c.iter().all(|v| *v == 0.0)) {
+                columns.pop();
+            }
+            Polynomials::new(&columns, padded)
+        });
+        let pad = |values: &mut dyn Iterator<Item = f64>| {
+            let mut out: Vec<f64> = values.collect();
+            out.resize(padded, 0.0);
+            out
+        };
+        Self {
+            variables: variables(surface, at.map(|(k, _)| k)),
+            products,
+            padded,
+            mean: Polynomials::new(&collapse(parts.polynomial, 1.0), padded),
+            slope,
+            relative: -parts.thickness.1 / parts.thickness.0,
+            measured: pad(&mut parts.measured.iter().zip(&weights).map(|(m, w)| m * w)),
+            spread: if parts.scale.is_some() {
+                Vec::new()
+            } else {
+                pad(&mut parts.spread.iter().copied())
+            },
+            factor: surface.variables.factor_numerator(parts.thickness.0),
+            constant: -0.5 * variance.iter().map(|v| v.ln()).sum::<f64>(),
+        }
+    }
+
+    /// Log likelihood at the [`WIDTH`] points of `scratch` (parameter k without the thickness), `scale` the noise scale.
+    #[inline(always)]
+    pub(super) fn batch<S: Simd>(&self, simd: S, scratch: &mut Scratch, scale: &Lanes) -> Lanes {
+        let Scratch { points, lanes, .. } = scratch;
+        let (count, variables) = (1 + self.products.len(), self.variables.len());
+        if lanes.len() < count + variables {
+            lanes.resize(count + variables, [0.0; WIDTH]);
+        }
+        let (monomials, z) = lanes[..count + variables].split_at_mut(count);
+        self.scaled(points, z);
+        monomials[0] = [1.0; WIDTH];
+        for (m, &(lower, variable)) in self.products.iter().enumerate() {
+            let (before, after) = monomials.split_at_mut(m + 1);
+            let (a, b) = (&before[lower], &z[variable]);
+            after[0] = each(|l| a[l] * b[l]);
+        }
+        self.forms(simd, monomials, points, scale)
+    }
+
+    #[inline(always)]
+    fn scaled(&self, x: &[Lanes], z: &mut [Lanes]) {
+        let first = &x[0];
+        for (z, v) in z.iter_mut().zip(&self.variables) {
+            let x = &x[v.numerator];
+            *z = if v.ratio {
+                each(|l| (x[l] / first[l] - v.middle) * v.per_half)
+            } else {
+                each(|l| (x[l] - v.middle) * v.per_half)
+            };
+        }
+    }
+
+    /// The quadratic forms of all coordinates, and the log likelihood from them.
+    #[inline(always)]
+    fn forms<S: Simd>(&self, simd: S, monomials: &[Lanes], x: &[Lanes], scale: &Lanes) -> Lanes {
+        let factor = match self.factor {
+            Some(f) => each(|l| f / x[0][l]),
+            None => [1.0; WIDTH],
+        };
+        let variance = each(|l| scale[l] * scale[l]);
+        let mut sums = Sums::default();
+        let mut log_det = [0.0; WIDTH];
+        let zero = simd.splat_f64s(0.0);
+        for pair in (0..WIDTH / S::F64_LANES).step_by(2) {
+            let two = |lanes: &Lanes| {
+                let (v, _) = S::as_simd_f64s(lanes);
+                [v[pair], v[pair + 1]]
+            };
+            let (factor, variance) = (two(&factor), two(&variance));
+            let mut sum = [[zero; 2]; 3];
+            for group in 0..self.padded / GROUP {
+                let mean = self.mean.group(group, self.padded);
+                let mut mean = accumulate(simd, mean, monomials, pair);
+                for mean in &mut mean {
+                    *mean = [0, 1].map(|h| simd.mul_f64s(factor[h], mean[h]));
+                }
+                let response = match &self.slope {
+                    Some(slope) => {
+                        accumulate(simd, slope.group(group, self.padded), monomials, pair)
+                    }
+                    None => {
+                        let relative = simd.splat_f64s(self.relative);
+                        mean.map(|m| [0, 1].map(|h| simd.mul_f64s(relative, m[h])))
+                    }
+                };
+                let at = group * GROUP..(group + 1) * GROUP;
+                let spread = self.spread.get(at.clone());
+                let product = add_group(
+                    simd,
+                    &self.measured[at],
+                    [&mean, &response],
+                    spread.map(|mu| (mu, variance)),
+                    &mut sum,
+                );
+                if spread.is_some() {
+                    add_logarithm(simd, product, pair, &mut log_det);
+                }
+            }
+            for (sums, sum) in [&mut sums.quad, &mut sums.ww, &mut sums.wr]
+                .into_iter()
+                .zip(sum)
+            {
+                let (sums, _) = S::as_mut_simd_f64s(sums);
+                (sums[pair], sums[pair + 1]) = (sum[0], sum[1]);
+            }
+        }
+        each(|l| self.log_likelihood(sums.quad[l], sums.ww[l], sums.wr[l], log_det[l]))
+    }
+
+    /// Sherman-Morrison and the determinant lemma.
+    #[inline(always)]
+    fn log_likelihood(&self, quad: f64, ww: f64, wr: f64, log_det: f64) -> f64 {
+        let one = 1.0 + ww;
+        self.constant - 0.5 * (quad - wr * wr / one + log_det + ln(one))
+    }
+
+    /// Log likelihood at one point, by the operations of [`Kernel::batch`].
+    #[inline(always)]
+    pub(super) fn single<S: Simd>(
+        &self,
+        simd: S,
+        scratch: &mut Scratch,
+        x: &[f64],
+        scale: f64,
+    ) -> f64 {
+        let (count, padded) = (1 + self.products.len(), self.padded);
+        let length = count + self.variables.len() + 2 * padded;
+        let room = &mut scratch.single;
+        if room.len() < length {
+            room.resize(length, 0.0);
+        }
+        let (monomials, rest) = room[..length].split_at_mut(count);
+        let (z, rest) = rest.split_at_mut(self.variables.len());
+        let (mean, response) = rest.split_at_mut(padded);
+        for (z, v) in z.iter_mut().zip(&self.variables) {
+            let raw = x[v.numerator];
+            let raw = if v.ratio { raw / x[0] } else { raw };
+            *z = (raw - v.middle) * v.per_half;
+        }
+        monomials[0] = 1.0;
+        for (m, &(lower, variable)) in self.products.iter().enumerate() {
+            monomials[m + 1] = monomials[lower] * z[variable];
+        }
+        accumulate_single(simd, &self.mean.rows, monomials, mean);
+        if let Some(slope) = &self.slope {
+            accumulate_single(simd, &slope.rows, monomials, response);
+        }
+        let factor = self.factor.map_or(1.0, |f| f / x[0]);
+        self.forms_single(mean, response, factor, scale * scale)
+    }
+
+    #[inline(always)]
+    fn forms_single(&self, mean: &[f64], response: &[f64], factor: f64, variance: f64) -> f64 {
+        let (mut quad, mut ww, mut wr, mut log_det) = (0.0, 0.0, 0.0, 0.0);
+        let mut product = 1.0;
+        for k in 0..self.padded {
+            let mean = factor * mean[k];
+            let response = match &self.slope {
+                Some(_) => response[k],
+                None => self.relative * mean,
+            };
+            let r = self.measured[k] - mean;
+            let (rv, wv) = match self.spread.get(k) {
+                None => (r, response),
+                Some(mu) => {
+                    let v = 1.0 + variance * mu;
+                    product *= v;
+                    let inverse = 1.0 / v;
+                    (r * inverse, response * inverse)
+                }
+            };
+            quad += r * rv;
+            ww += response * wv;
+            wr += response * rv;
+            if k % GROUP == GROUP - 1 && !self.spread.is_empty() {
+                log_det += ln(product);
+                product = 1.0;
+            }
+        }
+        self.log_likelihood(quad, ww, wr, log_det)
+    }
+}
+
+/// r' V^-1 r, w' V^-1 w and w' V^-1 r.
+#[derive(Default)]
+struct Sums {
+    quad: Lanes,
+    ww: Lanes,
+    wr: Lanes,
+}
+
+/// Two vectors of points.
+type Two<V> = [V; 2];
+
+/// Adds a group of coordinates to the sums (r' V^-1 r, w' V^-1 w, w' V^-1 r) and returns the product of the variances.
+/// Multiplication and addition are apart, as in [`Kernel::forms_single`].
+#[inline(always)]
+fn add_group<S: Simd>(
+    simd: S,
+    measured: &[f64],
+    [mean, response]: [&[Two<S::f64s>; GROUP]; 2],
+    spread: Option<(&[f64], Two<S::f64s>)>,
+    sum: &mut [Two<S::f64s>; 3],
+) -> Two<S::f64s> {
+    let one = simd.splat_f64s(1.0);
+    let mut product = [one; 2];
+    for k in 0..GROUP {
+        for h in 0..2 {
+            let r = simd.sub_f64s(simd.splat_f64s(measured[k]), mean[k][h]);
+            let w = response[k][h];
+            let (mut rv, mut wv) = (r, w);
+            if let Some((mu, variance)) = spread {
+                let mu = simd.splat_f64s(mu[k]);
+                let v = simd.add_f64s(one, simd.mul_f64s(variance[h], mu));
+                product[h] = simd.mul_f64s(product[h], v);
+                let inverse = simd.div_f64s(one, v);
+                (rv, wv) = (simd.mul_f64s(r, inverse), simd.mul_f64s(w, inverse));
+            }
+            sum[0][h] = simd.add_f64s(sum[0][h], simd.mul_f64s(r, rv));
+            sum[1][h] = simd.add_f64s(sum[1][h], simd.mul_f64s(w, wv));
+            sum[2][h] = simd.add_f64s(sum[2][h], simd.mul_f64s(w, rv));
+        }
+    }
+    product
+}
+
+/// Adds the logarithm of two vectors of points to their lanes.
+#[inline(always)]
+fn add_logarithm<S: Simd>(simd: S, product: Two<S::f64s>, pair: usize, out: &mut Lanes) {
+    let mut lanes = [1.0; WIDTH];
+    {
+        let (lanes, _) = S::as_mut_simd_f64s(&mut lanes);
+        (lanes[pair], lanes[pair + 1]) = (product[0], product[1]);
+    }
+    let logarithms = each(|l| ln(lanes[l]));
+    let (logarithms, _) = S::as_simd_f64s(&logarithms);
+    let (out, _) = S::as_mut_simd_f64s(out);
+    for h in 0..2 {
+        out[pair + h] = simd.add_f64s(out[pair + h], logarithms[pair + h]);
+    }
+}
+
+/// Sum over m of coefficients[m][k] monomials[m] for a group of coordinates k and two vectors of points.
+#[inline(always)]
+fn accumulate<S: Simd>(
+    simd: S,
+    coefficients: &[f64],
+    monomials: &[Lanes],
+    pair: usize,
+) -> [Two<S::f64s>; GROUP] {
+    let mut sum = [[simd.splat_f64s(0.0); 2]; GROUP];
+    for (c, monomial) in coefficients.chunks_exact(GROUP).zip(monomials) {
+        let (m, _) = S::as_simd_f64s(monomial);
+        let (a, b) = (m[pair], m[pair + 1]);
+        for k in 0..GROUP {
+            let c = simd.splat_f64s(c[k]);
+            sum[k][0] = simd.mul_add_e_f64s(c, a, sum[k][0]);
+            sum[k][1] = simd.mul_add_e_f64s(c, b, sum[k][1]);
+        }
+    }
+    sum
+}
+
+/// The same for one point, with the coordinates side by side.
+#[inline(always)]
+fn accumulate_single<S: Simd>(simd: S, rows: &[f64], monomials: &[f64], out: &mut [f64]) {
+    let padded = out.len();
+    for (block, out) in out.chunks_exact_mut(BLOCK).enumerate() {
+        let (out, _) = S::as_mut_simd_f64s(out);
+        let mut sum = [simd.splat_f64s(0.0); BLOCK];
+        let used = BLOCK / S::F64_LANES;
+        for (row, &m) in rows.chunks_exact(padded).zip(monomials) {
+            let (c, _) = S::as_simd_f64s(&row[block * BLOCK..(block + 1) * BLOCK]);
+            let m = simd.splat_f64s(m);
+            for v in 0..used {
+                sum[v] = simd.mul_add_e_f64s(c[v], m, sum[v]);
+            }
+        }
+        out.copy_from_slice(&sum[..used]);
+    }
+}
+
+fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Variable> {
+    let thickness = surface.variables.thickness();
+    let terms = surface.variables.terms();
+    let kept = (0..surface.variables.count()).filter(|k| Some(*k) != collapsed);
+    kept.map(|k| {
+        let (numerator, ratio) = terms[k];
+        let [middle, half] = surface.variables.scaling(k);
+        // The sampled parameters leave the thickness out.
+        let before = thickness.is_some_and(|t| t < numerator);
+        Variable {
+            numerator: numerator - usize::from(before),
+            ratio,
+            middle,
+            per_half: 1.0 / half,
+        }
+    })
+    .collect()
+}
+
+fn without(e: &[u8], variable: Option<usize>) -> Vec<u8> {
+    let kept = e.iter().enumerate().filter(|(k, _)| Some(*k) != variable);
+    kept.map(|(_, e)| *e).collect()
+}
+
+fn position(exponents: &[Vec<u8>], e: &[u8]) -> usize {
+    exponents.iter().position(|x| x == e).unwrap_or(0)
+}
+
+/// The monomials without one variable, by degree, with every lower monomial that a product needs; and the products.
+fn closure(exponents: &[Vec<u8>], collapsed: Option<usize>) -> (Vec<Vec<u8>>, Vec<(usize, usize)>) {
+    let mut all: Vec<Vec<u8>> = exponents.iter().map(|e| without(e, collapsed)).collect();
+    let mut next = 0;
+    while next < all.len() {
+        if let Some(lower) = lower(&all[next]) {
+            all.push(lower.0);
+        }
+        next += 1;
+    }
+    all.sort_by_key(|e| {
+        let degree: u32 = e.iter().map(|k| u32::from(*k)).sum();
+        (degree, std::cmp::Reverse(e.clone()))
+    });
+    all.dedup();
+    if all.first().is_none_or(|e| e.iter().any(|k| *k > 0)) {
+        all.insert(0, vec![0; all.first().map_or(0, Vec::len)]);
+    }
+    let products = all[1..]
+        .iter()
+        .filter_map(|e| lower(e).map(|(lower, variable)| (position(&all, &lower), variable)))
+        .collect();
+    (all, products)
+}
+
+/// The monomial one degree lower in the last variable that has any, and that variable.
+fn lower(e: &[u8]) -> Option<(Vec<u8>, usize)> {
+    let variable = e.iter().rposition(|k| *k > 0)?;
+    let mut lower = e.to_vec();
+    lower[variable] -= 1;
+    Some((lower, variable))
+}

@@ -1,0 +1,199 @@
+//! A run that is killed at any moment goes on to the same bits; stores that are damaged or of another run are refused.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use plychain::chain::read_zarr;
+
+const KILLS: usize = 20;
+
+/// A place with a small simulated measurement.
+struct Bench {
+    place: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let bench = Self {
+            place: tempfile::tempdir().unwrap(),
+        };
+        let model = model();
+        let simulated = bench.run(&["simulate", &model, "--grid", "31", "--out", "data"]);
+        assert!(simulated.status.success(), "{simulated:?}");
+        bench
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("plychain"));
+        command
+            .current_dir(self.place.path())
+            .arg("--quiet")
+            .args(arguments);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.place.path().join(name)
+    }
+}
+
+/// The open-hole model with a small reduced model, so that a test does not wait for snapshots.
+fn model() -> String {
+    let text = std::fs::read_to_string("models/openhole.json").unwrap();
+    let mut model: serde_json::Value = serde_json::from_str(&text).unwrap();
+    model["reduced_model"]["snapshots"] = 60.into();
+    model["measurement"]["dir"] = "data".into();
+    let path = std::env::temp_dir().join(format!("plychain-model-{}.json", std::process::id()));
+    std::fs::write(&path, model.to_string()).unwrap();
+    path.display().to_string()
+}
+
+/// A run that lasts some seconds: it wants more effective draws than it may draw.
+fn identify<'a>(model: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut arguments = vec![
+        "identify",
+        model,
+        "--data",
+        "data",
+        "--out",
+        out,
+        "--min-ess",
+        "1e9",
+        "--max-draws",
+        "6000000",
+    ];
+    arguments.extend(more);
+    arguments
+}
+
+fn assert_same_chains(a: &Path, b: &Path) {
+    let bits = |path: &Path| {
+        let draws = read_zarr(&path.join("chain.zarr"), None).unwrap();
+        let values = draws.values().iter().chain(draws.lp());
+        (
+            draws.names().to_vec(),
+            values.map(|v| v.to_bits()).collect::<Vec<_>>(),
+        )
+    };
+    let (a_bits, b_bits) = (bits(a), bits(b));
+    assert_eq!(a_bits.1.len(), b_bits.1.len());
+    assert!(a_bits == b_bits, "the chains differ");
+    let csv = |path: &Path| std::fs::read(path.join("chain.csv")).unwrap();
+    assert!(csv(a) == csv(b), "chain.csv differs");
+}
+
+/// Moments of kills: a small generator of its own, so that they are the same in every run of the test.
+fn moments() -> impl Iterator<Item = Duration> {
+    let mut state = 2026_u64;
+    std::iter::repeat_with(move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        Duration::from_millis(150 + (state >> 33) % 1800)
+    })
+}
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_bits() {
+    let bench = Bench::new();
+    let model = model();
+    let whole = bench.run(&identify(&model, "whole", &[]));
+    assert!(whole.status.success(), "{whole:?}");
+    let mut kills = 0;
+    let mut round = 0;
+    let mut moments = moments();
+    while kills < KILLS {
+        let out = format!("killed-{round}");
+        round += 1;
+        assert!(round <= 2 * KILLS, "the runs end before they are killed");
+        loop {
+            let mut child = bench
+                .command(&identify(&model, &out, &["--resume"]))
+                .spawn()
+                .unwrap();
+            std::thread::sleep(moments.next().unwrap());
+            if kills < KILLS && child.try_wait().unwrap().is_none() {
+                // SIGKILL: the process cannot clean up.
+                child.kill().unwrap();
+                child.wait().unwrap();
+                kills += 1;
+                continue;
+            }
+            let end = child.wait_with_output().unwrap();
+            assert!(end.status.success(), "{end:?}");
+            break;
+        }
+        assert_same_chains(&bench.path("whole"), &bench.path(&out));
+    }
+}
+
+fn refused(bench: &Bench, arguments: &[&str], words: &str) {
+    let store = bench.path("run");
+    let before = contents(&store);
+    let output = bench.run(arguments);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(text.contains(words), "{text}");
+    assert!(contents(&store) == before, "a refused store was changed");
+}
+
+/// Every file below a folder.
+fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all.extend(contents(&path));
+        } else {
+            all.push((path.clone(), std::fs::read(&path).unwrap()));
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn damaged_and_foreign_stores_are_refused() {
+    let bench = Bench::new();
+    let model = model();
+    let short = [
+        "identify",
+        &model,
+        "--data",
+        "data",
+        "--out",
+        "run",
+        "--max-draws",
+        "20000",
+    ];
+    let first = bench.run(&short);
+    assert!(first.status.success(), "{first:?}");
+    let resume: Vec<&str> = short.iter().copied().chain(["--resume"]).collect();
+    let with = |more: &[&'static str]| [resume.clone(), more.to_vec()].concat();
+    refused(&bench, &short, "does not exist yet");
+    refused(&bench, &with(&["--seed", "7"]), "seed");
+    refused(&bench, &with(&["--sampler", "adaptive"]), "sampler");
+    let spoil = |name: &str, change: &dyn Fn(&mut Vec<u8>), words: &str| {
+        let path = bench.path("run").join(name);
+        let good = std::fs::read(&path).unwrap();
+        let mut bad = good.clone();
+        change(&mut bad);
+        std::fs::write(&path, &bad).unwrap();
+        refused(&bench, &resume, words);
+        std::fs::write(&path, &good).unwrap();
+    };
+    let chunk = "chain.zarr/posterior/E1_GPa/c/0/0";
+    spoil("checkpoint", &|b| b[200] ^= 1, "checksum");
+    spoil("checkpoint", &|b| b.truncate(500), "damaged");
+    spoil(chunk, &|b| b[3] ^= 1, "damaged");
+    spoil(chunk, &|b| b.truncate(b.len() - 8), "bytes");
+    spoil("chain.zarr/zarr.json", &|b| b.truncate(100), "valid JSON");
+    let again = bench.run(&resume);
+    assert!(again.status.success(), "{again:?}");
+}
