@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::numbers::correlation;
 use crate::infer::Model;
-use crate::trace::Round;
+use crate::trace::{Round, TOLERANCE};
 
 /// Aligned columns: the first to the left, the others to the right.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -104,6 +104,13 @@ fn surrogate(round: &Round) -> String {
         100.0 * error.max_sd(),
         error.max_field_nm
     );
+    if error.max_sd() > TOLERANCE {
+        let _ = writeln!(
+            text,
+            "That is more than {} %: the posterior is not the finite elements'. Refine (--refine), or raise modes and snapshots.",
+            100.0 * TOLERANCE
+        );
+    }
     if round.outside_doe > 0.0 {
         let _ = writeln!(
             text,
