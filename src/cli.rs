@@ -12,6 +12,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use console::Console;
+pub use console::line;
 
 /// Inference of ply elastic constants, with their joint uncertainty, from a measured displacement field.
 #[derive(Debug, Parser)]
@@ -55,6 +56,18 @@ const DEFAULT_MODEL: &str = "models/openhole.json";
 
 fn cache() -> PathBuf {
     PathBuf::from(RUNS).join(".cache")
+}
+
+/// Print results to standard output. A reader that has seen enough (`| head`) is no error.
+fn print(text: &str) -> Result<()> {
+    use std::io::{ErrorKind, Write};
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::input("standard output", "a place that can be written").found(e))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Carry out what the arguments ask for.

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use plychain::cli::{Cli, run};
+use plychain::cli::{Cli, line, run};
 
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
@@ -18,9 +18,9 @@ fn main() -> ExitCode {
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            line(&format!("error: {error}"));
             if let Some(hint) = error.hint_text() {
-                eprintln!("hint: {hint}");
+                line(&format!("hint: {hint}"));
             }
             ExitCode::from(error.exit_code())
         }

@@ -1,9 +1,15 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
 mod chain_files;
+mod cli;
 mod diagnostics;
+mod fem;
 mod field;
+mod identify;
+mod laminate;
+mod layering;
 mod measure;
+mod program;
 mod reduce;
 mod samplers;
 mod starts;

@@ -361,11 +361,11 @@ fn automatic_modes_are_the_fewest_within_the_limit() {
         percent: vec![0.0; mm.len()],
     };
     let pair = |a: &[f64], b: &[f64]| [cross(a), cross(b)];
-    let auto = |a: &[f64], b: &[f64]| Modes::Auto.resolve(&pair(a, b), 200);
+    let auto = |a: &[f64], b: &[f64]| Modes::Auto.resolve(1, &pair(a, b), 200);
     assert_eq!(auto(&[1e-5, 4e-8, 1e-8], &[6e-8, 2e-8, 1e-9]), 2);
     assert_eq!(auto(&[1e-9, 1e-9, 1e-9], &[1e-5, 1e-6, 5e-8]), 3);
     assert_eq!(auto(&[1e-5, 1e-6, 1e-7], &[1e-9; 3]), 3);
-    assert_eq!(Modes::Count(7).resolve(&pair(&[1.0], &[1.0]), 5), 5);
+    assert_eq!(Modes::Count(7).resolve(1, &pair(&[1.0], &[1.0]), 5), 5);
 }
 
 #[test]

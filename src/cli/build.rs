@@ -8,11 +8,15 @@ use serde_json::json;
 use super::console::Console;
 use super::folder::Folder;
 use super::identify::load;
-use super::{DEFAULT_MODEL, cache};
+use super::{DEFAULT_MODEL, cache, print};
 use crate::error::{Error, Result};
+use crate::fem::Setup;
+use crate::fem::verify::{Check, checks};
+use crate::infer::Model;
+use crate::progress::Watch;
 use crate::reduce::cache as reduced_models;
 use crate::report::tables;
-use crate::trace;
+use crate::trace::{self, Prepared};
 
 /// Arguments of `build`.
 #[derive(Debug, Args)]
@@ -23,6 +27,9 @@ pub struct Arguments {
     /// Measured data in place of the model's, for the window it covers
     #[arg(long)]
     data: Option<PathBuf>,
+    /// Verify the finite elements against closed forms and under refinement, and print the figures
+    #[arg(long)]
+    verify: bool,
     /// Folder for reduced_model.json, which must not exist (default: the first free of runs/NAME-build, ...)
     #[arg(long)]
     out: Option<PathBuf>,
@@ -40,18 +47,42 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         &format!("{}-build", model.file.name),
     )?;
     let prepared = trace::prepare(&model, &cache(), console)?;
-    print!("{}", tables::text(&prepared.reduced));
+    print(&tables::text(&prepared.reduced))?;
     let mut value = json!({ "schema": SCHEMA, "tables": tables::numbers(&prepared.reduced) });
     if let Some(reference) = model.file.reduced_model.reference {
         let problem = reference.problem(&prepared.problem);
         let (built, _) = reduced_models::obtain(&problem, &prepared.plate, &cache(), console)?;
-        print!("{}", tables::comparison_text(reference, &built));
+        print(&tables::comparison_text(reference, &built))?;
         value["comparison"] = tables::comparison_numbers(reference, &built);
+    }
+    if arguments.verify {
+        let checks = verify_plate(&model, &prepared, console)?;
+        print(&tables::verification_text(&checks))?;
+        value["verification"] = tables::verification_numbers(&checks);
     }
     value["model"] = serde_json::to_value(&prepared.reduced)
         .map_err(|e| Error::program("reduced_model.json", "numbers that JSON can hold").found(e))?;
     folder.write_json("reduced_model.json", &value)?;
-    println!("\nwritten to {}", folder.path().display());
+    print(&format!("\nwritten to {}\n", folder.path().display()))?;
     folder.keep();
     Ok(())
+}
+
+/// Verification figures at the prior means, over the window that was measured.
+fn verify_plate(model: &Model, prepared: &Prepared, console: &Console) -> Result<Vec<Check>> {
+    console.begin("verifying the finite elements", None);
+    let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
+    let ply = model.file.specimen.material.ply(&means);
+    let setup = Setup::nominal(
+        &model.file.specimen,
+        &model.file.load,
+        prepared.problem.frame.handedness(),
+    );
+    let [low, high] = prepared.problem.window;
+    let half = (0..2)
+        .map(|k| low[k].abs().max(high[k].abs()))
+        .fold(0.0, f64::max);
+    let checks = checks(&setup, &ply, half)?;
+    console.end();
+    Ok(checks)
 }

@@ -1,6 +1,6 @@
 //! Progress: bars on a terminal, plain lines otherwise, nothing when quiet. Always on standard error.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -75,12 +75,12 @@ impl Stage {
                 let left = self.started.elapsed().as_secs_f64()
                     * (steps - self.done.min(steps)) as f64
                     / self.done.max(1) as f64;
-                eprintln!(
+                line(&format!(
                     "  {}: {} of {steps}, {left:.0} s left",
                     self.what, self.done
-                );
+                ));
             }
-            None => eprintln!("  {}: {}", self.what, self.said),
+            None => line(&format!("  {}: {}", self.what, self.said)),
         }
     }
 }
@@ -131,12 +131,12 @@ impl Watch for Console {
                 bar.finish_and_clear();
             }
             let colon = if stage.said.is_empty() { "" } else { ": " };
-            eprintln!(
+            line(&format!(
                 "  {}{colon}{} ({:.1} s)",
                 stage.what,
                 stage.said,
                 stage.started.elapsed().as_secs_f64()
-            );
+            ));
         });
     }
 }
@@ -155,4 +155,9 @@ fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
     bar.set_message(what.to_string());
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
+}
+
+/// A line on standard error. Nobody reading it is no reason to stop.
+pub fn line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::{DEFAULT_MODEL, Global, cache};
+use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
@@ -67,9 +67,11 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         refinements: arguments.refine.map_or(0, usize::from),
     };
     let round = trace::identify(&model, &options, console)?;
-    print!("{}", terminal::identification(&model, &round));
+    print(&terminal::identification(&model, &round))?;
     write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    let resolved = serde_json::to_value(&model.file)
+    let mut resolved = model.file.clone();
+    resolved.measurement = resolved.measurement.below(model.base_dir())?;
+    let resolved = serde_json::to_value(&resolved)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
     folder.write_json("model.json", &resolved)?;
     let rounds = [round];
@@ -82,7 +84,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         &rounds[0].prepared.observation.field.files,
         global.seed,
     )?;
-    println!("written to {}", folder.path().display());
+    print(&format!("written to {}\n", folder.path().display()))?;
     folder.keep();
     let [round] = rounds;
     if arguments.strict && !round.verdict.converged {

@@ -6,10 +6,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::folder::Folder;
-use super::{DEFAULT_MODEL, Global};
+use super::{DEFAULT_MODEL, Global, print};
 use crate::effect::{Acting, EFFECTS};
 use crate::error::{Error, Result};
 use crate::field::matrices::write_matrices;
+use crate::field::spec::Source;
 use crate::infer::Model;
 use crate::infer::simulate::{Truth, simulate};
 
@@ -19,8 +20,8 @@ pub struct Arguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
-    /// An effect that acts, NAME=VALUE[,VALUE] in the units of its parameters; may be repeated
-    #[arg(long = "effect", value_name = "NAME=VALUE")]
+    /// An effect that acts; may be repeated. Names and the parameters' units are listed by --help
+    #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE]", long_help = effects_help())]
     effects: Vec<String>,
     /// An elastic constant or thickness_mm, NAME=VALUE (default: the prior's mean); may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -39,6 +40,26 @@ pub struct Arguments {
     out: PathBuf,
 }
 
+/// What `--help` says of `--effect`.
+fn effects_help() -> String {
+    let lines = EFFECTS.iter().map(|effect| {
+        let parameters: Vec<_> = effect.parameters().iter().map(|p| p.name).collect();
+        format!(
+            "  {}={}: {}",
+            effect.name(),
+            parameters.join(","),
+            effect.about()
+        )
+    });
+    std::iter::once(
+        "An effect that acts; may be repeated. The effects, with their parameters and units:"
+            .to_string(),
+    )
+    .chain(lines)
+    .collect::<Vec<_>>()
+    .join("\n")
+}
+
 /// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let model = Model::load(&arguments.model)?;
@@ -47,12 +68,13 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let grid = simulate(&model, &truth)?;
     write_matrices(folder.path(), &grid)?;
     folder.write_json("truth.json", &truth_json(&model, &truth))?;
-    println!(
-        "{} x {} points and truth.json written to {}",
+    folder.write_json("model.json", &model_json(&model)?)?;
+    print(&format!(
+        "{} x {} points, model.json and truth.json written to {}\n",
         grid.rows,
         grid.cols,
         folder.path().display()
-    );
+    ))?;
     folder.keep();
     Ok(())
 }
@@ -67,13 +89,30 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
         grid: usize::from(arguments.grid),
         seed,
     };
+    let mut seen: Vec<&str> = Vec::new();
+    let names = arguments
+        .set
+        .iter()
+        .chain(&arguments.effects)
+        .filter_map(|text| text.split_once('='));
+    for (name, _) in names {
+        if seen.contains(&name.trim()) {
+            return Err(Error::input("arguments", "every name at most once")
+                .found(format!("a second {name}")));
+        }
+        seen.push(name.trim());
+    }
     for text in &arguments.set {
         let (name, value) = text
             .split_once('=')
             .ok_or_else(|| Error::input("--set", "NAME=VALUE").found(text))?;
         let value: f64 = value
             .parse()
-            .map_err(|_| Error::input(format!("--set {name}"), "a number").found(value))?;
+            .ok()
+            .filter(|v: &f64| v.is_finite() && v.abs() < 1e9)
+            .ok_or_else(|| {
+                Error::input(format!("--set {name}"), "a number below 1e9").found(value)
+            })?;
         if name == "thickness_mm" && value > 0.0 {
             truth.thickness_mm = value;
         } else if let Some(k) = model.constants().iter().position(|c| *c == name) {
@@ -103,11 +142,19 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
     Ok(truth)
 }
 
+/// The model with the simulated matrices as its measurement: `plychain identify DIR/model.json`.
+fn model_json(model: &Model) -> Result<serde_json::Value> {
+    let mut file = model.file.clone();
+    file.measurement.source = Source::Matrices { dir: ".".into() };
+    serde_json::to_value(&file)
+        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}
+
 fn not_negative(place: &str, value: f64) -> Result<f64> {
-    if value.is_finite() && value >= 0.0 {
+    if (0.0..1e9).contains(&value) {
         return Ok(value);
     }
-    Err(Error::input(place, "a number of at least 0").found(value))
+    Err(Error::input(place, "a number from 0 to 1e9").found(value))
 }
 
 fn truth_json(model: &Model, truth: &Truth) -> serde_json::Value {

@@ -15,15 +15,18 @@ pub struct Assembly {
     first: Vec<usize>,
     row: Vec<u32>,
     integral: Vec<[f64; 4]>,
-    pinned: [usize; 3],
+    pinned: Vec<usize>,
+    /// Stored entries of pinned rows and columns, and of their diagonals.
+    cleared: Vec<usize>,
+    unit: Vec<usize>,
     /// CSC pattern of the scalar matrix's lower triangle.
     pattern: SymbolicSparseColMat<usize>,
 }
 
 impl Assembly {
-    /// Assemble for a mesh whose membrane stiffness is multiplied by `scale(point)`. The three `pinned`
-    /// unknowns, which only fix the rigid motion, get unit rows.
-    pub fn new(mesh: &Mesh, pinned: [usize; 3], scale: &dyn Fn([f64; 2]) -> f64) -> Self {
+    /// Assemble for a mesh whose membrane stiffness is multiplied by `scale(point)`. The `pinned` unknowns
+    /// are held at zero: they get unit rows and columns.
+    pub fn new(mesh: &Mesh, pinned: &[usize], scale: &dyn Fn([f64; 2]) -> f64) -> Self {
         let (first, row) = node_pattern(mesh);
         let mut integral = vec![[0.0; 4]; row.len()];
         for (e, nodes) in mesh.elements.iter().enumerate() {
@@ -45,12 +48,15 @@ impl Assembly {
             }
         }
         let pattern = scalar_pattern(&first, &row);
+        let (cleared, unit) = pinned_entries(&pattern, pinned);
         Self {
             nodes: mesh.nodes.len(),
             first,
             row,
             integral,
-            pinned,
+            pinned: pinned.to_vec(),
+            cleared,
+            unit,
             pattern,
         }
     }
@@ -86,24 +92,11 @@ impl Assembly {
             }
             at += 2 * height - 1;
         }
-        self.pin(values);
-    }
-
-    fn pin(&self, values: &mut [f64]) {
-        let starts = self.pattern.col_ptr();
-        let rows = self.pattern.row_idx();
-        for &dof in &self.pinned {
-            let node = dof / 2;
-            // Entries of the pinned row lie in columns of smaller unknowns; the mesh keeps such nodes few, so
-            // the columns that hold it are found by searching each.
-            for column in 0..=2 * node + 1 {
-                let range = starts[column]..starts[column + 1];
-                if let Ok(k) = rows[range.clone()].binary_search(&dof) {
-                    values[range.start + k] = 0.0;
-                }
-            }
-            values[starts[dof]..starts[dof + 1]].fill(0.0);
-            values[starts[dof]] = 1.0;
+        for &entry in &self.cleared {
+            values[entry] = 0.0;
+        }
+        for &entry in &self.unit {
+            values[entry] = 1.0;
         }
     }
 
@@ -131,6 +124,27 @@ impl Assembly {
         }
         force
     }
+}
+
+/// Stored entries of the rows and columns of the pinned unknowns, and of their diagonals (first in their columns).
+fn pinned_entries(
+    pattern: &SymbolicSparseColMat<usize>,
+    pinned: &[usize],
+) -> (Vec<usize>, Vec<usize>) {
+    let mut held = vec![false; pattern.nrows()];
+    for &dof in pinned {
+        held[dof] = true;
+    }
+    let starts = pattern.col_ptr();
+    let mut cleared = Vec::new();
+    for column in 0..pattern.ncols() {
+        for entry in starts[column]..starts[column + 1] {
+            if held[column] || held[pattern.row_idx()[entry]] {
+                cleared.push(entry);
+            }
+        }
+    }
+    (cleared, pinned.iter().map(|&dof| starts[dof]).collect())
 }
 
 /// The 2 x 2 block [11, 12, 21, 22] of K for a node pair.

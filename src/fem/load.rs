@@ -43,4 +43,50 @@ impl Mesh {
         }
         forces
     }
+
+    /// Consistent nodal forces (N, two an entry of `nodes`) of a traction on the whole outer edge:
+    /// `traction(point, outward unit normal)` in N/mm. 3-point Gauss on every element edge.
+    pub fn edge_forces(&self, traction: &dyn Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Vec<f64> {
+        let mut forces = vec![0.0; self.unknowns()];
+        for (edge, normal) in self.outer_edges() {
+            let [a, m, b] = edge.map(|n| self.nodes[n as usize]);
+            for (x, weight) in super::element::GAUSS {
+                let n = [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)];
+                let along = [0, 1].map(|k| (x - 0.5) * a[k] - 2.0 * x * m[k] + (x + 0.5) * b[k]);
+                let point = [0, 1].map(|k| n[0] * a[k] + n[1] * m[k] + n[2] * b[k]);
+                let force = traction(point, normal).map(|t| t * weight * along[0].hypot(along[1]));
+                for (node, n) in edge.iter().zip(n) {
+                    forces[2 * *node as usize] += n * force[0];
+                    forces[2 * *node as usize + 1] += n * force[1];
+                }
+            }
+        }
+        forces
+    }
+
+    /// Element edges (corner, midside, corner) on the rectangle, each with its outward normal.
+    fn outer_edges(&self) -> Vec<([u32; 3], [f64; 2])> {
+        let limits = [
+            (0, self.outline.s[0], [-1.0, 0.0]),
+            (0, self.outline.s[1], [1.0, 0.0]),
+            (1, self.outline.t[0], [0.0, -1.0]),
+            (1, self.outline.t[1], [0.0, 1.0]),
+        ];
+        let slack = 1e-9 * (self.outline.t[1] - self.outline.t[0]);
+        let mut edges = Vec::new();
+        for e in &self.elements {
+            for k in 0..4 {
+                let edge = [e[k], e[k + 4], e[(k + 1) % 4]];
+                for (axis, limit, normal) in limits {
+                    if edge
+                        .iter()
+                        .all(|&n| (self.nodes[n as usize][axis] - limit).abs() < slack)
+                    {
+                        edges.push((edge, normal));
+                    }
+                }
+            }
+        }
+        edges
+    }
 }

@@ -1,7 +1,10 @@
 //! Structured mesh of the plate with a hole: an O-grid about the hole blended into a box, and strips from the
 //! box to both ends. Eight-node quadrilaterals (Q8), graded towards the hole.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::PI;
+
+use super::clamp::Clamp;
+use crate::error::{Error, Result};
 
 /// Outline of the plate in coordinates centred on the hole, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,12 +15,49 @@ pub struct Outline {
     pub t: [f64; 2],
     /// Hole radius.
     pub radius: f64,
+    /// A clamped end, if there is one.
+    pub clamp: Option<Clamp>,
+}
+
+impl Outline {
+    /// Width at `s` over the nominal width, in the strip that leads to an end (0: s = high, 1: s = low).
+    fn widening(&self, end: usize, s: f64) -> f64 {
+        let width = self.t[1] - self.t[0];
+        self.clamp
+            .filter(|clamp| clamp.end == end)
+            .map_or(1.0, |clamp| {
+                clamp.factor(width, (self.s[1 - end] - s).abs())
+            })
+    }
+
+    /// Check that the hole stays clear of the edges by at least a twentieth of its radius.
+    ///
+    /// # Errors
+    /// A radius that is not above 0, a dimension that is not finite, or a hole too close to an edge.
+    pub fn validate(&self) -> Result<()> {
+        let nearest = [-self.s[0], self.s[1], -self.t[0], self.t[1]]
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        let finite = self.s.iter().chain(&self.t).all(|v| v.is_finite());
+        if finite && self.radius > 0.0 && nearest - self.radius >= 0.05 * self.radius {
+            return Ok(());
+        }
+        Err(Error::input(
+            "plate outline",
+            "a hole that stays clear of the plate's edge",
+        )
+        .found(format!(
+            "radius {} mm, edges at {:?} and {:?} mm from its centre",
+            self.radius, self.s, self.t
+        ))
+        .hint("make the hole smaller, the plate larger, or move the hole inwards"))
+    }
 }
 
 /// Numbers of elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Density {
-    /// Along each of the four sides of the box about the hole.
+    /// Along each of the four sides of the box about the hole, on average.
     pub per_side: usize,
     /// From the hole to the box.
     pub radial: usize,
@@ -26,11 +66,11 @@ pub struct Density {
 }
 
 impl Density {
-    /// The default mesh, 8,192 elements.
+    /// The default mesh, 8,280 elements about a central hole.
     pub const DEFAULT: Density = Density {
-        per_side: 32,
-        radial: 40,
-        along: 96,
+        per_side: 36,
+        radial: 44,
+        along: 54,
     };
 
     /// The same mesh with every count multiplied by `factor`.
@@ -61,6 +101,9 @@ pub struct Mesh {
 /// Index of a lattice point that no Q8 element has (the middle of an element).
 const NONE: u32 = u32::MAX;
 
+/// The first radial step at the hole over the arc between two rays.
+const FIRST_STEP: f64 = 0.4;
+
 /// A structured block's nodes: `id[i][j]` on a lattice of corners and midsides.
 type Lattice = Vec<Vec<u32>>;
 
@@ -74,10 +117,21 @@ impl Mesh {
             outline,
         };
         let sides = box_about_hole(&outline);
-        let rim = mesh.add_ring(&outline, &sides, density);
-        let n = 2 * density.per_side;
-        let high: Vec<u32> = (0..=n).map(|i| rim[i]).collect();
-        let low: Vec<u32> = (0..=n).map(|i| rim[3 * n - i]).collect();
+        let corner = [
+            [sides[1], outline.t[0]],
+            [sides[1], outline.t[1]],
+            [sides[0], outline.t[1]],
+            [sides[0], outline.t[0]],
+        ];
+        let counts = side_counts(&corner, density.per_side);
+        let rim = mesh.add_ring(&ring_rays(&outline, &corner, counts), density);
+        let high: Vec<u32> = rim[..=2 * counts[0]].to_vec();
+        let from = 2 * (counts[0] + counts[1]);
+        let low: Vec<u32> = rim[from..=from + 2 * counts[2]]
+            .iter()
+            .rev()
+            .copied()
+            .collect();
         let reach = [outline.s[1] - sides[1], sides[0] - outline.s[0]];
         for (end, edge) in [high, low].into_iter().enumerate() {
             let far = outline.s[1 - end];
@@ -104,13 +158,12 @@ impl Mesh {
     }
 
     /// The O-grid. Returns the nodes on the box, counter-clockwise from the corner (s high, t low).
-    fn add_ring(&mut self, outline: &Outline, sides: &[f64; 2], density: Density) -> Vec<u32> {
-        let rays = ring_rays(outline, sides, density.per_side);
-        let first = outline.radius * FRAC_PI_2 / density.per_side as f64;
-        let depth = outline.t[1].min(-outline.t[0]).min(sides[1]).min(-sides[0]) - outline.radius;
-        let grading = graded(density.radial, (0.8 * first / depth).min(1.0));
+    fn add_ring(&mut self, rays: &[[[f64; 2]; 2]], density: Density) -> Vec<u32> {
+        let arc = 2.0 * PI * self.outline.radius / (rays.len() / 2) as f64;
         let mut lattice: Lattice = Vec::with_capacity(rays.len() + 1);
         for (i, [inner, outer]) in rays.iter().enumerate() {
+            let depth = (outer[0] - inner[0]).hypot(outer[1] - inner[1]);
+            let grading = ring_grading(density.radial, FIRST_STEP * arc / depth);
             let column = (0..=2 * density.radial)
                 .map(|j| {
                     if i % 2 == 1 && j % 2 == 1 {
@@ -135,17 +188,20 @@ impl Mesh {
         let near = self.nodes[edge[0] as usize][0];
         let reach = far - near;
         let step = (self.outline.t[1] - self.outline.t[0]) / (edge.len() / 2) as f64;
+        let center = 0.5 * (self.outline.t[0] + self.outline.t[1]);
         let mut lattice: Lattice = vec![edge.to_vec()];
-        if reach != 0.0 {
+        // The box's nodes lie on its side to rounding only.
+        if reach.abs() > 1e-9 * step {
             let grading = graded(count, (0.7 * step / reach.abs()).min(1.0));
             for j in 1..=2 * count {
                 let s = near + reach * at_half(&grading, j);
+                let widening = self.outline.widening(end, s);
                 let row = (0..edge.len()).map(|i| {
                     if i % 2 == 1 && j % 2 == 1 {
                         return NONE;
                     }
                     let t = self.nodes[edge[i] as usize][1];
-                    self.add_node([s, t])
+                    self.add_node([s, center + widening * (t - center)])
                 });
                 let row = row.collect();
                 lattice.push(row);
@@ -195,28 +251,38 @@ fn box_about_hole(outline: &Outline) -> [f64; 2] {
     outline.s.map(side)
 }
 
+/// Elements along the four sides of the box: 4 `per_side` in all, shared by the angles under which the hole sees
+/// them, so that the elements about the hole are about equally wide wherever the hole lies.
+fn side_counts(corner: &[[f64; 2]; 4], per_side: usize) -> [usize; 4] {
+    [0, 1, 2, 3].map(|side| {
+        let share = 4.0 * sweep(corner, side) / (2.0 * PI);
+        ((per_side as f64 * share / 2.0).round() as usize).max(1) * 2
+    })
+}
+
+/// Angle under which the origin sees a side of the box.
+fn sweep(corner: &[[f64; 2]; 4], side: usize) -> f64 {
+    let [a, b] = [corner[side], corner[(side + 1) % 4]];
+    (b[1].atan2(b[0]) - a[1].atan2(a[0])).rem_euclid(2.0 * PI)
+}
+
 /// Rays of the O-grid, counter-clockwise from the corner (s high, t low): the point on the hole and the point
 /// on the box, for corners (even) and midsides (odd) in turn. A midside's point on the box is the middle of its
 /// neighbours, so that the strips' edges stay straight and evenly divided; on the hole it lies on the circle.
-fn ring_rays(outline: &Outline, sides: &[f64; 2], per_side: usize) -> Vec<[[f64; 2]; 2]> {
-    let corner = [
-        [sides[1], outline.t[0]],
-        [sides[1], outline.t[1]],
-        [sides[0], outline.t[1]],
-        [sides[0], outline.t[0]],
-    ];
-    let mut angles = Vec::with_capacity(4 * per_side);
-    let mut outer = Vec::with_capacity(4 * per_side);
-    for side in 0..4 {
+fn ring_rays(outline: &Outline, corner: &[[f64; 2]; 4], counts: [usize; 4]) -> Vec<[[f64; 2]; 2]> {
+    let mut angles = Vec::new();
+    let mut outer = Vec::new();
+    for (side, count) in counts.into_iter().enumerate() {
         let [a, b] = [corner[side], corner[(side + 1) % 4]];
         let from = a[1].atan2(a[0]);
-        let sweep = (b[1].atan2(b[0]) - from).rem_euclid(2.0 * std::f64::consts::PI);
-        for k in 0..per_side {
-            let angle = from + sweep * k as f64 / per_side as f64;
+        for k in 0..count {
+            let angle = from + sweep(corner, side) * k as f64 / count as f64;
             let (sin, cos) = angle.sin_cos();
             // The point of the side a-b on the ray: a + f (b - a) with its cross product with the ray zero.
             let f = (a[0] * sin - a[1] * cos) / ((a[0] - b[0]) * sin - (a[1] - b[1]) * cos);
             angles.push(angle);
+            // Half-way to even steps along the side: a ray that meets it at a slant would make long elements.
+            let f = f + 0.5 * (k as f64 / count as f64 - f);
             outer.push([0, 1].map(|k| a[k] + f * (b[k] - a[k])));
         }
     }
@@ -225,7 +291,7 @@ fn ring_rays(outline: &Outline, sides: &[f64; 2], per_side: usize) -> Vec<[[f64;
     let mut rays = Vec::with_capacity(2 * n);
     for k in 0..n {
         let next = (k + 1) % n;
-        let sweep = (angles[next] - angles[k]).rem_euclid(2.0 * std::f64::consts::PI);
+        let sweep = (angles[next] - angles[k]).rem_euclid(2.0 * PI);
         rays.push([on_hole(angles[k]), outer[k]]);
         rays.push([
             on_hole(angles[k] + 0.5 * sweep),
@@ -233,6 +299,16 @@ fn ring_rays(outline: &Outline, sides: &[f64; 2], per_side: usize) -> Vec<[[f64;
         ]);
     }
     rays
+}
+
+/// `n + 1` places from 0 to 1, x -> s x + (1 - s) x^2.5, whose first step is about `first`; even where that is
+/// coarser. Steps grow more slowly far out than in a geometric progression, where the box's corners need them.
+fn ring_grading(n: usize, first: f64) -> Vec<f64> {
+    let slope = (first * n as f64).min(1.0);
+    (0..=n)
+        .map(|k| k as f64 / n as f64)
+        .map(|x| slope * x + (1.0 - slope) * x.powf(2.5))
+        .collect()
 }
 
 /// `n + 1` places from 0 to 1 in geometric progression whose first step is `first`; even where that is coarser.

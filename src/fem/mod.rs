@@ -1,14 +1,19 @@
 //! Plane-stress finite elements of the whole plate: mesh, Q8 element, assembly, sparse Cholesky, observation.
 
 mod assemble;
-mod element;
+mod clamp;
+pub mod element;
+mod lekhnitskii;
 mod load;
 mod mesh;
 mod observe;
 mod plate;
 mod setup;
 mod solve;
+pub mod verify;
 
+pub use clamp::Clamp;
+pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use mesh::{Density, Mesh, Outline};
 pub use observe::{Locator, Nodal, Observer};

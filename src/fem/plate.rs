@@ -24,9 +24,13 @@ pub struct Plate {
 
 impl Plate {
     /// Mesh an outline and analyse its stiffness pattern.
+    ///
+    /// # Errors
+    /// A hole that does not stay clear of the plate's edges.
     pub fn new(outline: Outline, density: Density) -> Result<Self> {
+        outline.validate()?;
         let mesh = Mesh::new(outline, density);
-        let assembly = Assembly::new(&mesh, pinned(&mesh), &|_| 1.0);
+        let assembly = Assembly::new(&mesh, &pinned(&mesh), &|_| 1.0);
         let symbolic = Symbolic::new(assembly.pattern())?;
         Ok(Self {
             mesh,
@@ -56,12 +60,21 @@ impl Forward for Plate {
     }
 }
 
-/// Three unknowns that fix the rigid motion without stress: both components at the middle of the low end and
-/// the transverse one at the middle of the high end.
-fn pinned(mesh: &Mesh) -> [usize; 3] {
+/// The unknowns held at zero: those of a clamped end, or else three that fix the rigid motion without stress: both
+/// components at the middle of the low end and the transverse one at the middle of the high end.
+fn pinned(mesh: &Mesh) -> Vec<usize> {
+    if let Some(clamp) = mesh.outline.clamp {
+        let mut nodes: Vec<u32> = mesh.ends[clamp.end].iter().flatten().copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        return nodes
+            .iter()
+            .flat_map(|&n| [2 * n as usize, 2 * n as usize + 1])
+            .collect();
+    }
     let middle = |end: usize| {
         let edges = &mesh.ends[end];
         edges[edges.len() / 2][0] as usize
     };
-    [2 * middle(1), 2 * middle(1) + 1, 2 * middle(0) + 1]
+    vec![2 * middle(1), 2 * middle(1) + 1, 2 * middle(0) + 1]
 }

@@ -1,8 +1,9 @@
 //! Everything that one finite-element solution depends on, apart from the mesh density.
 
+use super::clamp::Clamp;
 use super::load::EndLoad;
 use super::mesh::Outline;
-use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd};
+use crate::laminate::{End, LoadSpec, Membrane, Ply, SpecimenSpec, abd};
 
 /// A test about to be solved: the specimen as it is, and the load as it acts. Effects change it.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +31,11 @@ impl Setup {
                 s: [-l - c1, l - c1],
                 t: [-w - c2, w - c2],
                 radius: 0.5 * specimen.hole.diameter_mm,
+                clamp: specimen.clamp.map(|clamp| Clamp {
+                    end: usize::from(clamp.end == End::Low),
+                    widening: clamp.width_mm.unwrap_or(specimen.width_mm) / specimen.width_mm,
+                    fillet_radius: clamp.fillet_radius_mm.unwrap_or(0.0),
+                }),
             },
             angles: specimen
                 .angles_deg()

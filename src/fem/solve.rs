@@ -87,7 +87,7 @@ impl<'a> Factor<'a> {
             .map(|_| ())
             .map_err(|e| {
                 Error::input("plate stiffness", "a positive definite stiffness matrix")
-                    .found(format!("{a:?} ({e:?})"))
+                    .found(format!("{e:?} {a:?}"))
                     .hint("check the elastic constants and the layup: some direction of the laminate has no stiffness")
             })
     }

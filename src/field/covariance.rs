@@ -1,5 +1,5 @@
 //! Covariance of block averages: C = s^2 [diag(nbar / n_b) + rho K], a nugget of independent points and a
-//! Matern-3/2 correlation of length l averaged over the blocks (TRACING step 4).
+//! Matern-3/2 correlation of length l averaged over the blocks.
 //!
 //! A single point then has the variance s^2 (nbar + rho): a white part s^2 nbar, a correlated part s^2 rho.
 

@@ -114,6 +114,14 @@ pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
             )));
         }
     }
+    for matrix in [u, v] {
+        if matrix.values.iter().all(|value| value.is_nan()) {
+            return Err(
+                Error::input(matrix.path.display(), "at least one measured point")
+                    .found("NaN everywhere"),
+            );
+        }
+    }
     let grid = assemble(x, y, u, v)?;
     let mut field = grid.field(frame);
     if field.is_empty() {

@@ -176,7 +176,8 @@ impl Field {
         let spacing = self.spacing_mm();
         let expected = std::f64::consts::PI * (reach / spacing.max(f64::MIN_POSITIVE)).powi(2);
         // a few stray points of a correlation program are not evidence of a wrong centre
-        if (inside as f64) < (0.02 * expected).max(3.0) {
+        let void = (inside as f64) < (0.02 * expected).max(3.0);
+        if void && (self.surrounds_origin() || !self.has_void(reach, spacing)) {
             return Ok(());
         }
         let [cx, cy] = self.frame.hole_center_mm;
@@ -193,6 +194,31 @@ impl Field {
             _ => error
                 .hint("the data show no hole nearby: check its centre, its diameter and the units"),
         })
+    }
+
+    /// Whether points lie on all four sides of the declared centre.
+    fn surrounds_origin(&self) -> bool {
+        let [low, high] = self.bounds();
+        (0..2).all(|k| low[k] < 0.0 && high[k] > 0.0)
+    }
+
+    /// Whether the data show a hole of about `radius` somewhere.
+    fn has_void(&self, radius: f64, spacing: f64) -> bool {
+        let [low, high] = self.bounds();
+        let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
+        let moved: Vec<[f64; 2]> = self
+            .points
+            .iter()
+            .map(|p| [p[0] - middle[0], p[1] - middle[1]])
+            .collect();
+        let reach = (0..2).map(|k| 0.5 * (high[k] - low[k])).fold(0.0, f64::max);
+        let centred = Field {
+            points: moved,
+            ..self.clone()
+        };
+        centred
+            .largest_void(reach / 6.0)
+            .is_some_and(|(_, r)| r > 0.9 * radius && r > 3.0 * spacing)
     }
 
     /// Centre (s, t) and radius of the largest empty disc inside the bounds with its centre within six `radius_mm`

@@ -12,6 +12,7 @@ pub mod measured;
 pub mod noise;
 pub mod outliers;
 pub mod reml;
+pub mod rigid;
 pub mod spec;
 pub mod stray;
 pub mod table;

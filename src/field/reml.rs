@@ -1,5 +1,5 @@
 //! Restricted maximum likelihood of the covariance of block averages: on contrasts orthogonal to given columns, so
-//! that what the columns explain does not pass for noise (TRACING step 4).
+//! that what the columns explain does not pass for noise.
 
 use nalgebra::{DMatrix, DVector};
 

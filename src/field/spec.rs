@@ -246,6 +246,50 @@ impl MeasurementSpec {
         self
     }
 
+    /// The same measurement with an absolute path: `base_dir` is where relative ones start.
+    ///
+    /// # Errors
+    /// Of the input: a current directory that is gone.
+    pub fn below(self, base_dir: &Path) -> Result<Self> {
+        let path = match &self.source {
+            Source::Matrices { dir } => base_dir.join(dir),
+            Source::Csv { file, .. } => base_dir.join(file),
+        };
+        let absolute = std::path::absolute(&path).map_err(|e| {
+            Error::input(path.display(), "a path that can be made absolute").found(e)
+        })?;
+        Ok(self.with_path(absolute))
+    }
+
+    /// A path of the wrong kind for the declared format.
+    fn check_kind(&self, base_dir: &Path) -> Result<()> {
+        let (path, wrong, expected) = match &self.source {
+            Source::Matrices { dir } => {
+                let path = base_dir.join(dir);
+                let wrong = path.is_file();
+                (
+                    path,
+                    wrong,
+                    "a directory with X.txt, Y.txt, U.txt and V.txt, because the model's format is \"matrices\"",
+                )
+            }
+            Source::Csv { file, .. } => {
+                let path = base_dir.join(file);
+                let wrong = path.is_dir();
+                (path, wrong, "a file, because the model's format is \"csv\"")
+            }
+        };
+        if wrong {
+            let found = if path.is_dir() {
+                "a directory"
+            } else {
+                "a file"
+            };
+            return Err(Error::input(path.display(), expected).found(found));
+        }
+        Ok(())
+    }
+
     /// Read the field. Relative paths start at `base_dir`, the model file's directory; `window_mm`
     /// `[[x0, y0], [x1, y1]]` in the data's coordinates restricts the points used. Spikes are dropped unless they
     /// are declared to be kept.
@@ -254,6 +298,7 @@ impl MeasurementSpec {
     /// Of the input: whatever is wrong with the files, an inverted window, or fewer than [`Field::FEWEST`] points left.
     pub fn read(&self, base_dir: &Path, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
         check_window(window_mm)?;
+        self.check_kind(base_dir)?;
         let mut field = match &self.source {
             Source::Matrices { dir } => matrices::read(&base_dir.join(dir), self.frame)?,
             Source::Csv {

@@ -124,6 +124,17 @@ impl Likelihood {
         -0.5 * (quad - wr * wr / (1.0 + ww) + log_det + ww.ln_1p())
     }
 
+    /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are.
+    pub fn misfit(&self, theta: &[f64], s: f64) -> (f64, usize) {
+        let (mean, response) = self.predict(theta);
+        let r = &self.measured - mean;
+        let variance = self.lambda.map(|l| (s * s + l) / l);
+        let scaled = response.component_div(&variance);
+        let quad = r.component_div(&variance).dot(&r)
+            - scaled.dot(&r).powi(2) / (1.0 + response.dot(&scaled));
+        (quad, r.len())
+    }
+
     /// Change of the log likelihood when the predicted field gains an error whose weighted projection on the modes
     /// is `weighted` (1/mm, [`Statistics::weighted_of`]).
     pub fn log_likelihood_change(&self, theta: &[f64], s: f64, weighted: &DVector<f64>) -> f64 {

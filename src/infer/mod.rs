@@ -3,6 +3,7 @@
 mod density;
 mod laplace;
 mod likelihood;
+mod linear;
 mod model;
 mod noise;
 mod observation;

@@ -35,6 +35,7 @@ pub struct ModelFile {
     #[serde(default)]
     pub gauge: Gauge,
     /// Elastic constants and their priors.
+    #[serde(deserialize_with = "unique")]
     pub parameters: BTreeMap<String, ParameterSpec>,
     /// The measured field.
     pub measurement: MeasurementSpec,
@@ -87,6 +88,9 @@ pub struct Model {
 
 /// Half-width of the default DoE box in prior standard deviations.
 const BOX_SDS: f64 = 3.0;
+
+/// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
+const MOST_SDS: f64 = 8.0;
 
 /// Smallest modulus of the default DoE box as a fraction of its prior mean.
 const SMALLEST_MODULUS: f64 = 0.25;
@@ -247,6 +251,37 @@ impl Model {
     }
 }
 
+/// A map whose keys are all different: of two entries with one name, neither is likely to be the one that is meant.
+fn unique<'de, D: serde::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<BTreeMap<String, ParameterSpec>, D::Error> {
+    struct Unique;
+    impl<'de> serde::de::Visitor<'de> for Unique {
+        type Value = BTreeMap<String, ParameterSpec>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("an object of parameters by name")
+        }
+
+        fn visit_map<A: serde::de::MapAccess<'de>>(
+            self,
+            mut map: A,
+        ) -> std::result::Result<Self::Value, A::Error> {
+            let mut entries = BTreeMap::new();
+            while let Some((name, value)) = map.next_entry::<String, ParameterSpec>()? {
+                if entries.contains_key(&name) {
+                    return Err(serde::de::Error::custom(format!(
+                        "a second {name}, expected every name once"
+                    )));
+                }
+                entries.insert(name, value);
+            }
+            Ok(entries)
+        }
+    }
+    deserializer.deserialize_map(Unique)
+}
+
 /// One line for what serde reports: file, line, key path, what was found and what was expected.
 fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
     let text = error.to_string();
@@ -360,6 +395,15 @@ fn validate_parameters(file: &ModelFile) -> Result<()> {
                 "a lower bound below the upper bound",
             )
             .found(format!("[{low}, {high}]")));
+        }
+        if let Some([low, high]) = spec.truncate
+            && (low > mean + MOST_SDS * sd || high < mean - MOST_SDS * sd)
+        {
+            return Err(Error::input(
+                format!("{place}.truncate"),
+                "bounds that leave some of the prior",
+            )
+            .found(format!("[{low}, {high}] with a prior of {mean} +- {sd}")));
         }
         means.push(mean);
     }

@@ -3,15 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::observation::{Columns, Observation};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
 use crate::field::reml::{Reml, Setting, reml};
 use crate::field::{BlockCovariance, Blocks, noise};
 use crate::quantity::NM_PER_MM;
 
-/// Side of the squares on which a plane is taken out of the data before the noise is estimated, mm at least.
+/// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, mm at least.
 /// Misfit that is smooth on this scale does not pass for noise.
-const PLANE_MM: f64 = 6.0;
+const SQUARE_MM: f64 = 6.0;
 
 /// Blocks, and the short-range noise covariance of each component.
 pub struct Noise {
@@ -28,19 +28,29 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Estimate from contrasts orthogonal to the model's columns and to local planes (TRACING step 4 with
-    /// l <= 1.5 mm).
+    /// Estimate from contrasts orthogonal to the model's columns and to local quadratics (restricted maximum
+    /// likelihood over correlation lengths up to 1.5 mm).
     pub fn estimate(observation: &Observation, columns: &Columns) -> Result<Self> {
         let field = &observation.field;
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-        let planes = blocks.local_planes(PLANE_MM.max(6.0 * blocks.size_mm));
+        let fitted = columns.modes.len() + columns.effects.len();
+        if blocks.len() < fitted + FEWEST_CONTRASTS {
+            let place = field
+                .files
+                .first()
+                .map_or_else(|| "measurement".into(), |f| f.display().to_string());
+            return Err(Error::input(place, format!("points that fill at least {} blocks of {:.2} mm", fitted + FEWEST_CONTRASTS, blocks.size_mm))
+                .found(format!("{} points in {} blocks", field.len(), blocks.len()))
+                .hint("the noise cannot be told from the model's own fields with so few points: enlarge the window or measure more densely"));
+        }
+        let smooth = smooth_columns(&blocks, fitted);
         let white_mm = noise::white(field).sd_mm;
         let estimate = |c: usize| -> Result<(Reml, BlockCovariance)> {
             let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
-            let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + planes.ncols());
+            let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
-            all.columns_mut(explained.ncols(), planes.ncols())
-                .copy_from(&planes);
+            all.columns_mut(explained.ncols(), smooth.ncols())
+                .copy_from(&smooth);
             let y = blocks.average(&field.component(c));
             let mut estimate = reml(&blocks, &y, &all, &NOISE_LENGTHS_MM, &RATIOS)?;
             estimate.best = with_white(&estimate, white_mm[c]);
@@ -82,6 +92,19 @@ impl Noise {
     }
 }
 
+/// Contrasts needed beside the fitted columns.
+const FEWEST_CONTRASTS: usize = 20;
+
+/// Local polynomials of the highest degree that leaves most contrasts to the noise.
+fn smooth_columns(blocks: &Blocks, fitted: usize) -> DMatrix<f64> {
+    let side = SQUARE_MM.max(6.0 * blocks.size_mm);
+    [2, 1]
+        .map(|degree| blocks.local_polynomials(side, degree))
+        .into_iter()
+        .find(|columns| 2 * (columns.ncols() + fitted) < blocks.len())
+        .unwrap_or_else(|| DMatrix::zeros(blocks.len(), 0))
+}
+
 /// Relative sd of the white variance of a block average, given the white noise of points: the local differences
 /// see a little of a short correlation too.
 const WHITE_VARIANCE_SD: f64 = 0.1;
@@ -109,12 +132,18 @@ fn with_white(estimate: &Reml, white_mm: f64) -> Setting {
             ..*setting
         }
     };
+    // Half the prior probability on white noise, half shared by the correlated settings: a correlation is
+    // found where the data ask for it.
+    let correlated = estimate
+        .table
+        .iter()
+        .filter(|s| s.ratio > 0.0)
+        .count()
+        .max(1) as f64;
+    let weighed =
+        |s: &Setting| s.log_likelihood - if s.ratio > 0.0 { correlated.ln() } else { 0.0 };
     let best = |a: Setting, b: Setting| {
-        if b.log_likelihood > a.log_likelihood {
-            b
-        } else {
-            a
-        }
+        if weighed(&b) > weighed(&a) { b } else { a }
     };
     estimate
         .table

@@ -9,6 +9,7 @@ use crate::laminate::Material;
 pub const NOISE: &str = "noise_nm";
 
 /// Log posterior over (elastic constants, mechanical amplitudes, noise sd of a point in nm unless it is declared).
+#[derive(Clone)]
 pub struct Posterior {
     names: Vec<String>,
     material: Material,
@@ -51,6 +52,21 @@ impl Posterior {
     /// Number of parameters without the noise.
     pub fn structural(&self) -> usize {
         self.marginals.len()
+    }
+
+    /// Names of the parameters without the noise.
+    pub fn parameter_names(&self) -> &[String] {
+        &self.names[..self.marginals.len()]
+    }
+
+    /// The same density without the priors' cuts.
+    #[must_use]
+    pub fn untruncated(&self) -> Self {
+        let mut whole = self.clone();
+        for marginal in &mut whole.marginals {
+            marginal.truncate = None;
+        }
+        whole
     }
 
     /// Priors of the parameters without the noise.

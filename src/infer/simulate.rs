@@ -10,7 +10,7 @@ use super::model::Model;
 use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
 use crate::fem::{Density, Forward, Locator, Plate, Setup};
-use crate::field::{Frame, Grid};
+use crate::field::Grid;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion};
 
@@ -41,10 +41,7 @@ const WINDOW: f64 = 24.3 / 25.0;
 
 /// Simulate a field in the model's frame, with NaN where the hole is.
 pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
-    let frame = Frame {
-        hole_center_mm: [0.0; 2],
-        ..model.file.measurement.frame
-    };
+    let frame = model.file.measurement.frame;
     let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
     setup.thickness = truth.thickness_mm;
     for acting in truth
@@ -66,7 +63,9 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
         zero.apply(&plate.mesh, &mut nodal);
     }
     let half = 0.5 * WINDOW * model.file.specimen.width_mm;
-    let mut grid = Grid::regular([[-half; 2], [half; 2]], truth.grid, truth.grid);
+    let [cx, cy] = frame.hole_center_mm;
+    let corners = [[cx - half, cy - half], [cx + half, cy + half]];
+    let mut grid = Grid::regular(corners, truth.grid, truth.grid);
     let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
     let (observer, inside) = Locator::new(&plate.mesh).observe(&points);
     let seen: Vec<[f64; 2]> = points
@@ -113,8 +112,9 @@ fn add_noise(points: &[[f64; 2]], u: &mut [[f64; 2]], truth: &Truth) {
     if sd == 0.0 {
         return;
     }
+    let mut seeds = Pcg64Dxsm::seed_from_u64(truth.seed);
     for c in 0..2 {
-        let mut rng = Pcg64Dxsm::seed_from_u64(truth.seed.wrapping_mul(2).wrapping_add(c as u64));
+        let mut rng = Pcg64Dxsm::seed_from_u64(seeds.random());
         if truth.correlation_mm == 0.0 {
             for u in u.iter_mut() {
                 let z: f64 = StandardNormal.sample(&mut rng);

@@ -5,5 +5,5 @@ mod specimen;
 mod stack;
 
 pub use ply::{Ply, rotate_stiffness, strain_rotation};
-pub use specimen::{HoleSpec, LoadSpec, Material, SpecimenSpec, ThicknessSpec};
+pub use specimen::{ClampSpec, End, HoleSpec, LoadSpec, Material, SpecimenSpec, ThicknessSpec};
 pub use stack::{Abd, Membrane, abd};

@@ -24,6 +24,9 @@ pub struct SpecimenSpec {
     pub layup_deg: Option<Vec<f64>>,
     /// Total thickness.
     pub thickness_mm: ThicknessSpec,
+    /// A clamped end; without one, both ends carry tractions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clamp: Option<ClampSpec>,
     /// Free text, for example which dimensions are assumed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
@@ -47,6 +50,30 @@ pub struct ThicknessSpec {
     pub mean: f64,
     /// Standard deviation, mm.
     pub sd: f64,
+}
+
+/// A clamped end: both displacements are zero along it.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClampSpec {
+    /// Which end along direction 1.
+    pub end: End,
+    /// Width at the clamp, mm, where it is wider than the plate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width_mm: Option<f64>,
+    /// Radius of the fillets between both widths, mm; they lie within `length_mm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fillet_radius_mm: Option<f64>,
+}
+
+/// An end of the plate along direction 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// The end that direction 1 points away from.
+    Low,
+    /// The end that direction 1 points to.
+    High,
 }
 
 /// The `load` object of a model file.
@@ -122,6 +149,7 @@ impl SpecimenSpec {
             finite(&format!("specimen.hole.center_mm{key}"), c)?;
         }
         self.validate_hole_inside()?;
+        self.validate_clamp()?;
         self.validate_layup()
     }
 
@@ -138,6 +166,46 @@ impl SpecimenSpec {
                     ))
                     .hint("hole.center_mm is measured from the plate's centre, (direction 1 along the load, direction 2)"));
             }
+        }
+        Ok(())
+    }
+
+    fn validate_clamp(&self) -> Result<()> {
+        const PLACE: &str = "specimen.clamp";
+        let Some(clamp) = self.clamp else {
+            return Ok(());
+        };
+        let (width, radius) = match (clamp.width_mm, clamp.fillet_radius_mm) {
+            (None, None) => return Ok(()),
+            (Some(width), Some(radius)) => (width, radius),
+            _ => {
+                return Err(Error::input(
+                    PLACE,
+                    "width_mm and fillet_radius_mm together, or neither",
+                ));
+            }
+        };
+        positive("specimen.clamp.fillet_radius_mm", radius)?;
+        let rise = 0.5 * (width - self.width_mm);
+        if !(rise.is_finite() && (0.0..=radius).contains(&rise)) {
+            return Err(Error::input(
+                "specimen.clamp.width_mm",
+                "at least the plate's width, and a fillet radius of at least half the difference",
+            )
+            .found(format!("width {width} mm, fillet radius {radius} mm")));
+        }
+        let sign = if clamp.end == End::Low { 1.0 } else { -1.0 };
+        let to_clamp = 0.5 * self.length_mm + sign * self.hole.center_mm[0];
+        let fillet = (radius.powi(2) - (radius - rise).powi(2)).sqrt();
+        let free = to_clamp - fillet;
+        if free < 0.5 * self.width_mm + 0.5 * self.hole.diameter_mm {
+            return Err(Error::input(
+                PLACE,
+                "fillets that stay at least half a width away from the hole",
+            )
+            .found(format!(
+                "fillets {fillet:.3} mm long with the hole's centre {to_clamp:.3} mm from the clamp"
+            )));
         }
         Ok(())
     }

@@ -65,3 +65,14 @@ impl From<&Matrix3<f64>> for Membrane {
         }
     }
 }
+
+impl Membrane {
+    /// The symmetric 3 x 3 matrix A, N/mm.
+    pub fn matrix(&self) -> Matrix3<f64> {
+        Matrix3::new(
+            self.a11, self.a12, self.a16, //
+            self.a12, self.a22, self.a26, //
+            self.a16, self.a26, self.a66,
+        )
+    }
+}

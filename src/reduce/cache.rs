@@ -14,8 +14,9 @@ use crate::fem::Plate;
 use crate::progress::Watch;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 5;
 
+/// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     key: String,
@@ -79,18 +80,22 @@ pub fn obtain(
     watch.end();
     watch.begin("modes and response surfaces", None);
     let model = ReducedModel::build(problem, plate, &snapshots)?;
-    watch.end();
     let stored = Stored { key, model };
     // A cache that cannot be written costs time, not correctness.
     if let Err(e) = write(&path, &stored) {
-        watch.say(&format!("the reduced model is not cached: {e}"));
+        watch.say(&format!("not cached ({e})"));
     }
+    watch.end();
     Ok((stored.model, false))
 }
 
 fn read(path: &PathBuf, key: &str) -> Option<ReducedModel> {
-    let text = std::fs::read(path).ok()?;
-    let stored: Stored = serde_json::from_slice(&text).ok()?;
+    let bytes = std::fs::read(path).ok()?;
+    let (hash, text) = bytes.split_at_checked(64)?;
+    if hex(&Sha256::digest(text)).as_bytes() != hash {
+        return None;
+    }
+    let stored: Stored = serde_json::from_slice(text).ok()?;
     (stored.key == key && stored.model.is_consistent()).then_some(stored.model)
 }
 
@@ -102,9 +107,17 @@ fn write(path: &Path, stored: &Stored) -> Result<()> {
         std::fs::create_dir_all(directory).map_err(|e| fail(&e))?;
     }
     let partial = path.with_extension(format!("{}.partial", std::process::id()));
-    let text = serde_json::to_vec(stored).map_err(|e| fail(&e))?;
+    let mut text = vec![b'\n'];
+    serde_json::to_writer(&mut text, stored).map_err(|e| fail(&e))?;
     std::fs::File::create(&partial)
-        .and_then(|mut file| file.write_all(&text))
+        .and_then(|mut file| {
+            file.write_all(hex(&Sha256::digest(&text)).as_bytes())?;
+            file.write_all(&text)
+        })
         .and_then(|()| std::fs::rename(&partial, path))
-        .map_err(|e| fail(&e))
+        .map_err(|e| {
+            // What could not be moved is of no use to anybody.
+            let _ = std::fs::remove_file(&partial);
+            fail(&e)
+        })
 }

@@ -2,10 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::rigid;
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer, Plate};
-use crate::field::Frame;
+use crate::field::{Frame, rigid};
 
 /// How the rigid motion of a predicted field is fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

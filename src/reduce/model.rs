@@ -47,10 +47,11 @@ impl ReducedModel {
         );
         let pods = [first?, second?];
         let cross_validation = [0, 1].map(|c| leave_one_out(&pods[c], TABLED));
-        let k = problem
-            .spec
-            .modes
-            .resolve(&cross_validation, snapshots.points.len());
+        let k = problem.spec.modes.resolve(
+            problem.families(),
+            &cross_validation,
+            snapshots.points.len(),
+        );
         let values: Vec<Vec<f64>> = pods
             .iter()
             .flat_map(|pod| {

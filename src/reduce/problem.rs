@@ -44,7 +44,7 @@ impl ReducedSpec {
             )
             .found(value))
         };
-        check("snapshots", self.snapshots, 10, 100_000)?;
+        check("snapshots", self.snapshots, 10, 5_000)?;
         if let Modes::Count(modes) = self.modes {
             check("modes", modes, 1, 30)?;
         }
@@ -82,6 +82,16 @@ impl Problem {
     /// Number of elastic constants.
     pub fn constants(&self) -> usize {
         self.specimen.material.constants().len()
+    }
+
+    /// Families of fields that vary with the constants: the plate under its nominal load, and one for every amplitude
+    /// of a mechanical effect. A declared number of modes is kept for each family.
+    pub fn families(&self) -> usize {
+        1 + self
+            .effects
+            .iter()
+            .map(|e| e.parameters().len())
+            .sum::<usize>()
     }
 
     /// Index of the thickness among the dimensions, if it varies.

@@ -39,6 +39,7 @@ fn round_numbers(model: &Model, round: &Round) -> Value {
             "ensembles": verdict.shape[0], "chains": verdict.shape[1], "draws": verdict.shape[2],
         },
         "residual": residual(round),
+        "warnings": round.warnings,
         "noise": noise(round),
         "surrogate": surrogate(round),
     })

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::terminal::table;
+use crate::fem::verify::{Bound, Check};
 use crate::reduce::{Published, Quality, ReducedModel, Reference, Surface, TRUNCATIONS};
 
 /// What the columns of Tables 9 and 10 are called, in `reduced_model.json` and on the terminal.
@@ -295,4 +296,42 @@ pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
         let _ = write!(text, "\n{remark}");
     }
     text + "\n"
+}
+
+/// Verification figures of the finite elements, each with what it is held against.
+pub fn verification_text(checks: &[Check]) -> String {
+    let rows: Vec<Vec<String>> = checks
+        .iter()
+        .map(|check| {
+            let bound = match check.bound {
+                Bound::AtMost(most) => format!("<= {most:.3e}"),
+                Bound::AtLeast(least) => format!(">= {least}"),
+            };
+            let passed = if check.passed { "yes" } else { "NO" };
+            vec![
+                check.what.clone(),
+                format!("{:.3e}", check.value),
+                bound,
+                passed.into(),
+            ]
+        })
+        .collect();
+    format!(
+        "\nverification of the finite elements\n\n{}",
+        table(&["", "value", "bound", "passed"], &rows)
+    )
+}
+
+/// [`verification_text`] as JSON.
+pub fn verification_numbers(checks: &[Check]) -> Value {
+    checks
+        .iter()
+        .map(|check| {
+            let (kind, bound) = match check.bound {
+                Bound::AtMost(most) => ("at_most", most),
+                Bound::AtLeast(least) => ("at_least", least),
+            };
+            json!({ "what": check.what, "value": check.value, kind: bound, "passed": check.passed })
+        })
+        .collect()
 }

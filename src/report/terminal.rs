@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::numbers::correlation;
 use crate::infer::Model;
-use crate::trace::{Round, TOLERANCE};
+use crate::trace::Round;
 
 /// Aligned columns: the first to the left, the others to the right.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -81,17 +81,26 @@ pub fn identification(model: &Model, round: &Round) -> String {
         })
         .collect();
     text += &table(&header, &rows);
-    for (name, mean, sd) in &round.effect_amplitudes {
-        let _ = writeln!(
-            text,
-            "\n  {name} = {} +- {}",
-            significant(*mean, *sd),
-            significant(*sd, *sd)
-        );
+    if !round.effect_amplitudes.is_empty() {
+        let rows: Vec<Vec<String>> = round
+            .effect_amplitudes
+            .iter()
+            .map(|(name, mean, sd)| {
+                vec![name.clone(), significant(*mean, *sd), significant(*sd, *sd)]
+            })
+            .collect();
+        text += "\n";
+        text += &table(&["declared effect", "mean", "sd"], &rows);
     }
     text += &residual(round);
     let _ = writeln!(text, "\n{}", round.verdict.line());
     text += &surrogate(round);
+    if !round.warnings.is_empty() {
+        text += "\nBEFORE YOU USE THESE NUMBERS\n";
+        for warning in &round.warnings {
+            let _ = writeln!(text, "  - {warning}");
+        }
+    }
     text
 }
 
@@ -104,25 +113,6 @@ fn surrogate(round: &Round) -> String {
         100.0 * error.max_sd(),
         error.max_field_nm
     );
-    if error.max_sd() > TOLERANCE {
-        let _ = writeln!(
-            text,
-            "That is more than {} %: the posterior is not the finite elements'. Refine (--refine), or raise modes and snapshots.",
-            100.0 * TOLERANCE
-        );
-    }
-    if round.outside_doe > 0.0 {
-        let _ = writeln!(
-            text,
-            "{:.2} % of the draws lie outside the DoE box: there the reduced model extrapolates{}",
-            100.0 * round.outside_doe,
-            if round.refinements.len() > 1 {
-                ""
-            } else {
-                " (--refine moves the box)"
-            }
-        );
-    }
     if round.refinements.len() > 1 {
         let rows: Vec<Vec<String>> = round
             .refinements
@@ -163,7 +153,7 @@ fn residual(round: &Round) -> String {
     let rows: Vec<Vec<String>> = [0, 1]
         .map(|c| {
             vec![
-                format!("u{}", c + 1),
+                ["u1 (along the load)", "u2 (across)"][c].into(),
                 format!("{:.3}", r.rms_nm[c]),
                 format!("{:.3}", r.noise_nm[c]),
                 format!("{:.3}", r.rms_nm[c] / r.noise_nm[c]),
@@ -173,7 +163,8 @@ fn residual(round: &Round) -> String {
     text += &table(&["", "RMS nm", "noise nm", "ratio"], &rows);
     let _ = writeln!(
         text,
-        "\n  {} points count as {:.0} independent ones (both components); dropped: {} not measured, {} outliers, {} off the plate, {} outside the window",
+        "\n  {} values of {} points count as {:.0} independent ones; points dropped: {} not measured, {} outliers, {} off the plate, {} outside the window",
+        2 * r.points,
         r.points,
         r.effective_points,
         rejected.missing,
@@ -186,9 +177,6 @@ fn residual(round: &Round) -> String {
         "  reduced chi^2 of the block averages: {:.3}",
         r.chi2_reduced
     );
-    if r.chi2_reduced > 1.5 {
-        text += "  The model leaves structure that is not noise: the intervals above do not include what it does to the constants.\n";
-    }
     text
 }
 

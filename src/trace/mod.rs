@@ -1,5 +1,6 @@
 //! Identification in rounds, and what each leaves unexplained.
 
+mod checks;
 mod refine;
 mod residual;
 mod round;

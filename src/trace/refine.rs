@@ -57,7 +57,12 @@ const MARGIN_SDS: f64 = 0.5;
 /// with 32 draws added to them, 0.034 with 200 points of the new box added, and 0.020 with those 200 alone. Draws among
 /// the snapshots gain a tenth at most, so that they are left as points to check against.
 pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
-    let modes = round.prepared.reduced.modes_per_component();
+    let families = round.prepared.problem.families();
+    let modes = round
+        .prepared
+        .reduced
+        .modes_per_component()
+        .div_ceil(families);
     let within = round.surrogate.max_sd() <= TOLERANCE;
     let Prepared {
         mut problem,

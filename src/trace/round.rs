@@ -4,21 +4,22 @@ use std::path::PathBuf;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::checks::{Judged, check_size, warnings};
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
 use super::truth::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::effect::amplitude_name;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fem::Plate;
 use crate::field::spec::OutlierRule;
 use crate::infer::{
-    Columns, Likelihood, LogDensity, Marginal, Model, Noise, Observation, Posterior, Statistics,
-    laplace,
+    Columns, Laplace, Likelihood, LogDensity, Marginal, Model, Noise, Observation, Posterior,
+    Statistics, laplace,
 };
 use crate::progress::Watch;
-use crate::reduce::{Problem, ReducedModel, cache, fit_rigid_motion};
+use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{self, Phase, Progress, Report, Sampler, Schedule, Start};
 
 /// How to identify.
@@ -75,6 +76,8 @@ pub struct Round {
     pub effect_amplitudes: Vec<(String, f64, f64)>,
     /// What the posterior mean leaves unexplained.
     pub residual: Residual,
+    /// Sentences about results that should not be trusted as they stand.
+    pub warnings: Vec<String>,
 }
 
 /// Read the measurement and obtain the reduced model for it.
@@ -146,7 +149,11 @@ fn identify_prepared(
         gauge,
         &model.additive(),
     );
-    check_size(model, &prepared, &columns)?;
+    check_size(
+        &prepared,
+        &columns,
+        &nominal_point(&prepared.problem, model),
+    )?;
     watch.begin("noise of the measurement", None);
     let noise = Noise::estimate(&prepared.observation, &columns)?;
     watch.say(&format!(
@@ -192,7 +199,18 @@ fn identify_prepared(
         },
         watch,
     )?;
+    let warnings = warnings(&Judged {
+        prepared: &prepared,
+        posterior: &posterior,
+        noise: &noise,
+        residual: &residual,
+        mean: &mean,
+        outside_doe,
+        surrogate: &surrogate,
+        declared_noise_nm: model.file.likelihood.noise_nm,
+    });
     Ok(Round {
+        warnings,
         prepared,
         columns,
         noise,
@@ -206,65 +224,6 @@ fn identify_prepared(
         effect_amplitudes,
         residual,
     })
-}
-
-/// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
-const MOST_RATIO: f64 = 5.0;
-
-/// A field many times too large, too small, or of the wrong sign for the model's own constants is a mistake in the
-/// units, the axes or the load, and no posterior should come of it.
-fn check_size(model: &Model, prepared: &Prepared, columns: &Columns) -> Result<()> {
-    let nominal = nominal_point(&prepared.problem, model);
-    let alpha = prepared.reduced.surface.evaluate(&nominal);
-    let field = &prepared.observation.field;
-    let without_rigid = |mut field_values: Vec<[f64; 2]>| {
-        let motion = fit_rigid_motion(&field.points, &field_values);
-        for (u, &p) in field_values.iter_mut().zip(&field.points) {
-            let m = motion.at(p);
-            *u = [u[0] - m[0], u[1] - m[1]];
-        }
-        field_values
-    };
-    let mut predicted = vec![[0.0; 2]; field.len()];
-    for (column, a) in columns.modes.iter().zip(&alpha) {
-        for (sum, u) in predicted.iter_mut().zip(column) {
-            *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
-        }
-    }
-    let (predicted, measured) = (
-        without_rigid(predicted),
-        without_rigid(field.displacement.clone()),
-    );
-    let dot = |a: &[[f64; 2]], b: &[[f64; 2]]| {
-        a.iter()
-            .zip(b)
-            .map(|(a, b)| a[0] * b[0] + a[1] * b[1])
-            .sum::<f64>()
-    };
-    let ratio = dot(&predicted, &measured) / dot(&predicted, &predicted);
-    if (1.0 / MOST_RATIO..MOST_RATIO).contains(&ratio) {
-        return Ok(());
-    }
-    let place = field
-        .files
-        .first()
-        .map_or_else(|| "measurement".into(), |f| f.display().to_string());
-    let hint = if ratio < 0.0 {
-        "the measured field has the opposite sign: check which file or column is which, the axes' directions and the loading axis"
-    } else {
-        "check the units of the displacements and coordinates, the load and the thickness"
-    };
-    Err(Error::input(
-        place,
-        format!(
-            "displacements of about the model's size (ratio {:.1} to {MOST_RATIO})",
-            1.0 / MOST_RATIO
-        ),
-    )
-    .found(format!(
-        "displacements {ratio:.4} times those that the model predicts for its prior means"
-    ))
-    .hint(hint))
 }
 
 fn posterior(
@@ -303,12 +262,25 @@ fn posterior(
     ))
 }
 
+/// Where chains start: the mode without the priors' cuts, moved inside them.
+fn start(posterior: &Posterior) -> Result<Laplace> {
+    let (centre, sd) = posterior.start();
+    let mut mode = laplace(&posterior.untruncated(), &centre, &sd)?;
+    for (k, (x, m)) in mode.mode.iter_mut().zip(posterior.marginals()).enumerate() {
+        let Some([low, high]) = m.truncate else {
+            continue;
+        };
+        let room = (0.05 * (high - low)).min(sd[k]);
+        *x = x.clamp(low + room, high - room);
+    }
+    Ok(mode)
+}
+
 /// Spread of the start about the mode, in units of its normal approximation.
 const SPREAD: f64 = 3.0;
 
 fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Result<Draws> {
-    let (centre, sd) = posterior.start();
-    let mode = laplace(posterior, &centre, &sd)?;
+    let mode = start(posterior)?;
     let start = Start::Ball {
         centre: &mode.mode,
         covariance: &mode.covariance,

@@ -44,7 +44,7 @@ fn columns(blocks: &Blocks, field: &Field, component: usize) -> DMatrix<f64> {
         .iter()
         .map(|p| open_hole(*p)[component])
         .collect();
-    let planes = blocks.local_planes(6.0);
+    let planes = blocks.local_polynomials(6.0, 1);
     let mut all = planes.insert_columns(0, 1, 0.0);
     all.set_column(0, &blocks.average(&truth));
     all

@@ -1,0 +1,79 @@
+//! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate.
+
+use divan::{Bencher, black_box};
+use plychain::fem::{Density, EndLoad, Forward, Outline, Plate, Setup};
+use plychain::laminate::Ply;
+
+const NOMINAL: Ply = Ply {
+    e1: 140e3,
+    e2: 7.9e3,
+    nu12: 0.33,
+    g12: 5e3,
+};
+
+/// Counts relative to the default mesh: unknowns grow with the square.
+const FACTORS: [f64; 3] = [0.5, 1.0, 2.0];
+
+fn main() {
+    divan::main();
+}
+
+fn setup() -> Setup {
+    Setup {
+        outline: Outline {
+            s: [-100.0, 100.0],
+            t: [-12.5, 12.5],
+            radius: 2.0,
+            clamp: None,
+        },
+        angles: [45.0, -45.0, 0.0, 0.0, -45.0, 45.0]
+            .map(f64::to_radians)
+            .to_vec(),
+        thickness: 0.78,
+        load: EndLoad {
+            axial: 700.0,
+            ..EndLoad::default()
+        },
+        handedness: 1.0,
+    }
+}
+
+fn plate(factor: f64) -> Plate {
+    Plate::new(setup().outline, Density::DEFAULT.scaled(factor)).expect("a plate that meshes")
+}
+
+#[divan::bench(args = FACTORS, sample_count = 10)]
+fn refill(bencher: Bencher, factor: f64) {
+    let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
+    let mut values = vec![0.0; plate.assembly.stored()];
+    bencher.bench_local(|| plate.assembly.refill(black_box(&a), &mut values));
+}
+
+#[divan::bench(args = FACTORS, sample_count = 10)]
+fn refill_and_factor(bencher: Bencher, factor: f64) {
+    let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
+    let mut work = plate.factor();
+    bencher.bench_local(|| work.factorise(black_box(&a)));
+}
+
+#[divan::bench(args = FACTORS, sample_count = 10)]
+fn solve(bencher: Bencher, factor: f64) {
+    let setup = setup();
+    let plate = plate(factor);
+    let mut work = plate.factor();
+    work.factorise(&setup.membrane(&NOMINAL))
+        .expect("a positive definite stiffness");
+    let load = plate.mesh.end_forces(&setup.load);
+    bencher
+        .with_inputs(|| load.clone())
+        .bench_local_values(|mut u| {
+            work.solve(&mut u);
+            u
+        });
+}
+
+#[divan::bench(sample_count = 10)]
+fn snapshot(bencher: Bencher) {
+    let (plate, setup) = (plate(1.0), setup());
+    bencher.bench_local(|| plate.displacement(black_box(&setup), &NOMINAL));
+}

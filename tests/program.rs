@@ -1,0 +1,81 @@
+//! Runs the program in a folder of its own, where all tests share the cache of reduced models.
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+/// The repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Where tests run: `runs/.cache` is below it.
+pub fn workplace() -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("workplace");
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// A path that does not exist yet, in a folder that does.
+pub fn fresh(name: &str) -> PathBuf {
+    static NEXT: AtomicUsize = AtomicUsize::new(0);
+    let unique = NEXT.fetch_add(1, Ordering::Relaxed);
+    let folder = workplace().join(format!("{}-{unique}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    folder.join(name)
+}
+
+/// Run `plychain` with some arguments in the workplace.
+pub fn plychain(arguments: &[&str]) -> Output {
+    let mut command = Command::cargo_bin("plychain").unwrap();
+    command
+        .current_dir(workplace())
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// Run it and expect success.
+pub fn succeed(arguments: &[&str]) -> String {
+    let output = plychain(arguments);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{arguments:?}\n{text}\n{errors}");
+    text
+}
+
+/// A model file of the repository.
+pub fn model(name: &str) -> String {
+    root().join("models").join(name).display().to_string()
+}
+
+/// Identify and return the first round of `report.json`.
+pub fn identify(model: &str, extra: &[&str]) -> Value {
+    let out = fresh("run");
+    let mut arguments = vec!["identify", model, "--quiet", "--out", out.to_str().unwrap()];
+    arguments.extend(extra);
+    succeed(&arguments);
+    let text = std::fs::read_to_string(out.join("report.json")).unwrap();
+    let report: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["schema"], "plychain-report/1");
+    report["rounds"][0].clone()
+}
+
+/// Mean and sd of a parameter.
+pub fn posterior(round: &Value, name: &str) -> (f64, f64) {
+    let p = &round["posterior"][name];
+    (p["mean"].as_f64().unwrap(), p["sd"].as_f64().unwrap())
+}
+
+/// A folder of `../shared/data`, or a line that says why the test is skipped.
+pub fn shared(name: &str) -> Option<PathBuf> {
+    let path = root().join("../shared/data").join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("skipped: {} is not here", path.display());
+    None
+}
