@@ -6,6 +6,7 @@ use super::design::Dimension;
 use super::gauge::Gauge;
 use super::modes::Modes;
 use super::reference::Reference;
+use super::surface::enough_samples;
 use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::fem::{Density, Setup};
@@ -123,8 +124,10 @@ impl Problem {
         (setup, self.specimen.material.ply(point))
     }
 
-    /// Check that every corner of the box has an admissible ply, and every side some length.
+    /// Check, before anything is solved, that every corner of the box has an admissible ply and every side some length,
+    /// and that the snapshots determine the response surfaces.
     pub fn validate(&self) -> Result<()> {
+        enough_samples(self.spec.snapshots, self.spec.degree, self.dimensions.len())?;
         if self.spec.reference.is_some() && self.specimen.material != Material::Laminate {
             return Err(Error::input(
                 "reduced_model.reference",

@@ -58,6 +58,23 @@ pub fn exponents(dims: usize, degree: usize) -> Vec<Vec<u8>> {
     out
 }
 
+/// Check that `samples` determine a polynomial of total degree `degree` in `dims` variables, with one to spare.
+///
+/// # Errors
+/// Of the input, naming `reduced_model.snapshots`.
+pub fn enough_samples(samples: usize, degree: usize, dims: usize) -> Result<()> {
+    let least = exponents(dims, degree).len() + 1;
+    if samples >= least {
+        return Ok(());
+    }
+    Err(Error::input(
+        "reduced_model.snapshots",
+        format!("at least {least} for degree {degree} in {dims} variables"),
+    )
+    .found(samples)
+    .hint("raise snapshots or lower degree"))
+}
+
 /// Value of a monomial.
 pub fn monomial(exponents: &[u8], z: &[f64]) -> f64 {
     exponents
@@ -77,18 +94,7 @@ impl Surface {
     ) -> Result<Self> {
         let exponents = exponents(variables.count(), degree);
         let n = points.len();
-        if n < exponents.len() + 1 {
-            return Err(Error::input(
-                "reduced_model.snapshots",
-                format!(
-                    "at least {} for degree {degree} in {} variables",
-                    exponents.len() + 1,
-                    variables.count()
-                ),
-            )
-            .found(n)
-            .hint("raise snapshots or lower degree"));
-        }
+        enough_samples(n, degree, variables.count())?;
         let z: Vec<Vec<f64>> = points.iter().map(|p| variables.scaled(p)).collect();
         let factor: Vec<f64> = points.iter().map(|p| variables.factor(p)).collect();
         let design = DMatrix::from_fn(n, exponents.len(), |i, m| monomial(&exponents[m], &z[i]));

@@ -49,6 +49,7 @@ fn surface_numbers(surface: &Surface) -> Value {
     json!({
         "variables": surface.variables.choice,
         "monomials": surface.exponents.len(),
+        "held_out_mm": surface.held_out(),
         "coefficients": rows.collect::<Map<_, _>>(),
     })
 }
@@ -84,9 +85,10 @@ pub fn text(reduced: &ReducedModel) -> String {
     ] {
         let _ = write!(
             text,
-            "\nresponse surfaces {name}: {:?} variables, {} monomials (Tables 9 and 10)\n\n{}",
+            "\nresponse surfaces {name}: {:?} variables, {} monomials, held-out error {:.2e} mm (Tables 9 and 10)\n\n{}",
             surface.variables.choice,
             surface.exponents.len(),
+            surface.held_out(),
             surfaces(surface)
         );
     }

@@ -4,6 +4,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::residual::Residual;
 use super::round::Prepared;
+use super::truth::{SurrogateError, TOLERANCE};
 use crate::error::{Error, Result};
 use crate::field::rigid;
 use crate::infer::{Columns, Noise, Posterior};
@@ -79,6 +80,8 @@ pub struct Judged<'a> {
     pub mean: &'a [f64],
     /// Share of the draws outside the DoE box.
     pub outside_doe: f64,
+    /// The reduced model against the finite elements.
+    pub surrogate: &'a SurrogateError,
     /// The noise sd that the model declares, nm.
     pub declared_noise_nm: Option<f64>,
 }
@@ -123,6 +126,14 @@ pub fn warnings(judged: &Judged<'_>) -> Vec<String> {
         if z.abs() > PRIOR_SDS {
             said.push(format!("{name} lies {z:+.1} prior sd from its prior's mean: data and prior contradict each other."));
         }
+    }
+    let error = judged.surrogate.max_sd();
+    if error > TOLERANCE {
+        said.push(format!(
+            "The reduced model's own error moves a constant by {:.1} % of its posterior sd, more than {} %. Use --refine, or raise modes and snapshots.",
+            100.0 * error,
+            100.0 * TOLERANCE
+        ));
     }
     if judged.outside_doe > 0.01 {
         said.push(format!(

@@ -50,8 +50,12 @@ const REACH_SDS: f64 = 5.5;
 const MARGIN_SDS: f64 = 0.5;
 
 /// A reduced model on a box about the draws, in place of the one they were drawn with, and with one mode more where
-/// the error was above the tolerance. Every snapshot lies in that box: those far away would take modes and monomials
-/// from where the posterior is.
+/// the error was above the tolerance.
+///
+/// All snapshots lie in that box. Those far away take modes and monomials from where the posterior is: for the open-hole
+/// test on a coarse mesh with 4 modes, the largest field error near the posterior is 0.037 nm with 200 snapshots in the priors' box, 0.038
+/// with 32 draws added to them, 0.034 with 200 points of the new box added, and 0.020 with those 200 alone. Draws among
+/// the snapshots gain a tenth at most, so that they are left as points to check against.
 pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
     let families = round.prepared.problem.families();
     let modes = round

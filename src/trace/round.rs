@@ -126,10 +126,14 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
     let prepared = prepare(model, &options.cache, watch)?;
     let mut round = identify_prepared(model, prepared, options, watch)?;
     let mut history = vec![Refinement::of(&round)];
-    for _ in 0..options.refinements {
+    for k in 1..=options.refinements {
         if history.last().is_some_and(Refinement::is_enough) {
             break;
         }
+        let most = options.refinements;
+        let what = format!("refinement {k} of at most {most}: a box about the posterior");
+        watch.begin(&what, None);
+        watch.end();
         let prepared = enrich(round, &options.cache, watch)?;
         if let Some(keeping) = &options.keeping {
             keeping.clear()?;
@@ -212,6 +216,7 @@ fn identify_prepared(
         residual: &residual,
         mean: &mean,
         outside_doe,
+        surrogate: &surrogate,
         declared_noise_nm: model.file.likelihood.noise_nm,
     });
     Ok(Round {

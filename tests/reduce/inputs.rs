@@ -22,7 +22,11 @@ fn fit(fitted: &[Vec<f64>]) -> Error {
 
 #[test]
 fn fewer_samples_than_monomials() {
+    let mut problem = small_problem();
+    problem.spec.snapshots = 50;
+    let before_solving = told(&problem.validate().unwrap_err());
     let text = told(&fit(&points(&small_problem(), 50, 1)));
+    assert_eq!(before_solving, text);
     for part in [
         "reduced_model.snapshots",
         "found 50",

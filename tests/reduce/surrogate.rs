@@ -6,27 +6,31 @@ use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::Rule;
 use plychain::field::matrices::write_matrices;
 use plychain::infer::simulate::{Truth, simulate};
-use plychain::infer::{Likelihood, Model, Statistics};
+use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
+use plychain::laminate::Material;
 use plychain::progress::Unwatched;
-use plychain::reduce::{ReducedModel, Snapshots};
+use plychain::reduce::{Problem, ReducedModel, Snapshots};
 use plychain::sample::{SAMPLERS, Schedule};
 use plychain::trace::{Options, TOLERANCE, TRUTH_DRAWS, identify};
 
 use super::{plate, small_problem};
 
-#[test]
-fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
+/// A reduced model on the coarse mesh.
+fn reduced_model() -> (Problem, ReducedModel) {
     let mut problem = small_problem();
     problem.spec.snapshots = 60;
     let plate = plate(&problem);
     let snapshots = Snapshots::compute(&problem, &plate, &|| ()).unwrap();
     let reduced = ReducedModel::build(&problem, &plate, &snapshots).unwrap();
-    let truth = problem.point(&[150.0, 7.7, 0.32, 4.8]);
-    let p = 8;
+    (problem, reduced)
+}
+
+/// Data that say the coefficients `alpha`, about as sharply as a measurement does.
+fn statistics(alpha: Vec<f64>) -> Statistics {
+    let p = alpha.len();
     let precision = DMatrix::from_fn(p, p, |i, j| 1e10 * if i == j { 1.0 } else { 0.1 });
-    let alpha = DVector::from_vec(reduced.surface.evaluate(&truth));
-    let statistics = Statistics {
-        weighted: &precision * &alpha,
+    Statistics {
+        weighted: &precision * DVector::from_vec(alpha),
         precision,
         effect_offset: DVector::zeros(0),
         effect_slope: DMatrix::zeros(0, p),
@@ -34,14 +38,28 @@ fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
         residual: 0.0,
         count: 500,
         contrasts: 400,
-    };
-    let error = DVector::from_fn(p, |k, _| 1e-5 * (k as f64 - 3.0));
+    }
+}
+
+const TRUTH: [f64; 4] = [150.0, 7.7, 0.32, 4.8];
+
+fn likelihood(statistics: &Statistics, reduced: &ReducedModel) -> Likelihood {
+    Likelihood::new(statistics, reduced, 0.004, (0.78, 0.005)).unwrap()
+}
+
+#[test]
+fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
+    let (problem, reduced) = reduced_model();
+    let statistics = statistics(reduced.surface.evaluate(&problem.point(&TRUTH)));
+    let error = DVector::from_fn(8, |k, _| 1e-5 * (k as f64 - 3.0));
     let weighted = &statistics.precision * &error;
     let mut shifted = statistics.clone();
     shifted.weighted -= &weighted;
-    let likelihood = |s: &Statistics| Likelihood::new(s, &reduced, 0.004, (0.78, 0.005)).unwrap();
-    let (before, after) = (likelihood(&statistics), likelihood(&shifted));
-    for theta in [[150.0, 7.7, 0.32, 4.8], [160.0, 7.0, 0.36, 4.2]] {
+    let (before, after) = (
+        likelihood(&statistics, &reduced),
+        likelihood(&shifted, &reduced),
+    );
+    for theta in [TRUTH, [160.0, 7.0, 0.36, 4.2]] {
         for s in [0.8, 1.3] {
             let direct = after.log_likelihood(&theta, s) - before.log_likelihood(&theta, s);
             let change = before.log_likelihood_change(&theta, s, &weighted);
@@ -51,6 +69,61 @@ fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
             );
         }
     }
+}
+
+#[test]
+fn one_newton_step_finds_the_mode_that_another_surface_has() {
+    let (problem, reduced) = reduced_model();
+    let statistics = statistics(reduced.surface.evaluate(&problem.point(&TRUTH)));
+    let mut other = reduced.clone();
+    for (k, c) in other.surface.coefficients.iter_mut().enumerate() {
+        c[0] += 1e-8 * (k as f64 - 2.5);
+    }
+    let sds = [16.0, 0.75, 0.03, 0.5];
+    let mode = |reduced: &ReducedModel| {
+        let marginal = |(&mean, &sd): (&f64, &f64)| Marginal {
+            mean,
+            sd,
+            truncate: None,
+        };
+        let posterior = Posterior::new(
+            ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"]
+                .map(String::from)
+                .to_vec(),
+            Material::Laminate,
+            [162.0, 7.58, 0.34, 4.41]
+                .iter()
+                .zip(&sds)
+                .map(marginal)
+                .collect(),
+            likelihood(&statistics, reduced),
+            10.0,
+            Some(10.0),
+        );
+        laplace(&posterior, &TRUTH, &sds).unwrap()
+    };
+    let (here, there) = (mode(&reduced), mode(&other));
+    let point = problem.point(&here.mode);
+    let predictions = [&other, &reduced].map(|r| DVector::from_vec(r.surface.evaluate(&point)));
+    let weighted = &statistics.precision * (&predictions[0] - &predictions[1]);
+    let covariance = DMatrix::from_row_slice(4, 4, &here.covariance);
+    let sd = covariance.diagonal().map(f64::sqrt);
+    let likelihood = likelihood(&statistics, &reduced);
+    let gradient = DVector::from_fn(4, |k, _| {
+        let at = |sign: f64| {
+            let mut theta = here.mode.clone();
+            theta[k] += sign * 0.1 * sd[k];
+            likelihood.log_likelihood_change(&theta, 1.0, &weighted)
+        };
+        (at(1.0) - at(-1.0)) / (0.2 * sd[k])
+    });
+    let step = (&covariance * gradient).component_div(&sd);
+    let shift = DVector::from_fn(4, |k, _| (there.mode[k] - here.mode[k]) / sd[k]);
+    assert!(shift.amax() > 1e-4, "{shift}");
+    assert!(
+        (&step - &shift).amax() < 0.05 * shift.amax(),
+        "{step} and {shift}"
+    );
 }
 
 /// The default test with a small simulated field, few snapshots, `modes` modes and a DoE box of `e1`.
