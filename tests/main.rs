@@ -3,6 +3,8 @@
 mod chain_files;
 mod diagnostics;
 mod field;
+mod formats;
+mod kernel;
 mod measure;
 mod resume;
 mod samplers;

@@ -26,7 +26,10 @@ impl Bench {
 
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("plychain"));
-        command.current_dir(self.place.path()).arg("--quiet").args(arguments);
+        command
+            .current_dir(self.place.path())
+            .arg("--quiet")
+            .args(arguments);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -54,7 +57,16 @@ fn model() -> String {
 /// A run that lasts some seconds: it wants more effective draws than it may draw.
 fn identify<'a>(model: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let mut arguments = vec![
-        "identify", model, "--data", "data", "--out", out, "--min-ess", "1e9", "--max-draws", "6000000",
+        "identify",
+        model,
+        "--data",
+        "data",
+        "--out",
+        out,
+        "--min-ess",
+        "1e9",
+        "--max-draws",
+        "6000000",
     ];
     arguments.extend(more);
     arguments
@@ -64,7 +76,10 @@ fn assert_same_chains(a: &Path, b: &Path) {
     let bits = |path: &Path| {
         let draws = read_zarr(&path.join("chain.zarr"), None).unwrap();
         let values = draws.values().iter().chain(draws.lp());
-        (draws.names().to_vec(), values.map(|v| v.to_bits()).collect::<Vec<_>>())
+        (
+            draws.names().to_vec(),
+            values.map(|v| v.to_bits()).collect::<Vec<_>>(),
+        )
     };
     let (a_bits, b_bits) = (bits(a), bits(b));
     assert_eq!(a_bits.1.len(), b_bits.1.len());
@@ -77,7 +92,9 @@ fn assert_same_chains(a: &Path, b: &Path) {
 fn moments() -> impl Iterator<Item = Duration> {
     let mut state = 2026_u64;
     std::iter::repeat_with(move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         Duration::from_millis(150 + (state >> 33) % 1800)
     })
 }
@@ -96,7 +113,10 @@ fn a_killed_run_goes_on_to_the_same_bits() {
         round += 1;
         assert!(round <= 2 * KILLS, "the runs end before they are killed");
         loop {
-            let mut child = bench.command(&identify(&model, &out, &["--resume"])).spawn().unwrap();
+            let mut child = bench
+                .command(&identify(&model, &out, &["--resume"]))
+                .spawn()
+                .unwrap();
             std::thread::sleep(moments.next().unwrap());
             if kills < KILLS && child.try_wait().unwrap().is_none() {
                 // SIGKILL: the process cannot clean up.
@@ -142,7 +162,16 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 fn damaged_and_foreign_stores_are_refused() {
     let bench = Bench::new();
     let model = model();
-    let short = ["identify", &model, "--data", "data", "--out", "run", "--max-draws", "20000"];
+    let short = [
+        "identify",
+        &model,
+        "--data",
+        "data",
+        "--out",
+        "run",
+        "--max-draws",
+        "20000",
+    ];
     let first = bench.run(&short);
     assert!(first.status.success(), "{first:?}");
     let resume: Vec<&str> = short.iter().copied().chain(["--resume"]).collect();

@@ -13,8 +13,7 @@ fn beside(root: &Path, ending: &str) -> PathBuf {
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text)
-        .map_err(|e| Error::input(path.display(), "a writable file").found(e))
+    std::fs::write(path, text).map_err(|e| Error::input(path.display(), "a writable file").found(e))
 }
 
 /// Writes the files, one chain each.
@@ -76,7 +75,10 @@ pub fn read_getdist(root: &Path) -> Result<Draws> {
         }
     }
     if chains == 0 {
-        return Err(Error::input(format!("{}_1.txt", root.display()), "a GetDist chain"));
+        return Err(Error::input(
+            format!("{}_1.txt", root.display()),
+            "a GetDist chain",
+        ));
     }
     Draws::new(names, (0..chains).collect(), values, lp)
 }

@@ -19,21 +19,45 @@ pub fn write_npz(draws: &Draws, path: &Path) -> Result<()> {
     let lp: Vec<u8> = order()
         .flat_map(|(c, d)| draws.lp()[c * count + d].to_le_bytes())
         .collect();
-    let width = draws.names().iter().map(|n| n.chars().count()).max().unwrap_or(1);
+    let width = draws
+        .names()
+        .iter()
+        .map(|n| n.chars().count())
+        .max()
+        .unwrap_or(1);
     let names: Vec<u8> = draws
         .names()
         .iter()
         .flat_map(|n| n.chars().chain(std::iter::repeat('\0')).take(width))
         .flat_map(|c| u32::from(c).to_le_bytes())
         .collect();
-    let ensemble: Vec<u8> = draws.ensemble().iter().flat_map(|e| (*e as i64).to_le_bytes()).collect();
+    let ensemble: Vec<u8> = draws
+        .ensemble()
+        .iter()
+        .flat_map(|e| (*e as i64).to_le_bytes())
+        .collect();
     let members = [
-        ("chain.npy", npy("<f8", &format!("({count}, {chains}, {dim})"), &chain)),
-        ("log_prob.npy", npy("<f8", &format!("({count}, {chains})"), &lp)),
-        ("names.npy", npy(&format!("<U{width}"), &format!("({dim},)"), &names)),
-        ("ensemble.npy", npy("<i8", &format!("({chains},)"), &ensemble)),
+        (
+            "chain.npy",
+            npy("<f8", &format!("({count}, {chains}, {dim})"), &chain),
+        ),
+        (
+            "log_prob.npy",
+            npy("<f8", &format!("({count}, {chains})"), &lp),
+        ),
+        (
+            "names.npy",
+            npy(&format!("<U{width}"), &format!("({dim},)"), &names),
+        ),
+        (
+            "ensemble.npy",
+            npy("<i8", &format!("({chains},)"), &ensemble),
+        ),
     ];
-    if members.iter().any(|(_, bytes)| bytes.len() > u32::MAX as usize / 4) {
+    if members
+        .iter()
+        .any(|(_, bytes)| bytes.len() > u32::MAX as usize / 4)
+    {
         return Err(Error::input(path.display(), "less than 1 GiB an array")
             .hint("export to another format, or read chain.zarr"));
     }
@@ -43,8 +67,7 @@ pub fn write_npz(draws: &Draws, path: &Path) -> Result<()> {
 
 /// NumPy's format, version 1.0.
 fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
-    let mut header =
-        format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
     while !(10 + header.len() + 1).is_multiple_of(64) {
         header.push(' ');
     }
@@ -97,7 +120,15 @@ fn zip(members: &[(&str, Vec<u8>)]) -> Vec<u8> {
 fn crc32(bytes: &[u8]) -> u32 {
     let mut table = [0_u32; 256];
     for (k, entry) in table.iter_mut().enumerate() {
-        *entry = (0..8).fold(k as u32, |c, _| if c & 1 == 1 { 0xEDB8_8320 ^ (c >> 1) } else { c >> 1 });
+        *entry = (0..8).fold(k as u32, |c, _| {
+            if c & 1 == 1 {
+                0xEDB8_8320 ^ (c >> 1)
+            } else {
+                c >> 1
+            }
+        });
     }
-    !bytes.iter().fold(!0_u32, |c, b| table[((c ^ u32::from(*b)) & 0xFF) as usize] ^ (c >> 8))
+    !bytes.iter().fold(!0_u32, |c, b| {
+        table[((c ^ u32::from(*b)) & 0xFF) as usize] ^ (c >> 8)
+    })
 }

@@ -38,7 +38,9 @@ impl Layout {
     }
 
     fn chunk(&self) -> usize {
-        (CHUNK / self.chains().max(1)).clamp(1, 1 << 14).next_power_of_two()
+        (CHUNK / self.chains().max(1))
+            .clamp(1, 1 << 14)
+            .next_power_of_two()
     }
 }
 
@@ -66,7 +68,7 @@ impl Store {
     pub fn create(path: &Path, layout: Layout, attributes: Value) -> Result<Self> {
         if path.exists() {
             return Err(
-                Error::input(path.display(), "a place for a new chain store").found("an old one")
+                Error::input(path.display(), "a place for a new chain store").found("an old one"),
             );
         }
         let mut store = Self::empty(path, layout, attributes);
@@ -110,7 +112,11 @@ impl Store {
                 .hint("the store is damaged or was changed: it is left as it is; start a new run in another folder")
         };
         if read.names() != store.layout.names || read.chains() != store.layout.chains() {
-            return Err(damaged(format!("{} chains of {}", read.chains(), read.names().join(", "))));
+            return Err(damaged(format!(
+                "{} chains of {}",
+                read.chains(),
+                read.names().join(", ")
+            )));
         }
         let (walkers, dim) = (store.layout.walkers, store.layout.names.len());
         let (mut x, mut lp) = (vec![0.0; walkers * dim], vec![0.0; walkers]);
@@ -143,7 +149,9 @@ impl Store {
 
     /// A digest of every draw recorded.
     pub fn digest(&self) -> u64 {
-        self.digests.iter().fold(0, |all, d| Digest(all).with(d.0).0)
+        self.digests
+            .iter()
+            .fold(0, |all, d| Digest(all).with(d.0).0)
     }
 
     /// Records draws: for each ensemble its positions (draw x walker x parameter) and log densities (draw x walker).
@@ -156,7 +164,12 @@ impl Store {
         for draw in 0..count {
             for (ensemble, (x, lp)) in blocks.iter().enumerate() {
                 let rows = draw * walkers..(draw + 1) * walkers;
-                self.put(ensemble, self.draws, &x[rows.start * dim..rows.end * dim], &lp[rows]);
+                self.put(
+                    ensemble,
+                    self.draws,
+                    &x[rows.start * dim..rows.end * dim],
+                    &lp[rows],
+                );
             }
             self.draws += 1;
             if self.draws.is_multiple_of(self.chunk) {
@@ -171,7 +184,9 @@ impl Store {
         let (dim, column) = (self.layout.names.len(), draw % self.chunk);
         for (walker, lp) in lp.iter().enumerate() {
             let at = (ensemble * self.layout.walkers + walker) * self.chunk + column;
-            let values = x[walker * dim..(walker + 1) * dim].iter().chain(std::iter::once(lp));
+            let values = x[walker * dim..(walker + 1) * dim]
+                .iter()
+                .chain(std::iter::once(lp));
             for ((last, digest), value) in self.last.iter_mut().zip(&mut self.digests).zip(values) {
                 last[at] = *value;
                 *digest = digest.with(value.to_bits());
@@ -185,14 +200,20 @@ impl Store {
 
     fn write_chunk(&mut self, index: usize) -> Result<()> {
         let arrays = self.layout.names.iter().map(|n| format!("posterior/{n}"));
-        for (array, values) in arrays.chain(["sample_stats/lp".to_string()]).zip(&self.last) {
+        for (array, values) in arrays
+            .chain(["sample_stats/lp".to_string()])
+            .zip(&self.last)
+        {
             let path = self.path.join(array).join(format!("c/0/{index}"));
             zarr::replace(&path, &zarr::floats(values))?;
         }
         for group in GROUPS {
             let first = (index * self.chunk) as i64;
             let values = zarr::integers(first..first + self.chunk as i64);
-            zarr::replace(&self.path.join(group).join(format!("draw/c/{index}")), &values)?;
+            zarr::replace(
+                &self.path.join(group).join(format!("draw/c/{index}")),
+                &values,
+            )?;
         }
         self.written = self.draws;
         Ok(())
@@ -263,7 +284,10 @@ impl Store {
         let mut nodes = Vec::new();
         for group in GROUPS {
             // xarray takes as coordinates what the attribute names.
-            nodes.push((group.into(), zarr::group(&json!({ "coordinates": "ensemble" }))));
+            nodes.push((
+                group.into(),
+                zarr::group(&json!({ "coordinates": "ensemble" })),
+            ));
             let draw = zarr::array(Kind::Integer, &[draws], &[chunk], &["draw"]);
             nodes.push((format!("{group}/draw"), draw));
             for name in ["chain", "ensemble"] {
@@ -312,8 +336,10 @@ pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
     let place = path.display();
     let root = zarr::read_metadata(path)?;
     if root["attributes"]["format"] != FORMAT {
-        return Err(Error::input(place, format!("a chain store of format {FORMAT}"))
-            .found(&root["attributes"]["format"]));
+        return Err(
+            Error::input(place, format!("a chain store of format {FORMAT}"))
+                .found(&root["attributes"]["format"]),
+        );
     }
     let metadata = root["consolidated_metadata"]["metadata"]
         .as_object()
@@ -323,7 +349,10 @@ pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
     let shape = [&lp["shape"][0], &lp["shape"][1]].map(number);
     let chunk = number(&lp["chunk_grid"]["configuration"]["chunk_shape"][1]);
     let ([Some(chains), Some(stored)], Some(chunk)) = (shape, chunk) else {
-        return Err(Error::input(path.display(), "an array sample_stats/lp of chain x draw"));
+        return Err(Error::input(
+            path.display(),
+            "an array sample_stats/lp of chain x draw",
+        ));
     };
     let count = draws.unwrap_or(stored);
     if count > stored || chains == 0 || chunk == 0 {
@@ -338,7 +367,11 @@ pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
         read_array(&array, [chains, count, chunk], &mut put)?;
     }
     let mut lp = vec![0.0; chains * count];
-    read_array(&path.join("sample_stats/lp"), [chains, count, chunk], &mut |at, v| lp[at] = v)?;
+    read_array(
+        &path.join("sample_stats/lp"),
+        [chains, count, chunk],
+        &mut |at, v| lp[at] = v,
+    )?;
     let ensemble = zarr::read_chunk(&path.join("posterior/ensemble/c/0"), chains)?;
     let ensemble = ensemble.iter().map(|v| v.to_bits() as usize).collect();
     Draws::new(names, ensemble, values, lp)

@@ -78,9 +78,7 @@ pub(super) fn read_chunk(path: &Path, count: usize) -> Result<Vec<f64>> {
     let bytes = std::fs::read(path)
         .map_err(|e| Error::input(path.display(), "a chunk of the chain store").found(e))?;
     if bytes.len() != 8 * count {
-        return Err(
-            Error::input(path.display(), format!("{} bytes", 8 * count)).found(bytes.len())
-        );
+        return Err(Error::input(path.display(), format!("{} bytes", 8 * count)).found(bytes.len()));
     }
     let (words, _) = bytes.as_chunks::<8>();
     Ok(words.iter().map(|w| f64::from_le_bytes(*w)).collect())

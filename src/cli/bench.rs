@@ -43,7 +43,14 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
         let line = |threads| {
             let runs = (0..arguments.repeat.max(1) as u64)
                 .map(|k| {
-                    measure(&posterior, &*sampler, &start, arguments.draws, global.seed + k, threads)
+                    measure(
+                        &posterior,
+                        &*sampler,
+                        &start,
+                        arguments.draws,
+                        global.seed + k,
+                        threads,
+                    )
                 })
                 .collect::<Result<Vec<_>>>()?;
             Ok::<_, Error>(runs)
@@ -60,7 +67,11 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
             least(&one, |m| m.seconds) / least(&two, |m| m.seconds),
         );
         if let Some(known) = table.reference.as_ref().filter(|_| name == DEFAULT) {
-            println!("  {:22} {:.2} largest deviation of mean or sd from the reference, MCSE", "", one[0].deviation(known));
+            println!(
+                "  {:22} {:.2} largest deviation of mean or sd from the reference, MCSE",
+                "",
+                one[0].deviation(known)
+            );
         }
     }
     Ok(())
@@ -97,7 +108,9 @@ impl Point {
         let normal = laplace(posterior, &centre, &sd)?;
         let dim = centre.len();
         Ok(Self {
-            sd: (0..dim).map(|k| normal.covariance[k * dim + k].sqrt()).collect(),
+            sd: (0..dim)
+                .map(|k| normal.covariance[k * dim + k].sqrt())
+                .collect(),
             mode: normal.mode,
             covariance: normal.covariance,
         })
@@ -122,16 +135,24 @@ fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) {
     };
     if !table.test_points.is_empty() {
         let known = &table.test_points;
-        let largest =
-            worst(&mut known.iter().map(|t| (posterior.log_density(&t.p), t.logp)));
-        println!("log posterior at {} test points: largest deviation {largest:.1e}", known.len());
+        let largest = worst(&mut known.iter().map(|t| (posterior.log_density(&t.p), t.logp)));
+        println!(
+            "log posterior at {} test points: largest deviation {largest:.1e}",
+            known.len()
+        );
     }
     let cloud = start.cloud(64);
     let points = cloud.chunks_exact(posterior.dim());
-    let dense = worst(&mut points.clone().map(|x| (posterior.log_density(x), table.dense(x))));
+    let dense = worst(
+        &mut points
+            .clone()
+            .map(|x| (posterior.log_density(x), table.dense(x))),
+    );
     let mut batch = vec![0.0; 64];
     posterior.log_density_batch(&cloud, &mut batch);
-    let same = points.zip(&batch).all(|(x, v)| posterior.log_density(x).to_bits() == v.to_bits());
+    let same = points
+        .zip(&batch)
+        .all(|(x, v)| posterior.log_density(x).to_bits() == v.to_bits());
     println!(
         "against the formula with a dense covariance: {dense:.1e}; batch and single to the same bits: {}",
         if same { "yes" } else { "NO" }

@@ -70,8 +70,14 @@ fn getdist_root(path: &Path) -> Option<PathBuf> {
     let text = path.to_str()?;
     let mut roots = vec![text];
     roots.extend(text.strip_suffix(".paramnames"));
-    roots.extend(text.strip_suffix(".txt").and_then(|t| t.rsplit_once('_')).map(|(root, _)| root));
-    let found = roots.into_iter().find(|root| Path::new(&format!("{root}.paramnames")).is_file());
+    roots.extend(
+        text.strip_suffix(".txt")
+            .and_then(|t| t.rsplit_once('_'))
+            .map(|(root, _)| root),
+    );
+    let found = roots
+        .into_iter()
+        .find(|root| Path::new(&format!("{root}.paramnames")).is_file());
     found.map(PathBuf::from)
 }
 
@@ -121,6 +127,11 @@ pub fn export(arguments: &ExportArguments) -> Result<()> {
         Format::Npz => write_npz(&draws, &out)?,
         Format::Csv => write_csv(&draws, &out)?,
     }
-    println!("{} draws of {} chains written to {}", draws.len(), draws.chains(), out.display());
+    println!(
+        "{} draws of {} chains written to {}",
+        draws.len(),
+        draws.chains(),
+        out.display()
+    );
     Ok(())
 }

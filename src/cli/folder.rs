@@ -61,7 +61,9 @@ impl Folder {
         let place = format!("--resume: --out {}", path.display());
         let wanted = || Error::input(&place, "the folder of a run that was interrupted");
         let mut entries = std::fs::read_dir(path).map_err(|e| wanted().found(e))?;
-        let ours = ["run.json", "checkpoint"].iter().any(|name| path.join(name).exists());
+        let ours = ["run.json", "checkpoint"]
+            .iter()
+            .any(|name| path.join(name).exists());
         if !ours && entries.next().is_some() {
             return Err(wanted()
                 .found("files that are no run's")
@@ -86,14 +88,20 @@ impl Folder {
     pub fn begin(&self, identity: &Value) -> Result<()> {
         let path = self.path.join("run.json");
         let Ok(text) = std::fs::read_to_string(&path) else {
-            return self.write_json("run.json", &json!({ "program": "plychain", "unfinished": identity }));
+            return self.write_json(
+                "run.json",
+                &json!({ "program": "plychain", "unfinished": identity }),
+            );
         };
         let known: Value = serde_json::from_str(&text)
             .map_err(|e| Error::input(path.display(), "the manifest of a run").found(e))?;
         match known.get("unfinished") {
-            Some(theirs) if theirs != identity => Err(Error::input(path.display(), format!("a run that is {identity}"))
-                .found(theirs)
-                .hint("this folder belongs to another run; nothing was changed")),
+            Some(theirs) if theirs != identity => Err(Error::input(
+                path.display(),
+                format!("a run that is {identity}"),
+            )
+            .found(theirs)
+            .hint("this folder belongs to another run; nothing was changed")),
             _ => Ok(()),
         }
     }
@@ -153,7 +161,9 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Error {
 }
 
 /// SHA-256 of files, by path.
-pub fn hashes<'a>(files: impl Iterator<Item = &'a PathBuf>) -> Result<serde_json::Map<String, Value>> {
+pub fn hashes<'a>(
+    files: impl Iterator<Item = &'a PathBuf>,
+) -> Result<serde_json::Map<String, Value>> {
     files
         .map(|path| Ok((path.display().to_string(), json!(hash(path)?))))
         .collect()

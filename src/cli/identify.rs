@@ -14,8 +14,8 @@ use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::infer::Model;
-use crate::report::{numbers, terminal};
 use crate::reduce::cache::hex;
+use crate::report::{numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 use crate::trace::{self, Options};
 

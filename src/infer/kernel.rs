@@ -251,7 +251,10 @@ impl Kernel {
                     add_logarithm(simd, product, pair, &mut log_det);
                 }
             }
-            for (sums, sum) in [&mut sums.quad, &mut sums.ww, &mut sums.wr].into_iter().zip(sum) {
+            for (sums, sum) in [&mut sums.quad, &mut sums.ww, &mut sums.wr]
+                .into_iter()
+                .zip(sum)
+            {
                 let (sums, _) = S::as_mut_simd_f64s(sums);
                 (sums[pair], sums[pair + 1]) = (sum[0], sum[1]);
             }

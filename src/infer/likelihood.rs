@@ -234,7 +234,8 @@ impl pulp::WithSimd for One<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        self.kernel.single(simd, self.scratch, self.theta, self.scale)
+        self.kernel
+            .single(simd, self.scratch, self.theta, self.scale)
     }
 }
 

@@ -97,7 +97,11 @@ impl Posterior {
             for (l, log) in log.iter_mut().enumerate() {
                 let z = (x(k, l) - m.mean) * per_sd;
                 let inside = (low <= x(k, l)) & (x(k, l) <= high);
-                *log = if inside { *log - 0.5 * z * z } else { f64::NEG_INFINITY };
+                *log = if inside {
+                    *log - 0.5 * z * z
+                } else {
+                    f64::NEG_INFINITY
+                };
             }
         }
         if self.declared_nm.is_none() {

@@ -94,7 +94,10 @@ impl Tabulated {
     /// # Errors
     /// The program's fault if the fit fails.
     pub fn synthetic() -> Result<Self> {
-        let (mid, half) = ([162.0, 7.58, 0.34, 4.41, 0.13], [48.0, 2.25, 0.09, 1.5, 0.02]);
+        let (mid, half) = (
+            [162.0, 7.58, 0.34, 4.41, 0.13],
+            [48.0, 2.25, 0.09, 1.5, 0.02],
+        );
         let scaling: Vec<[f64; 2]> = mid.iter().zip(half).map(|(m, h)| [*m, h]).collect();
         let variables = Variables::plain(Material::Laminate, scaling, Some(4), 0.13);
         // An additive-recurrence (Kronecker) design: even, and without random numbers.
@@ -166,7 +169,12 @@ impl Tabulated {
     pub fn posterior(&self) -> Posterior {
         let plies = self.plies();
         // The surface's fifth variable is the ply's thickness, the likelihood's the laminate's.
-        let mut scaling: Vec<[f64; 2]> = self.mid.iter().zip(&self.half).map(|(m, h)| [*m, *h]).collect();
+        let mut scaling: Vec<[f64; 2]> = self
+            .mid
+            .iter()
+            .zip(&self.half)
+            .map(|(m, h)| [*m, *h])
+            .collect();
         scaling[4] = scaling[4].map(|v| v * plies);
         let k = self.alpha_measured.len();
         let surface = Surface {
@@ -205,7 +213,9 @@ impl Tabulated {
     /// The log posterior by the formula as it stands: all monomials, a dense covariance, its Cholesky factor.
     pub fn dense(&self, x: &[f64]) -> f64 {
         let point = [x[0], x[1], x[2], x[3], self.t0];
-        let z: Vec<f64> = (0..5).map(|i| (point[i] - self.mid[i]) / self.half[i]).collect();
+        let z: Vec<f64> = (0..5)
+            .map(|i| (point[i] - self.mid[i]) / self.half[i])
+            .collect();
         let k = self.alpha_measured.len();
         let (mut r, mut slope) = (
             DVector::from_column_slice(&self.alpha_measured),

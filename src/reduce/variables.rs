@@ -104,7 +104,11 @@ impl Variables {
             (Choice::Ratios, Material::Laminate) => vec![(1, true), (2, false), (3, true)],
             (Choice::Ratios, Material::Isotropic) => vec![(1, false)],
         };
-        terms.extend((terms.len()..self.count()).enumerate().map(|(k, _)| (after + k, false)));
+        terms.extend(
+            (terms.len()..self.count())
+                .enumerate()
+                .map(|(k, _)| (after + k, false)),
+        );
         terms
     }
 

@@ -92,7 +92,11 @@ impl Checkpoint {
         });
         let totals = self.totals.iter().map(|t| Totals {
             accepted: t.accepted.clone(),
-            moves: t.moves.iter().map(|m| (m.name.clone(), m.proposed, m.accepted)).collect(),
+            moves: t
+                .moves
+                .iter()
+                .map(|m| (m.name.clone(), m.proposed, m.accepted))
+                .collect(),
             nan: t.nan,
             evaluations: t.evaluations,
         });
@@ -126,15 +130,18 @@ impl Checkpoint {
                 .hint("it is damaged and left as it is: start a new run in another folder")
         };
         let text = std::fs::read_to_string(path).map_err(|e| damaged(&e))?;
-        let (sum, text) = text.split_once('\n').ok_or_else(|| damaged(&"a cut file"))?;
+        let (sum, text) = text
+            .split_once('\n')
+            .ok_or_else(|| damaged(&"a cut file"))?;
         let text = text.trim_end();
         if hex(&Sha256::digest(text)) != sum {
             return Err(damaged(&"a file whose checksum is wrong"));
         }
         let value: Value = serde_json::from_str(text).map_err(|e| damaged(&e))?;
         if value["format"] != FORMAT {
-            return Err(Error::input(path.display(), format!("format {FORMAT}"))
-                .found(&value["format"]));
+            return Err(
+                Error::input(path.display(), format!("format {FORMAT}")).found(&value["format"])
+            );
         }
         same_run(path, identity, &value["identity"])?;
         let file: File = serde_json::from_value(value).map_err(|e| damaged(&e))?;
@@ -175,7 +182,10 @@ fn same_run(path: &Path, ours: &Value, theirs: &Value) -> Result<()> {
         return Ok(());
     }
     let empty = serde_json::Map::new();
-    let (a, b) = (ours.as_object().unwrap_or(&empty), theirs.as_object().unwrap_or(&empty));
+    let (a, b) = (
+        ours.as_object().unwrap_or(&empty),
+        theirs.as_object().unwrap_or(&empty),
+    );
     let key = a.keys().chain(b.keys()).find(|k| a.get(*k) != b.get(*k));
     let key = key.map_or("identity", |k| k.as_str());
     let show = |v: Option<&Value>| v.map_or("nothing".into(), ToString::to_string);

@@ -172,9 +172,7 @@ impl Scratch {
         if !self.evaluated {
             return;
         }
-        let Self {
-            y, factor, fit, ..
-        } = self;
+        let Self { y, factor, fit, .. } = self;
         kernel.propose_all(own, others, fit, streams, y, factor);
         target.log_density_batch(&self.y, &mut self.lp);
         for k in 0..self.half {

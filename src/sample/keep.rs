@@ -40,8 +40,10 @@ impl Keeper {
     /// Makes a new store.
     pub(super) fn create(keeping: &Keeping, layout: Layout) -> Result<Self> {
         if keeping.checkpoint.exists() {
-            return Err(Error::input(keeping.checkpoint.display(), "no checkpoint of another run")
-                .found("one"));
+            return Err(
+                Error::input(keeping.checkpoint.display(), "no checkpoint of another run")
+                    .found("one"),
+            );
         }
         Ok(Self {
             store: Store::create(&keeping.store, layout, keeping.identity.clone())?,
@@ -124,9 +126,11 @@ fn abandoned(keeping: &Keeping) -> Result<()> {
         |draws| draws.is_empty(),
     );
     if !ours {
-        return Err(Error::input(place.display(), "a checkpoint beside the chain store")
-            .found("none")
-            .hint("without it the run cannot go on; the store is left as it is"));
+        return Err(
+            Error::input(place.display(), "a checkpoint beside the chain store")
+                .found("none")
+                .hint("without it the run cannot go on; the store is left as it is"),
+        );
     }
     std::fs::remove_dir_all(place)
         .map_err(|e| Error::input(place.display(), "a writable folder").found(e))
@@ -143,11 +147,17 @@ fn same_target(
     let place = keeping.checkpoint.display();
     let walkers = layout.walkers;
     let shape = checkpoint.states.len() == layout.ensembles
-        && checkpoint.states.iter().all(|s| s.lp.len() == walkers && s.x.len() == walkers * dim);
+        && checkpoint
+            .states
+            .iter()
+            .all(|s| s.lp.len() == walkers && s.x.len() == walkers * dim);
     if !shape {
         return Err(Error::input(
             place,
-            format!("{} ensembles of {walkers} walkers in {dim} dimensions", layout.ensembles),
+            format!(
+                "{} ensembles of {walkers} walkers in {dim} dimensions",
+                layout.ensembles
+            ),
         )
         .found("others"));
     }
@@ -228,8 +238,11 @@ impl Memory {
 
     /// Keeps the draws that the doubled stride would have kept.
     fn halve(&mut self, walkers: usize, dim: usize) {
-        for (values, width) in
-            self.x.iter_mut().map(|x| (x, walkers * dim)).chain(self.lp.iter_mut().map(|lp| (lp, walkers)))
+        for (values, width) in self
+            .x
+            .iter_mut()
+            .map(|x| (x, walkers * dim))
+            .chain(self.lp.iter_mut().map(|lp| (lp, walkers)))
         {
             let rows = values.len() / width / 2;
             for row in 0..rows {
@@ -242,8 +255,12 @@ impl Memory {
 
     /// What is kept, chain by chain.
     pub(super) fn draws(&self, names: &[String], walkers: usize) -> Result<Draws> {
-        let blocks: Vec<(&[f64], &[f64])> =
-            self.x.iter().zip(&self.lp).map(|(x, lp)| (&**x, &**lp)).collect();
+        let blocks: Vec<(&[f64], &[f64])> = self
+            .x
+            .iter()
+            .zip(&self.lp)
+            .map(|(x, lp)| (&**x, &**lp))
+            .collect();
         collect(names, walkers, &blocks)
     }
 }
@@ -267,6 +284,8 @@ pub(super) fn collect(
             }
         }
     }
-    let ensemble = (0..walkers * blocks.len()).map(|chain| chain / walkers).collect();
+    let ensemble = (0..walkers * blocks.len())
+        .map(|chain| chain / walkers)
+        .collect();
     Draws::new(names.to_vec(), ensemble, values, all)
 }

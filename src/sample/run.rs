@@ -168,7 +168,11 @@ pub fn run_kept(
     }
     if crew.states.is_empty() {
         let begin = |&key: &Key| start.begin(target, sampler, key);
-        crew.states = crew.keys.iter().map(begin).collect::<Result<Vec<State>>>()?;
+        crew.states = crew
+            .keys
+            .iter()
+            .map(begin)
+            .collect::<Result<Vec<State>>>()?;
         crew.flush(warm, true)?;
     }
     let mut stopped = Stopped::Interrupted;
@@ -308,7 +312,12 @@ impl<'a> Crew<'a> {
             return Ok(());
         };
         if must || keeper.due() {
-            keeper.flush(warm, &self.states, &self.totals, &rates(&self.totals, steps))?;
+            keeper.flush(
+                warm,
+                &self.states,
+                &self.totals,
+                &rates(&self.totals, steps),
+            )?;
         }
         Ok(())
     }

@@ -267,7 +267,11 @@ fn posterior(
 /// Spread of the start about the mode, in units of its normal approximation.
 const SPREAD: f64 = 3.0;
 
-fn draw(posterior: &Posterior, options: &Options<'_>, watch: &dyn Watch) -> Result<(Draws, Stopped)> {
+fn draw(
+    posterior: &Posterior,
+    options: &Options<'_>,
+    watch: &dyn Watch,
+) -> Result<(Draws, Stopped)> {
     let (centre, sd) = posterior.start();
     let mode = laplace(posterior, &centre, &sd)?;
     let start = Start::Ball {
