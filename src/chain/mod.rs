@@ -11,4 +11,4 @@ pub use csv::{read_csv, write_csv, write_stan};
 pub use draws::{Draws, Info, MoveTally, Series};
 pub use getdist::{read_getdist, write_getdist};
 pub use npz::write_npz;
-pub use store::{Layout, Store, read as read_zarr};
+pub use store::{Layout, Replay, Store, read as read_zarr};

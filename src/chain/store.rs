@@ -44,6 +44,9 @@ impl Layout {
     }
 }
 
+/// Takes an ensemble's index, its positions (walker x parameter) and log densities of one draw.
+pub type Replay<'a> = &'a mut dyn FnMut(usize, &[f64], &[f64]);
+
 /// A store that is being written.
 pub struct Store {
     path: PathBuf,
@@ -102,7 +105,7 @@ impl Store {
         layout: Layout,
         attributes: Value,
         (draws, digest): (usize, u64),
-        replay: &mut dyn FnMut(usize, &[f64], &[f64]),
+        replay: Replay<'_>,
     ) -> Result<Self> {
         let mut store = Self::empty(path, layout, attributes);
         let read = read(path, Some(draws))?;

@@ -116,7 +116,7 @@ impl Posterior {
                 Material::Laminate => self.material.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]),
                 Material::Isotropic => self.material.ply(&[x(0, l), x(1, l)]),
             };
-            let possible = ply.is_admissible() & (s >= f64::MIN_POSITIVE) & (s < f64::INFINITY);
+            let possible = ply.is_admissible() & (f64::MIN_POSITIVE..f64::INFINITY).contains(&s);
             *log = if possible { *log } else { f64::NEG_INFINITY };
         }
         log
