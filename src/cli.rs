@@ -3,6 +3,7 @@
 mod bench;
 mod build;
 mod console;
+mod diagnose;
 mod folder;
 mod identify;
 mod simulate;
@@ -47,6 +48,10 @@ enum Verb {
     Build(build::Arguments),
     /// Measure the speed of log posterior and samplers on a tabulated posterior
     Bench(bench::Arguments),
+    /// Print what chains are worth: R-hat, effective draws, standard errors, and a verdict
+    Diagnose(diagnose::Arguments),
+    /// Write a run's chains in another program's format
+    Export(diagnose::ExportArguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
 }
@@ -86,6 +91,8 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
         Verb::Build(arguments) => build::run(&arguments, &console),
         Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
+        Verb::Diagnose(arguments) => diagnose::run(&arguments),
+        Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
     }
 }

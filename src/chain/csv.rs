@@ -19,6 +19,39 @@ pub fn write_csv(draws: &Draws, path: &Path) -> Result<()> {
     out.flush().map_err(failed)
 }
 
+/// Writes Stan CSV: one file a chain, `STEM_1.csv`, `STEM_2.csv`, ..., with `lp__` and the parameters.
+///
+/// # Errors
+/// The input's fault (with the path) if a file cannot be written.
+pub fn write_stan(draws: &Draws, stem: &Path) -> Result<()> {
+    for chain in 0..draws.chains() {
+        let mut path = stem.as_os_str().to_owned();
+        path.push(format!("_{}.csv", chain + 1));
+        let path = Path::new(&path);
+        let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
+        let mut out = BufWriter::new(File::create(path).map_err(failed)?);
+        write_chain(draws, chain, &mut out).map_err(failed)?;
+        out.flush().map_err(failed)?;
+    }
+    Ok(())
+}
+
+fn write_chain(draws: &Draws, chain: usize, out: &mut dyn Write) -> std::io::Result<()> {
+    writeln!(out, "# model = plychain")?;
+    writeln!(out, "# id = {}", chain + 1)?;
+    // Stan's names have no dots of their own: a dot counts elements there.
+    let names: Vec<String> = draws.names().iter().map(|n| n.replace('.', "_")).collect();
+    writeln!(out, "lp__,{}", names.join(","))?;
+    for draw in 0..draws.draws() {
+        write!(out, "{:?}", draws.lp()[chain * draws.draws() + draw])?;
+        for value in draws.point(chain, draw) {
+            write!(out, ",{value:?}")?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
 fn write_rows(draws: &Draws, out: &mut dyn Write) -> std::io::Result<()> {
     write!(out, "chain,draw,lp__")?;
     for name in draws.names() {

@@ -12,9 +12,6 @@ use super::draws::Draws;
 use super::zarr::{self, Kind};
 use crate::error::{Error, Result};
 
-/// Gets an ensemble's rows (walker x parameter) and log densities.
-pub type Replay<'a> = &'a mut dyn FnMut(usize, &[f64], &[f64]);
-
 /// Version of the store's own conventions.
 const FORMAT: &str = "plychain-chain/1";
 
@@ -46,6 +43,9 @@ impl Layout {
             .next_power_of_two()
     }
 }
+
+/// Takes an ensemble's index, its positions (walker x parameter) and log densities of one draw.
+pub type Replay<'a> = &'a mut dyn FnMut(usize, &[f64], &[f64]);
 
 /// A store that is being written.
 pub struct Store {
@@ -257,6 +257,7 @@ impl Store {
     fn attributes(&self) -> Value {
         let mut attributes = self.attributes.clone();
         attributes["format"] = json!(FORMAT);
+        attributes["parameters"] = json!(self.layout.names);
         attributes["inference_library"] = json!("plychain");
         attributes
     }
@@ -310,6 +311,8 @@ impl Store {
             let array = zarr::array(Kind::Float, &count, &count, &[&dimension]);
             nodes.push((format!("observed_data/{name}"), array));
         }
+        // Readers of consolidated metadata want the members of a group together.
+        nodes.sort_by(|a, b| a.0.split('/').cmp(b.0.split('/')));
         nodes
     }
 }
@@ -358,13 +361,8 @@ pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
     if count > stored || chains == 0 || chunk == 0 {
         return Err(Error::input(path.display(), format!("at least {count} draws")).found(stored));
     }
-    let special = ["chain", "draw", "ensemble"];
-    let names: Vec<String> = metadata
-        .keys()
-        .filter_map(|k| k.strip_prefix("posterior/"))
-        .filter(|k| !special.contains(k))
-        .map(String::from)
-        .collect();
+    let names: Vec<String> = serde_json::from_value(root["attributes"]["parameters"].clone())
+        .map_err(|e| Error::input(path.display(), "an attribute parameters of names").found(e))?;
     let mut values = vec![0.0; chains * count * names.len()];
     for (k, name) in names.iter().enumerate() {
         let array = path.join("posterior").join(name);

@@ -10,6 +10,7 @@ use std::cell::RefCell;
 use pulp::Simd;
 
 use super::lanes::{Lanes, WIDTH, each, ln};
+use super::monomials::{Variable, closure, position, variables, without};
 use crate::reduce::{Choice, Surface};
 
 /// Coordinates are padded to a multiple of this with zeros, which change nothing.
@@ -17,15 +18,6 @@ const BLOCK: usize = 8;
 
 /// Coordinates whose product of variances is taken before the logarithm.
 const GROUP: usize = 4;
-
-/// A scaled variable: a parameter, or the ratio of one to the first.
-#[derive(Debug, Clone)]
-struct Variable {
-    numerator: usize,
-    ratio: bool,
-    middle: f64,
-    per_half: f64,
-}
 
 /// Polynomials of all coordinates over monomials, in two layouts.
 #[derive(Debug, Clone, Default)]
@@ -433,65 +425,4 @@ fn accumulate_single<S: Simd>(simd: S, rows: &[f64], monomials: &[f64], out: &mu
         }
         out.copy_from_slice(&sum[..used]);
     }
-}
-
-fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Variable> {
-    let thickness = surface.variables.thickness();
-    let terms = surface.variables.terms();
-    let kept = (0..surface.variables.count()).filter(|k| Some(*k) != collapsed);
-    kept.map(|k| {
-        let (numerator, ratio) = terms[k];
-        let [middle, half] = surface.variables.scaling(k);
-        // The sampled parameters leave the thickness out.
-        let before = thickness.is_some_and(|t| t < numerator);
-        Variable {
-            numerator: numerator - usize::from(before),
-            ratio,
-            middle,
-            per_half: 1.0 / half,
-        }
-    })
-    .collect()
-}
-
-fn without(e: &[u8], variable: Option<usize>) -> Vec<u8> {
-    let kept = e.iter().enumerate().filter(|(k, _)| Some(*k) != variable);
-    kept.map(|(_, e)| *e).collect()
-}
-
-fn position(exponents: &[Vec<u8>], e: &[u8]) -> usize {
-    exponents.iter().position(|x| x == e).unwrap_or(0)
-}
-
-/// The monomials without one variable, by degree, with every lower monomial that a product needs; and the products.
-fn closure(exponents: &[Vec<u8>], collapsed: Option<usize>) -> (Vec<Vec<u8>>, Vec<(usize, usize)>) {
-    let mut all: Vec<Vec<u8>> = exponents.iter().map(|e| without(e, collapsed)).collect();
-    let mut next = 0;
-    while next < all.len() {
-        if let Some(lower) = lower(&all[next]) {
-            all.push(lower.0);
-        }
-        next += 1;
-    }
-    all.sort_by_key(|e| {
-        let degree: u32 = e.iter().map(|k| u32::from(*k)).sum();
-        (degree, std::cmp::Reverse(e.clone()))
-    });
-    all.dedup();
-    if all.first().is_none_or(|e| e.iter().any(|k| *k > 0)) {
-        all.insert(0, vec![0; all.first().map_or(0, Vec::len)]);
-    }
-    let products = all[1..]
-        .iter()
-        .filter_map(|e| lower(e).map(|(lower, variable)| (position(&all, &lower), variable)))
-        .collect();
-    (all, products)
-}
-
-/// The monomial one degree lower in the last variable that has any, and that variable.
-fn lower(e: &[u8]) -> Option<(Vec<u8>, usize)> {
-    let variable = e.iter().rposition(|k| *k > 0)?;
-    let mut lower = e.to_vec();
-    lower[variable] -= 1;
-    Some((lower, variable))
 }

@@ -7,6 +7,7 @@ mod laplace;
 mod likelihood;
 mod linear;
 mod model;
+mod monomials;
 mod noise;
 mod observation;
 mod posterior;

@@ -1,0 +1,137 @@
+//! `plychain diagnose` and `plychain export`: what chains are worth, and other programs' formats.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use crate::chain::{
+    Draws, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz, write_stan,
+};
+use crate::diagnose::{Rule, diagnose};
+use crate::error::{Error, Result};
+
+/// Arguments of `diagnose`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A run folder, chain.zarr, chain.csv, Stan CSV files (one a chain), or a GetDist root (or one of its files)
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Exit with an error if the chains have not converged
+    #[arg(long)]
+    strict: bool,
+    /// Walkers of an ensemble, where a file does not say it: walkers of one ensemble are not independent chains
+    #[arg(long, value_name = "N")]
+    walkers: Option<usize>,
+}
+
+/// Run the verb.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let mut draws = read(&arguments.files)?;
+    if let Some(walkers) = arguments.walkers {
+        draws = draws.with_walkers(walkers)?;
+    }
+    let verdict = diagnose(&draws, &Rule::default());
+    println!("{verdict}");
+    if arguments.strict && !verdict.converged {
+        return Err(Error::input("--strict", "converged chains").found(verdict.line()));
+    }
+    Ok(())
+}
+
+/// Read chains in whichever format they are.
+fn read(files: &[PathBuf]) -> Result<Draws> {
+    let [path] = files else {
+        let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+        return read_csv(&paths);
+    };
+    if path.join("chain.zarr").is_dir() {
+        return read_zarr(&path.join("chain.zarr"), None);
+    }
+    if path.join("zarr.json").is_file() {
+        return read_zarr(path, None);
+    }
+    if let Some(root) = getdist_root(path) {
+        return read_getdist(&root);
+    }
+    // Our own chain.csv does not say which walkers belong together; the store beside it does.
+    let store = path.with_file_name("chain.zarr");
+    let draws = read_csv(&[path])?;
+    if path.ends_with("chain.csv")
+        && let Ok(stored) = read_zarr(&store, Some(0))
+        && stored.chains() == draws.chains()
+    {
+        return draws.with_walkers(stored.chains() / stored.ensembles().max(1));
+    }
+    Ok(draws)
+}
+
+/// The root of GetDist files if `path` is one of them or the root itself.
+fn getdist_root(path: &Path) -> Option<PathBuf> {
+    let text = path.to_str()?;
+    let mut roots = vec![text];
+    roots.extend(text.strip_suffix(".paramnames"));
+    roots.extend(
+        text.strip_suffix(".txt")
+            .and_then(|t| t.rsplit_once('_'))
+            .map(|(root, _)| root),
+    );
+    let found = roots
+        .into_iter()
+        .find(|root| Path::new(&format!("{root}.paramnames")).is_file());
+    found.map(PathBuf::from)
+}
+
+/// Formats of `export`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// One CSV file a chain, as Stan writes them
+    StanCsv,
+    /// ROOT_N.txt, ROOT.paramnames, ROOT.ranges
+    Getdist,
+    /// NumPy arrays chain (draw x walker x parameter) and log_prob, as emcee has them
+    Npz,
+    /// One table of all chains
+    Csv,
+}
+
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+pub struct ExportArguments {
+    /// A run folder, or any chain file
+    run: PathBuf,
+    /// What to write
+    #[arg(long)]
+    format: Format,
+    /// File, or the stem of several files (default: `export` in the run folder)
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Run the verb.
+pub fn export(arguments: &ExportArguments) -> Result<()> {
+    let draws = read(std::slice::from_ref(&arguments.run))?;
+    let folder = if arguments.run.join("chain.zarr").is_dir() {
+        arguments.run.clone()
+    } else {
+        PathBuf::new()
+    };
+    let name = match arguments.format {
+        Format::StanCsv | Format::Getdist => "export",
+        Format::Npz => "export.npz",
+        Format::Csv => "export.csv",
+    };
+    let out = arguments.out.clone().unwrap_or_else(|| folder.join(name));
+    match arguments.format {
+        Format::StanCsv => write_stan(&draws, &out)?,
+        Format::Getdist => write_getdist(&draws, &out)?,
+        Format::Npz => write_npz(&draws, &out)?,
+        Format::Csv => write_csv(&draws, &out)?,
+    }
+    println!(
+        "{} draws of {} chains written to {}",
+        draws.len(),
+        draws.chains(),
+        out.display()
+    );
+    Ok(())
+}

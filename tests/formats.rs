@@ -1,0 +1,147 @@
+//! Chain stores and exports: round trips here, and other people's readers where Python has them.
+
+use std::path::Path;
+use std::process::Command;
+
+use plychain::chain::{
+    Draws, Layout, Store, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz,
+    write_stan,
+};
+
+/// Four chains of 90 draws that differ in every number.
+fn draws() -> Draws {
+    let value = |k: usize| ((k * 7919) % 1009) as f64 / 1009.0 + 1e-3 * (k as f64).sin();
+    let values = (0..4 * 90 * 3).map(value).collect();
+    let lp = (0..4 * 90).map(|k| -0.5 * value(k)).collect();
+    let names = ["E1_GPa", "nu12", "hole_offset.dx_mm"].map(String::from);
+    Draws::new(names.to_vec(), vec![0, 0, 1, 1], values, lp).unwrap()
+}
+
+/// Writes draws into a store in uneven pieces with a flush after each.
+fn store(draws: &Draws, path: &Path) {
+    let layout = Layout {
+        names: draws.names().to_vec(),
+        walkers: 2,
+        ensembles: 2,
+        observed: vec![("alpha_mm".into(), vec![1.0, 2.0])],
+    };
+    let mut store = Store::create(path, layout, serde_json::json!({})).unwrap();
+    let mut first = 0;
+    for count in [1, 30, 7, 52] {
+        let part = |ensemble: usize| {
+            let (mut x, mut lp) = (Vec::new(), Vec::new());
+            for draw in first..first + count {
+                for chain in 2 * ensemble..2 * ensemble + 2 {
+                    x.extend_from_slice(draws.point(chain, draw));
+                    lp.push(draws.lp()[chain * draws.draws() + draw]);
+                }
+            }
+            (x, lp)
+        };
+        let parts = [part(0), part(1)];
+        let blocks: Vec<(&[f64], &[f64])> = parts.iter().map(|(x, lp)| (&**x, &**lp)).collect();
+        store.record(&blocks).unwrap();
+        store.flush(&[0.5; 4]).unwrap();
+        first += count;
+    }
+    store.finalize(&[0.5; 4]).unwrap();
+}
+
+fn same(a: &Draws, b: &Draws) {
+    assert_eq!(a.values(), b.values());
+    assert_eq!(a.lp(), b.lp());
+    assert_eq!(a.chains(), b.chains());
+}
+
+#[test]
+fn every_format_reads_back() {
+    let place = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.path().join(name);
+    let draws = draws();
+    store(&draws, &at("chain.zarr"));
+    let stored = read_zarr(&at("chain.zarr"), None).unwrap();
+    same(&draws, &stored);
+    assert_eq!(
+        (draws.names(), draws.ensemble()),
+        (stored.names(), stored.ensemble())
+    );
+    assert_eq!(read_zarr(&at("chain.zarr"), Some(31)).unwrap().draws(), 31);
+    write_csv(&draws, &at("chain.csv")).unwrap();
+    same(&draws, &read_csv(&[&at("chain.csv")]).unwrap());
+    write_stan(&draws, &at("stan")).unwrap();
+    let files: Vec<_> = (1..=4).map(|k| at(&format!("stan_{k}.csv"))).collect();
+    let files: Vec<&Path> = files.iter().map(|f| f.as_path()).collect();
+    same(&draws, &read_csv(&files).unwrap());
+    write_getdist(&draws, &at("getdist")).unwrap();
+    let back = read_getdist(&at("getdist")).unwrap();
+    same(&draws, &back);
+    assert_eq!(draws.names(), back.names());
+}
+
+#[test]
+fn a_store_is_never_overwritten() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("chain.zarr");
+    store(&draws(), &path);
+    let layout = Layout {
+        names: vec!["a".into()],
+        walkers: 1,
+        ensembles: 1,
+        observed: Vec::new(),
+    };
+    assert!(Store::create(&path, layout, serde_json::json!({})).is_err());
+}
+
+const SCRIPT: &str = r#"
+import sys, numpy as np, pandas as pd, xarray as xr, arviz as az
+import matplotlib
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from getdist import loadMCSamples
+tree = xr.open_datatree("chain.zarr", engine="zarr")
+x = tree.posterior["E1_GPa"].values
+assert tree.posterior["E1_GPa"].dims == ("chain", "draw") and x.shape == (4, 90)
+assert tree.posterior.ensemble.values.tolist() == [0, 0, 1, 1]
+assert tree.sample_stats["lp"].shape == (4, 90) and tree.sample_stats["acceptance_rate"].values[0] == 0.5
+assert tree.observed_data["alpha_mm"].values.tolist() == [1.0, 2.0]
+table = pd.read_csv("chain.csv")
+assert np.array_equal(table["E1_GPa"].to_numpy().reshape(4, 90), x)
+emcee = np.load("chain.npz")
+assert np.array_equal(emcee["chain"][:, :, 0].T, x) and emcee["names"][1] == "nu12"
+assert np.array_equal(emcee["log_prob"].T, tree.sample_stats["lp"].values)
+samples = loadMCSamples("./getdist", settings={"ignore_rows": 0})
+assert np.allclose(samples.mean("E1_GPa"), x.mean())
+# The scripts of the README.
+posterior = xr.open_datatree("chain.zarr", engine="zarr").posterior.to_dataset()
+az.plot_pair(posterior, marginals=True); plt.savefig("corner.png")
+az.plot_trace(posterior.isel(chain=slice(None, None, 2))); plt.savefig("trace.png")
+az.plot_rank(posterior.isel(chain=slice(None, None, 2))); plt.savefig("rank.png")
+"#;
+
+#[test]
+fn other_programs_read_the_files() {
+    let python = std::env::var("PLYCHAIN_PYTHON").unwrap_or_else(|_| "python3".into());
+    let modules = "import numpy, pandas, xarray, zarr, arviz, getdist, matplotlib";
+    let found = Command::new(&python).args(["-c", modules]).output();
+    if !found.is_ok_and(|output| output.status.success()) {
+        println!("skipped: {python} lacks one of: {modules}");
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.path().join(name);
+    let draws = draws();
+    store(&draws, &at("chain.zarr"));
+    write_csv(&draws, &at("chain.csv")).unwrap();
+    write_npz(&draws, &at("chain.npz")).unwrap();
+    write_getdist(&draws, &at("getdist")).unwrap();
+    let output = Command::new(&python)
+        .args(["-c", SCRIPT])
+        .current_dir(place.path())
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}

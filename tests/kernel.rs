@@ -1,0 +1,129 @@
+//! The compiled posterior: the formula's value, and the same bits however points are grouped.
+
+use std::path::PathBuf;
+
+use plychain::diagnose::{Rule, diagnose};
+use plychain::infer::{LogDensity, Posterior, Tabulated, laplace};
+use plychain::sample::{Ensemble, Quiet, Schedule, Start, Stream, run};
+
+/// The synthetic posterior, and the one that the environment names.
+fn tables() -> Vec<Tabulated> {
+    let mut tables = vec![Tabulated::synthetic().unwrap()];
+    match std::env::var("PLYCHAIN_BENCH") {
+        Ok(path) => tables.push(Tabulated::load(&PathBuf::from(path)).unwrap()),
+        Err(_) => println!("skipped: PLYCHAIN_BENCH names no tabulated posterior"),
+    }
+    tables
+}
+
+/// Points about the prior, some of them inadmissible.
+fn cloud(posterior: &Posterior, count: usize) -> Vec<f64> {
+    let key = plychain::sample::Key {
+        seed: 5,
+        ensemble: 0,
+    };
+    let mut rng = Stream::at(key, 0, 0);
+    let (centre, sd) = posterior.start();
+    let point = |_| {
+        centre
+            .iter()
+            .zip(&sd)
+            .map(|(c, s)| c + 4.0 * s * rng.normal())
+            .collect::<Vec<_>>()
+    };
+    let mut points: Vec<f64> = (0..count).flat_map(point).collect();
+    points[1] = -1.0;
+    points[4] = f64::NAN;
+    points
+}
+
+#[test]
+fn the_formula_to_1e_9() {
+    for table in tables() {
+        let posterior = table.posterior();
+        for t in &table.test_points {
+            let found = posterior.log_density(&t.p);
+            assert!(
+                (found - t.logp).abs() <= 1e-9,
+                "{:?}: {found} {}",
+                t.p,
+                t.logp
+            );
+        }
+        for x in cloud(&posterior, 100).chunks_exact(4).skip(2) {
+            let (found, truth) = (posterior.log_density(x), table.dense(x));
+            let admissible = x[0] > 0.0 && x[1] > 0.0 && x[3] > 0.0 && x[2] * x[2] < x[0] / x[1];
+            if admissible {
+                assert!(
+                    (found - truth).abs() <= 1e-9 * truth.abs().max(1.0),
+                    "{x:?}: {found} {truth}"
+                );
+            } else {
+                assert_eq!(found, f64::NEG_INFINITY);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_same_bits_in_any_company() {
+    for table in tables() {
+        let posterior = table.posterior();
+        let points = cloud(&posterior, 53);
+        let alone: Vec<u64> = points
+            .chunks_exact(4)
+            .map(|x| posterior.log_density(x).to_bits())
+            .collect();
+        assert_eq!(f64::from_bits(alone[0]), f64::NEG_INFINITY);
+        assert_eq!(f64::from_bits(alone[1]), f64::NEG_INFINITY);
+        for size in [1, 2, 7, 16, 17, 32, 53] {
+            let mut out = vec![0.0; 53];
+            for (xs, out) in points.chunks(4 * size).zip(out.chunks_mut(size)) {
+                posterior.log_density_batch(xs, out);
+            }
+            let together: Vec<u64> = out.iter().map(|v| v.to_bits()).collect();
+            assert_eq!(alone, together, "in batches of {size}");
+        }
+    }
+}
+
+#[test]
+fn moments_of_a_tabulated_posterior() {
+    for table in tables() {
+        let Some(known) = &table.reference else {
+            continue;
+        };
+        let posterior = table.posterior();
+        let (centre, sd) = posterior.start();
+        let mode = laplace(&posterior, &centre, &sd).unwrap();
+        let start = Start::Ball {
+            centre: &mode.mode,
+            covariance: &mode.covariance,
+            spread: 2.0,
+        };
+        let rule = Rule {
+            ess: 5000.0,
+            ..Rule::default()
+        };
+        let sampler = Ensemble::default();
+        let draws = run(
+            &posterior,
+            &sampler,
+            &start,
+            &Schedule::default(),
+            &rule,
+            &Quiet,
+        )
+        .unwrap()
+        .draws;
+        let verdict = diagnose(&draws, &rule);
+        assert!(verdict.converged, "{}", verdict.line());
+        for (k, row) in verdict.rows.iter().enumerate() {
+            assert!(
+                (row.mean - known.mean[k]).abs() < 4.0 * row.mcse_mean,
+                "{row:?}"
+            );
+            assert!((row.sd - known.sd[k]).abs() < 4.0 * row.mcse_sd, "{row:?}");
+        }
+    }
+}
