@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::Global;
+use super::{Global, print};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
@@ -36,9 +36,9 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     };
     let posterior = table.posterior();
     let start = Point::of(&posterior)?;
-    agreement(&table, &posterior, &start);
-    cost(&posterior, &start);
-    println!("min ESS/s: of the bulk over all parameters, a second of sampling without warm-up");
+    agreement(&table, &posterior, &start)?;
+    cost(&posterior, &start)?;
+    print("min ESS/s: of the bulk over all parameters, a second of sampling without warm-up\n")?;
     for (name, sampler) in samplers() {
         let line = |threads| {
             let runs = (0..arguments.repeat.max(1) as u64)
@@ -60,18 +60,18 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
         let least = |runs: &[Measured], f: fn(&Measured) -> f64| {
             runs.iter().map(f).fold(f64::INFINITY, f64::min)
         };
-        println!(
-            "  {name:22} {:.3e} one thread, {:5.1} ns a step; {:.2} x with two threads",
+        print(&format!(
+            "  {name:22} {:.3e} one thread, {:5.1} ns a step; {:.2} x with two threads\n",
             1.0 / least(&one, |m| m.seconds / m.ess),
             least(&one, |m| 1e9 * m.seconds / m.draws),
             least(&one, |m| m.seconds) / least(&two, |m| m.seconds),
-        );
+        ))?;
         if let Some(known) = table.reference.as_ref().filter(|_| name == DEFAULT) {
-            println!(
-                "  {:22} {:.2} largest deviation of mean or sd from the reference, MCSE",
+            print(&format!(
+                "  {:22} {:.2} largest deviation of mean or sd from the reference, MCSE\n",
                 "",
                 one[0].deviation(known)
-            );
+            ))?;
         }
     }
     Ok(())
@@ -129,17 +129,17 @@ impl Point {
     }
 }
 
-fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) {
+fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) -> Result<()> {
     let worst = |points: &mut dyn Iterator<Item = (f64, f64)>| {
         points.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     };
     if !table.test_points.is_empty() {
         let known = &table.test_points;
         let largest = worst(&mut known.iter().map(|t| (posterior.log_density(&t.p), t.logp)));
-        println!(
-            "log posterior at {} test points: largest deviation {largest:.1e}",
+        print(&format!(
+            "log posterior at {} test points: largest deviation {largest:.1e}\n",
             known.len()
-        );
+        ))?;
     }
     let cloud = start.cloud(64);
     let points = cloud.chunks_exact(posterior.dim());
@@ -153,13 +153,13 @@ fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) {
     let same = points
         .zip(&batch)
         .all(|(x, v)| posterior.log_density(x).to_bits() == v.to_bits());
-    println!(
-        "against the formula with a dense covariance: {dense:.1e}; batch and single to the same bits: {}",
+    print(&format!(
+        "against the formula with a dense covariance: {dense:.1e}; batch and single to the same bits: {}\n",
         if same { "yes" } else { "NO" }
-    );
+    ))
 }
 
-fn cost(posterior: &Posterior, start: &Point) {
+fn cost(posterior: &Posterior, start: &Point) -> Result<()> {
     let (count, dim) = (64, posterior.dim());
     let cloud = start.cloud(count);
     let mut out = vec![0.0; count];
@@ -186,10 +186,10 @@ fn cost(posterior: &Posterior, start: &Point) {
         }
         std::hint::black_box(&out);
     });
-    println!(
-        "one log posterior: {batched:.1} ns in batches of 64, {half:.1} ns of 32, {single:.1} ns alone ({})",
+    print(&format!(
+        "one log posterior: {batched:.1} ns in batches of 64, {half:.1} ns of 32, {single:.1} ns alone ({})\n",
         vectors()
-    );
+    ))
 }
 
 /// The vector instructions in use.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::print;
 use crate::chain::{
     Draws, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz, write_stan,
 };
@@ -31,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         draws = draws.with_walkers(walkers)?;
     }
     let verdict = diagnose(&draws, &Rule::default());
-    println!("{verdict}");
+    print(&format!("{verdict}\n"))?;
     if arguments.strict && !verdict.converged {
         return Err(Error::input("--strict", "converged chains").found(verdict.line()));
     }
@@ -127,11 +128,11 @@ pub fn export(arguments: &ExportArguments) -> Result<()> {
         Format::Npz => write_npz(&draws, &out)?,
         Format::Csv => write_csv(&draws, &out)?,
     }
-    println!(
-        "{} draws of {} chains written to {}",
+    print(&format!(
+        "{} draws of {} chains written to {}\n",
         draws.len(),
         draws.chains(),
         out.display()
-    );
+    ))?;
     Ok(())
 }

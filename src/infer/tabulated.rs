@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::laminate::{Material, Ply, abd};
 use crate::reduce::{Surface, Variables, exponents, monomial};
 
-/// Response surfaces alpha_k = sum over j of coefficients[j][k] times the monomials of the scaled (E1, E2, nu12, G12, t),
+/// Response surfaces alpha_k = sum over j of `coefficients[j][k]` times the monomials of the scaled (E1, E2, nu12, G12, t),
 /// with independent errors, and the laminate's thickness h = plies x t marginalised to first order.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Tabulated {

@@ -20,7 +20,7 @@ pub struct CrossValidation {
 const RANK: usize = 24;
 
 /// Each snapshot against the POD of the others, for K = 1..=`most`. The other snapshots lie in the span of all, so that
-/// their POD is an eigenproblem in the leading [`RANK`] coordinates, not another SVD of fields.
+/// their POD is an eigenproblem in the leading coordinates, not another SVD of fields.
 pub fn leave_one_out(pod: &Pod, most: usize) -> CrossValidation {
     let rank = RANK.min(pod.singular.len());
     let count = pod.right.nrows();

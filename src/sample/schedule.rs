@@ -40,7 +40,7 @@ pub struct Report {
     pub acceptance: f64,
 }
 
-/// Watches a run; called between blocks, from the thread that called [`run`].
+/// Watches a run; called between blocks, from the thread that called [`super::run`].
 pub trait Progress {
     /// Tells how far the run has come; `false` ends it here (a time limit, an interrupt).
     fn report(&self, report: &Report) -> bool;
