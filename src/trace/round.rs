@@ -158,6 +158,7 @@ fn identify_prepared(
         &prepared.plate.mesh,
         gauge,
         &model.additive(),
+        &model.scene(),
     );
     check_size(
         &prepared,
