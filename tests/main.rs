@@ -17,3 +17,4 @@ mod resume;
 mod samplers;
 mod starts;
 mod targets;
+mod tracing;

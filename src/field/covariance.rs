@@ -178,6 +178,11 @@ impl BlockCovariance {
         DVector::from_column_slice(white.as_slice())
     }
 
+    /// L X for columns X (blocks x p): covariance s^2 C if X's rows were independent of variance s^2.
+    pub fn colour(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.lower * columns
+    }
+
     /// log det C at s = 1.
     pub fn log_det(&self) -> f64 {
         2.0 * (0..self.lower.nrows())

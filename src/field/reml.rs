@@ -110,7 +110,7 @@ pub fn reml(
 }
 
 /// The restricted likelihood (Patterson and Thompson 1971; Harville 1974) with s^2 profiled out.
-fn restricted(
+pub fn restricted(
     c: &BlockCovariance,
     y: &DVector<f64>,
     basis: &DMatrix<f64>,

@@ -1,6 +1,7 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod density;
+pub mod forward;
 mod kernel;
 mod lanes;
 mod laplace;

@@ -90,6 +90,11 @@ impl Noise {
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].whiten(columns) / self.reml[c].best.scale2.sqrt()
     }
+
+    /// The inverse of [`Noise::whiten`].
+    pub fn colour(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
+        self.covariance[c].colour(columns) * self.reml[c].best.scale2.sqrt()
+    }
 }
 
 /// Contrasts needed beside the fitted columns.

@@ -1,12 +1,26 @@
 //! Identification in rounds, and what each leaves unexplained.
 
+mod alias;
+mod attribute;
+mod averaged;
 mod checks;
+mod close;
+mod find;
+mod holdout;
 mod refine;
 mod residual;
 mod round;
+mod subsets;
+mod tangents;
 mod truth;
+mod weighing;
 
+pub use attribute::{Found, Named, Tracing, attribute, candidates};
+pub use averaged::{Averaged, BlindSpot};
+pub use close::{Closed, Conclusion, Status, Step, close, extended};
+pub use find::Structure;
 pub use refine::Refinement;
 pub use residual::Residual;
 pub use round::{Options, Prepared, Round, identify, prepare};
+pub use tangents::State;
 pub use truth::{SurrogateError, TOLERANCE, TRUTH_DRAWS};

@@ -1,0 +1,103 @@
+//! Which effects this measurement cannot tell apart.
+
+use nalgebra::DMatrix;
+
+use super::subsets::{Subset, Subsets};
+use super::weighing::Projected;
+
+/// A swap that costs less than this much evidence cannot be excluded, nats.
+pub const SWAP_NATS: f64 = 5.0;
+
+/// The effects, or pairs of effects, that could stand in for one of the best subset.
+#[derive(Debug, Clone)]
+pub struct Group {
+    /// The member of the best subset.
+    pub leader: usize,
+    /// All single members, the leader among them, the likeliest first.
+    pub members: Vec<usize>,
+    /// Pairs that together could stand in, beyond the single members.
+    pub pairs: Vec<[usize; 2]>,
+    /// Probability that some member, or a whole pair, acts.
+    pub probability: f64,
+    /// Log evidence lost when the leader is dropped without a substitute.
+    pub drop_nats: f64,
+}
+
+/// The groups of the best subset, the costliest to drop first.
+pub fn groups(subsets: &Subsets) -> Vec<Group> {
+    let best = subsets.best().clone();
+    let reference = subsets.log_evidence(&best);
+    let mut groups: Vec<Group> = best
+        .iter()
+        .map(|&leader| group(subsets, &best, leader, reference))
+        .collect();
+    groups.sort_by(|a, b| b.drop_nats.total_cmp(&a.drop_nats));
+    groups
+}
+
+fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Group {
+    let without: Subset = best.iter().copied().filter(|&k| k != leader).collect();
+    let with = |more: &[usize]| {
+        let mut s: Subset = without.iter().chain(more).copied().collect();
+        s.sort_unstable();
+        s
+    };
+    let drop_nats = reference - subsets.log_evidence(&without);
+    let free: Vec<usize> = (0..subsets.ranges.len())
+        .filter(|k| !best.contains(k))
+        .collect();
+    let mut members: Vec<(f64, usize)> = vec![(reference, leader)];
+    for &k in &free {
+        let evidence = subsets.log_evidence(&with(&[k]));
+        // a swap that is no better than leaving the effect out replaces nothing
+        if reference - evidence < SWAP_NATS.min(drop_nats) {
+            members.push((evidence, k));
+        }
+    }
+    members.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let members: Vec<usize> = members.into_iter().map(|(_, k)| k).collect();
+    let mut pairs = Vec::new();
+    if drop_nats > SWAP_NATS {
+        for (i, &a) in free.iter().enumerate() {
+            for &b in &free[i + 1..] {
+                if members.contains(&a) || members.contains(&b) {
+                    continue;
+                }
+                if reference - subsets.log_evidence(&with(&[a, b])) < SWAP_NATS {
+                    pairs.push([a, b]);
+                }
+            }
+        }
+    }
+    let probability = subsets.probability(|s| {
+        members.iter().any(|k| s.contains(k))
+            || pairs.iter().any(|[a, b]| s.contains(a) && s.contains(b))
+    });
+    Group {
+        leader,
+        members,
+        pairs,
+        probability,
+        drop_nats,
+    }
+}
+
+/// Cosine of the angle between two effects' signatures with everything absorbable projected out: the largest canonical
+/// correlation of their columns under one noise setting.
+pub fn cosine(projected: &Projected, a: &[usize], b: &[usize]) -> f64 {
+    let block = |rows: &[usize], cols: &[usize]| {
+        DMatrix::from_fn(rows.len(), cols.len(), |i, j| {
+            projected.g[(rows[i], cols[j])]
+        })
+    };
+    let root = |columns: &[usize]| {
+        let eigen = block(columns, columns).symmetric_eigen();
+        let floor = 1e-9 * eigen.eigenvalues.amax();
+        let scale = eigen
+            .eigenvalues
+            .map(|e| if e > floor { 1.0 / e.sqrt() } else { 0.0 });
+        &eigen.eigenvectors * DMatrix::from_diagonal(&scale) * eigen.eigenvectors.transpose()
+    };
+    let correlation = root(a) * block(a, b) * root(b);
+    correlation.singular_values().max().min(1.0)
+}

@@ -1,0 +1,463 @@
+//! Tracing: which effects of the dictionary the data ask for beyond a fitted model, what could stand in for them, and what
+//! the data could not have shown.
+
+use super::alias::{Group, cosine, groups};
+use super::averaged::{Averaged, BlindSpot, averaged, blind_spots};
+use super::holdout::{Holdout, gains, rms_nm};
+use super::round::Prepared;
+use super::subsets::{Subset, Subsets};
+use super::tangents::{State, Tangents, Tested};
+use super::weighing::Weighing;
+use crate::effect::{EFFECTS, Effect, Kind};
+use crate::error::Result;
+use crate::field::Blocks;
+use crate::infer::Model;
+use crate::progress::Watch;
+
+/// An effect weighed against the data.
+#[derive(Clone)]
+pub struct Found {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// Posterior probability that it acts.
+    pub inclusion_probability: f64,
+    /// Log Bayes factor for its acting.
+    pub log_bayes_factor: f64,
+    /// Mean and sd of each amplitude if it acts, border units.
+    pub amplitude: Vec<(String, f64, f64)>,
+    /// Largest amplitude over its plausible size.
+    pub multiple: f64,
+    /// Share of the structured part of chi^2 that it explains alone.
+    pub explained_fraction: f64,
+    /// Smallest amplitude of its first parameter that would have been found, border units.
+    pub detectable: f64,
+    /// Effects of its alias group, or else those of the most similar signatures, with the cosine.
+    pub aliases: Vec<(&'static str, f64)>,
+}
+
+/// What tracing found.
+pub struct Tracing {
+    /// All candidates, the most probable first.
+    pub candidates: Vec<Found>,
+    /// Alias groups of the best subset, by name, the strongest first, with probability, log evidence lost when it is dropped,
+    /// and whether held-out blocks are predicted better with it.
+    pub groups: Vec<Named>,
+    /// The effect to add, if one is called for.
+    pub accepted: Option<&'static dyn Effect>,
+    /// Its amplitudes (mean, sd) a parameter, border units.
+    pub accepted_amplitude: Vec<(f64, f64)>,
+    /// Groups that the data speak for without being sure.
+    pub undecided: Vec<Vec<&'static str>>,
+    /// Probability of smooth structure that no effect explains.
+    pub discrepancy: f64,
+    /// Correlation length (mm) of the likeliest noise or discrepancy of each component.
+    pub length_mm: [f64; 2],
+    /// The constants, averaged over what may act unseen.
+    pub averaged: Vec<Averaged>,
+    /// What could hide in the residual.
+    pub blind_spots: Vec<(&'static str, BlindSpot)>,
+    /// RMS error of held-out block averages by the model as it is, nm.
+    pub holdout_rms_nm: f64,
+    /// Effects left out, with the reason.
+    pub left_out: Vec<(&'static str, String)>,
+}
+
+/// An alias group by names.
+#[derive(Debug, Clone)]
+pub struct Named {
+    /// The member with the largest evidence.
+    pub leader: &'static str,
+    /// All single members.
+    pub members: Vec<&'static str>,
+    /// Pairs that together could stand in.
+    pub pairs: Vec<[&'static str; 2]>,
+    /// Probability that some member acts.
+    pub probability: f64,
+    /// Log evidence lost when it is dropped.
+    pub drop_nats: f64,
+    /// Whether held-out blocks are predicted better with it.
+    pub predicts: bool,
+}
+
+/// A group is accepted above this probability.
+const ACCEPT: f64 = 0.95;
+
+/// A group below this probability is not worth mentioning.
+const MENTION: f64 = 0.3;
+
+/// Above this probability of a discrepancy an effect must do more than fit.
+const DOUBT: f64 = 0.5;
+
+/// What it must do then: lose this much evidence when dropped, nats, at no more than this many plausible amplitudes.
+const DOUBT_NATS: f64 = 40.0;
+const DOUBT_MULTIPLE: f64 = 4.0;
+
+/// Blocks closer to the hole than this many radii are not used: the hole's edge is where optics and meshes are worst.
+const CLEAR_RADII: f64 = 1.2;
+
+/// Passes of linearisation about the best effect.
+const PASSES: usize = 4;
+
+/// Amplitudes that move by less, prior sds, are settled.
+const SETTLED: f64 = 0.05;
+
+/// Effects that may be weighed in a model, and those that may not, with the reason.
+pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str, String)>) {
+    let scene = model.scene();
+    let mut chosen = Vec::new();
+    let mut left_out = Vec::new();
+    for effect in EFFECTS {
+        let name = effect.name();
+        if model.effects.iter().any(|e| e.name() == name) {
+            continue;
+        }
+        let listed = model
+            .file
+            .candidates
+            .as_ref()
+            .is_none_or(|list| list.iter().any(|n| n == name));
+        if !listed {
+            left_out.push((name, "not among the model's candidates".to_string()));
+        } else if let Some(reason) = effect.obstacle(&scene) {
+            left_out.push((name, reason.to_string()));
+        } else if name == LOAD_SCALE {
+            left_out.push((
+                name,
+                "a scale of the load cannot be told from a common factor of all moduli".to_string(),
+            ));
+        } else if effect.kind() != Kind::Recorded {
+            chosen.push(*effect);
+        }
+    }
+    (chosen, left_out)
+}
+
+/// The effect that is exactly a common factor of the moduli.
+const LOAD_SCALE: &str = "load_scale";
+
+/// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`.
+///
+/// # Errors
+/// Those of finite-element solutions; too few blocks for the dictionary.
+pub fn attribute(
+    model: &Model,
+    prepared: &Prepared,
+    start: State,
+    watch: &dyn Watch,
+) -> Result<Tracing> {
+    let (effects, left_out) = candidates(model);
+    let field = &prepared.observation.field;
+    let clear = CLEAR_RADII * 0.5 * model.file.specimen.hole.diameter_mm;
+    let beyond = |i: usize| field.points[i][0].hypot(field.points[i][1]) >= clear;
+    let blocks = Blocks::new(field, Blocks::size_for(field), beyond);
+    let tested = Tested {
+        model,
+        prepared,
+        scene: model.scene(),
+        blocks: &blocks,
+    };
+    watch.begin("tracing the residual", None);
+    let mut state = start;
+    let mut leader: Option<usize> = None;
+    let mut pass = 0;
+    let (tangents, weighing, subsets) = loop {
+        pass += 1;
+        let tangents = settle(&tested, &mut state, &effects)?;
+        let weighing = Weighing::new(&blocks, &tangents)?;
+        let counts: Vec<usize> = tangents
+            .candidates
+            .iter()
+            .map(|c| c.columns.len())
+            .collect();
+        let subsets = Subsets::new(&weighing, &counts)?;
+        let strongest = groups(&subsets).first().map(|g| g.leader);
+        watch.say(&format!(
+            "pass {pass}: {}",
+            strongest.map_or("no effect", |k| effects[k].name())
+        ));
+        let Some(k) = strongest.filter(|_| pass < PASSES) else {
+            break (tangents, weighing, subsets);
+        };
+        let moved = adopt(&mut state, &tangents, &subsets, k, leader);
+        leader = Some(k);
+        if moved < SETTLED {
+            break (tangents, weighing, subsets);
+        }
+    };
+    watch.end();
+    let evidence = Evidence {
+        blocks: &blocks,
+        tangents: &tangents,
+        weighing: &weighing,
+        subsets: &subsets,
+    };
+    let mut tracing = evidence.conclude(&state)?;
+    tracing.left_out = left_out;
+    Ok(tracing)
+}
+
+/// Take the best subset's amplitudes of its strongest effect into the state; how far they move, in prior sds. The effect
+/// taken in before, if it is another one now, leaves the state.
+fn adopt(
+    state: &mut State,
+    tangents: &Tangents,
+    subsets: &Subsets,
+    leader: usize,
+    before: Option<usize>,
+) -> f64 {
+    if let Some(old) = before.filter(|old| *old != leader) {
+        let effect = tangents.candidates[old].effect;
+        state.set(effect, vec![0.0; effect.parameters().len()]);
+    }
+    let best = subsets.best();
+    let (mean, _) = subsets.amplitudes(best);
+    let at = best
+        .iter()
+        .take_while(|k| **k != leader)
+        .map(|&k| subsets.ranges[k].len())
+        .sum::<usize>();
+    let candidate = &tangents.candidates[leader];
+    let mut moved = 0.0_f64;
+    let amplitude = candidate
+        .columns
+        .iter()
+        .zip(candidate.effect.parameters())
+        .enumerate()
+        .map(|(j, (column, parameter))| {
+            let wanted = column.mean + column.sd * mean[at + j];
+            let kept = wanted.clamp(-0.9 * parameter.bound, 0.9 * parameter.bound);
+            moved = moved.max((kept - column.at).abs() / column.sd);
+            kept
+        })
+        .collect();
+    state.set(candidate.effect, amplitude);
+    if candidate.effect.kind() == Kind::Additive {
+        // linear: the tangents do not depend on the amplitude
+        return 0.0;
+    }
+    moved
+}
+
+/// Steps of the Gauss-Newton iteration.
+const STEPS: usize = 4;
+
+/// Move the constants and declared amplitudes to where the data want them with every effect present at its plausible size: a fit without
+/// the effects runs to absurd constants when a quiet one acts. Returns the tangents there.
+fn settle(
+    tested: &Tested<'_>,
+    state: &mut State,
+    effects: &[&'static dyn Effect],
+) -> Result<Tangents> {
+    let mut tangents = tested.tangents(state, effects)?;
+    for _ in 0..STEPS {
+        let moved = ridge_step(tested, state, &tangents);
+        if moved < SETTLED {
+            break;
+        }
+        tangents = tested.again(state, &tangents)?;
+    }
+    Ok(tangents)
+}
+
+/// One step to the ridge estimate under noise that is white on blocks; how far it goes, in prior sds.
+fn ridge_step(tested: &Tested<'_>, state: &mut State, tangents: &Tangents) -> f64 {
+    let solution = tangents.ridge(&tested.blocks.count);
+    let mut moved = 0.0_f64;
+    for (k, value) in state.constants.iter_mut().enumerate() {
+        let column = &tangents.base[k];
+        // a prior sd a step keeps the constants admissible and the linearisation honest
+        let wanted = column.mean + column.sd * solution[k];
+        let step = (wanted - *value).clamp(-column.sd, column.sd);
+        *value += step;
+        moved = moved.max(step.abs() / column.sd);
+    }
+    for effect in &tested.model.effects {
+        let mut amplitude = state.amplitude(*effect);
+        for (value, parameter) in amplitude.iter_mut().zip(effect.parameters()) {
+            let name = crate::effect::amplitude_name(*effect, parameter);
+            let Some(k) = tangents.base.iter().position(|c| c.name == name) else {
+                continue;
+            };
+            let column = &tangents.base[k];
+            let wanted = column.mean + column.sd * solution[k];
+            if effect.kind() != Kind::Additive {
+                moved = moved.max((wanted - *value).abs() / column.sd);
+            }
+            *value = wanted.clamp(-0.9 * parameter.bound, 0.9 * parameter.bound);
+        }
+        state.set(*effect, amplitude);
+    }
+    moved
+}
+
+/// Everything from which conclusions are drawn.
+struct Evidence<'a> {
+    blocks: &'a Blocks,
+    tangents: &'a Tangents,
+    weighing: &'a Weighing,
+    subsets: &'a Subsets,
+}
+
+impl Evidence<'_> {
+    fn name(&self, k: usize) -> &'static str {
+        self.tangents.candidates[k].effect.name()
+    }
+
+    fn conclude(&self, state: &State) -> Result<Tracing> {
+        let pair = &self.weighing.pairs[self.subsets.best_pair];
+        let settings = [0, 1].map(|c| &self.weighing.settings[c][pair.of[c]]);
+        let holdout = Holdout::new(self.blocks, self.tangents, &self.subsets.ranges, settings);
+        let best = self.subsets.best().clone();
+        let with = holdout.errors(&best);
+        let found = groups(self.subsets);
+        let named: Vec<Named> = found
+            .iter()
+            .map(|g| {
+                let rest: Subset = best.iter().copied().filter(|&k| k != g.leader).collect();
+                self.named(g, gains(&with, &holdout.errors(&rest)))
+            })
+            .collect();
+        let spots = blind_spots(
+            self.weighing,
+            self.tangents,
+            self.subsets.best_pair,
+            &state.constants,
+        )?;
+        let candidates = self.ranked(&found, &spots);
+        let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
+        let accepted = accepted.map(|k| self.tangents.candidates[found[k].leader].effect);
+        let accepted_amplitude = accepted.map_or_else(Vec::new, |effect| {
+            let found = candidates.iter().find(|f| f.effect.name() == effect.name());
+            found.map_or_else(Vec::new, |f| {
+                f.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect()
+            })
+        });
+        let undecided = named
+            .iter()
+            .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
+            .map(|g| g.members.clone())
+            .collect();
+        Ok(Tracing {
+            candidates,
+            groups: named,
+            accepted,
+            accepted_amplitude,
+            undecided,
+            discrepancy: self.subsets.discrepancy,
+            length_mm: settings.map(|s| if s.ratio > 0.0 { s.length_mm } else { 0.0 }),
+            averaged: averaged(self.weighing, self.tangents)?,
+            blind_spots: spots
+                .into_iter()
+                .map(|s| (self.name(s.candidate), s))
+                .collect(),
+            holdout_rms_nm: rms_nm(&holdout.errors(&Vec::new())),
+            left_out: Vec::new(),
+        })
+    }
+
+    fn named(&self, group: &Group, predicts: bool) -> Named {
+        Named {
+            leader: self.name(group.leader),
+            members: group.members.iter().map(|&k| self.name(k)).collect(),
+            pairs: group
+                .pairs
+                .iter()
+                .map(|p| p.map(|k| self.name(k)))
+                .collect(),
+            probability: group.probability,
+            drop_nats: group.drop_nats,
+            predicts,
+        }
+    }
+
+    fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
+        let doubtful = self.subsets.discrepancy > DOUBT;
+        let multiple = candidates
+            .iter()
+            .find(|f| f.effect.name() == group.leader)
+            .map_or(f64::INFINITY, |f| f.multiple);
+        group.probability > ACCEPT
+            && group.predicts
+            && (!doubtful || (group.drop_nats > DOUBT_NATS && multiple < DOUBT_MULTIPLE))
+    }
+
+    fn ranked(&self, groups: &[Group], spots: &[BlindSpot]) -> Vec<Found> {
+        let mut found: Vec<Found> = (0..self.tangents.candidates.len())
+            .map(|k| self.found(k, groups, spots))
+            .collect();
+        found.sort_by(|a, b| {
+            b.inclusion_probability
+                .total_cmp(&a.inclusion_probability)
+                .then_with(|| b.log_bayes_factor.total_cmp(&a.log_bayes_factor))
+        });
+        found
+    }
+
+    fn found(&self, k: usize, groups: &[Group], spots: &[BlindSpot]) -> Found {
+        let candidate = &self.tangents.candidates[k];
+        let subsets = self.subsets;
+        // in the best subset as it is there; otherwise added to it, in the place of an alias
+        let mut with: Subset = subsets.best().clone();
+        if !with.contains(&k) {
+            let replaced = groups
+                .iter()
+                .find(|g| g.members.contains(&k))
+                .map(|g| g.leader);
+            with.retain(|j| Some(*j) != replaced);
+            with.push(k);
+            with.sort_unstable();
+        }
+        let (mean, covariance) = subsets.amplitudes(&with);
+        let at: usize = with
+            .iter()
+            .take_while(|j| **j != k)
+            .map(|&j| subsets.ranges[j].len())
+            .sum();
+        let amplitude: Vec<(String, f64, f64)> = candidate
+            .columns
+            .iter()
+            .enumerate()
+            .map(|(j, c)| {
+                let sd = c.sd * covariance[(at + j, at + j)].sqrt();
+                (c.name.clone(), c.mean + c.sd * mean[at + j], sd)
+            })
+            .collect();
+        let multiple = candidate
+            .columns
+            .iter()
+            .zip(&amplitude)
+            .fold(0.0_f64, |m, (c, a)| m.max((a.1 - c.mean).abs() / c.sd));
+        let structured = subsets.explained(&subsets.best().clone()).max(1e-12);
+        Found {
+            effect: candidate.effect,
+            inclusion_probability: subsets.probability(|s| s.contains(&k)),
+            log_bayes_factor: subsets.log_bayes_factor_of(k),
+            amplitude,
+            multiple,
+            explained_fraction: (subsets.explained(&vec![k]) / structured).clamp(0.0, 1.0),
+            detectable: spots
+                .iter()
+                .find(|s| s.candidate == k)
+                .map_or(f64::INFINITY, |s| s.detectable),
+            aliases: self.aliases(k, groups),
+        }
+    }
+
+    fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, f64)> {
+        let subsets = self.subsets;
+        let projected = &subsets.projected[subsets.best_pair];
+        let of = |j: usize| cosine(projected, &subsets.ranges[k], &subsets.ranges[j]);
+        let group = groups.iter().find(|g| g.members.contains(&k));
+        let mut aliases: Vec<(&'static str, f64)> = (0..subsets.ranges.len())
+            .filter(|j| *j != k)
+            .map(|j| (group.is_some_and(|g| g.members.contains(&j)), j, of(j)))
+            .filter(|(member, _, cosine)| *member || (group.is_none() && *cosine > SIMILAR))
+            .map(|(_, j, cosine)| (self.name(j), cosine))
+            .collect();
+        aliases.sort_by(|a, b| b.1.total_cmp(&a.1));
+        aliases
+    }
+}
+
+/// Cosine above which signatures are called similar.
+const SIMILAR: f64 = 0.9;

@@ -1,0 +1,200 @@
+//! The constants' posterior averaged over what may act unseen, and what each unseen effect would do to them.
+
+use nalgebra::DMatrix;
+
+use super::subsets::log_sum;
+use super::tangents::Tangents;
+use super::weighing::Weighing;
+use crate::error::{Error, Result};
+
+/// Sizes of the effects that are not declared, as multiples of their plausible amplitudes: which one holds is weighed by
+/// the evidence. Averages over sparse subsets alone are too narrow where many small effects act together.
+const MULTIPLES: [f64; 7] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
+
+/// One constant of the averaged posterior.
+#[derive(Debug, Clone)]
+pub struct Averaged {
+    /// Its name.
+    pub name: String,
+    /// Mean, border units.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// 2.5 % quantile.
+    pub low: f64,
+    /// Median.
+    pub median: f64,
+    /// 97.5 % quantile.
+    pub high: f64,
+}
+
+/// What one effect would do to the constants if it acted at its plausible amplitude and the model lacked it.
+#[derive(Debug, Clone)]
+pub struct BlindSpot {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// `effect.parameter`.
+    pub parameter: String,
+    /// Plausible amplitude, border units.
+    pub plausible: f64,
+    /// Shift of each constant, % of its value.
+    pub shift_percent: Vec<(String, f64)>,
+    /// Smallest amplitude that these data would show, border units.
+    pub detectable: f64,
+}
+
+/// A normal component of a mixture.
+struct Part {
+    log_weight: f64,
+    mean: Vec<f64>,
+    sd: Vec<f64>,
+}
+
+/// The constants' posterior, a mixture of normals over noise settings and sizes of the undeclared effects. Parameters whose
+/// columns carry no prior of their own are those of the base model.
+///
+/// # Errors
+/// Of the program, for columns that are not finite.
+pub fn averaged(weighing: &Weighing, tangents: &Tangents) -> Result<Vec<Averaged>> {
+    let p = tangents.base.len();
+    let mut parts = Vec::new();
+    for pair in &weighing.pairs {
+        let gram = weighing.gram(pair);
+        let base = weighing.project(pair)?;
+        for multiple in MULTIPLES {
+            let all = gram.nrows() - 1;
+            let scale = |k: usize| if k < p { 1.0 } else { multiple };
+            let mut precision =
+                DMatrix::from_fn(all, all, |i, j| scale(i) * scale(j) * gram[(i, j)]);
+            for k in 0..all {
+                precision[(k, k)] += 1.0;
+            }
+            let b = nalgebra::DVector::from_fn(all, |k, _| scale(k) * gram[(k, all)]);
+            let factor = precision.cholesky().ok_or_else(|| {
+                Error::program("trace::averaged", "finite columns of the effects")
+            })?;
+            let solved = factor.solve(&b);
+            let covariance = factor.inverse();
+            // evidence against the base model alone, whose own is known
+            let projected = multiple * &base.z;
+            let mut g = multiple * multiple * &base.g;
+            for k in 0..g.nrows() {
+                g[(k, k)] += 1.0;
+            }
+            let g = g.cholesky().ok_or_else(|| {
+                Error::program("trace::averaged", "finite columns of the effects")
+            })?;
+            let log_det: f64 = 2.0 * g.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+            let gain = 0.5 * (projected.dot(&g.solve(&projected)) - log_det);
+            parts.push(Part {
+                log_weight: base.log_base + gain,
+                mean: (0..tangents.constants)
+                    .map(|k| tangents.base[k].mean + tangents.base[k].sd * solved[k])
+                    .collect(),
+                sd: (0..tangents.constants)
+                    .map(|k| tangents.base[k].sd * covariance[(k, k)].sqrt())
+                    .collect(),
+            });
+        }
+    }
+    let total = log_sum(parts.iter().map(|p| p.log_weight));
+    Ok((0..tangents.constants)
+        .map(|k| mixture(&tangents.base[k].name, &parts, total, k))
+        .collect())
+}
+
+fn mixture(name: &str, parts: &[Part], total: f64, k: usize) -> Averaged {
+    let weighed = || {
+        parts
+            .iter()
+            .map(|p| ((p.log_weight - total).exp(), p.mean[k], p.sd[k]))
+    };
+    let mean: f64 = weighed().map(|(w, m, _)| w * m).sum();
+    let variance: f64 = weighed()
+        .map(|(w, m, s)| w * (s * s + (m - mean).powi(2)))
+        .sum();
+    let sd = variance.sqrt();
+    let below = |x: f64| -> f64 {
+        weighed()
+            .map(|(w, m, s)| {
+                w * statrs::function::erf::erfc((m - x) / (s * std::f64::consts::SQRT_2)) / 2.0
+            })
+            .sum()
+    };
+    let quantile = |q: f64| {
+        let (mut low, mut high) = (mean - 40.0 * sd, mean + 40.0 * sd);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if below(middle) < q {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    };
+    Averaged {
+        name: name.into(),
+        mean,
+        sd,
+        low: quantile(0.025),
+        median: quantile(0.5),
+        high: quantile(0.975),
+    }
+}
+
+/// The shift of every constant for one plausible amplitude of each candidate's parameters, and the amplitude that would have been
+/// found. `prior` is the prior probability of one candidate, under the likeliest noise `pair`.
+///
+/// # Errors
+/// Of the program, for columns that are not finite.
+pub fn blind_spots(
+    weighing: &Weighing,
+    tangents: &Tangents,
+    pair: usize,
+    state: &[f64],
+) -> Result<Vec<BlindSpot>> {
+    let pair = &weighing.pairs[pair];
+    let gram = weighing.gram(pair);
+    let projected = weighing.project(pair)?;
+    let p = tangents.base.len();
+    let mut bb = gram.view((0, 0), (p, p)).into_owned();
+    for k in 0..p {
+        bb[(k, k)] += 1.0;
+    }
+    let factor = bb
+        .cholesky()
+        .ok_or_else(|| Error::program("trace::averaged", "finite columns of the base model"))?;
+    let prior =
+        super::subsets::SIZES[1] / tangents.candidates.len() as f64 / super::subsets::SIZES[0];
+    let mut spots = Vec::new();
+    let mut at = 0;
+    for (candidate, c) in tangents.candidates.iter().enumerate() {
+        for column in &c.columns {
+            let shift = factor.solve(&gram.view((0, p + at), (p, 1)).column(0).into_owned());
+            spots.push(BlindSpot {
+                candidate,
+                parameter: column.name.clone(),
+                plausible: column.sd,
+                shift_percent: (0..tangents.constants)
+                    .map(|k| {
+                        let base = &tangents.base[k];
+                        (base.name.clone(), 100.0 * base.sd * shift[k] / state[k])
+                    })
+                    .collect(),
+                detectable: column.sd * detectable(projected.g[(at, at)], prior),
+            });
+            at += 1;
+        }
+    }
+    Ok(spots)
+}
+
+/// Amplitude, in prior sds, whose expected evidence brings prior odds up to a probability of 0.95, for an amplitude known to 1/sqrt(g).
+fn detectable(g: f64, prior_odds: f64) -> f64 {
+    if g <= 0.0 {
+        return f64::INFINITY;
+    }
+    let needed = (19.0 / prior_odds).ln() + 0.5 * (1.0 + g).ln();
+    (2.0 * needed * (1.0 + g)).sqrt() / g
+}

@@ -1,0 +1,238 @@
+//! Closing the loop: identify, find what is left, trace it to an effect, add the effect, identify again.
+
+use super::attribute::{Named, Tracing, attribute};
+use super::round::{Options, Round, identify};
+use super::tangents::State;
+use crate::effect::{Acting, Effect, Kind, amplitude_name};
+use crate::error::Result;
+use crate::infer::Model;
+use crate::progress::Watch;
+
+/// One identification and what tracing made of its residual.
+pub struct Step {
+    /// The model that was identified.
+    pub model: Model,
+    /// The identification.
+    pub round: Round,
+    /// What its residual says.
+    pub tracing: Tracing,
+}
+
+/// How the loop ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The residual is what the noise explains, and no effect was added.
+    NothingMissing,
+    /// Effects were added, and the residual is now what the noise explains.
+    Closed,
+    /// Structure remains that no effect of the dictionary explains.
+    Unexplained,
+}
+
+impl Status {
+    /// As `report.json` has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NothingMissing => "nothing_missing",
+            Self::Closed => "closed",
+            Self::Unexplained => "unexplained",
+        }
+    }
+}
+
+/// What the loop concludes.
+#[derive(Debug, Clone)]
+pub struct Conclusion {
+    /// How it ended.
+    pub status: Status,
+    /// Effects added, in order.
+    pub effects: Vec<&'static str>,
+    /// The alias group of each added effect that has one.
+    pub alias_groups: Vec<Vec<&'static str>>,
+    /// In words.
+    pub text: String,
+}
+
+/// All rounds and the conclusion.
+pub struct Closed {
+    /// Rounds, the first the model as it was given.
+    pub steps: Vec<Step>,
+    /// The conclusion.
+    pub conclusion: Conclusion,
+}
+
+/// Above this probability the structure left is called unexplained.
+const UNEXPLAINED: f64 = 0.5;
+
+/// Run rounds until nothing more is accepted, at most `most` refits. `options` gives each round its own.
+///
+/// # Errors
+/// Those of identification and tracing.
+pub fn close<'a>(
+    model: &Model,
+    most: usize,
+    options: &dyn Fn(usize) -> Options<'a>,
+    watch: &dyn Watch,
+) -> Result<Closed> {
+    let mut steps: Vec<Step> = Vec::new();
+    let mut model = model.clone();
+    loop {
+        let round = identify(&model, &options(steps.len()), watch)?;
+        let start = State::of(&model, &round);
+        let tracing = attribute(&model, &round.prepared, start, watch)?;
+        let accepted = tracing.accepted.filter(|_| steps.len() < most);
+        let amplitude = tracing.accepted_amplitude.clone();
+        steps.push(Step {
+            model: model.clone(),
+            round,
+            tracing,
+        });
+        let Some(effect) = accepted else { break };
+        model = extended(&model, effect, &amplitude);
+    }
+    let conclusion = conclude(&steps);
+    Ok(Closed { steps, conclusion })
+}
+
+impl State {
+    /// Posterior means of a round.
+    pub fn of(model: &Model, round: &Round) -> Self {
+        let mean = |name: &str| {
+            let sampled = round
+                .verdict
+                .rows
+                .iter()
+                .find(|r| r.name == name)
+                .map(|r| r.mean);
+            let closed = || {
+                round
+                    .effect_amplitudes
+                    .iter()
+                    .find(|a| a.0 == name)
+                    .map(|a| a.1)
+            };
+            sampled.or_else(closed)
+        };
+        let constants = model
+            .constants()
+            .iter()
+            .zip(model.marginals())
+            .map(|(name, prior)| mean(name).unwrap_or(prior.mean))
+            .collect();
+        let acting = model
+            .effects
+            .iter()
+            .map(|effect| Acting {
+                effect: *effect,
+                amplitude: effect
+                    .parameters()
+                    .iter()
+                    .map(|p| mean(&amplitude_name(*effect, p)).unwrap_or(0.0))
+                    .collect(),
+            })
+            .collect();
+        Self { constants, acting }
+    }
+}
+
+/// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.
+const BOX_SDS: f64 = 8.0;
+const BOX_SHARE: f64 = 0.3;
+
+/// The model with one more declared effect. Its amplitude's side of the DoE box lies about the estimate.
+pub fn extended(model: &Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) -> Model {
+    let mut model = model.clone();
+    model.file.effects.push(effect.name().to_string());
+    model.effects = crate::effect::EFFECTS
+        .iter()
+        .filter(|e| model.file.effects.iter().any(|name| name == e.name()))
+        .copied()
+        .collect();
+    if !matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
+        let doe = model.file.reduced_model.doe.get_or_insert_default();
+        for (k, (parameter, (mean, sd))) in effect.parameters().iter().zip(amplitude).enumerate() {
+            let plausible = model_plausible(effect, k);
+            let half = (BOX_SDS * sd)
+                .max(BOX_SHARE * plausible)
+                .min(3.0 * plausible.max(mean.abs()));
+            let reach = parameter.bound;
+            doe.insert(
+                amplitude_name(effect, parameter),
+                [(mean - half).max(-reach), (mean + half).min(reach)],
+            );
+        }
+    }
+    model
+}
+
+fn model_plausible(effect: &dyn Effect, k: usize) -> f64 {
+    effect.parameters()[k]
+        .plausible
+        .unwrap_or(effect.parameters()[k].bound)
+}
+
+fn conclude(steps: &[Step]) -> Conclusion {
+    let added: Vec<&Named> = steps
+        .iter()
+        .filter_map(|s| {
+            let effect = s.tracing.accepted?;
+            s.tracing.groups.iter().find(|g| g.leader == effect.name())
+        })
+        .take(steps.len().saturating_sub(1))
+        .collect();
+    let last = &steps[steps.len() - 1].tracing;
+    let left = last.discrepancy > UNEXPLAINED;
+    let status = match (left, added.is_empty()) {
+        (true, _) => Status::Unexplained,
+        (false, true) => Status::NothingMissing,
+        (false, false) => Status::Closed,
+    };
+    Conclusion {
+        status,
+        effects: added.iter().map(|g| g.leader).collect(),
+        alias_groups: added
+            .iter()
+            .filter(|g| g.members.len() > 1)
+            .map(|g| g.members.clone())
+            .collect(),
+        text: words(status, &added, last),
+    }
+}
+
+fn words(status: Status, added: &[&Named], last: &Tracing) -> String {
+    let mut text = String::new();
+    for group in added {
+        let confirm = crate::effect::EFFECTS
+            .iter()
+            .find(|e| e.name() == group.leader)
+            .map_or("", |e| e.confirm());
+        text += &format!("The residual was consistent with {}", group.leader);
+        let others: Vec<&str> = group
+            .members
+            .iter()
+            .copied()
+            .filter(|m| *m != group.leader)
+            .collect();
+        if !others.is_empty() {
+            text += &format!(
+                ", or with {}, which this measurement cannot tell from it",
+                others.join(" or ")
+            );
+        }
+        text += &format!(". What would confirm it: {confirm} ");
+    }
+    text += match status {
+        Status::NothingMissing => {
+            "The residual is what the measured noise explains: nothing asks for another effect."
+        }
+        Status::Closed => "What is left is what the measured noise explains.",
+        Status::Unexplained => {
+            "Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy."
+        }
+    };
+    if !last.undecided.is_empty() {
+        let names: Vec<String> = last.undecided.iter().map(|g| g.join(" or ")).collect();
+        text += &format!(" Undecided: {}.", names.join("; "));
+    }
+    text
+}

@@ -1,0 +1,357 @@
+//! Which effects act: the closed-form evidence of every subset of up to four candidates, averaged over the noise.
+//!
+//! With the base columns eliminated and every amplitude in units of its prior sd,
+//! log BF_S = z_S' (I + G_S)^-1 z_S / 2 - log |I + G_S| / 2 against no effect.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::weighing::{Projected, Weighing};
+use crate::error::Result;
+
+/// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size.
+pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
+
+/// Subsets of each enumeration that are weighed under every pair of noise settings.
+const WEIGHED: usize = 40;
+
+/// A subset of the candidates, in increasing order.
+pub type Subset = Vec<usize>;
+
+/// A weighed subset.
+#[derive(Debug, Clone)]
+pub struct Weighed {
+    /// The candidates in it.
+    pub subset: Subset,
+    /// Posterior probability among all weighed subsets.
+    pub probability: f64,
+    /// Log evidence, averaged over the noise, without the subset's prior probability.
+    pub log_evidence: f64,
+    /// Log posterior weight: evidence and prior.
+    pub log_weight: f64,
+}
+
+/// The posterior over subsets and noise settings.
+pub struct Subsets {
+    /// Weighed subsets, the most probable first.
+    pub ranked: Vec<Weighed>,
+    /// Probability of a smooth discrepancy.
+    pub discrepancy: f64,
+    /// The most probable pair of noise settings.
+    pub best_pair: usize,
+    /// Columns of each candidate among the candidates' columns.
+    pub ranges: Vec<Vec<usize>>,
+    /// Candidates' normal equations under every pair.
+    pub projected: Vec<Projected>,
+    /// Prior log probability of a subset by its size.
+    log_prior: Vec<f64>,
+}
+
+impl Subsets {
+    /// Enumerate; `counts[k]` is the number of columns of candidate k.
+    ///
+    /// # Errors
+    /// Of the program, for columns that are not finite.
+    pub fn new(weighing: &Weighing, counts: &[usize]) -> Result<Self> {
+        let mut next = 0;
+        let ranges: Vec<Vec<usize>> = counts
+            .iter()
+            .map(|&n| {
+                next += n;
+                (next - n..next).collect()
+            })
+            .collect();
+        let projected: Vec<Projected> = weighing
+            .pairs
+            .par_iter()
+            .map(|pair| weighing.project(pair))
+            .collect::<Result<_>>()?;
+        let log_prior = log_priors(counts.len());
+        let all = subsets(counts.len());
+        let mut chosen: BTreeSet<Subset> = BTreeSet::new();
+        for pair in leading_pairs(weighing, &projected, &ranges, &all, &log_prior) {
+            let mut scored: Vec<(f64, &Subset)> = all
+                .par_iter()
+                .map(|s| {
+                    let score = log_bayes_factor(&projected[pair], &columns(&ranges, s));
+                    (score + log_prior[s.len()], s)
+                })
+                .collect();
+            scored.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(b.1)));
+            chosen.extend(scored.iter().take(WEIGHED).map(|(_, s)| (*s).clone()));
+            chosen.extend(all.iter().filter(|s| s.len() <= 1).cloned());
+        }
+        let chosen: Vec<Subset> = chosen.into_iter().collect();
+        let mut subsets = Self {
+            ranked: Vec::new(),
+            discrepancy: 0.0,
+            best_pair: 0,
+            ranges,
+            projected,
+            log_prior,
+        };
+        subsets.weigh(weighing, chosen);
+        Ok(subsets)
+    }
+
+    fn weigh(&mut self, weighing: &Weighing, chosen: Vec<Subset>) {
+        let by_pair: Vec<Vec<f64>> = chosen
+            .par_iter()
+            .map(|s| self.evidence_by_pair(s))
+            .collect();
+        let log_weight: Vec<f64> = chosen
+            .iter()
+            .zip(&by_pair)
+            .map(|(s, e)| log_sum(e.iter().copied()) + self.log_prior[s.len()])
+            .collect();
+        let total = log_sum(log_weight.iter().copied());
+        let mut pair_weight = vec![f64::NEG_INFINITY; weighing.pairs.len()];
+        for (s, evidence) in chosen.iter().zip(&by_pair) {
+            for (w, e) in pair_weight.iter_mut().zip(evidence) {
+                *w = log_add(*w, e + self.log_prior[s.len()]);
+            }
+        }
+        self.best_pair = (0..pair_weight.len())
+            .max_by(|&a, &b| pair_weight[a].total_cmp(&pair_weight[b]))
+            .unwrap_or(0);
+        self.discrepancy = weighing
+            .pairs
+            .iter()
+            .zip(&pair_weight)
+            .filter(|(pair, _)| pair.discrepancy)
+            .map(|(_, w)| (w - total).exp())
+            .sum();
+        self.ranked = chosen
+            .into_iter()
+            .zip(log_weight)
+            .map(|(subset, log_weight)| Weighed {
+                probability: (log_weight - total).exp(),
+                log_evidence: log_weight - self.log_prior[subset.len()],
+                log_weight,
+                subset,
+            })
+            .collect();
+        self.ranked.sort_by(|a, b| {
+            b.log_weight
+                .total_cmp(&a.log_weight)
+                .then_with(|| a.subset.cmp(&b.subset))
+        });
+    }
+
+    fn evidence_by_pair(&self, subset: &Subset) -> Vec<f64> {
+        let columns = columns(&self.ranges, subset);
+        self.projected
+            .iter()
+            .map(|p| p.log_base + log_bayes_factor(p, &columns))
+            .collect()
+    }
+
+    /// Log evidence of any subset, averaged over the noise.
+    pub fn log_evidence(&self, subset: &Subset) -> f64 {
+        log_sum(self.evidence_by_pair(subset).into_iter())
+    }
+
+    /// Log evidence of a subset given that the misfit is a discrepancy, or that it is not.
+    pub fn log_evidence_where(
+        &self,
+        weighing: &Weighing,
+        subset: &Subset,
+        discrepancy: bool,
+    ) -> f64 {
+        let by_pair = self.evidence_by_pair(subset);
+        log_sum(
+            by_pair
+                .into_iter()
+                .zip(&weighing.pairs)
+                .filter(|(_, pair)| pair.discrepancy == discrepancy)
+                .map(|(e, _)| e),
+        )
+    }
+
+    /// The most probable subset.
+    pub fn best(&self) -> &Subset {
+        &self.ranked[0].subset
+    }
+
+    /// Probability that a property holds of the subset.
+    pub fn probability(&self, holds: impl Fn(&Subset) -> bool) -> f64 {
+        self.ranked
+            .iter()
+            .filter(|w| holds(&w.subset))
+            .map(|w| w.probability)
+            .sum::<f64>()
+            .min(1.0)
+    }
+
+    /// Log Bayes factor for a candidate: posterior odds over prior odds of its being in the subset.
+    pub fn log_bayes_factor_of(&self, candidate: usize) -> f64 {
+        let side = |inside: bool| {
+            let weights = self
+                .ranked
+                .iter()
+                .filter(move |w| w.subset.contains(&candidate) == inside);
+            log_sum(weights.map(|w| w.log_weight))
+        };
+        let candidates = self.ranges.len() as f64;
+        let mean_size: f64 = SIZES.iter().enumerate().map(|(n, p)| n as f64 * p).sum();
+        let prior = (mean_size / candidates).clamp(1e-6, 1.0 - 1e-6);
+        side(true) - side(false) - (prior / (1.0 - prior)).ln()
+    }
+
+    /// Mean and covariance of the amplitudes of a subset's columns, prior sds, under the most probable noise.
+    pub fn amplitudes(&self, subset: &Subset) -> (DVector<f64>, DMatrix<f64>) {
+        let columns = columns(&self.ranges, subset);
+        let projected = &self.projected[self.best_pair];
+        let (z, precision) = restrict(projected, &columns);
+        let covariance = precision.clone().cholesky().map_or_else(
+            || DMatrix::identity(columns.len(), columns.len()),
+            |f| f.inverse(),
+        );
+        (&covariance * z, covariance)
+    }
+
+    /// Drop in chi^2 of the data, under the most probable noise, when a subset acts at its best amplitudes.
+    pub fn explained(&self, subset: &Subset) -> f64 {
+        let (z, precision) = restrict(
+            &self.projected[self.best_pair],
+            &columns(&self.ranges, subset),
+        );
+        let a = precision
+            .clone()
+            .cholesky()
+            .map(|f| f.solve(&z))
+            .unwrap_or_else(|| z.clone());
+        // 2 z'a - a'G a with G = precision - I
+        2.0 * z.dot(&a) - a.dot(&(&precision * &a)) + a.norm_squared()
+    }
+}
+
+/// Columns of a subset among the candidates' columns.
+pub fn columns(ranges: &[Vec<usize>], subset: &Subset) -> Vec<usize> {
+    subset
+        .iter()
+        .flat_map(|&k| ranges[k].iter().copied())
+        .collect()
+}
+
+/// z and I + G of some columns.
+fn restrict(projected: &Projected, columns: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+    let n = columns.len();
+    let z = DVector::from_fn(n, |i, _| projected.z[columns[i]]);
+    let precision = DMatrix::from_fn(n, n, |i, j| {
+        projected.g[(columns[i], columns[j])] + f64::from(u8::from(i == j))
+    });
+    (z, precision)
+}
+
+/// Log Bayes factor of columns against none; never above what rounding allows for dependent columns.
+pub fn log_bayes_factor(projected: &Projected, columns: &[usize]) -> f64 {
+    if columns.is_empty() {
+        return 0.0;
+    }
+    let (z, precision) = restrict(projected, columns);
+    let Some(factor) = precision.cholesky() else {
+        return f64::NEG_INFINITY;
+    };
+    let log_det: f64 = 2.0
+        * factor
+            .l_dirty()
+            .diagonal()
+            .iter()
+            .map(|d| d.ln())
+            .sum::<f64>();
+    0.5 * (z.dot(&factor.solve(&z)) - log_det)
+}
+
+/// The likeliest pair of noise settings without and with a discrepancy, each for the best subset it would have.
+fn leading_pairs(
+    weighing: &Weighing,
+    projected: &[Projected],
+    ranges: &[Vec<usize>],
+    all: &[Subset],
+    log_prior: &[f64],
+) -> Vec<usize> {
+    let greedy: Vec<f64> = projected
+        .par_iter()
+        .map(|p| p.log_base + best_of_growing(p, ranges, log_prior))
+        .collect();
+    debug_assert!(!all.is_empty());
+    [false, true]
+        .into_iter()
+        .filter_map(|discrepancy| {
+            (0..weighing.pairs.len())
+                .filter(|&k| weighing.pairs[k].discrepancy == discrepancy)
+                .max_by(|&a, &b| greedy[a].total_cmp(&greedy[b]))
+        })
+        .collect()
+}
+
+/// Score of the best subset found by adding one candidate at a time.
+fn best_of_growing(p: &Projected, ranges: &[Vec<usize>], log_prior: &[f64]) -> f64 {
+    let mut subset: Subset = Vec::new();
+    let mut best = log_prior[0];
+    while subset.len() + 1 < log_prior.len() {
+        let grown = (0..ranges.len())
+            .filter(|k| !subset.contains(k))
+            .map(|k| {
+                let mut s = subset.clone();
+                s.push(k);
+                (log_bayes_factor(p, &columns(ranges, &s)), s)
+            })
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((score, grown)) = grown else { break };
+        best = best.max(score + log_prior[grown.len()]);
+        subset = grown;
+    }
+    best
+}
+
+/// All subsets of up to four of `n` candidates, smallest first.
+fn subsets(n: usize) -> Vec<Subset> {
+    let mut all: Vec<Subset> = vec![Vec::new()];
+    let mut from = 0;
+    for _ in 1..SIZES.len() {
+        let to = all.len();
+        for s in from..to {
+            let first = all[s].last().map_or(0, |k| k + 1);
+            for k in first..n {
+                let mut grown = all[s].clone();
+                grown.push(k);
+                all.push(grown);
+            }
+        }
+        from = to;
+    }
+    all
+}
+
+/// Log prior probability of a subset by size, for `n` candidates.
+fn log_priors(n: usize) -> Vec<f64> {
+    let mut choices = 1.0;
+    SIZES
+        .iter()
+        .enumerate()
+        .take(n + 1)
+        .map(|(size, p): (usize, &f64)| {
+            if size > 0 {
+                choices *= (n + 1 - size) as f64 / size as f64;
+            }
+            (p / choices).ln()
+        })
+        .collect()
+}
+
+fn log_add(a: f64, b: f64) -> f64 {
+    log_sum([a, b].into_iter())
+}
+
+/// log sum exp.
+pub fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let most = values.clone().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY {
+        return most;
+    }
+    most + values.map(|v| (v - most).exp()).sum::<f64>().ln()
+}

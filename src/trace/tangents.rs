@@ -1,0 +1,390 @@
+//! The test linearised about a point: what the data leave of the prediction there, and what a change of every
+//! constant and of every effect's amplitude does to it, as block averages.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::round::Prepared;
+use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name};
+use crate::error::Result;
+use crate::field::Blocks;
+use crate::infer::{Model, forward};
+use crate::reduce::{Gauge, remove_rigid_motion};
+
+/// A point of the parameter space of everything that may act.
+#[derive(Clone)]
+pub struct State {
+    /// Elastic constants, border units.
+    pub constants: Vec<f64>,
+    /// Effects with amplitudes other than zero, border units, in the order of the dictionary.
+    pub acting: Vec<Acting>,
+}
+
+impl State {
+    /// Amplitudes of an effect, zeros if it does not act.
+    pub fn amplitude(&self, effect: &dyn Effect) -> Vec<f64> {
+        self.acting
+            .iter()
+            .find(|a| a.effect.name() == effect.name())
+            .map_or_else(
+                || vec![0.0; effect.parameters().len()],
+                |a| a.amplitude.clone(),
+            )
+    }
+
+    /// Give an effect its amplitudes.
+    pub fn set(&mut self, effect: &'static dyn Effect, amplitude: Vec<f64>) {
+        self.acting.retain(|a| a.effect.name() != effect.name());
+        self.acting.push(Acting { effect, amplitude });
+        let place = |name: &str| crate::effect::EFFECTS.iter().position(|e| e.name() == name);
+        self.acting.sort_by_key(|a| place(a.effect.name()));
+    }
+}
+
+/// One parameter and what it does.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// `E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`.
+    pub name: String,
+    /// Prior mean, border units.
+    pub mean: f64,
+    /// Prior sd, border units.
+    pub sd: f64,
+    /// Value at which the test was linearised.
+    pub at: f64,
+    /// Change of the block averages of (u1, u2) for one prior sd, mm.
+    pub values: [DVector<f64>; 2],
+}
+
+/// An effect that the model lacks, or might.
+#[derive(Clone)]
+pub struct Candidate {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// Its parameters.
+    pub columns: Vec<Column>,
+}
+
+/// Data and tangents.
+#[derive(Clone)]
+pub struct Tangents {
+    /// Measured minus predicted at the prior means of all parameters, by the tangents: block averages of (u1, u2), mm.
+    pub rest: [DVector<f64>; 2],
+    /// Elastic constants, the thickness if it is uncertain, declared effects.
+    pub base: Vec<Column>,
+    /// How many of `base` are elastic constants.
+    pub constants: usize,
+    /// Effects that are not declared.
+    pub candidates: Vec<Candidate>,
+    /// Measured minus predicted at the state, every point, mm.
+    pub residual: Vec<[f64; 2]>,
+}
+
+impl Tangents {
+    /// Mean of all parameters, in prior sds from their means, with every candidate present at its prior and noise that
+    /// is white: of the size that is left, on blocks of `count` points.
+    pub fn ridge(&self, count: &[usize]) -> DVector<f64> {
+        let columns: Vec<&Column> = self
+            .base
+            .iter()
+            .chain(self.candidates.iter().flat_map(|c| &c.columns))
+            .collect();
+        let p = columns.len();
+        let mut gram = DMatrix::zeros(p, p);
+        let mut right = DVector::zeros(p);
+        let mut total = 0.0;
+        for c in 0..2 {
+            let mut weighted = DMatrix::zeros(count.len(), p + 1);
+            for (b, &n) in count.iter().enumerate() {
+                let root = (n as f64).sqrt();
+                for (k, column) in columns.iter().enumerate() {
+                    weighted[(b, k)] = root * column.values[c][b];
+                }
+                weighted[(b, p)] = root * self.rest[c][b];
+            }
+            let all = weighted.tr_mul(&weighted);
+            gram += all.view((0, 0), (p, p));
+            right += all.view((0, p), (p, 1)).column(0);
+            total += all[(p, p)];
+        }
+        let solve = |variance: f64| {
+            let mut precision = gram.clone() / variance;
+            for k in 0..p {
+                precision[(k, k)] += 1.0;
+            }
+            precision
+                .cholesky()
+                .map_or_else(|| DVector::zeros(p), |f| f.solve(&right) / variance)
+        };
+        // the white variance of a point from what a nearly free fit leaves
+        let nearly_free = solve(1e-12 * total.max(f64::MIN_POSITIVE));
+        let left = total - 2.0 * right.dot(&nearly_free) + nearly_free.dot(&(&gram * &nearly_free));
+        let freedom = (2 * count.len()).saturating_sub(p).max(1) as f64;
+        solve((left / freedom).max(1e-12 * total))
+    }
+}
+
+/// The test that is linearised.
+pub struct Tested<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Plate and measured points.
+    pub prepared: &'a Prepared,
+    /// What effects need to know.
+    pub scene: Scene,
+    /// Block averages' geometry.
+    pub blocks: &'a Blocks,
+}
+
+/// What varies in one column.
+#[derive(Clone, Copy)]
+enum Direction {
+    Constant(usize),
+    Thickness,
+    Amplitude(&'static dyn Effect, usize),
+}
+
+/// Step of an elastic constant's central difference, as a fraction of its value.
+const CONSTANT_STEP: f64 = 0.01;
+
+/// Step of an amplitude's central difference, prior sds.
+const AMPLITUDE_STEP: f64 = 0.5;
+
+/// Prior sd of an amplitude that nothing bounds, times the size of the measured field.
+const FREE: f64 = 10.0;
+
+impl Tested<'_> {
+    /// Linearise at a state, for the declared effects and `candidates`.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn tangents(&self, at: &State, candidates: &[&'static dyn Effect]) -> Result<Tangents> {
+        let here = self.look(at)?;
+        let mut directions: Vec<Direction> =
+            (0..at.constants.len()).map(Direction::Constant).collect();
+        if self.model.file.specimen.thickness_mm.sd > 0.0 {
+            directions.push(Direction::Thickness);
+        }
+        let parameters = |effect: &&'static dyn Effect| {
+            let effect = *effect;
+            (0..effect.parameters().len()).map(move |k| Direction::Amplitude(effect, k))
+        };
+        directions.extend(self.model.effects.iter().flat_map(parameters));
+        let declared = directions.len();
+        directions.extend(candidates.iter().flat_map(parameters));
+        let columns: Vec<Column> = directions
+            .par_iter()
+            .map(|&direction| self.column(at, &here, direction))
+            .collect::<Result<_>>()?;
+        let measured = &self.prepared.observation.field.displacement;
+        let residual: Vec<[f64; 2]> = measured
+            .iter()
+            .zip(&here.field)
+            .map(|(m, f)| [m[0] - f[0], m[1] - f[1]])
+            .collect();
+        let mut rest = self.average(&residual);
+        for column in &columns {
+            let shift = (column.mean - column.at) / column.sd;
+            for (rest, values) in rest.iter_mut().zip(&column.values) {
+                rest.axpy(-shift, values, 1.0);
+            }
+        }
+        let mut columns = columns.into_iter();
+        let base = columns.by_ref().take(declared).collect();
+        let candidates = candidates
+            .iter()
+            .map(|&effect| Candidate {
+                effect,
+                columns: columns.by_ref().take(effect.parameters().len()).collect(),
+            })
+            .collect();
+        Ok(Tangents {
+            rest,
+            base,
+            constants: at.constants.len(),
+            candidates,
+            residual,
+        })
+    }
+
+    /// Linearise the declared part anew at a state, keeping the candidates' columns.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn again(&self, at: &State, before: &Tangents) -> Result<Tangents> {
+        let mut tangents = self.tangents(at, &[])?;
+        for column in before.candidates.iter().flat_map(|c| &c.columns) {
+            let shift = (column.mean - column.at) / column.sd;
+            for (rest, values) in tangents.rest.iter_mut().zip(&column.values) {
+                rest.axpy(-shift, values, 1.0);
+            }
+        }
+        tangents.candidates = before.candidates.clone();
+        Ok(tangents)
+    }
+
+    fn look(&self, at: &State) -> Result<forward::View> {
+        forward::view(
+            &self.scene,
+            self.model,
+            &self.prepared.plate,
+            &self.prepared.observation.field.points,
+            &at.constants,
+            &at.acting,
+        )
+    }
+
+    fn column(&self, at: &State, here: &forward::View, direction: Direction) -> Result<Column> {
+        match direction {
+            Direction::Constant(k) => {
+                let prior = self.model.marginals()[k];
+                let step = CONSTANT_STEP * prior.mean.abs();
+                let moved = |by: f64| {
+                    let mut state = at.clone();
+                    state.constants[k] += by;
+                    state
+                };
+                let field = self.difference(&moved(step), &moved(-step), 2.0 * step / prior.sd)?;
+                Ok(Column {
+                    name: self.model.constants()[k].into(),
+                    mean: prior.mean,
+                    sd: prior.sd,
+                    at: at.constants[k],
+                    values: self.average(&field),
+                })
+            }
+            Direction::Thickness => {
+                // a force-driven field is proportional to 1/h
+                let thickness = self.model.file.specimen.thickness_mm;
+                let factor = -thickness.sd / thickness.mean;
+                let field: Vec<[f64; 2]> = here
+                    .mechanical
+                    .iter()
+                    .map(|u| u.map(|u| factor * u))
+                    .collect();
+                Ok(Column {
+                    name: crate::reduce::THICKNESS.into(),
+                    mean: thickness.mean,
+                    sd: thickness.sd,
+                    at: thickness.mean,
+                    values: self.average(&field),
+                })
+            }
+            Direction::Amplitude(effect, k) => self.amplitude(at, here, effect, k),
+        }
+    }
+
+    fn amplitude(
+        &self,
+        at: &State,
+        here: &forward::View,
+        effect: &'static dyn Effect,
+        k: usize,
+    ) -> Result<Column> {
+        let sd = self.plausible(effect, k);
+        let amplitude = at.amplitude(effect);
+        let moved = |by: f64| {
+            let mut changed = amplitude.clone();
+            changed[k] += by * sd;
+            changed
+        };
+        let field = match effect.kind() {
+            Kind::Additive => {
+                let (there, zero) = (moved(1.0), amplitude.clone());
+                let points = &self.prepared.observation.field.points;
+                points
+                    .iter()
+                    .map(|&p| {
+                        let a = effect.displacement(&there, &self.scene, p);
+                        let b = effect.displacement(&zero, &self.scene, p);
+                        [a[0] - b[0], a[1] - b[1]]
+                    })
+                    .collect()
+            }
+            Kind::Optical => self.optical(
+                here,
+                effect,
+                &moved(AMPLITUDE_STEP),
+                &moved(-AMPLITUDE_STEP),
+            ),
+            Kind::Mechanical | Kind::Recorded => {
+                let state = |by: f64| {
+                    let mut state = at.clone();
+                    state.set(effect, moved(by));
+                    state
+                };
+                self.difference(
+                    &state(AMPLITUDE_STEP),
+                    &state(-AMPLITUDE_STEP),
+                    2.0 * AMPLITUDE_STEP,
+                )?
+            }
+        };
+        Ok(Column {
+            name: amplitude_name(effect, &effect.parameters()[k]),
+            mean: 0.0,
+            sd,
+            at: amplitude[k],
+            values: self.average(&field),
+        })
+    }
+
+    /// Prior sd of an amplitude, border units.
+    fn plausible(&self, effect: &'static dyn Effect, k: usize) -> f64 {
+        self.model.plausible(effect, k).unwrap_or_else(|| {
+            // only translations are free: their unit is the micrometre
+            let field = &self.prepared.observation.field.displacement;
+            let square: f64 = field.iter().flatten().map(|u| u * u).sum();
+            FREE * (square / field.len().max(1) as f64).sqrt() * crate::quantity::UM_PER_MM
+        })
+    }
+
+    fn difference(&self, high: &State, low: &State, span: f64) -> Result<Vec<[f64; 2]>> {
+        let (high, low) = (self.look(high)?.field, self.look(low)?.field);
+        Ok(high
+            .iter()
+            .zip(&low)
+            .map(|(a, b)| [(a[0] - b[0]) / span, (a[1] - b[1]) / span])
+            .collect())
+    }
+
+    /// What an optical effect changes: the field's gradient times the shift of the true points, and the components.
+    fn optical(
+        &self,
+        here: &forward::View,
+        effect: &'static dyn Effect,
+        high: &[f64],
+        low: &[f64],
+    ) -> Vec<[f64; 2]> {
+        let points = &self.prepared.observation.field.points;
+        let span = 2.0 * AMPLITUDE_STEP;
+        let mut field: Vec<[f64; 2]> = points
+            .iter()
+            .zip(&here.mechanical)
+            .zip(&here.gradient)
+            .map(|((&p, &u), g)| {
+                let (a, b) = (
+                    effect.true_point(high, &self.scene, p),
+                    effect.true_point(low, &self.scene, p),
+                );
+                let shift = [a[0] - b[0], a[1] - b[1]];
+                let (ua, ub) = (
+                    effect.components(high, &self.scene, p, u),
+                    effect.components(low, &self.scene, p, u),
+                );
+                [0, 1].map(|i| (g[i][0] * shift[0] + g[i][1] * shift[1] + ua[i] - ub[i]) / span)
+            })
+            .collect();
+        if self.model.file.gauge == Gauge::Window {
+            remove_rigid_motion(points, &mut field);
+        }
+        field
+    }
+
+    fn average(&self, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
+        [0, 1].map(|c| {
+            let values: Vec<f64> = field.iter().map(|u| u[c]).collect();
+            self.blocks.average(&values)
+        })
+    }
+}

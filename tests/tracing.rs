@@ -1,0 +1,98 @@
+//! Tracing undeclared effects: each effect of the dictionary at a clear size, none, and structure that is in no dictionary.
+
+use std::path::Path;
+
+use plychain::effect::Acting;
+use plychain::field::matrices::write_matrices;
+use plychain::infer::Model;
+use plychain::infer::simulate::{Truth, simulate};
+use plychain::progress::Unwatched;
+use plychain::trace::{State, Tracing, attribute, extended, prepare};
+
+use crate::program::{fresh, model, workplace};
+
+/// Constants of the simulated specimens.
+const TRUTH: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
+
+/// A simulated measurement of the default model with some effects (`name=a,b`), noise of 10 nm a point.
+pub fn measured(effects: &[&str], correlation_mm: f64, seed: u64) -> Model {
+    let nominal = Model::load(Path::new(&model("openhole.json"))).unwrap();
+    let acting: Vec<Acting> = effects
+        .iter()
+        .map(|text| Acting::parse("test", text).unwrap())
+        .collect();
+    let grid = simulate(
+        &nominal,
+        &Truth {
+            constants: TRUTH.to_vec(),
+            thickness_mm: 0.78,
+            effects: acting,
+            noise_nm: 10.0,
+            correlation_mm,
+            grid: 121,
+            seed,
+        },
+    )
+    .unwrap();
+    let folder = fresh("field");
+    std::fs::create_dir_all(&folder).unwrap();
+    write_matrices(&folder, &grid).unwrap();
+    let mut model = nominal;
+    model.file.measurement = model.file.measurement.with_path(folder);
+    model
+}
+
+/// Trace until nothing more is accepted, without chains; what was accepted, with its alias group, and the last tracing.
+pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing) {
+    let cache = workplace().join("runs/.cache");
+    let prepared = prepare(model, &cache, &Unwatched).unwrap();
+    let mut model = model.clone();
+    let mut state = State {
+        constants: model.marginals().iter().map(|m| m.mean).collect(),
+        acting: Vec::new(),
+    };
+    let mut accepted = Vec::new();
+    loop {
+        let tracing = attribute(&model, &prepared, state.clone(), &Unwatched).unwrap();
+        let Some(effect) = tracing.accepted.filter(|_| accepted.len() < 5) else {
+            return (accepted, tracing);
+        };
+        let group = tracing.groups.iter().find(|g| g.leader == effect.name());
+        accepted.push((effect.name(), group.unwrap().members.clone()));
+        let amplitude = tracing.accepted_amplitude.clone();
+        state.constants = tracing.averaged.iter().map(|a| a.mean).collect();
+        state.set(effect, amplitude.iter().map(|a| a.0).collect());
+        model = extended(&model, effect, &amplitude);
+    }
+}
+
+/// `PLYCHAIN_TRACE="load_misalignment=1;none" cargo test --release tracing::survey -- --ignored --nocapture`
+#[test]
+#[ignore = "prints a table"]
+fn survey() {
+    let cases = std::env::var("PLYCHAIN_TRACE").unwrap_or_else(|_| "none".into());
+    let correlation: f64 = std::env::var("PLYCHAIN_CORRELATION").map_or(0.0, |t| t.parse().unwrap());
+    let seeds: u64 = std::env::var("PLYCHAIN_SEEDS").map_or(1, |t| t.parse().unwrap());
+    for case in cases.split(';') {
+        for seed in 1..=seeds {
+            let effects: Vec<&str> = case.split('+').filter(|e| *e != "none").collect();
+            let start = std::time::Instant::now();
+            let model = measured(&effects, correlation, seed);
+            let (accepted, tracing) = traced(&model);
+            println!(
+                "{case} seed {seed}: accepted {accepted:?} undecided {:?} P(discrepancy) {:.2} l {:?} holdout {:.2} nm, {:.1} s",
+                tracing.undecided,
+                tracing.discrepancy,
+                tracing.length_mm,
+                tracing.holdout_rms_nm,
+                start.elapsed().as_secs_f64()
+            );
+            for g in &tracing.groups {
+                println!("    group {:?} P {:.3} drop {:.1} predicts {}", g.members, g.probability, g.drop_nats, g.predicts);
+            }
+            for (a, truth) in tracing.averaged.iter().zip(TRUTH) {
+                println!("    {} {:.4} +- {:.4} z {:.2}", a.name, a.mean, a.sd, (a.mean - truth) / a.sd);
+            }
+        }
+    }
+}
