@@ -65,13 +65,7 @@ impl Effect for FringeOrderJump {
     }
 
     /// Adds orders / f inside the disc, its border included.
-    fn recorded(
-        &self,
-        amplitude: &[f64],
-        scene: &Scene,
-        point: [f64; 2],
-        u: [f64; 2],
-    ) -> [f64; 2] {
+    fn recorded(&self, amplitude: &[f64], scene: &Scene, point: [f64; 2], u: [f64; 2]) -> [f64; 2] {
         let Some(frequency) = scene.fringe_frequency_per_mm else {
             return u;
         };

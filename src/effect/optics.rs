@@ -3,11 +3,7 @@
 use super::Scene;
 
 /// Apply a function of vectors in the data's axes, (x, y) from the hole's centre, to one in the model's.
-pub fn in_data_axes(
-    scene: &Scene,
-    v: [f64; 2],
-    map: impl Fn([f64; 2]) -> [f64; 2],
-) -> [f64; 2] {
+pub fn in_data_axes(scene: &Scene, v: [f64; 2], map: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
     scene.frame.vector(map(scene.frame.vector(v)))
 }
 

@@ -42,6 +42,8 @@ impl Effect for RegistrationOffset {
 
     /// Displacements stay as they are, also those from image coordinates: a shift has no gradient.
     fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
-        in_data_axes(scene, reported, |[x, y]| [x - amplitude[0], y - amplitude[1]])
+        in_data_axes(scene, reported, |[x, y]| {
+            [x - amplitude[0], y - amplitude[1]]
+        })
     }
 }

@@ -41,8 +41,9 @@ impl Effect for ThermalStrain {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        scene.expansion_per_k.is_none().then_some(
-            "the material's thermal expansion is unknown: give specimen.expansion_per_K",
-        )
+        scene
+            .expansion_per_k
+            .is_none()
+            .then_some("the material's thermal expansion is unknown: give specimen.expansion_per_K")
     }
 }

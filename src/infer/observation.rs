@@ -89,12 +89,7 @@ impl Observation {
     }
 
     /// Evaluate modes and the model's additive effects at the points, under its gauge.
-    pub fn columns(
-        &self,
-        reduced: &ReducedModel,
-        mesh: &Mesh,
-        model: &Model,
-    ) -> Columns {
+    pub fn columns(&self, reduced: &ReducedModel, mesh: &Mesh, model: &Model) -> Columns {
         let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
         if model.file.gauge == Gauge::Window {
             for column in &mut modes {

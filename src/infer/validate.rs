@@ -11,9 +11,7 @@ use crate::error::{Error, Result};
 const MOST_SDS: f64 = 8.0;
 
 /// A map whose keys are all different: of two entries with one name, neither is likely to be the one that is meant.
-pub fn unique<'de, D, T>(
-    deserializer: D,
-) -> std::result::Result<BTreeMap<String, T>, D::Error>
+pub fn unique<'de, D, T>(deserializer: D) -> std::result::Result<BTreeMap<String, T>, D::Error>
 where
     D: serde::Deserializer<'de>,
     T: serde::Deserialize<'de>,

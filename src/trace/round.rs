@@ -152,10 +152,9 @@ fn identify_prepared(
     options: &Options<'_>,
     watch: &dyn Watch,
 ) -> Result<Round> {
-    let columns =
-        prepared
-            .observation
-            .columns(&prepared.reduced, &prepared.plate.mesh, model);
+    let columns = prepared
+        .observation
+        .columns(&prepared.reduced, &prepared.plate.mesh, model);
     check_size(
         &prepared,
         &columns,
