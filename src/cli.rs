@@ -4,6 +4,7 @@ mod bench;
 mod build;
 mod console;
 mod diagnose;
+mod effects;
 mod folder;
 mod identify;
 mod simulate;
@@ -54,6 +55,8 @@ enum Verb {
     Export(diagnose::ExportArguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
+    /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
+    Effects(effects::Arguments),
 }
 
 /// Where runs and cached reduced models are kept.
@@ -94,5 +97,6 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
+        Verb::Effects(arguments) => effects::run(&arguments),
     }
 }

@@ -3,6 +3,7 @@
 mod chain_files;
 mod cli;
 mod diagnostics;
+mod dictionary;
 mod fem;
 mod field;
 mod formats;
@@ -11,6 +12,7 @@ mod kernel;
 mod laminate;
 mod layering;
 mod measure;
+mod optics;
 mod program;
 mod reduce;
 mod resume;

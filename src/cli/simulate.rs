@@ -130,6 +130,13 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
         .iter()
         .map(|text| Acting::parse("--effect", text))
         .collect::<Result<Vec<_>>>()?;
+    let scene = model.scene();
+    for a in &acting {
+        if let Some(reason) = a.effect.obstacle(&scene) {
+            let expected = format!("an effect that can act, which this one cannot: {reason}");
+            return Err(Error::input("--effect", expected).found(a.effect.name()));
+        }
+    }
     // Effects act in the order of the dictionary, whatever the order of the arguments.
     for effect in EFFECTS {
         truth.effects.extend(

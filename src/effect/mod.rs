@@ -2,10 +2,21 @@
 //!
 //! A new effect is one new file here and one line in [`EFFECTS`].
 
+mod camera_rotation;
+mod camera_tilt;
+mod fringe_order_jump;
 mod in_plane_bending;
+mod lens_distortion;
 mod load_misalignment;
+mod magnification;
+mod optics;
+mod out_of_plane_bending;
+mod phase_shift_error;
+mod registration_offset;
 mod rigid_rotation;
 mod rigid_translation;
+mod thermal_strain;
+mod uniform_strain;
 
 use crate::error::{Error, Result};
 use crate::fem::Setup;
@@ -16,9 +27,23 @@ use crate::laminate::Ply;
 pub static EFFECTS: &[&dyn Effect] = &[
     &rigid_translation::RigidTranslation,
     &rigid_rotation::RigidRotation,
+    &uniform_strain::UniformStrain,
+    &thermal_strain::ThermalStrain,
+    &registration_offset::RegistrationOffset,
+    &camera_rotation::CameraRotation,
+    &magnification::Magnification,
+    &camera_tilt::CameraTilt,
+    &lens_distortion::LensDistortion,
+    &phase_shift_error::PhaseShiftError,
+    &fringe_order_jump::FringeOrderJump,
     &load_misalignment::LoadMisalignment,
     &in_plane_bending::InPlaneBending,
+    &out_of_plane_bending::OutOfPlaneBending,
 ];
+
+/// Obstacle of the effects that act on fringes.
+const NEEDS_FRINGES: &str =
+    "displacements are not read from fringes: measurement.fringe_frequency_per_mm is not given";
 
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +54,19 @@ pub struct Parameter {
     pub plausible: Option<f64>,
     /// Largest amplitude for which the effect is modelled.
     pub bound: f64,
+}
+
+impl Parameter {
+    /// The unit, as the name ends in it: `per m per mm` of `gradient_per_m_per_mm`, `percent` of `percent_at_12mm`.
+    pub fn unit(&self) -> String {
+        let name = self.name;
+        let unit = match name.find("per_") {
+            Some(at) => &name[at..],
+            None if name.starts_with("percent") => "percent",
+            None => name.rsplit('_').next().unwrap_or(name),
+        };
+        unit.replace('_', " ")
+    }
 }
 
 /// How an effect acts.
@@ -42,6 +80,18 @@ pub enum Kind {
     Recorded,
     /// The test itself is another one: the finite elements are solved anew.
     Mechanical,
+}
+
+impl Kind {
+    /// The kind in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Kind::Additive => "a displacement field that is added",
+            Kind::Optical => "the field seen at other points or along other axes",
+            Kind::Recorded => "what the instrument records of the displacement",
+            Kind::Mechanical => "another test, solved by finite elements",
+        }
+    }
 }
 
 /// What an effect may need to know of the nominal test.
@@ -114,6 +164,11 @@ pub trait Effect: Sync {
         u
     }
 
+    /// What amplitudes within the parameters' bounds should have been, where these cannot be.
+    fn fault(&self, _amplitude: &[f64]) -> Option<&'static str> {
+        None
+    }
+
     /// Why the effect cannot act in this test; nothing if it can.
     fn obstacle(&self, _scene: &Scene) -> Option<&'static str> {
         None
@@ -170,6 +225,9 @@ impl Acting {
         for (value, parameter) in amplitude.iter().zip(parameters) {
             check_amplitude(&place, parameter, *value)?;
         }
+        if let Some(expected) = effect.fault(&amplitude) {
+            return Err(Error::input(&place, expected).found(values));
+        }
         Ok(Self { effect, amplitude })
     }
 }
@@ -185,4 +243,26 @@ fn check_amplitude(place: &str, parameter: &Parameter, value: f64) -> Result<()>
 /// `effect.parameter`, the name under which an amplitude is reported.
 pub fn amplitude_name(effect: &dyn Effect, parameter: &Parameter) -> String {
     format!("{}.{}", effect.name(), parameter.name)
+}
+
+/// Fields of one border unit of a recorded effect's parameter `k` at points (s, t), mm, for the displacement `smooth`
+/// (mm, translation included) that the instrument saw there. The measured displacement itself will not do for it: its
+/// noise would be in the argument of the ripple, and take from the amplitude.
+pub fn recorded_column(
+    effect: &dyn Effect,
+    k: usize,
+    scene: &Scene,
+    points: &[[f64; 2]],
+    smooth: &[[f64; 2]],
+) -> Vec<[f64; 2]> {
+    let mut unit = vec![0.0; effect.parameters().len()];
+    unit[k] = 1.0;
+    points
+        .iter()
+        .zip(smooth)
+        .map(|(&p, &u)| {
+            let recorded = effect.recorded(&unit, scene, p, u);
+            [recorded[0] - u[0], recorded[1] - u[1]]
+        })
+        .collect()
 }

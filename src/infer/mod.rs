@@ -16,6 +16,7 @@ mod prior;
 pub mod simulate;
 mod statistics;
 mod tabulated;
+mod validate;
 
 pub use density::LogDensity;
 pub use laplace::{Laplace, laplace};

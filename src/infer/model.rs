@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::prior::{Marginal, PriorSpec};
-use crate::effect::{self, Effect, Kind, Scene};
+use super::validate::{json_error, unique, validate, validate_effects};
+use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Density, Setup};
 use crate::field::{Field, MeasurementSpec};
@@ -51,6 +52,13 @@ pub struct ModelFile {
     /// Effects that tracing may consider, in place of the whole dictionary.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub candidates: Option<Vec<String>>,
+    /// Standard deviations of effects' amplitudes by `effect.parameter`, in its unit, in place of the dictionary's.
+    #[serde(
+        default,
+        deserialize_with = "unique",
+        skip_serializing_if = "BTreeMap::is_empty"
+    )]
+    pub plausible: BTreeMap<String, f64>,
 }
 
 /// One entry of `parameters`.
@@ -92,9 +100,6 @@ const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 /// Half-width of the default DoE box in prior standard deviations.
 const BOX_SDS: f64 = 3.0;
 
-/// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
-const MOST_SDS: f64 = 8.0;
-
 /// Smallest modulus of the default DoE box as a fraction of its prior mean.
 const SMALLEST_MODULUS: f64 = 0.25;
 
@@ -118,11 +123,13 @@ impl Model {
             .map_err(|e| json_error(&place, &e.path().to_string(), e.inner()))?;
         reader.end().map_err(|e| json_error(&place, ".", &e))?;
         let effects = validate(&file).map_err(|e| e.within(&place))?;
-        Ok(Self {
+        let model = Self {
             file,
             path: path.to_path_buf(),
             effects,
-        })
+        };
+        validate_effects(&model.effects, &model.scene()).map_err(|e| e.within(&place))?;
+        Ok(model)
     }
 
     /// The directory that relative paths of the model start from.
@@ -179,6 +186,14 @@ impl Model {
             .filter(|e| e.kind() == Kind::Additive)
             .copied()
             .collect()
+    }
+
+    /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the
+    /// dictionary's; `None` where nothing bounds it.
+    pub fn plausible(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
+        let parameter = &effect.parameters()[k];
+        let own = self.file.plausible.get(&amplitude_name(effect, parameter));
+        own.copied().or(parameter.plausible)
     }
 
     /// What effects may need to know of the nominal test: prior means, mean thickness.
@@ -253,10 +268,12 @@ impl Model {
             });
         }
         for effect in self.mechanical() {
-            for parameter in effect.parameters() {
-                let reach = BOX_SDS * parameter.plausible.unwrap_or(parameter.bound / BOX_SDS);
+            for (k, parameter) in effect.parameters().iter().enumerate() {
+                let reach = self
+                    .plausible(effect, k)
+                    .map_or(parameter.bound, |sd| (BOX_SDS * sd).min(parameter.bound));
                 dimensions.push(Dimension {
-                    name: effect::amplitude_name(effect, parameter),
+                    name: amplitude_name(effect, parameter),
                     low: -reach,
                     high: reach,
                 });
@@ -275,167 +292,4 @@ impl Model {
         }
         Ok(dimensions)
     }
-}
-
-/// A map whose keys are all different: of two entries with one name, neither is likely to be the one that is meant.
-fn unique<'de, D: serde::Deserializer<'de>>(
-    deserializer: D,
-) -> std::result::Result<BTreeMap<String, ParameterSpec>, D::Error> {
-    struct Unique;
-    impl<'de> serde::de::Visitor<'de> for Unique {
-        type Value = BTreeMap<String, ParameterSpec>;
-
-        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-            f.write_str("an object of parameters by name")
-        }
-
-        fn visit_map<A: serde::de::MapAccess<'de>>(
-            self,
-            mut map: A,
-        ) -> std::result::Result<Self::Value, A::Error> {
-            let mut entries = BTreeMap::new();
-            while let Some((name, value)) = map.next_entry::<String, ParameterSpec>()? {
-                if entries.contains_key(&name) {
-                    return Err(serde::de::Error::custom(format!(
-                        "a second {name}, expected every name once"
-                    )));
-                }
-                entries.insert(name, value);
-            }
-            Ok(entries)
-        }
-    }
-    deserializer.deserialize_map(Unique)
-}
-
-/// One line for what serde reports: file, line, key path, what was found and what was expected.
-fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
-    let text = error.to_string();
-    let text = text.split(" at line ").next().unwrap_or_default();
-    let place = format!("{file}:{}:{}", error.line(), error.column());
-    let place = if key == "." {
-        place
-    } else {
-        format!("{place}: {key}")
-    };
-    if let Some((found, expected)) = text.split_once(", expected ") {
-        return Error::input(place, expected).found(found);
-    }
-    if let Some((place_in, expected)) = text.split_once(": expected ") {
-        return Error::input(format!("{place}: {place_in}"), expected);
-    }
-    let expected = match error.classify() {
-        serde_json::error::Category::Syntax | serde_json::error::Category::Eof => "valid JSON",
-        _ => "the keys of a model file",
-    };
-    Error::input(place, expected).found(text)
-}
-
-/// Check everything that serde cannot, and resolve the effects.
-fn validate(file: &ModelFile) -> Result<Vec<&'static dyn Effect>> {
-    if file.schema != SCHEMA {
-        return Err(Error::input("schema", format!("\"{SCHEMA}\"")).found(&file.schema));
-    }
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    if file.name.is_empty() || file.name.starts_with('.') || !file.name.chars().all(plain) {
-        return Err(Error::input(
-            "name",
-            "letters, digits, '-', '_' and '.', because it names run folders",
-        )
-        .found(&file.name));
-    }
-    file.specimen.validate()?;
-    file.load.validate()?;
-    file.reduced_model.validate()?;
-    validate_parameters(file)?;
-    let fraction = file.likelihood.model_error_fraction;
-    if !(0.0..1.0).contains(&fraction) {
-        return Err(Error::input(
-            "likelihood.model_error_fraction",
-            "a fraction of at least 0 and below 1",
-        )
-        .found(fraction));
-    }
-    if let Some(noise) = file
-        .likelihood
-        .noise_nm
-        .filter(|n| !(n.is_finite() && *n > 0.0))
-    {
-        return Err(Error::input("likelihood.noise_nm", "a number above 0").found(noise));
-    }
-    for name in file.candidates.iter().flatten() {
-        effect::find("candidates", name)?;
-    }
-    let declared = file
-        .effects
-        .iter()
-        .map(|name| effect::find("effects", name))
-        .collect::<Result<Vec<_>>>()?;
-    for (k, name) in file.effects.iter().enumerate() {
-        if file.effects[..k].contains(name) {
-            return Err(Error::input("effects", "every effect at most once").found(name));
-        }
-    }
-    Ok(effect::EFFECTS
-        .iter()
-        .filter(|e| declared.iter().any(|d| d.name() == e.name()))
-        .copied()
-        .collect())
-}
-
-fn validate_parameters(file: &ModelFile) -> Result<()> {
-    let names = file.specimen.material.constants();
-    for name in file.parameters.keys() {
-        if !names.contains(&name.as_str()) {
-            return Err(Error::input(
-                format!("parameters.{name}"),
-                format!("only {}", names.join(", ")),
-            )
-            .found("an unknown parameter"));
-        }
-    }
-    let mut means = Vec::new();
-    for name in names {
-        let place = format!("parameters.{name}");
-        let spec = file
-            .parameters
-            .get(*name)
-            .ok_or_else(|| Error::input(&place, "this parameter").found("no such key"))?;
-        let PriorSpec::Normal { mean, sd } = spec.prior;
-        if !mean.is_finite() {
-            return Err(
-                Error::input(format!("{place}.prior.normal.mean"), "a finite number").found(mean),
-            );
-        }
-        if !(sd.is_finite() && sd > 0.0) {
-            return Err(
-                Error::input(format!("{place}.prior.normal.sd"), "a number above 0").found(sd),
-            );
-        }
-        if let Some([low, high]) = spec
-            .truncate
-            .filter(|[low, high]| low.partial_cmp(high) != Some(std::cmp::Ordering::Less))
-        {
-            return Err(Error::input(
-                format!("{place}.truncate"),
-                "a lower bound below the upper bound",
-            )
-            .found(format!("[{low}, {high}]")));
-        }
-        if let Some([low, high]) = spec.truncate
-            && (low > mean + MOST_SDS * sd || high < mean - MOST_SDS * sd)
-        {
-            return Err(Error::input(
-                format!("{place}.truncate"),
-                "bounds that leave some of the prior",
-            )
-            .found(format!("[{low}, {high}] with a prior of {mean} +- {sd}")));
-        }
-        means.push(mean);
-    }
-    file.specimen
-        .material
-        .ply(&means)
-        .admissible("parameters: prior means")?;
-    Ok(())
 }

@@ -1,8 +1,10 @@
 //! The measured field seen by the reduced model: the modes' and declared effects' columns at the measured points.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::linear::solve;
+use super::model::Model;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
@@ -86,17 +88,10 @@ impl Observation {
         self.field.retain(Reason::Outlier, |i| !stray[i])
     }
 
-    /// Evaluate modes and additive effects at the points, under the model's gauge.
-    pub fn columns(
-        &self,
-        reduced: &ReducedModel,
-        mesh: &Mesh,
-        gauge: Gauge,
-        effects: &[&'static dyn Effect],
-        scene: &Scene,
-    ) -> Columns {
+    /// Evaluate modes and the model's additive effects at the points, under its gauge.
+    pub fn columns(&self, reduced: &ReducedModel, mesh: &Mesh, model: &Model) -> Columns {
         let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
-        if gauge == Gauge::Window {
+        if model.file.gauge == Gauge::Window {
             for column in &mut modes {
                 remove_rigid_motion(&self.field.points, column);
             }
@@ -107,11 +102,12 @@ impl Observation {
             names: Vec::new(),
             plausible: Vec::new(),
         };
-        for effect in effects {
+        let scene = model.scene();
+        for effect in model.additive() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
-                columns.effects.push(self.additive(*effect, k, scene));
-                columns.names.push(amplitude_name(*effect, parameter));
-                columns.plausible.push(parameter.plausible);
+                columns.effects.push(self.additive(effect, k, &scene));
+                columns.names.push(amplitude_name(effect, parameter));
+                columns.plausible.push(model.plausible(effect, k));
             }
         }
         columns
@@ -123,7 +119,7 @@ impl Observation {
         unit[k] = 1.0;
         self.field
             .points
-            .iter()
+            .par_iter()
             .map(|&p| effect.displacement(&unit, scene, p))
             .collect()
     }

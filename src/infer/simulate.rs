@@ -93,6 +93,15 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
             u[1] += added[1];
         }
     }
+    for acting in truth
+        .effects
+        .iter()
+        .filter(|a| a.effect.kind() == Kind::Recorded)
+    {
+        for (u, &p) in u.iter_mut().zip(&seen) {
+            *u = acting.effect.recorded(&acting.amplitude, &scene, p, *u);
+        }
+    }
     add_noise(&seen, &mut u, truth);
     let mut measured = u.into_iter();
     for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {

@@ -1,9 +1,11 @@
 //! Ply, laminate, specimen: from elastic constants to the plate's membrane stiffness.
 
+mod expansion;
 mod ply;
 mod specimen;
 mod stack;
 
+pub use expansion::free_expansion;
 pub use ply::{Ply, rotate_stiffness, strain_rotation};
 pub use specimen::{ClampSpec, End, HoleSpec, LoadSpec, Material, SpecimenSpec, ThicknessSpec};
 pub use stack::{Abd, Membrane, abd};

@@ -152,14 +152,9 @@ fn identify_prepared(
     options: &Options<'_>,
     watch: &dyn Watch,
 ) -> Result<Round> {
-    let gauge = model.file.gauge;
-    let columns = prepared.observation.columns(
-        &prepared.reduced,
-        &prepared.plate.mesh,
-        gauge,
-        &model.additive(),
-        &model.scene(),
-    );
+    let columns = prepared
+        .observation
+        .columns(&prepared.reduced, &prepared.plate.mesh, model);
     check_size(
         &prepared,
         &columns,
@@ -254,9 +249,9 @@ fn posterior(
     let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
     let mut marginals = model.marginals();
     for effect in model.mechanical() {
-        for parameter in effect.parameters() {
+        for (k, parameter) in effect.parameters().iter().enumerate() {
             names.push(amplitude_name(effect, parameter));
-            let sd = parameter.plausible.unwrap_or(parameter.bound);
+            let sd = model.plausible(effect, k).unwrap_or(parameter.bound);
             marginals.push(Marginal {
                 mean: 0.0,
                 sd,

@@ -1,0 +1,161 @@
+//! `plychain effects`.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::print;
+use crate::effect::{EFFECTS, Effect, Parameter};
+use crate::error::{Error, Result};
+use crate::infer::Model;
+
+/// Arguments of `effects`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Model file whose plausible sizes are to be printed, and which effects cannot act there
+    model: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Width of the text.
+const COLUMNS: usize = 100;
+
+/// One effect as a model sees it.
+struct Entry {
+    effect: &'static dyn Effect,
+    /// Of each parameter.
+    plausible: Vec<Option<f64>>,
+    obstacle: Option<&'static str>,
+    declared: bool,
+    candidate: bool,
+}
+
+/// Run the verb.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let model = arguments.model.as_deref().map(Model::load).transpose()?;
+    let entries: Vec<Entry> = EFFECTS
+        .iter()
+        .map(|effect| entry(*effect, model.as_ref()))
+        .collect();
+    if !arguments.json {
+        return print(&text(&entries, model.as_ref()));
+    }
+    let value: Vec<Value> = entries
+        .iter()
+        .map(|e| numbers(e, model.is_some()))
+        .collect();
+    let text = serde_json::to_string_pretty(&value)
+        .map_err(|e| Error::program("--json", "numbers that JSON can hold").found(e))?;
+    print(&(text + "\n"))
+}
+
+fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> Entry {
+    let named = |names: &[String]| names.iter().any(|name| name == effect.name());
+    let plausible = effect.parameters().iter().enumerate();
+    Entry {
+        effect,
+        plausible: plausible
+            .map(|(k, parameter)| match model {
+                Some(model) => model.plausible(effect, k),
+                None => parameter.plausible,
+            })
+            .collect(),
+        obstacle: model.and_then(|m| effect.obstacle(&m.scene())),
+        declared: model.is_some_and(|m| named(&m.file.effects)),
+        candidate: model.is_none_or(|m| m.file.candidates.as_deref().is_none_or(named)),
+    }
+}
+
+fn numbers(entry: &Entry, with_model: bool) -> Value {
+    let effect = entry.effect;
+    let parameters: Vec<Value> = effect
+        .parameters()
+        .iter()
+        .zip(&entry.plausible)
+        .map(|(p, plausible)| {
+            json!({ "name": p.name, "unit": p.unit(), "plausible": plausible, "bound": p.bound })
+        })
+        .collect();
+    let mut value = json!({
+        "name": effect.name(), "kind": effect.kind().words(), "parameters": parameters,
+        "about": effect.about(), "confirm": effect.confirm(),
+    });
+    if with_model {
+        value["cannot_act"] = json!(entry.obstacle);
+        value["declared"] = json!(entry.declared);
+        value["candidate"] = json!(entry.candidate);
+    }
+    value
+}
+
+fn text(entries: &[Entry], model: Option<&Model>) -> String {
+    let of = model.map_or_else(String::new, |m| format!(", as {} has them", m.file.name));
+    let mut text = wrap(
+        "",
+        "",
+        &format!(
+            "The effects that may act on a measurement{of}. An amplitude's plausible size is the standard deviation of its prior; a model's \"plausible\" changes it."
+        ),
+    );
+    let width = entries
+        .iter()
+        .flat_map(|e| e.effect.parameters())
+        .map(|p| p.name.len())
+        .max()
+        .unwrap_or(0);
+    for entry in entries {
+        let effect = entry.effect;
+        let _ = writeln!(text, "\n{}: {}", effect.name(), effect.kind().words());
+        for (parameter, plausible) in effect.parameters().iter().zip(&entry.plausible) {
+            let _ = writeln!(
+                text,
+                "  {:width$}  {}",
+                parameter.name,
+                size(parameter, *plausible)
+            );
+        }
+        text += &wrap("  what     ", "           ", effect.about());
+        text += &wrap("  confirm  ", "           ", effect.confirm());
+        if entry.declared {
+            text += "  declared in this model\n";
+        }
+        if !entry.candidate {
+            text += "  not among this model's candidates\n";
+        }
+        if let Some(reason) = entry.obstacle {
+            text += &wrap("  ", "  ", &format!("cannot act in this model: {reason}"));
+        }
+    }
+    text
+}
+
+fn size(parameter: &Parameter, plausible: Option<f64>) -> String {
+    match plausible {
+        Some(sd) => format!("plausible {sd} {}", parameter.unit()),
+        None => format!("any size, in {}", parameter.unit()),
+    }
+}
+
+/// Break a text into lines of at most [`COLUMNS`] characters, the first after `first`, the others after `next`.
+fn wrap(first: &str, next: &str, text: &str) -> String {
+    let mut wrapped = String::new();
+    let mut line = first.to_string();
+    let mut empty = true;
+    for word in text.split_whitespace() {
+        if !empty && line.chars().count() + 1 + word.chars().count() > COLUMNS {
+            wrapped += &(line + "\n");
+            line = next.to_string();
+            empty = true;
+        }
+        if !empty {
+            line.push(' ');
+        }
+        line += word;
+        empty = false;
+    }
+    wrapped + &line + "\n"
+}

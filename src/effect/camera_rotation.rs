@@ -1,0 +1,54 @@
+//! The camera's axes are not the specimen's.
+
+use super::optics::in_data_axes;
+use super::{Effect, Kind, Parameter, Scene};
+
+pub struct CameraRotation;
+
+impl Effect for CameraRotation {
+    fn name(&self) -> &'static str {
+        "camera_rotation"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "angle_deg",
+            plausible: Some(0.5),
+            bound: 180.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Optical
+    }
+
+    fn about(&self) -> &'static str {
+        "The camera's axes are not the specimen's: what is reported, coordinates and components, is the truth turned about the hole's centre by the angle, counter-clockwise in the data's x-y plane (the camera itself is turned clockwise)."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Measure the direction of the specimen's edges in the picture; or turn the camera by a known angle and repeat."
+    }
+
+    /// true X = R(-angle) reported X.
+    fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
+        in_data_axes(scene, reported, |x| turned(-amplitude[0], x))
+    }
+
+    /// reported U = R(angle) true U, for fringes (whose grating is turned with the camera) and image coordinates alike.
+    fn components(
+        &self,
+        amplitude: &[f64],
+        scene: &Scene,
+        _reported: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        in_data_axes(scene, u, |u| turned(amplitude[0], u))
+    }
+}
+
+/// A vector (x, y) turned counter-clockwise.
+fn turned(angle_deg: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
+}

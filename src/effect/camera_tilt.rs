@@ -1,0 +1,67 @@
+//! The camera looks at the specimen at an angle.
+
+use super::optics::{displacements_are_imaged, imaged, in_data_axes};
+use super::{Effect, Kind, Parameter, Scene};
+
+pub struct CameraTilt;
+
+impl Effect for CameraTilt {
+    fn name(&self) -> &'static str {
+        "camera_tilt"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const TILT: Parameter = Parameter {
+            name: "",
+            plausible: Some(1e-4),
+            bound: 2e-3,
+        };
+        &[
+            Parameter {
+                name: "x_per_mm",
+                ..TILT
+            },
+            Parameter {
+                name: "y_per_mm",
+                ..TILT
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Optical
+    }
+
+    fn about(&self) -> &'static str {
+        "The camera looks at an angle, so that the scale changes over the picture: true X = X (1 - (a x + b y)) with a, b along the data's x and y (tangent of the tilt over the distance to the specimen). Displacements read from fringes stay right; those from image coordinates are distorted too."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Picture a grid in the specimen's plane: its lines converge; or level the camera and repeat."
+    }
+
+    fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
+        in_data_axes(scene, reported, |[x, y]| {
+            let scale = 1.0 - (amplitude[0] * x + amplitude[1] * y);
+            [x * scale, y * scale]
+        })
+    }
+
+    /// d true_i / d X_j = delta_ij (1 - (a x + b y)) - X_i (a, b)_j.
+    fn components(
+        &self,
+        amplitude: &[f64],
+        scene: &Scene,
+        reported: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        if !displacements_are_imaged(scene) {
+            return u;
+        }
+        let [x, y] = scene.frame.vector(reported);
+        let (a, b) = (amplitude[0], amplitude[1]);
+        let scale = 1.0 - (a * x + b * y);
+        let jacobian = [[scale - x * a, -x * b], [-y * a, scale - y * b]];
+        in_data_axes(scene, u, |u| imaged(jacobian, u))
+    }
+}

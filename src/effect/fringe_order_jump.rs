@@ -1,0 +1,88 @@
+//! Fringes miscounted in a region.
+
+use super::{Effect, Kind, NEEDS_FRINGES, Parameter, Scene};
+
+pub struct FringeOrderJump;
+
+impl Effect for FringeOrderJump {
+    fn name(&self) -> &'static str {
+        "fringe_order_jump"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const ORDERS: Parameter = Parameter {
+            name: "",
+            plausible: None,
+            bound: 1e3,
+        };
+        const PLACE: Parameter = Parameter {
+            name: "",
+            plausible: None,
+            bound: 1e5,
+        };
+        &[
+            Parameter {
+                name: "x_orders",
+                ..ORDERS
+            },
+            Parameter {
+                name: "y_orders",
+                ..ORDERS
+            },
+            Parameter {
+                name: "x_mm",
+                ..PLACE
+            },
+            Parameter {
+                name: "y_mm",
+                ..PLACE
+            },
+            Parameter {
+                name: "radius_mm",
+                ..PLACE
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Recorded
+    }
+
+    fn about(&self) -> &'static str {
+        "Fringes miscounted by whole orders of the displacement along the data's x, along its y, or both (each has its own fringes), in a region: simulated as a disc about a point of the data's coordinates, traced as whatever region the residual shows."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Unwrap the phase along another path, or count the fringes across the region's border in the picture."
+    }
+
+    fn fault(&self, amplitude: &[f64]) -> Option<&'static str> {
+        let whole = amplitude[..2].iter().all(|orders| orders.fract() == 0.0);
+        if !whole {
+            return Some("whole fringe orders");
+        }
+        (amplitude[4] <= 0.0).then_some("a radius above 0")
+    }
+
+    /// Adds orders / f inside the disc, its border included.
+    fn recorded(&self, amplitude: &[f64], scene: &Scene, point: [f64; 2], u: [f64; 2]) -> [f64; 2] {
+        let Some(frequency) = scene.fringe_frequency_per_mm else {
+            return u;
+        };
+        let [x, y] = scene.frame.data_point(point);
+        if (x - amplitude[2]).hypot(y - amplitude[3]) > amplitude[4] {
+            return u;
+        }
+        let [d1, d2] = scene
+            .frame
+            .vector([amplitude[0] / frequency, amplitude[1] / frequency]);
+        [u[0] + d1, u[1] + d2]
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        scene
+            .fringe_frequency_per_mm
+            .is_none()
+            .then_some(NEEDS_FRINGES)
+    }
+}

@@ -1,0 +1,55 @@
+//! The size of a pixel is not what it is taken for.
+
+use super::optics::displacements_are_imaged;
+use super::{Effect, Kind, Parameter, Scene};
+
+pub struct Magnification;
+
+/// reported / true coordinate.
+fn scale(amplitude: &[f64]) -> f64 {
+    1.0 + 0.01 * amplitude[0]
+}
+
+impl Effect for Magnification {
+    fn name(&self) -> &'static str {
+        "magnification"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "percent",
+            plausible: Some(1.0),
+            bound: 20.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Optical
+    }
+
+    fn about(&self) -> &'static str {
+        "The pixel scale is wrong by s: reported X = (1 + s) true X about the hole's centre. Displacements read from fringes stay right; those from image coordinates are scaled too."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Picture a scale, or measure the hole's diameter and the specimen's width in the picture."
+    }
+
+    fn true_point(&self, amplitude: &[f64], _scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
+        reported.map(|x| x / scale(amplitude))
+    }
+
+    fn components(
+        &self,
+        amplitude: &[f64],
+        scene: &Scene,
+        _reported: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        if displacements_are_imaged(scene) {
+            u.map(|u| u * scale(amplitude))
+        } else {
+            u
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Wrong steps of the phase shifter print a ripple at twice the fringe frequency.
+
+use super::{Effect, Kind, NEEDS_FRINGES, Parameter, Scene};
+use crate::quantity::NM_PER_MM;
+
+pub struct PhaseShiftError;
+
+impl Effect for PhaseShiftError {
+    fn name(&self) -> &'static str {
+        "phase_shift_error"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const RIPPLE: Parameter = Parameter {
+            name: "",
+            plausible: Some(20.0),
+            bound: 1e3,
+        };
+        &[
+            Parameter {
+                name: "sin_nm",
+                ..RIPPLE
+            },
+            Parameter {
+                name: "cos_nm",
+                ..RIPPLE
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Recorded
+    }
+
+    fn about(&self) -> &'static str {
+        "Wrong steps of the phase shifter add to each component F of the displacement, its translation included, a sin(2 pi 2 f F) + b cos(2 pi 2 f F), f being the fringe frequency."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Calibrate the piezo; or repeat with another number of phase steps: the ripple changes, the displacement does not."
+    }
+
+    fn recorded(
+        &self,
+        amplitude: &[f64],
+        scene: &Scene,
+        _point: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        let Some(frequency) = scene.fringe_frequency_per_mm else {
+            return u;
+        };
+        let [a, b] = [amplitude[0] / NM_PER_MM, amplitude[1] / NM_PER_MM];
+        u.map(|u| {
+            let (sin, cos) = (2.0 * std::f64::consts::TAU * frequency * u).sin_cos();
+            u + a * sin + b * cos
+        })
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        scene
+            .fringe_frequency_per_mm
+            .is_none()
+            .then_some(NEEDS_FRINGES)
+    }
+}

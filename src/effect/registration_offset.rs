@@ -1,0 +1,49 @@
+//! The hole's centre was set wrongly in the measured frame.
+
+use super::optics::in_data_axes;
+use super::{Effect, Kind, Parameter, Scene};
+
+pub struct RegistrationOffset;
+
+impl Effect for RegistrationOffset {
+    fn name(&self) -> &'static str {
+        "registration_offset"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const OFFSET: Parameter = Parameter {
+            name: "",
+            plausible: Some(0.1),
+            bound: 2.0,
+        };
+        &[
+            Parameter {
+                name: "dx_mm",
+                ..OFFSET
+            },
+            Parameter {
+                name: "dy_mm",
+                ..OFFSET
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Optical
+    }
+
+    fn about(&self) -> &'static str {
+        "The origin of the reported coordinates is not the hole's centre: reported = true + (dx, dy) along the data's x and y."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Fit a circle to the hole's edge in the picture and compare its centre with the origin."
+    }
+
+    /// Displacements stay as they are, also those from image coordinates: a shift has no gradient.
+    fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
+        in_data_axes(scene, reported, |[x, y]| {
+            [x - amplitude[0], y - amplitude[1]]
+        })
+    }
+}

@@ -1,0 +1,49 @@
+//! The specimen was warmer or colder when it was loaded.
+
+use super::{Effect, Kind, Parameter, Scene};
+use crate::laminate::free_expansion;
+
+pub struct ThermalStrain;
+
+impl Effect for ThermalStrain {
+    fn name(&self) -> &'static str {
+        "thermal_strain"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "dT_K",
+            plausible: Some(3.0),
+            bound: 300.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Additive
+    }
+
+    fn about(&self) -> &'static str {
+        "The specimen was warmer by dT when it was loaded than at the reference exposure, and expanded freely, as its plies' coefficients have it."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "A thermocouple on the specimen; or two exposures without a change of load, an hour apart."
+    }
+
+    /// u = eps (s, t), eps = A^-1 N_T for the nominal ply, about the hole's centre.
+    fn displacement(&self, amplitude: &[f64], scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {
+        let Some(expansion) = scene.expansion_per_k else {
+            return [0.0; 2];
+        };
+        let strain = free_expansion(&scene.ply, &scene.setup.angles, expansion) * amplitude[0];
+        let shear = 0.5 * strain[2];
+        [strain[0] * s + shear * t, shear * s + strain[1] * t]
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        scene
+            .expansion_per_k
+            .is_none()
+            .then_some("the material's thermal expansion is unknown: give specimen.expansion_per_K")
+    }
+}

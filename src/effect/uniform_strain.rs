@@ -1,0 +1,55 @@
+//! A uniform strain that the load did not cause.
+
+use super::{Effect, Kind, Parameter, Scene};
+
+/// Strain in one microstrain.
+const MICRO: f64 = 1e-6;
+
+pub struct UniformStrain;
+
+impl Effect for UniformStrain {
+    fn name(&self) -> &'static str {
+        "uniform_strain"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const STRAIN: Parameter = Parameter {
+            name: "",
+            plausible: Some(10.0),
+            bound: 1e4,
+        };
+        &[
+            Parameter {
+                name: "exx_microstrain",
+                ..STRAIN
+            },
+            Parameter {
+                name: "eyy_microstrain",
+                ..STRAIN
+            },
+            Parameter {
+                name: "exy_microstrain",
+                ..STRAIN
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Additive
+    }
+
+    fn about(&self) -> &'static str {
+        "A uniform strain along the data's x and y, which the load did not cause: motion towards the camera, a change of magnification during the test, or a carrier of fringes. exy is the tensor shear, half of gamma."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Two exposures without a change of load: the strain stays, and it does not scale with the force."
+    }
+
+    /// ux = exx x + exy y, uy = exy x + eyy y about the hole's centre: no rotation, and the hole's centre at rest.
+    fn displacement(&self, amplitude: &[f64], scene: &Scene, point: [f64; 2]) -> [f64; 2] {
+        let [x, y] = scene.frame.vector(point);
+        let [exx, eyy, exy] = [0, 1, 2].map(|k| amplitude[k] * MICRO);
+        scene.frame.vector([exx * x + exy * y, exy * x + eyy * y])
+    }
+}

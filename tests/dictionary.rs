@@ -1,0 +1,242 @@
+//! The dictionary of effects at the border: the model file's keys, `effects`, and `simulate` of every kind.
+
+use serde_json::Value;
+
+use crate::program::{fresh, model, plychain, succeed};
+
+/// A model file of the repository, changed.
+fn changed(name: &str, change: impl Fn(&mut Value)) -> String {
+    let text = std::fs::read_to_string(model(name)).unwrap();
+    let mut value: Value = serde_json::from_str(&text).unwrap();
+    change(&mut value);
+    let file = fresh("changed.json");
+    std::fs::write(&file, value.to_string()).unwrap();
+    file.display().to_string()
+}
+
+/// Run, expect exit code 1 and one line with all of `words`.
+fn refused(arguments: &[&str], words: &[&str]) {
+    let output = plychain(arguments);
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}\n{errors}");
+    let line = errors.lines().find(|l| l.starts_with("error: ")).unwrap();
+    for word in words {
+        assert!(line.contains(word), "{word:?} is missing in\n{errors}");
+    }
+}
+
+fn dictionary(model: &str) -> Vec<Value> {
+    let text = succeed(&["effects", model, "--json"]);
+    serde_json::from_str::<Value>(&text)
+        .unwrap()
+        .as_array()
+        .unwrap()
+        .clone()
+}
+
+fn entry<'a>(dictionary: &'a [Value], name: &str) -> &'a Value {
+    dictionary.iter().find(|e| e["name"] == name).unwrap()
+}
+
+#[test]
+fn plausible_sizes_of_a_model_are_checked() {
+    for (name, value, words) in [
+        (
+            "uniform_strain.ezz_microstrain",
+            50.0,
+            &["plausible", "ezz", "uniform_strain.exx_microstrain"][..],
+        ),
+        (
+            "magnification.percent",
+            0.0,
+            &["magnification.percent", "above 0"],
+        ),
+        ("magnification.percent", -1.0, &["-1", "above 0"]),
+    ] {
+        let file = changed("openhole.json", |m| {
+            m["plausible"][name] = value.into();
+        });
+        refused(&["effects", &file], words);
+    }
+    let text = std::fs::read_to_string(model("openhole.json")).unwrap();
+    for (plausible, word) in [
+        (
+            r#"{ "magnification.percent": 1, "magnification.percent": 2 }"#,
+            "second magnification.percent",
+        ),
+        (r#"{ "magnification.percent": "big" }"#, "big"),
+    ] {
+        let file = fresh("twice.json");
+        let text = text.replace(
+            "\"gauge\"",
+            &format!("\"plausible\": {plausible}, \"gauge\""),
+        );
+        std::fs::write(&file, text).unwrap();
+        refused(&["effects", file.to_str().unwrap()], &["twice.json", word]);
+    }
+}
+
+#[test]
+fn declared_effects_must_be_able_to_act() {
+    for (name, effect, words) in [
+        (
+            "steel-s235.json",
+            "phase_shift_error",
+            &["fringe_frequency"][..],
+        ),
+        (
+            "openhole.json",
+            "fringe_order_jump",
+            &["parameters of a model"],
+        ),
+    ] {
+        let file = changed(name, |m| m["effects"] = serde_json::json!([effect]));
+        refused(&["identify", &file], words);
+        refused(&["identify", &file], &[effect]);
+    }
+    let cold = changed("steel-s235.json", |m| {
+        m["effects"] = serde_json::json!(["thermal_strain"]);
+        m["specimen"]
+            .as_object_mut()
+            .unwrap()
+            .remove("expansion_per_K");
+    });
+    refused(&["identify", &cold], &["thermal_strain", "expansion_per_K"]);
+}
+
+#[test]
+fn the_dictionary_shows_every_effect_within_a_hundred_columns() {
+    for of in [None, Some(model("steel-s235.json"))] {
+        let mut arguments = vec!["effects"];
+        arguments.extend(of.as_deref());
+        let text = succeed(&arguments);
+        for line in text.lines() {
+            assert!(line.chars().count() <= 100, "too long: {line}");
+        }
+        for effect in plychain::effect::EFFECTS {
+            assert!(text.contains(effect.name()), "{}", effect.name());
+            for parameter in effect.parameters() {
+                assert!(text.contains(parameter.name), "{}", parameter.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_dictionary_of_a_model_has_its_sizes_and_obstacles() {
+    let file = changed("openhole.json", |m| {
+        m["plausible"]["uniform_strain.eyy_microstrain"] = 44.0.into();
+        m["candidates"] = serde_json::json!(["uniform_strain"]);
+    });
+    let moire = dictionary(&file);
+    let strain = entry(&moire, "uniform_strain");
+    assert_eq!(strain["parameters"][0]["plausible"], 10.0);
+    assert_eq!(strain["parameters"][1]["plausible"], 44.0);
+    assert_eq!(strain["parameters"][1]["unit"], "microstrain");
+    assert_eq!(strain["candidate"], true);
+    assert_eq!(entry(&moire, "magnification")["candidate"], false);
+    assert_eq!(entry(&moire, "rigid_translation")["declared"], true);
+    assert!(moire.iter().all(|e| e["cannot_act"].is_null()));
+    let steel = dictionary(&model("steel-s235.json"));
+    for name in ["phase_shift_error", "fringe_order_jump"] {
+        let reason = entry(&steel, name)["cannot_act"].as_str().unwrap();
+        assert!(
+            reason.contains("fringe_frequency_per_mm"),
+            "{name}: {reason}"
+        );
+    }
+    assert!(entry(&steel, "thermal_strain")["cannot_act"].is_null());
+    let units: Vec<_> = ["out_of_plane_bending", "lens_distortion", "thermal_strain"]
+        .iter()
+        .map(|name| {
+            let parameters = entry(&steel, name)["parameters"].as_array().unwrap();
+            parameters.last().unwrap()["unit"].clone()
+        })
+        .collect();
+    assert_eq!(units, ["per m per mm", "percent", "K"]);
+}
+
+/// One file of a simulated measurement, as numbers.
+fn simulated(effects: &[&str], file: &str) -> Vec<f64> {
+    let out = fresh("data").display().to_string();
+    let model = model("openhole.json");
+    let mut arguments = vec![
+        "simulate",
+        &model,
+        "--grid",
+        "41",
+        "--noise-nm",
+        "0",
+        "--out",
+        &out,
+    ];
+    for effect in effects {
+        arguments.extend(["--effect", effect]);
+    }
+    succeed(&arguments);
+    std::fs::read_to_string(std::path::Path::new(&out).join(file))
+        .unwrap()
+        .split_whitespace()
+        .map(|v| v.parse().unwrap())
+        .collect()
+}
+
+/// Largest difference from what is expected, um, over the points that are measured.
+fn apart(a: &[f64], b: impl Iterator<Item = f64>) -> f64 {
+    let pairs = a.iter().zip(b).filter(|(a, _)| !a.is_nan());
+    let differences: Vec<f64> = pairs.map(|(a, b)| (a - b).abs()).collect();
+    assert!(differences.len() > 1500);
+    differences.into_iter().fold(0.0, f64::max)
+}
+
+/// U is the displacement along y in um. What is recorded contains everything before it: the ripple's argument has the
+/// strain and the translation that were added.
+#[test]
+fn simulated_effects_act_in_the_stated_order() {
+    let (x, y) = (simulated(&[], "X.txt"), simulated(&[], "Y.txt"));
+    let plain = simulated(&[], "U.txt");
+    let added = ["uniform_strain=0,100,50", "rigid_translation=0.05,0.1"];
+    let with = simulated(&added, "U.txt");
+    let expected: Vec<f64> = (0..x.len())
+        .map(|i| plain[i] + 0.1 * y[i] + 0.05 * x[i] + 0.1)
+        .collect();
+    assert!(apart(&with, expected.iter().copied()) < 1e-4);
+    let all = [added[0], added[1], "phase_shift_error=20,-30"];
+    let ripple = expected.iter().map(|u| {
+        let phase = 4.0 * std::f64::consts::PI * 2400.0 * u / 1000.0;
+        u + 0.020 * phase.sin() - 0.030 * phase.cos()
+    });
+    assert!(apart(&simulated(&all, "U.txt"), ripple) < 2e-3);
+    let jump = simulated(&["fringe_order_jump=0,-2,5,4,3"], "U.txt");
+    let expected = (0..x.len()).map(|i| {
+        let inside = (x[i] - 5.0).hypot(y[i] - 4.0) <= 3.0;
+        plain[i] - if inside { 2000.0 / 2400.0 } else { 0.0 }
+    });
+    assert!(apart(&jump, expected) < 1e-4);
+}
+
+#[test]
+fn simulate_refuses_what_cannot_be() {
+    let (moire, steel) = (model("openhole.json"), model("steel-s235.json"));
+    for (file, effect, words) in [
+        (
+            &moire,
+            "fringe_order_jump=0.5,0,0,0,3",
+            &["whole", "0.5"][..],
+        ),
+        (&moire, "fringe_order_jump=1,0,0,0,0", &["radius"]),
+        (
+            &moire,
+            "uniform_strain=1",
+            &["exx_microstrain,eyy_microstrain"],
+        ),
+        (&moire, "magnification=50", &["20", "50"]),
+        (&steel, "phase_shift_error=1,1", &["fringe_frequency"]),
+    ] {
+        let out = fresh("out").display().to_string();
+        refused(
+            &["simulate", file, "--out", &out, "--effect", effect],
+            words,
+        );
+    }
+}

@@ -1,0 +1,544 @@
+//! Closed-form, optical and recorded effects: maps and their inverses, expansions at small amplitude, compatible
+//! strains, laminate theory, and the same physics whichever axis carries the load.
+
+use plychain::effect::{EFFECTS, Effect, Kind, Scene, amplitude_name, find, recorded_column};
+use plychain::fem::Setup;
+use plychain::field::{Axis, Frame};
+use plychain::laminate::{
+    HoleSpec, LoadSpec, Material, Ply, SpecimenSpec, ThicknessSpec, abd, free_expansion,
+};
+
+const FRINGES: Option<f64> = Some(2400.0);
+const EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
+const CENTER: [f64; 2] = [3.0, -2.0];
+
+const POINTS: [[f64; 2]; 5] = [
+    [5.0, 3.0],
+    [-7.0, 11.0],
+    [0.4, -9.0],
+    [-2.0, -6.0],
+    [11.5, 0.0],
+];
+
+fn effect(name: &str) -> &'static dyn Effect {
+    find("test", name).unwrap()
+}
+
+fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
+    let frame = Frame {
+        loading_axis,
+        hole_center_mm: CENTER,
+    };
+    let specimen = SpecimenSpec {
+        length_mm: 200.0,
+        width_mm: 25.0,
+        hole: HoleSpec {
+            diameter_mm: 4.0,
+            center_mm: [0.0, 0.0],
+        },
+        material: Material::Laminate,
+        layup_deg: Some(layup.to_vec()),
+        thickness_mm: ThicknessSpec {
+            mean: 0.78,
+            sd: 0.0,
+        },
+        clamp: None,
+        expansion_per_k: Some(EXPANSION),
+        note: None,
+    };
+    Scene {
+        frame,
+        setup: Setup::nominal(&specimen, &LoadSpec { force_n: 700.0 }, frame.handedness()),
+        ply: Ply {
+            e1: 140e3,
+            e2: 7.9e3,
+            nu12: 0.33,
+            g12: 5e3,
+        },
+        fringe_frequency_per_mm: fringes,
+        expansion_per_k: Some(EXPANSION),
+        isotropic: false,
+    }
+}
+
+/// A smooth displacement (ux, uy) in mm at (x, y) from the hole's centre in the data's axes.
+fn field([x, y]: [f64; 2]) -> [f64; 2] {
+    [
+        1e-3 * x - 4e-4 * y + 3e-5 * x * y + 2e-6 * y * y * y,
+        5e-4 * x + 8e-4 * y - 2e-5 * x * x + 1e-6 * x * y * y,
+    ]
+}
+
+/// Its gradient, [component][axis].
+fn gradient([x, y]: [f64; 2]) -> [[f64; 2]; 2] {
+    [
+        [1e-3 + 3e-5 * y, -4e-4 + 3e-5 * x + 6e-6 * y * y],
+        [5e-4 - 4e-5 * x + 1e-6 * y * y, 8e-4 + 2e-6 * x * y],
+    ]
+}
+
+/// What an optical effect reports of [`field`] at the reported (x, y) from the hole's centre, in the data's axes.
+fn reported(effect: &dyn Effect, amplitude: &[f64], scene: &Scene, xy: [f64; 2]) -> [f64; 2] {
+    let vector = |v| scene.frame.vector(v);
+    let point = vector(xy);
+    let u = field(vector(effect.true_point(amplitude, scene, point)));
+    vector(effect.components(amplitude, scene, point, vector(u)))
+}
+
+fn close(a: [f64; 2], b: [f64; 2], tolerance: f64, what: &str) {
+    assert!(
+        (0..2).all(|k| (a[k] - b[k]).abs() <= tolerance),
+        "{what}: {a:?} and {b:?} differ by more than {tolerance}"
+    );
+}
+
+fn turned(angle: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+    let (s, c) = angle.sin_cos();
+    [c * x - s * y, s * x + c * y]
+}
+
+/// An optical effect with an amplitude and its forward map, true to reported, as the dictionary states it.
+type Forward = (&'static str, Vec<f64>, fn(&[f64], [f64; 2]) -> [f64; 2]);
+
+/// Solve reported = X for the two effects that are stated from reported to true, by fixed-point iteration.
+fn forward_of(scale: impl Fn([f64; 2]) -> f64, x: [f64; 2]) -> [f64; 2] {
+    let mut reported = x;
+    for _ in 0..200 {
+        let s = scale(reported);
+        reported = [x[0] / s, x[1] / s];
+    }
+    reported
+}
+
+fn forward_maps() -> Vec<Forward> {
+    vec![
+        ("registration_offset", vec![0.3, -0.2], |a, [x, y]| {
+            [x + a[0], y + a[1]]
+        }),
+        ("camera_rotation", vec![7.0], |a, x| {
+            turned(a[0].to_radians(), x)
+        }),
+        ("magnification", vec![1.5], |a, x| {
+            x.map(|x| x * (1.0 + a[0] / 100.0))
+        }),
+        ("camera_tilt", vec![4e-4, -2e-4], |a, x| {
+            forward_of(|[x, y]| 1.0 - (a[0] * x + a[1] * y), x)
+        }),
+        ("lens_distortion", vec![0.9], |a, x| {
+            forward_of(|[x, y]| 1.0 - a[0] / 100.0 * (x * x + y * y) / 144.0, x)
+        }),
+    ]
+}
+
+#[test]
+fn true_points_invert_the_stated_maps() {
+    let optical = EFFECTS.iter().filter(|e| e.kind() == Kind::Optical).count();
+    assert_eq!(optical, forward_maps().len());
+    for axis in [Axis::X, Axis::Y] {
+        let scene = scene(axis, &[0.0], FRINGES);
+        for (name, amplitude, forward) in forward_maps() {
+            for truth in POINTS {
+                let seen = scene.frame.vector(forward(&amplitude, truth));
+                let back = effect(name).true_point(&amplitude, &scene, seen);
+                close(scene.frame.vector(back), truth, 1e-12, name);
+            }
+        }
+    }
+}
+
+/// Displacements from image coordinates are differences of reported places: forward(X + U) - forward(X). For a small
+/// U that is the Jacobian's product, with an error quadratic in U.
+#[test]
+fn displacements_from_image_coordinates_follow_the_map() {
+    for axis in [Axis::X, Axis::Y] {
+        let scene = scene(axis, &[0.0], None);
+        for (name, amplitude, forward) in forward_maps() {
+            for truth in POINTS {
+                let u = [1e-4, -2e-4];
+                let start = forward(&amplitude, truth);
+                let end = forward(&amplitude, [truth[0] + u[0], truth[1] + u[1]]);
+                let expected = [end[0] - start[0], end[1] - start[1]];
+                let vector = |v| scene.frame.vector(v);
+                let seen = effect(name).components(&amplitude, &scene, vector(start), vector(u));
+                close(vector(seen), expected, 1e-10, name);
+            }
+        }
+    }
+}
+
+/// Reported minus true field to first order: -(grad u) xi + (grad xi) u, with xi = reported - true place; the second
+/// term is there for image coordinates, and for a rotation also for fringes. What is left is quadratic in the amplitude.
+#[test]
+fn small_amplitudes_follow_the_gradient_expansion() {
+    type Shift = fn([f64; 2]) -> ([f64; 2], [[f64; 2]; 2]);
+    // The field xi and its gradient for one unit of the first parameter.
+    let cases: [(&str, f64, bool, Shift); 6] = [
+        ("registration_offset", 0.05, false, |_| {
+            ([1.0, 0.0], [[0.0; 2]; 2])
+        }),
+        ("camera_rotation", 0.3, true, |[x, y]| {
+            let w = 1f64.to_radians();
+            ([-w * y, w * x], [[0.0, -w], [w, 0.0]])
+        }),
+        ("magnification", 0.5, false, |[x, y]| {
+            ([0.01 * x, 0.01 * y], [[0.01, 0.0], [0.0, 0.01]])
+        }),
+        ("camera_tilt", 1e-4, false, |[x, y]| {
+            ([x * x, x * y], [[2.0 * x, 0.0], [y, x]])
+        }),
+        ("lens_distortion", 0.3, false, |[x, y]| {
+            let k = 0.01 / 144.0;
+            let r2 = x * x + y * y;
+            (
+                [k * r2 * x, k * r2 * y],
+                [
+                    [k * (r2 + 2.0 * x * x), 2.0 * k * x * y],
+                    [2.0 * k * x * y, k * (r2 + 2.0 * y * y)],
+                ],
+            )
+        }),
+        ("registration_offset", -0.05, false, |_| {
+            ([1.0, 0.0], [[0.0; 2]; 2])
+        }),
+    ];
+    for fringes in [FRINGES, None] {
+        for axis in [Axis::X, Axis::Y] {
+            let scene = scene(axis, &[0.0], fringes);
+            for (name, size, both, shift) in cases {
+                let effect = effect(name);
+                let left = |size: f64| {
+                    let mut amplitude = vec![0.0; effect.parameters().len()];
+                    amplitude[0] = size;
+                    let mut sum = 0.0;
+                    for p in POINTS {
+                        let (u, g) = (field(p), gradient(p));
+                        let (xi, dxi) = shift(p);
+                        let seen = reported(effect, &amplitude, &scene, p);
+                        for c in 0..2 {
+                            let moved = -(g[c][0] * xi[0] + g[c][1] * xi[1]);
+                            let pushed = dxi[c][0] * u[0] + dxi[c][1] * u[1];
+                            let pushed = if both || fringes.is_none() {
+                                pushed
+                            } else {
+                                0.0
+                            };
+                            let rest = seen[c] - u[c] - size * (moved + pushed);
+                            sum += rest * rest;
+                        }
+                    }
+                    sum.sqrt()
+                };
+                let ratio = left(size) / left(size / 2.0);
+                assert!(
+                    (3.5..4.5).contains(&ratio),
+                    "{name}, fringes {fringes:?}: halving leaves 1/{ratio} of the rest"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_quarter_turn_of_the_camera_is_exact() {
+    let rotation = effect("camera_rotation");
+    for axis in [Axis::X, Axis::Y] {
+        let scene = scene(axis, &[0.0], FRINGES);
+        for [x, y] in POINTS {
+            // Reported (x, y) is the image of the true (y, -x), and (ux, uy) there becomes (-uy, ux).
+            let [ux, uy] = field([y, -x]);
+            close(
+                reported(rotation, &[90.0], &scene, [x, y]),
+                [-uy, ux],
+                1e-15,
+                "quarter turn",
+            );
+        }
+    }
+}
+
+#[test]
+fn magnification_changes_strain_read_from_fringes_only() {
+    let magnification = effect("magnification");
+    for (fringes, factor) in [(FRINGES, 1.0 / 1.02), (None, 1.0)] {
+        let scene = scene(Axis::Y, &[0.0], fringes);
+        for p in POINTS {
+            let strained = |[s, t]: [f64; 2]| [1e-3 * s, -3e-4 * t];
+            let u = strained(magnification.true_point(&[2.0], &scene, p));
+            let seen = magnification.components(&[2.0], &scene, p, u);
+            close(
+                seen,
+                strained(p).map(|u| u * factor),
+                1e-15,
+                "magnification",
+            );
+        }
+    }
+}
+
+#[test]
+fn a_uniform_strain_is_given_in_the_datas_axes() {
+    for axis in [Axis::X, Axis::Y] {
+        let scene = scene(axis, &[0.0], FRINGES);
+        let u = effect("uniform_strain").displacement(
+            &[10.0, -20.0, 5.0],
+            &scene,
+            scene.frame.vector([2.0, 3.0]),
+        );
+        // ux = exx x + exy y, uy = exy x + eyy y
+        close(
+            scene.frame.vector(u),
+            [35e-6, -50e-6],
+            1e-18,
+            "uniform strain",
+        );
+    }
+}
+
+#[test]
+fn free_expansion_follows_laminate_theory() {
+    let ply = scene(Axis::X, &[0.0], None).ply;
+    let check = |angles: &[f64], alpha: [f64; 2], expected: [f64; 3]| {
+        let angles: Vec<f64> = angles.iter().map(|a| a.to_radians()).collect();
+        let strain = free_expansion(&ply, &angles, alpha);
+        for k in 0..3 {
+            assert!(
+                (strain[k] - expected[k]).abs() < 1e-18,
+                "{angles:?}: {strain}, expected {expected:?}"
+            );
+        }
+    };
+    // A ply that expands alike in all directions makes a laminate that does.
+    check(&[30.0, -10.0, 80.0], [7e-6; 2], [7e-6, 7e-6, 0.0]);
+    check(&[0.0; 4], EXPANSION, [EXPANSION[0], EXPANSION[1], 0.0]);
+    check(&[90.0], EXPANSION, [EXPANSION[1], EXPANSION[0], 0.0]);
+    // A ply at 30 degrees: the strain of its own axes, seen from the laminate's.
+    let (s, c) = 30f64.to_radians().sin_cos();
+    let [a1, a2] = EXPANSION;
+    check(
+        &[30.0],
+        EXPANSION,
+        [
+            c * c * a1 + s * s * a2,
+            s * s * a1 + c * c * a2,
+            2.0 * s * c * (a1 - a2),
+        ],
+    );
+    // Cross-ply: both directions alike, from the balance of the two plies' forces.
+    let q = ply.stiffness();
+    let (q11, q12, q22) = (q[(0, 0)], q[(0, 1)], q[(1, 1)]);
+    let cross = (q11 * a1 + q12 * (a1 + a2) + q22 * a2) / (q11 + 2.0 * q12 + q22);
+    check(&[0.0, 90.0], EXPANSION, [cross, cross, 0.0]);
+}
+
+#[test]
+fn thermal_strain_is_the_laminates_expansion() {
+    let scene = scene(Axis::Y, &[0.0], None);
+    let u = effect("thermal_strain").displacement(&[2.0], &scene, [3.0, -5.0]);
+    close(
+        u,
+        [2.0 * EXPANSION[0] * 3.0, -2.0 * EXPANSION[1] * 5.0],
+        1e-18,
+        "[0]",
+    );
+    let mut unknown = scene.clone();
+    unknown.expansion_per_k = None;
+    let reason = effect("thermal_strain").obstacle(&unknown).unwrap();
+    assert!(reason.contains("expansion_per_K"));
+    assert!(effect("thermal_strain").obstacle(&scene).is_none());
+}
+
+/// Strains (e1, e2, gamma12) of an additive effect by central differences, exact for quadratic fields.
+fn strains(effect: &dyn Effect, amplitude: &[f64], scene: &Scene, [s, t]: [f64; 2]) -> [f64; 3] {
+    let h = 0.5;
+    let d = |axis: usize| {
+        let mut step = [0.0; 2];
+        step[axis] = h;
+        let at = |sign: f64| {
+            effect.displacement(amplitude, scene, [s + sign * step[0], t + sign * step[1]])
+        };
+        let (high, low) = (at(1.0), at(-1.0));
+        [0, 1].map(|c| (high[c] - low[c]) / (2.0 * h))
+    };
+    let (ds, dt) = (d(0), d(1));
+    [ds[0], dt[1], dt[0] + ds[1]]
+}
+
+/// The strains of the face are those of D^-1 (M, 0, 0), for balanced and unbalanced stacks.
+#[test]
+fn bending_out_of_the_plane_strains_the_surface_as_plate_theory_has_it() {
+    let bending = effect("out_of_plane_bending");
+    for layup in [
+        vec![45.0, -45.0, 0.0, 0.0, -45.0, 45.0],
+        vec![30.0, 10.0, 10.0, 30.0],
+        vec![90.0],
+    ] {
+        let scene = scene(Axis::Y, &layup, FRINGES);
+        let h = scene.setup.thickness;
+        let d = abd(&scene.ply, &scene.setup.angles, h).d;
+        for (amplitude, at_hole, slope) in [([0.025, 0.0], 25e-6, 0.0), ([0.0, 0.003], 0.0, 3e-6)] {
+            for [s, t] in POINTS {
+                let kappa1 = at_hole + slope * s;
+                let e = strains(bending, &amplitude, &scene, [s, t]);
+                assert!(
+                    (e[0] - 0.5 * h * kappa1).abs() < 1e-15,
+                    "{layup:?}: strain {} along the load, curvature {kappa1} per mm",
+                    e[0]
+                );
+                // D kappa is a moment M1 alone.
+                let moment = d * nalgebra::Vector3::new(e[0], e[1], e[2]);
+                for k in 1..3 {
+                    assert!(
+                        moment[k].abs() < 1e-9 * moment[0].abs().max(1e-12),
+                        "{layup:?}: moments {moment}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// The same specimen, measured once with the load along x and once along y: the second picture is the first turned by a
+/// quarter, although its (direction 1, direction 2) is left-handed.
+#[test]
+fn physics_does_not_depend_on_the_axis_of_the_load() {
+    // Amplitudes along x, and what the same is along y: (x, y) of the first picture is (-y, x) of the second.
+    let cases: [(&str, &[f64], &[f64]); 12] = [
+        ("rigid_translation", &[2.0, 3.0], &[-3.0, 2.0]),
+        ("rigid_rotation", &[50.0], &[50.0]),
+        ("uniform_strain", &[10.0, -20.0, 5.0], &[-20.0, 10.0, -5.0]),
+        ("thermal_strain", &[3.0], &[3.0]),
+        ("out_of_plane_bending", &[0.02, 0.001], &[0.02, 0.001]),
+        ("registration_offset", &[0.3, -0.1], &[0.1, 0.3]),
+        ("camera_rotation", &[4.0], &[4.0]),
+        ("magnification", &[1.0], &[1.0]),
+        ("camera_tilt", &[2e-4, 3e-4], &[-3e-4, 2e-4]),
+        ("lens_distortion", &[0.5], &[0.5]),
+        ("phase_shift_error", &[10.0, 0.0], &[10.0, 0.0]),
+        (
+            "fringe_order_jump",
+            &[1.0, 2.0, 4.0, -2.0, 6.0],
+            // The disc's centre lies at (1, 0) from the hole's centre, which stays where it is.
+            &[-2.0, 1.0, 3.0, -1.0, 6.0],
+        ),
+    ];
+    let quarter = |[x, y]: [f64; 2]| [-y, x];
+    for fringes in [FRINGES, None] {
+        let along_x = scene(Axis::X, &[30.0, -10.0, 0.0], fringes);
+        let along_y = scene(Axis::Y, &[30.0, -10.0, 0.0], fringes);
+        for (name, a, b) in cases {
+            let effect = effect(name);
+            let seen = |amplitude: &[f64], scene: &Scene, xy: [f64; 2], u: [f64; 2]| {
+                let vector = |v| scene.frame.vector(v);
+                let (p, u) = (vector(xy), vector(u));
+                match effect.kind() {
+                    Kind::Additive => vector(effect.displacement(amplitude, scene, p)),
+                    Kind::Optical => {
+                        let place = vector(effect.true_point(amplitude, scene, p));
+                        let u = vector(effect.components(amplitude, scene, p, u));
+                        [place[0] + u[0], place[1] + u[1]]
+                    }
+                    _ => vector(effect.recorded(amplitude, scene, p, u)),
+                }
+            };
+            for p in POINTS {
+                // A sine is odd, so that the ripple turns with its component.
+                let u = field(p);
+                let first = seen(a, &along_x, p, u);
+                let second = seen(b, &along_y, quarter(p), quarter(u));
+                close(second, quarter(first), 1e-11, name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_phase_shift_error_is_a_ripple_at_twice_the_fringe_frequency() {
+    let ripple = effect("phase_shift_error");
+    let scene = scene(Axis::Y, &[0.0], FRINGES);
+    let order = 1.0 / 2400.0;
+    let read = |a: [f64; 2], u: f64| {
+        let [u1, u2] = ripple.recorded(&a, &scene, [0.0; 2], [u, -u]);
+        (u1 - u, u2 + u)
+    };
+    // sin(4 pi f F) is 1 at an eighth of an order, the cosine at whole halves.
+    for k in 0..4 {
+        let (u1, u2) = read([20.0, 0.0], (0.125 + 0.5 * f64::from(k)) * order);
+        assert!((u1 - 20e-6).abs() < 1e-15 && (u2 + 20e-6).abs() < 1e-15);
+        let (u1, u2) = read([0.0, 7.0], 0.5 * f64::from(k) * order);
+        assert!((u1 - 7e-6).abs() < 1e-15 && (u2 - 7e-6).abs() < 1e-15);
+    }
+    let points = POINTS.to_vec();
+    let smooth: Vec<_> = points.iter().map(|&p| field(p)).collect();
+    let columns = [0, 1].map(|k| recorded_column(ripple, k, &scene, &points, &smooth));
+    for (i, &u) in smooth.iter().enumerate() {
+        let seen = ripple.recorded(&[3.0, -4.0], &scene, points[i], u);
+        let linear = [0, 1].map(|c| u[c] + 3.0 * columns[0][i][c] - 4.0 * columns[1][i][c]);
+        close(seen, linear, 1e-15, "linear in its amplitudes");
+    }
+}
+
+#[test]
+fn a_jump_adds_whole_orders_inside_its_disc() {
+    let jump = effect("fringe_order_jump");
+    let scene = scene(Axis::Y, &[0.0], FRINGES);
+    let amplitude = [2.0, -1.0, CENTER[0] + 4.0, CENTER[1], 3.0];
+    for (xy, inside) in [([4.0, 2.9], true), ([6.9, 0.0], true), ([0.9, 0.0], false)] {
+        let u = jump.recorded(&amplitude, &scene, scene.frame.vector(xy), [0.0; 2]);
+        let expected = if inside {
+            [2.0 / 2400.0, -1.0 / 2400.0]
+        } else {
+            [0.0; 2]
+        };
+        close(scene.frame.vector(u), expected, 1e-18, "jump");
+    }
+    assert!(jump.fault(&amplitude).is_none());
+    assert!(jump.fault(&[0.5, 0.0, 0.0, 0.0, 3.0]).is_some());
+    assert!(jump.fault(&[1.0, 0.0, 0.0, 0.0, 0.0]).is_some());
+}
+
+#[test]
+fn effects_on_fringes_need_a_fringe_frequency() {
+    for name in ["phase_shift_error", "fringe_order_jump"] {
+        for (fringes, can) in [(FRINGES, true), (None, false)] {
+            let reason = effect(name).obstacle(&scene(Axis::X, &[0.0], fringes));
+            assert_eq!(reason.is_none(), can, "{name}");
+        }
+    }
+}
+
+/// Whatever the kind, no amplitude means no change, names are unique, and a plausible size is well inside the bound.
+#[test]
+fn every_effect_of_no_size_does_nothing() {
+    let mut names = Vec::new();
+    for effect in EFFECTS {
+        let scene = scene(Axis::Y, &[30.0, 0.0], FRINGES);
+        let zero = vec![0.0; effect.parameters().len()];
+        for p in POINTS {
+            let u = field(p);
+            close(
+                effect.displacement(&zero, &scene, p),
+                [0.0; 2],
+                0.0,
+                effect.name(),
+            );
+            close(effect.true_point(&zero, &scene, p), p, 0.0, effect.name());
+            close(
+                effect.components(&zero, &scene, p, u),
+                u,
+                0.0,
+                effect.name(),
+            );
+            close(effect.recorded(&zero, &scene, p, u), u, 0.0, effect.name());
+        }
+        for parameter in effect.parameters() {
+            names.push(amplitude_name(*effect, parameter));
+            if let Some(sd) = parameter.plausible {
+                assert!(sd > 0.0 && 5.0 * sd <= parameter.bound, "{}", effect.name());
+            }
+        }
+    }
+    let count = names.len();
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), count);
+}
