@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use plychain::fem::verify::{self, Check};
 use plychain::fem::{
-    Density, EndLoad, HoleSolution, Locator, Outline, Plate, Setup, stress_concentration,
+    Density, EndLoad, HoleSolution, Locator, Outline, Plate, Profile, Setup, stress_concentration,
 };
 use plychain::laminate::{Membrane, Ply};
 
@@ -22,6 +22,8 @@ fn setup() -> Setup {
             .map(|a: f64| -a.to_radians())
             .to_vec(),
         thickness: 0.78,
+        profile: Profile::default(),
+        shear_cubic: 0.0,
         load: EndLoad {
             axial: 700.0,
             ..EndLoad::default()

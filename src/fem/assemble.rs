@@ -24,10 +24,28 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Assemble for a mesh whose membrane stiffness is multiplied by `scale(point)`. The `pinned` unknowns
-    /// are held at zero: they get unit rows and columns.
-    pub fn new(mesh: &Mesh, pinned: &[usize], scale: &dyn Fn([f64; 2]) -> f64) -> Self {
+    /// Assemble for a mesh. The `pinned` unknowns are held at zero: they get unit rows and columns.
+    pub fn new(mesh: &Mesh, pinned: &[usize]) -> Self {
         let (first, row) = node_pattern(mesh);
+        let pattern = scalar_pattern(&first, &row);
+        let (cleared, unit) = pinned_entries(&pattern, pinned);
+        let mut assembly = Self {
+            nodes: mesh.nodes.len(),
+            first,
+            row,
+            integral: Vec::new(),
+            pinned: pinned.to_vec(),
+            cleared,
+            unit,
+            pattern,
+        };
+        assembly.integral = assembly.integrals(mesh, &|_| 1.0);
+        assembly
+    }
+
+    /// The integrals for a mesh of the same connectivity whose membrane stiffness is multiplied by `scale(point)`.
+    pub fn integrals(&self, mesh: &Mesh, scale: &dyn Fn([f64; 2]) -> f64) -> Vec<[f64; 4]> {
+        let (first, row) = (&self.first, &self.row);
         let mut integral = vec![[0.0; 4]; row.len()];
         for (e, nodes) in mesh.elements.iter().enumerate() {
             let x = mesh.corners(e);
@@ -47,18 +65,7 @@ impl Assembly {
                 }
             }
         }
-        let pattern = scalar_pattern(&first, &row);
-        let (cleared, unit) = pinned_entries(&pattern, pinned);
-        Self {
-            nodes: mesh.nodes.len(),
-            first,
-            row,
-            integral,
-            pinned: pinned.to_vec(),
-            cleared,
-            unit,
-            pattern,
-        }
+        integral
     }
 
     /// Pattern of the lower triangle of K.
@@ -71,14 +78,19 @@ impl Assembly {
         4 * self.row.len() - self.nodes
     }
 
-    /// Fill `values` (in the order of [`Assembly::pattern`]) for a membrane stiffness.
-    pub fn refill(&self, a: &Membrane, values: &mut [f64]) {
+    /// The integrals of the mesh that was assembled.
+    pub fn nominal(&self) -> &[[f64; 4]] {
+        &self.integral
+    }
+
+    /// Fill `values` (in the order of [`Assembly::pattern`]) for some integrals and a membrane stiffness.
+    pub fn refill(&self, integral: &[[f64; 4]], a: &Membrane, values: &mut [f64]) {
         let mut at = 0;
         for b in 0..self.nodes {
             let column = self.first[b]..self.first[b + 1];
             let blocks = column
                 .clone()
-                .map(|k| (self.row[k] as usize, block(a, &self.integral[k])));
+                .map(|k| (self.row[k] as usize, block(a, &integral[k])));
             let height = 2 * column.len();
             for (k, (node, [xx, xy, yx, yy])) in blocks.enumerate() {
                 // Column 2b holds both rows of every block; column 2b + 1 starts at its own diagonal.

@@ -30,14 +30,19 @@ impl Outline {
             })
     }
 
+    /// Distance of the nearest edge or end from the hole's centre, mm; below 0 if the centre lies outside the plate.
+    pub fn clearance(&self) -> f64 {
+        [-self.s[0], self.s[1], -self.t[0], self.t[1]]
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    }
+
     /// Check that the hole stays clear of the edges by at least a twentieth of its radius.
     ///
     /// # Errors
     /// A radius that is not above 0, a dimension that is not finite, or a hole too close to an edge.
     pub fn validate(&self) -> Result<()> {
-        let nearest = [-self.s[0], self.s[1], -self.t[0], self.t[1]]
-            .into_iter()
-            .fold(f64::INFINITY, f64::min);
+        let nearest = self.clearance();
         let finite = self.s.iter().chain(&self.t).all(|v| v.is_finite());
         if finite && self.radius > 0.0 && nearest - self.radius >= 0.05 * self.radius {
             return Ok(());
@@ -96,7 +101,50 @@ pub struct Mesh {
     pub ends: [Vec<[u32; 3]>; 2],
     /// The outline that was meshed.
     pub outline: Outline,
+    layout: Layout,
 }
+
+/// The numbers of elements that make a mesh's connectivity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Layout {
+    /// Along the four sides of the box about the hole.
+    sides: [usize; 4],
+    /// From the hole to the box.
+    radial: usize,
+    /// From the box to the end s = high and to the end s = low; none where the box reaches the end.
+    strips: [usize; 2],
+}
+
+impl Layout {
+    fn new(outline: &Outline, density: Density) -> Self {
+        let half = 0.5 * (outline.t[1] - outline.t[0]);
+        // No strip to an end that would leave only a sliver of it.
+        let reach = [outline.s[1], -outline.s[0]].map(|end| {
+            if end < SLIVER * half {
+                0.0
+            } else {
+                end - half
+            }
+        });
+        let strips = reach.map(|length| {
+            let share = length / (reach[0] + reach[1]).max(f64::MIN_POSITIVE);
+            if length > 0.0 {
+                (density.along as f64 * share).round().max(2.0) as usize
+            } else {
+                0
+            }
+        });
+        let corner = box_corners(outline, strips);
+        Self {
+            sides: side_counts(&corner, density.per_side),
+            radial: density.radial,
+            strips,
+        }
+    }
+}
+
+/// An end nearer than this many half widths ends the box about the hole.
+const SLIVER: f64 = 1.1;
 
 /// Index of a lattice point that no Q8 element has (the middle of an element).
 const NONE: u32 = u32::MAX;
@@ -110,21 +158,31 @@ type Lattice = Vec<Vec<u32>>;
 impl Mesh {
     /// Mesh the outline.
     pub fn new(outline: Outline, density: Density) -> Self {
+        Self::build(outline, Layout::new(&outline, density), None)
+    }
+
+    /// Another outline with the same connectivity: elements and nodes have the same numbers. With a `ring`, element
+    /// edges lie on the circle of that radius (mm) about the hole.
+    pub fn remade(&self, outline: Outline, ring: Option<f64>) -> Self {
+        Self::build(outline, self.layout, ring)
+    }
+
+    fn build(outline: Outline, layout: Layout, ring: Option<f64>) -> Self {
         let mut mesh = Mesh {
             nodes: Vec::new(),
             elements: Vec::new(),
             ends: [Vec::new(), Vec::new()],
             outline,
+            layout,
         };
-        let sides = box_about_hole(&outline);
-        let corner = [
-            [sides[1], outline.t[0]],
-            [sides[1], outline.t[1]],
-            [sides[0], outline.t[1]],
-            [sides[0], outline.t[0]],
-        ];
-        let counts = side_counts(&corner, density.per_side);
-        let rim = mesh.add_ring(&ring_rays(&outline, &corner, counts), density);
+        let corner = box_corners(&outline, layout.strips);
+        let counts = layout.sides;
+        let rays = ring_rays(&outline, &corner, counts);
+        let mut places = mesh.places(&rays);
+        if let Some(ring) = ring {
+            align(&mut places, &rays, ring);
+        }
+        let rim = mesh.add_ring(&rays, &places);
         let high: Vec<u32> = rim[..=2 * counts[0]].to_vec();
         let from = 2 * (counts[0] + counts[1]);
         let low: Vec<u32> = rim[from..=from + 2 * counts[2]]
@@ -132,12 +190,8 @@ impl Mesh {
             .rev()
             .copied()
             .collect();
-        let reach = [outline.s[1] - sides[1], sides[0] - outline.s[0]];
         for (end, edge) in [high, low].into_iter().enumerate() {
-            let far = outline.s[1 - end];
-            let share = reach[end] / (reach[0] + reach[1]).max(f64::MIN_POSITIVE);
-            let count = (density.along as f64 * share).round().max(2.0) as usize;
-            mesh.add_strip(end, &edge, far, count);
+            mesh.add_strip(end, &edge, outline.s[1 - end], layout.strips[end]);
         }
         mesh
     }
@@ -157,19 +211,28 @@ impl Mesh {
         (self.nodes.len() - 1) as u32
     }
 
-    /// The O-grid. Returns the nodes on the box, counter-clockwise from the corner (s high, t low).
-    fn add_ring(&mut self, rays: &[[[f64; 2]; 2]], density: Density) -> Vec<u32> {
+    /// Places of the corners along every ray of the O-grid, from 0 at the hole to 1 at the box.
+    fn places(&self, rays: &[[[f64; 2]; 2]]) -> Vec<Vec<f64>> {
         let arc = 2.0 * PI * self.outline.radius / (rays.len() / 2) as f64;
+        rays.iter()
+            .map(|[inner, outer]| {
+                let depth = (outer[0] - inner[0]).hypot(outer[1] - inner[1]);
+                ring_grading(self.layout.radial, FIRST_STEP * arc / depth)
+            })
+            .collect()
+    }
+
+    /// The O-grid. Returns the nodes on the box, counter-clockwise from the corner (s high, t low).
+    fn add_ring(&mut self, rays: &[[[f64; 2]; 2]], places: &[Vec<f64>]) -> Vec<u32> {
+        let radial = self.layout.radial;
         let mut lattice: Lattice = Vec::with_capacity(rays.len() + 1);
-        for (i, [inner, outer]) in rays.iter().enumerate() {
-            let depth = (outer[0] - inner[0]).hypot(outer[1] - inner[1]);
-            let grading = ring_grading(density.radial, FIRST_STEP * arc / depth);
-            let column = (0..=2 * density.radial)
+        for (i, ([inner, outer], grading)) in rays.iter().zip(places).enumerate() {
+            let column = (0..=2 * radial)
                 .map(|j| {
                     if i % 2 == 1 && j % 2 == 1 {
                         return NONE;
                     }
-                    let g = at_half(&grading, j);
+                    let g = at_half(grading, j);
                     self.add_node([0, 1].map(|k| inner[k] + g * (outer[k] - inner[k])))
                 })
                 .collect();
@@ -177,10 +240,7 @@ impl Mesh {
         }
         lattice.push(lattice[0].clone());
         self.add_elements(&lattice);
-        lattice
-            .iter()
-            .map(|column| column[2 * density.radial])
-            .collect()
+        lattice.iter().map(|column| column[2 * radial]).collect()
     }
 
     /// A strip of elements from the box's side `edge` (t increasing) to the end at s = `far`.
@@ -190,8 +250,7 @@ impl Mesh {
         let step = (self.outline.t[1] - self.outline.t[0]) / (edge.len() / 2) as f64;
         let center = 0.5 * (self.outline.t[0] + self.outline.t[1]);
         let mut lattice: Lattice = vec![edge.to_vec()];
-        // The box's nodes lie on its side to rounding only.
-        if reach.abs() > 1e-9 * step {
+        if count > 0 {
             let grading = graded(count, (0.7 * step / reach.abs()).min(1.0));
             for j in 1..=2 * count {
                 let s = near + reach * at_half(&grading, j);
@@ -237,18 +296,52 @@ impl Mesh {
     }
 }
 
-/// The box about the hole along direction 1: as long as the plate is wide, but never past an end, and snapped
-/// to an end that would leave only a sliver.
-fn box_about_hole(outline: &Outline) -> [f64; 2] {
+/// Corners of the box about the hole, counter-clockwise from (s high, t low). Along direction 1 it is as long as the
+/// plate is wide, but never past an end, and it reaches an end without a strip.
+fn box_corners(outline: &Outline, strips: [usize; 2]) -> [[f64; 2]; 4] {
     let half = 0.5 * (outline.t[1] - outline.t[0]);
-    let side = |end: f64| {
-        if end.abs() < 1.1 * half {
-            end
+    let side = |end: usize| {
+        let far = outline.s[1 - end];
+        if strips[end] == 0 {
+            far
         } else {
-            half.copysign(end)
+            half.min(far.abs() / SLIVER).copysign(far)
         }
     };
-    outline.s.map(side)
+    let [high, low] = [side(0), side(1)];
+    let [t0, t1] = outline.t;
+    [[high, t0], [high, t1], [low, t1], [low, t0]]
+}
+
+/// Move the corners along the rays so that those of one index lie on a circle about the hole; the others keep their
+/// proportions on both sides of it.
+fn align(places: &mut [Vec<f64>], rays: &[[[f64; 2]; 2]], radius: f64) {
+    let crossing: Vec<f64> = rays.iter().map(|ray| cross_circle(ray, radius)).collect();
+    let index = |(places, &at): (&Vec<f64>, &f64)| places.partition_point(|&g| g < at) as f64;
+    let sum: f64 = places.iter().zip(&crossing).map(index).sum();
+    let last = places.first().map_or(0, Vec::len).saturating_sub(2);
+    let middle = ((sum / rays.len() as f64 - 0.5).round() as usize).clamp(1, last.max(1));
+    for (places, at) in places.iter_mut().zip(crossing) {
+        let from = places[middle];
+        for g in places.iter_mut() {
+            *g = if *g <= from {
+                *g * at / from
+            } else {
+                at + (*g - from) * (1.0 - at) / (1.0 - from)
+            };
+        }
+    }
+}
+
+/// Where a ray that starts inside a circle about the origin crosses it, as a fraction of its length.
+fn cross_circle([inner, outer]: &[[f64; 2]; 2], radius: f64) -> f64 {
+    let d = [outer[0] - inner[0], outer[1] - inner[1]];
+    let (a, b) = (
+        d[0] * d[0] + d[1] * d[1],
+        inner[0] * d[0] + inner[1] * d[1],
+    );
+    let c = inner[0] * inner[0] + inner[1] * inner[1] - radius * radius;
+    -c / (b + (b * b - a * c).sqrt())
 }
 
 /// Elements along the four sides of the box: 4 `per_side` in all, shared by the angles under which the hole sees

@@ -1,6 +1,7 @@
 //! Plane-stress finite elements of the whole plate: mesh, Q8 element, assembly, sparse Cholesky, observation.
 
 mod assemble;
+mod beyond;
 mod clamp;
 pub mod element;
 mod lekhnitskii;
@@ -8,7 +9,9 @@ mod load;
 mod mesh;
 mod observe;
 mod plate;
+mod profile;
 mod setup;
+mod shear;
 mod solve;
 pub mod verify;
 
@@ -17,6 +20,7 @@ pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use mesh::{Density, Mesh, Outline};
 pub use observe::{Locator, Nodal, Observer};
-pub use plate::{Forward, Plate};
+pub use plate::{Forward, Plate, Solution};
+pub use profile::{Annulus, Profile};
 pub use setup::Setup;
 pub use solve::Factor;

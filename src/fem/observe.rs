@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use rstar::{AABB, RTree, RTreeObject};
 
+use super::beyond::{Nearby, Patch};
 use super::element;
 use super::mesh::Mesh;
 
@@ -13,12 +14,21 @@ pub type Nodal = [f64];
 #[derive(Debug, Clone)]
 pub struct Observer {
     places: Vec<Place>,
+    /// What [`Place::Outside`] counts.
+    patches: Vec<Patch>,
     nodes: Vec<[u32; 8]>,
     corners: Vec<[[f64; 2]; 8]>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Place {
+enum Place {
+    Inside(Spot),
+    Outside(u32),
+}
+
+/// A point of an element.
+#[derive(Debug, Clone, Copy)]
+struct Spot {
     element: u32,
     local: [f64; 2],
 }
@@ -72,12 +82,12 @@ impl<'a> Locator<'a> {
         }
     }
 
-    fn locate(&self, point: [f64; 2]) -> Option<Place> {
+    fn locate(&self, point: [f64; 2]) -> Option<Spot> {
         self.tree
             .locate_in_envelope_intersecting(AABB::from_point(point))
             .filter_map(|envelope| {
                 let local = invert(&self.mesh.corners(envelope.element as usize), point)?;
-                Some(Place {
+                Some(Spot {
                     element: envelope.element,
                     local,
                 })
@@ -86,18 +96,55 @@ impl<'a> Locator<'a> {
             .min_by_key(|place| place.element)
     }
 
-    /// Locate all points; `None` for those outside the plate or in the hole.
+    /// Locate all points; which of them lie on the plate. The others are left out.
     pub fn observe(&self, points: &[[f64; 2]]) -> (Observer, Vec<bool>) {
-        let places: Vec<Option<Place>> = points.par_iter().map(|&p| self.locate(p)).collect();
-        let inside = places.iter().map(Option::is_some).collect();
-        let observer = Observer {
-            places: places.into_iter().flatten().collect(),
+        let spots: Vec<Option<Spot>> = points.par_iter().map(|&p| self.locate(p)).collect();
+        let inside = spots.iter().map(Option::is_some).collect();
+        let places = spots.into_iter().flatten().map(Place::Inside).collect();
+        (self.observer(places, Vec::new()), inside)
+    }
+
+    /// Locate all points; those that lie outside, in the hole or across an edge, see the cubic that continues the field
+    /// from the nodes about the nearest one. Meant for distances well below the hole's radius.
+    pub fn observe_extended(&self, points: &[[f64; 2]]) -> Observer {
+        let spots: Vec<Option<Spot>> = points.par_iter().map(|&p| self.locate(p)).collect();
+        let outside: Vec<[f64; 2]> = points
+            .iter()
+            .zip(&spots)
+            .filter(|(_, spot)| spot.is_none())
+            .map(|(p, _)| *p)
+            .collect();
+        if outside.is_empty() {
+            let places = spots.into_iter().flatten().map(Place::Inside).collect();
+            return self.observer(places, Vec::new());
+        }
+        let nearby = Nearby::new(self.mesh);
+        let patches = outside.par_iter().map(|&p| nearby.patch(p)).collect();
+        let mut next = 0;
+        let places = spots
+            .into_iter()
+            .map(|spot| {
+                spot.map_or_else(
+                    || {
+                        next += 1;
+                        Place::Outside(next - 1)
+                    },
+                    Place::Inside,
+                )
+            })
+            .collect();
+        self.observer(places, patches)
+    }
+
+    fn observer(&self, places: Vec<Place>, patches: Vec<Patch>) -> Observer {
+        Observer {
+            places,
+            patches,
             nodes: self.mesh.elements.clone(),
             corners: (0..self.mesh.elements.len())
                 .map(|e| self.mesh.corners(e))
                 .collect(),
-        };
-        (observer, inside)
+        }
     }
 }
 
@@ -145,24 +192,26 @@ impl Observer {
 
     /// Displacement (u1, u2) at every point, mm.
     pub fn displacement(&self, nodal: &Nodal) -> Vec<[f64; 2]> {
-        let at = |place: &Place| {
-            let n = element::shape(place.local[0], place.local[1]);
-            let mut u = [0.0; 2];
-            for (node, n) in self.nodes[place.element as usize].iter().zip(n) {
-                u[0] += n * nodal[2 * *node as usize];
-                u[1] += n * nodal[2 * *node as usize + 1];
+        let at = |place: &Place| match place {
+            Place::Inside(spot) => {
+                let n = element::shape(spot.local[0], spot.local[1]);
+                let mut u = [0.0; 2];
+                for (node, n) in self.nodes[spot.element as usize].iter().zip(n) {
+                    u[0] += n * nodal[2 * *node as usize];
+                    u[1] += n * nodal[2 * *node as usize + 1];
+                }
+                u
             }
-            u
+            Place::Outside(patch) => self.patches[*patch as usize].derivative(nodal, 0),
         };
         self.places.par_iter().map(at).collect()
     }
 
     /// Displacement gradient at every point, `g[i][k]` = derivative of u_i along direction k.
     pub fn gradient(&self, nodal: &Nodal) -> Vec<[[f64; 2]; 2]> {
-        let at = |place: &Place| {
-            let e = place.element as usize;
-            let (g, _) =
-                element::physical_gradient(&self.corners[e], place.local[0], place.local[1]);
+        let inside = |spot: &Spot| {
+            let e = spot.element as usize;
+            let (g, _) = element::physical_gradient(&self.corners[e], spot.local[0], spot.local[1]);
             let mut sum = [[0.0; 2]; 2];
             for (node, g) in self.nodes[e].iter().zip(g) {
                 for (i, row) in sum.iter_mut().enumerate() {
@@ -172,6 +221,14 @@ impl Observer {
                 }
             }
             sum
+        };
+        let at = |place: &Place| match place {
+            Place::Inside(spot) => inside(spot),
+            Place::Outside(patch) => {
+                let patch = &self.patches[*patch as usize];
+                let (first, second) = (patch.derivative(nodal, 1), patch.derivative(nodal, 2));
+                [[first[0], second[0]], [first[1], second[1]]]
+            }
         };
         self.places.par_iter().map(at).collect()
     }

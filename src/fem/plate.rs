@@ -1,16 +1,34 @@
 //! A meshed plate that can be solved for any laminate and any end load.
 
+use std::borrow::Cow;
+
 use super::assemble::Assembly;
 use super::mesh::{Density, Mesh, Outline};
 use super::setup::Setup;
+use super::shear::ShearLaw;
 use super::solve::{Factor, Symbolic};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::laminate::Ply;
 
 /// A forward model: from a set-up and a ply to nodal displacements.
 pub trait Forward: Sync {
     /// Nodal displacements (mm, two a node, rigid motion arbitrary) of the plate.
     fn displacement(&self, setup: &Setup, ply: &Ply) -> Result<Vec<f64>>;
+}
+
+/// Nodal displacements and the mesh they live on.
+pub struct Solution<'a> {
+    /// The plate's own mesh, or one of the same connectivity where the test has another outline.
+    pub mesh: Cow<'a, Mesh>,
+    /// Displacements, mm, two a node, rigid motion arbitrary.
+    pub nodal: Vec<f64>,
+}
+
+impl Solution<'_> {
+    /// Whether the mesh is the plate's own.
+    pub fn is_nominal(&self) -> bool {
+        matches!(self.mesh, Cow::Borrowed(_))
+    }
 }
 
 /// Mesh, assembly pattern and symbolic factorisation of one outline.
@@ -30,13 +48,44 @@ impl Plate {
     pub fn new(outline: Outline, density: Density) -> Result<Self> {
         outline.validate()?;
         let mesh = Mesh::new(outline, density);
-        let assembly = Assembly::new(&mesh, &pinned(&mesh), &|_| 1.0);
+        let assembly = Assembly::new(&mesh, &pinned(&mesh));
         let symbolic = Symbolic::new(assembly.pattern())?;
         Ok(Self {
             mesh,
             assembly,
             symbolic,
         })
+    }
+
+    /// Solve a test, in the work space `factor` of [`Plate::factor`]. A test with another outline, or with a ring about
+    /// the hole, gets a mesh of its own with this one's connectivity; a stiffness that varies gets integrals of its own.
+    ///
+    /// # Errors
+    /// A test that cannot be meshed, a stiffness that is not positive definite, an iteration for the shear law that
+    /// does not converge.
+    pub fn solve(&self, setup: &Setup, ply: &Ply, factor: &mut Factor<'_>) -> Result<Solution<'_>> {
+        let ring = setup.profile.ring(&setup.outline);
+        let mesh = if setup.outline == self.mesh.outline && ring.is_none() {
+            Cow::Borrowed(&self.mesh)
+        } else {
+            setup.validate()?;
+            Cow::Owned(self.mesh.remade(setup.outline, ring))
+        };
+        let scale = |p: [f64; 2]| setup.profile.factor(&setup.outline, p);
+        let a = setup.membrane(ply);
+        if matches!(mesh, Cow::Borrowed(_)) && setup.profile.is_uniform() {
+            factor.factorise(&a)?;
+        } else {
+            setup.validate()?;
+            factor.factorise_with(&self.assembly.integrals(&mesh, &scale), &a)?;
+        }
+        let load = mesh.end_forces(&setup.load);
+        let mut nodal = load.clone();
+        factor.solve(&mut nodal);
+        if let Some(law) = ShearLaw::new(setup, ply) {
+            law.iterate(&mesh, &scale, &load, factor, &mut nodal)?;
+        }
+        Ok(Solution { mesh, nodal })
     }
 
     /// Work space for numeric factorisations, one a thread.
@@ -52,11 +101,14 @@ impl Plate {
 
 impl Forward for Plate {
     fn displacement(&self, setup: &Setup, ply: &Ply) -> Result<Vec<f64>> {
-        let mut factor = self.factor();
-        factor.factorise(&setup.membrane(ply))?;
-        let mut u = self.mesh.end_forces(&setup.load);
-        factor.solve(&mut u);
-        Ok(u)
+        let solution = self.solve(setup, ply, &mut self.factor())?;
+        if solution.is_nominal() {
+            return Ok(solution.nodal);
+        }
+        Err(Error::program(
+            "displacement on the plate's own mesh",
+            "a test with the outline that was meshed",
+        ))
     }
 }
 

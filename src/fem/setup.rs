@@ -3,6 +3,8 @@
 use super::clamp::Clamp;
 use super::load::EndLoad;
 use super::mesh::Outline;
+use super::profile::Profile;
+use crate::error::Result;
 use crate::laminate::{End, LoadSpec, Membrane, Ply, SpecimenSpec, abd};
 
 /// A test about to be solved: the specimen as it is, and the load as it acts. Effects change it.
@@ -14,6 +16,10 @@ pub struct Setup {
     pub angles: Vec<f64>,
     /// Total thickness, mm.
     pub thickness: f64,
+    /// Factor on the stiffness over the plate.
+    pub profile: Profile,
+    /// Cubic coefficient beta of the plies' shear law, MPa^-3: gamma12 = tau12 / G12 + beta tau12^3.
+    pub shear_cubic: f64,
     /// End tractions.
     pub load: EndLoad,
     /// +1 where (direction 1, direction 2) is right-handed in the data's x-y plane, -1 where it is not: the
@@ -43,6 +49,8 @@ impl Setup {
                 .map(|angle| handedness * angle.to_radians())
                 .collect(),
             thickness: specimen.thickness_mm.mean,
+            profile: Profile::default(),
+            shear_cubic: 0.0,
             load: EndLoad {
                 axial: load.force_n,
                 ..EndLoad::default()
@@ -56,7 +64,25 @@ impl Setup {
         self.outline.t[1] - self.outline.t[0]
     }
 
-    /// Membrane stiffness for a ply.
+    /// Components along (direction 1, direction 2) of a vector given along the data's (x, y).
+    pub fn vector(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        if self.handedness < 0.0 {
+            [y, x]
+        } else {
+            [x, y]
+        }
+    }
+
+    /// Check that the plate can be meshed and is stiff everywhere.
+    ///
+    /// # Errors
+    /// Those of [`Outline::validate`] and [`Profile::validate`].
+    pub fn validate(&self) -> Result<()> {
+        self.outline.validate()?;
+        self.profile.validate(&self.outline)
+    }
+
+    /// Membrane stiffness for a ply, where the profile's factor is 1.
     pub fn membrane(&self, ply: &Ply) -> Membrane {
         Membrane::from(&abd(ply, &self.angles, self.thickness).a)
     }

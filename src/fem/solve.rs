@@ -69,9 +69,14 @@ impl<'a> Factor<'a> {
         }
     }
 
-    /// Refill K for a membrane stiffness and factorise it.
+    /// Refill K for a membrane stiffness on the mesh that was assembled, and factorise it.
     pub fn factorise(&mut self, a: &Membrane) -> Result<()> {
-        self.assembly.refill(a, &mut self.values);
+        self.factorise_with(self.assembly.nominal(), a)
+    }
+
+    /// The same with the integrals of another mesh of the same connectivity ([`Assembly::integrals`]).
+    pub fn factorise_with(&mut self, integrals: &[[f64; 4]], a: &Membrane) -> Result<()> {
+        self.assembly.refill(integrals, a, &mut self.values);
         let k = SparseColMatRef::new(self.assembly.pattern(), &self.values);
         self.symbolic
             .0

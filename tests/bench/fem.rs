@@ -1,7 +1,7 @@
 //! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate.
 
 use divan::{Bencher, black_box};
-use plychain::fem::{Density, EndLoad, Forward, Outline, Plate, Setup};
+use plychain::fem::{Density, EndLoad, Forward, Outline, Plate, Profile, Setup};
 use plychain::laminate::Ply;
 
 const NOMINAL: Ply = Ply {
@@ -30,6 +30,8 @@ fn setup() -> Setup {
             .map(f64::to_radians)
             .to_vec(),
         thickness: 0.78,
+        profile: Profile::default(),
+        shear_cubic: 0.0,
         load: EndLoad {
             axial: 700.0,
             ..EndLoad::default()
