@@ -1,6 +1,8 @@
 //! Identification in rounds, and what each leaves unexplained.
 
 mod checks;
+pub mod jumps;
+pub mod phase;
 mod refine;
 mod residual;
 mod round;
