@@ -71,7 +71,8 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
 #[ignore = "prints a table"]
 fn survey() {
     let cases = std::env::var("PLYCHAIN_TRACE").unwrap_or_else(|_| "none".into());
-    let correlation: f64 = std::env::var("PLYCHAIN_CORRELATION").map_or(0.0, |t| t.parse().unwrap());
+    let correlation: f64 =
+        std::env::var("PLYCHAIN_CORRELATION").map_or(0.0, |t| t.parse().unwrap());
     let seeds: u64 = std::env::var("PLYCHAIN_SEEDS").map_or(1, |t| t.parse().unwrap());
     for case in cases.split(';') {
         for seed in 1..=seeds {
@@ -88,10 +89,19 @@ fn survey() {
                 start.elapsed().as_secs_f64()
             );
             for g in &tracing.groups {
-                println!("    group {:?} P {:.3} drop {:.1} predicts {}", g.members, g.probability, g.drop_nats, g.predicts);
+                println!(
+                    "    group {:?} P {:.3} drop {:.1} predicts {}",
+                    g.members, g.probability, g.drop_nats, g.predicts
+                );
             }
             for (a, truth) in tracing.averaged.iter().zip(TRUTH) {
-                println!("    {} {:.4} +- {:.4} z {:.2}", a.name, a.mean, a.sd, (a.mean - truth) / a.sd);
+                println!(
+                    "    {} {:.4} +- {:.4} z {:.2}",
+                    a.name,
+                    a.mean,
+                    a.sd,
+                    (a.mean - truth) / a.sd
+                );
             }
         }
     }

@@ -214,11 +214,6 @@ impl Model {
         }
     }
 
-    /// Prior sd of the amplitude of an effect's parameter `k`, border units; `None` where nothing bounds it.
-    pub fn plausible(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
-        effect.parameters()[k].plausible
-    }
-
     /// The reduced model's problem for a measured field.
     pub fn problem(&self, field: &Field) -> Result<Problem> {
         let problem = Problem {

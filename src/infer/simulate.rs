@@ -6,13 +6,13 @@ use rand_distr::{ChiSquared, Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 
+use super::forward;
 use super::model::Model;
 use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
-use crate::fem::{Density, Forward, Locator, Plate, Setup};
+use crate::fem::{Density, Plate};
 use crate::field::Grid;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion};
 
 /// What to simulate.
 #[derive(Clone)]
@@ -41,10 +41,10 @@ const WINDOW: f64 = 24.3 / 25.0;
 
 /// Simulate a field in the model's frame, with NaN where the hole is.
 pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
-    let scene = model.scene();
+    let mut scene = model.scene();
+    scene.setup.thickness = truth.thickness_mm;
     let frame = scene.frame;
-    let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
-    setup.thickness = truth.thickness_mm;
+    let mut setup = scene.setup.clone();
     for acting in truth
         .effects
         .iter()
@@ -52,23 +52,13 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
     {
         acting.effect.alter(&acting.amplitude, &mut setup);
     }
-    let ply = model
-        .file
-        .specimen
-        .material
-        .ply(&truth.constants)
-        .admissible("--set")?;
     let plate = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
-    let mut nodal = plate.displacement(&setup, &ply)?;
-    if let Some(zero) = ZeroAt::new(model.file.gauge, &model.file.measurement.frame, &plate)? {
-        zero.apply(&plate.mesh, &mut nodal);
-    }
     let half = 0.5 * WINDOW * model.file.specimen.width_mm;
     let [cx, cy] = frame.hole_center_mm;
     let corners = [[cx - half, cy - half], [cx + half, cy + half]];
     let mut grid = Grid::regular(corners, truth.grid, truth.grid);
     let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
-    let (observer, inside) = Locator::new(&plate.mesh).observe(&points);
+    let inside = forward::visible(&scene, &plate, &points, &truth.effects);
     let seen: Vec<[f64; 2]> = points
         .iter()
         .zip(&inside)
@@ -78,21 +68,14 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
     if seen.is_empty() {
         return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
     }
-    let mut u = observer.displacement(&nodal);
-    if model.file.gauge == Gauge::Window {
-        remove_rigid_motion(&seen, &mut u);
-    }
-    for acting in truth
-        .effects
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Additive)
-    {
-        for (u, &p) in u.iter_mut().zip(&seen) {
-            let added = acting.effect.displacement(&acting.amplitude, &scene, p);
-            u[0] += added[0];
-            u[1] += added[1];
-        }
-    }
+    let test = forward::Test {
+        model,
+        scene: &scene,
+        plate: &plate,
+        points: &seen,
+        observer: None,
+    };
+    let mut u = forward::view(&test, &mut plate.factor(), &truth.constants, &truth.effects)?.field;
     for acting in truth
         .effects
         .iter()

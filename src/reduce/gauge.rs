@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::fem::{Locator, Mesh, Observer, Plate};
+use crate::fem::{Locator, Mesh, Observer};
 use crate::field::{Frame, rigid};
 
 /// How the rigid motion of a predicted field is fixed.
@@ -28,14 +28,14 @@ const ON_EDGE_MM: f64 = 1e-6;
 
 impl ZeroAt {
     /// The point of [`Gauge::ZeroAtMm`], nothing for [`Gauge::Window`].
-    pub fn new(gauge: Gauge, frame: &Frame, plate: &Plate) -> Result<Option<Self>> {
+    pub fn new(gauge: Gauge, frame: &Frame, mesh: &Mesh) -> Result<Option<Self>> {
         let Gauge::ZeroAtMm(place) = gauge else {
             return Ok(None);
         };
-        let outline = plate.mesh.outline;
+        let outline = mesh.outline;
         let [s, t] = frame.point(place);
         let point = [onto(s, outline.s), onto(t, outline.t)];
-        let (observer, inside) = Locator::new(&plate.mesh).observe(&[point]);
+        let (observer, inside) = Locator::new(mesh).observe(&[point]);
         if inside[0] {
             return Ok(Some(Self { point, observer }));
         }

@@ -51,7 +51,7 @@ impl Snapshots {
             return Err(Error::input("measurement", "points on the plate")
                 .found(format!("{:?}", problem.window)));
         }
-        let zero = ZeroAt::new(problem.gauge, &problem.frame, plate)?;
+        let zero = ZeroAt::new(problem.gauge, &problem.frame, &plate.mesh)?;
         let solutions: Vec<Vec<f64>> = points
             .par_iter()
             .map_init(

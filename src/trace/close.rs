@@ -149,9 +149,16 @@ pub fn extended(model: &Model, effect: &'static dyn Effect, amplitude: &[(f64, f
         .copied()
         .collect();
     if !matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
+        let plausible: Vec<f64> = (0..effect.parameters().len())
+            .map(|k| {
+                model
+                    .plausible(effect, k)
+                    .unwrap_or(effect.parameters()[k].bound)
+            })
+            .collect();
         let doe = model.file.reduced_model.doe.get_or_insert_default();
         for (k, (parameter, (mean, sd))) in effect.parameters().iter().zip(amplitude).enumerate() {
-            let plausible = model_plausible(effect, k);
+            let plausible = plausible[k];
             let half = (BOX_SDS * sd)
                 .max(BOX_SHARE * plausible)
                 .min(3.0 * plausible.max(mean.abs()));
@@ -163,12 +170,6 @@ pub fn extended(model: &Model, effect: &'static dyn Effect, amplitude: &[(f64, f
         }
     }
     model
-}
-
-fn model_plausible(effect: &dyn Effect, k: usize) -> f64 {
-    effect.parameters()[k]
-        .plausible
-        .unwrap_or(effect.parameters()[k].bound)
 }
 
 fn conclude(steps: &[Step]) -> Conclusion {

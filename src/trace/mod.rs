@@ -7,6 +7,8 @@ mod checks;
 mod close;
 mod find;
 mod holdout;
+pub mod jumps;
+pub mod phase;
 mod refine;
 mod residual;
 mod round;

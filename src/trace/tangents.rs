@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::round::Prepared;
 use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
+use crate::fem::Factor;
 use crate::field::Blocks;
 use crate::infer::{Model, forward};
 use crate::reduce::{Gauge, remove_rigid_motion};
@@ -159,7 +160,7 @@ impl Tested<'_> {
     /// # Errors
     /// Those of a finite-element solution.
     pub fn tangents(&self, at: &State, candidates: &[&'static dyn Effect]) -> Result<Tangents> {
-        let here = self.look(at)?;
+        let here = self.look(&mut self.prepared.plate.factor(), at)?;
         let mut directions: Vec<Direction> =
             (0..at.constants.len()).map(Direction::Constant).collect();
         if self.model.file.specimen.thickness_mm.sd > 0.0 {
@@ -174,7 +175,10 @@ impl Tested<'_> {
         directions.extend(candidates.iter().flat_map(parameters));
         let columns: Vec<Column> = directions
             .par_iter()
-            .map(|&direction| self.column(at, &here, direction))
+            .map_init(
+                || self.prepared.plate.factor(),
+                |factor, &direction| self.column(factor, at, &here, direction),
+            )
             .collect::<Result<_>>()?;
         let measured = &self.prepared.observation.field.displacement;
         let residual: Vec<[f64; 2]> = measured
@@ -223,18 +227,27 @@ impl Tested<'_> {
         Ok(tangents)
     }
 
-    fn look(&self, at: &State) -> Result<forward::View> {
-        forward::view(
-            &self.scene,
-            self.model,
-            &self.prepared.plate,
-            &self.prepared.observation.field.points,
-            &at.constants,
-            &at.acting,
-        )
+    fn test(&self) -> forward::Test<'_> {
+        forward::Test {
+            model: self.model,
+            scene: &self.scene,
+            plate: &self.prepared.plate,
+            points: &self.prepared.observation.field.points,
+            observer: Some(&self.prepared.observation.observer),
+        }
     }
 
-    fn column(&self, at: &State, here: &forward::View, direction: Direction) -> Result<Column> {
+    fn look(&self, factor: &mut Factor<'_>, at: &State) -> Result<forward::View> {
+        forward::view(&self.test(), factor, &at.constants, &at.acting)
+    }
+
+    fn column(
+        &self,
+        factor: &mut Factor<'_>,
+        at: &State,
+        here: &forward::View,
+        direction: Direction,
+    ) -> Result<Column> {
         match direction {
             Direction::Constant(k) => {
                 let prior = self.model.marginals()[k];
@@ -244,7 +257,8 @@ impl Tested<'_> {
                     state.constants[k] += by;
                     state
                 };
-                let field = self.difference(&moved(step), &moved(-step), 2.0 * step / prior.sd)?;
+                let field =
+                    self.difference(factor, &moved(step), &moved(-step), 2.0 * step / prior.sd)?;
                 Ok(Column {
                     name: self.model.constants()[k].into(),
                     mean: prior.mean,
@@ -270,12 +284,13 @@ impl Tested<'_> {
                     values: self.average(&field),
                 })
             }
-            Direction::Amplitude(effect, k) => self.amplitude(at, here, effect, k),
+            Direction::Amplitude(effect, k) => self.amplitude(factor, at, here, effect, k),
         }
     }
 
     fn amplitude(
         &self,
+        factor: &mut Factor<'_>,
         at: &State,
         here: &forward::View,
         effect: &'static dyn Effect,
@@ -314,6 +329,7 @@ impl Tested<'_> {
                     state
                 };
                 self.difference(
+                    factor,
                     &state(AMPLITUDE_STEP),
                     &state(-AMPLITUDE_STEP),
                     2.0 * AMPLITUDE_STEP,
@@ -339,8 +355,17 @@ impl Tested<'_> {
         })
     }
 
-    fn difference(&self, high: &State, low: &State, span: f64) -> Result<Vec<[f64; 2]>> {
-        let (high, low) = (self.look(high)?.field, self.look(low)?.field);
+    fn difference(
+        &self,
+        factor: &mut Factor<'_>,
+        high: &State,
+        low: &State,
+        span: f64,
+    ) -> Result<Vec<[f64; 2]>> {
+        let (high, low) = (
+            self.look(factor, high)?.field,
+            self.look(factor, low)?.field,
+        );
         Ok(high
             .iter()
             .zip(&low)

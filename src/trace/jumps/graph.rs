@@ -1,0 +1,151 @@
+//! Neighbours of scattered points, and the unwrapping of a phase over them.
+
+use rayon::prelude::*;
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+
+/// Neighbours of a point: on a grid those beside it and at its corners.
+const NEIGHBOURS: usize = 8;
+
+/// The nearest other points of each point.
+pub(super) struct Graph {
+    near: Vec<u32>,
+    each: usize,
+}
+
+impl Graph {
+    pub(super) fn new(points: &[[f64; 2]]) -> Self {
+        let each = NEIGHBOURS.min(points.len().saturating_sub(1));
+        let tree = RTree::bulk_load(
+            points
+                .iter()
+                .enumerate()
+                .map(|(i, &p)| GeomWithData::new(p, i as u32))
+                .collect(),
+        );
+        let mut near = vec![0; each * points.len()];
+        if each > 0 {
+            near.par_chunks_mut(each)
+                .enumerate()
+                .for_each(|(i, slots)| {
+                    let others = tree
+                        .nearest_neighbor_iter(points[i])
+                        .map(|entry| entry.data)
+                        .filter(|&j| j as usize != i);
+                    for (slot, j) in slots.iter_mut().zip(others) {
+                        *slot = j;
+                    }
+                });
+        }
+        Self { near, each }
+    }
+
+    /// The neighbours of point `i`, nearest first. Not every neighbour has `i` among its own.
+    pub(super) fn neighbours(&self, i: usize) -> &[u32] {
+        &self.near[i * self.each..(i + 1) * self.each]
+    }
+
+    /// Phase of `values` (cycles), within half a cycle of zero, averaged over each point and its neighbours as unit
+    /// vectors: whole cycles do not show in it, and a spike counts no more than any other point.
+    pub(super) fn smoothed_phase(&self, values: &[f64]) -> Vec<f64> {
+        let vectors: Vec<(f64, f64)> = values
+            .iter()
+            .map(|v| (std::f64::consts::TAU * (v - v.round())).sin_cos())
+            .collect();
+        (0..values.len())
+            .map(|i| {
+                let (sin, cos) = self.neighbours(i).iter().fold(vectors[i], |sum, &j| {
+                    let v = vectors[j as usize];
+                    (sum.0 + v.0, sum.1 + v.1)
+                });
+                sin.atan2(cos) / std::f64::consts::TAU
+            })
+            .collect()
+    }
+
+    /// A phase (cycles) made continuous by whole cycles, along the smallest steps first; and the connected part of
+    /// the field of each point, as one of its points.
+    pub(super) fn unwrap(&self, phase: &[f64]) -> (Vec<f64>, Vec<u32>) {
+        const BINS: usize = 64;
+        let wrapped = |i: usize, j: usize| {
+            let step = phase[j] - phase[i];
+            (step - step.round()).abs()
+        };
+        let bin = |i: usize, j: usize| ((2.0 * BINS as f64 * wrapped(i, j)) as usize).min(BINS - 1);
+        // counting sort of the steps; a pair that is mutual comes once
+        let pairs = || {
+            (0..phase.len()).flat_map(|i| {
+                self.neighbours(i)
+                    .iter()
+                    .map(move |&j| (i, j as usize))
+                    .filter(|&(i, j)| i < j || !self.neighbours(j).contains(&(i as u32)))
+            })
+        };
+        let mut sorted: Vec<Vec<(u32, u32)>> = vec![Vec::new(); BINS];
+        for (i, j) in pairs() {
+            sorted[bin(i, j)].push((i as u32, j as u32));
+        }
+        let mut offsets = Offsets::new(phase.len());
+        for (i, j) in sorted.into_iter().flatten() {
+            let turns = -(phase[j as usize] - phase[i as usize]).round() as i32;
+            offsets.join(i, j, turns);
+        }
+        (0..phase.len())
+            .map(|i| {
+                let (root, turns) = offsets.root(i as u32);
+                (phase[i] + f64::from(turns), root)
+            })
+            .unzip()
+    }
+}
+
+/// Disjoint sets whose members have whole offsets from each other.
+pub(super) struct Offsets {
+    parent: Vec<u32>,
+    /// Offset from the parent.
+    offset: Vec<i32>,
+    size: Vec<u32>,
+}
+
+impl Offsets {
+    pub(super) fn new(n: usize) -> Self {
+        Self {
+            parent: (0..n as u32).collect(),
+            offset: vec![0; n],
+            size: vec![1; n],
+        }
+    }
+
+    /// The root of `i`'s set and the offset of `i` from it.
+    pub(super) fn root(&mut self, i: u32) -> (u32, i32) {
+        let mut at = i as usize;
+        let mut total = 0;
+        while self.parent[at] as usize != at {
+            let parent = self.parent[at] as usize;
+            // halve the path on the way
+            self.offset[at] += self.offset[parent];
+            self.parent[at] = self.parent[parent];
+            total += self.offset[at];
+            at = self.parent[at] as usize;
+        }
+        (at as u32, total)
+    }
+
+    /// Declare that `j` lies `step` above `i`, unless they are in one set already.
+    pub(super) fn join(&mut self, i: u32, j: u32, step: i32) {
+        let ((a, above_a), (b, above_b)) = (self.root(i), self.root(j));
+        if a == b {
+            return;
+        }
+        // offset of root b from root a
+        let between = above_a + step - above_b;
+        let (parent, child, offset) = if self.size[a as usize] >= self.size[b as usize] {
+            (a, b, between)
+        } else {
+            (b, a, -between)
+        };
+        self.parent[child as usize] = parent;
+        self.offset[child as usize] = offset;
+        self.size[parent as usize] += self.size[child as usize];
+    }
+}
