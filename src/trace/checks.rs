@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::residual::Residual;
-use super::round::Prepared;
+use super::pose::Prepared;
 use super::truth::{SurrogateError, TOLERANCE};
 use crate::error::{Error, Result};
 use crate::field::rigid;
