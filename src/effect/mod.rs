@@ -10,6 +10,7 @@ mod rigid_translation;
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
+use crate::laminate::Ply;
 
 /// Every known effect, in the order in which they are listed.
 pub static EFFECTS: &[&dyn Effect] = &[
@@ -35,11 +36,33 @@ pub struct Parameter {
 pub enum Kind {
     /// A displacement field known in closed form is added to what is observed.
     Additive,
+    /// The field is seen at other points, or along other axes, than those reported.
+    Optical,
+    /// The instrument records something else than the displacement that it sees.
+    Recorded,
     /// The test itself is another one: the finite elements are solved anew.
     Mechanical,
 }
 
-/// A physical effect that a model may lack.
+/// What an effect may need to know of the nominal test.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// The data's frame.
+    pub frame: Frame,
+    /// The nominal test.
+    pub setup: Setup,
+    /// The ply at the nominal constants.
+    pub ply: Ply,
+    /// Frequency of the fringes a mm of displacement, where displacements are read from fringes.
+    pub fringe_frequency_per_mm: Option<f64>,
+    /// Thermal expansion of a ply along and across its fibres, 1/K, where it is known.
+    pub expansion_per_k: Option<[f64; 2]>,
+    /// Whether the material is isotropic.
+    pub isotropic: bool,
+}
+
+/// A physical effect that a model may lack. Points are (s, t) and displacements (u1, u2), both in mm, in the model's
+/// frame (origin at the hole's centre, direction 1 along the load).
 pub trait Effect: Sync {
     /// Canonical name.
     fn name(&self) -> &'static str;
@@ -59,9 +82,41 @@ pub trait Effect: Sync {
     /// A mechanical effect's change to the test.
     fn alter(&self, _amplitude: &[f64], _setup: &mut Setup) {}
 
-    /// An additive effect's displacement (u1, u2) in mm at a point (s, t) in mm.
-    fn displacement(&self, _amplitude: &[f64], _frame: &Frame, _point: [f64; 2]) -> [f64; 2] {
+    /// An additive effect's displacement at a point.
+    fn displacement(&self, _amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 2] {
         [0.0; 2]
+    }
+
+    /// The true point that an optical effect reports as `reported`.
+    fn true_point(&self, _amplitude: &[f64], _scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
+        reported
+    }
+
+    /// What an optical effect reports for the true displacement `u` at the reported point.
+    fn components(
+        &self,
+        _amplitude: &[f64],
+        _scene: &Scene,
+        _reported: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        u
+    }
+
+    /// What the instrument records of the displacement `u` (rigid motion included) at a point.
+    fn recorded(
+        &self,
+        _amplitude: &[f64],
+        _scene: &Scene,
+        _point: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        u
+    }
+
+    /// Why the effect cannot act in this test; nothing if it can.
+    fn obstacle(&self, _scene: &Scene) -> Option<&'static str> {
+        None
     }
 }
 

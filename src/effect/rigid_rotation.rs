@@ -1,7 +1,6 @@
 //! Small rigid rotation of the specimen in its plane.
 
-use super::{Effect, Kind, Parameter};
-use crate::field::Frame;
+use super::{Effect, Kind, Parameter, Scene};
 use crate::quantity::URAD_PER_RAD;
 
 pub struct RigidRotation;
@@ -32,8 +31,8 @@ impl Effect for RigidRotation {
     }
 
     /// Loading along y: u1 += w x, u2 -= w y.
-    fn displacement(&self, amplitude: &[f64], frame: &Frame, [s, t]: [f64; 2]) -> [f64; 2] {
-        let angle = frame.handedness() * amplitude[0] / URAD_PER_RAD;
+    fn displacement(&self, amplitude: &[f64], scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {
+        let angle = scene.frame.handedness() * amplitude[0] / URAD_PER_RAD;
         [-angle * t, angle * s]
     }
 }

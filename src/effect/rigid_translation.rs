@@ -1,7 +1,6 @@
 //! Rigid translation of the observed field.
 
-use super::{Effect, Kind, Parameter};
-use crate::field::Frame;
+use super::{Effect, Kind, Parameter, Scene};
 use crate::quantity::UM_PER_MM;
 
 pub struct RigidTranslation;
@@ -41,7 +40,9 @@ impl Effect for RigidTranslation {
         "Nothing to confirm: any displacement measurement carries it unless a point is held fixed."
     }
 
-    fn displacement(&self, amplitude: &[f64], frame: &Frame, _point: [f64; 2]) -> [f64; 2] {
-        frame.vector([amplitude[0] / UM_PER_MM, amplitude[1] / UM_PER_MM])
+    fn displacement(&self, amplitude: &[f64], scene: &Scene, _point: [f64; 2]) -> [f64; 2] {
+        scene
+            .frame
+            .vector([amplitude[0] / UM_PER_MM, amplitude[1] / UM_PER_MM])
     }
 }

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::prior::{Marginal, PriorSpec};
-use crate::effect::{self, Effect, Kind};
+use crate::effect::{self, Effect, Kind, Scene};
 use crate::error::{Error, Result};
-use crate::fem::Density;
+use crate::fem::{Density, Setup};
 use crate::field::{Field, MeasurementSpec};
-use crate::laminate::{LoadSpec, SpecimenSpec};
+use crate::laminate::{LoadSpec, Material, SpecimenSpec};
 use crate::reduce::{Dimension, Gauge, Problem, ReducedSpec, THICKNESS};
 
 /// The schema that this program reads and writes.
@@ -85,6 +85,9 @@ pub struct Model {
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
 }
+
+/// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
+const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 
 /// Half-width of the default DoE box in prior standard deviations.
 const BOX_SDS: f64 = 3.0;
@@ -176,6 +179,24 @@ impl Model {
             .filter(|e| e.kind() == Kind::Additive)
             .copied()
             .collect()
+    }
+
+    /// What effects may need to know of the nominal test: prior means, mean thickness.
+    pub fn scene(&self) -> Scene {
+        let frame = self.file.measurement.frame;
+        let specimen = &self.file.specimen;
+        let means: Vec<f64> = self.marginals().iter().map(|m| m.mean).collect();
+        let isotropic = specimen.material == Material::Isotropic;
+        Scene {
+            frame,
+            setup: Setup::nominal(specimen, &self.file.load, frame.handedness()),
+            ply: specimen.material.ply(&means),
+            fringe_frequency_per_mm: self.file.measurement.fringe_frequency_per_mm,
+            expansion_per_k: specimen
+                .expansion_per_k
+                .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
+            isotropic,
+        }
     }
 
     /// The reduced model's problem for a measured field.

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::linear::solve;
-use crate::effect::{Effect, amplitude_name};
+use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
 use crate::field::stray::strays;
@@ -93,6 +93,7 @@ impl Observation {
         mesh: &Mesh,
         gauge: Gauge,
         effects: &[&'static dyn Effect],
+        scene: &Scene,
     ) -> Columns {
         let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
         if gauge == Gauge::Window {
@@ -108,7 +109,7 @@ impl Observation {
         };
         for effect in effects {
             for (k, parameter) in effect.parameters().iter().enumerate() {
-                columns.effects.push(self.additive(*effect, k));
+                columns.effects.push(self.additive(*effect, k, scene));
                 columns.names.push(amplitude_name(*effect, parameter));
                 columns.plausible.push(parameter.plausible);
             }
@@ -117,13 +118,13 @@ impl Observation {
     }
 
     /// Field of one border unit of an additive effect's parameter `k`.
-    pub fn additive(&self, effect: &dyn Effect, k: usize) -> Vec<[f64; 2]> {
+    pub fn additive(&self, effect: &dyn Effect, k: usize, scene: &Scene) -> Vec<[f64; 2]> {
         let mut unit = vec![0.0; effect.parameters().len()];
         unit[k] = 1.0;
         self.field
             .points
             .iter()
-            .map(|&p| effect.displacement(&unit, &self.field.frame, p))
+            .map(|&p| effect.displacement(&unit, scene, p))
             .collect()
     }
 }

@@ -41,7 +41,8 @@ const WINDOW: f64 = 24.3 / 25.0;
 
 /// Simulate a field in the model's frame, with NaN where the hole is.
 pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
-    let frame = model.file.measurement.frame;
+    let scene = model.scene();
+    let frame = scene.frame;
     let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
     setup.thickness = truth.thickness_mm;
     for acting in truth
@@ -87,7 +88,7 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
         .filter(|a| a.effect.kind() == Kind::Additive)
     {
         for (u, &p) in u.iter_mut().zip(&seen) {
-            let added = acting.effect.displacement(&acting.amplitude, &frame, p);
+            let added = acting.effect.displacement(&acting.amplitude, &scene, p);
             u[0] += added[0];
             u[1] += added[1];
         }

@@ -27,6 +27,13 @@ pub struct SpecimenSpec {
     /// A clamped end; without one, both ends carry tractions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clamp: Option<ClampSpec>,
+    /// Thermal expansion of a ply along and across its fibres, 1/K; (-0.2, 32) e-6/K for a laminate that does not say.
+    #[serde(
+        rename = "expansion_per_K",
+        default,
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub expansion_per_k: Option<[f64; 2]>,
     /// Free text, for example which dimensions are assumed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,

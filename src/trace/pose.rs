@@ -85,6 +85,7 @@ pub fn pose(model: &Model, prepared: Prepared, watch: &dyn Watch) -> Result<Pose
         &prepared.plate.mesh,
         gauge,
         &model.additive(),
+        &model.scene(),
     );
     check_size(
         &prepared,
