@@ -2,8 +2,8 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::residual::Residual;
 use super::pose::Prepared;
+use super::residual::Residual;
 use super::truth::{SurrogateError, TOLERANCE};
 use crate::error::{Error, Result};
 use crate::field::rigid;

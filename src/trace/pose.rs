@@ -5,8 +5,8 @@ use crate::error::Result;
 use crate::fem::Plate;
 use crate::field::spec::OutlierRule;
 use crate::infer::{
-    Columns, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior,
-    Statistics, laplace,
+    Columns, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior, Statistics,
+    laplace,
 };
 use crate::progress::Watch;
 use crate::reduce::{Problem, ReducedModel, cache};
@@ -168,4 +168,3 @@ pub fn start(posterior: &Posterior) -> Result<Laplace> {
     }
     Ok(mode)
 }
-
