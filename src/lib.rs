@@ -4,7 +4,7 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `error, quantity, progress < field < laminate < fem < effect < reduce < infer < chain < sample < diagnose < trace < report < cli`.
+//! `error, quantity, progress < field < laminate < fem < effect < reduce < infer < chain < sample < diagnose < trace < validate < report < cli`.
 
 pub mod chain;
 pub mod cli;
@@ -21,3 +21,4 @@ pub mod reduce;
 pub mod report;
 pub mod sample;
 pub mod trace;
+pub mod validate;

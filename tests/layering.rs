@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
-const ORDER: [&[&str]; 14] = [
+const ORDER: [&[&str]; 15] = [
     &["error", "quantity", "progress"],
     &["field"],
     &["laminate"],
@@ -16,6 +16,7 @@ const ORDER: [&[&str]; 14] = [
     &["sample"],
     &["diagnose"],
     &["trace"],
+    &["validate"],
     &["report"],
     &["cli"],
     &["main", "lib"],

@@ -16,6 +16,10 @@ pub struct Blocks {
     pub count: Vec<usize>,
     /// Mean (s, t) of the points of each block, mm: a linear function averages to its value here.
     pub centroid: Vec<[f64; 2]>,
+    /// Variance of the points' place in each block along both directions, mm^2.
+    pub spread: Vec<[f64; 2]>,
+    /// The points of each block, where they are so few that their places count; empty otherwise.
+    pub few: Vec<Vec<[f64; 2]>>,
     /// The block of each point of the field; `None` outside of all blocks.
     pub of_point: Vec<Option<u32>>,
 }
@@ -23,6 +27,8 @@ pub struct Blocks {
 impl Blocks {
     /// At most about this many blocks: the covariance of a component is a dense matrix over them.
     pub const MOST: usize = 900;
+    /// A typical block of at most so many points is not taken for evenly covered.
+    const FEW: f64 = 8.0;
     /// At least about this many points in a full block.
     pub const FEWEST_POINTS: usize = 4;
 
@@ -57,7 +63,7 @@ impl Blocks {
         for (block, m) in members.values().enumerate() {
             m.iter().for_each(|&i| of_point[i] = Some(block as u32));
         }
-        let centroid = members
+        let centroid: Vec<[f64; 2]> = members
             .values()
             .map(|m| {
                 let sum = m.iter().fold([0.0; 2], |sum, &i| {
@@ -66,8 +72,22 @@ impl Blocks {
                 sum.map(|total| total / m.len() as f64)
             })
             .collect();
+        let spread = members.values().zip(&centroid).map(|(m, c)| {
+            [0, 1].map(|k| {
+                let square = m.iter().map(|&i| (field.points[i][k] - c[k]).powi(2));
+                square.sum::<f64>() / m.len() as f64
+            })
+        });
+        let places = |m: &Vec<usize>| m.iter().map(|&i| field.points[i]).collect();
+        let few = if typical <= Self::FEW {
+            members.values().map(places).collect()
+        } else {
+            Vec::new()
+        };
         Self {
             size_mm,
+            spread: spread.collect(),
+            few,
             count: members.values().map(Vec::len).collect(),
             centroid,
             of_point,

@@ -20,7 +20,9 @@ pub const NOISE_LENGTHS_MM: [f64; 3] = [0.4, 0.8, 1.5];
 /// Correlation lengths that count as discrepancy of the model, mm.
 pub const DISCREPANCY_LENGTHS_MM: [f64; 3] = [3.0, 6.0, 12.0];
 /// Ratios rho of the correlated to the white variance of a block.
-pub const RATIOS: [f64; 10] = [0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0];
+pub const RATIOS: [f64; 11] = [
+    0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0, 10_000.0,
+];
 
 /// Correlation of block averages for one length: the Matern-3/2 kernel (1 + a d) exp(-a d), a = sqrt(3) / l, averaged
 /// over both blocks.
@@ -36,12 +38,11 @@ impl Matern {
     /// The correlation of `blocks` for the length `length_mm`.
     pub fn new(blocks: &Blocks, length_mm: f64) -> Self {
         let n = blocks.len();
-        let kernel = BlockKernel::new(blocks.size_mm, length_mm);
+        let kernel = BlockKernel::new(length_mm);
         let mut correlation = DMatrix::zeros(n, n);
         for j in 0..n {
             for i in j..n {
-                let (a, b) = (blocks.centroid[i], blocks.centroid[j]);
-                let value = kernel.average([a[0] - b[0], a[1] - b[1]]);
+                let value = kernel.between(blocks, i, j);
                 correlation[(i, j)] = value;
                 correlation[(j, i)] = value;
             }
@@ -53,17 +54,23 @@ impl Matern {
     }
 }
 
-/// The kernel between two squares of side `size`.
+/// The kernel (1 + a d) exp(-a d), a = sqrt(3) / l.
+pub(super) fn matern(length_mm: f64, distance: f64) -> f64 {
+    let ad = 3_f64.sqrt() / length_mm * distance;
+    (1.0 + ad) * (-ad).exp()
+}
+
+/// The kernel between two blocks: points of a lattice lie closer together than a square full of points, and where the
+/// correlation is smooth over a block, small differences decide.
 struct BlockKernel {
-    /// a = sqrt(3) / l.
-    rate: f64,
-    size: f64,
-    /// Offsets between points of two blocks in one direction, with the weights of their triangular distribution.
+    length_mm: f64,
+    /// Offsets between points of two squares in one direction, in units of their side, with the weights of their
+    /// triangular distribution.
     offsets: [(f64, f64); 8],
 }
 
 impl BlockKernel {
-    fn new(size: f64, length_mm: f64) -> Self {
+    fn new(length_mm: f64) -> Self {
         // Gauss-Legendre on [0, 1], by halves of the triangle 1 - |d|, whose kink a joint rule would miss
         const NODES: [(f64, f64); 4] = [
             (0.069_431_844_202_973_7, 0.173_927_422_568_726_9),
@@ -73,34 +80,53 @@ impl BlockKernel {
         ];
         let mut offsets = [(0.0, 0.0); 8];
         for (k, (node, weight)) in NODES.into_iter().enumerate() {
-            offsets[2 * k] = (node * size, weight * (1.0 - node));
-            offsets[2 * k + 1] = (-node * size, weight * (1.0 - node));
+            offsets[2 * k] = (node, weight * (1.0 - node));
+            offsets[2 * k + 1] = (-node, weight * (1.0 - node));
         }
-        Self {
-            rate: 3_f64.sqrt() / length_mm,
-            size,
-            offsets,
-        }
+        Self { length_mm, offsets }
     }
 
-    fn point(&self, distance: f64) -> f64 {
-        let ad = self.rate * distance;
-        (1.0 + ad) * (-ad).exp()
-    }
-
-    /// Mean over both blocks, their centres `offset` apart.
-    fn average(&self, offset: [f64; 2]) -> f64 {
+    /// Mean over the points of two blocks.
+    fn between(&self, blocks: &Blocks, i: usize, j: usize) -> f64 {
+        let (a, b) = (blocks.centroid[i], blocks.centroid[j]);
+        let offset = [a[0] - b[0], a[1] - b[1]];
+        let variance = [0, 1].map(|k| blocks.spread[i][k] + blocks.spread[j][k]);
         let distance = offset[0].hypot(offset[1]);
-        if distance > 4.0 * self.size {
-            // far off the mean differs by the Laplacian times the variance of a point's place: 2 size^2 / 12 / 2
-            let ad = self.rate * distance;
-            let laplacian = -self.rate * self.rate * (-ad).exp() * (2.0 - ad);
-            return (self.point(distance) + self.size * self.size / 12.0 * laplacian).max(0.0);
+        if distance > 4.0 * (3.0 * (variance[0] + variance[1])).sqrt() {
+            return self.far(offset, distance, variance);
         }
+        if blocks.few.is_empty() {
+            return self.near(offset, variance);
+        }
+        let (a, b) = (&blocks.few[i], &blocks.few[j]);
+        let to = |p: &[f64; 2]| -> f64 {
+            b.iter()
+                .map(|q| matern(self.length_mm, (p[0] - q[0]).hypot(p[1] - q[1])))
+                .sum()
+        };
+        a.iter().map(to).sum::<f64>() / (a.len() * b.len()) as f64
+    }
+
+    /// Far off the mean differs by half the variance of the offset times the second derivative.
+    fn far(&self, offset: [f64; 2], distance: f64, variance: [f64; 2]) -> f64 {
+        let rate = 3_f64.sqrt() / self.length_mm;
+        let (rate2, decay) = (rate * rate, (-rate * distance).exp());
+        let curved: f64 = (0..2)
+            .map(|k| variance[k] * rate2 * decay * (rate * offset[k] * offset[k] / distance - 1.0))
+            .sum();
+        (matern(self.length_mm, distance) + 0.5 * curved).max(0.0)
+    }
+
+    /// Mean over two rectangles full of points, their centres `offset` apart, where the offset of their points has the
+    /// given variance along each direction.
+    fn near(&self, offset: [f64; 2], variance: [f64; 2]) -> f64 {
+        // a triangle over two sides has the variance of side^2 / 6
+        let side = variance.map(|v| (6.0 * v).sqrt());
         let mut sum = 0.0;
         for (dx, wx) in self.offsets {
             for (dy, wy) in self.offsets {
-                sum += wx * wy * self.point((offset[0] + dx).hypot(offset[1] + dy));
+                let place = (offset[0] + side[0] * dx).hypot(offset[1] + side[1] * dy);
+                sum += wx * wy * matern(self.length_mm, place);
             }
         }
         sum
@@ -125,9 +151,32 @@ impl BlockCovariance {
     /// # Errors
     /// Of the program, if the matrix is not positive definite.
     pub fn new(blocks: &Blocks, matern: &Matern, ratio: f64) -> Result<Self> {
+        Self::of_several(blocks, &[(matern, ratio)])
+    }
+
+    /// Factorise diag(nbar / n_b) + sum of ratios times K: noise whose length is not known for certain. `length_mm` is
+    /// that of the largest ratio, `ratio` the sum.
+    ///
+    /// # Errors
+    /// Of the program, if the matrix is not positive definite.
+    pub fn of_several(blocks: &Blocks, parts: &[(&Matern, f64)]) -> Result<Self> {
         let n = blocks.len();
         let mean_count = blocks.mean_count();
-        let mut lower = &matern.correlation * ratio;
+        let ratio: f64 = parts.iter().map(|(_, ratio)| ratio).sum();
+        let largest = parts.iter().fold(
+            (0.0, -1.0),
+            |a, (m, r)| {
+                if *r > a.1 { (m.length_mm, *r) } else { a }
+            },
+        );
+        let length_mm = largest.0;
+        let mut lower = DMatrix::zeros(n, n);
+        for (matern, ratio) in parts {
+            lower
+                .iter_mut()
+                .zip(&matern.correlation)
+                .for_each(|(sum, k)| *sum += ratio * k);
+        }
         for (b, count) in blocks.count.iter().enumerate() {
             lower[(b, b)] += mean_count / *count as f64;
         }
@@ -144,7 +193,7 @@ impl BlockCovariance {
             Default::default(),
         )
         .map_err(|_| {
-            let at = format!("l = {} mm, rho = {ratio}", matern.length_mm);
+            let at = format!("l = {length_mm} mm, rho = {ratio}");
             Error::program(
                 "field::covariance",
                 "a positive definite covariance of the block averages",
@@ -153,7 +202,7 @@ impl BlockCovariance {
         })?;
         lower.fill_upper_triangle(0.0, 1);
         Ok(Self {
-            length_mm: matern.length_mm,
+            length_mm,
             ratio,
             mean_count,
             lower,

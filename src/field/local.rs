@@ -80,19 +80,29 @@ impl<'a> LocalFit<'a> {
         Neighbourhood { index, basis }
     }
 
-    /// Least-squares residuals (u1, u2) at point `i`, predicted from its neighbours, and sqrt(1 + h), which is the sd
-    /// of such a residual over the sd of a point.
-    pub fn residual(&self, i: usize) -> ([f64; 2], f64) {
+    /// Neighbours and weights of the least-squares prediction of point `i`; none where the neighbours do not
+    /// determine it.
+    pub fn weights(&self, i: usize) -> Vec<(usize, f64)> {
         let near = self.neighbourhood(i);
         let Some(factor) = factorize(&near.basis, &vec![1.0; near.basis.len()]) else {
-            return ([0.0; 2], 1.0);
+            return Vec::new();
         };
         // the prediction at the centre is the constant coefficient: weights phi' G^-1 e0
         let solved = factor.solve(&Coefficients::from([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let weights = near.basis.iter().map(|phi| phi.dot(&solved));
+        near.index.iter().copied().zip(weights).collect()
+    }
+
+    /// Least-squares residuals (u1, u2) at point `i`, predicted from its neighbours, and sqrt(1 + h), which is the sd
+    /// of such a residual over the sd of a point.
+    pub fn residual(&self, i: usize) -> ([f64; 2], f64) {
+        let weights = self.weights(i);
+        if weights.is_empty() {
+            return ([0.0; 2], 1.0);
+        }
         let mut residual = self.displacement[i];
         let mut leverage = 0.0;
-        for (&j, phi) in near.index.iter().zip(&near.basis) {
-            let weight = phi.dot(&solved);
+        for (j, weight) in weights {
             leverage += weight * weight;
             residual[0] -= weight * self.displacement[j][0];
             residual[1] -= weight * self.displacement[j][1];

@@ -61,8 +61,7 @@ impl Reml {
 /// (blocks x p, of any rank, p may be zero) projected out. A ratio of zero makes the length immaterial.
 ///
 /// # Errors
-/// Of the program: nothing left to estimate from (fewer than ten contrasts), empty lengths or ratios, a value that is
-/// not finite, a factorisation that fails.
+/// Those of [`Contrasts::new`]; of the program: empty lengths or ratios, a factorisation that fails.
 pub fn reml(
     blocks: &Blocks,
     y: &DVector<f64>,
@@ -70,82 +69,113 @@ pub fn reml(
     lengths_mm: &[f64],
     ratios: &[f64],
 ) -> Result<Reml> {
-    if !y
-        .iter()
-        .chain(columns.iter())
-        .all(|value| value.is_finite())
-    {
-        return Err(Error::program(
-            "field::reml",
-            "finite block averages and columns",
-        ));
-    }
-    let basis = orthonormal(columns);
-    let rank = basis.ncols();
-    if blocks.len() < rank + 10 {
-        let expected = format!("at least ten more blocks than the {rank} independent columns");
-        return Err(
-            Error::program("field::reml", expected).found(format!("{} blocks", blocks.len()))
-        );
-    }
-    let contrasts = blocks.len() - rank;
-    let table = over_grid(blocks, lengths_mm, ratios, |covariance| {
-        restricted(covariance, y, &basis, contrasts)
-    })?;
-    let best = table.iter().copied().reduce(|a, b| {
-        if b.log_likelihood > a.log_likelihood {
-            b
-        } else {
-            a
-        }
-    });
-    let best =
-        best.ok_or_else(|| Error::program("field::reml", "at least one length and one ratio"))?;
-    Ok(Reml {
-        table,
-        best,
-        mean_count: blocks.mean_count(),
-        contrasts,
-    })
+    Contrasts::new(blocks, y.clone(), columns)?.table(lengths_mm, ratios)
 }
 
-/// The restricted likelihood (Patterson and Thompson 1971; Harville 1974) with s^2 profiled out.
-pub fn restricted(
-    c: &BlockCovariance,
-    y: &DVector<f64>,
-    basis: &DMatrix<f64>,
-    contrasts: usize,
-) -> Result<Setting> {
-    let white = c.whiten_vector(y);
-    let mut square = white.norm_squared();
-    let mut log_det = c.log_det();
-    if basis.ncols() > 0 {
-        let columns = c.whiten(basis);
-        let factor = columns.tr_mul(&columns).cholesky().ok_or_else(|| {
-            Error::program("field::reml", "independent columns after whitening")
-                .found(format!("rho = {}", c.ratio))
-        })?;
-        let projected = columns.tr_mul(&white);
-        square -= projected.dot(&factor.solve(&projected));
-        log_det += 2.0
-            * factor
-                .l_dirty()
-                .diagonal()
-                .iter()
-                .map(|d| d.ln())
-                .sum::<f64>();
+/// Block averages of one component, of which only what is orthogonal to some columns counts.
+pub struct Contrasts<'a> {
+    blocks: &'a Blocks,
+    y: DVector<f64>,
+    basis: DMatrix<f64>,
+    count: usize,
+}
+
+impl<'a> Contrasts<'a> {
+    /// Block averages `y` without what the columns (blocks x p, of any rank, p may be zero) explain.
+    ///
+    /// # Errors
+    /// Of the program: nothing left to estimate from (fewer than ten contrasts), a value that is not finite.
+    pub fn new(blocks: &'a Blocks, y: DVector<f64>, columns: &DMatrix<f64>) -> Result<Self> {
+        if !y
+            .iter()
+            .chain(columns.iter())
+            .all(|value| value.is_finite())
+        {
+            return Err(Error::program(
+                "field::reml",
+                "finite block averages and columns",
+            ));
+        }
+        let basis = orthonormal(columns);
+        let rank = basis.ncols();
+        if blocks.len() < rank + 10 {
+            let expected = format!("at least ten more blocks than the {rank} independent columns");
+            return Err(
+                Error::program("field::reml", expected).found(format!("{} blocks", blocks.len()))
+            );
+        }
+        Ok(Self {
+            count: blocks.len() - rank,
+            blocks,
+            y,
+            basis,
+        })
     }
-    let m = contrasts as f64;
-    // data that the columns explain exactly have no noise; keep the logarithm finite
-    let scale2 = (square / m).max(f64::MIN_POSITIVE);
-    let log_likelihood =
-        -0.5 * (m * (scale2.ln() + 1.0 + (2.0 * std::f64::consts::PI).ln()) + log_det);
-    Ok(Setting {
-        length_mm: c.length_mm,
-        ratio: c.ratio,
-        log_likelihood,
-        scale2,
-    })
+
+    /// Number of contrasts: blocks minus the rank of the columns.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The restricted likelihood over all `lengths_mm` and `ratios`.
+    ///
+    /// # Errors
+    /// Of the program: empty lengths or ratios, a factorisation that fails.
+    pub fn table(&self, lengths_mm: &[f64], ratios: &[f64]) -> Result<Reml> {
+        let table = over_grid(self.blocks, lengths_mm, ratios, |c| self.at(c))?;
+        let best = table.iter().copied().reduce(|a, b| {
+            if b.log_likelihood > a.log_likelihood {
+                b
+            } else {
+                a
+            }
+        });
+        let best =
+            best.ok_or_else(|| Error::program("field::reml", "at least one length and one ratio"))?;
+        Ok(Reml {
+            table,
+            best,
+            mean_count: self.blocks.mean_count(),
+            contrasts: self.count,
+        })
+    }
+
+    /// The restricted likelihood (Patterson and Thompson 1971; Harville 1974) with s^2 profiled out.
+    ///
+    /// # Errors
+    /// Of the program, if a factorisation fails.
+    pub fn at(&self, c: &BlockCovariance) -> Result<Setting> {
+        let white = c.whiten_vector(&self.y);
+        let mut square = white.norm_squared();
+        let mut log_det = c.log_det();
+        if self.basis.ncols() > 0 {
+            let columns = c.whiten(&self.basis);
+            let factor = columns.tr_mul(&columns).cholesky().ok_or_else(|| {
+                Error::program("field::reml", "independent columns after whitening")
+                    .found(format!("rho = {}", c.ratio))
+            })?;
+            let projected = columns.tr_mul(&white);
+            square -= projected.dot(&factor.solve(&projected));
+            log_det += 2.0
+                * factor
+                    .l_dirty()
+                    .diagonal()
+                    .iter()
+                    .map(|d| d.ln())
+                    .sum::<f64>();
+        }
+        let m = self.count as f64;
+        // data that the columns explain exactly have no noise; keep the logarithm finite
+        let scale2 = (square / m).max(f64::MIN_POSITIVE);
+        let log_likelihood =
+            -0.5 * (m * (scale2.ln() + 1.0 + (2.0 * std::f64::consts::PI).ln()) + log_det);
+        Ok(Setting {
+            length_mm: c.length_mm,
+            ratio: c.ratio,
+            log_likelihood,
+            scale2,
+        })
+    }
 }
 
 /// Orthonormal basis of the span of `columns` (n x p), n x rank: Gram-Schmidt with pivoting, twice for

@@ -44,7 +44,14 @@ pub fn laplace(target: &dyn LogDensity, start: &[f64], sd: &[f64]) -> Result<Lap
             }
             let step = damped.cholesky().map(|c| c.solve(&gradient));
             if let Some(step) = step {
-                let next = &x + step.component_mul(&scale);
+                let mut step = step.component_mul(&scale);
+                // A quadratic is not to be trusted further than the scale the climb began with.
+                let longest = step
+                    .iter()
+                    .zip(sd)
+                    .fold(1.0, |a: f64, (d, s)| a.max(d.abs() / s));
+                step /= longest;
+                let next = &x + step;
                 let higher = target.log_density(next.as_slice());
                 if higher >= value - 1e-9 && higher.is_finite() {
                     moved = higher - value;

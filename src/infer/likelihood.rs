@@ -28,7 +28,7 @@ pub struct Likelihood {
     backward: DMatrix<f64>,
     thickness_mean: f64,
     thickness_sd: f64,
-    contrasts: f64,
+    freedom: f64,
     kernel: Kernel,
 }
 
@@ -80,7 +80,7 @@ impl Likelihood {
             backward,
             thickness_mean: thickness.0,
             thickness_sd: thickness.1,
-            contrasts: statistics.contrasts as f64,
+            freedom: statistics.freedom,
             kernel: Kernel::default(),
         };
         likelihood.compile(None);
@@ -111,7 +111,7 @@ impl Likelihood {
             forward,
             thickness_mean: thickness.0,
             thickness_sd: thickness.1,
-            contrasts: 0.0,
+            freedom: 0.0,
             kernel: Kernel::default(),
         };
         likelihood.compile(Some(1.0));
@@ -200,9 +200,9 @@ impl Likelihood {
         &self.kernel
     }
 
-    /// Number of contrasts, the data left over for the noise scale.
-    pub(super) fn contrasts(&self) -> f64 {
-        self.contrasts
+    /// Degrees of freedom with which the noise scale is known beside these coefficients.
+    pub(super) fn freedom(&self) -> f64 {
+        self.freedom
     }
 
     /// Expected POD coefficients (mm) given the data and `theta`, noise scale `s`: the surface's prediction plus what

@@ -2,16 +2,20 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::observation::{Columns, Observation};
+use super::observation::{Columns, Observation, residual_of_fit};
+use super::settings::{Component, Local};
 use crate::error::{Error, Result};
-use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
-use crate::field::reml::{Reml, Setting, reml};
-use crate::field::{BlockCovariance, Blocks, noise};
+use crate::field::noise::Leftover;
+use crate::field::reml::{Contrasts, Reml};
+use crate::field::{BlockCovariance, Blocks, Field, noise};
 use crate::quantity::NM_PER_MM;
 
 /// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, mm at least.
 /// Misfit that is smooth on this scale does not pass for noise.
 const SQUARE_MM: f64 = 6.0;
+
+/// Relative error that local differences may have beside their sampling error, from curvature that they do not follow.
+const LOCAL_BIAS: f64 = 0.005;
 
 /// Blocks, and the short-range noise covariance of each component.
 pub struct Noise {
@@ -19,8 +23,12 @@ pub struct Noise {
     pub blocks: Blocks,
     /// Restricted-likelihood estimate of each component.
     pub reml: [Reml; 2],
-    /// Covariance of each component's block averages at unit scale.
+    /// Covariance of each component's block averages at unit scale, averaged over the settings.
     pub covariance: [BlockCovariance; 2],
+    /// Scale s^2 of each component's covariance, mm^2.
+    pub scale2: [f64; 2],
+    /// Mean and variance of the logarithm of a point's variance (mm^2) of each component.
+    pub log_variance: [(f64, f64); 2],
     /// White sd of a point from local differences, mm.
     pub white_mm: [f64; 2],
     /// Effective number of independent points of both components.
@@ -44,51 +52,71 @@ impl Noise {
                 .hint("the noise cannot be told from the model's own fields with so few points: enlarge the window or measure more densely"));
         }
         let smooth = smooth_columns(&blocks, fitted);
-        let white_mm = noise::white(field).sd_mm;
-        let estimate = |c: usize| -> Result<(Reml, BlockCovariance)> {
+        // Local fits follow the residual of a global one more easily than the field about the hole.
+        let seen = noise::white(&Field {
+            displacement: residual_of_fit(field, &columns.modes),
+            ..field.clone()
+        });
+        let leftover = Leftover::new(field);
+        let estimate = |c: usize| -> Result<Component> {
             let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
             all.columns_mut(explained.ncols(), smooth.ncols())
                 .copy_from(&smooth);
             let y = blocks.average(&field.component(c));
-            let mut estimate = reml(&blocks, &y, &all, &NOISE_LENGTHS_MM, &RATIOS)?;
-            estimate.best = with_white(&estimate, white_mm[c]);
-            let covariance = estimate.covariance(&blocks)?;
-            Ok((estimate, covariance))
+            let local = Local {
+                variance: seen.sd_mm[c].powi(2),
+                error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS),
+                leftover: &leftover,
+            };
+            Component::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &local)
         };
-        let ((reml1, cov1), (reml2, cov2)) = (estimate(0)?, estimate(1)?);
-        let effective_points = cov1.effective_points() + cov2.effective_points();
+        let (a, b) = (estimate(0)?, estimate(1)?);
+        let effective_points = a.covariance.effective_points() + b.covariance.effective_points();
         Ok(Self {
-            white_mm,
-            reml: [reml1, reml2],
-            covariance: [cov1, cov2],
+            white_mm: seen.sd_mm,
+            log_variance: [a.log_variance, b.log_variance],
+            scale2: [a.scale2, b.scale2],
+            reml: [a.reml, b.reml],
+            covariance: [a.covariance, b.covariance],
             effective_points,
             blocks,
         })
     }
 
-    /// Sd of a point's noise in nm, white and correlated parts together: the white part from local differences,
-    /// which know it best, unless the blocks show more.
+    /// Sd of a point's noise in nm, white and correlated parts together.
     pub fn point_sd_nm(&self, c: usize) -> f64 {
-        self.white_mm[c].hypot(self.reml[c].correlated_sd()) * NM_PER_MM
+        (0.5 * self.log_variance[c].0).exp() * NM_PER_MM
     }
 
-    /// Root mean square of the block covariance's point sd over both components, nm: the noise scale that the
-    /// posterior samples is given in this unit.
+    /// Root mean square of the point sd over both components, nm: the noise parameter of the posterior at scale 1.
     pub fn reference_nm(&self) -> f64 {
-        let variance = |c: usize| self.reml[c].best.scale2 * self.covariance[c].point_variance();
-        (0.5 * (variance(0) + variance(1))).sqrt() * NM_PER_MM
+        (0.5 * (self.point_sd_nm(0).powi(2) + self.point_sd_nm(1).powi(2))).sqrt()
     }
 
-    /// Contrasts of both components from which the noise's scale is known.
-    pub fn contrasts(&self) -> usize {
-        self.reml.iter().map(|r| r.contrasts).sum()
+    /// Degrees of freedom nu with which the noise's scale is known: the number of independent values of a known
+    /// covariance from which its logarithm would have the same variance, 1 / (2 nu).
+    pub fn freedom(&self) -> f64 {
+        let variance = [0, 1].map(|c| self.log_variance[c].0.exp());
+        let total = variance[0] + variance[1];
+        let relative: f64 = (0..2)
+            .map(|c| (variance[c] / total).powi(2) * self.log_variance[c].1)
+            .sum();
+        2.0 / relative
+    }
+
+    /// Summary.
+    pub fn summary(&self) -> [[f64; 3]; 2] {
+        [0, 1].map(|c| {
+            let b = self.reml[c].best;
+            [b.length_mm, b.ratio, self.white_mm[c] * NM_PER_MM]
+        })
     }
 
     /// Whitened block averages of one component of some columns, at the estimated scale.
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
-        self.covariance[c].whiten(columns) / self.reml[c].best.scale2.sqrt()
+        self.covariance[c].whiten(columns) / self.scale2[c].sqrt()
     }
 
     /// The inverse of [`Noise::whiten`].
@@ -108,54 +136,6 @@ fn smooth_columns(blocks: &Blocks, fitted: usize) -> DMatrix<f64> {
         .into_iter()
         .find(|columns| 2 * (columns.ncols() + fitted) < blocks.len())
         .unwrap_or_else(|| DMatrix::zeros(blocks.len(), 0))
-}
-
-/// Relative sd of the white variance of a block average, given the white noise of points: the local differences
-/// see a little of a short correlation too.
-const WHITE_VARIANCE_SD: f64 = 0.1;
-
-/// The most likely setting given also the white noise of points, which the block averages by themselves hardly tell
-/// from noise that is correlated over less than a block: the restricted likelihood times a lognormal for s^2
-/// about white^2 / nbar, at the s^2 that is best for each setting.
-fn with_white(estimate: &Reml, white_mm: f64) -> Setting {
-    let nu = estimate.contrasts as f64;
-    let expected = (white_mm * white_mm / estimate.mean_count).ln();
-    let refined = |setting: &Setting| {
-        let profile = setting.scale2.ln();
-        let mut x = profile;
-        for _ in 0..50 {
-            let ratio = (profile - x).exp();
-            let slope = -0.5 * nu * (1.0 - ratio) - (x - expected) / WHITE_VARIANCE_SD.powi(2);
-            let curvature = 0.5 * nu * ratio + WHITE_VARIANCE_SD.powi(-2);
-            x += (slope / curvature).clamp(-1.0, 1.0);
-        }
-        let lost = 0.5 * nu * (x - profile + (profile - x).exp() - 1.0);
-        let penalty = 0.5 * ((x - expected) / WHITE_VARIANCE_SD).powi(2);
-        Setting {
-            scale2: x.exp(),
-            log_likelihood: setting.log_likelihood - lost - penalty,
-            ..*setting
-        }
-    };
-    // Half the prior probability on white noise, half shared by the correlated settings: a correlation is
-    // found where the data ask for it.
-    let correlated = estimate
-        .table
-        .iter()
-        .filter(|s| s.ratio > 0.0)
-        .count()
-        .max(1) as f64;
-    let weighed =
-        |s: &Setting| s.log_likelihood - if s.ratio > 0.0 { correlated.ln() } else { 0.0 };
-    let best = |a: Setting, b: Setting| {
-        if weighed(&b) > weighed(&a) { b } else { a }
-    };
-    estimate
-        .table
-        .iter()
-        .map(refined)
-        .reduce(best)
-        .unwrap_or(estimate.best)
 }
 
 /// Block averages of one component of columns: blocks x columns.

@@ -33,7 +33,7 @@ pub struct Columns {
 }
 
 /// Residual of each component's least-squares fit on its own modes and {1, s, t}.
-fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
+pub(super) fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
     let mut residual = field.displacement.clone();
     let half = modes.len() / 2;
     for c in 0..2 {

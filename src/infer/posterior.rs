@@ -121,10 +121,10 @@ impl Posterior {
             }
         }
         if self.declared_nm.is_none() {
-            // The contrasts that no smooth field explains, and the prior 1/noise.
-            let contrasts = self.likelihood.contrasts();
+            // What contrasts and local differences say, and the prior 1/noise.
+            let freedom = self.likelihood.freedom();
             for (log, &s) in log.iter_mut().zip(scale) {
-                *log -= contrasts * 0.5 / (s * s) + (contrasts + 1.0) * ln(s);
+                *log -= freedom * 0.5 / (s * s) + (freedom + 1.0) * ln(s);
             }
         }
         for (l, (log, &s)) in log.iter_mut().zip(scale).enumerate() {

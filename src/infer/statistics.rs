@@ -24,8 +24,8 @@ pub struct Statistics {
     pub residual: f64,
     /// Number of block averages of both components.
     pub count: usize,
-    /// Contrasts from which the noise scale is known.
-    pub contrasts: usize,
+    /// Degrees of freedom from which the noise scale is known.
+    pub freedom: f64,
 }
 
 impl Statistics {
@@ -64,7 +64,7 @@ impl Statistics {
             effect_covariance: inverse,
             residual,
             count: 2 * noise.blocks.len(),
-            contrasts: noise.contrasts(),
+            freedom: noise.freedom(),
         })
     }
 

@@ -4,7 +4,7 @@
 use super::alias::{Group, cosine, groups};
 use super::averaged::{Averaged, BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains, rms_nm};
-use super::round::Prepared;
+use super::pose::Prepared;
 use super::subsets::{Subset, Subsets};
 use super::tangents::{State, Tangents, Tested};
 use super::weighing::Weighing;

@@ -1,6 +1,7 @@
 //! Refinement of the reduced model where the posterior is.
 
-use super::round::{Prepared, Round};
+use super::pose::Prepared;
+use super::round::Round;
 use super::truth::TOLERANCE;
 use crate::chain::Draws;
 use crate::error::Result;

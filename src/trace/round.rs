@@ -5,22 +5,16 @@ use std::time::Instant;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::checks::{Judged, check_size, warnings};
+use super::checks::{Judged, warnings};
+use super::pose::{Posed, Prepared, pose, prepare, start};
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
 use super::truth::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
-use crate::effect::amplitude_name;
 use crate::error::Result;
-use crate::fem::Plate;
-use crate::field::spec::OutlierRule;
-use crate::infer::{
-    Columns, Laplace, Likelihood, LogDensity, Marginal, Model, Noise, Observation, Posterior,
-    Statistics, laplace,
-};
+use crate::infer::{Columns, LogDensity, Model, Noise, Posterior, Statistics};
 use crate::progress::Watch;
-use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{self, Keeping, Phase, Progress, Report, Sampler, Schedule, Start, Stopped};
 
 /// How to identify.
@@ -39,20 +33,6 @@ pub struct Options<'a> {
     pub keeping: Option<Keeping>,
     /// When to stop sampling in any case.
     pub deadline: Option<Instant>,
-}
-
-/// A reduced model with the plate it was made on.
-pub struct Prepared {
-    /// The problem it solves.
-    pub problem: Problem,
-    /// The meshed plate.
-    pub plate: Plate,
-    /// The reduced model.
-    pub reduced: ReducedModel,
-    /// Whether it came from the cache.
-    pub cached: bool,
-    /// The measurement on the plate.
-    pub observation: Observation,
 }
 
 /// Everything one identification found.
@@ -87,39 +67,6 @@ pub struct Round {
     pub warnings: Vec<String>,
 }
 
-/// Read the measurement and obtain the reduced model for it.
-pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
-    watch.begin("reading the measurement", None);
-    let field = model.read_field()?;
-    watch.say(&format!("{} points", field.len()));
-    watch.end();
-    let problem = model.problem(&field)?;
-    let nominal = nominal_point(&problem, model);
-    let plate = Plate::new(problem.test_at(&nominal).0.outline, problem.density)?;
-    let mut observation = Observation::new(field, &plate.mesh)?;
-    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
-    if model.file.measurement.outliers == OutlierRule::Reject {
-        observation.drop_strays(&reduced, &plate.mesh);
-    }
-    Ok(Prepared {
-        problem,
-        plate,
-        reduced,
-        cached,
-        observation,
-    })
-}
-
-/// Prior means, mean thickness, no effect.
-fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
-    let mut point: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
-    if problem.thickness_index().is_some() {
-        point.push(model.file.specimen.thickness_mm.mean);
-    }
-    point.resize(problem.dimensions.len(), 0.0);
-    point
-}
-
 /// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
 /// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
 pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Result<Round> {
@@ -152,25 +99,13 @@ fn identify_prepared(
     options: &Options<'_>,
     watch: &dyn Watch,
 ) -> Result<Round> {
-    let columns = prepared
-        .observation
-        .columns(&prepared.reduced, &prepared.plate.mesh, model);
-    check_size(
-        &prepared,
-        &columns,
-        &nominal_point(&prepared.problem, model),
-    )?;
-    watch.begin("noise of the measurement", None);
-    let noise = Noise::estimate(&prepared.observation, &columns)?;
-    watch.say(&format!(
-        "{:.3} and {:.3} nm a point, n_eff {:.0}",
-        noise.point_sd_nm(0),
-        noise.point_sd_nm(1),
-        noise.effective_points
-    ));
-    watch.end();
-    let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;
-    let posterior = posterior(model, &prepared, &statistics, &noise)?;
+    let Posed {
+        prepared,
+        columns,
+        noise,
+        statistics,
+        posterior,
+    } = pose(model, prepared, watch)?;
     let (draws, stopped) = draw(&posterior, options, watch)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
@@ -231,56 +166,6 @@ fn identify_prepared(
         effect_amplitudes,
         residual,
     })
-}
-
-fn posterior(
-    model: &Model,
-    prepared: &Prepared,
-    statistics: &Statistics,
-    noise: &Noise,
-) -> Result<Posterior> {
-    let thickness = model.file.specimen.thickness_mm;
-    let likelihood = Likelihood::new(
-        statistics,
-        &prepared.reduced,
-        model.file.likelihood.model_error_fraction,
-        (thickness.mean, thickness.sd),
-    )?;
-    let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
-    let mut marginals = model.marginals();
-    for effect in model.mechanical() {
-        for (k, parameter) in effect.parameters().iter().enumerate() {
-            names.push(amplitude_name(effect, parameter));
-            let sd = model.plausible(effect, k).unwrap_or(parameter.bound);
-            marginals.push(Marginal {
-                mean: 0.0,
-                sd,
-                truncate: None,
-            });
-        }
-    }
-    Ok(Posterior::new(
-        names,
-        model.file.specimen.material,
-        marginals,
-        likelihood,
-        noise.reference_nm(),
-        model.file.likelihood.noise_nm,
-    ))
-}
-
-/// Where chains start: the mode without the priors' cuts, moved inside them.
-fn start(posterior: &Posterior) -> Result<Laplace> {
-    let (centre, sd) = posterior.start();
-    let mut mode = laplace(&posterior.untruncated(), &centre, &sd)?;
-    for (k, (x, m)) in mode.mode.iter_mut().zip(posterior.marginals()).enumerate() {
-        let Some([low, high]) = m.truncate else {
-            continue;
-        };
-        let room = (0.05 * (high - low)).min(sd[k]);
-        *x = x.clamp(low + room, high - room);
-    }
-    Ok(mode)
 }
 
 /// Spread of the start about the mode, in units of its normal approximation.

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::round::Prepared;
+use super::pose::Prepared;
 use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
 use crate::fem::Factor;

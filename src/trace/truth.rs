@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::round::Prepared;
+use super::pose::Prepared;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::infer::{Columns, LogDensity, Noise, Posterior, Statistics, Whitened};

@@ -10,7 +10,7 @@ use super::tangents::Tangents;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
-use crate::field::reml::{orthonormal, restricted};
+use crate::field::reml::Contrasts;
 
 /// Prior probability of a smooth discrepancy.
 pub const DISCREPANCY: f64 = 0.07;
@@ -140,20 +140,19 @@ fn settings(blocks: &Blocks, tangents: &Tangents, c: usize) -> Result<Vec<Settin
         .collect();
     let y = &tangents.rest[c];
     let all = DMatrix::from_columns(&columns);
-    let basis = orthonormal(&all);
-    if blocks.len() < basis.ncols() + 20 {
+    if blocks.len() < all.ncols() + 20 {
         return Err(Error::input(
             "measurement",
             "enough points to tell the effects from noise",
         )
         .found(format!(
-            "{} blocks for {} independent columns",
+            "{} blocks for {} columns",
             blocks.len(),
-            basis.ncols()
+            all.ncols()
         ))
         .hint("restrict the dictionary with \"candidates\", or measure more densely"));
     }
-    let contrasts = blocks.len() - basis.ncols();
+    let contrasts = Contrasts::new(blocks, y.clone(), &all)?;
     let mut with_data = all.clone().insert_column(all.ncols(), 0.0);
     with_data.set_column(all.ncols(), y);
     let lengths: Vec<f64> = NOISE_LENGTHS_MM
@@ -166,7 +165,7 @@ fn settings(blocks: &Blocks, tangents: &Tangents, c: usize) -> Result<Vec<Settin
         if covariance.ratio == 0.0 && covariance.length_mm != lengths[0] {
             return Ok(None);
         }
-        let reml = restricted(covariance, y, &basis, contrasts)?;
+        let reml = contrasts.at(covariance)?;
         let white = covariance.whiten(&with_data);
         Ok(Some(Setting {
             length_mm: covariance.length_mm,

@@ -37,7 +37,7 @@ fn statistics(alpha: Vec<f64>) -> Statistics {
         effect_covariance: DMatrix::zeros(0, 0),
         residual: 0.0,
         count: 500,
-        contrasts: 400,
+        freedom: 400.0,
     }
 }
 

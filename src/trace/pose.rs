@@ -1,0 +1,165 @@
+//! The question before it is answered: reduced model, observation, noise, posterior.
+
+use crate::effect::amplitude_name;
+use crate::error::Result;
+use crate::fem::Plate;
+use crate::field::spec::OutlierRule;
+use crate::infer::{
+    Columns, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior, Statistics,
+    laplace,
+};
+use crate::progress::Watch;
+use crate::reduce::{Problem, ReducedModel, cache};
+
+use super::checks::check_size;
+
+/// A reduced model with the plate it was made on.
+pub struct Prepared {
+    /// The problem it solves.
+    pub problem: Problem,
+    /// The meshed plate.
+    pub plate: Plate,
+    /// The reduced model.
+    pub reduced: ReducedModel,
+    /// Whether it came from the cache.
+    pub cached: bool,
+    /// The measurement on the plate.
+    pub observation: Observation,
+}
+
+/// A posterior with everything it was made of, not sampled yet.
+pub struct Posed {
+    /// What is solved.
+    pub prepared: Prepared,
+    /// Columns at the measured points.
+    pub columns: Columns,
+    /// Noise of the measurement.
+    pub noise: Noise,
+    /// What the data say.
+    pub statistics: Statistics,
+    /// The density to sample.
+    pub posterior: Posterior,
+}
+
+/// Read the measurement and obtain the reduced model for it.
+pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
+    watch.begin("reading the measurement", None);
+    let field = model.read_field()?;
+    watch.say(&format!("{} points", field.len()));
+    watch.end();
+    let problem = model.problem(&field)?;
+    let nominal = nominal_point(&problem, model);
+    let plate = Plate::new(problem.test_at(&nominal).0.outline, problem.density)?;
+    let mut observation = Observation::new(field, &plate.mesh)?;
+    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
+    if model.file.measurement.outliers == OutlierRule::Reject {
+        observation.drop_strays(&reduced, &plate.mesh);
+    }
+    Ok(Prepared {
+        problem,
+        plate,
+        reduced,
+        cached,
+        observation,
+    })
+}
+
+/// Prior means, mean thickness, no effect.
+fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
+    let mut point: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
+    if problem.thickness_index().is_some() {
+        point.push(model.file.specimen.thickness_mm.mean);
+    }
+    point.resize(problem.dimensions.len(), 0.0);
+    point
+}
+
+/// Reduce the measurement to a posterior.
+///
+/// # Errors
+/// Of the input: a field that cannot be the model's, too few points for the noise, effects that depend on each other.
+pub fn pose(model: &Model, prepared: Prepared, watch: &dyn Watch) -> Result<Posed> {
+    let columns = prepared
+        .observation
+        .columns(&prepared.reduced, &prepared.plate.mesh, model);
+    check_size(
+        &prepared,
+        &columns,
+        &nominal_point(&prepared.problem, model),
+    )?;
+    watch.begin("noise of the measurement", None);
+    let noise = Noise::estimate(&prepared.observation, &columns)?;
+    watch.say(&format!(
+        "{:.3} and {:.3} nm a point, n_eff {:.0}",
+        noise.point_sd_nm(0),
+        noise.point_sd_nm(1),
+        noise.effective_points
+    ));
+    watch.end();
+    let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;
+    let posterior = posterior(model, &prepared.reduced, &statistics, &noise)?;
+    Ok(Posed {
+        prepared,
+        columns,
+        noise,
+        statistics,
+        posterior,
+    })
+}
+
+/// The posterior of the constants, mechanical amplitudes and noise that a model declares, given the data's statistics.
+///
+/// # Errors
+/// Of the program, if the eigendecomposition of the data's precision does not converge.
+pub fn posterior(
+    model: &Model,
+    reduced: &ReducedModel,
+    statistics: &Statistics,
+    noise: &Noise,
+) -> Result<Posterior> {
+    let thickness = model.file.specimen.thickness_mm;
+    let likelihood = Likelihood::new(
+        statistics,
+        reduced,
+        model.file.likelihood.model_error_fraction,
+        (thickness.mean, thickness.sd),
+    )?;
+    let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
+    let mut marginals = model.marginals();
+    for effect in model.mechanical() {
+        for (k, parameter) in effect.parameters().iter().enumerate() {
+            names.push(amplitude_name(effect, parameter));
+            let sd = model.plausible(effect, k).unwrap_or(parameter.bound);
+            marginals.push(Marginal {
+                mean: 0.0,
+                sd,
+                truncate: None,
+            });
+        }
+    }
+    Ok(Posterior::new(
+        names,
+        model.file.specimen.material,
+        marginals,
+        likelihood,
+        noise.reference_nm(),
+        model.file.likelihood.noise_nm,
+    ))
+}
+
+/// Where chains start: the mode without the priors' cuts, moved inside them.
+///
+/// # Errors
+/// Those of [`laplace`].
+pub fn start(posterior: &Posterior) -> Result<Laplace> {
+    let (centre, sd) = posterior.start();
+    let mut mode = laplace(&posterior.untruncated(), &centre, &sd)?;
+    for (k, (x, m)) in mode.mode.iter_mut().zip(posterior.marginals()).enumerate() {
+        let Some([low, high]) = m.truncate else {
+            continue;
+        };
+        let room = (0.05 * (high - low)).min(sd[k]);
+        *x = x.clamp(low + room, high - room);
+    }
+    Ok(mode)
+}

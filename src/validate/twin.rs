@@ -1,0 +1,176 @@
+//! A simulated measurement of a model: fields over a lattice of points, with known constants and known noise.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
+
+use crate::error::{Error, Result};
+use crate::field::{Field, Rejected};
+use crate::infer::{Columns, Model, Observation, matern_pair};
+use crate::quantity::NM_PER_MM;
+use crate::reduce::{Gauge, Snapshots, remove_rigid_motion};
+use crate::trace::Prepared;
+
+/// What is true of one simulated measurement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    /// Constants, then mechanical amplitudes, border units.
+    pub theta: Vec<f64>,
+    /// Thickness, mm.
+    pub thickness_mm: f64,
+    /// Amplitudes of the declared closed-form effects' columns, border units.
+    pub additive: Vec<f64>,
+    /// Noise sd of a point, nm.
+    pub noise_nm: f64,
+}
+
+/// A model with a lattice of points in place of its measurement.
+pub struct Twin {
+    /// Problem, plate, reduced model; the observation has the lattice's points and no displacement.
+    pub prepared: Prepared,
+    /// Columns at the points.
+    pub columns: Columns,
+    thickness: (f64, f64),
+    shape: [usize; 2],
+    spacing: [f64; 2],
+    /// Place of each point in the lattice.
+    index: Vec<usize>,
+}
+
+impl Twin {
+    /// A lattice of `side` x `side` points over the measured window of `prepared`, without those in the hole.
+    ///
+    /// # Errors
+    /// Of the input, if too few points are left.
+    pub fn new(model: &Model, prepared: Prepared, side: usize) -> Result<Self> {
+        if !(8..=1000).contains(&side) {
+            return Err(Error::input("--grid", "8 to 1000 points along a side").found(side));
+        }
+        let [low, high] = prepared.problem.window;
+        let spacing = [0, 1].map(|k| (high[k] - low[k]) / (side - 1) as f64);
+        let at = |i: usize| [i / side, i % side];
+        let points: Vec<[f64; 2]> = (0..side * side)
+            .map(|i| [0, 1].map(|k| low[k] + spacing[k] * at(i)[k] as f64))
+            .collect();
+        let (_, inside) = crate::fem::Locator::new(&prepared.plate.mesh).observe(&points);
+        let index: Vec<usize> = (0..points.len()).filter(|&i| inside[i]).collect();
+        let points: Vec<[f64; 2]> = index.iter().map(|&i| points[i]).collect();
+        let field = Field {
+            displacement: vec![[0.0; 2]; points.len()],
+            points,
+            frame: prepared.problem.frame,
+            grid: None,
+            rejected: Rejected::default(),
+            fringe_frequency_per_mm: None,
+            files: Vec::new(),
+        };
+        let observation = Observation::new(field, &prepared.plate.mesh)?;
+        let columns = observation.columns(&prepared.reduced, &prepared.plate.mesh, model);
+        let thickness = model.file.specimen.thickness_mm;
+        Ok(Self {
+            prepared: Prepared {
+                observation,
+                ..prepared
+            },
+            columns,
+            thickness: (thickness.mean, thickness.sd),
+            shape: [side, side],
+            spacing,
+            index,
+        })
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.index.len()
+    }
+
+    /// Noise-free fields (mm) of the response surfaces and modes.
+    pub fn reduced(&self, truth: &Truth) -> Vec<[f64; 2]> {
+        let point = self.point(truth);
+        let mut alpha = self.prepared.reduced.surface.evaluate(&point);
+        if self.prepared.problem.thickness_index().is_none() {
+            let ratio = self.thickness.0 / truth.thickness_mm;
+            alpha.iter_mut().for_each(|a| *a *= ratio);
+        }
+        self.combine(&alpha, truth)
+    }
+
+    /// Noise-free fields (mm) by the finite elements. `tick` is called after each solution.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn finite_elements(
+        &self,
+        truths: &[Truth],
+        tick: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Vec<[f64; 2]>>> {
+        let Prepared {
+            problem,
+            plate,
+            observation,
+            ..
+        } = &self.prepared;
+        let points = truths.iter().map(|t| self.point(t)).collect();
+        let solved = Snapshots::at(problem, plate, points, tick)?;
+        let field = |(j, truth): (usize, &Truth)| {
+            let mut nodal = vec![0.0; plate.mesh.unknowns()];
+            for (i, &node) in solved.nodes.iter().enumerate() {
+                for c in 0..2 {
+                    nodal[2 * node as usize + c] = solved.fields[c][(i, j)];
+                }
+            }
+            let mut u = observation.observer.displacement(&nodal);
+            if problem.gauge == Gauge::Window {
+                remove_rigid_motion(&observation.field.points, &mut u);
+            }
+            for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
+                add(&mut u, column, *a);
+            }
+            u
+        };
+        Ok(truths.iter().enumerate().map(field).collect())
+    }
+
+    /// A point of the reduced model's parameters.
+    fn point(&self, truth: &Truth) -> Vec<f64> {
+        let problem = &self.prepared.problem;
+        let mut point = problem.point(&truth.theta);
+        if let Some(k) = problem.thickness_index() {
+            point[k] = truth.thickness_mm;
+        }
+        point
+    }
+
+    fn combine(&self, alpha: &[f64], truth: &Truth) -> Vec<[f64; 2]> {
+        let mut u = vec![[0.0; 2]; self.points()];
+        let columns = self.columns.modes.iter().chain(&self.columns.effects);
+        for (column, a) in columns.zip(alpha.iter().chain(&truth.additive)) {
+            add(&mut u, column, *a);
+        }
+        u
+    }
+
+    /// Noise (mm) of sd `noise_nm` a point: white, or with a Matern-3/2 correlation of length `correlation_mm`.
+    pub fn noise(&self, noise_nm: f64, correlation_mm: f64, seed: u64) -> Vec<[f64; 2]> {
+        let sd = noise_nm / NM_PER_MM;
+        let mut rng = Pcg64Dxsm::seed_from_u64(seed);
+        if correlation_mm == 0.0 {
+            let mut one = || -> f64 {
+                let z: f64 = StandardNormal.sample(&mut rng);
+                sd * z
+            };
+            return (0..self.points()).map(|_| [one(), one()]).collect();
+        }
+        let [a, b] = matern_pair(self.shape, self.spacing, correlation_mm, &mut rng);
+        let value = |&i: &usize| [sd * a[i], sd * b[i]];
+        self.index.iter().map(value).collect()
+    }
+}
+
+fn add(u: &mut [[f64; 2]], column: &[[f64; 2]], amplitude: f64) {
+    for (u, c) in u.iter_mut().zip(column) {
+        u[0] += amplitude * c[0];
+        u[1] += amplitude * c[1];
+    }
+}
