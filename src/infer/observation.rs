@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::linear::solve;
 use super::model::Model;
+use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
@@ -18,6 +19,8 @@ pub struct Observation {
     pub field: Field,
     /// Where its points lie in the mesh.
     pub observer: Observer,
+    /// Declared effects of the recording, which have been taken out of the field.
+    pub recorded: Vec<RecordedAmplitude>,
 }
 
 /// Columns at the measured points: `columns[k][i]` = (u1, u2) in mm of unit amplitude of column k at point i.
@@ -33,7 +36,7 @@ pub struct Columns {
 }
 
 /// Residual of each component's least-squares fit on its own modes and {1, s, t}.
-fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
+pub(super) fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
     let mut residual = field.displacement.clone();
     let half = modes.len() / 2;
     for c in 0..2 {
@@ -75,7 +78,11 @@ impl Observation {
                     mesh.outline.s, mesh.outline.t
                 )));
         }
-        Ok(Self { field, observer })
+        Ok(Self {
+            field,
+            observer,
+            recorded: Vec::new(),
+        })
     }
 
     /// Drop points whose residual from a least-squares fit of the modes and any affine displacement contradicts the

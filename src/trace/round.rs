@@ -101,6 +101,7 @@ pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) ->
     if model.file.measurement.outliers == OutlierRule::Reject {
         observation.drop_strays(&reduced, &plate.mesh);
     }
+    observation.take_out_recorded(&reduced, &plate.mesh, model)?;
     Ok(Prepared {
         problem,
         plate,
@@ -187,11 +188,13 @@ fn identify_prepared(
         &alpha,
         &at_mean,
     );
+    let recorded = &prepared.observation.recorded;
     let effect_amplitudes = columns
         .names
         .iter()
         .enumerate()
         .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
+        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
         .collect();
     let outside_doe = outside(&prepared, &posterior, &draws);
     let surrogate = SurrogateError::measure(
