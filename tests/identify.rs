@@ -247,7 +247,8 @@ fn draws_are_the_same_bits_for_any_number_of_threads() {
 }
 
 /// A ripple in what is recorded, at twice the fringe frequency: declared, it is found within a few sd although nothing of it
-/// is left in block averages, and the noise is the noise again. An undeclared misalignment does not hide it.
+/// is left in block averages, and the noise is the noise again. An undeclared misalignment does not hide it (but raises
+/// the noise by itself).
 #[test]
 fn a_declared_phase_shift_error_is_measured_and_taken_out() {
     let file = fresh("model.json");
@@ -271,9 +272,12 @@ fn a_declared_phase_shift_error_is_measured_and_taken_out() {
             let (mean, sd) = (number(&found["mean"]), number(&found["sd"]));
             assert!(sd < 0.3, "{name}: sd {sd} nm");
             assert!(
-                (mean - truth).abs() < 4.0 * sd + 0.02 * truth.abs(),
+                (mean - truth).abs() < 4.0 * sd,
                 "{name}: {mean} +- {sd} nm, truth {truth}"
             );
+        }
+        if other.starts_with("load_misalignment") {
+            continue;
         }
         for component in ["u1", "u2"] {
             let noise = number(&round["residual"]["noise_nm"][component]);
