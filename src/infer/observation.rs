@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::linear::solve;
 use super::model::Model;
+use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
@@ -18,6 +19,8 @@ pub struct Observation {
     pub field: Field,
     /// Where its points lie in the mesh.
     pub observer: Observer,
+    /// Declared effects of the recording, which have been taken out of the field.
+    pub recorded: Vec<RecordedAmplitude>,
 }
 
 /// Columns at the measured points: `columns[k][i]` = (u1, u2) in mm of unit amplitude of column k at point i.
@@ -75,7 +78,11 @@ impl Observation {
                     mesh.outline.s, mesh.outline.t
                 )));
         }
-        Ok(Self { field, observer })
+        Ok(Self {
+            field,
+            observer,
+            recorded: Vec::new(),
+        })
     }
 
     /// Drop points whose residual from a least-squares fit of the modes and any affine displacement contradicts the

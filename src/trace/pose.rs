@@ -55,6 +55,7 @@ pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) ->
     if model.file.measurement.outliers == OutlierRule::Reject {
         observation.drop_strays(&reduced, &plate.mesh);
     }
+    observation.take_out_recorded(&reduced, &plate.mesh, model)?;
     Ok(Prepared {
         problem,
         plate,

@@ -122,11 +122,13 @@ fn identify_prepared(
         &alpha,
         &at_mean,
     );
+    let recorded = &prepared.observation.recorded;
     let effect_amplitudes = columns
         .names
         .iter()
         .enumerate()
         .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
+        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
         .collect();
     let outside_doe = outside(&prepared, &posterior, &draws);
     let surrogate = SurrogateError::measure(
