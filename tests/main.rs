@@ -11,6 +11,7 @@ mod kernel;
 mod laminate;
 mod layering;
 mod measure;
+mod mechanics;
 mod program;
 mod reduce;
 mod resume;

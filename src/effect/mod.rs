@@ -2,15 +2,26 @@
 //!
 //! A new effect is one new file here and one line in [`EFFECTS`].
 
+mod hole_edge_damage;
+mod hole_offset;
+mod hole_size;
 mod in_plane_bending;
+pub mod limit;
 mod load_misalignment;
+mod load_scale;
+mod ply_misorientation;
 mod rigid_rotation;
 mod rigid_translation;
+mod seen;
+mod shear_nonlinearity;
+mod thickness_taper;
 
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
 use crate::laminate::Ply;
+
+pub use seen::Seen;
 
 /// Every known effect, in the order in which they are listed.
 pub static EFFECTS: &[&dyn Effect] = &[
@@ -18,6 +29,13 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &rigid_rotation::RigidRotation,
     &load_misalignment::LoadMisalignment,
     &in_plane_bending::InPlaneBending,
+    &hole_offset::HoleOffset,
+    &hole_size::HoleSize,
+    &ply_misorientation::PlyMisorientation,
+    &thickness_taper::ThicknessTaper,
+    &hole_edge_damage::HoleEdgeDamage,
+    &shear_nonlinearity::ShearNonlinearity,
+    &load_scale::LoadScale,
 ];
 
 /// One parameter of an effect.

@@ -79,10 +79,17 @@ impl Nearby {
             },
         };
         let weights = |row: &Vector| {
-            [fit[0].dot(row), fit[1].dot(row) / scale, fit[2].dot(row) / scale]
+            [
+                fit[0].dot(row),
+                fit[1].dot(row) / scale,
+                fit[2].dot(row) / scale,
+            ]
         };
         Patch {
-            nodes: rows.iter().map(|(node, row)| (*node, weights(row))).collect(),
+            nodes: rows
+                .iter()
+                .map(|(node, row)| (*node, weights(row)))
+                .collect(),
         }
     }
 }

@@ -119,13 +119,8 @@ impl Layout {
     fn new(outline: &Outline, density: Density) -> Self {
         let half = 0.5 * (outline.t[1] - outline.t[0]);
         // No strip to an end that would leave only a sliver of it.
-        let reach = [outline.s[1], -outline.s[0]].map(|end| {
-            if end < SLIVER * half {
-                0.0
-            } else {
-                end - half
-            }
-        });
+        let reach = [outline.s[1], -outline.s[0]]
+            .map(|end| if end < SLIVER * half { 0.0 } else { end - half });
         let strips = reach.map(|length| {
             let share = length / (reach[0] + reach[1]).max(f64::MIN_POSITIVE);
             if length > 0.0 {
@@ -336,10 +331,7 @@ fn align(places: &mut [Vec<f64>], rays: &[[[f64; 2]; 2]], radius: f64) {
 /// Where a ray that starts inside a circle about the origin crosses it, as a fraction of its length.
 fn cross_circle([inner, outer]: &[[f64; 2]; 2], radius: f64) -> f64 {
     let d = [outer[0] - inner[0], outer[1] - inner[1]];
-    let (a, b) = (
-        d[0] * d[0] + d[1] * d[1],
-        inner[0] * d[0] + inner[1] * d[1],
-    );
+    let (a, b) = (d[0] * d[0] + d[1] * d[1], inner[0] * d[0] + inner[1] * d[1]);
     let c = inner[0] * inner[0] + inner[1] * inner[1] - radius * radius;
     -c / (b + (b * b - a * c).sqrt())
 }

@@ -98,7 +98,9 @@ impl ShearLaw {
             "a shear law under which the plate comes to rest",
         )
         .found(format!("{:e} MPa^-3", self.beta))
-        .hint("make the coefficient or the load smaller: the plies' shear stiffness is all but gone"))
+        .hint(
+            "make the coefficient or the load smaller: the plies' shear stiffness is all but gone",
+        ))
     }
 
     fn add_forces(&self, mesh: &Mesh, gauss: &[Gauss], nodal: &[f64], force: &mut [f64]) {

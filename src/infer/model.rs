@@ -163,11 +163,11 @@ impl Model {
         self.file.specimen.material.constants()
     }
 
-    /// Declared effects that act through the finite elements.
-    pub fn mechanical(&self) -> Vec<&'static dyn Effect> {
+    /// Declared effects that need fields of their own, from the finite elements: mechanical and optical ones.
+    pub fn sampled(&self) -> Vec<&'static dyn Effect> {
         self.effects
             .iter()
-            .filter(|e| e.kind() == Kind::Mechanical)
+            .filter(|e| !matches!(e.kind(), Kind::Additive | Kind::Recorded))
             .copied()
             .collect()
     }
@@ -206,7 +206,8 @@ impl Model {
             load: self.file.load,
             frame: field.frame,
             gauge: self.file.gauge,
-            effects: self.mechanical(),
+            scene: self.scene(),
+            effects: self.sampled(),
             dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),
             window: field.bounds(),
@@ -247,7 +248,7 @@ impl Model {
                 high: thickness.mean + 4.0 * thickness.sd,
             });
         }
-        for effect in self.mechanical() {
+        for effect in self.sampled() {
             for parameter in effect.parameters() {
                 let reach = BOX_SDS * parameter.plausible.unwrap_or(parameter.bound / BOX_SDS);
                 dimensions.push(Dimension {

@@ -7,12 +7,13 @@ use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 
 use super::model::Model;
-use crate::effect::{Acting, Kind};
+use crate::effect::limit::alter_checked;
+use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Density, Forward, Locator, Plate, Setup};
+use crate::fem::{Density, Locator, Plate, Setup};
 use crate::field::Grid;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion};
+use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion, settle};
 
 /// What to simulate.
 #[derive(Clone)]
@@ -43,57 +44,49 @@ const WINDOW: f64 = 24.3 / 25.0;
 pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
     let scene = model.scene();
     let frame = scene.frame;
+    refuse_obstacles(&truth.effects, &scene)?;
     let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
+    // The gauge's point belongs to the nominal plate.
+    let nominal = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
     setup.thickness = truth.thickness_mm;
-    for acting in truth
-        .effects
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Mechanical)
-    {
-        acting.effect.alter(&acting.amplitude, &mut setup);
-    }
+    alter_checked("--effect", &truth.effects, &mut setup)?;
     let ply = model
         .file
         .specimen
         .material
         .ply(&truth.constants)
         .admissible("--set")?;
-    let plate = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
-    let mut nodal = plate.displacement(&setup, &ply)?;
-    if let Some(zero) = ZeroAt::new(model.file.gauge, &model.file.measurement.frame, &plate)? {
-        zero.apply(&plate.mesh, &mut nodal);
-    }
+    let mut solution = nominal.solve(&setup, &ply, &mut nominal.factor())?;
     let half = 0.5 * WINDOW * model.file.specimen.width_mm;
+    match ZeroAt::new(model.file.gauge, &frame, &nominal)? {
+        Some(zero) => zero.apply(&mut solution),
+        None => settle(&mut solution, [[-half; 2], [half; 2]]),
+    }
+    let seen = Seen::new(&truth.effects, &scene);
     let [cx, cy] = frame.hole_center_mm;
     let corners = [[cx - half, cy - half], [cx + half, cy + half]];
     let mut grid = Grid::regular(corners, truth.grid, truth.grid);
     let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
-    let (observer, inside) = Locator::new(&plate.mesh).observe(&points);
-    let seen: Vec<[f64; 2]> = points
+    let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
+    let (observer, inside) = Locator::new(&solution.mesh).observe(&places);
+    let reported: Vec<[f64; 2]> = points
         .iter()
         .zip(&inside)
         .filter(|(_, inside)| **inside)
         .map(|(p, _)| *p)
         .collect();
-    if seen.is_empty() {
+    if reported.is_empty() {
         return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
     }
-    let mut u = observer.displacement(&nodal);
+    let mut u = observer.displacement(&solution.nodal);
+    for (u, &p) in u.iter_mut().zip(&reported) {
+        *u = seen.components(p, *u);
+    }
     if model.file.gauge == Gauge::Window {
-        remove_rigid_motion(&seen, &mut u);
+        remove_rigid_motion(&reported, &mut u);
     }
-    for acting in truth
-        .effects
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Additive)
-    {
-        for (u, &p) in u.iter_mut().zip(&seen) {
-            let added = acting.effect.displacement(&acting.amplitude, &scene, p);
-            u[0] += added[0];
-            u[1] += added[1];
-        }
-    }
-    add_noise(&seen, &mut u, truth);
+    add_and_record(&truth.effects, &scene, &reported, &mut u);
+    add_noise(&reported, &mut u, truth);
     let mut measured = u.into_iter();
     for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {
         *slot = if *inside {
@@ -103,6 +96,37 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
         };
     }
     Ok(grid)
+}
+
+/// Effects that cannot act in this test.
+fn refuse_obstacles(effects: &[Acting], scene: &Scene) -> Result<()> {
+    for acting in effects {
+        if let Some(why) = acting.effect.obstacle(scene) {
+            return Err(
+                Error::input("--effect", "effects that can act in this test")
+                    .found(acting.effect.name())
+                    .hint(why),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Add the additive effects, then let the instrument record what is there.
+fn add_and_record(effects: &[Acting], scene: &Scene, points: &[[f64; 2]], u: &mut [[f64; 2]]) {
+    let of = |kind: Kind| effects.iter().filter(move |a| a.effect.kind() == kind);
+    for acting in of(Kind::Additive) {
+        for (u, &p) in u.iter_mut().zip(points) {
+            let added = acting.effect.displacement(&acting.amplitude, scene, p);
+            u[0] += added[0];
+            u[1] += added[1];
+        }
+    }
+    for acting in of(Kind::Recorded) {
+        for (u, &p) in u.iter_mut().zip(points) {
+            *u = acting.effect.recorded(&acting.amplitude, scene, p, *u);
+        }
+    }
 }
 
 /// Cosines in a correlated noise field.

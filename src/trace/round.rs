@@ -253,7 +253,7 @@ fn posterior(
     )?;
     let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
     let mut marginals = model.marginals();
-    for effect in model.mechanical() {
+    for effect in model.sampled() {
         for parameter in effect.parameters() {
             names.push(amplitude_name(effect, parameter));
             let sd = parameter.plausible.unwrap_or(parameter.bound);
