@@ -13,6 +13,7 @@ mod kernel;
 mod laminate;
 mod layering;
 mod measure;
+mod mechanics;
 mod optics;
 mod program;
 mod reduce;

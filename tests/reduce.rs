@@ -4,9 +4,10 @@ mod inputs;
 mod surrogate;
 
 use faer::Mat;
-use plychain::fem::{Density, Plate};
+use plychain::effect::Scene;
+use plychain::fem::{Density, Plate, Setup};
 use plychain::field::{Axis, Frame};
-use plychain::laminate::LoadSpec;
+use plychain::laminate::{LoadSpec, SpecimenSpec};
 use plychain::progress::Unwatched;
 use plychain::reduce::{
     Choice, CrossValidation, Dimension, GOGU_2013, Gauge, Modes, Pod, Problem, ReducedModel,
@@ -23,17 +24,28 @@ pub fn small_problem() -> Problem {
         low,
         high,
     };
+    let specimen: SpecimenSpec = serde_json::from_str(
+        r#"{ "length_mm": 60.0, "width_mm": 25.0, "hole": { "diameter_mm": 4.0, "center_mm": [0.0, 0.0] },
+             "layup_deg": [45, -45, 0, 0, -45, 45], "thickness_mm": { "mean": 0.78, "sd": 0.005 } }"#,
+    )
+    .unwrap();
+    let load = LoadSpec { force_n: 700.0 };
+    let frame = Frame {
+        loading_axis: Axis::X,
+        hole_center_mm: [0.0; 2],
+    };
     Problem {
-        specimen: serde_json::from_str(
-            r#"{ "length_mm": 60.0, "width_mm": 25.0, "hole": { "diameter_mm": 4.0, "center_mm": [0.0, 0.0] },
-                 "layup_deg": [45, -45, 0, 0, -45, 45], "thickness_mm": { "mean": 0.78, "sd": 0.005 } }"#,
-        )
-        .unwrap(),
-        load: LoadSpec { force_n: 700.0 },
-        frame: Frame {
-            loading_axis: Axis::X,
-            hole_center_mm: [0.0; 2],
+        scene: Scene {
+            frame,
+            setup: Setup::nominal(&specimen, &load, frame.handedness()),
+            ply: specimen.material.ply(&[160.0, 7.5, 0.34, 4.5]),
+            fringe_frequency_per_mm: Some(2400.0),
+            expansion_per_k: None,
+            isotropic: false,
         },
+        specimen,
+        load,
+        frame,
         gauge: Gauge::Window,
         effects: Vec::new(),
         dimensions: vec![

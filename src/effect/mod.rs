@@ -5,23 +5,34 @@
 mod camera_rotation;
 mod camera_tilt;
 mod fringe_order_jump;
+mod hole_edge_damage;
+mod hole_offset;
+mod hole_size;
 mod in_plane_bending;
 mod lens_distortion;
+pub mod limit;
 mod load_misalignment;
+mod load_scale;
 mod magnification;
 mod optics;
 mod out_of_plane_bending;
 mod phase_shift_error;
+mod ply_misorientation;
 mod registration_offset;
 mod rigid_rotation;
 mod rigid_translation;
+mod seen;
+mod shear_nonlinearity;
 mod thermal_strain;
+mod thickness_taper;
 mod uniform_strain;
 
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
 use crate::laminate::Ply;
+
+pub use seen::Seen;
 
 /// Every known effect, in the order in which they are listed.
 pub static EFFECTS: &[&dyn Effect] = &[
@@ -39,6 +50,13 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &load_misalignment::LoadMisalignment,
     &in_plane_bending::InPlaneBending,
     &out_of_plane_bending::OutOfPlaneBending,
+    &hole_offset::HoleOffset,
+    &hole_size::HoleSize,
+    &ply_misorientation::PlyMisorientation,
+    &thickness_taper::ThicknessTaper,
+    &hole_edge_damage::HoleEdgeDamage,
+    &shear_nonlinearity::ShearNonlinearity,
+    &load_scale::LoadScale,
 ];
 
 /// Obstacle of the effects that act on fringes.

@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use super::model::Model;
-use crate::effect::{Acting, Kind, Scene};
+use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::fem::{Factor, Locator, Observer, Plate, Solution};
-use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion};
+use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion, settle};
 
 /// A predicted field at points (s, t).
 pub struct View {
@@ -28,6 +28,8 @@ pub struct Test<'a> {
     pub plate: &'a Plate,
     /// Points (s, t) as they are reported, mm.
     pub points: &'a [[f64; 2]],
+    /// Their bounding box, low and high corner.
+    pub window: [[f64; 2]; 2],
     /// Where the points lie on the plate's own mesh, if that is known.
     pub observer: Option<&'a Observer>,
 }
@@ -47,6 +49,7 @@ pub fn view(
         scene,
         plate,
         points,
+        window,
         observer,
     } = *test;
     let mut setup = scene.setup.clone();
@@ -62,30 +65,24 @@ pub fn view(
         .material
         .ply(constants)
         .admissible("elastic constants")?;
-    let Solution { mesh, mut nodal } = plate.solve(&setup, &ply, factor)?;
-    if let Some(zero) = ZeroAt::new(model.file.gauge, &scene.frame, &mesh)? {
-        zero.apply(&mesh, &mut nodal);
+    let mut solution = plate.solve(&setup, &ply, factor)?;
+    match ZeroAt::new(model.file.gauge, &scene.frame, plate)? {
+        Some(zero) => zero.apply(&mut solution),
+        None => settle(&mut solution, window),
     }
-    let optics: Vec<&Acting> = acting
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Optical)
-        .collect();
-    let own = observer.filter(|_| matches!(mesh, Cow::Borrowed(_)) && optics.is_empty());
+    let Solution { mesh, nodal } = solution;
+    let seen = Seen::new(acting, scene);
+    let own = observer.filter(|_| matches!(mesh, Cow::Borrowed(_)) && seen.is_plain());
     let elsewhere = own.is_none().then(|| {
-        let seen: Vec<[f64; 2]> = points
-            .iter()
-            .map(|&p| true_point(&optics, scene, p))
-            .collect();
-        Locator::new(&mesh).observe_extended(&seen)
+        let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
+        Locator::new(&mesh).observe_extended(&places)
     });
     let Some(observer) = own.or(elsewhere.as_ref()) else {
         return Err(Error::program("forward::view", "points to look at"));
     };
     let mut mechanical = observer.displacement(&nodal);
     for (u, &p) in mechanical.iter_mut().zip(points) {
-        for a in &optics {
-            *u = a.effect.components(&a.amplitude, scene, p, *u);
-        }
+        *u = seen.components(p, *u);
     }
     let gradient = observer.gradient(&nodal);
     if model.file.gauge == Gauge::Window {
@@ -104,25 +101,4 @@ pub fn view(
         mechanical,
         gradient,
     })
-}
-
-/// Which reported points show the plate itself, not the hole or what lies beyond the edges.
-pub fn visible(scene: &Scene, plate: &Plate, points: &[[f64; 2]], acting: &[Acting]) -> Vec<bool> {
-    let optics: Vec<&Acting> = acting
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Optical)
-        .collect();
-    let seen: Vec<[f64; 2]> = points
-        .iter()
-        .map(|&p| true_point(&optics, scene, p))
-        .collect();
-    Locator::new(&plate.mesh).observe(&seen).1
-}
-
-/// The true point that is reported as `reported` when several optical effects act, in the order of the dictionary.
-fn true_point(optics: &[&Acting], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
-    optics
-        .iter()
-        .rev()
-        .fold(reported, |p, a| a.effect.true_point(&a.amplitude, scene, p))
 }

@@ -170,11 +170,11 @@ impl Model {
         self.file.specimen.material.constants()
     }
 
-    /// Declared effects that act through the finite elements.
-    pub fn mechanical(&self) -> Vec<&'static dyn Effect> {
+    /// Declared effects that need fields of their own, from the finite elements: mechanical and optical ones.
+    pub fn sampled(&self) -> Vec<&'static dyn Effect> {
         self.effects
             .iter()
-            .filter(|e| e.kind() == Kind::Mechanical)
+            .filter(|e| !matches!(e.kind(), Kind::Additive | Kind::Recorded))
             .copied()
             .collect()
     }
@@ -221,7 +221,8 @@ impl Model {
             load: self.file.load,
             frame: field.frame,
             gauge: self.file.gauge,
-            effects: self.mechanical(),
+            scene: self.scene(),
+            effects: self.sampled(),
             dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),
             window: field.bounds(),
@@ -262,7 +263,7 @@ impl Model {
                 high: thickness.mean + 4.0 * thickness.sd,
             });
         }
-        for effect in self.mechanical() {
+        for effect in self.sampled() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
                 let reach = self
                     .plausible(effect, k)

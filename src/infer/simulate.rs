@@ -6,13 +6,14 @@ use rand_distr::{ChiSquared, Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 
-use super::forward;
 use super::model::Model;
-use crate::effect::{Acting, Kind};
+use crate::effect::limit::alter_checked;
+use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Density, Plate};
+use crate::fem::{Density, Locator, Plate, Setup};
 use crate::field::Grid;
 use crate::quantity::NM_PER_MM;
+use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion, settle};
 
 /// What to simulate.
 #[derive(Clone)]
@@ -41,51 +42,51 @@ const WINDOW: f64 = 24.3 / 25.0;
 
 /// Simulate a field in the model's frame, with NaN where the hole is.
 pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
-    let mut scene = model.scene();
-    scene.setup.thickness = truth.thickness_mm;
+    let scene = model.scene();
     let frame = scene.frame;
-    let mut setup = scene.setup.clone();
-    for acting in truth
-        .effects
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Mechanical)
-    {
-        acting.effect.alter(&acting.amplitude, &mut setup);
-    }
-    let plate = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
+    refuse_obstacles(&truth.effects, &scene)?;
+    let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
+    // The gauge's point belongs to the nominal plate.
+    let nominal = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
+    setup.thickness = truth.thickness_mm;
+    alter_checked("--effect", &truth.effects, &mut setup)?;
+    let ply = model
+        .file
+        .specimen
+        .material
+        .ply(&truth.constants)
+        .admissible("--set")?;
+    let mut solution = nominal.solve(&setup, &ply, &mut nominal.factor())?;
     let half = 0.5 * WINDOW * model.file.specimen.width_mm;
+    match ZeroAt::new(model.file.gauge, &frame, &nominal)? {
+        Some(zero) => zero.apply(&mut solution),
+        None => settle(&mut solution, [[-half; 2], [half; 2]]),
+    }
+    let seen = Seen::new(&truth.effects, &scene);
     let [cx, cy] = frame.hole_center_mm;
     let corners = [[cx - half, cy - half], [cx + half, cy + half]];
     let mut grid = Grid::regular(corners, truth.grid, truth.grid);
     let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
-    let inside = forward::visible(&scene, &plate, &points, &truth.effects);
-    let seen: Vec<[f64; 2]> = points
+    let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
+    let (observer, inside) = Locator::new(&solution.mesh).observe(&places);
+    let reported: Vec<[f64; 2]> = points
         .iter()
         .zip(&inside)
         .filter(|(_, inside)| **inside)
         .map(|(p, _)| *p)
         .collect();
-    if seen.is_empty() {
+    if reported.is_empty() {
         return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
     }
-    let test = forward::Test {
-        model,
-        scene: &scene,
-        plate: &plate,
-        points: &seen,
-        observer: None,
-    };
-    let mut u = forward::view(&test, &mut plate.factor(), &truth.constants, &truth.effects)?.field;
-    for acting in truth
-        .effects
-        .iter()
-        .filter(|a| a.effect.kind() == Kind::Recorded)
-    {
-        for (u, &p) in u.iter_mut().zip(&seen) {
-            *u = acting.effect.recorded(&acting.amplitude, &scene, p, *u);
-        }
+    let mut u = observer.displacement(&solution.nodal);
+    for (u, &p) in u.iter_mut().zip(&reported) {
+        *u = seen.components(p, *u);
     }
-    add_noise(&seen, &mut u, truth);
+    if model.file.gauge == Gauge::Window {
+        remove_rigid_motion(&reported, &mut u);
+    }
+    add_and_record(&truth.effects, &scene, &reported, &mut u);
+    add_noise(&reported, &mut u, truth);
     let mut measured = u.into_iter();
     for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {
         *slot = if *inside {
@@ -95,6 +96,37 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
         };
     }
     Ok(grid)
+}
+
+/// Effects that cannot act in this test.
+fn refuse_obstacles(effects: &[Acting], scene: &Scene) -> Result<()> {
+    for acting in effects {
+        if let Some(why) = acting.effect.obstacle(scene) {
+            return Err(
+                Error::input("--effect", "effects that can act in this test")
+                    .found(acting.effect.name())
+                    .hint(why),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Add the additive effects, then let the instrument record what is there.
+fn add_and_record(effects: &[Acting], scene: &Scene, points: &[[f64; 2]], u: &mut [[f64; 2]]) {
+    let of = |kind: Kind| effects.iter().filter(move |a| a.effect.kind() == kind);
+    for acting in of(Kind::Additive) {
+        for (u, &p) in u.iter_mut().zip(points) {
+            let added = acting.effect.displacement(&acting.amplitude, scene, p);
+            u[0] += added[0];
+            u[1] += added[1];
+        }
+    }
+    for acting in of(Kind::Recorded) {
+        for (u, &p) in u.iter_mut().zip(points) {
+            *u = acting.effect.recorded(&acting.amplitude, scene, p, *u);
+        }
+    }
 }
 
 /// Cosines in a correlated noise field.

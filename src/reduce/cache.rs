@@ -14,7 +14,7 @@ use crate::fem::Plate;
 use crate::progress::Watch;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 /// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]
@@ -40,6 +40,7 @@ pub fn key(problem: &Problem) -> String {
         problem.frame.hole_center_mm,
         problem.gauge,
         effects,
+        problem.scene.fringe_frequency_per_mm,
         problem.dimensions,
         spec,
         problem.window,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::fem::{Locator, Mesh, Observer};
+use crate::fem::{Locator, Mesh, Observer, Outline, Plate, Solution};
 use crate::field::{Frame, rigid};
 
 /// How the rigid motion of a predicted field is fixed.
@@ -20,6 +20,7 @@ pub enum Gauge {
 /// A point of the plate where displacement and local rotation are set to zero.
 pub struct ZeroAt {
     point: [f64; 2],
+    nominal: Outline,
     observer: Observer,
 }
 
@@ -28,16 +29,20 @@ const ON_EDGE_MM: f64 = 1e-6;
 
 impl ZeroAt {
     /// The point of [`Gauge::ZeroAtMm`], nothing for [`Gauge::Window`].
-    pub fn new(gauge: Gauge, frame: &Frame, mesh: &Mesh) -> Result<Option<Self>> {
+    pub fn new(gauge: Gauge, frame: &Frame, plate: &Plate) -> Result<Option<Self>> {
         let Gauge::ZeroAtMm(place) = gauge else {
             return Ok(None);
         };
-        let outline = mesh.outline;
+        let outline = plate.mesh.outline;
         let [s, t] = frame.point(place);
-        let point = [onto(s, outline.s), onto(t, outline.t)];
-        let (observer, inside) = Locator::new(mesh).observe(&[point]);
+        let point = [onto(s, outline.s, outline.s), onto(t, outline.t, outline.t)];
+        let (observer, inside) = Locator::new(&plate.mesh).observe(&[point]);
         if inside[0] {
-            return Ok(Some(Self { point, observer }));
+            return Ok(Some(Self {
+                point,
+                nominal: outline,
+                observer,
+            }));
         }
         Err(Error::input("gauge.zero_at_mm", "a point of the plate, in the data's frame")
             .found(format!("{place:?}"))
@@ -47,25 +52,60 @@ impl ZeroAt {
             )))
     }
 
-    /// Subtract from nodal displacements the rigid motion that makes the point stand still.
-    pub fn apply(&self, mesh: &Mesh, u: &mut [f64]) {
-        let g = self.observer.gradient(u)[0];
-        let motion = rigid::RigidMotion {
-            shift: self.observer.displacement(u)[0],
-            angle: 0.5 * (g[1][0] - g[0][1]),
-            center: self.point,
-        };
-        subtract(mesh, &motion, u);
+    /// Subtract from a solution the rigid motion that makes the point stand still. A point on an edge or an end stays
+    /// there where an effect has moved it; any other point keeps its coordinates.
+    pub fn apply(&self, solution: &mut Solution<'_>) {
+        let nominal = solution.is_nominal();
+        let Solution { mesh, nodal } = solution;
+        if nominal {
+            let motion = still(&self.observer, self.point, nodal);
+            return subtract(mesh, &motion, nodal);
+        }
+        let (from, to) = (&self.nominal, &mesh.outline);
+        let point = [
+            onto(self.point[0], from.s, to.s),
+            onto(self.point[1], from.t, to.t),
+        ];
+        let observer = Locator::new(mesh).observe_extended(&[point]);
+        let motion = still(&observer, point, nodal);
+        subtract(mesh, &motion, nodal);
     }
 }
 
-fn onto(value: f64, [low, high]: [f64; 2]) -> f64 {
-    let nearest = value.clamp(low, high);
-    if (nearest - value).abs() < ON_EDGE_MM {
-        nearest
-    } else {
-        value
+fn still(observer: &Observer, point: [f64; 2], nodal: &[f64]) -> rigid::RigidMotion {
+    let g = observer.gradient(nodal)[0];
+    rigid::RigidMotion {
+        shift: observer.displacement(nodal)[0],
+        angle: 0.5 * (g[1][0] - g[0][1]),
+        center: point,
     }
+}
+
+/// A coordinate, or the end of the interval `to` if it lies at that end of the interval `from`.
+fn onto(value: f64, from: [f64; 2], to: [f64; 2]) -> f64 {
+    for (from, to) in from.into_iter().zip(to) {
+        if (from - value).abs() < ON_EDGE_MM {
+            return to;
+        }
+    }
+    value
+}
+
+/// Steps of the grid over a window on which a solution's rigid motion is fitted.
+const STEPS: u32 = 40;
+
+/// Subtract from a solution its least-squares rigid motion over a window, low and high corner (s, t) in mm. Optics see the
+/// specimen so: what a lens makes of a rotation depends on the rotation.
+pub fn settle(solution: &mut Solution<'_>, [low, high]: [[f64; 2]; 2]) {
+    let step = |k: usize, i: u32| low[k] + (high[k] - low[k]) * f64::from(i) / f64::from(STEPS);
+    let points: Vec<[f64; 2]> = (0..=STEPS)
+        .flat_map(|i| (0..=STEPS).map(move |j| [step(0, i), step(1, j)]))
+        .collect();
+    let (observer, inside) = Locator::new(&solution.mesh).observe(&points);
+    let kept = points.into_iter().zip(inside).filter(|(_, inside)| *inside);
+    let places: Vec<_> = kept.map(|(p, _)| p).collect();
+    let motion = rigid::fit(&places, &observer.displacement(&solution.nodal));
+    subtract(&solution.mesh, &motion, &mut solution.nodal);
 }
 
 /// Subtract the least-squares rigid motion over some nodes. It keeps snapshots small; the exact gauge, over the

@@ -7,7 +7,8 @@ use super::gauge::Gauge;
 use super::modes::Modes;
 use super::reference::Reference;
 use super::surface::enough_samples;
-use crate::effect::Effect;
+use crate::effect::limit::alter_checked;
+use crate::effect::{Acting, Effect, Kind, Scene};
 use crate::error::{Error, Result};
 use crate::fem::{Density, Setup};
 use crate::field::Frame;
@@ -63,7 +64,9 @@ pub struct Problem {
     pub frame: Frame,
     /// The gauge.
     pub gauge: Gauge,
-    /// Mechanical effects whose amplitudes vary.
+    /// What effects may need to know of the nominal test.
+    pub scene: Scene,
+    /// Effects whose amplitudes vary with the constants: mechanical and optical ones.
     pub effects: Vec<&'static dyn Effect>,
     /// The DoE box: elastic constants, the thickness if it is uncertain, the effects' amplitudes.
     pub dimensions: Vec<Dimension>,
@@ -75,6 +78,9 @@ pub struct Problem {
     pub density: Density,
 }
 
+/// Amplitudes whose corners are all checked.
+const MOST_CORNERS: usize = 12;
+
 /// Name of the thickness among the dimensions.
 pub const THICKNESS: &str = "thickness_mm";
 
@@ -85,7 +91,7 @@ impl Problem {
     }
 
     /// Families of fields that vary with the constants: the plate under its nominal load, and one for every amplitude
-    /// of a mechanical effect. A declared number of modes is kept for each family.
+    /// of an effect. A declared number of modes is kept for each family.
     pub fn families(&self) -> usize {
         1 + self
             .effects
@@ -108,20 +114,60 @@ impl Problem {
         point
     }
 
-    /// The test and the ply at a point of the DoE, in border units.
-    pub fn test_at(&self, point: &[f64]) -> (Setup, Ply) {
-        let mut setup = Setup::nominal(&self.specimen, &self.load, self.frame.handedness());
-        let mut next = self.constants();
-        if let Some(k) = self.thickness_index() {
-            setup.thickness = point[k];
-            next = k + 1;
-        }
-        for effect in &self.effects {
+    /// The effects at a point of the DoE.
+    pub fn acting(&self, point: &[f64]) -> Vec<Acting> {
+        let mut next = self.constants() + usize::from(self.thickness_index().is_some());
+        let mut acting = Vec::with_capacity(self.effects.len());
+        for &effect in &self.effects {
             let count = effect.parameters().len();
-            effect.alter(&point[next..next + count], &mut setup);
+            acting.push(Acting {
+                effect,
+                amplitude: point[next..next + count].to_vec(),
+            });
             next += count;
         }
+        acting
+    }
+
+    /// The test and the ply at a point of the DoE, in border units.
+    pub fn test_at(&self, point: &[f64]) -> (Setup, Ply) {
+        let mut setup = self.nominal();
+        if let Some(k) = self.thickness_index() {
+            setup.thickness = point[k];
+        }
+        for a in self.acting(point) {
+            if a.effect.kind() == Kind::Mechanical {
+                a.effect.alter(&a.amplitude, &mut setup);
+            }
+        }
         (setup, self.specimen.material.ply(point))
+    }
+
+    fn nominal(&self) -> Setup {
+        Setup::nominal(&self.specimen, &self.load, self.frame.handedness())
+    }
+
+    /// Check that the plate exists at every corner of the amplitudes' box.
+    fn validate_amplitudes(&self) -> Result<()> {
+        let first = self.constants() + usize::from(self.thickness_index().is_some());
+        let count = self
+            .dimensions
+            .len()
+            .saturating_sub(first)
+            .min(MOST_CORNERS);
+        for corner in 0..1usize << count {
+            let mut point = vec![0.0; self.dimensions.len()];
+            for k in 0..count {
+                let d = &self.dimensions[first + k];
+                point[first + k] = if corner >> k & 1 == 1 { d.high } else { d.low };
+            }
+            alter_checked(
+                "a corner of the DoE box",
+                &self.acting(&point),
+                &mut self.nominal(),
+            )?;
+        }
+        Ok(())
     }
 
     /// Check, before anything is solved, that every corner of the box has an admissible ply and every side some length,
@@ -164,6 +210,6 @@ impl Problem {
                 e.hint("narrow the priors or give reduced_model.doe bounds whose corners keep E, G > 0 and nu12^2 < E1/E2")
             })?;
         }
-        Ok(())
+        self.validate_amplitudes()
     }
 }

@@ -6,10 +6,11 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::design::{Dimension, latin_hypercube};
-use super::gauge::{ZeroAt, remove_rigid_motion_of_nodes};
+use super::gauge::{ZeroAt, remove_rigid_motion, remove_rigid_motion_of_nodes, settle};
 use super::problem::Problem;
+use crate::effect::Seen;
 use crate::error::{Error, Result};
-use crate::fem::{Factor, Mesh, Plate};
+use crate::fem::{Factor, Locator, Mesh, Plate};
 
 /// Snapshots of both displacement components.
 pub struct Snapshots {
@@ -51,27 +52,26 @@ impl Snapshots {
             return Err(Error::input("measurement", "points on the plate")
                 .found(format!("{:?}", problem.window)));
         }
-        let zero = ZeroAt::new(problem.gauge, &problem.frame, &plate.mesh)?;
-        let solutions: Vec<Vec<f64>> = points
+        let zero = ZeroAt::new(problem.gauge, &problem.frame, plate)?;
+        let window = Window {
+            problem,
+            plate,
+            nodes: &nodes,
+            zero,
+        };
+        let solutions: Vec<Vec<[f64; 2]>> = points
             .par_iter()
             .map_init(
                 || plate.factor(),
                 |factor, point| {
-                    let mut u = solve(problem, plate, factor, point)?;
-                    match &zero {
-                        Some(zero) => zero.apply(&plate.mesh, &mut u),
-                        None => remove_rigid_motion_of_nodes(&plate.mesh, &nodes, &mut u),
-                    }
+                    let seen = window.seen(factor, point)?;
                     tick();
-                    Ok(nodes
-                        .iter()
-                        .flat_map(|&n| [u[2 * n as usize], u[2 * n as usize + 1]])
-                        .collect())
+                    Ok(seen)
                 },
             )
             .collect::<Result<_>>()?;
         let fields =
-            [0, 1].map(|c| Mat::from_fn(nodes.len(), points.len(), |i, j| solutions[j][2 * i + c]));
+            [0, 1].map(|c| Mat::from_fn(nodes.len(), points.len(), |i, j| solutions[j][i][c]));
         Ok(Self {
             points,
             nodes,
@@ -80,21 +80,51 @@ impl Snapshots {
     }
 }
 
-fn scale(dimensions: &[Dimension], unit: &[f64]) -> Vec<f64> {
-    dimensions.iter().zip(unit).map(|(d, &x)| d.at(x)).collect()
+/// Where solutions are seen: at the nodes of the nominal mesh about the measured window.
+struct Window<'a> {
+    problem: &'a Problem,
+    plate: &'a Plate,
+    nodes: &'a [u32],
+    zero: Option<ZeroAt>,
 }
 
-fn solve(
-    problem: &Problem,
-    plate: &Plate,
-    factor: &mut Factor<'_>,
-    point: &[f64],
-) -> Result<Vec<f64>> {
-    let (setup, ply) = problem.test_at(point);
-    factor.factorise(&setup.membrane(&ply))?;
-    let mut u = plate.mesh.end_forces(&setup.load);
-    factor.solve(&mut u);
-    Ok(u)
+impl Window<'_> {
+    /// Gauged displacements reported at the nodes, with the constants and amplitudes of a point of the DoE. Where an effect
+    /// moves nodes into the hole or past an edge, the field is continued.
+    fn seen(&self, factor: &mut Factor<'_>, point: &[f64]) -> Result<Vec<[f64; 2]>> {
+        let (setup, ply) = self.problem.test_at(point);
+        let mut solution = self.plate.solve(&setup, &ply, factor)?;
+        let acting = self.problem.acting(point);
+        let seen = Seen::new(&acting, &self.problem.scene);
+        match &self.zero {
+            Some(zero) => zero.apply(&mut solution),
+            None if seen.is_plain() => {
+                remove_rigid_motion_of_nodes(&solution.mesh, self.nodes, &mut solution.nodal);
+            }
+            None => settle(&mut solution, self.problem.window),
+        }
+        if solution.is_nominal() && seen.is_plain() {
+            let u = &solution.nodal;
+            let at = |&n: &u32| [u[2 * n as usize], u[2 * n as usize + 1]];
+            return Ok(self.nodes.iter().map(at).collect());
+        }
+        let mesh = &self.plate.mesh;
+        let reported: Vec<[f64; 2]> = self.nodes.iter().map(|&n| mesh.nodes[n as usize]).collect();
+        let places: Vec<[f64; 2]> = reported.iter().map(|&p| seen.true_point(p)).collect();
+        let observer = Locator::new(&solution.mesh).observe_extended(&places);
+        let mut u = observer.displacement(&solution.nodal);
+        for (u, &p) in u.iter_mut().zip(&reported) {
+            *u = seen.components(p, *u);
+        }
+        if self.zero.is_none() {
+            remove_rigid_motion(&reported, &mut u);
+        }
+        Ok(u)
+    }
+}
+
+fn scale(dimensions: &[Dimension], unit: &[f64]) -> Vec<f64> {
+    dimensions.iter().zip(unit).map(|(d, &x)| d.at(x)).collect()
 }
 
 /// Nodes of all elements whose bounding box meets the window, in increasing order.

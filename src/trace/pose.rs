@@ -127,7 +127,7 @@ pub fn posterior(
     )?;
     let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
     let mut marginals = model.marginals();
-    for effect in model.mechanical() {
+    for effect in model.sampled() {
         for (k, parameter) in effect.parameters().iter().enumerate() {
             names.push(amplitude_name(effect, parameter));
             let sd = model.plausible(effect, k).unwrap_or(parameter.bound);

@@ -1,0 +1,42 @@
+//! Drilling has damaged the laminate about the hole.
+
+use super::{Effect, Kind, Parameter};
+use crate::fem::{Annulus, Setup};
+
+pub struct HoleEdgeDamage;
+
+/// Outer radius of the damaged ring over the hole's radius.
+const REACH: f64 = 1.3;
+
+impl Effect for HoleEdgeDamage {
+    fn name(&self) -> &'static str {
+        "hole_edge_damage"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "loss_percent",
+            plausible: Some(20.0),
+            bound: 95.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Mechanical
+    }
+
+    fn about(&self) -> &'static str {
+        "The laminate within 1.3 radii of the hole's centre has lost this percentage of its stiffness; below 0 it would be stiffer, which only the symmetry of the prior asks for."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Ultrasonic C-scan or X-ray with a penetrant about the hole; or ream the hole and measure again."
+    }
+
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        setup.profile.annulus = Some(Annulus {
+            reach: REACH,
+            loss: 0.01 * amplitude[0],
+        });
+    }
+}

@@ -1,0 +1,36 @@
+//! The hole is larger or smaller than nominal.
+
+use super::{Effect, Kind, Parameter};
+use crate::fem::Setup;
+
+pub struct HoleSize;
+
+impl Effect for HoleSize {
+    fn name(&self) -> &'static str {
+        "hole_size"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "diameter_percent",
+            plausible: Some(2.0),
+            bound: 90.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Mechanical
+    }
+
+    fn about(&self) -> &'static str {
+        "The hole's diameter differs from the nominal one by this percentage of it."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Measure the hole with pin gauges or under a microscope."
+    }
+
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        setup.outline.radius *= 1.0 + 0.01 * amplitude[0];
+    }
+}

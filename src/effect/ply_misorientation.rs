@@ -1,0 +1,45 @@
+//! All plies are turned against the specimen's axis.
+
+use super::{Effect, Kind, Parameter, Scene};
+use crate::fem::Setup;
+
+pub struct PlyMisorientation;
+
+impl Effect for PlyMisorientation {
+    fn name(&self) -> &'static str {
+        "ply_misorientation"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "angle_deg",
+            plausible: Some(1.0),
+            bound: 45.0,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Mechanical
+    }
+
+    fn about(&self) -> &'static str {
+        "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, so that a balanced laminate couples extension and shear."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Section or burn off a piece of the laminate and measure the fibres' angles against the cut edge; or turn the specimen over: unlike a load that leans, the angle turns with it."
+    }
+
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        let angle = setup.handedness * amplitude[0].to_radians();
+        for ply in &mut setup.angles {
+            *ply += angle;
+        }
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        scene
+            .isotropic
+            .then_some("an isotropic plate has no ply angles")
+    }
+}

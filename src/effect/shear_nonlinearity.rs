@@ -1,0 +1,42 @@
+//! The plies soften in shear as the load grows.
+
+use super::{Effect, Kind, Parameter, Scene};
+use crate::fem::Setup;
+
+pub struct ShearNonlinearity;
+
+impl Effect for ShearNonlinearity {
+    fn name(&self) -> &'static str {
+        "shear_nonlinearity"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "beta_per_MPa3",
+            plausible: Some(1e-7),
+            bound: 1e-6,
+        }]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Mechanical
+    }
+
+    fn about(&self) -> &'static str {
+        "Hahn and Tsai's shear law of every ply, gamma12 = tau12 / G12 + beta tau12^3; below 0 the ply stiffens by what it would lose at -beta."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Repeat at another load: the linear part of the field scales with the load, this part with its cube; or test a [45, -45]s coupon in tension."
+    }
+
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        setup.shear_cubic += amplitude[0];
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        scene
+            .isotropic
+            .then_some("an isotropic plate has no plies that shear along fibres")
+    }
+}

@@ -1,0 +1,48 @@
+//! The plate is thicker on one side, or at one end.
+
+use super::{Effect, Kind, Parameter};
+use crate::fem::Setup;
+
+pub struct ThicknessTaper;
+
+impl Effect for ThicknessTaper {
+    fn name(&self) -> &'static str {
+        "thickness_taper"
+    }
+
+    fn parameters(&self) -> &'static [Parameter] {
+        const TAPER: Parameter = Parameter {
+            name: "",
+            plausible: Some(2.0),
+            bound: 190.0,
+        };
+        &[
+            Parameter {
+                name: "across_percent",
+                ..TAPER
+            },
+            Parameter {
+                name: "along_percent",
+                ..TAPER
+            },
+        ]
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Mechanical
+    }
+
+    fn about(&self) -> &'static str {
+        "The thickness grows by these percentages from edge to edge along direction 2 and from end to end along direction 1; its middle value stays, and so does the uniform end force."
+    }
+
+    fn confirm(&self) -> &'static str {
+        "Measure the thickness with a micrometer along both edges and at both ends; or turn the specimen over about the loading axis: a taper turns with it, bending from the grips does not."
+    }
+
+    /// h(t') = h (1 + f t' / W) and h(s') = h (1 + g s' / L), from the plate's middle.
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        setup.profile.across += 0.01 * amplitude[0];
+        setup.profile.along += 0.01 * amplitude[1];
+    }
+}
