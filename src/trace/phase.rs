@@ -97,43 +97,53 @@ pub fn find(field: &Field, blocks: &Blocks, model: &[[f64; 2]], order_mm: f64) -
     let own = [0, 1].map(|c| components[c].scaled(&tiles, order_mm, amplitude[c]));
     let pair = [0, 1].map(|c| components[c].scaled(&tiles, order_mm, joint));
     let information = |n: &Scaled| {
-        (
-            n.normal.gram,
-            n.normal.right,
-            n.normal.variance * n.inflation,
-        )
+        let variance = n.normal.variance * n.inflation;
+        let kept = n.kept(&tiles, order_mm);
+        Information {
+            precision: n.normal.gram * (kept * kept / variance),
+            right: n.normal.right * (kept / variance),
+            lost: 1.0 - kept,
+        }
     };
-    let weighted = [0, 1].map(|c| {
-        let (gram, right, variance) = information(&pair[c]);
-        (gram / variance, right / variance)
-    });
-    let single = [0, 1].map(|c| {
-        let (gram, right, variance) = information(&own[c]);
-        ripple(gram / variance, right / variance)
-    });
+    let weighted = pair.each_ref().map(information);
+    let weight = weighted.each_ref().map(|w| w.precision.trace());
+    let both = Information {
+        precision: weighted[0].precision + weighted[1].precision,
+        right: weighted[0].right + weighted[1].right,
+        lost: (weight[0] * weighted[0].lost + weight[1] * weighted[1].lost)
+            / (weight[0] + weight[1]).max(f64::MIN_POSITIVE),
+    };
     Phase {
-        both: ripple(weighted[0].0 + weighted[1].0, weighted[0].1 + weighted[1].1),
-        component: single,
+        both: both.ripple(),
+        component: own.each_ref().map(|n| information(n).ripple()),
         tau_nm: TAU_NM,
         within_nm: [0, 1].map(|c| own[c].normal.variance.sqrt() * NM_PER_MM),
         inflation: [0, 1].map(|c| own[c].inflation),
     }
 }
 
-/// Posterior of an amplitude pair (mm) of which the data say exp(right' a - a' precision a / 2).
-fn ripple(precision: Matrix2<f64>, right: Vector2<f64>) -> Ripple {
-    let tau = TAU_NM / NM_PER_MM;
-    let total = precision + Matrix2::identity() / (tau * tau);
-    let covariance = total
-        .try_inverse()
-        .unwrap_or(Matrix2::identity() * (tau * tau));
-    let mean = covariance * right;
-    let growth = (Matrix2::identity() + precision * (tau * tau)).determinant();
-    Ripple {
-        sin_nm: mean[0] * NM_PER_MM,
-        cos_nm: mean[1] * NM_PER_MM,
-        sd_nm: [0, 1].map(|k| covariance[(k, k)].sqrt() * NM_PER_MM),
-        log_bayes_factor: 0.5 * right.dot(&mean) - 0.5 * growth.ln(),
+/// What the data say of an amplitude pair a (mm): exp(right' a - a' precision a / 2).
+struct Information {
+    precision: Matrix2<f64>,
+    right: Vector2<f64>,
+    /// Share of the amplitude that the noise of the argument took, already put back; it is no better known than itself.
+    lost: f64,
+}
+
+impl Information {
+    fn ripple(&self) -> Ripple {
+        let tau = TAU_NM / NM_PER_MM;
+        let total = self.precision + Matrix2::identity() / (tau * tau);
+        let prior = Matrix2::identity() * (tau * tau);
+        let covariance = total.try_inverse().unwrap_or(prior);
+        let mean = covariance * self.right;
+        let growth = (Matrix2::identity() + self.precision * (tau * tau)).determinant();
+        Ripple {
+            sin_nm: mean[0] * NM_PER_MM,
+            cos_nm: mean[1] * NM_PER_MM,
+            sd_nm: [0, 1].map(|k| covariance[(k, k)].sqrt().hypot(self.lost * mean[k]) * NM_PER_MM),
+            log_bayes_factor: 0.5 * self.right.dot(&mean) - 0.5 * growth.ln(),
+        }
     }
 }
 
@@ -248,6 +258,18 @@ impl Normal {
 struct Scaled {
     normal: Normal,
     inflation: f64,
+}
+
+impl Scaled {
+    /// Share of a ripple's amplitude that shows in spite of the noise in the argument, which the planes let through:
+    /// exp(-v / 2) of a phase of variance v.
+    fn kept(&self, tiles: &Tiles, order_mm: f64) -> f64 {
+        let share = tiles.terms as f64 / tiles.members.len().max(1) as f64;
+        let per_mm = 2.0 * std::f64::consts::TAU / order_mm;
+        (-0.5 * per_mm * per_mm * share * self.normal.variance * self.inflation)
+            .exp()
+            .max(0.5)
+    }
 }
 
 /// One component of the field, one value a member of the tiles, mm.
