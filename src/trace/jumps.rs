@@ -63,7 +63,8 @@ const MOST_POINTS: f64 = 0.02;
 /// Find the jumps in `field` given the `prediction` (u1, u2) in mm at its points and the fringe order `order_mm` = 1/f_s.
 ///
 /// The prediction may miss a rigid motion, bending (any cubic of the place) and besides any smooth part whose step from
-/// point to point is well below half an order. Where more than a tenth of the neighbour steps exceed half an order, or at more than 2 % of the points
+/// point to point is well below half an order (below 0.2 orders: beyond 0.3 in a small part of the field, which is not
+/// refused, a false region was seen at the border). Where more than a tenth of the neighbour steps exceed half an order, or at more than 2 % of the points
 /// nearly all, nothing is reported and [`Jumps::refused`] says why. Parts of the field without neighbours in
 /// common are searched each by itself.
 pub fn find(field: &Field, prediction: &[[f64; 2]], order_mm: f64) -> Jumps {

@@ -12,6 +12,8 @@ pub(super) fn without(points: &[[f64; 2]], values: &[f64]) -> Vec<f64> {
     const SWEEPS: usize = 16;
     /// Deviations below this count alike, orders.
     const ALIKE: f64 = 0.1;
+    /// Deviations beyond this count ever less, orders.
+    const FAR: f64 = 0.25;
     let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
     for p in points {
         for k in 0..2 {
@@ -62,13 +64,13 @@ pub(super) fn without(points: &[[f64; 2]], values: &[f64]) -> Vec<f64> {
         let mut sorted = deviation.clone();
         sorted.sort_unstable_by(f64::total_cmp);
         let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        // absolute deviations first; then whole jumps lose their say
-        let far = typical.max(0.25);
+        // absolute deviations first; then whole jumps lose their say, where they are what is left
+        let waves = typical > ALIKE;
         for (d, w) in deviation.iter().zip(&mut weights) {
-            *w = if sweep < SWEEPS / 2 {
+            *w = if waves || sweep < SWEEPS / 2 {
                 ALIKE / d.max(ALIKE)
             } else {
-                (1.0 + (d / far).powi(2)).powi(-2)
+                (1.0 + (d / FAR).powi(2)).powi(-2)
             };
         }
     }
