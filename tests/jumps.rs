@@ -325,10 +325,6 @@ fn smeared_jumps_are_exact_away_from_their_borders() {
                     .filter(|&i| jumps.orders[c][i] != truth[i] && !near(field.points[i]))
                     .count();
                 let other = jumps.orders[1 - c].iter().filter(|k| **k != 0).count();
-                println!(
-                    "{width} {s} {orders}: {off} {other} {}",
-                    jumps.smeared.len()
-                );
                 assert_eq!(
                     (off, other),
                     (0, 0),
