@@ -1,8 +1,11 @@
 //! Tracing: which effects of the dictionary the data ask for beyond a fitted model, what could stand in for them, and what
 //! the data could not have shown.
 
+use std::borrow::Cow;
+
 use super::alias::{Group, cosine, groups};
 use super::averaged::{Averaged, BlindSpot, averaged, blind_spots};
+use super::fringes;
 use super::holdout::{Holdout, gains, rms_nm};
 use super::pose::Prepared;
 use super::subsets::{Subset, Subsets};
@@ -11,7 +14,7 @@ use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind};
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::infer::Model;
+use crate::infer::{Model, forward};
 use crate::progress::Watch;
 
 /// An effect weighed against the data.
@@ -146,13 +149,36 @@ pub fn attribute(
     watch: &dyn Watch,
 ) -> Result<Tracing> {
     let (effects, left_out) = candidates(model);
-    let field = &prepared.observation.field;
+    let mut tested_field = Cow::Borrowed(&prepared.observation.field);
+    let scene = model.scene();
+    let view = |state: &State| {
+        let test = forward::Test {
+            model,
+            scene: &scene,
+            plate: &prepared.plate,
+            points: &prepared.observation.field.points,
+            window: prepared.problem.window,
+            observer: Some(&prepared.observation.observer),
+        };
+        forward::view(
+            &test,
+            &mut prepared.plate.factor(),
+            &state.constants,
+            &state.acting,
+        )
+    };
+    let (corrected, jumps) = fringes::find_jumps(model, &tested_field, &view(&start)?.field)?;
+    if let Some(corrected) = corrected {
+        tested_field = Cow::Owned(corrected);
+    }
+    let field = &*tested_field;
     let clear = CLEAR_RADII * 0.5 * model.file.specimen.hole.diameter_mm;
     let beyond = |i: usize| field.points[i][0].hypot(field.points[i][1]) >= clear;
     let blocks = Blocks::new(field, Blocks::size_for(field), beyond);
     let tested = Tested {
         model,
         prepared,
+        measured: &field.displacement,
         scene: model.scene(),
         blocks: &blocks,
     };
@@ -193,7 +219,58 @@ pub fn attribute(
     };
     let mut tracing = evidence.conclude(&state)?;
     tracing.left_out = left_out;
+    let phase = fringes::find_phase(model, field, &view(&state)?.field)?;
+    tracing.add_recorded(jumps, phase);
     Ok(tracing)
+}
+
+impl Tracing {
+    /// Put the effects of the recording, which are sought by their own ways, among the candidates: miscounted orders are
+    /// accepted before anything else, a phase-shift error if nothing else has more evidence.
+    fn add_recorded(&mut self, jumps: Option<Found>, phase: Option<(Found, bool)>) {
+        let strongest = self
+            .accepted
+            .and_then(|e| self.groups.iter().find(|g| g.leader == e.name()))
+            .map_or(f64::NEG_INFINITY, |g| g.drop_nats);
+        let mut accept = None;
+        if let Some((found, clear)) = phase {
+            if clear && found.log_bayes_factor > strongest {
+                accept = Some(found.clone());
+            }
+            if clear {
+                self.groups.push(Named::alone(&found));
+            }
+            self.candidates.push(found);
+        }
+        if let Some(found) = jumps {
+            accept = Some(found.clone());
+            self.groups.push(Named::alone(&found));
+            self.candidates.push(found);
+        }
+        if let Some(found) = accept {
+            self.accepted = Some(found.effect);
+            self.accepted_amplitude = found.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect();
+        }
+        self.candidates.sort_by(|a, b| {
+            b.inclusion_probability
+                .total_cmp(&a.inclusion_probability)
+                .then_with(|| b.log_bayes_factor.total_cmp(&a.log_bayes_factor))
+        });
+    }
+}
+
+impl Named {
+    /// The group of an effect that nothing else in the dictionary resembles.
+    fn alone(found: &Found) -> Self {
+        Self {
+            leader: found.effect.name(),
+            members: vec![found.effect.name()],
+            pairs: Vec::new(),
+            probability: found.inclusion_probability,
+            drop_nats: found.log_bayes_factor,
+            predicts: true,
+        }
+    }
 }
 
 /// Take the best subset's amplitudes of its strongest effect into the state; how far they move, in prior sds. The effect

@@ -6,6 +6,7 @@ mod averaged;
 mod checks;
 mod close;
 mod find;
+mod fringes;
 mod holdout;
 pub mod jumps;
 pub mod phase;

@@ -50,6 +50,8 @@ const DECOYS: [f64; 20] = [
     1.30, 1.35, 1.40, 1.45, 1.50, 1.55, 1.60, 1.65, 1.70, 1.75, 2.25, 2.30, 2.35, 2.40, 2.45, 2.50,
     2.55, 2.60, 2.65, 2.70,
 ];
+/// Degrees of freedom of the variance that the decoys give: neighbouring decoys overlap, two are as good as one.
+const FREEDOM: f64 = 20.0;
 /// A block of fewer points gets a constant instead of a plane.
 const FEWEST_FOR_PLANE: usize = 8;
 /// Repetitions of argument and fit, and the change of the amplitudes that ends them, nm.
@@ -62,7 +64,7 @@ const SETTLED_NM: f64 = 1e-3;
 /// planes are added to it. `order_mm` is the fringe order 1/f_s. Points outside of all blocks are not used. The log Bayes
 /// factor of a field without an error is about -10 (Occam); above 4 an error should be accepted.
 pub fn find(field: &Field, blocks: &Blocks, model: &[[f64; 2]], order_mm: f64) -> Phase {
-    let tiles = Tiles::new(field, blocks);
+    let tiles = Tiles::new(field, blocks, order_mm);
     let components = [0, 1].map(|c| {
         let value = |i: usize| field.displacement[i][c] - model[i][c];
         let misfit: Vec<f64> = tiles.members.iter().map(|&i| value(i)).collect();
@@ -77,8 +79,8 @@ pub fn find(field: &Field, blocks: &Blocks, model: &[[f64; 2]], order_mm: f64) -
     let mut joint = Vector2::zeros();
     for _ in 0..REPETITIONS {
         // with the error of both components, then with their own: each estimate has its own argument
-        let next = [0, 1].map(|c| components[c].normal(&tiles, order_mm, amplitude[c]));
-        let pair = [0, 1].map(|c| components[c].normal(&tiles, order_mm, joint));
+        let next = [0, 1].map(|c| components[c].normal(&tiles, amplitude[c]));
+        let pair = [0, 1].map(|c| components[c].normal(&tiles, joint));
         let own = next.map(|n| n.solution());
         let total = Normal {
             gram: pair[0].gram / pair[0].variance + pair[1].gram / pair[1].variance,
@@ -94,46 +96,64 @@ pub fn find(field: &Field, blocks: &Blocks, model: &[[f64; 2]], order_mm: f64) -
             break;
         }
     }
-    let own = [0, 1].map(|c| components[c].scaled(&tiles, order_mm, amplitude[c]));
-    let pair = [0, 1].map(|c| components[c].scaled(&tiles, order_mm, joint));
+    let own = [0, 1].map(|c| components[c].scaled(&tiles, amplitude[c]));
+    let pair = [0, 1].map(|c| components[c].scaled(&tiles, joint));
     let information = |n: &Scaled| {
-        (
-            n.normal.gram,
-            n.normal.right,
-            n.normal.variance * n.inflation,
-        )
+        let variance = n.normal.variance * n.inflation;
+        let kept = n.kept(&tiles);
+        Information {
+            precision: n.normal.gram * (kept * kept / variance),
+            right: n.normal.right * (kept / variance),
+            lost: 1.0 - kept,
+        }
     };
-    let weighted = [0, 1].map(|c| {
-        let (gram, right, variance) = information(&pair[c]);
-        (gram / variance, right / variance)
-    });
-    let single = [0, 1].map(|c| {
-        let (gram, right, variance) = information(&own[c]);
-        ripple(gram / variance, right / variance)
-    });
+    let weighted = pair.each_ref().map(information);
+    let weight = weighted.each_ref().map(|w| w.precision.trace());
+    let both = Information {
+        precision: weighted[0].precision + weighted[1].precision,
+        right: weighted[0].right + weighted[1].right,
+        lost: (weight[0] * weighted[0].lost + weight[1] * weighted[1].lost)
+            / (weight[0] + weight[1]).max(f64::MIN_POSITIVE),
+    };
     Phase {
-        both: ripple(weighted[0].0 + weighted[1].0, weighted[0].1 + weighted[1].1),
-        component: single,
+        both: both.ripple(),
+        component: own.each_ref().map(|n| information(n).ripple()),
         tau_nm: TAU_NM,
         within_nm: [0, 1].map(|c| own[c].normal.variance.sqrt() * NM_PER_MM),
         inflation: [0, 1].map(|c| own[c].inflation),
     }
 }
 
-/// Posterior of an amplitude pair (mm) of which the data say exp(right' a - a' precision a / 2).
-fn ripple(precision: Matrix2<f64>, right: Vector2<f64>) -> Ripple {
-    let tau = TAU_NM / NM_PER_MM;
-    let total = precision + Matrix2::identity() / (tau * tau);
-    let covariance = total
-        .try_inverse()
-        .unwrap_or(Matrix2::identity() * (tau * tau));
-    let mean = covariance * right;
-    let growth = (Matrix2::identity() + precision * (tau * tau)).determinant();
-    Ripple {
-        sin_nm: mean[0] * NM_PER_MM,
-        cos_nm: mean[1] * NM_PER_MM,
-        sd_nm: [0, 1].map(|k| covariance[(k, k)].sqrt() * NM_PER_MM),
-        log_bayes_factor: 0.5 * right.dot(&mean) - 0.5 * growth.ln(),
+/// What the data say of an amplitude pair a (mm): exp(right' a - a' precision a / 2).
+struct Information {
+    precision: Matrix2<f64>,
+    right: Vector2<f64>,
+    /// Share of the amplitude that the noise of the argument took, already put back; it is no better known than itself.
+    lost: f64,
+}
+
+impl Information {
+    fn ripple(&self) -> Ripple {
+        let tau = TAU_NM / NM_PER_MM;
+        let total = self.precision + Matrix2::identity() / (tau * tau);
+        let prior = Matrix2::identity() * (tau * tau);
+        let covariance = total.try_inverse().unwrap_or(prior);
+        let mean = covariance * self.right;
+        let growth = (Matrix2::identity() + self.precision * (tau * tau)).determinant();
+        // the variance is itself estimated: Student's law instead of the normal one
+        let without = self
+            .precision
+            .try_inverse()
+            .map_or(0.0, |inverse| self.right.dot(&(inverse * self.right)));
+        let with = (without - self.right.dot(&mean)).max(0.0);
+        let evidence =
+            0.5 * (FREEDOM + 2.0) * ((1.0 + without / FREEDOM).ln() - (1.0 + with / FREEDOM).ln());
+        Ripple {
+            sin_nm: mean[0] * NM_PER_MM,
+            cos_nm: mean[1] * NM_PER_MM,
+            sd_nm: [0, 1].map(|k| covariance[(k, k)].sqrt().hypot(self.lost * mean[k]) * NM_PER_MM),
+            log_bayes_factor: evidence - 0.5 * growth.ln(),
+        }
     }
 }
 
@@ -147,10 +167,12 @@ struct Tiles {
     basis: Vec<[f64; 3]>,
     /// Number of basis functions of all blocks together.
     terms: usize,
+    /// The fringe order, mm.
+    order_mm: f64,
 }
 
 impl Tiles {
-    fn new(field: &Field, blocks: &Blocks) -> Self {
+    fn new(field: &Field, blocks: &Blocks, order_mm: f64) -> Self {
         let mut start = vec![0; blocks.len() + 1];
         for block in blocks.of_point.iter().flatten() {
             start[*block as usize + 1] += 1;
@@ -197,6 +219,7 @@ impl Tiles {
             start,
             basis,
             terms,
+            order_mm,
         }
     }
 
@@ -250,6 +273,18 @@ struct Scaled {
     inflation: f64,
 }
 
+impl Scaled {
+    /// Share of a ripple's amplitude that shows in spite of the noise in the argument, which the planes let through:
+    /// exp(-v / 2) of a phase of variance v.
+    fn kept(&self, tiles: &Tiles) -> f64 {
+        let share = tiles.terms as f64 / tiles.members.len().max(1) as f64;
+        let per_mm = 2.0 * std::f64::consts::TAU / tiles.order_mm;
+        (-0.5 * per_mm * per_mm * share * self.normal.variance * self.inflation)
+            .exp()
+            .max(0.5)
+    }
+}
+
 /// One component of the field, one value a member of the tiles, mm.
 struct Component {
     model: Vec<f64>,
@@ -261,8 +296,8 @@ struct Component {
 
 impl Component {
     /// Argument of the fringes, rad a unit multiple, given the error's `amplitude` (mm).
-    fn argument(&self, tiles: &Tiles, order_mm: f64, amplitude: Vector2<f64>) -> Vec<f64> {
-        let per_mm = std::f64::consts::TAU / order_mm;
+    fn argument(&self, tiles: &Tiles, amplitude: Vector2<f64>) -> Vec<f64> {
+        let per_mm = std::f64::consts::TAU / tiles.order_mm;
         let add = |planes: Vec<f64>| -> Vec<f64> {
             self.model
                 .iter()
@@ -292,8 +327,8 @@ impl Component {
         argument
     }
 
-    fn normal(&self, tiles: &Tiles, order_mm: f64, amplitude: Vector2<f64>) -> Normal {
-        let argument = self.argument(tiles, order_mm, amplitude);
+    fn normal(&self, tiles: &Tiles, amplitude: Vector2<f64>) -> Normal {
+        let argument = self.argument(tiles, amplitude);
         self.normal_of(tiles, &waves(tiles, &argument, 2.0))
     }
 
@@ -303,17 +338,19 @@ impl Component {
         let mut normal = Normal {
             gram,
             right,
-            variance: f64::MIN_POSITIVE,
+            variance: 0.0,
         };
         let left = dot(&self.residual, &self.residual) - right.dot(&normal.solution());
         let freedom = (self.residual.len() as f64 - tiles.terms as f64 - 2.0).max(1.0);
-        normal.variance = (left / freedom).max(f64::MIN_POSITIVE);
+        // exact data have no scale: rounding is no ripple
+        let exact = 1e-6 * tiles.order_mm;
+        normal.variance = (left / freedom).max(exact * exact);
         normal
     }
 
     /// The normal equations at `amplitude`, and how much larger the decoys are than white noise makes them.
-    fn scaled(&self, tiles: &Tiles, order_mm: f64, amplitude: Vector2<f64>) -> Scaled {
-        let argument = self.argument(tiles, order_mm, amplitude);
+    fn scaled(&self, tiles: &Tiles, amplitude: Vector2<f64>) -> Scaled {
+        let argument = self.argument(tiles, amplitude);
         let own = waves(tiles, &argument, 2.0);
         let normal = self.normal_of(tiles, &own);
         let squares: Vec<Option<f64>> = DECOYS

@@ -12,6 +12,7 @@ use crate::progress::Watch;
 use crate::reduce::{Problem, ReducedModel, cache};
 
 use super::checks::check_size;
+use super::fringes::correct_jumps;
 
 /// A reduced model with the plate it was made on.
 pub struct Prepared {
@@ -52,6 +53,7 @@ pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) ->
     let plate = Plate::new(problem.test_at(&nominal).0.outline, problem.density)?;
     let mut observation = Observation::new(field, &plate.mesh)?;
     let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
+    correct_jumps(model, &mut observation, &reduced, &plate.mesh, &nominal);
     if model.file.measurement.outliers == OutlierRule::Reject {
         observation.drop_strays(&reduced, &plate.mesh);
     }

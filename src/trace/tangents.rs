@@ -131,6 +131,8 @@ pub struct Tested<'a> {
     pub model: &'a Model,
     /// Plate and measured points.
     pub prepared: &'a Prepared,
+    /// Measured displacements at the points, corrected for miscounted fringes, mm.
+    pub measured: &'a [[f64; 2]],
     /// What effects need to know.
     pub scene: Scene,
     /// Block averages' geometry.
@@ -170,7 +172,10 @@ impl Tested<'_> {
             let effect = *effect;
             (0..effect.parameters().len()).map(move |k| Direction::Amplitude(effect, k))
         };
-        directions.extend(self.model.effects.iter().flat_map(parameters));
+        // what the recording adds is corrected in the field, not fitted
+        let declared = self.model.effects.iter();
+        let fitted = declared.filter(|e| e.kind() != Kind::Recorded);
+        directions.extend(fitted.flat_map(parameters));
         let declared = directions.len();
         directions.extend(candidates.iter().flat_map(parameters));
         let columns: Vec<Column> = directions
@@ -180,8 +185,8 @@ impl Tested<'_> {
                 |factor, &direction| self.column(factor, at, &here, direction),
             )
             .collect::<Result<_>>()?;
-        let measured = &self.prepared.observation.field.displacement;
-        let residual: Vec<[f64; 2]> = measured
+        let residual: Vec<[f64; 2]> = self
+            .measured
             .iter()
             .zip(&here.field)
             .map(|(m, f)| [m[0] - f[0], m[1] - f[1]])
@@ -350,7 +355,7 @@ impl Tested<'_> {
     fn plausible(&self, effect: &'static dyn Effect, k: usize) -> f64 {
         self.model.plausible(effect, k).unwrap_or_else(|| {
             // only translations are free: their unit is the micrometre
-            let field = &self.prepared.observation.field.displacement;
+            let field = self.measured;
             let square: f64 = field.iter().flatten().map(|u| u * u).sum();
             FREE * (square / field.len().max(1) as f64).sqrt() * crate::quantity::UM_PER_MM
         })

@@ -1,0 +1,183 @@
+//! Effects of the recording: miscounted fringe orders, found as regions, and the phase-shift error, found within blocks. Both are corrected
+//! in the measured field where a model declares them.
+
+use super::attribute::Found;
+use super::jumps::{self, Jumps};
+use super::phase;
+use crate::effect::{self, Effect};
+use crate::error::Result;
+use crate::field::{Blocks, Field, Reason};
+use crate::infer::{Model, Observation};
+use crate::quantity::NM_PER_MM;
+use crate::reduce::ReducedModel;
+
+/// Name of the effect of miscounted orders.
+pub const JUMP: &str = "fringe_order_jump";
+
+/// Name of the ripple's effect.
+pub const PHASE: &str = "phase_shift_error";
+
+/// A phase-shift error is accepted above this log Bayes factor.
+const PHASE_NATS: f64 = 4.0;
+
+/// Correct the miscounted orders of an observation, if the model declares them; the regions are kept with it.
+///
+/// `nominal` is the point of the reduced model's parameters whose prediction is subtracted.
+pub fn correct_jumps(
+    model: &Model,
+    observation: &mut Observation,
+    reduced: &ReducedModel,
+    mesh: &crate::fem::Mesh,
+    nominal: &[f64],
+) {
+    let Some(order_mm) = order_mm(model) else {
+        return;
+    };
+    if !model.effects.iter().any(|e| e.name() == JUMP) {
+        return;
+    }
+    let columns = reduced.columns(&observation.observer, mesh.nodes.len());
+    let alpha = reduced.surface.evaluate(nominal);
+    let mut predicted = vec![[0.0; 2]; observation.field.len()];
+    for (column, a) in columns.iter().zip(&alpha) {
+        for (sum, u) in predicted.iter_mut().zip(column) {
+            *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
+        }
+    }
+    let jumps = jumps::find(&observation.field, &predicted, order_mm);
+    jumps.correct(&mut observation.field);
+    let smeared = |i: usize| jumps.smeared.binary_search(&i).is_ok();
+    observation.observer.retain(|i| !smeared(i));
+    observation.field.retain(Reason::Outlier, |i| !smeared(i));
+}
+
+/// One fringe order, mm, where displacements are read from fringes.
+fn order_mm(model: &Model) -> Option<f64> {
+    let frequency = model.file.measurement.fringe_frequency_per_mm;
+    frequency.map(|f| 1.0 / f)
+}
+
+/// Whether an effect of the recording may be sought: not declared, not ruled out by the model's candidates.
+fn sought(model: &Model, name: &str) -> bool {
+    let declared = model.effects.iter().any(|e| e.name() == name);
+    let listed = |list: &Vec<String>| list.iter().any(|n| n == name);
+    !declared && model.file.candidates.as_ref().is_none_or(listed)
+}
+
+/// Jumps of a field relative to a prediction, and what they are called; the field is returned corrected.
+///
+/// # Errors
+/// Of the program, if the dictionary lacks the effect.
+pub fn find_jumps(
+    model: &Model,
+    field: &Field,
+    predicted: &[[f64; 2]],
+) -> Result<(Option<Field>, Option<Found>)> {
+    let Some(order_mm) = order_mm(model).filter(|_| sought(model, JUMP)) else {
+        return Ok((None, None));
+    };
+    let jumps = jumps::find(field, predicted, order_mm);
+    if jumps.regions.is_empty() {
+        return Ok((None, None));
+    }
+    let effect = effect::find("dictionary", JUMP)?;
+    let found = jump_found(effect, &jumps, field, model);
+    let mut corrected = field.clone();
+    jumps.correct(&mut corrected);
+    Ok((Some(corrected), Some(found)))
+}
+
+/// The largest region speaks for the effect; its evidence is that of a step of whole orders at every point of a region's border,
+/// which no noise of a few nanometres makes.
+fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: &Model) -> Found {
+    let region = &jumps.regions[0];
+    let in_data = field.frame.vector(match region.component {
+        0 => [f64::from(region.orders), 0.0],
+        _ => [0.0, f64::from(region.orders)],
+    });
+    let centre = field.frame.data_point(region.centre_mm);
+    let radius =
+        0.5 * (region.high_mm[0] - region.low_mm[0]).max(region.high_mm[1] - region.low_mm[1]);
+    let values = [in_data[0], in_data[1], centre[0], centre[1], radius];
+    let noise = crate::field::noise::white(field).sd_mm[region.component].max(f64::MIN_POSITIVE);
+    let points: usize = jumps.regions.iter().map(|r| r.points).sum();
+    let nats = 0.5 * points as f64 * (jumps.order_mm / noise).powi(2);
+    let smallest = jumps.order_mm
+        * model
+            .file
+            .measurement
+            .fringe_frequency_per_mm
+            .unwrap_or(1.0);
+    Found {
+        effect,
+        inclusion_probability: 1.0,
+        log_bayes_factor: nats.min(1e9),
+        amplitude: effect
+            .parameters()
+            .iter()
+            .zip(values)
+            .map(|(p, v)| (effect::amplitude_name(effect, p), v, 0.0))
+            .collect(),
+        multiple: 1.0,
+        explained_fraction: 1.0,
+        detectable: smallest,
+        aliases: Vec::new(),
+    }
+}
+
+/// The phase-shift error of a field that is otherwise predicted, with whether it is to be accepted.
+///
+/// # Errors
+/// Of the program, if the dictionary lacks the effect.
+pub fn find_phase(
+    model: &Model,
+    field: &Field,
+    predicted: &[[f64; 2]],
+) -> Result<Option<(Found, bool)>> {
+    let Some(order_mm) = order_mm(model).filter(|_| sought(model, PHASE)) else {
+        return Ok(None);
+    };
+    let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
+    let phase = phase::find(field, &blocks, predicted, order_mm);
+    let effect = effect::find("dictionary", PHASE)?;
+    let ripple = phase.both;
+    let nats = [ripple, phase.component[0], phase.component[1]]
+        .iter()
+        .fold(f64::NEG_INFINITY, |m, r| m.max(r.log_bayes_factor));
+    // even odds would ignore that there are two dozen effects
+    let odds = (nats - (effect::EFFECTS.len() as f64).ln()).exp();
+    let mean = [ripple.sin_nm, ripple.cos_nm];
+    let found = Found {
+        effect,
+        inclusion_probability: if odds.is_finite() {
+            odds / (1.0 + odds)
+        } else {
+            1.0
+        },
+        log_bayes_factor: nats,
+        amplitude: effect
+            .parameters()
+            .iter()
+            .zip(mean.iter().zip(ripple.sd_nm))
+            .map(|(p, (m, s))| (effect::amplitude_name(effect, p), *m, s))
+            .collect(),
+        multiple: mean.iter().fold(0.0_f64, |a, m| a.max(m.abs())) / phase.tau_nm,
+        explained_fraction: explained(field, predicted, mean),
+        detectable: ripple.sd_nm[0] * (2.0 * (PHASE_NATS + 6.0)).sqrt(),
+        aliases: Vec::new(),
+    };
+    Ok(Some((found, nats > PHASE_NATS)))
+}
+
+/// Share of the mean square misfit (translation aside) that a ripple of these amplitudes makes.
+fn explained(field: &Field, predicted: &[[f64; 2]], [a, b]: [f64; 2]) -> f64 {
+    let n = field.len().max(1) as f64;
+    let misfit: f64 = field
+        .displacement
+        .iter()
+        .zip(predicted)
+        .map(|(u, p)| (u[0] - p[0]).powi(2) + (u[1] - p[1]).powi(2))
+        .sum::<f64>()
+        / n;
+    ((a * a + b * b) / (NM_PER_MM * NM_PER_MM) / misfit.max(f64::MIN_POSITIVE)).min(1.0)
+}
