@@ -131,11 +131,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
     write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    let mut resolved = model.file.clone();
-    resolved.measurement = resolved.measurement.below(model.base_dir())?;
-    let resolved = serde_json::to_value(&resolved)
-        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
-    folder.write_json("model.json", &resolved)?;
+    folder.write_json("model.json", &resolved(&model)?)?;
     let rounds = [round];
     folder.write_json(
         "report.json",
@@ -157,8 +153,16 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     Ok(())
 }
 
+/// The model with its measurement's absolute path, so that it can be read from a run's folder.
+pub fn resolved(model: &Model) -> Result<Value> {
+    let mut resolved = model.file.clone();
+    resolved.measurement = resolved.measurement.below(model.base_dir())?;
+    serde_json::to_value(&resolved)
+        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}
+
 /// What a resumed run must share with the one that was interrupted.
-fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
+pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
     let text = serde_json::to_string(&model.file)
         .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
     Ok(json!({
@@ -172,7 +176,8 @@ fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result
     }))
 }
 
-fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
+/// The sampler of a name.
+pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
     SAMPLERS
         .iter()
         .find(|entry| entry.name == name)
