@@ -84,11 +84,6 @@ fn declared_effects_must_be_able_to_act() {
             "phase_shift_error",
             &["fringe_frequency"][..],
         ),
-        (
-            "openhole.json",
-            "fringe_order_jump",
-            &["parameters of a model"],
-        ),
     ] {
         let file = changed(name, |m| m["effects"] = serde_json::json!([effect]));
         refused(&["identify", &file], words);
