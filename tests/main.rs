@@ -11,6 +11,7 @@ mod kernel;
 mod laminate;
 mod layering;
 mod measure;
+mod memory;
 mod program;
 mod reduce;
 mod resume;

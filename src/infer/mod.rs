@@ -2,7 +2,7 @@
 
 mod density;
 mod kernel;
-mod lanes;
+pub(crate) mod lanes;
 mod laplace;
 mod likelihood;
 mod linear;
