@@ -263,11 +263,8 @@ impl Progress for Watch {
 struct Plain {
     mid: [f64; 4],
     per_half: [f64; 4],
-    /// Products by which each monomial after the constant comes from a lower one.
-    products: [(usize, usize); 34],
     mean: [[f64; 8]; 35],
-    slope: [[f64; 8]; 35],
-    slopes: usize,
+    slope: [[f64; 8]; 15],
     measured: [f64; 8],
     prior: [[f64; 2]; 4],
     constant: f64,
@@ -276,7 +273,6 @@ struct Plain {
 impl Plain {
     fn new(table: &Tabulated) -> Self {
         let mut exponents = vec![[0_u8; 4]];
-        let mut products = [(0, 0); 34];
         let mut from = 0;
         for _degree in 0..3 {
             let to = exponents.len();
@@ -285,7 +281,6 @@ impl Plain {
                 for variable in first..4 {
                     let mut e = exponents[lower];
                     e[variable] += 1;
-                    products[exponents.len() - 1] = (lower, variable);
                     exponents.push(e);
                 }
             }
@@ -293,7 +288,7 @@ impl Plain {
         }
         let z = (table.t0 - table.mid[4]) / table.half[4];
         let per_h = table.sigma_h * table.t0 / table.h0 / table.half[4];
-        let (mut mean, mut slope) = ([[0.0; 8]; 35], [[0.0; 8]; 35]);
+        let (mut mean, mut slope) = ([[0.0; 8]; 35], [[0.0; 8]; 15]);
         for (e, c) in table.exponents.iter().zip(&table.coefficients) {
             let m = exponents.iter().position(|x| x[..] == e[..4]).unwrap();
             let t = i32::from(e[4]);
@@ -310,12 +305,7 @@ impl Plain {
         Self {
             mid: [0, 1, 2, 3].map(|k| table.mid[k]),
             per_half: [0, 1, 2, 3].map(|k| 1.0 / table.half[k]),
-            products,
             mean,
-            slopes: 1 + slope
-                .iter()
-                .rposition(|c| c.iter().any(|v| *v != 0.0))
-                .unwrap(),
             slope,
             measured: std::array::from_fn(|k| table.alpha_measured[k] / table.variance[k].sqrt()),
             prior: std::array::from_fn(|k| [table.prior.mean[k], 1.0 / table.prior.sd[k]]),
@@ -344,12 +334,9 @@ impl WithSimd for Evaluation<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
         let Self(p, x) = self;
         let z: [f64; 4] = std::array::from_fn(|k| (x[k] - p.mid[k]) * p.per_half[k]);
-        let mut monomials = [1.0; 35];
-        for (m, (lower, variable)) in p.products.iter().enumerate() {
-            monomials[m + 1] = monomials[*lower] * z[*variable];
-        }
+        let monomials = products(&z);
         let mean = combine(simd, &p.mean, &monomials);
-        let w = combine(simd, &p.slope[..p.slopes], &monomials[..p.slopes]);
+        let w = combine(simd, &p.slope, &monomials[..15]);
         let (mut quad, mut ww, mut wr) = (0.0, 0.0, 0.0);
         for k in 0..8 {
             let r = p.measured[k] - mean[k];
@@ -364,19 +351,48 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
+/// All products of up to three of `z`, in the order of [`Plain::new`].
+#[inline(always)]
+fn products(z: &[f64; 4]) -> [f64; 35] {
+    let mut out = [1.0; 35];
+    out[1..5].copy_from_slice(z);
+    let (mut two, mut three) = (5, 15);
+    for i in 0..4 {
+        for j in i..4 {
+            let product = z[i] * z[j];
+            out[two] = product;
+            two += 1;
+            for last in &z[j..] {
+                out[three] = product * last;
+                three += 1;
+            }
+        }
+    }
+    out
+}
+
 /// Sum of rows times monomials, in four partial sums.
 #[inline(always)]
 fn combine<S: Simd>(simd: S, rows: &[[f64; 8]], monomials: &[f64]) -> [f64; 8] {
     let used = 8 / S::F64_LANES;
     let mut sums = [[simd.splat_f64s(0.0); 8]; 4];
-    for (rows, monomials) in rows.chunks(4).zip(monomials.chunks(4)) {
-        for ((row, m), sum) in rows.iter().zip(monomials).zip(&mut sums) {
-            let (row, _) = S::as_simd_f64s(row);
-            let m = simd.splat_f64s(*m);
-            for v in 0..used {
-                sum[v] = simd.mul_add_e_f64s(row[v], m, sum[v]);
-            }
+    let add = |sum: &mut [S::f64s; 8], row: &[f64; 8], m: f64| {
+        let (row, _) = S::as_simd_f64s(row);
+        let m = simd.splat_f64s(m);
+        for v in 0..used {
+            sum[v] = simd.mul_add_e_f64s(row[v], m, sum[v]);
         }
+    };
+    let (rows, last_rows) = rows.as_chunks::<4>();
+    let (monomials, last_monomials) = monomials.as_chunks::<4>();
+    for (rows, m) in rows.iter().zip(monomials) {
+        add(&mut sums[0], &rows[0], m[0]);
+        add(&mut sums[1], &rows[1], m[1]);
+        add(&mut sums[2], &rows[2], m[2]);
+        add(&mut sums[3], &rows[3], m[3]);
+    }
+    for (row, m) in last_rows.iter().zip(last_monomials) {
+        add(&mut sums[0], row, *m);
     }
     let mut out = [0.0; 8];
     let (vectors, _) = S::as_mut_simd_f64s(&mut out);
