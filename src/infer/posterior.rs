@@ -143,7 +143,7 @@ impl Posterior {
             }
         }
         for ((log, &s), &possible) in log.iter_mut().zip(scale).zip(&possible) {
-            let possible = possible & (s >= f64::MIN_POSITIVE) & (s < f64::INFINITY);
+            let possible = possible & (f64::MIN_POSITIVE..f64::INFINITY).contains(&s);
             *log = if possible { *log } else { f64::NEG_INFINITY };
         }
         log
