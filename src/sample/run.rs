@@ -123,7 +123,7 @@ struct Pace {
 impl Pace {
     /// For draws of `numbers` numbers an ensemble.
     fn new(numbers: usize) -> Self {
-        let most = (BLOCK / (8 * numbers)).max(1);
+        let most = (BLOCK / (8 * numbers.max(1))).max(1);
         Self {
             draws: most.min(64),
             most,
