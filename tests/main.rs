@@ -15,6 +15,7 @@ mod laminate;
 mod layering;
 mod measure;
 mod mechanics;
+mod memory;
 mod optics;
 mod phase;
 mod program;

@@ -3,7 +3,7 @@
 mod density;
 pub mod forward;
 mod kernel;
-mod lanes;
+pub(crate) mod lanes;
 mod laplace;
 mod likelihood;
 mod linear;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::model::{ModelFile, SCHEMA};
 use super::prior::PriorSpec;
-use crate::effect::{self, Effect, Kind, Scene};
+use crate::effect::{self, Effect, Scene};
 use crate::error::{Error, Result};
 
 /// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
