@@ -11,4 +11,4 @@ pub use pose::{Posed, Prepared, pose, posterior, prepare, start};
 pub use refine::Refinement;
 pub use residual::Residual;
 pub use round::{Options, Round, identify};
-pub use truth::{SurrogateError, TOLERANCE, TRUTH_DRAWS};
+pub use truth::{Identified, SurrogateError, TOLERANCE, TRUTH_DRAWS};

@@ -88,6 +88,18 @@ impl Twin {
         })
     }
 
+    /// The points with displacements `u` (mm) in place of none.
+    pub fn observed(&self, u: Vec<[f64; 2]>) -> Observation {
+        let Observation { field, observer } = &self.prepared.observation;
+        Observation {
+            field: Field {
+                displacement: u,
+                ..field.clone()
+            },
+            observer: observer.clone(),
+        }
+    }
+
     /// Number of points.
     pub fn points(&self) -> usize {
         self.index.len()
