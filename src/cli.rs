@@ -7,6 +7,7 @@ mod diagnose;
 mod folder;
 mod identify;
 mod simulate;
+mod validate;
 
 use std::path::PathBuf;
 
@@ -52,6 +53,8 @@ enum Verb {
     Diagnose(diagnose::Arguments),
     /// Write a run's chains in another program's format
     Export(diagnose::ExportArguments),
+    /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
+    Validate(validate::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
 }
@@ -93,6 +96,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
+        Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
     }
 }

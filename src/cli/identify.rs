@@ -17,7 +17,7 @@ use crate::infer::Model;
 use crate::reduce::cache::hex;
 use crate::report::{numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::{self, Options};
+use crate::trace::{self, Options, Round};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -130,22 +130,8 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     };
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
-    write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    let mut resolved = model.file.clone();
-    resolved.measurement = resolved.measurement.below(model.base_dir())?;
-    let resolved = serde_json::to_value(&resolved)
-        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
-    folder.write_json("model.json", &resolved)?;
     let rounds = [round];
-    folder.write_json(
-        "report.json",
-        &numbers::report(&model, &rounds, global.seed),
-    )?;
-    folder.write_manifest(
-        &model,
-        &rounds[0].prepared.observation.field.files,
-        global.seed,
-    )?;
+    write(&model, &rounds, &folder, global.seed)?;
     print(&format!("written to {}\n", folder.path().display()))?;
     folder.keep();
     let [round] = rounds;
@@ -157,8 +143,25 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     Ok(())
 }
 
+/// Write what a run leaves behind beside its chain store.
+pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Result<()> {
+    if let Some(round) = rounds.last() {
+        write_csv(&round.draws, &folder.path().join("chain.csv"))?;
+    }
+    let mut resolved = model.file.clone();
+    resolved.measurement = resolved.measurement.below(model.base_dir())?;
+    let resolved = serde_json::to_value(&resolved)
+        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
+    folder.write_json("model.json", &resolved)?;
+    folder.write_json("report.json", &numbers::report(model, rounds, seed))?;
+    let files = rounds
+        .last()
+        .map(|r| &r.prepared.observation.field.files[..]);
+    folder.write_manifest(model, files.unwrap_or_default(), seed)
+}
+
 /// What a resumed run must share with the one that was interrupted.
-fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
+pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
     let text = serde_json::to_string(&model.file)
         .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
     Ok(json!({
@@ -172,7 +175,7 @@ fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result
     }))
 }
 
-fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
+pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
     SAMPLERS
         .iter()
         .find(|entry| entry.name == name)

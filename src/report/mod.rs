@@ -3,3 +3,4 @@
 pub mod numbers;
 pub mod tables;
 pub mod terminal;
+pub mod validation;
