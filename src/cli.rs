@@ -9,6 +9,7 @@ mod effects;
 mod folder;
 mod identify;
 mod simulate;
+mod validate;
 
 use std::path::PathBuf;
 
@@ -58,6 +59,8 @@ enum Verb {
     Diagnose(diagnose::Arguments),
     /// Write a run's chains in another program's format
     Export(diagnose::ExportArguments),
+    /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
+    Validate(validate::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
@@ -103,6 +106,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
+        Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
     }

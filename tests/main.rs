@@ -1,6 +1,5 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
-mod calibration;
 mod chain_files;
 mod cli;
 mod diagnostics;
@@ -25,3 +24,4 @@ mod samplers;
 mod starts;
 mod targets;
 mod tracing;
+mod validation;

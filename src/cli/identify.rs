@@ -17,7 +17,7 @@ use crate::infer::Model;
 use crate::reduce::cache::hex;
 use crate::report::{numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::{self, Options};
+use crate::trace::{self, Options, Round};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -130,18 +130,8 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     };
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
-    write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    folder.write_json("model.json", &resolved(&model)?)?;
     let rounds = [round];
-    folder.write_json(
-        "report.json",
-        &numbers::report(&model, &rounds, global.seed),
-    )?;
-    folder.write_manifest(
-        &model,
-        &rounds[0].prepared.observation.field.files,
-        global.seed,
-    )?;
+    write(&model, &rounds, &folder, global.seed)?;
     print(&format!("written to {}\n", folder.path().display()))?;
     folder.keep();
     let [round] = rounds;
@@ -159,6 +149,19 @@ pub fn resolved(model: &Model) -> Result<Value> {
     resolved.measurement = resolved.measurement.below(model.base_dir())?;
     serde_json::to_value(&resolved)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}
+
+/// Write what a run leaves behind beside its chain store.
+pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Result<()> {
+    if let Some(round) = rounds.last() {
+        write_csv(&round.draws, &folder.path().join("chain.csv"))?;
+    }
+    folder.write_json("model.json", &resolved(model)?)?;
+    folder.write_json("report.json", &numbers::report(model, rounds, seed))?;
+    let files = rounds
+        .last()
+        .map(|r| &r.prepared.observation.field.files[..]);
+    folder.write_manifest(model, files.unwrap_or_default(), seed)
 }
 
 /// What a resumed run must share with the one that was interrupted.

@@ -106,14 +106,6 @@ impl Noise {
         2.0 / relative
     }
 
-    /// Summary.
-    pub fn summary(&self) -> [[f64; 3]; 2] {
-        [0, 1].map(|c| {
-            let b = self.reml[c].best;
-            [b.length_mm, b.ratio, self.white_mm[c] * NM_PER_MM]
-        })
-    }
-
     /// Whitened block averages of one component of some columns, at the estimated scale.
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].whiten(columns) / self.scale2[c].sqrt()

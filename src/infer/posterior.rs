@@ -82,6 +82,21 @@ impl Posterior {
         whole
     }
 
+    /// The same density with other priors of the parameters without the noise, in their order.
+    #[must_use]
+    pub fn with_marginals(&self, marginals: Vec<Marginal>) -> Self {
+        let normalisation = |m: &[Marginal]| m.iter().map(Marginal::log_normalisation).sum::<f64>();
+        let mut other = self.clone();
+        other.constant += normalisation(&marginals) - normalisation(&self.marginals);
+        other.marginals = marginals;
+        other
+    }
+
+    /// Whether a point (its first parameters are the elastic constants) is an admissible ply.
+    pub fn is_admissible(&self, theta: &[f64]) -> bool {
+        self.material.ply(theta).is_admissible()
+    }
+
     /// Priors of the parameters without the noise.
     pub fn marginals(&self) -> &[Marginal] {
         &self.marginals

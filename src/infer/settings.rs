@@ -264,9 +264,9 @@ impl Search<'_> {
     }
 }
 
-/// Logarithms of the lengths (0.2 to 2 mm), and the shares, between which correlated noise is sought.
+/// Logarithms of the lengths (0.2 to 1.5 mm), and the shares, between which correlated noise is sought.
 const LOW: [f64; 2] = [-1.609, -6.0];
-const HIGH: [f64; 2] = [0.693, 6.0];
+const HIGH: [f64; 2] = [0.405, 6.0];
 
 /// The lattice is not made coarser than this.
 const LARGEST_STEP: [f64; 2] = [0.3, 1.5];

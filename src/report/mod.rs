@@ -5,3 +5,4 @@ pub mod ranking;
 pub mod tables;
 pub mod terminal;
 pub mod traced;
+pub mod validation;

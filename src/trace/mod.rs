@@ -28,4 +28,4 @@ pub use refine::Refinement;
 pub use residual::Residual;
 pub use round::{Options, Round, identify};
 pub use tangents::State;
-pub use truth::{SurrogateError, TOLERANCE, TRUTH_DRAWS};
+pub use truth::{Identified, SurrogateError, TOLERANCE, TRUTH_DRAWS};
