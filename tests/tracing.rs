@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plychain::effect::Acting;
+use plychain::effect::{Acting, Kind};
 use plychain::field::matrices::write_matrices;
 use plychain::infer::Model;
 use plychain::infer::simulate::{Truth, simulate};
@@ -45,7 +45,7 @@ pub fn measured(effects: &[&str], correlation_mm: f64, seed: u64) -> Model {
 /// Trace until nothing more is accepted, without chains; what was accepted, with its alias group, and the last tracing.
 pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing) {
     let cache = workplace().join("runs/.cache");
-    let prepared = prepare(model, &cache, &Unwatched).unwrap();
+    let mut prepared = prepare(model, &cache, &Unwatched).unwrap();
     let mut model = model.clone();
     let mut state = State {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
@@ -61,8 +61,16 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
         accepted.push((effect.name(), group.unwrap().members.clone()));
         let amplitude = tracing.accepted_amplitude.clone();
         state.constants = tracing.averaged.iter().map(|a| a.mean).collect();
-        state.set(effect, amplitude.iter().map(|a| a.0).collect());
-        model = extended(&model, effect, &amplitude);
+        model = extended(&model, effect, &amplitude, &tracing.averaged);
+        if effect.kind() == Kind::Recorded {
+            // corrected in the field, which the reduced model does not depend on
+            let mut bare = model.clone();
+            bare.effects
+                .retain(|e| e.kind() == Kind::Recorded || e.name() == "rigid_translation");
+            prepared = prepare(&bare, &cache, &Unwatched).unwrap();
+        } else {
+            state.set(effect, amplitude.iter().map(|a| a.0).collect());
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod attribute;
 mod averaged;
 mod checks;
 mod close;
+mod conclude;
 mod find;
 mod fringes;
 mod holdout;
