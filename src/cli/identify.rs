@@ -126,6 +126,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
             resume: arguments.resume,
             observed: Vec::new(),
         }),
+        discrepancy: [None, None],
         deadline,
     };
     let round = trace::identify(&model, &options, console)?;

@@ -97,6 +97,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
             resume: false,
             observed: Vec::new(),
         }),
+        discrepancy: [None, None],
         deadline: None,
     };
     let round = trace::identify(&model, &options, console)?;

@@ -14,7 +14,7 @@ use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind};
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::infer::{Model, forward};
+use crate::infer::{Discrepancy, Model, forward};
 use crate::progress::Watch;
 
 /// An effect weighed against the data.
@@ -55,6 +55,8 @@ pub struct Tracing {
     pub discrepancy: f64,
     /// Correlation length (mm) of the likeliest noise or discrepancy of each component.
     pub length_mm: [f64; 2],
+    /// The likeliest setting of each component, where it is a discrepancy.
+    pub structure: [Option<Discrepancy>; 2],
     /// The constants, averaged over what may act unseen.
     pub averaged: Vec<Averaged>,
     /// What could hide in the residual.

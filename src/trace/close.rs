@@ -58,6 +58,8 @@ pub struct Conclusion {
 pub struct Closed {
     /// Rounds, the first the model as it was given.
     pub steps: Vec<Step>,
+    /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
+    pub honest: Option<Round>,
     /// The conclusion.
     pub conclusion: Conclusion,
 }
@@ -93,7 +95,21 @@ pub fn close<'a>(
         model = extended(&model, effect, &amplitude, &averaged);
     }
     let conclusion = conclude(&steps);
-    Ok(Closed { steps, conclusion })
+    let structure = steps[steps.len() - 1].tracing.structure;
+    let honest = if conclusion.status == Status::Unexplained {
+        let options = Options {
+            discrepancy: structure,
+            ..options(steps.len())
+        };
+        Some(identify(&model, &options, watch)?)
+    } else {
+        None
+    };
+    Ok(Closed {
+        steps,
+        honest,
+        conclusion,
+    })
 }
 
 impl State {

@@ -9,6 +9,7 @@ use super::tangents::{LOAD_SCALE, State, Tangents};
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::infer::Discrepancy;
 
 /// A group is accepted above this probability.
 const ACCEPT: f64 = 0.95;
@@ -86,6 +87,13 @@ impl Evidence<'_> {
             undecided,
             discrepancy: self.subsets.discrepancy,
             length_mm: settings.map(|s| if s.ratio > 0.0 { s.length_mm } else { 0.0 }),
+            structure: settings.map(|s| {
+                s.is_discrepancy().then_some(Discrepancy {
+                    length_mm: s.length_mm,
+                    ratio: s.ratio,
+                    scale2: s.scale2,
+                })
+            }),
             averaged: averaged(self.weighing, self.tangents)?,
             blind_spots: self
                 .load_scale()
