@@ -200,7 +200,12 @@ impl Evidence<'_> {
             .iter()
             .zip(&amplitude)
             .fold(0.0_f64, |m, (c, a)| m.max((a.1 - c.mean).abs() / c.sd));
-        let structured = subsets.explained(&subsets.best().clone()).max(1e-12);
+        // what noise fits by chance is not structure
+        let structured = if subsets.best().is_empty() {
+            f64::INFINITY
+        } else {
+            subsets.explained(subsets.best())
+        };
         Found {
             effect: candidate.effect,
             inclusion_probability: subsets.probability(|s| s.contains(&k)),
