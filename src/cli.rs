@@ -7,6 +7,7 @@ mod diagnose;
 mod effects;
 mod folder;
 mod identify;
+mod report;
 mod simulate;
 
 use std::path::PathBuf;
@@ -53,6 +54,8 @@ enum Verb {
     Diagnose(diagnose::Arguments),
     /// Write a run's chains in another program's format
     Export(diagnose::ExportArguments),
+    /// Make the report of a run again, or compare runs
+    Report(report::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
@@ -96,6 +99,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
+        Verb::Report(arguments) => report::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
     }

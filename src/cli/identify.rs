@@ -14,10 +14,11 @@ use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::infer::Model;
+use crate::progress::Watch;
 use crate::reduce::cache::hex;
-use crate::report::{numbers, terminal};
+use crate::report::{Page, Shown, numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::{self, Options};
+use crate::trace::{self, Options, Structure};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -44,6 +45,9 @@ pub struct Arguments {
     /// Go on with the run in --out where it was interrupted, to the same bits
     #[arg(long, requires = "out", conflicts_with = "refine")]
     resume: bool,
+    /// Write the figures as PNG too
+    #[arg(long)]
+    png: bool,
     #[command(flatten)]
     limits: Limits,
 }
@@ -137,24 +141,47 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
     folder.write_json("model.json", &resolved)?;
     let rounds = [round];
-    folder.write_json(
-        "report.json",
-        &numbers::report(&model, &rounds, global.seed),
-    )?;
-    folder.write_manifest(
-        &model,
-        &rounds[0].prepared.observation.field.files,
-        global.seed,
-    )?;
-    print(&format!("written to {}\n", folder.path().display()))?;
-    folder.keep();
+    let report = numbers::report(&model, &rounds, global.seed);
+    folder.write_json("report.json", &report)?;
+    let files = &rounds[0].prepared.observation.field.files;
+    let manifest = folder.write_manifest(&model, files, global.seed)?;
+    let [round] = &rounds;
+    let structure = Structure::of(&round.residual.field, &round.noise, global.seed);
+    let shown = Shown {
+        model: &model,
+        round,
+        structure: &structure,
+    };
+    let truth = truth(files)?;
+    console.begin("report and figures", None);
+    Page::gather(&[shown], report, manifest, truth).write(folder.path(), arguments.png)?;
+    console.end();
+    let path = folder.path().display();
+    print(&format!("written to {path}; open {path}/report.html\n"))?;
     let [round] = rounds;
+    folder.keep();
     if arguments.strict && !round.verdict.converged {
         return Err(Error::input("--strict", "converged chains")
             .found(round.verdict.line())
             .hint("run longer"));
     }
     Ok(())
+}
+
+/// What `truth.json` beside simulated data says; `None` for measured data.
+///
+/// # Errors
+/// The input's fault if the file is there and is no JSON.
+pub fn truth(files: &[PathBuf]) -> Result<Option<Value>> {
+    let beside = files.first().and_then(|f| f.parent());
+    let Some(path) = beside.map(|d| d.join("truth.json")).filter(|p| p.is_file()) else {
+        return Ok(None);
+    };
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| Error::input(path.display(), "a readable file").found(e))?;
+    let truth = serde_json::from_str(&text)
+        .map_err(|e| Error::input(path.display(), "valid JSON").found(e))?;
+    Ok(Some(truth))
 }
 
 /// What a resumed run must share with the one that was interrupted.

@@ -1,5 +1,18 @@
-//! What a run leaves behind: numbers gathered once, and tables made of them.
+//! What a run leaves behind: numbers gathered once, tables and figures made of them, and the page that shows them.
 
+mod cells;
+mod figures;
+mod gather;
+mod html;
 pub mod numbers;
+mod page;
+mod sheet;
 pub mod tables;
 pub mod terminal;
+
+pub use cells::Cells;
+pub use figures::{Figure, Palette};
+pub use gather::Shown;
+pub use html::comparison;
+pub use page::{FIGURES, Page};
+pub use sheet::Sheet;
