@@ -2,6 +2,7 @@
 
 mod bench;
 mod build;
+mod closing;
 mod console;
 mod diagnose;
 mod effects;
@@ -44,8 +45,12 @@ struct Global {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    /// Identify, find what is left, trace it to an effect, add the effect, identify again, and report
+    Loop(closing::LoopArguments),
     /// Identify the constants of a model from its measurement
     Identify(identify::Arguments),
+    /// Trace what a finished run left unexplained to effects, without sampling again
+    Trace(closing::TraceArguments),
     /// Build the reduced model and print its error tables
     Build(build::Arguments),
     /// Measure the speed of log posterior and samplers on a tabulated posterior
@@ -94,6 +99,8 @@ pub fn run(cli: Cli) -> Result<()> {
     }
     let console = Console::new(cli.global.quiet);
     match cli.verb {
+        Verb::Loop(arguments) => closing::close(&arguments, &cli.global, &console),
+        Verb::Trace(arguments) => closing::trace(&arguments, &console),
         Verb::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
         Verb::Build(arguments) => build::run(&arguments, &console),
         Verb::Bench(arguments) => bench::run(&arguments, &cli.global),

@@ -509,7 +509,7 @@ fn effects_on_fringes_need_a_fringe_frequency() {
     }
 }
 
-/// Whatever the kind, no amplitude means no change, names are unique, and a plausible size is well inside the bound.
+/// Whatever the kind, no amplitude means no change, names are unique, and the box of three plausible sizes lies within the bound.
 #[test]
 fn every_effect_of_no_size_does_nothing() {
     let mut names = Vec::new();
@@ -536,7 +536,7 @@ fn every_effect_of_no_size_does_nothing() {
         for parameter in effect.parameters() {
             names.push(amplitude_name(*effect, parameter));
             if let Some(sd) = parameter.plausible {
-                assert!(sd > 0.0 && 5.0 * sd <= parameter.bound, "{}", effect.name());
+                assert!(sd > 0.0 && 3.0 * sd <= parameter.bound, "{}", effect.name());
             }
         }
     }

@@ -16,9 +16,9 @@ use crate::error::{Error, Result};
 use crate::infer::Model;
 use crate::progress::Watch;
 use crate::reduce::cache::hex;
-use crate::report::{Page, Shown, numbers, terminal};
+use crate::report::{Page, numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::{self, Options, Structure};
+use crate::trace::{self, Options};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -135,30 +135,19 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
     write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    let mut resolved = model.file.clone();
-    resolved.measurement = resolved.measurement.below(model.base_dir())?;
-    let resolved = serde_json::to_value(&resolved)
-        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))?;
-    folder.write_json("model.json", &resolved)?;
+    folder.write_json("model.json", &resolved(&model)?)?;
     let rounds = [round];
     let report = numbers::report(&model, &rounds, global.seed);
     folder.write_json("report.json", &report)?;
     let files = &rounds[0].prepared.observation.field.files;
     let manifest = folder.write_manifest(&model, files, global.seed)?;
-    let [round] = &rounds;
-    let structure = Structure::of(&round.residual.field, &round.noise, global.seed);
-    let shown = Shown {
-        model: &model,
-        round,
-        structure: &structure,
-    };
-    let truth = truth(files)?;
+    let [round] = rounds;
+    let truth = truth(&round.prepared.observation.field.files)?;
     console.begin("report and figures", None);
-    Page::gather(&[shown], report, manifest, truth).write(folder.path(), arguments.png)?;
+    Page::gather(&[&round], report, manifest, truth).write(folder.path(), arguments.png)?;
     console.end();
     let path = folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
-    let [round] = rounds;
     folder.keep();
     if arguments.strict && !round.verdict.converged {
         return Err(Error::input("--strict", "converged chains")
@@ -184,8 +173,16 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<Value>> {
     Ok(Some(truth))
 }
 
+/// The model with its measurement's absolute path, so that it can be read from a run's folder.
+pub fn resolved(model: &Model) -> Result<Value> {
+    let mut resolved = model.file.clone();
+    resolved.measurement = resolved.measurement.below(model.base_dir())?;
+    serde_json::to_value(&resolved)
+        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}
+
 /// What a resumed run must share with the one that was interrupted.
-fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
+pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
     let text = serde_json::to_string(&model.file)
         .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
     Ok(json!({
@@ -199,7 +196,8 @@ fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result
     }))
 }
 
-fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
+/// The sampler of a name.
+pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
     SAMPLERS
         .iter()
         .find(|entry| entry.name == name)

@@ -7,45 +7,33 @@ use super::sheet::{Sheet, exact, rounded};
 use super::tables;
 use crate::chain::Draws;
 use crate::diagnose::autocorrelation;
-use crate::infer::Model;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
-use crate::trace::{Round, Structure};
-
-/// A round to be shown, with the model that it identified.
-pub struct Shown<'a> {
-    /// The model.
-    pub model: &'a Model,
-    /// Its identification.
-    pub round: &'a Round,
-    /// The structure of its residual.
-    pub structure: &'a Structure,
-}
+use crate::trace::Round;
 
 /// The sheets of a run: those of each round, numbered from 1. `truth` is what `truth.json` beside the data says.
-pub fn sheets(shown: &[Shown<'_>], truth: Option<&Value>) -> Vec<Sheet> {
-    let one = |(k, s): (usize, &Shown<'_>)| {
+pub fn sheets(rounds: &[&Round], truth: Option<&Value>) -> Vec<Sheet> {
+    let one = |(k, round): (usize, &&Round)| {
         let k = k + 1;
-        let draws = &s.round.draws;
+        let draws = &round.draws;
         vec![
-            maps(s, k),
-            parameters(s, k, truth),
+            maps(round, k),
+            parameters(round, k, truth),
             marginals(draws, k),
             densities(draws, k),
             traces(draws, k),
             ranks(draws, k),
             autocorrelations(draws, k),
-            variogram(s.structure, k),
-            truncation(s, k),
-            surfaces(s, k),
+            truncation(round, k),
+            surfaces(round, k),
         ]
     };
-    shown.iter().enumerate().flat_map(one).collect()
+    rounds.iter().enumerate().flat_map(one).collect()
 }
 
 /// Cell means of both components: measured and predicted (um), and their difference (nm), in the data's frame.
-fn maps(shown: &Shown<'_>, k: usize) -> Sheet {
-    let field = &shown.round.prepared.observation.field;
-    let residual = &shown.round.residual.field;
+fn maps(round: &Round, k: usize) -> Sheet {
+    let field = &round.prepared.observation.field;
+    let residual = &round.residual.field;
     let points: Vec<[f64; 2]> = field
         .points
         .iter()
@@ -78,7 +66,7 @@ fn maps(shown: &Shown<'_>, k: usize) -> Sheet {
 }
 
 /// Posterior summary, prior, cut and truth of each sampled parameter.
-fn parameters(shown: &Shown<'_>, k: usize, truth: Option<&Value>) -> Sheet {
+fn parameters(round: &Round, k: usize, truth: Option<&Value>) -> Sheet {
     let mut sheet = Sheet::new(
         format!("parameters-{k}"),
         &[
@@ -95,8 +83,8 @@ fn parameters(shown: &Shown<'_>, k: usize, truth: Option<&Value>) -> Sheet {
             "truth",
         ],
     );
-    for (row, i) in shown.round.verdict.rows.iter().zip(0..) {
-        let prior = shown.round.posterior.marginals().get(i);
+    for (row, i) in round.verdict.rows.iter().zip(0..) {
+        let prior = round.posterior.marginals().get(i);
         let cut = prior.and_then(|p| p.truncate);
         let known = truth.and_then(|t| known(t, &row.name));
         let mut cells = vec![row.name.clone()];
@@ -296,20 +284,9 @@ fn autocorrelations(draws: &Draws, k: usize) -> Sheet {
     sheet
 }
 
-fn variogram(structure: &Structure, k: usize) -> Sheet {
-    let mut sheet = Sheet::new(
-        format!("variogram-{k}"),
-        &["distance_mm", "u1_semivariance_nm2", "u2_semivariance_nm2"],
-    );
-    for (distance, [u1, u2]) in &structure.variogram {
-        sheet.rows.push([*distance, *u1, *u2].map(exact).to_vec());
-    }
-    sheet
-}
-
 /// Truncation error and leave-one-out error for each number of modes.
-fn truncation(shown: &Shown<'_>, k: usize) -> Sheet {
-    let numbers = tables::numbers(&shown.round.prepared.reduced);
+fn truncation(round: &Round, k: usize) -> Sheet {
+    let numbers = tables::numbers(&round.prepared.reduced);
     let mut sheet = Sheet::new(
         format!("truncation-{k}"),
         &["modes", "component", "eps", "cv_rms_mm", "cv_rms_percent"],
@@ -334,8 +311,8 @@ fn truncation(shown: &Shown<'_>, k: usize) -> Sheet {
 }
 
 /// Error tables of the response surfaces.
-fn surfaces(shown: &Shown<'_>, k: usize) -> Sheet {
-    let numbers = tables::numbers(&shown.round.prepared.reduced);
+fn surfaces(round: &Round, k: usize) -> Sheet {
+    let numbers = tables::numbers(&round.prepared.reduced);
     let measures = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
     let header: Vec<&str> = std::iter::once("coefficient").chain(measures).collect();
     let mut sheet = Sheet::new(format!("surfaces-{k}"), &header);

@@ -6,13 +6,14 @@ mod gather;
 mod html;
 pub mod numbers;
 mod page;
+pub mod ranking;
 mod sheet;
 pub mod tables;
 pub mod terminal;
+pub mod traced;
 
 pub use cells::Cells;
 pub use figures::{Figure, Palette};
-pub use gather::Shown;
 pub use html::comparison;
 pub use page::{FIGURES, Page};
 pub use sheet::Sheet;

@@ -21,7 +21,8 @@ pub fn report(model: &Model, rounds: &[Round], seed: u64) -> Value {
     })
 }
 
-fn round_numbers(model: &Model, round: &Round) -> Value {
+/// One round.
+pub fn round_numbers(model: &Model, round: &Round) -> Value {
     let verdict = &round.verdict;
     let rows = &verdict.rows;
     let effects: Vec<_> = model.effects.iter().map(|e| e.name()).collect();
@@ -130,6 +131,11 @@ fn residual(round: &Round) -> Value {
         "noise_nm": both(r.noise_nm),
         "chi2_reduced": r.chi2_reduced,
         "structured_fraction": r.structured_fraction,
+        "p_spatial": round.structure.p_spatial,
+        "morans_i": both(round.structure.moran),
+        "variogram": round.structure.variogram.iter().map(|(d, g)| json!({ "distance_mm": d, "u1_nm2": g[0], "u2_nm2": g[1] })).collect::<Vec<_>>(),
+        "rings": round.structure.rings.iter().map(|(r, v)| json!({ "to_radius_mm": r, "u1_nm": v[0], "u2_nm": v[1] })).collect::<Vec<_>>(),
+        "quadrants_nm": round.structure.quadrants.iter().map(|v| both(*v)).collect::<Vec<_>>(),
         "n": r.points,
         "n_eff": r.effective_points,
     })

@@ -6,10 +6,11 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::figures;
-use super::gather::{Shown, known, sheets};
+use super::gather::{known, sheets};
 use super::html;
 use super::sheet::{Sheet, exact};
 use crate::error::{Error, Result};
+use crate::trace::Round;
 
 /// What a report shows.
 #[derive(Debug, Clone)]
@@ -30,13 +31,8 @@ pub const FIGURES: &str = "figures";
 impl Page {
     /// A page of rounds. `report` is what `report.json` says of them, `manifest` what `run.json` says, `truth` what
     /// `truth.json` beside the data says, if they are simulated.
-    pub fn gather(
-        shown: &[Shown<'_>],
-        report: Value,
-        manifest: Value,
-        truth: Option<Value>,
-    ) -> Self {
-        let sheets = sheets(shown, truth.as_ref());
+    pub fn gather(rounds: &[&Round], report: Value, manifest: Value, truth: Option<Value>) -> Self {
+        let sheets = sheets(rounds, truth.as_ref());
         Self::complete(report, manifest, truth, sheets)
     }
 
@@ -93,6 +89,7 @@ impl Page {
         let derived = |s: &Sheet| {
             ["intervals", "blind-spots"].contains(&s.name.as_str())
                 || s.name.starts_with("candidates-")
+                || s.name.starts_with("variogram-")
         };
         sheets.retain(|s| !derived(s));
         let mut page = Self {
@@ -102,7 +99,9 @@ impl Page {
             sheets,
         };
         let mut more = vec![page.intervals(), page.blind_spots()];
-        more.extend((0..page.rounds().len()).map(|k| page.candidates(k)));
+        for k in 0..page.rounds().len() {
+            more.extend([page.candidates(k), page.variogram(k)]);
+        }
         page.sheets
             .extend(more.into_iter().filter(|s| !s.rows.is_empty()));
         page
@@ -222,6 +221,17 @@ impl Page {
                 shift.map_or(String::new(), exact)
             }));
             sheet.rows.push(row);
+        }
+        sheet
+    }
+
+    fn variogram(&self, k: usize) -> Sheet {
+        let keys = ["distance_mm", "u1_nm2", "u2_nm2"];
+        let mut sheet = Sheet::new(format!("variogram-{}", k + 1), &keys);
+        let lags = self.rounds()[k]["residual"]["variogram"].as_array();
+        for lag in lags.into_iter().flatten() {
+            let cell = |key: &str| lag[key].as_f64().map_or(String::new(), exact);
+            sheet.rows.push(keys.map(cell).to_vec());
         }
         sheet
     }

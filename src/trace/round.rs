@@ -6,6 +6,7 @@ use std::time::Instant;
 use nalgebra::{DMatrix, DVector};
 
 use super::checks::{Judged, warnings};
+use super::find::Structure;
 use super::pose::{Posed, Prepared, pose, prepare, start};
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
@@ -63,6 +64,8 @@ pub struct Round {
     pub effect_amplitudes: Vec<(String, f64, f64)>,
     /// What the posterior mean leaves unexplained.
     pub residual: Residual,
+    /// Whether that has structure beyond the noise, and where.
+    pub structure: Structure,
     /// Sentences about results that should not be trusted as they stand.
     pub warnings: Vec<String>,
 }
@@ -142,6 +145,7 @@ fn identify_prepared(
         },
         watch,
     )?;
+    let structure = Structure::of(&residual.field, &noise, options.schedule.seed);
     let warnings = warnings(&Judged {
         prepared: &prepared,
         posterior: &posterior,
@@ -153,6 +157,7 @@ fn identify_prepared(
         declared_noise_nm: model.file.likelihood.noise_nm,
     });
     Ok(Round {
+        structure,
         warnings,
         prepared,
         columns,

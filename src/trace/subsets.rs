@@ -27,8 +27,6 @@ pub struct Weighed {
     pub subset: Subset,
     /// Posterior probability among all weighed subsets.
     pub probability: f64,
-    /// Log evidence, averaged over the noise, without the subset's prior probability.
-    pub log_evidence: f64,
     /// Log posterior weight: evidence and prior.
     pub log_weight: f64,
 }
@@ -128,7 +126,6 @@ impl Subsets {
             .zip(log_weight)
             .map(|(subset, log_weight)| Weighed {
                 probability: (log_weight - total).exp(),
-                log_evidence: log_weight - self.log_prior[subset.len()],
                 log_weight,
                 subset,
             })
@@ -151,23 +148,6 @@ impl Subsets {
     /// Log evidence of any subset, averaged over the noise.
     pub fn log_evidence(&self, subset: &Subset) -> f64 {
         log_sum(self.evidence_by_pair(subset).into_iter())
-    }
-
-    /// Log evidence of a subset given that the misfit is a discrepancy, or that it is not.
-    pub fn log_evidence_where(
-        &self,
-        weighing: &Weighing,
-        subset: &Subset,
-        discrepancy: bool,
-    ) -> f64 {
-        let by_pair = self.evidence_by_pair(subset);
-        log_sum(
-            by_pair
-                .into_iter()
-                .zip(&weighing.pairs)
-                .filter(|(_, pair)| pair.discrepancy == discrepancy)
-                .map(|(e, _)| e),
-        )
     }
 
     /// The most probable subset.

@@ -77,8 +77,6 @@ pub struct Tangents {
     pub constants: usize,
     /// Effects that are not declared.
     pub candidates: Vec<Candidate>,
-    /// Measured minus predicted at the state, every point, mm.
-    pub residual: Vec<[f64; 2]>,
 }
 
 impl Tangents {
@@ -212,7 +210,6 @@ impl Tested<'_> {
             base,
             constants: at.constants.len(),
             candidates,
-            residual,
         })
     }
 

@@ -87,7 +87,7 @@ pub fn autocorrelation(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
 pub fn variogram(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
     let distance = sheet.numbers("distance_mm");
     let panel = |c: usize| {
-        let values = sheet.numbers(&format!("u{c}_semivariance_nm2"));
+        let values = sheet.numbers(&format!("u{c}_nm2"));
         let points: Vec<(f64, f64)> = distance.iter().copied().zip(values).collect();
         Panel {
             title: format!("u{c}, semivariance in nm\u{b2}"),

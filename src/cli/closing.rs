@@ -1,0 +1,198 @@
+//! `plychain loop` and `plychain trace`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::Value;
+
+use super::console::Console;
+use super::folder::Folder;
+use super::identify::{Limits, identity, load, resolved, sampler, truth};
+use super::{DEFAULT_MODEL, Global, cache, print};
+use crate::chain::write_csv;
+use crate::diagnose::Rule;
+use crate::effect::{Acting, amplitude_name};
+use crate::error::{Error, Result};
+use crate::infer::Model;
+use crate::progress::Watch;
+use crate::report::{Page, ranking, terminal, traced};
+use crate::sample::{Keeping, Schedule};
+use crate::trace::{self, Closed, Options, State};
+
+/// Arguments of `loop`.
+#[derive(Debug, Args)]
+pub struct LoopArguments {
+    /// Model file
+    #[arg(default_value = DEFAULT_MODEL)]
+    model: PathBuf,
+    /// Measured data in place of the model's: a directory of matrices, or a CSV file
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Sampler: ensemble, adaptive or grid
+    #[arg(long, default_value = "ensemble")]
+    sampler: String,
+    /// Most effects that are added, one a round
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
+    rounds: u8,
+    /// Refine the reduced model of each round about its posterior, at most ROUNDS times
+    #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
+    refine: Option<u8>,
+    /// Exit with an error if the chains of some round have not converged
+    #[arg(long)]
+    strict: bool,
+    /// Write the figures as PNG too
+    #[arg(long)]
+    png: bool,
+    #[command(flatten)]
+    limits: Limits,
+}
+
+/// Run `loop`.
+pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
+    let model = load(&arguments.model, arguments.data.as_ref())?;
+    let sampler = sampler(&arguments.sampler)?;
+    let mut schedule = Schedule {
+        seed: global.seed,
+        ..Schedule::default()
+    };
+    let mut rule = Rule::default();
+    let deadline = arguments.limits.apply(&mut schedule, &mut rule)?;
+    let folder = Folder::create(arguments.out.as_deref(), &model.file.name)?;
+    let identity = identity(&model, &*sampler, &schedule)?;
+    folder.begin(&identity)?;
+    let options = |round: usize| {
+        let place = place(folder.path(), round);
+        Options {
+            sampler: &*sampler,
+            schedule: schedule.clone(),
+            rule,
+            cache: cache(),
+            refinements: arguments.refine.map_or(0, usize::from),
+            keeping: Some(Keeping {
+                store: place.join("chain.zarr"),
+                checkpoint: place.join("checkpoint"),
+                identity: identity.clone(),
+                resume: false,
+                observed: Vec::new(),
+            }),
+            deadline,
+        }
+    };
+    let closed = trace::close(&model, usize::from(arguments.rounds), &options, console)?;
+    let page = write(&folder, &model, &closed, global.seed)?;
+    let last = &closed.steps[closed.steps.len() - 1];
+    print(&terminal::identification(&last.model, &last.round))?;
+    print(&ranking::closed(&closed))?;
+    console.begin("report and figures", None);
+    page.write(folder.path(), arguments.png)?;
+    console.end();
+    let path = folder.path().display();
+    print(&format!("written to {path}; open {path}/report.html\n"))?;
+    folder.keep();
+    let unsettled = closed.steps.iter().find(|s| !s.round.verdict.converged);
+    if let Some(step) = unsettled.filter(|_| arguments.strict) {
+        return Err(Error::input("--strict", "converged chains")
+            .found(step.round.verdict.line())
+            .hint("run longer"));
+    }
+    Ok(())
+}
+
+/// Where the chains of a round are kept: the first in the run's folder itself.
+fn place(folder: &Path, round: usize) -> PathBuf {
+    if round == 0 {
+        folder.to_path_buf()
+    } else {
+        folder.join(format!("round-{round}"))
+    }
+}
+
+fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<Page> {
+    for (k, step) in closed.steps.iter().enumerate() {
+        let place = place(folder.path(), k);
+        write_csv(&step.round.draws, &place.join("chain.csv"))?;
+        let name = if k == 0 {
+            "model.json".to_string()
+        } else {
+            format!("round-{k}/model.json")
+        };
+        folder.write_json(&name, &resolved(&step.model)?)?;
+    }
+    let last = &closed.steps[closed.steps.len() - 1];
+    folder.write_json("model.extended.json", &resolved(&last.model)?)?;
+    let report = traced::report(closed, seed);
+    folder.write_json("report.json", &report)?;
+    let files = &closed.steps[0].round.prepared.observation.field.files;
+    let manifest = folder.write_manifest(model, files, seed)?;
+    let rounds: Vec<_> = closed.steps.iter().map(|s| &s.round).collect();
+    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
+}
+
+/// Arguments of `trace`.
+#[derive(Debug, Args)]
+pub struct TraceArguments {
+    /// Folder of a finished run
+    run: PathBuf,
+}
+
+/// Run `trace`: the ranking of effects, without sampling again.
+pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
+    let model = Model::load(&arguments.run.join("model.extended.json"))
+        .or_else(|_| Model::load(&arguments.run.join("model.json")))
+        .map_err(|e| e.within(format!("{}", arguments.run.display())))?;
+    let start = state(&arguments.run, &model)?;
+    let prepared = trace::prepare(&model, &cache(), console)?;
+    let tracing = trace::attribute(&model, &prepared, start, console)?;
+    print(&ranking::tracing(&tracing))?;
+    print(&ranking::averaged(&tracing, None))?;
+    let path = arguments.run.join("trace.json");
+    let mut text = serde_json::to_string_pretty(&traced::traced(&tracing))
+        .map_err(|e| Error::program("trace.json", "numbers that JSON can hold").found(e))?;
+    text.push('\n');
+    std::fs::write(&path, text)
+        .map_err(|e| Error::input(path.display(), "a place that can be written").found(e))?;
+    print(&format!("written to {}\n", path.display()))
+}
+
+/// Posterior means of the last round in `report.json`.
+fn state(run: &Path, model: &Model) -> Result<State> {
+    let path = run.join("report.json");
+    let wanted = || Error::input(path.display(), "the report of a finished run");
+    let text = std::fs::read_to_string(&path).map_err(|e| wanted().found(e))?;
+    let report: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
+    let round = report["rounds"]
+        .as_array()
+        .and_then(|rounds| rounds.last())
+        .ok_or_else(|| wanted().found("no rounds"))?;
+    let mean = |name: &str| {
+        let of = |part: &str| round[part][name]["mean"].as_f64();
+        of("posterior").or_else(|| of("effect_amplitudes"))
+    };
+    let constants = model
+        .constants()
+        .iter()
+        .map(|name| {
+            mean(name).ok_or_else(|| {
+                wanted()
+                    .found(format!("no posterior of {name}"))
+                    .hint("the folder's model and report do not belong together")
+            })
+        })
+        .collect::<Result<_>>()?;
+    let acting = model
+        .effects
+        .iter()
+        .map(|effect| Acting {
+            effect: *effect,
+            amplitude: effect
+                .parameters()
+                .iter()
+                .map(|p| mean(&amplitude_name(*effect, p)).unwrap_or(0.0))
+                .collect(),
+        })
+        .collect();
+    Ok(State { constants, acting })
+}
