@@ -8,6 +8,9 @@ mod diagnose;
 mod effects;
 mod folder;
 mod identify;
+mod init;
+mod manual;
+mod mappings;
 mod report;
 mod simulate;
 
@@ -65,6 +68,12 @@ enum Verb {
     Simulate(simulate::Arguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
     Effects(effects::Arguments),
+    /// Write a model file to start from, for your own specimen
+    Init(init::Arguments),
+    /// Print completions for a shell
+    Completions(manual::CompletionsArguments),
+    /// Print the manual page, or write those of all verbs
+    Man(manual::ManArguments),
 }
 
 /// Where runs and cached reduced models are kept.
@@ -109,5 +118,8 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Report(arguments) => report::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
+        Verb::Init(arguments) => init::run(&arguments),
+        Verb::Completions(arguments) => manual::completions(&arguments),
+        Verb::Man(arguments) => manual::man(&arguments),
     }
 }
