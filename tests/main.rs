@@ -1,5 +1,6 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
+mod browser;
 mod calibration;
 mod chain_files;
 mod cli;
@@ -8,6 +9,7 @@ mod dictionary;
 mod fem;
 mod field;
 mod formats;
+mod fuzz;
 mod identify;
 mod jumps;
 mod kernel;
@@ -15,10 +17,12 @@ mod laminate;
 mod layering;
 mod measure;
 mod mechanics;
+mod newcomer;
 mod optics;
 mod phase;
 mod program;
 mod reduce;
+mod report;
 mod resume;
 mod samplers;
 mod starts;

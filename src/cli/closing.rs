@@ -21,6 +21,9 @@ use crate::trace::{self, Closed, Options, State};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain loop                                    models/openhole.json and its sample measurement
+  plychain loop specimen.json --out runs/first --png")]
 pub struct LoopArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
@@ -133,6 +136,8 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
 
 /// Arguments of `trace`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain trace runs/openhole")]
 pub struct TraceArguments {
     /// Folder of a finished run
     run: PathBuf,

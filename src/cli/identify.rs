@@ -22,6 +22,10 @@ use crate::trace::{self, Options};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain identify
+  plychain identify specimen.json --data other.csv --refine --strict
+  plychain identify specimen.json --out runs/long --resume    go on with an interrupted run")]
 pub struct Arguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]

@@ -10,10 +10,9 @@ use crate::diagnose::autocorrelation;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
 use crate::trace::Round;
 
-/// The sheets of a run: those of each round, numbered from 1. `truth` is what `truth.json` beside the data says.
+/// The sheets of a run: those of each round, numbered from 0, as the folder's. `truth` is what `truth.json` beside the data says.
 pub fn sheets(rounds: &[&Round], truth: Option<&Value>) -> Vec<Sheet> {
     let one = |(k, round): (usize, &&Round)| {
-        let k = k + 1;
         let draws = &round.draws;
         vec![
             maps(round, k),

@@ -173,7 +173,7 @@ impl Page {
             "intervals",
             &["parameter", "what", "mean", "low", "high", "truth"],
         );
-        let priors = self.sheet("parameters-1");
+        let priors = self.sheet("parameters-0");
         for name in self.constants() {
             let truth = self.true_value(&name).map_or(String::new(), exact);
             let mut add = |what: String, values: [f64; 3]| {
@@ -190,7 +190,7 @@ impl Page {
             }
             for (k, round) in self.rounds().iter().enumerate() {
                 if let Some(values) = three(&round["posterior"][&name]) {
-                    add(format!("round {}", k + 1), values);
+                    add(format!("round {k}"), values);
                 }
             }
             if let Some(values) = three(&self.report["averaged_posterior"][&name]) {
@@ -227,7 +227,7 @@ impl Page {
 
     fn variogram(&self, k: usize) -> Sheet {
         let keys = ["distance_mm", "u1_nm2", "u2_nm2"];
-        let mut sheet = Sheet::new(format!("variogram-{}", k + 1), &keys);
+        let mut sheet = Sheet::new(format!("variogram-{k}"), &keys);
         let lags = self.rounds()[k]["residual"]["variogram"].as_array();
         for lag in lags.into_iter().flatten() {
             let cell = |key: &str| lag[key].as_f64().map_or(String::new(), exact);
@@ -238,7 +238,7 @@ impl Page {
 
     fn candidates(&self, k: usize) -> Sheet {
         let mut sheet = Sheet::new(
-            format!("candidates-{}", k + 1),
+            format!("candidates-{k}"),
             &[
                 "effect",
                 "inclusion_probability",

@@ -41,7 +41,7 @@ pub fn ranking(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
                     y,
                     colour,
                 )?;
-                label(root, effect, y)?;
+                label(root, effect, [NAMES, y as u32])?;
                 let place = (NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32 + 5, y);
                 root.draw(&Text::new(format!("{p:.3}"), place, text_right_of(11)))?;
             }
@@ -68,8 +68,10 @@ pub fn blind_spots(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
         return Ok(None);
     }
     const PANEL: u32 = 165;
+    // effects stand with their parameters here
+    const WIDE: u32 = 264;
     let size = (
-        NAMES + PANEL * constants.len() as u32 + 16,
+        WIDE + PANEL * constants.len() as u32 + 16,
         64 + ROW * effects.len() as u32,
     );
     let alt = "Shift of each constant, in percent, if an effect acted at its plausible size and the model lacked it; red: these data would not show it, blue: they would";
@@ -78,9 +80,9 @@ pub fn blind_spots(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
             for (c, constant) in constants.iter().enumerate() {
                 let shifts = sheet.numbers(&format!("{constant}_shift_percent"));
                 let reach = span(shifts.iter().map(|s| s.abs()))[1].max(1e-3);
-                let left = (NAMES + PANEL * c as u32) as i32;
+                let left = (WIDE + PANEL * c as u32) as i32;
                 let middle = left + PANEL as i32 / 2;
-                let half = f64::from(PANEL) / 2.0 - 8.0;
+                let half = f64::from(PANEL) / 2.0 - 20.0;
                 root.draw(&Text::new(
                     (*constant).to_string(),
                     (middle, 12),
@@ -108,7 +110,7 @@ pub fn blind_spots(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
                 }
             }
             for (k, effect) in effects.iter().enumerate() {
-                label(root, effect, (k as u32 * ROW + ROW / 2 + 26) as i32)?;
+                label(root, effect, [WIDE, k as u32 * ROW + ROW / 2 + 26])?;
             }
             Ok(())
         };
@@ -212,8 +214,8 @@ fn rule(root: &Area<'_>, x: i32, top: i32, bottom: i32, colour: RGBColor) -> Dra
     ))
 }
 
-fn label(root: &Area<'_>, name: &str, y: i32) -> Drawn<()> {
-    let place = (NAMES as i32 - 8, y);
+fn label(root: &Area<'_>, name: &str, [left, y]: [u32; 2]) -> Drawn<()> {
+    let place = (left as i32 - 8, y as i32);
     root.draw(&Text::new(name.to_string(), place, text_left_of(12)))
 }
 

@@ -19,6 +19,8 @@ pub const PRIOR: RGBColor = RGBColor(140, 140, 140);
 pub const MAIN: RGBColor = RGBColor(42, 111, 151);
 /// What is known to be true.
 pub const TRUTH: RGBColor = RGBColor(200, 85, 61);
+/// Where nothing was measured.
+pub const NOT_MEASURED: RGBColor = RGBColor(176, 180, 186);
 /// Colours of ensembles and components.
 pub const SERIES: [RGBColor; 6] = [
     RGBColor(42, 111, 151),

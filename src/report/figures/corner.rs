@@ -30,7 +30,7 @@ struct Axis {
 }
 
 const CELL: u32 = 116;
-const LEFT: u32 = 64;
+const LEFT: u32 = 76;
 const BOTTOM: u32 = 54;
 
 /// Parameters in a corner plot, at most: more cannot be read.
@@ -260,8 +260,11 @@ fn labels(root: &Area<'_>, axis: &Axis, k: u32, d: u32) -> Drawn<()> {
         root.draw(&Text::new(say(v), (x, bottom + 4), text(10).pos(middle)))?;
     }
     let centre = left + CELL as i32 / 2;
-    let name = (centre, bottom + 22);
-    root.draw(&Text::new(axis.name.clone(), name, text(12).pos(middle)))?;
+    let lines: Vec<&str> = axis.name.split('.').collect();
+    for (line, row) in lines.iter().zip(0..) {
+        let place = (centre, bottom + 20 + 14 * row);
+        root.draw(&Text::new((*line).to_string(), place, text(11).pos(middle)))?;
+    }
     if k == 0 {
         return Ok(());
     }
@@ -275,9 +278,12 @@ fn labels(root: &Area<'_>, axis: &Axis, k: u32, d: u32) -> Drawn<()> {
             text(10).pos(right),
         ))?;
     }
-    let upright = text(12)
+    let upright = text(11)
         .transform(FontTransform::Rotate270)
         .pos(Pos::new(HPos::Center, VPos::Center));
-    let name = (12, top + CELL as i32 / 2);
-    root.draw(&Text::new(axis.name.clone(), name, upright))
+    for (line, row) in lines.iter().zip(0..) {
+        let place = (12 + 14 * row, top + CELL as i32 / 2);
+        root.draw(&Text::new((*line).to_string(), place, upright.clone()))?;
+    }
+    Ok(())
 }

@@ -2,7 +2,9 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{Area, Drawn, Figure, INK, Stretched, cannot, draw, span, text, tick};
+use super::canvas::{
+    Area, Drawn, Figure, INK, NOT_MEASURED, Stretched, cannot, draw, span, text, tick,
+};
 use super::colour::Palette;
 use crate::error::Result;
 use crate::report::sheet::Sheet;
@@ -234,6 +236,9 @@ fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Drawn<Pixels> {
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
         .draw()?;
+    let ends = [(x[0], y[0]), (x[1], y[1])];
+    let blank = Rectangle::new(ends, NOT_MEASURED.filled());
+    chart.plotting_area().draw(&blank)?;
     Ok(chart.plotting_area().get_pixel_range())
 }
 

@@ -62,7 +62,7 @@ pub fn all(page: &Page) -> Result<Figures> {
         bars::intervals(sheet("intervals".into()), "intervals")?,
         bars::blind_spots(sheet("blind-spots".into()), "blind-spots")?,
     ];
-    for k in 1..=page.rounds().len() {
+    for k in 0..page.rounds().len() {
         let named = |what: &str| format!("{what}-{k}");
         let of = |what: &str| sheet(named(what));
         let sheets = Corner {
@@ -85,12 +85,11 @@ pub fn all(page: &Page) -> Result<Figures> {
 }
 
 fn draw_maps(page: &Page, figures: &mut Figures) -> Result<()> {
-    let sheets: Vec<&Sheet> = (1..=page.rounds().len())
+    let sheets: Vec<&Sheet> = (0..page.rounds().len())
         .filter_map(|k| page.sheet(&format!("maps-{k}")))
         .collect();
     let residual = maps::residual_scale(sheets.iter().copied());
     for (k, sheet) in sheets.iter().enumerate() {
-        let k = k + 1;
         let mut panels = Vec::new();
         for component in [1, 2] {
             let field = maps::field_scale(sheet, component);
@@ -116,7 +115,7 @@ fn draw_maps(page: &Page, figures: &mut Figures) -> Result<()> {
     let own = maps::residual_scale(std::iter::once(*last));
     if own.range[1] < FAINT * residual.range[1] {
         for component in [1, 2] {
-            let name = format!("map-{}-u{component}-residual-closer", sheets.len());
+            let name = format!("map-{}-u{component}-residual-closer", sheets.len() - 1);
             figures
                 .closer
                 .extend(maps::one(last, component, "residual", own, &name)?);

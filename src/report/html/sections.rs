@@ -28,7 +28,16 @@ pub fn verdict(page: &Page) -> Markup {
         @if status.is_some() { p { (sentence(page)) } }
         @if !warnings.is_empty() {
             h3 { "Before you use these numbers" }
-            ul.warnings { @for warning in &warnings { li { (warning) } } }
+            ul.warnings { @for warning in &warnings { li { (options_kept(warning)) } } }
+        }
+    }
+}
+
+/// A sentence whose options (`--refine`) are not broken at their hyphens.
+fn options_kept(text: &str) -> Markup {
+    html! {
+        @for word in text.split_inclusive(' ') {
+            @if word.starts_with("--") { span.option { (word) } } @else { (word) }
         }
     }
 }
@@ -84,7 +93,7 @@ pub fn maps(page: &Page, figures: &Figures) -> Markup {
         }
         @if !figures.panels.is_empty() {
             p.soft {
-                "Cells are means of the points in them; blank where nothing was measured. Measured and predicted share a scale; residuals share one over components and rounds, white at zero, which covers 99.5 % of them. Point at a map for the value of a cell."
+                "Cells are means of the points in them; grey where nothing was measured. Measured and predicted share a scale; residuals share one over components and rounds, white at zero, which covers 99.5 % of them. Point at a map for the value of a cell."
             }
         }
         (variograms(page, figures))
@@ -93,7 +102,7 @@ pub fn maps(page: &Page, figures: &Figures) -> Markup {
 
 fn variograms(page: &Page, figures: &Figures) -> Markup {
     html! {
-        @for (k, name) in (1..).zip(names(page)) {
+        @for (k, name) in (0..).zip(names(page)) {
             @if let Some(figure) = figures.get(&format!("variogram-{k}")) {
                 h3 { "Variogram of the residual, " (name) }
                 (wide(figure))
@@ -116,7 +125,7 @@ pub fn effects(page: &Page, figures: &Figures) -> Markup {
     .map(String::from)
     .into();
     html! {
-        @for ((k, round), name) in (1..).zip(page.rounds()).zip(names(page)) {
+        @for ((k, round), name) in (0..).zip(page.rounds()).zip(names(page)) {
             @if let Some(candidates) = round["candidates"].as_array().filter(|c| !c.is_empty()) {
                 h3 { "What the residual of " (name) " speaks for" }
                 @let accepted = list(&round["accepted"]);
@@ -140,18 +149,22 @@ fn candidate(found: &Value) -> Vec<String> {
         .flatten()
         .map(|a| {
             let name = words(&a["parameter"]);
-            let value = moments(a).map_or("\u{2013}".into(), |(mean, sd)| {
-                format!("{} \u{b1} {}", with_sd(mean, sd), with_sd(sd, sd))
-            });
+            let value = moments(a).map_or("\u{2013}".into(), |(mean, sd)| plus_minus(mean, sd));
             format!("{name} {value}")
         })
         .collect();
-    let aliases: Vec<String> = found["aliases"]
+    let mut aliases: Vec<String> = found["aliases"]
         .as_array()
         .into_iter()
         .flatten()
         .map(|a| format!("{} ({})", words(&a["effect"]), short(&a["cosine"])))
         .collect();
+    let more = aliases.len().saturating_sub(SHOWN);
+    if more > 0 {
+        aliases.truncate(SHOWN);
+        aliases.push(format!("{more} more in report.json"));
+    }
+    let implausible = found["implausible"].as_bool() == Some(true);
     let percent = found["explained_fraction"].as_f64();
     vec![
         words(&found["effect"]),
@@ -159,11 +172,27 @@ fn candidate(found: &Value) -> Vec<String> {
             .as_f64()
             .map_or("\u{2013}".into(), |p| format!("{p:.3}")),
         short(&found["log_bayes_factor"]),
-        amplitude.join(", "),
+        amplitude.join(", ")
+            + if implausible {
+                " (implausibly large)"
+            } else {
+                ""
+            },
         percent.map_or("\u{2013}".into(), |f| format!("{:.0} %", 100.0 * f)),
         short(&found["detectable"]),
         aliases.join(", "),
     ]
+}
+
+/// Aliases in the table, at most.
+const SHOWN: usize = 3;
+
+/// Mean and sd of an amplitude, which may be very small.
+fn plus_minus(mean: f64, sd: f64) -> String {
+    if sd >= 1e-4 {
+        return format!("{} \u{b1} {}", with_sd(mean, sd), with_sd(sd, sd));
+    }
+    format!("{mean:.1e} \u{b1} {sd:.1e}").replace('-', "\u{2212}")
 }
 
 /// Effects that were not weighed, with the reason.
@@ -222,7 +251,7 @@ pub fn blind_spots(page: &Page, figures: &Figures) -> Markup {
 
 /// Constants: prior, rounds, averaged; summary; correlation; corner plots.
 pub fn posterior(page: &Page, figures: &Figures) -> Markup {
-    let count = page.rounds().len();
+    let last = page.rounds().len().saturating_sub(1);
     let header: Vec<String> = ["", "mean", "sd", "2.5 %", "median", "97.5 %"]
         .map(String::from)
         .into();
@@ -252,9 +281,9 @@ pub fn posterior(page: &Page, figures: &Figures) -> Markup {
             (table("Averaged over effects that may act unseen", &header, &averaged, false))
         }
         @if let Some(round) = page.rounds().last() { (correlation(round)) }
-        @for k in [1, count].iter().take(if count > 1 { 2 } else { 1 }) {
+        @for k in [0, last].into_iter().take(1 + usize::from(last > 0)) {
             @if let Some(figure) = figures.get(&format!("corner-{k}")) {
-                h3 { "Joint posterior, " (names(page)[k - 1]) }
+                h3 { "Joint posterior, " (names(page)[k]) }
                 (wide(figure))
                 p.soft { "Dashed: prior. Red: truth, where it is known. Black: bounds at which a prior is cut. Shades hold 39, 86 and 99 % of the draws." }
             }
@@ -292,7 +321,7 @@ fn correlation(round: &Value) -> Markup {
 
 /// Whether the draws can be used.
 pub fn convergence(page: &Page, figures: &Figures) -> Markup {
-    let count = page.rounds().len();
+    let last = page.rounds().len().saturating_sub(1);
     let header: Vec<String> = ["", "R-hat", "ESS bulk", "ESS tail", "MCSE of the mean"]
         .map(String::from)
         .into();
@@ -312,14 +341,14 @@ pub fn convergence(page: &Page, figures: &Figures) -> Markup {
             }
         }
         @for what in ["trace", "rank", "autocorrelation"] {
-            @if let Some(figure) = figures.get(&format!("{what}-{count}")) { (wide(figure)) }
+            @if let Some(figure) = figures.get(&format!("{what}-{last}")) { (wide(figure)) }
         }
     }
 }
 
 /// The reduced model's errors.
 pub fn surrogate(page: &Page) -> Markup {
-    let count = page.rounds().len();
+    let count = page.rounds().len().saturating_sub(1);
     let Some(last) = page.rounds().last() else {
         return html! {};
     };
@@ -328,7 +357,7 @@ pub fn surrogate(page: &Page) -> Markup {
     let error = s["max_error_in_posterior_sd"].as_f64().unwrap_or_default();
     html! {
         p {
-            "Against the finite elements at " (short(&s["truth_draws"])) " draws of the last posterior the reduced model moves no constant by more than "
+            "Against the finite elements at " (s["truth_draws"]) " draws of the last posterior the reduced model moves no constant by more than "
             (short(&Value::from(100.0 * error))) " % of its posterior sd; "
             (short(&s["field_error_nm"]["max"])) " nm is the largest error of the field. "
             (short(&Value::from(100.0 * outside))) " % of the draws lie outside its box."

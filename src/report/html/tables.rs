@@ -21,9 +21,9 @@ pub fn names(page: &Page) -> Vec<String> {
                 .collect();
             before = declared;
             match (k, added.is_empty()) {
-                (0, _) => "round 1, as declared".to_string(),
-                (_, true) => format!("round {}", k + 1),
-                (_, false) => format!("round {}, with {}", k + 1, added.join(", ")),
+                (0, _) => "round 0, as declared".to_string(),
+                (_, true) => format!("round {k}"),
+                (_, false) => format!("round {k}, with {}", added.join(", ")),
             }
         })
         .collect()
