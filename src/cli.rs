@@ -89,8 +89,11 @@ fn cache() -> PathBuf {
 /// Print results to standard output. A reader that has seen enough (`| head`) is no error.
 fn print(text: &str) -> Result<()> {
     use std::io::{ErrorKind, Write};
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    let mut out = anstream::stdout();
+    match out
+        .write_all(console::styled(text).as_bytes())
+        .and_then(|()| out.flush())
+    {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             Err(Error::input("standard output", "a place that can be written").found(e))
         }

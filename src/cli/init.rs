@@ -170,7 +170,7 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
         Some((centre, diameter)) => {
             let _ = writeln!(
                 said,
-                "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (the largest gap in the points)",
+                "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (a circle about the largest gap in the points; the true hole is a little smaller)",
                 centre[0], centre[1]
             );
             model["specimen"]["hole"]["diameter_mm"] = json!(round(diameter, 1));
@@ -274,7 +274,41 @@ fn hole(field: &Field) -> Option<([f64; 2], f64)> {
         best.iter().map(|c| cells.x[c % columns]).sum::<f64>() / n,
         best.iter().map(|c| cells.y[c / columns]).sum::<f64>() / n,
     ];
-    let step = [&cells.x, &cells.y].map(|a| (a[a.len() - 1] - a[0]) / (a.len() - 1) as f64);
-    let diameter = (4.0 * n * step[0] * step[1] / std::f64::consts::PI).sqrt();
-    Some((centre, diameter))
+    Some(circle(&field.points, centre))
+}
+
+/// Directions in which the hole's rim is sought.
+const SECTORS: usize = 36;
+
+/// The circle through the points next to a gap, by least squares (Kasa 1976): centre and diameter. The nearest point in each
+/// direction stands for the rim.
+fn circle(points: &[[f64; 2]], start: [f64; 2]) -> ([f64; 2], f64) {
+    let (mut centre, mut diameter) = (start, 0.0);
+    for _ in 0..5 {
+        let mut rim: Vec<Option<(f64, [f64; 2])>> = vec![None; SECTORS];
+        for p in points {
+            let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
+            let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
+            let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
+            let r = x.hypot(y);
+            if rim[sector].is_none_or(|(nearest, _)| r < nearest) {
+                rim[sector] = Some((r, [x, y]));
+            }
+        }
+        // x^2 + y^2 = a x + b y + c
+        let mut normal = nalgebra::Matrix3::zeros();
+        let mut right = nalgebra::Vector3::zeros();
+        for (r, [x, y]) in rim.into_iter().flatten() {
+            let row = nalgebra::Vector3::new(x, y, 1.0);
+            normal += row * row.transpose();
+            right += r * r * row;
+        }
+        let Some(fit) = normal.cholesky().map(|c| c.solve(&right)) else {
+            break;
+        };
+        let [a, b] = [0.5 * fit[0], 0.5 * fit[1]];
+        centre = [centre[0] + a, centre[1] + b];
+        diameter = 2.0 * (fit[2] + a * a + b * b).max(0.0).sqrt();
+    }
+    (centre, diameter)
 }

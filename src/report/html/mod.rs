@@ -119,7 +119,7 @@ fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool)
                         tr {
                             @for (k, cell) in row.iter().enumerate() {
                                 @if k == 0 { th scope="row" { (cell) } }
-                                @else if cell.chars().count() > 46 { td.long { (cell) } }
+                                @else if cell.chars().count() > 28 { td.long { (cell) } }
                                 @else { td { (cell) } }
                             }
                         }

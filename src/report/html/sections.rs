@@ -132,6 +132,9 @@ pub fn effects(page: &Page, figures: &Figures) -> Markup {
                 p {
                     @if accepted.is_empty() { "No effect was accepted." }
                     @else { "Accepted: " (accepted.join(", ")) "." }
+                    @if let Some(p) = round["discrepancy_probability"].as_f64() {
+                        " Probability of smooth structure that no effect explains: " (format!("{p:.3}")) "."
+                    }
                 }
                 @if let Some(figure) = figures.get(&format!("candidates-{k}")) { (wide(figure)) }
                 @let rows: Vec<_> = candidates.iter().map(candidate).collect();
