@@ -13,6 +13,7 @@ mod manual;
 mod mappings;
 mod report;
 mod simulate;
+mod validate;
 
 use std::path::PathBuf;
 
@@ -64,6 +65,8 @@ enum Verb {
     Export(diagnose::ExportArguments),
     /// Make the report of a run again, or compare runs
     Report(report::Arguments),
+    /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
+    Validate(validate::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
@@ -119,6 +122,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
+        Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
         Verb::Init(arguments) => init::run(&arguments),

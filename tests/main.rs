@@ -1,7 +1,6 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
 mod browser;
-mod calibration;
 mod chain_files;
 mod cli;
 mod diagnostics;
@@ -17,6 +16,7 @@ mod laminate;
 mod layering;
 mod measure;
 mod mechanics;
+mod memory;
 mod newcomer;
 mod optics;
 mod phase;
@@ -28,3 +28,4 @@ mod samplers;
 mod starts;
 mod targets;
 mod tracing;
+mod validation;

@@ -20,17 +20,13 @@ const RECIPES: &[Recipe] = &[
     Recipe("snooker", Tail::Predictive, [0.0, 0.0, 0.0, 1.0]),
     Recipe("ind gauss", Tail::Gaussian, [1.0, 0.0, 0.0, 0.0]),
     Recipe("ind predictive", Tail::Predictive, [1.0, 0.0, 0.0, 0.0]),
-    Recipe("ind t5", Tail::StudentT(5.0), [1.0, 0.0, 0.0, 0.0]),
+    Recipe("ind t5", Tail::StudentT(5), [1.0, 0.0, 0.0, 0.0]),
     Recipe("0.7p 0.25 0.05", Tail::Predictive, [0.7, 0.25, 0.05, 0.0]),
-    Recipe(
-        "0.7t5 0.25 0.05",
-        Tail::StudentT(5.0),
-        [0.7, 0.25, 0.05, 0.0],
-    ),
-    Recipe("0.5t5 0.4 0 0.1", Tail::StudentT(5.0), [0.5, 0.4, 0.0, 0.1]),
+    Recipe("0.7t5 0.25 0.05", Tail::StudentT(5), [0.7, 0.25, 0.05, 0.0]),
+    Recipe("0.5t5 0.4 0 0.1", Tail::StudentT(5), [0.5, 0.4, 0.0, 0.1]),
     Recipe(
         "0.5t5 0.25 0 0.25",
-        Tail::StudentT(5.0),
+        Tail::StudentT(5),
         [0.5, 0.25, 0.0, 0.25],
     ),
 ];

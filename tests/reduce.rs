@@ -72,7 +72,8 @@ pub fn small_problem() -> Problem {
 }
 
 pub fn plate(problem: &Problem) -> Plate {
-    let nominal = problem.point(&[160.0, 7.5, 0.34, 4.5]);
+    let mut nominal = problem.point(&[160.0, 7.5, 0.34, 4.5]);
+    nominal.resize(problem.dimensions.len(), 0.0);
     Plate::new(problem.test_at(&nominal).0.outline, problem.density).unwrap()
 }
 

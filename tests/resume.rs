@@ -179,6 +179,22 @@ fn damaged_and_foreign_stores_are_refused() {
     refused(&bench, &short, "does not exist yet");
     refused(&bench, &with(&["--seed", "7"]), "seed");
     refused(&bench, &with(&["--sampler", "adaptive"]), "sampler");
+    // Another model, and another measurement in the place of the first.
+    let text = std::fs::read_to_string(&model).unwrap();
+    let other = bench.path("other.json").display().to_string();
+    std::fs::write(&other, text.replace("\"sd\":16.0", "\"sd\":17.0")).unwrap();
+    let mut changed = resume.clone();
+    changed[1] = &other;
+    refused(&bench, &changed, "model_sha256");
+    let again = [
+        "simulate", &model, "--grid", "31", "--seed", "9", "--out", "other",
+    ];
+    assert!(bench.run(&again).status.success());
+    let file = bench.path("data/U.txt");
+    let measured = std::fs::read(&file).unwrap();
+    std::fs::copy(bench.path("other/U.txt"), &file).unwrap();
+    refused(&bench, &resume, "data_sha256");
+    std::fs::write(&file, measured).unwrap();
     let spoil = |name: &str, change: &dyn Fn(&mut Vec<u8>), words: &str| {
         let path = bench.path("run").join(name);
         let good = std::fs::read(&path).unwrap();

@@ -201,7 +201,8 @@ fn after(sampler: &dyn Sampler, target: &Known, key: Key, dim: usize) -> Vec<f64
         warmup: false,
     };
     let block = sampler.advance(target, key, span, &mut state);
-    block.x.chunks(dim).map(|x| x[0]).collect()
+    // Of the one kept draw, the first parameter of every walker.
+    block.x[..walkers].to_vec()
 }
 
 /// Simulation-based calibration (Talts et al. 2018): theta from the prior, data from theta, then the rank of theta

@@ -139,6 +139,19 @@ fn mixtures_are_declared_and_counted() {
     assert!((rate - accepted as f64 / proposed as f64).abs() < 1e-12);
 }
 
+/// What README declares is what runs.
+#[test]
+fn the_declared_mixture_is_the_default() {
+    let readme = std::fs::read_to_string("README.md").unwrap();
+    let declared = readme.split('`').find(|t| t.starts_with("independence="));
+    let declared = Mixture::parse(declared.unwrap()).unwrap();
+    let default = Mixture::default();
+    assert_eq!(declared.parts().len(), default.parts().len());
+    for ((a, p), (b, q)) in declared.parts().iter().zip(default.parts()) {
+        assert!(a.name() == b.name() && (p - q).abs() < 1e-12);
+    }
+}
+
 /// Ends a run after a number of reports.
 struct Impatient(AtomicUsize);
 

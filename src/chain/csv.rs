@@ -5,17 +5,20 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
-use super::draws::Draws;
+use super::draws::{Chains, Draws};
 use crate::error::{Error, Result};
 
 /// Writes `chain.csv`: columns `chain,draw,lp__` and the parameters, chain by chain, counted from 0.
 ///
 /// # Errors
 /// The input's fault (with the path) if the file cannot be written.
-pub fn write_csv(draws: &Draws, path: &Path) -> Result<()> {
+pub fn write_csv(chains: &dyn Chains, path: &Path) -> Result<()> {
     let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
     let mut out = BufWriter::new(File::create(path).map_err(failed)?);
-    write_rows(draws, &mut out).map_err(failed)?;
+    writeln!(out, "chain,draw,lp__,{}", chains.names().join(",")).map_err(failed)?;
+    for chain in 0..chains.count() {
+        write_rows(&chains.chain(chain)?, chain, &mut out).map_err(failed)?;
+    }
     out.flush().map_err(failed)
 }
 
@@ -23,28 +26,28 @@ pub fn write_csv(draws: &Draws, path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// The input's fault (with the path) if a file cannot be written.
-pub fn write_stan(draws: &Draws, stem: &Path) -> Result<()> {
-    for chain in 0..draws.chains() {
+pub fn write_stan(chains: &dyn Chains, stem: &Path) -> Result<()> {
+    for chain in 0..chains.count() {
         let mut path = stem.as_os_str().to_owned();
         path.push(format!("_{}.csv", chain + 1));
         let path = Path::new(&path);
         let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
         let mut out = BufWriter::new(File::create(path).map_err(failed)?);
-        write_chain(draws, chain, &mut out).map_err(failed)?;
+        write_chain(&chains.chain(chain)?, chain, &mut out).map_err(failed)?;
         out.flush().map_err(failed)?;
     }
     Ok(())
 }
 
-fn write_chain(draws: &Draws, chain: usize, out: &mut dyn Write) -> std::io::Result<()> {
+fn write_chain(draws: &Draws, number: usize, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out, "# model = plychain")?;
-    writeln!(out, "# id = {}", chain + 1)?;
+    writeln!(out, "# id = {}", number + 1)?;
     // Stan's names have no dots of their own: a dot counts elements there.
     let names: Vec<String> = draws.names().iter().map(|n| n.replace('.', "_")).collect();
     writeln!(out, "lp__,{}", names.join(","))?;
     for draw in 0..draws.draws() {
-        write!(out, "{:?}", draws.lp()[chain * draws.draws() + draw])?;
-        for value in draws.point(chain, draw) {
+        write!(out, "{:?}", draws.lp()[draw])?;
+        for value in draws.point(0, draw) {
             write!(out, ",{value:?}")?;
         }
         writeln!(out)?;
@@ -52,22 +55,14 @@ fn write_chain(draws: &Draws, chain: usize, out: &mut dyn Write) -> std::io::Res
     Ok(())
 }
 
-fn write_rows(draws: &Draws, out: &mut dyn Write) -> std::io::Result<()> {
-    write!(out, "chain,draw,lp__")?;
-    for name in draws.names() {
-        write!(out, ",{name}")?;
-    }
-    writeln!(out)?;
-    for chain in 0..draws.chains() {
-        for draw in 0..draws.draws() {
-            // `{:?}` prints the shortest decimal that reads back to the same double.
-            let lp = draws.lp()[chain * draws.draws() + draw];
-            write!(out, "{chain},{draw},{lp:?}")?;
-            for value in draws.point(chain, draw) {
-                write!(out, ",{value:?}")?;
-            }
-            writeln!(out)?;
+fn write_rows(draws: &Draws, number: usize, out: &mut dyn Write) -> std::io::Result<()> {
+    for (draw, (point, lp)) in draws.points().zip(draws.lp()).enumerate() {
+        // `{:?}` prints the shortest decimal that reads back to the same double.
+        write!(out, "{number},{draw},{lp:?}")?;
+        for value in point {
+            write!(out, ",{value:?}")?;
         }
+        writeln!(out)?;
     }
     Ok(())
 }

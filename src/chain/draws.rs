@@ -99,6 +99,38 @@ fn groups(ensemble: &[usize]) -> Vec<Vec<usize>> {
     members
 }
 
+/// Chains that can be had one at a time, from memory or from a store.
+pub trait Chains {
+    /// Names of the parameters.
+    fn names(&self) -> &[String];
+
+    /// Number of chains.
+    fn count(&self) -> usize;
+
+    /// One chain over all its draws.
+    ///
+    /// # Errors
+    /// The input's fault if a store is damaged.
+    fn chain(&self, chain: usize) -> Result<Draws>;
+}
+
+impl Chains for Draws {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn count(&self) -> usize {
+        self.chains()
+    }
+
+    fn chain(&self, chain: usize) -> Result<Draws> {
+        let rows = chain * self.draws..(chain + 1) * self.draws;
+        let values = self.values[rows.start * self.dim()..rows.end * self.dim()].to_vec();
+        let lp = self.lp[rows].to_vec();
+        Self::new(self.names.clone(), vec![self.ensemble[chain]], values, lp)
+    }
+}
+
 /// Draws of a run: values `[chain][draw][parameter]` and the log density `[chain][draw]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Draws {

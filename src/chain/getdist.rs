@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::draws::Draws;
+use super::draws::{Chains, Draws};
 use crate::error::{Error, Result};
 
 fn beside(root: &Path, ending: &str) -> PathBuf {
@@ -20,9 +20,9 @@ fn write(path: &Path, text: &str) -> Result<()> {
 ///
 /// # Errors
 /// The input's fault (with the path) if a file cannot be written.
-pub fn write_getdist(draws: &Draws, root: &Path) -> Result<()> {
+pub fn write_getdist(chains: &dyn Chains, root: &Path) -> Result<()> {
     let (mut names, mut ranges) = (String::new(), String::new());
-    for name in draws.names() {
+    for name in chains.names() {
         // Writing to a string cannot fail.
         let _ = writeln!(names, "{name}\t{}", name.replace('_', "\\_"));
         let positive = name.ends_with("_GPa") || name.ends_with("_nm");
@@ -31,11 +31,12 @@ pub fn write_getdist(draws: &Draws, root: &Path) -> Result<()> {
     }
     write(&beside(root, ".paramnames"), &names)?;
     write(&beside(root, ".ranges"), &ranges)?;
-    for chain in 0..draws.chains() {
+    for chain in 0..chains.count() {
+        let draws = chains.chain(chain)?;
         let mut text = String::new();
-        for draw in 0..draws.draws() {
-            let _ = write!(text, "1 {:?}", -draws.lp()[chain * draws.draws() + draw]);
-            for value in draws.point(chain, draw) {
+        for (point, lp) in draws.points().zip(draws.lp()) {
+            let _ = write!(text, "1 {:?}", -lp);
+            for value in point {
                 let _ = write!(text, " {value:?}");
             }
             text.push('\n');

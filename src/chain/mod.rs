@@ -4,11 +4,13 @@ mod csv;
 mod draws;
 mod getdist;
 mod npz;
+mod reader;
 mod store;
 mod zarr;
 
 pub use csv::{read_csv, write_csv, write_stan};
-pub use draws::{Draws, Info, MoveTally, Series};
+pub use draws::{Chains, Draws, Info, MoveTally, Series};
 pub use getdist::{read_getdist, write_getdist};
 pub use npz::write_npz;
-pub use store::{Layout, Replay, Store, read as read_zarr};
+pub use reader::{Reader, TakeChunk, read as read_zarr};
+pub use store::{Layout, Replay, Store};

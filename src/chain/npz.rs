@@ -3,47 +3,53 @@
 
 use std::path::Path;
 
-use super::draws::Draws;
+use super::draws::Chains;
 use crate::error::{Error, Result};
 
-/// Writes the file.
+/// Writes the file. Its arrays are draw by draw, so all draws are in memory at once.
 ///
 /// # Errors
 /// The input's fault (with the path) if it cannot be written.
-pub fn write_npz(draws: &Draws, path: &Path) -> Result<()> {
-    let (chains, count, dim) = (draws.chains(), draws.draws(), draws.dim());
-    let order = || (0..count).flat_map(|d| (0..chains).map(move |c| (c, d)));
-    let chain: Vec<u8> = order()
-        .flat_map(|(c, d)| draws.point(c, d).iter().flat_map(|v| v.to_le_bytes()))
-        .collect();
-    let lp: Vec<u8> = order()
-        .flat_map(|(c, d)| draws.lp()[c * count + d].to_le_bytes())
-        .collect();
-    let width = draws
+pub fn write_npz(chains: &dyn Chains, path: &Path) -> Result<()> {
+    let (count, dim) = (chains.count(), chains.names().len());
+    let (mut chain, mut lp, mut ensemble) = (Vec::new(), Vec::new(), Vec::new());
+    let mut draws = 0;
+    for c in 0..count {
+        let one = chains.chain(c)?;
+        draws = one.draws();
+        chain.resize(8 * draws * count * dim, 0);
+        lp.resize(8 * draws * count, 0);
+        let rows = chain.chunks_exact_mut(8 * dim).skip(c).step_by(count);
+        for (row, point) in rows.zip(one.points()) {
+            for (bytes, value) in row.chunks_exact_mut(8).zip(point) {
+                bytes.copy_from_slice(&value.to_le_bytes());
+            }
+        }
+        let rows = lp.chunks_exact_mut(8).skip(c).step_by(count);
+        rows.zip(one.lp())
+            .for_each(|(bytes, value)| bytes.copy_from_slice(&value.to_le_bytes()));
+        ensemble.extend((one.ensemble()[0] as i64).to_le_bytes());
+    }
+    let width = chains
         .names()
         .iter()
         .map(|n| n.chars().count())
         .max()
         .unwrap_or(1);
-    let names: Vec<u8> = draws
+    let names: Vec<u8> = chains
         .names()
         .iter()
         .flat_map(|n| n.chars().chain(std::iter::repeat('\0')).take(width))
         .flat_map(|c| u32::from(c).to_le_bytes())
         .collect();
-    let ensemble: Vec<u8> = draws
-        .ensemble()
-        .iter()
-        .flat_map(|e| (*e as i64).to_le_bytes())
-        .collect();
     let members = [
         (
             "chain.npy",
-            npy("<f8", &format!("({count}, {chains}, {dim})"), &chain),
+            npy("<f8", &format!("({draws}, {count}, {dim})"), &chain),
         ),
         (
             "log_prob.npy",
-            npy("<f8", &format!("({count}, {chains})"), &lp),
+            npy("<f8", &format!("({draws}, {count})"), &lp),
         ),
         (
             "names.npy",
@@ -51,7 +57,7 @@ pub fn write_npz(draws: &Draws, path: &Path) -> Result<()> {
         ),
         (
             "ensemble.npy",
-            npy("<i8", &format!("({chains},)"), &ensemble),
+            npy("<i8", &format!("({count},)"), &ensemble),
         ),
     ];
     if members

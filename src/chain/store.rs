@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::draws::Draws;
+use super::reader::Reader;
 use super::zarr::{self, Kind};
 use crate::error::{Error, Result};
 
 /// Version of the store's own conventions.
-const FORMAT: &str = "plychain-chain/1";
+pub(super) const FORMAT: &str = "plychain-chain/1";
 
 /// Floats of a chunk, about 1 MiB.
 const CHUNK: usize = 1 << 17;
@@ -44,7 +44,7 @@ impl Layout {
     }
 }
 
-/// Takes an ensemble's index, its positions (walker x parameter) and log densities of one draw.
+/// Takes an ensemble's index, its positions (parameter x walker) and log densities of one draw.
 pub type Replay<'a> = &'a mut dyn FnMut(usize, &[f64], &[f64]);
 
 /// A store that is being written.
@@ -96,7 +96,7 @@ impl Store {
     }
 
     /// Opens a store to append after its first `draws` draws, whose digest must be `digest`; `replay` gets the rows
-    /// (walker x parameter, then walker) of every ensemble in turn.
+    /// (parameter x walker, then walker) of every ensemble in turn.
     ///
     /// # Errors
     /// The input's fault if the store is damaged or of another layout.
@@ -108,36 +108,42 @@ impl Store {
         replay: Replay<'_>,
     ) -> Result<Self> {
         let mut store = Self::empty(path, layout, attributes);
-        let read = read(path, Some(draws))?;
+        let reader = Reader::open(path)?.first(draws)?;
         let damaged = |found: String| {
             Error::input(path.display(), "the draws that the checkpoint tells of")
                 .found(found)
                 .hint("the store is damaged or was changed: it is left as it is; start a new run in another folder")
         };
-        if read.names() != store.layout.names || read.chains() != store.layout.chains() {
+        if reader.names() != store.layout.names || reader.ensemble().len() != store.layout.chains()
+        {
             return Err(damaged(format!(
                 "{} chains of {}",
-                read.chains(),
-                read.names().join(", ")
+                reader.ensemble().len(),
+                reader.names().join(", ")
             )));
         }
         let (walkers, dim) = (store.layout.walkers, store.layout.names.len());
         let (mut x, mut lp) = (vec![0.0; walkers * dim], vec![0.0; walkers]);
-        for draw in 0..draws {
-            for ensemble in 0..store.layout.ensembles {
-                for walker in 0..walkers {
-                    let chain = ensemble * walkers + walker;
-                    x[walker * dim..(walker + 1) * dim].copy_from_slice(read.point(chain, draw));
-                    lp[walker] = read.lp()[chain * draws + draw];
+        reader.each_chunk(&mut |first, count, arrays| {
+            for column in 0..count {
+                for ensemble in 0..store.layout.ensembles {
+                    let rows = x
+                        .chunks_exact_mut(walkers)
+                        .chain(std::iter::once(&mut lp[..]));
+                    for (row, array) in rows.zip(arrays) {
+                        let chains = array.chunks_exact(reader.chunk()).skip(ensemble * walkers);
+                        row.iter_mut().zip(chains).for_each(|(v, c)| *v = c[column]);
+                    }
+                    store.put(ensemble, first + column, &x, &lp);
+                    replay(ensemble, &x, &lp);
                 }
-                store.put(ensemble, draw, &x, &lp);
-                replay(ensemble, &x, &lp);
+                store.draws = first + column + 1;
+                if store.draws.is_multiple_of(store.chunk) {
+                    store.clear();
+                }
             }
-            store.draws = draw + 1;
-            if store.draws.is_multiple_of(store.chunk) {
-                store.clear();
-            }
-        }
+            Ok(())
+        })?;
         store.written = draws;
         if store.digest() != digest {
             return Err(damaged("draws of another digest".into()));
@@ -157,7 +163,7 @@ impl Store {
             .fold(0, |all, d| Digest(all).with(d.0).0)
     }
 
-    /// Records draws: for each ensemble its positions (draw x walker x parameter) and log densities (draw x walker).
+    /// Records draws: for each ensemble its positions (draw x parameter x walker) and log densities (draw x walker).
     ///
     /// # Errors
     /// The input's fault if a full chunk cannot be written.
@@ -183,15 +189,15 @@ impl Store {
         Ok(())
     }
 
+    /// Puts one draw of an ensemble into the last chunk.
     fn put(&mut self, ensemble: usize, draw: usize, x: &[f64], lp: &[f64]) {
-        let (dim, column) = (self.layout.names.len(), draw % self.chunk);
-        for (walker, lp) in lp.iter().enumerate() {
-            let at = (ensemble * self.layout.walkers + walker) * self.chunk + column;
-            let values = x[walker * dim..(walker + 1) * dim]
-                .iter()
-                .chain(std::iter::once(lp));
-            for ((last, digest), value) in self.last.iter_mut().zip(&mut self.digests).zip(values) {
-                last[at] = *value;
+        let (walkers, column) = (self.layout.walkers, draw % self.chunk);
+        let arrays = self.last.iter_mut().zip(&mut self.digests);
+        let rows = x.chunks_exact(walkers).chain(std::iter::once(lp));
+        for ((last, digest), row) in arrays.zip(rows) {
+            let chains = last.chunks_exact_mut(self.chunk).skip(ensemble * walkers);
+            for (chain, value) in chains.zip(row) {
+                chain[column] = *value;
                 *digest = digest.with(value.to_bits());
             }
         }
@@ -329,70 +335,4 @@ impl Digest {
     fn with(self, bits: u64) -> Self {
         Self((self.0.rotate_left(5) ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15))
     }
-}
-
-/// Reads a store: all its draws, or the first `draws` of them.
-///
-/// # Errors
-/// The input's fault: no store, another format, missing or cut files.
-pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
-    let place = path.display();
-    let root = zarr::read_metadata(path)?;
-    if root["attributes"]["format"] != FORMAT {
-        return Err(
-            Error::input(place, format!("a chain store of format {FORMAT}"))
-                .found(&root["attributes"]["format"]),
-        );
-    }
-    let metadata = root["consolidated_metadata"]["metadata"]
-        .as_object()
-        .ok_or_else(|| Error::input(path.display(), "consolidated metadata"))?;
-    let lp = &metadata.get("sample_stats/lp").cloned().unwrap_or_default();
-    let number = |value: &Value| value.as_u64().and_then(|v| usize::try_from(v).ok());
-    let shape = [&lp["shape"][0], &lp["shape"][1]].map(number);
-    let chunk = number(&lp["chunk_grid"]["configuration"]["chunk_shape"][1]);
-    let ([Some(chains), Some(stored)], Some(chunk)) = (shape, chunk) else {
-        return Err(Error::input(
-            path.display(),
-            "an array sample_stats/lp of chain x draw",
-        ));
-    };
-    let count = draws.unwrap_or(stored);
-    if count > stored || chains == 0 || chunk == 0 {
-        return Err(Error::input(path.display(), format!("at least {count} draws")).found(stored));
-    }
-    let names: Vec<String> = serde_json::from_value(root["attributes"]["parameters"].clone())
-        .map_err(|e| Error::input(path.display(), "an attribute parameters of names").found(e))?;
-    let mut values = vec![0.0; chains * count * names.len()];
-    for (k, name) in names.iter().enumerate() {
-        let array = path.join("posterior").join(name);
-        let mut put = |at: usize, value: f64| values[at * names.len() + k] = value;
-        read_array(&array, [chains, count, chunk], &mut put)?;
-    }
-    let mut lp = vec![0.0; chains * count];
-    read_array(
-        &path.join("sample_stats/lp"),
-        [chains, count, chunk],
-        &mut |at, v| lp[at] = v,
-    )?;
-    let ensemble = zarr::read_chunk(&path.join("posterior/ensemble/c/0"), chains)?;
-    let ensemble = ensemble.iter().map(|v| v.to_bits() as usize).collect();
-    Draws::new(names, ensemble, values, lp)
-}
-
-fn read_array(
-    array: &Path,
-    [chains, draws, chunk]: [usize; 3],
-    put: &mut dyn FnMut(usize, f64),
-) -> Result<()> {
-    for index in 0..draws.div_ceil(chunk) {
-        let values = zarr::read_chunk(&array.join(format!("c/0/{index}")), chains * chunk)?;
-        let first = index * chunk;
-        for chain in 0..chains {
-            for draw in first..(first + chunk).min(draws) {
-                put(chain * draws + draw, values[chain * chunk + draw - first]);
-            }
-        }
-    }
-    Ok(())
 }

@@ -131,6 +131,12 @@ impl Point {
     }
 }
 
+/// Points row by row, parameter by parameter.
+fn columns(points: &[f64], dim: usize) -> Vec<f64> {
+    let column = |k: usize| points.iter().skip(k).step_by(dim).copied();
+    (0..dim).flat_map(column).collect()
+}
+
 fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) -> Result<()> {
     let worst = |points: &mut dyn Iterator<Item = (f64, f64)>| {
         points.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -151,7 +157,7 @@ fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) -> Result<
             .map(|x| (posterior.log_density(x), table.dense(x))),
     );
     let mut batch = vec![0.0; 64];
-    posterior.log_density_batch(&cloud, &mut batch);
+    posterior.log_density_batch(&columns(&cloud, posterior.dim()), &mut batch);
     let same = points
         .zip(&batch)
         .all(|(x, v)| posterior.log_density(x).to_bits() == v.to_bits());
@@ -164,6 +170,8 @@ fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) -> Result<
 fn cost(posterior: &Posterior, start: &Point) -> Result<()> {
     let (count, dim) = (64, posterior.dim());
     let cloud = start.cloud(count);
+    let whole = columns(&cloud, dim);
+    let halves: Vec<Vec<f64>> = cloud.chunks(32 * dim).map(|c| columns(c, dim)).collect();
     let mut out = vec![0.0; count];
     let time = |work: &mut dyn FnMut()| {
         let times = (0..25).map(|_| {
@@ -175,10 +183,10 @@ fn cost(posterior: &Posterior, start: &Point) -> Result<()> {
         times.fold(f64::INFINITY, f64::min)
     };
     let batched = time(&mut || {
-        posterior.log_density_batch(std::hint::black_box(&cloud), std::hint::black_box(&mut out));
+        posterior.log_density_batch(std::hint::black_box(&whole), std::hint::black_box(&mut out));
     });
     let half = time(&mut || {
-        for (xs, out) in cloud.chunks(32 * dim).zip(out.chunks_mut(32)) {
+        for (xs, out) in halves.iter().zip(out.chunks_mut(32)) {
             posterior.log_density_batch(std::hint::black_box(xs), std::hint::black_box(out));
         }
     });

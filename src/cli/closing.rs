@@ -81,6 +81,7 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
                 resume: false,
                 observed: Vec::new(),
             }),
+            discrepancy: [None, None],
             deadline,
         }
     };

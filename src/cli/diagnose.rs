@@ -6,7 +6,8 @@ use clap::{Args, ValueEnum};
 
 use super::print;
 use crate::chain::{
-    Draws, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz, write_stan,
+    Chains, Draws, Reader, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz,
+    write_stan,
 };
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
@@ -30,11 +31,17 @@ pub struct Arguments {
 
 /// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let mut draws = read(&arguments.files)?;
+    let mut draws = read(&arguments.files, MOST)?;
     if let Some(walkers) = arguments.walkers {
         draws = draws.with_walkers(walkers)?;
     }
     let verdict = diagnose(&draws, &Rule::default());
+    if draws.info.thin > 1 {
+        print(&format!(
+            "a long run: of {} stored draws of a chain one is diagnosed\n",
+            draws.info.thin
+        ))?;
+    }
     print(&format!("{verdict}\n"))?;
     if arguments.strict && !verdict.converged {
         return Err(Error::input("--strict", "converged chains").found(verdict.line()));
@@ -42,17 +49,27 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Read chains in whichever format they are.
-fn read(files: &[PathBuf]) -> Result<Draws> {
+/// Most draws that are diagnosed, over all chains of a store, as many as a run holds in memory; so that a store of any
+/// length is diagnosed in little memory.
+const MOST: usize = 1 << 19;
+
+/// The chain store that `path` is or holds.
+fn store(path: &Path) -> Option<PathBuf> {
+    let inside = path.join("chain.zarr");
+    if inside.is_dir() {
+        return Some(inside);
+    }
+    path.join("zarr.json").is_file().then(|| path.to_path_buf())
+}
+
+/// Read chains in whichever format they are; of a store about `most` draws.
+fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
     let [path] = files else {
         let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
         return read_csv(&paths);
     };
-    if path.join("chain.zarr").is_dir() {
-        return read_zarr(&path.join("chain.zarr"), None);
-    }
-    if path.join("zarr.json").is_file() {
-        return read_zarr(path, None);
+    if let Some(store) = store(path) {
+        return Reader::open(&store)?.thinned(most);
     }
     if let Some(root) = getdist_root(path) {
         return read_getdist(&root);
@@ -115,7 +132,6 @@ pub struct ExportArguments {
 
 /// Run the verb.
 pub fn export(arguments: &ExportArguments) -> Result<()> {
-    let draws = read(std::slice::from_ref(&arguments.run))?;
     let folder = if arguments.run.join("chain.zarr").is_dir() {
         arguments.run.clone()
     } else {
@@ -127,16 +143,20 @@ pub fn export(arguments: &ExportArguments) -> Result<()> {
         Format::Csv => "export.csv",
     };
     let out = arguments.out.clone().unwrap_or_else(|| folder.join(name));
+    // A store is copied chain by chain.
+    let chains: Box<dyn Chains> = match store(&arguments.run) {
+        Some(store) => Box::new(Reader::open(&store)?),
+        None => Box::new(read(std::slice::from_ref(&arguments.run), usize::MAX)?),
+    };
     match arguments.format {
-        Format::StanCsv => write_stan(&draws, &out)?,
-        Format::Getdist => write_getdist(&draws, &out)?,
-        Format::Npz => write_npz(&draws, &out)?,
-        Format::Csv => write_csv(&draws, &out)?,
+        Format::StanCsv => write_stan(&*chains, &out)?,
+        Format::Getdist => write_getdist(&*chains, &out)?,
+        Format::Npz => write_npz(&*chains, &out)?,
+        Format::Csv => write_csv(&*chains, &out)?,
     }
     print(&format!(
-        "{} draws of {} chains written to {}\n",
-        draws.len(),
-        draws.chains(),
+        "{} chains written to {}\n",
+        chains.count(),
         out.display()
     ))?;
     Ok(())

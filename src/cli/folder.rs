@@ -76,6 +76,28 @@ impl Folder {
         })
     }
 
+    /// A finished run's folder, to add to it.
+    ///
+    /// # Errors
+    /// The input's fault if it holds no finished run.
+    pub fn of_run(path: &Path) -> Result<Self> {
+        for name in ["run.json", "model.json", "chain.zarr"] {
+            if !path.join(name).exists() {
+                return Err(Error::input(
+                    path.display(),
+                    "the folder of a finished run, or a model file",
+                )
+                .found(format!("no {name} in it"))
+                .hint("plychain identify writes one"));
+            }
+        }
+        Ok(Self {
+            path: path.to_path_buf(),
+            started: Instant::now(),
+            kept: true,
+        })
+    }
+
     /// Its path.
     pub fn path(&self) -> &Path {
         &self.path

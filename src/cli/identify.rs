@@ -18,7 +18,7 @@ use crate::progress::Watch;
 use crate::reduce::cache::hex;
 use crate::report::{Page, numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::{self, Options};
+use crate::trace::{self, Options, Round};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -134,22 +134,17 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
             resume: arguments.resume,
             observed: Vec::new(),
         }),
+        discrepancy: [None, None],
         deadline,
     };
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
-    write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    folder.write_json("model.json", &resolved(&model)?)?;
     let rounds = [round];
-    let report = numbers::report(&model, &rounds, global.seed);
-    folder.write_json("report.json", &report)?;
-    let files = &rounds[0].prepared.observation.field.files;
-    let manifest = folder.write_manifest(&model, files, global.seed)?;
-    let [round] = rounds;
-    let truth = truth(&round.prepared.observation.field.files)?;
+    let page = write(&model, &rounds, &folder, global.seed)?;
     console.begin("report and figures", None);
-    Page::gather(&[&round], report, manifest, truth).write(folder.path(), arguments.png)?;
+    page.write(folder.path(), arguments.png)?;
     console.end();
+    let [round] = rounds;
     let path = folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
     folder.keep();
@@ -183,6 +178,23 @@ pub fn resolved(model: &Model) -> Result<Value> {
     resolved.measurement = resolved.measurement.below(model.base_dir())?;
     serde_json::to_value(&resolved)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}
+
+/// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
+pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Result<Page> {
+    if let Some(round) = rounds.last() {
+        write_csv(&round.draws, &folder.path().join("chain.csv"))?;
+    }
+    folder.write_json("model.json", &resolved(model)?)?;
+    let report = numbers::report(model, rounds, seed);
+    folder.write_json("report.json", &report)?;
+    let files = rounds
+        .last()
+        .map(|r| &r.prepared.observation.field.files[..])
+        .unwrap_or_default();
+    let manifest = folder.write_manifest(model, files, seed)?;
+    let rounds: Vec<&Round> = rounds.iter().collect();
+    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }
 
 /// What a resumed run must share with the one that was interrupted.

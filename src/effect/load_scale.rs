@@ -13,7 +13,7 @@ impl Effect for LoadScale {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "percent",
-            plausible: Some(1.0),
+            plausible: Some(0.5),
             bound: 99.0,
         }]
     }

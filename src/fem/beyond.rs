@@ -33,6 +33,9 @@ pub struct Nearby {
 /// Fewest and most nodes that a cubic is fitted to; it has ten coefficients.
 const NODES: [usize; 2] = [40, 160];
 
+/// Half the elements over which a patch reaches, with room for rounding: five lines of nodes determine a cubic.
+const ELEMENTS: f64 = 1.05;
+
 impl Nearby {
     /// Index the nodes of a mesh.
     pub fn new(mesh: &Mesh) -> Self {
@@ -42,14 +45,18 @@ impl Nearby {
         }
     }
 
-    /// The cubic fitted by least squares to the nodes about the one nearest to `point`, as far as twice the distance
-    /// to it, at `point`. An element's own polynomial would carry its errors many element lengths: at the hole the elements
-    /// are far smaller than the way.
-    pub fn patch(&self, point: [f64; 2]) -> Patch {
-        let Some(nearest) = self.tree.nearest_neighbor(point).map(|n| *n.geom()) else {
-            return Patch { nodes: Vec::new() };
-        };
-        let reach = 2.0 * distance(nearest, point);
+    /// The node nearest to a point.
+    pub fn nearest(&self, point: [f64; 2]) -> [f64; 2] {
+        self.tree
+            .nearest_neighbor(point)
+            .map_or(point, |node| *node.geom())
+    }
+
+    /// The cubic fitted by least squares to the nodes about the `nearest` one, as far as twice the distance to it or two
+    /// elements (of extent `size`, mm), at `point`. An element's own polynomial would carry its errors many element
+    /// lengths: at the hole the elements are far smaller than the way.
+    pub fn patch(&self, point: [f64; 2], nearest: [f64; 2], size: f64) -> Patch {
+        let reach = 2.0 * distance(nearest, point).max(ELEMENTS * size);
         let around: Vec<([f64; 2], u32)> = self
             .tree
             .nearest_neighbor_iter(nearest)

@@ -119,7 +119,11 @@ impl<'a> Locator<'a> {
             return self.observer(places, Vec::new());
         }
         let nearby = Nearby::new(self.mesh);
-        let patches = outside.par_iter().map(|&p| nearby.patch(p)).collect();
+        let patch = |&p: &[f64; 2]| {
+            let nearest = nearby.nearest(p);
+            nearby.patch(p, nearest, self.size_at(nearest))
+        };
+        let patches = outside.par_iter().map(patch).collect();
         let mut next = 0;
         let places = spots
             .into_iter()
@@ -134,6 +138,17 @@ impl<'a> Locator<'a> {
             })
             .collect();
         self.observer(places, patches)
+    }
+
+    /// Largest extent along either direction of the elements that meet at a point of the mesh, mm.
+    fn size_at(&self, point: [f64; 2]) -> f64 {
+        self.tree
+            .locate_in_envelope_intersecting(AABB::from_point(point))
+            .map(|envelope| {
+                let (low, high) = (envelope.bounds.lower(), envelope.bounds.upper());
+                (high[0] - low[0]).max(high[1] - low[1])
+            })
+            .fold(0.0, f64::max)
     }
 
     fn observer(&self, places: Vec<Place>, patches: Vec<Patch>) -> Observer {

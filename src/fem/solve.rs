@@ -74,7 +74,7 @@ impl<'a> Factor<'a> {
         self.factorise_with(self.assembly.nominal(), a)
     }
 
-    /// The same with the integrals of another mesh of the same connectivity ([`Assembly::integrals`]).
+    /// The same with the integrals of another mesh of the same connectivity, from the plate's assembly.
     pub fn factorise_with(&mut self, integrals: &[[f64; 4]], a: &Membrane) -> Result<()> {
         self.assembly.refill(integrals, a, &mut self.values);
         let k = SparseColMatRef::new(self.assembly.pattern(), &self.values);

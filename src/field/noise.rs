@@ -46,11 +46,12 @@ pub fn white(field: &Field) -> WhiteNoise {
         })
         .collect();
     let sd_mm = [0, 1].map(|k| truncated_sd(&scaled.iter().map(|r| r[k]).collect::<Vec<_>>()));
-    // neighbouring residuals share points: half as much variance again as of as many independent ones on a lattice
+    // on a lattice neighbouring residuals share points (half as much variance again as of as many independent ones),
+    // and what is cut at three sd costs a sixth more
     let n = centers.len().max(NEIGHBOURS) as f64;
     WhiteNoise {
         sd_mm,
-        relative_error: (1.5 / (2.0 * n)).sqrt(),
+        relative_error: (1.75 / (2.0 * n)).sqrt(),
         points: centers.len(),
     }
 }

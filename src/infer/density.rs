@@ -14,11 +14,16 @@ pub trait LogDensity: Sync {
     /// Log density at one point, `x.len() == dim()`.
     fn log_density(&self, x: &[f64]) -> f64;
 
-    /// Log density at several points, row by row (`xs.len() == dim() * out.len()`). The result must not depend
-    /// on how points are grouped into calls.
+    /// Log density at several points, parameter by parameter: parameter k of point i is `xs[k * out.len() + i]`. The
+    /// result must not depend on how points are grouped into calls.
     fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
-        for (x, value) in xs.chunks_exact(self.dim()).zip(out) {
-            *value = self.log_density(x);
+        let mut point = vec![0.0; self.dim()];
+        let count = out.len();
+        for (i, value) in out.iter_mut().enumerate() {
+            for (k, x) in point.iter_mut().enumerate() {
+                *x = xs[k * count + i];
+            }
+            *value = self.log_density(&point);
         }
     }
 }

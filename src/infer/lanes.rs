@@ -1,14 +1,14 @@
 //! Several points at once: the arithmetic that the compiler turns into vector instructions.
 
 /// Points evaluated together.
-pub(super) const WIDTH: usize = 16;
+pub(crate) const WIDTH: usize = 16;
 
 /// One number for each of [`WIDTH`] points.
-pub(super) type Lanes = [f64; WIDTH];
+pub(crate) type Lanes = [f64; WIDTH];
 
 /// A number for every lane, computed by the same expression.
 #[inline(always)]
-pub(super) fn each(f: impl Fn(usize) -> f64) -> Lanes {
+pub(crate) fn each(f: impl Fn(usize) -> f64) -> Lanes {
     let mut out = [0.0; WIDTH];
     for (lane, value) in out.iter_mut().enumerate() {
         *value = f(lane);
@@ -19,7 +19,7 @@ pub(super) fn each(f: impl Fn(usize) -> f64) -> Lanes {
 /// Natural logarithm of a positive normal number, to 1 ulp, without branches or tables (fdlibm's `e_log.c`), so that a
 /// loop over it vectorises. Zero, negative, subnormal and infinite arguments give a finite number without meaning.
 #[inline(always)]
-pub(super) fn ln(x: f64) -> f64 {
+pub(crate) fn ln(x: f64) -> f64 {
     const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
     const ONE: u64 = 0x3ff0_0000_0000_0000;
     const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
@@ -43,9 +43,70 @@ pub(super) fn ln(x: f64) -> f64 {
     s * (half + (odd + even)) + k * LN2_LOW - half + f + k * LN2_HIGH
 }
 
+/// Sine and cosine of 2 pi times a number of [0, 1] to 1e-15, without branches (fdlibm's `k_sin.c` and `k_cos.c` on the
+/// nearest quarter of a turn).
+#[inline(always)]
+pub(crate) fn sin_cos_turns(turns: f64) -> (f64, f64) {
+    // 1.5 x 2^52: adding it leaves the nearest whole number in the mantissa.
+    const CARRIER: f64 = 6_755_399_441_055_744.0;
+    let carried = 4.0 * turns + CARRIER;
+    let quarter = carried.to_bits();
+    let x = (turns - 0.25 * (carried - CARRIER)) * std::f64::consts::TAU;
+    let z = x * x;
+    let sin = x + x
+        * z
+        * (-1.666_666_666_666_663_2e-1
+            + z * (8.333_333_333_322_49e-3
+                + z * (-1.984_126_982_985_795e-4
+                    + z * (2.755_731_370_707_007e-6
+                        + z * (-2.505_076_025_340_686e-8 + z * 1.589_690_995_211_55e-10)))));
+    let cos = 1.0 - 0.5 * z
+        + z * z
+            * (4.166_666_666_666_66e-2
+                + z * (-1.388_888_888_887_411e-3
+                    + z * (2.480_158_728_947_673e-5
+                        + z * (-2.755_731_435_139_066_3e-7
+                            + z * (2.087_572_321_298_175e-9 - z * 1.135_964_755_778_819_5e-11)))));
+    let (a, b) = if quarter & 1 == 1 {
+        (cos, sin)
+    } else {
+        (sin, cos)
+    };
+    (
+        f64::from_bits(a.to_bits() ^ ((quarter & 2) << 62)),
+        f64::from_bits(b.to_bits() ^ ((quarter.wrapping_add(1) & 2) << 62)),
+    )
+}
+
+/// Natural logarithms, in place, as [`ln`] has them.
+pub(crate) fn ln_all(values: &mut [f64]) {
+    struct All<'a>(&'a mut [f64]);
+    impl pulp::WithSimd for All<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: pulp::Simd>(self, _simd: S) {
+            self.0.iter_mut().for_each(|v| *v = ln(*v));
+        }
+    }
+    pulp::Arch::new().dispatch(All(values));
+}
+
 #[cfg(test)]
 mod tests {
-    use super::ln;
+    use super::{ln, sin_cos_turns};
+
+    #[test]
+    fn sine_and_cosine_are_exact_to_1e_15() {
+        for k in 0..=10_000 {
+            let turns = f64::from(k) / 10_000.0;
+            let (sin, cos) = sin_cos_turns(turns);
+            let (s, c) = (std::f64::consts::TAU * turns).sin_cos();
+            assert!(
+                (sin - s).abs() < 1e-15 && (cos - c).abs() < 1e-15,
+                "{turns}"
+            );
+        }
+    }
 
     #[test]
     fn the_logarithm_is_exact_to_an_ulp_or_two() {

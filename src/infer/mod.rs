@@ -3,7 +3,7 @@
 mod density;
 pub mod forward;
 mod kernel;
-mod lanes;
+pub(crate) mod lanes;
 mod laplace;
 mod likelihood;
 mod linear;
@@ -25,7 +25,7 @@ pub use density::LogDensity;
 pub use laplace::{Laplace, laplace};
 pub use likelihood::Likelihood;
 pub use model::{LikelihoodSpec, Model, ModelFile, ParameterSpec, SCHEMA};
-pub use noise::{Noise, component};
+pub use noise::{Discrepancy, Noise, component};
 pub use observation::{Columns, Observation};
 pub use posterior::{NOISE, Posterior};
 pub use prior::{Marginal, PriorSpec};

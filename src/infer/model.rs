@@ -234,11 +234,9 @@ impl Model {
         Ok(problem)
     }
 
-    /// The DoE box: declared bounds, or the priors' means +- 3 sd (never below a quarter of a modulus' mean), the
-    /// thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
-    fn dimensions(&self) -> Result<Vec<Dimension>> {
-        let mut dimensions: Vec<Dimension> = self
-            .constants()
+    /// The priors' means +- 3 sd, never below a quarter of a modulus' mean.
+    pub fn prior_box(&self) -> Vec<Dimension> {
+        self.constants()
             .iter()
             .zip(self.marginals())
             .map(|(name, m)| {
@@ -254,7 +252,12 @@ impl Model {
                     high: m.mean + BOX_SDS * m.sd,
                 }
             })
-            .collect();
+            .collect()
+    }
+
+    /// The DoE box: declared bounds, or [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
+    fn dimensions(&self) -> Result<Vec<Dimension>> {
+        let mut dimensions = self.prior_box();
         let thickness = self.file.specimen.thickness_mm;
         if thickness.sd > 0.0 {
             dimensions.push(Dimension {

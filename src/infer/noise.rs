@@ -7,7 +7,7 @@ use super::settings::{Component, Local};
 use crate::error::{Error, Result};
 use crate::field::noise::Leftover;
 use crate::field::reml::{Contrasts, Reml};
-use crate::field::{BlockCovariance, Blocks, Field, noise};
+use crate::field::{BlockCovariance, Blocks, Field, Matern, noise};
 use crate::quantity::NM_PER_MM;
 
 /// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, mm at least.
@@ -33,6 +33,17 @@ pub struct Noise {
     pub white_mm: [f64; 2],
     /// Effective number of independent points of both components.
     pub effective_points: f64,
+}
+
+/// Smooth structure of one component that the model lacks, as a covariance of block averages.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Discrepancy {
+    /// Correlation length (Matern-3/2), mm.
+    pub length_mm: f64,
+    /// Its variance over the white variance of a block average.
+    pub ratio: f64,
+    /// Scale s^2, mm^2.
+    pub scale2: f64,
 }
 
 impl Noise {
@@ -85,6 +96,22 @@ impl Noise {
         })
     }
 
+    /// The same noise with a smooth discrepancy of the model in place of the correlated part, where a component has one.
+    ///
+    /// # Errors
+    /// Of the program, if a covariance is not positive definite.
+    pub fn with(mut self, discrepancy: &[Option<Discrepancy>; 2]) -> Result<Self> {
+        for (c, found) in discrepancy.iter().enumerate() {
+            let Some(d) = found else { continue };
+            let matern = Matern::new(&self.blocks, d.length_mm);
+            self.covariance[c] = BlockCovariance::new(&self.blocks, &matern, d.ratio)?;
+            self.scale2[c] = d.scale2;
+        }
+        let effective = |c: usize| self.covariance[c].effective_points();
+        self.effective_points = effective(0) + effective(1);
+        Ok(self)
+    }
+
     /// Sd of a point's noise in nm, white and correlated parts together.
     pub fn point_sd_nm(&self, c: usize) -> f64 {
         (0.5 * self.log_variance[c].0).exp() * NM_PER_MM
@@ -106,14 +133,6 @@ impl Noise {
         2.0 / relative
     }
 
-    /// Summary.
-    pub fn summary(&self) -> [[f64; 3]; 2] {
-        [0, 1].map(|c| {
-            let b = self.reml[c].best;
-            [b.length_mm, b.ratio, self.white_mm[c] * NM_PER_MM]
-        })
-    }
-
     /// Whitened block averages of one component of some columns, at the estimated scale.
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].whiten(columns) / self.scale2[c].sqrt()
@@ -121,7 +140,7 @@ impl Noise {
 
     /// The inverse of [`Noise::whiten`].
     pub fn colour(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
-        self.covariance[c].colour(columns) * self.reml[c].best.scale2.sqrt()
+        self.covariance[c].colour(columns) * self.scale2[c].sqrt()
     }
 }
 

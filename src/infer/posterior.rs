@@ -82,6 +82,21 @@ impl Posterior {
         whole
     }
 
+    /// The same density with other priors of the parameters without the noise, in their order.
+    #[must_use]
+    pub fn with_marginals(&self, marginals: Vec<Marginal>) -> Self {
+        let normalisation = |m: &[Marginal]| m.iter().map(Marginal::log_normalisation).sum::<f64>();
+        let mut other = self.clone();
+        other.constant += normalisation(&marginals) - normalisation(&self.marginals);
+        other.marginals = marginals;
+        other
+    }
+
+    /// Whether a point (its first parameters are the elastic constants) is an admissible ply.
+    pub fn is_admissible(&self, theta: &[f64]) -> bool {
+        self.material.ply(theta).is_admissible()
+    }
+
     /// Priors of the parameters without the noise.
     pub fn marginals(&self) -> &[Marginal] {
         &self.marginals
@@ -127,12 +142,23 @@ impl Posterior {
                 *log -= freedom * 0.5 / (s * s) + (freedom + 1.0) * ln(s);
             }
         }
-        for (l, (log, &s)) in log.iter_mut().zip(scale).enumerate() {
-            let ply = match self.material {
-                Material::Laminate => self.material.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]),
-                Material::Isotropic => self.material.ply(&[x(0, l), x(1, l)]),
-            };
-            let possible = ply.is_admissible() & (f64::MIN_POSITIVE..f64::INFINITY).contains(&s);
+        // A loop for each material, and no branch in either, so that they vectorise.
+        let mut possible = [true; N];
+        match self.material {
+            Material::Laminate => {
+                for (l, possible) in possible.iter_mut().enumerate() {
+                    let ply = Material::Laminate.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]);
+                    *possible = ply.is_admissible();
+                }
+            }
+            Material::Isotropic => {
+                for (l, possible) in possible.iter_mut().enumerate() {
+                    *possible = Material::Isotropic.ply(&[x(0, l), x(1, l)]).is_admissible();
+                }
+            }
+        }
+        for ((log, &s), &possible) in log.iter_mut().zip(scale).zip(&possible) {
+            let possible = possible & (f64::MIN_POSITIVE..f64::INFINITY).contains(&s);
             *log = if possible { *log } else { f64::NEG_INFINITY };
         }
         log
@@ -233,16 +259,22 @@ impl pulp::WithSimd for Many<'_> {
             xs,
             out,
         } = self;
-        let dim = posterior.dim();
-        scratch.points.resize(dim, [1.0; WIDTH]);
-        for (points, out) in xs.chunks(dim * WIDTH).zip(out.chunks_mut(WIDTH)) {
-            for (lane, point) in points.chunks_exact(dim).enumerate() {
-                for (x, value) in scratch.points.iter_mut().zip(point) {
-                    x[lane] = *value;
+        scratch.points.resize(posterior.dim(), [1.0; WIDTH]);
+        let count = out.len();
+        for first in (0..count).step_by(WIDTH) {
+            let some = first..(first + WIDTH).min(count);
+            for (k, x) in scratch.points.iter_mut().enumerate() {
+                let column = &xs[k * count..(k + 1) * count];
+                match column[first..].first_chunk() {
+                    Some(whole) => *x = *whole,
+                    None => x[..some.len()].copy_from_slice(&column[some.clone()]),
                 }
             }
             let values = posterior.lanes(simd, scratch);
-            out.copy_from_slice(&values[..out.len()]);
+            match out[first..].first_chunk_mut() {
+                Some(whole) => *whole = values,
+                None => out[some.clone()].copy_from_slice(&values[..some.len()]),
+            }
         }
     }
 }

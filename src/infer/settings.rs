@@ -38,6 +38,10 @@ const LOCALISED: f64 = 0.4;
 /// Settings of smaller posterior probability are left out of the covariance.
 const NEGLIGIBLE: f64 = 0.01;
 
+/// Error of the logarithm of the variance that local differences see of correlated noise whose correlation has not
+/// quite Matern's shape.
+const SHAPE_ERROR: f64 = 0.5;
+
 /// One setting with everything that is known at it.
 #[derive(Clone, Copy)]
 struct Weighed {
@@ -98,7 +102,9 @@ impl Search<'_> {
         let nbar = self.blocks.mean_count();
         let seen = nbar + setting.ratio * fraction;
         let expected = (self.local.variance / seen).max(f64::MIN_POSITIVE).ln();
-        let precision = self.local.error.powi(-2);
+        // Real noise need not be Matern's at distances far below its length: the blocks decide over its correlated part.
+        let share = setting.ratio * fraction / seen;
+        let precision = 1.0 / (self.local.error.powi(2) + (SHAPE_ERROR * share).powi(2));
         let profile = setting.scale2.ln();
         let mut x = profile;
         let mut curvature = 0.5 * nu;
@@ -116,7 +122,8 @@ impl Search<'_> {
                 ..*setting
             },
             log_variance: (x + (nbar + setting.ratio).ln(), 1.0 / curvature),
-            log_density: setting.log_likelihood - lost - penalty - 0.5 * curvature.ln(),
+            log_density: setting.log_likelihood - lost - penalty
+                + 0.5 * (precision / curvature).ln(),
         }
     }
 
@@ -264,9 +271,9 @@ impl Search<'_> {
     }
 }
 
-/// Logarithms of the lengths (0.2 to 2 mm), and the shares, between which correlated noise is sought.
+/// Logarithms of the lengths (0.2 to 1.5 mm), and the shares, between which correlated noise is sought.
 const LOW: [f64; 2] = [-1.609, -6.0];
-const HIGH: [f64; 2] = [0.693, 6.0];
+const HIGH: [f64; 2] = [0.405, 6.0];
 
 /// The lattice is not made coarser than this.
 const LARGEST_STEP: [f64; 2] = [0.3, 1.5];

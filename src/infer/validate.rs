@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::model::{ModelFile, SCHEMA};
 use super::prior::PriorSpec;
-use crate::effect::{self, Effect, Kind, Scene};
+use crate::effect::{self, Effect, Scene};
 use crate::error::{Error, Result};
 
 /// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
@@ -148,16 +148,6 @@ pub fn validate_effects(effects: &[&'static dyn Effect], scene: &Scene) -> Resul
         if let Some(reason) = effect.obstacle(scene) {
             let expected = format!("effects that can act, which this one cannot: {reason}");
             return Err(Error::input("effects", expected).found(effect.name()));
-        }
-        // Its parameters are a place and whole numbers: no column, and no dimension of the snapshots.
-        if effect.kind() == Kind::Recorded
-            && effect.parameters().iter().any(|p| p.plausible.is_none())
-        {
-            return Err(
-                Error::input("effects", "effects that can be parameters of a model")
-                    .found(effect.name())
-                    .hint("a region of the residual is found, not declared"),
-            );
         }
     }
     Ok(())

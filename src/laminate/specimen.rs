@@ -117,6 +117,7 @@ impl Material {
     }
 
     /// The ply of the given constants, in border units and the order of [`Material::constants`].
+    #[inline(always)]
     pub fn ply(self, constants: &[f64]) -> Ply {
         let mpa = quantity::MPA_PER_GPA;
         match self {

@@ -11,6 +11,7 @@ mod sheet;
 pub mod tables;
 pub mod terminal;
 pub mod traced;
+pub mod validation;
 
 pub use cells::Cells;
 pub use figures::{Figure, Palette};

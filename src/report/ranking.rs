@@ -233,6 +233,22 @@ pub fn closed(closed: &Closed) -> String {
         .collect();
     text += "\n";
     text += &table(&header, &rows);
+    if let Some(round) = &closed.honest {
+        text += "\nthe last model with the unexplained structure as a correlated discrepancy\n\n";
+        let rows: Vec<Vec<String>> = round
+            .verdict
+            .rows
+            .iter()
+            .map(|r| {
+                vec![
+                    r.name.clone(),
+                    significant(r.mean, r.sd),
+                    significant(r.sd, r.sd),
+                ]
+            })
+            .collect();
+        text += &table(&["", "mean", "sd"], &rows);
+    }
     text += &averaged(&last.tracing, closed.steps.first());
     let _ = writeln!(
         text,

@@ -16,6 +16,7 @@ pub fn report(closed: &Closed, seed: u64) -> Value {
         "seed": seed,
         "rounds": steps.iter().map(step).collect::<Vec<_>>(),
         "averaged_posterior": averaged(&last.tracing.averaged),
+        "with_discrepancy": closed.honest.as_ref().map(|round| round_numbers(&last.model, round)),
         "blind_spots": blind_spots(&last.tracing),
         "before_after": before_after(steps),
         "verdict": {

@@ -141,14 +141,14 @@ impl Sampler for Adaptive {
             step: 0,
             x,
             lp,
-            drawn: vec![0],
+            drawn: 0,
             memory,
         })
     }
 
     fn advance(&self, target: &dyn LogDensity, key: Key, span: Span, state: &mut State) -> Block {
         let dim = target.dim();
-        let mut rng = Stream::at(key, 0, state.drawn[0]);
+        let mut rng = Stream::at(key, 0, state.drawn);
         let mut tally = Tally::default();
         let mut block = Block {
             accepted: vec![0],
@@ -182,7 +182,7 @@ impl Sampler for Adaptive {
                 block.lp.extend_from_slice(&state.lp);
             }
         }
-        state.drawn[0] = rng.used();
+        state.drawn = rng.used();
         tally.into_block(block)
     }
 }
@@ -257,7 +257,7 @@ impl Adaptive {
         trial.first.copy_from_slice(x);
         add_lower(lower, &trial.z, 1.0, &mut trial.first);
         let first = tally.evaluate(target, &trial.first, 0);
-        if accept(*lp, first, 0.0, rng) {
+        if accept(*lp, first, 0.0, rng.log_uniform()) {
             x.copy_from_slice(&trial.first);
             *lp = first;
             tally.accepted[0] += 1;
@@ -279,7 +279,7 @@ impl Adaptive {
         // log of q1(y2 -> y1) (1 - a1(y2, y1)) / (q1(x -> y1) (1 - a1(x, y1))): Haario et al. 2006, Eq. 3.
         let factor =
             0.5 * (from_x - from_second) + log_refused(second, first) - log_refused(*lp, first);
-        if accept(*lp, second, factor, rng) {
+        if accept(*lp, second, factor, rng.log_uniform()) {
             x.copy_from_slice(&trial.second);
             *lp = second;
             tally.accepted[1] += 1;

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::reduce::cache::hex;
 
 /// Version of the file's format.
-pub const FORMAT: &str = "plychain-checkpoint/1";
+pub const FORMAT: &str = "plychain-checkpoint/2";
 
 /// How far warm-up has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,7 +57,7 @@ struct Saved {
     step: u64,
     x: Vec<u64>,
     lp: Vec<u64>,
-    drawn: Vec<u64>,
+    drawn: u64,
     memory: Vec<u64>,
 }
 
@@ -87,7 +87,7 @@ impl Checkpoint {
             step: s.step,
             x: bits(&s.x),
             lp: bits(&s.lp),
-            drawn: s.drawn.clone(),
+            drawn: s.drawn,
             memory: bits(&s.memory),
         });
         let totals = self.totals.iter().map(|t| Totals {
@@ -149,7 +149,7 @@ impl Checkpoint {
             step: s.step,
             x: floats(&s.x),
             lp: floats(&s.lp),
-            drawn: s.drawn.clone(),
+            drawn: s.drawn,
             memory: floats(&s.memory),
         });
         let totals = file.totals.iter().map(|t| Block {

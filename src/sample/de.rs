@@ -1,8 +1,8 @@
 //! Differential evolution, ter Braak (2006), Stat. Comput. 16, 239, on the two halves of an ensemble (Nelson, Ford,
 //! Payne 2014).
 
-use super::moves::{Fit, Move, Others};
-use super::stream::Stream;
+use super::moves::{Fit, Move, Walkers};
+use super::numbers::{Needs, Numbers, pick};
 
 /// y = x + gamma (z1 - z2) with z1, z2 two walkers of the complementary half; symmetric, so the factor is 1.
 #[derive(Debug, Clone, Copy)]
@@ -34,25 +34,33 @@ impl Move for De {
         2
     }
 
+    fn needs(&self, _dim: usize, _others: usize) -> Needs {
+        Needs {
+            uniforms: 3,
+            normals: 1,
+        }
+    }
+
     fn propose(
         &self,
-        x: &[f64],
-        others: Others<'_>,
-        _fit: &mut Fit,
-        rng: &mut Stream,
+        own: Walkers<'_>,
+        others: Walkers<'_>,
+        _fit: &Fit,
+        numbers: &Numbers,
         y: &mut [f64],
-    ) -> f64 {
-        let [first, second] = others.pick(rng);
-        let gamma = if rng.uniform() < self.jump {
-            1.0
-        } else {
-            self.scale * 2.38 / (2.0 * x.len() as f64).sqrt()
-        };
-        let gamma = gamma * (1.0 + self.jitter * rng.normal());
-        let (z1, z2) = (others.point(first), others.point(second));
-        for (k, y) in y.iter_mut().enumerate() {
-            *y = x[k] + gamma * (z1[k] - z2[k]);
+        factor: &mut [f64],
+    ) {
+        let usual = self.scale * 2.38 / (2.0 * own.dim() as f64).sqrt();
+        for walker in 0..own.count() {
+            let u = |k| numbers.uniform(k)[walker];
+            let [first, second] = pick([u(0), u(1)], others.count());
+            let gamma = if u(2) <= self.jump { 1.0 } else { usual };
+            let gamma = gamma * (1.0 + self.jitter * numbers.normal(0)[walker]);
+            let columns = own.columns().zip(others.columns());
+            for ((x, z), y) in columns.zip(y.chunks_exact_mut(own.count())) {
+                y[walker] = x[walker] + gamma * (z[first] - z[second]);
+            }
         }
-        0.0
+        factor.fill(0.0);
     }
 }

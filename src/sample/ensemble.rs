@@ -2,7 +2,8 @@
 //! Algorithm 3), and the one place where proposals are accepted or rejected.
 
 use super::mixture::Mixture;
-use super::moves::{Fit, Move, Others};
+use super::moves::{Fit, Move, Walkers};
+use super::numbers::Numbers;
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
 use crate::chain::MoveTally;
@@ -71,38 +72,81 @@ impl Sampler for Ensemble {
             step: 0,
             x,
             lp,
-            drawn: vec![0; walkers + 1],
+            drawn: 0,
             memory: Vec::new(),
         })
     }
 
     fn advance(&self, target: &dyn LogDensity, key: Key, span: Span, state: &mut State) -> Block {
         let (dim, walkers) = (target.dim(), state.lp.len());
-        let mut streams: Vec<Stream> = (0..=walkers)
-            .map(|lane| Stream::at(key, lane as u64, state.drawn[lane]))
-            .collect();
+        let mut halves = Half::split(state, dim);
         let mut scratch = Scratch::new(dim, walkers / 2);
         let mut block = self.block(walkers);
         let kept = span.steps / span.thin.max(1);
         block.x.reserve_exact(kept * walkers * dim);
         block.lp.reserve_exact(kept * walkers);
         for step in 1..=span.steps {
-            let chosen = self.mixture.choose(streams[walkers].uniform());
+            let mut own = Stream::at(key, walkers as u64, 2 * state.drawn);
+            let chosen = self.mixture.choose(own.uniform());
             let kernel = &*self.mixture.parts()[chosen].0;
-            for second in [false, true] {
-                scratch.update(target, kernel, second, state, &mut streams);
-                scratch.count(chosen, second, &mut block);
+            let needs = kernel.needs(dim, walkers / 2);
+            for moving in 0..2 {
+                let first = (moving * walkers / 2) as u64;
+                scratch.numbers.draw(key, first, state.drawn, needs);
+                scratch.update(target, kernel, &mut halves, moving);
+                scratch.count(chosen, moving, &mut block);
             }
+            state.drawn += needs.places() as u64;
             state.step += 1;
             if step.is_multiple_of(span.thin.max(1)) {
-                block.x.extend_from_slice(&state.x);
-                block.lp.extend_from_slice(&state.lp);
+                Half::keep(&halves, &mut block);
             }
         }
-        for (drawn, stream) in state.drawn.iter_mut().zip(&streams) {
-            *drawn = stream.used();
-        }
+        Half::join(&halves, state);
         block
+    }
+}
+
+/// One half of the walkers, parameter by parameter.
+struct Half {
+    x: Vec<f64>,
+    lp: Vec<f64>,
+}
+
+impl Half {
+    fn split(state: &State, dim: usize) -> [Self; 2] {
+        let half = state.lp.len() / 2;
+        [0, half].map(|first| Self {
+            x: (0..dim * half)
+                .map(|at| state.x[(first + at % half) * dim + at / half])
+                .collect(),
+            lp: state.lp[first..first + half].to_vec(),
+        })
+    }
+
+    fn join(halves: &[Self; 2], state: &mut State) {
+        let half = state.lp.len() / 2;
+        let dim = state.x.len() / state.lp.len();
+        for (which, own) in halves.iter().enumerate() {
+            let first = which * half;
+            state.lp[first..first + half].copy_from_slice(&own.lp);
+            for (at, value) in own.x.iter().enumerate() {
+                state.x[(first + at % half) * dim + at / half] = *value;
+            }
+        }
+    }
+
+    fn keep([a, b]: &[Self; 2], block: &mut Block) {
+        for (a, b) in a.walkers().columns().zip(b.walkers().columns()) {
+            block.x.extend_from_slice(a);
+            block.x.extend_from_slice(b);
+        }
+        block.lp.extend_from_slice(&a.lp);
+        block.lp.extend_from_slice(&b.lp);
+    }
+
+    fn walkers(&self) -> Walkers<'_> {
+        Walkers::new(&self.x, self.lp.len())
     }
 }
 
@@ -124,8 +168,6 @@ impl Ensemble {
 
 /// Room for one half-step.
 struct Scratch {
-    dim: usize,
-    half: usize,
     y: Vec<f64>,
     factor: Vec<f64>,
     lp: Vec<f64>,
@@ -133,13 +175,12 @@ struct Scratch {
     evaluated: bool,
     nan: u64,
     fit: Fit,
+    numbers: Numbers,
 }
 
 impl Scratch {
     fn new(dim: usize, half: usize) -> Self {
         Self {
-            dim,
-            half,
             y: vec![0.0; half * dim],
             factor: vec![0.0; half],
             lp: vec![0.0; half],
@@ -147,66 +188,67 @@ impl Scratch {
             evaluated: false,
             nan: 0,
             fit: Fit::new(dim),
+            numbers: Numbers::new(half),
         }
     }
 
-    /// Updates one half of the walkers with the other fixed.
+    /// Updates the `moving` half of the walkers with the other fixed.
     fn update(
         &mut self,
         target: &dyn LogDensity,
         kernel: &dyn Move,
-        second: bool,
-        state: &mut State,
-        streams: &mut [Stream],
+        halves: &mut [Half; 2],
+        moving: usize,
     ) {
-        let dim = self.dim;
-        let (a, b) = state.x.split_at_mut(self.half * dim);
-        let (own, other) = if second { (b, a) } else { (a, b) };
-        let first = if second { self.half } else { 0 };
-        let streams = &mut streams[first..first + self.half];
-        let lp = &mut state.lp[first..first + self.half];
-        let others = Others::new(other, dim);
+        let [a, b] = halves;
+        let (own, others) = if moving == 0 { (a, &*b) } else { (b, &*a) };
         self.nan = 0;
         self.moved.fill(false);
-        self.evaluated = kernel.fit(others, &mut self.fit);
+        self.evaluated = kernel.fit(others.walkers(), &mut self.fit);
         if !self.evaluated {
             return;
         }
-        let Self { y, factor, fit, .. } = self;
-        kernel.propose_all(own, others, fit, streams, y, factor);
+        kernel.propose(
+            own.walkers(),
+            others.walkers(),
+            &self.fit,
+            &self.numbers,
+            &mut self.y,
+            &mut self.factor,
+        );
         target.log_density_batch(&self.y, &mut self.lp);
-        for k in 0..self.half {
-            let new = self.lp[k];
-            self.nan += u64::from(new.is_nan() || new == f64::INFINITY);
-            if accept(lp[k], new, self.factor[k], &mut streams[k]) {
-                self.moved[k] = true;
-                lp[k] = new;
-                own[k * dim..(k + 1) * dim].copy_from_slice(&self.y[k * dim..(k + 1) * dim]);
+        let uniforms = self.numbers.log_uniform();
+        for (k, (old, &new)) in own.lp.iter_mut().zip(&self.lp).enumerate() {
+            self.nan += u64::from(new.is_nan() | (new == f64::INFINITY));
+            self.moved[k] = accept(*old, new, self.factor[k], uniforms[k]);
+            *old = if self.moved[k] { new } else { *old };
+        }
+        let columns = own.x.chunks_exact_mut(own.lp.len());
+        for (x, y) in columns.zip(self.y.chunks_exact(own.lp.len())) {
+            for ((x, &y), &moved) in x.iter_mut().zip(y).zip(&self.moved) {
+                *x = if moved { y } else { *x };
             }
         }
     }
 
-    fn count(&self, chosen: usize, second: bool, block: &mut Block) {
-        let first = if second { self.half } else { 0 };
-        let moved = self.moved.iter().filter(|&&m| m).count() as u64;
-        block.moves[chosen].proposed += self.half as u64;
+    fn count(&self, chosen: usize, moving: usize, block: &mut Block) {
+        let half = self.moved.len();
+        let moved = self.moved.iter().map(|&m| u64::from(m)).sum::<u64>();
+        block.moves[chosen].proposed += half as u64;
         block.moves[chosen].accepted += moved;
         block.nan += self.nan;
-        block.evaluations += if self.evaluated { self.half as u64 } else { 0 };
-        for (count, &moved) in block.accepted[first..].iter_mut().zip(&self.moved) {
+        block.evaluations += if self.evaluated { half as u64 } else { 0 };
+        for (count, &moved) in block.accepted[moving * half..].iter_mut().zip(&self.moved) {
             *count += u64::from(moved);
         }
     }
 }
 
-/// Metropolis-Hastings. NaN and +inf count as outside the support; a walker outside it accepts any point inside.
+/// Metropolis-Hastings, with the logarithm of a uniform number on (0, 1]. NaN and +inf count as outside the support; a
+/// walker outside it accepts any point inside.
 #[inline]
-pub(crate) fn accept(old: f64, new: f64, factor: f64, rng: &mut Stream) -> bool {
-    let uniform = rng.uniform();
-    new.is_finite() && !factor.is_nan() && {
-        let log_ratio = factor + new - old;
-        log_ratio >= 0.0 || uniform < log_ratio.exp()
-    }
+pub(crate) fn accept(old: f64, new: f64, factor: f64, log_uniform: f64) -> bool {
+    new.is_finite() & (log_uniform <= factor + new - old)
 }
 
 /// Condition number of the walkers' centred positions, each column scaled to its norm (infinite if one is constant).

@@ -1,5 +1,7 @@
 //! The little linear algebra of the moves: Cholesky factors in row-major slices, no allocation in a loop.
 
+use super::moves::Walkers;
+
 /// Lower Cholesky factor of the `dim` x `dim` row-major matrix `a`, in place (the upper triangle is zeroed). False if
 /// `a` is not positive definite to working precision.
 pub(crate) fn cholesky(a: &mut [f64], dim: usize) -> bool {
@@ -42,25 +44,39 @@ pub(crate) fn whiten(lower: &[f64], r: &mut [f64]) -> f64 {
     sum
 }
 
-/// Mean and scatter matrix (sum of outer products of deviations, lower triangle mirrored) of row-major points.
-pub(crate) fn scatter(points: &[f64], dim: usize, mean: &mut [f64], scatter: &mut [f64]) {
-    let n = (points.len() / dim) as f64;
-    mean.fill(0.0);
-    scatter.fill(0.0);
-    for point in points.chunks_exact(dim) {
-        mean.iter_mut().zip(point).for_each(|(m, x)| *m += x / n);
+/// Mean and scatter matrix (sum of outer products of deviations) of walkers.
+pub(crate) fn scatter(walkers: Walkers<'_>, mean: &mut [f64], scatter: &mut [f64]) {
+    let (dim, n) = (walkers.dim(), walkers.count() as f64);
+    for (mean, x) in mean.iter_mut().zip(walkers.columns()) {
+        *mean = sum(x, |x| x) / n;
     }
-    for point in points.chunks_exact(dim) {
-        for i in 0..dim {
-            let di = point[i] - mean[i];
-            for j in 0..=i {
-                scatter[i * dim + j] += di * (point[j] - mean[j]);
-            }
+    for (i, x) in walkers.columns().enumerate() {
+        for (j, y) in walkers.columns().enumerate().take(i + 1) {
+            let value = sum_of_two(x, y, |x, y| (x - mean[i]) * (y - mean[j]));
+            scatter[i * dim + j] = value;
+            scatter[j * dim + i] = value;
         }
     }
-    for i in 0..dim {
-        for j in 0..i {
-            scatter[j * dim + i] = scatter[i * dim + j];
+}
+
+/// Partial sums side by side, which a processor adds at once.
+const SIDE: usize = 8;
+
+fn sum(x: &[f64], f: impl Fn(f64) -> f64) -> f64 {
+    sum_of_two(x, x, |x, _| f(x))
+}
+
+fn sum_of_two(x: &[f64], y: &[f64], f: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut sums = [0.0; SIDE];
+    let (whole, rest) = x.as_chunks::<SIDE>();
+    let (other, other_rest) = y.as_chunks::<SIDE>();
+    for (x, y) in whole.iter().zip(other) {
+        for k in 0..SIDE {
+            sums[k] += f(x[k], y[k]);
         }
     }
+    for ((sum, x), y) in sums.iter_mut().zip(rest).zip(other_rest) {
+        *sum += f(*x, *y);
+    }
+    sums.iter().sum()
 }

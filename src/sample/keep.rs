@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::checkpoint::{Checkpoint, Warm};
+use super::memory::Memory;
 use super::{Block, State};
-use crate::chain::{Draws, Layout, Store};
+use crate::chain::{Layout, Store};
 use crate::error::{Error, Result};
 use crate::infer::LogDensity;
 
@@ -69,28 +70,26 @@ impl Keeper {
         })
     }
 
-    /// Goes on with an old one: its checkpoint, with all draws put into `memory`. None if there is nothing to go on
+    /// Goes on with an old one: its checkpoint, with all draws put into the `memories` of its ensembles. None if there is nothing to go on
     /// from, because the run was killed before its first flush.
     pub(super) fn reopen(
         keeping: &Keeping,
         layout: Layout,
         target: &dyn LogDensity,
-        memory: &mut Memory,
+        memories: &mut [Memory],
     ) -> Result<Option<(Self, Checkpoint)>> {
         if !keeping.checkpoint.exists() {
             return abandoned(keeping).map(|()| None);
         }
         let checkpoint = Checkpoint::read(&keeping.checkpoint, &keeping.identity)?;
         same_target(keeping, &layout, target, &checkpoint)?;
-        let (walkers, dim) = (layout.walkers, layout.names.len());
         let store = Store::reopen(
             &keeping.store,
             layout,
             keeping.identity.clone(),
             checkpoint.stored,
-            &mut |ensemble, x, lp| memory.push(ensemble, x, lp, walkers, dim),
+            &mut |ensemble, x, lp| memories[ensemble].push(x, lp),
         )?;
-        memory.rows = checkpoint.stored.0;
         let keeper = Self {
             store,
             keeping: keeping.clone(),
@@ -189,120 +188,4 @@ fn same_target(
         }
     }
     Ok(())
-}
-
-/// Draws in memory, at most a given number: beyond it every second one is let go, again and again.
-pub(super) struct Memory {
-    x: Vec<Vec<f64>>,
-    lp: Vec<Vec<f64>>,
-    most: usize,
-    stride: usize,
-    /// Draws of each chain so far, kept or not.
-    pub(super) rows: usize,
-    seen: Vec<usize>,
-}
-
-impl Memory {
-    pub(super) fn new(ensembles: usize, most: usize) -> Self {
-        Self {
-            x: vec![Vec::new(); ensembles],
-            lp: vec![Vec::new(); ensembles],
-            most,
-            stride: 1,
-            rows: 0,
-            seen: vec![0; ensembles],
-        }
-    }
-
-    /// Draws from one kept one to the next.
-    pub(super) fn stride(&self) -> usize {
-        self.stride
-    }
-
-    /// Takes the draws of a span.
-    pub(super) fn take(&mut self, blocks: &[Block], walkers: usize, dim: usize) {
-        let count = blocks.first().map_or(0, |b| b.lp.len() / walkers);
-        for row in 0..count {
-            for (ensemble, block) in blocks.iter().enumerate() {
-                let at = row * walkers..(row + 1) * walkers;
-                let x = &block.x[at.start * dim..at.end * dim];
-                self.push(ensemble, x, &block.lp[at], walkers, dim);
-            }
-        }
-        self.rows += count;
-    }
-
-    /// Takes one draw of all walkers of an ensemble; ensembles come in turn.
-    pub(super) fn push(
-        &mut self,
-        ensemble: usize,
-        x: &[f64],
-        lp: &[f64],
-        walkers: usize,
-        dim: usize,
-    ) {
-        self.seen[ensemble] += 1;
-        if !self.seen[ensemble].is_multiple_of(self.stride) {
-            return;
-        }
-        self.x[ensemble].extend_from_slice(x);
-        self.lp[ensemble].extend_from_slice(lp);
-        let last = ensemble + 1 == self.x.len();
-        if last && self.lp.iter().map(Vec::len).sum::<usize>() > self.most {
-            self.halve(walkers, dim);
-        }
-    }
-
-    /// Keeps the draws that the doubled stride would have kept.
-    fn halve(&mut self, walkers: usize, dim: usize) {
-        for (values, width) in self
-            .x
-            .iter_mut()
-            .map(|x| (x, walkers * dim))
-            .chain(self.lp.iter_mut().map(|lp| (lp, walkers)))
-        {
-            let rows = values.len() / width / 2;
-            for row in 0..rows {
-                values.copy_within((2 * row + 1) * width..(2 * row + 2) * width, row * width);
-            }
-            values.truncate(rows * width);
-        }
-        self.stride *= 2;
-    }
-
-    /// What is kept, chain by chain.
-    pub(super) fn draws(&self, names: &[String], walkers: usize) -> Result<Draws> {
-        let blocks: Vec<(&[f64], &[f64])> = self
-            .x
-            .iter()
-            .zip(&self.lp)
-            .map(|(x, lp)| (&**x, &**lp))
-            .collect();
-        collect(names, walkers, &blocks)
-    }
-}
-
-/// Brings positions and log densities from [draw][walker] to [chain][draw].
-pub(super) fn collect(
-    names: &[String],
-    walkers: usize,
-    blocks: &[(&[f64], &[f64])],
-) -> Result<Draws> {
-    let dim = names.len();
-    let total: usize = blocks.iter().map(|(_, lp)| lp.len()).sum();
-    let mut values = Vec::with_capacity(total * dim);
-    let mut all = Vec::with_capacity(total);
-    for (x, lp) in blocks {
-        let draws = lp.len() / walkers;
-        for walker in 0..walkers {
-            for row in (0..draws).map(|draw| draw * walkers + walker) {
-                values.extend_from_slice(&x[row * dim..(row + 1) * dim]);
-                all.push(lp[row]);
-            }
-        }
-    }
-    let ensemble = (0..walkers * blocks.len())
-        .map(|chain| chain / walkers)
-        .collect();
-    Draws::new(names.to_vec(), ensemble, values, all)
 }

@@ -11,8 +11,10 @@ mod ensemble;
 mod gaussian;
 mod independence;
 mod keep;
+mod memory;
 mod mixture;
 mod moves;
+mod numbers;
 mod run;
 mod schedule;
 mod snooker;
@@ -27,7 +29,8 @@ pub use ensemble::Ensemble;
 pub use independence::{Independence, Tail};
 pub use keep::Keeping;
 pub use mixture::{MOVES, Mixture, MoveEntry};
-pub use moves::{Fit, Move, Others};
+pub use moves::{Fit, Move, Walkers};
+pub use numbers::{Needs, Numbers};
 pub use run::{run, run_kept};
 pub use schedule::{Outcome, Phase, Progress, Quiet, Report, Schedule, Stop, Stopped};
 pub use snooker::Snooker;
@@ -48,8 +51,8 @@ pub struct State {
     pub x: Vec<f64>,
     /// Log density of each walker.
     pub lp: Vec<f64>,
-    /// Random numbers drawn by each walker's stream, and last by the ensemble's own.
-    pub drawn: Vec<u64>,
+    /// Place that the random streams have reached.
+    pub drawn: u64,
     /// What the sampler has learned, in an order of its own.
     pub memory: Vec<f64>,
 }
@@ -68,7 +71,7 @@ pub struct Span {
 /// What one ensemble did over a span.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Block {
-    /// Kept positions, draw x walker x parameter.
+    /// Kept positions, draw x parameter x walker.
     pub x: Vec<f64>,
     /// Kept log densities, draw x walker.
     pub lp: Vec<f64>,

@@ -1,57 +1,39 @@
-//! A move is a pure proposal: a point and the log factor of its Metropolis-Hastings ratio. Whether the point is
-//! accepted is decided once, in the ensemble.
+//! A move is a pure proposal: points and the log factors of their Metropolis-Hastings ratios, for a whole half of an
+//! ensemble. Whether a point is accepted is decided once, in the ensemble.
 
-use super::stream::Stream;
+use super::numbers::{Needs, Numbers};
 
-/// The complementary half of an ensemble, which a move may look at (the walker's own half it may not).
+/// One half of an ensemble, parameter by parameter, so that loops over walkers are loops over neighbours.
 #[derive(Debug, Clone, Copy)]
-pub struct Others<'a> {
-    points: &'a [f64],
-    dim: usize,
+pub struct Walkers<'a> {
+    values: &'a [f64],
+    count: usize,
 }
 
-impl<'a> Others<'a> {
-    /// Row-major `points` of `dim` parameters each.
-    pub fn new(points: &'a [f64], dim: usize) -> Self {
-        Self { points, dim }
+impl<'a> Walkers<'a> {
+    /// `values` of `count` walkers: parameter k of walker w is `values[k * count + w]`.
+    pub fn new(values: &'a [f64], count: usize) -> Self {
+        Self { values, count }
     }
 
     /// Number of walkers.
     pub fn count(&self) -> usize {
-        self.points.len() / self.dim
+        self.count
     }
 
     /// Number of parameters.
     pub fn dim(&self) -> usize {
-        self.dim
+        self.values.len() / self.count
     }
 
-    /// One walker.
-    pub fn point(&self, walker: usize) -> &'a [f64] {
-        &self.points[walker * self.dim..(walker + 1) * self.dim]
+    /// One parameter of all walkers.
+    pub fn column(&self, parameter: usize) -> &'a [f64] {
+        &self.values[parameter * self.count..(parameter + 1) * self.count]
     }
 
-    /// All walkers, row by row.
-    pub fn points(&self) -> &'a [f64] {
-        self.points
-    }
-
-    /// `N` different walkers, in random order (there must be that many).
-    pub fn pick<const N: usize>(&self, rng: &mut Stream) -> [usize; N] {
-        let mut picked = [0; N];
-        for k in 0..N {
-            // A uniform choice among those left, by stepping over the picked ones in increasing order.
-            let mut candidate = rng.index(self.count() - k);
-            let mut taken = picked;
-            if k > 1 {
-                taken[..k].sort_unstable();
-            }
-            for &other in &taken[..k] {
-                candidate += usize::from(candidate >= other);
-            }
-            picked[k] = candidate;
-        }
-        picked
+    /// All parameters, column by column.
+    pub fn columns(&self) -> impl Iterator<Item = &'a [f64]> {
+        self.values.chunks_exact(self.count)
     }
 }
 
@@ -62,10 +44,8 @@ pub struct Fit {
     pub mean: Vec<f64>,
     /// Lower Cholesky factor of the shape matrix, dim x dim, row-major.
     pub lower: Vec<f64>,
-    /// Degrees of freedom of a Student-t; infinite for a Gaussian.
-    pub dof: f64,
-    /// Scratch, length dim.
-    pub work: Vec<f64>,
+    /// Degrees of freedom of a Student-t; 0 for a Gaussian.
+    pub dof: usize,
 }
 
 impl Fit {
@@ -74,8 +54,7 @@ impl Fit {
         Self {
             mean: vec![0.0; dim],
             lower: vec![0.0; dim * dim],
-            dof: f64::INFINITY,
-            work: vec![0.0; dim],
+            dof: 0,
         }
     }
 }
@@ -88,37 +67,24 @@ pub trait Move: Send + Sync {
     /// Fewest walkers of the complementary half it needs in `dim` dimensions.
     fn fewest(&self, dim: usize) -> usize;
 
+    /// Random numbers that a proposal takes in `dim` dimensions with `others` walkers in the complementary half.
+    fn needs(&self, dim: usize, others: usize) -> Needs;
+
     /// Learns from the complementary half once for all walkers of the other; false if it cannot, and then nobody
     /// moves. It may look at nothing else, or detailed balance is lost.
-    fn fit(&self, _others: Others<'_>, _fit: &mut Fit) -> bool {
+    fn fit(&self, _others: Walkers<'_>, _fit: &mut Fit) -> bool {
         true
     }
 
-    /// Proposes `y` from `x` and returns the log factor, log q(y -> x) - log q(x -> y) with the Jacobian.
+    /// Proposes `y` (laid out as `own`) for every walker of a half; `factor` takes their log factors,
+    /// log q(y -> x) - log q(x -> y) with the Jacobian.
     fn propose(
         &self,
-        x: &[f64],
-        others: Others<'_>,
-        fit: &mut Fit,
-        rng: &mut Stream,
-        y: &mut [f64],
-    ) -> f64;
-
-    /// Proposes for every walker of a half (`own`, `y`: walker by walker); `factor` takes the log factors. As a method of
-    /// the move, its loop is compiled for it.
-    fn propose_all(
-        &self,
-        own: &[f64],
-        others: Others<'_>,
-        fit: &mut Fit,
-        streams: &mut [Stream],
+        own: Walkers<'_>,
+        others: Walkers<'_>,
+        fit: &Fit,
+        numbers: &Numbers,
         y: &mut [f64],
         factor: &mut [f64],
-    ) {
-        let dim = others.dim();
-        let proposals = own.chunks_exact(dim).zip(y.chunks_exact_mut(dim));
-        for (((x, y), rng), factor) in proposals.zip(streams).zip(factor) {
-            *factor = self.propose(x, others, fit, rng, y);
-        }
-    }
+    );
 }

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::checkpoint::Warm;
-use super::keep::{Keeper, Keeping, Memory, PATIENCE};
+use super::keep::{Keeper, Keeping, PATIENCE};
+use super::memory::{self, Memory};
 use super::schedule::{Outcome, Phase, Progress, Report, Schedule, Stop, Stopped};
 use super::start::Start;
 use super::stream::Key;
@@ -65,16 +66,17 @@ pub fn run_kept(
         crew.flush(warm, true)?;
     }
     let mut stopped = Stopped::Interrupted;
+    let mut draws = None;
     if warm.over || warm_up(&mut crew, schedule, stop, progress, &mut warm)? {
-        stopped = keep(&mut crew, schedule, warm, stop, progress)?;
+        (stopped, draws) = keep(&mut crew, schedule, warm, stop, progress)?;
     }
     if warm.over {
         crew.flush(warm, true)?;
     }
-    let mut draws = crew.memory.draws(target.names(), crew.walkers())?;
-    describe(&mut draws, &crew.totals, crew.memory.rows * warm.thin);
-    draws.info.thin = warm.thin * crew.memory.stride();
-    draws.info.warmup = warm.steps;
+    let draws = match draws {
+        Some(draws) => draws,
+        None => crew.draws(warm)?,
+    };
     Ok(Outcome {
         draws,
         stopped,
@@ -89,25 +91,54 @@ struct Crew<'a> {
     sampler: &'a dyn Sampler,
     keys: Vec<Key>,
     states: Vec<State>,
-    memory: Memory,
+    memories: Vec<Memory>,
     totals: Vec<Block>,
     keeper: Option<Keeper>,
     pace: Pace,
 }
 
-/// How many steps take about a quarter of the time between flushes; no draw depends on it.
-struct Pace(usize);
+/// Memories of all ensembles, for at most `most` draws over all chains.
+fn memories(
+    target: &dyn LogDensity,
+    sampler: &dyn Sampler,
+    ensembles: usize,
+    most: usize,
+) -> Vec<Memory> {
+    let walkers = sampler.walkers(target.dim());
+    let each = most / (walkers * ensembles).max(1);
+    let memory = |_| Memory::new(walkers, target.dim(), each.max(1));
+    (0..ensembles).map(memory).collect()
+}
+
+/// Bytes of the draws of one ensemble between two joins of the threads: a few milliseconds of work, which the
+/// processor's cache holds.
+const BLOCK: usize = 1 << 20;
+
+/// How many draws take about a quarter of the time between flushes, or fill a block; no draw depends on it.
+struct Pace {
+    draws: usize,
+    most: usize,
+}
 
 impl Pace {
-    /// Steps of the next span, a multiple of `thin` unless fewer are left.
-    fn steps(&self, left: usize, thin: usize) -> usize {
-        (self.0 / thin).max(1).saturating_mul(thin).min(left)
+    /// For draws of `numbers` numbers an ensemble.
+    fn new(numbers: usize) -> Self {
+        let most = (BLOCK / (8 * numbers.max(1))).max(1);
+        Self {
+            draws: most.min(64),
+            most,
+        }
     }
 
-    fn learn(&mut self, steps: usize, took: Duration) {
+    /// Steps of the next span, a multiple of `thin` unless fewer are left.
+    fn steps(&self, left: usize, thin: usize) -> usize {
+        self.draws.saturating_mul(thin).min(left)
+    }
+
+    fn learn(&mut self, draws: usize, took: Duration) {
         let wanted = PATIENCE.as_secs_f64() / 4.0;
         let factor = (wanted / took.as_secs_f64().max(1e-9)).clamp(0.1, 4.0);
-        self.0 = ((steps as f64 * factor) as usize).clamp(1, 1 << 14);
+        self.draws = ((draws as f64 * factor) as usize).clamp(1, self.most);
     }
 }
 
@@ -122,10 +153,10 @@ impl<'a> Crew<'a> {
             sampler,
             keys: (0..schedule.ensembles as u64).map(key).collect(),
             states: Vec::new(),
-            memory: Memory::new(schedule.ensembles, schedule.memory),
+            memories: memories(target, sampler, schedule.ensembles, schedule.memory),
             totals: Vec::new(),
             keeper: None,
-            pace: Pace(64),
+            pace: Pace::new(sampler.walkers(target.dim()) * (target.dim() + 1)),
         }
     }
 
@@ -138,8 +169,8 @@ impl<'a> Crew<'a> {
             observed: keeping.observed.clone(),
         };
         if keeping.resume {
-            let memory = &mut self.memory;
-            let found = Keeper::reopen(keeping, layout.clone(), self.target, memory)?;
+            let memories = &mut self.memories;
+            let found = Keeper::reopen(keeping, layout.clone(), self.target, memories)?;
             if let Some((keeper, checkpoint)) = found {
                 *warm = checkpoint.warm;
                 self.states = checkpoint.states;
@@ -152,18 +183,35 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Advances every ensemble by the same span, in parallel.
-    fn advance(&mut self, span: Span) -> Vec<Block> {
+    /// Advances every ensemble by the same span, in parallel, and puts its draws into its memory.
+    fn advance(&mut self, span: Span, memories: &mut [Memory]) -> Vec<Block> {
         let (target, sampler) = (self.target, self.sampler);
         let began = Instant::now();
-        let blocks = self
-            .states
-            .par_iter_mut()
-            .zip(&self.keys)
-            .map(|(state, &key)| sampler.advance(target, key, span, state))
+        let ensembles = self.states.par_iter_mut().zip(&self.keys).zip(memories);
+        let blocks = ensembles
+            .map(|((state, &key), memory)| {
+                let block = sampler.advance(target, key, span, state);
+                memory.take(&block);
+                block
+            })
             .collect();
-        self.pace.learn(span.steps, began.elapsed());
+        self.pace.learn(span.steps / span.thin, began.elapsed());
         blocks
+    }
+
+    /// Draws of each chain so far, held or not.
+    fn rows(&self) -> usize {
+        self.memories.first().map_or(0, Memory::seen)
+    }
+
+    /// The draws held in memory, and how they came about.
+    fn draws(&self, warm: Warm) -> Result<Draws> {
+        let mut draws = memory::draws(&self.memories, self.target.names())?;
+        describe(&mut draws, &self.totals, self.rows() * warm.thin);
+        let stride = self.memories.first().map_or(1, Memory::stride);
+        draws.info.thin = warm.thin * stride;
+        draws.info.warmup = warm.steps;
+        Ok(draws)
     }
 
     fn steps(&self) -> u64 {
@@ -180,7 +228,7 @@ impl<'a> Crew<'a> {
 
     /// Brings the store up to date if it is time for it, or if it `must` be.
     fn flush(&mut self, warm: Warm, must: bool) -> Result<()> {
-        let steps = self.memory.rows * warm.thin;
+        let steps = self.rows() * warm.thin;
         let Some(keeper) = &mut self.keeper else {
             return Ok(());
         };
@@ -234,8 +282,7 @@ fn warm_up_window(
     progress: &dyn Progress,
     steps: usize,
 ) -> Result<Option<Draws>> {
-    let (walkers, dim) = (crew.walkers(), crew.target.dim());
-    let mut window = Memory::new(crew.keys.len(), usize::MAX);
+    let mut window = memories(crew.target, crew.sampler, crew.keys.len(), usize::MAX);
     let mut done = 0;
     while done < steps {
         let span = Span {
@@ -243,8 +290,7 @@ fn warm_up_window(
             thin: 1,
             warmup: true,
         };
-        let blocks = crew.advance(span);
-        window.take(&blocks, walkers, dim);
+        let blocks = crew.advance(span, &mut window);
         done += span.steps;
         let go_on = progress.report(&Report {
             phase: Phase::Warmup,
@@ -257,31 +303,33 @@ fn warm_up_window(
             return Ok(None);
         }
     }
-    window.draws(crew.target.names(), walkers).map(Some)
+    memory::draws(&window, crew.target.names()).map(Some)
 }
 
 /// Draws until the rule or a limit ends the run; the rule looks whenever the run is `growth` times as long as before.
+/// With the reason come the draws that the rule saw last, unless more were drawn since.
 fn keep(
     crew: &mut Crew<'_>,
     schedule: &Schedule,
     warm: Warm,
     stop: &dyn Stop,
     progress: &dyn Progress,
-) -> Result<Stopped> {
-    let (walkers, dim, thin) = (crew.walkers(), crew.target.dim(), warm.thin);
+) -> Result<(Stopped, Option<Draws>)> {
+    let (dim, thin) = (crew.target.dim(), warm.thin);
     let most = (schedule.max_draws / crew.chains()).max(4);
     let first = crew.sampler.window(dim).div_ceil(thin).max(4);
     let mut check = first.min(most);
     loop {
-        while crew.memory.rows < check {
-            let left = (check - crew.memory.rows) * thin;
+        while crew.rows() < check {
+            let left = (check - crew.rows()) * thin;
             let span = Span {
                 steps: crew.pace.steps(left, thin),
                 thin,
                 warmup: false,
             };
-            let mut blocks = crew.advance(span);
-            crew.memory.take(&blocks, walkers, dim);
+            let mut memories = std::mem::take(&mut crew.memories);
+            let mut blocks = crew.advance(span, &mut memories);
+            crew.memories = memories;
             if let Some(keeper) = &mut crew.keeper {
                 keeper.record(&blocks)?;
             }
@@ -291,24 +339,23 @@ fn keep(
             let go_on = progress.report(&Report {
                 phase: Phase::Sampling,
                 steps: crew.steps(),
-                draws: crew.memory.rows * crew.chains(),
+                draws: crew.rows() * crew.chains(),
                 most: schedule.max_draws,
                 acceptance: rate,
             });
             if !go_on {
-                return Ok(Stopped::Interrupted);
+                return Ok((Stopped::Interrupted, None));
             }
         }
         // A resumed run may be beyond this point: it has been looked at there, and was not enough.
-        if crew.memory.rows == check || crew.memory.rows >= most {
-            let mut draws = crew.memory.draws(crew.target.names(), walkers)?;
-            describe(&mut draws, &crew.totals, crew.memory.rows * thin);
+        if crew.rows() == check || crew.rows() >= most {
+            let draws = crew.draws(warm)?;
             if stop.enough(&draws) {
-                return Ok(Stopped::Enough);
+                return Ok((Stopped::Enough, Some(draws)));
             }
-        }
-        if crew.memory.rows >= most {
-            return Ok(Stopped::MaxDraws);
+            if crew.rows() >= most {
+                return Ok((Stopped::MaxDraws, Some(draws)));
+            }
         }
         check = ((check as f64 * schedule.growth).ceil() as usize).min(most);
     }

@@ -1,7 +1,8 @@
 //! The snooker update of ter Braak & Vrugt (2008), Stat. Comput. 18, 435, Eqs. 3 to 5.
 
-use super::moves::{Fit, Move, Others};
-use super::stream::Stream;
+use super::moves::{Fit, Move, Walkers};
+use super::numbers::{Needs, Numbers, pick};
+use crate::infer::lanes::ln_all;
 
 /// Along the line through x and a walker z of the complementary half, x moves by gamma times the difference of two
 /// further walkers projected on that line; the factor is (|y - z| / |x - z|)^(d-1), from the polar Jacobian.
@@ -26,35 +27,46 @@ impl Move for Snooker {
         3
     }
 
+    fn needs(&self, _dim: usize, _others: usize) -> Needs {
+        Needs {
+            uniforms: 4,
+            normals: 0,
+        }
+    }
+
     fn propose(
         &self,
-        x: &[f64],
-        others: Others<'_>,
-        _fit: &mut Fit,
-        rng: &mut Stream,
+        own: Walkers<'_>,
+        others: Walkers<'_>,
+        _fit: &Fit,
+        numbers: &Numbers,
         y: &mut [f64],
-    ) -> f64 {
-        let [axis, first, second] = others.pick(rng);
-        let (z, z1, z2) = (
-            others.point(axis),
-            others.point(first),
-            others.point(second),
-        );
-        let gamma = self.gamma.0 + (self.gamma.1 - self.gamma.0) * rng.uniform();
-        let (mut norm2, mut along) = (0.0, 0.0);
-        for k in 0..x.len() {
-            norm2 += (x[k] - z[k]) * (x[k] - z[k]);
-            along += (x[k] - z[k]) * (z1[k] - z2[k]);
+        factor: &mut [f64],
+    ) {
+        for walker in 0..own.count() {
+            let u = |k| numbers.uniform(k)[walker];
+            let [axis, first, second] = pick([u(0), u(1), u(2)], others.count());
+            let gamma = self.gamma.0 + (self.gamma.1 - self.gamma.0) * u(3);
+            let (mut norm2, mut along) = (0.0, 0.0);
+            for (x, z) in own.columns().zip(others.columns()) {
+                let r = x[walker] - z[axis];
+                norm2 += r * r;
+                along += r * (z[first] - z[second]);
+            }
+            // y - z = stretch (x - z). A walker that sits on z has no line to move on: it stays.
+            let stretch = if norm2 > 0.0 {
+                1.0 + gamma * along / norm2
+            } else {
+                1.0
+            };
+            let columns = own.columns().zip(others.columns());
+            for ((x, z), y) in columns.zip(y.chunks_exact_mut(own.count())) {
+                y[walker] = z[axis] + stretch * (x[walker] - z[axis]);
+            }
+            factor[walker] = stretch.abs();
         }
-        // y - z = stretch (x - z). A walker that sits on z has no line to move on: it stays.
-        let stretch = if norm2 > 0.0 {
-            1.0 + gamma * along / norm2
-        } else {
-            1.0
-        };
-        for (k, y) in y.iter_mut().enumerate() {
-            *y = z[k] + stretch * (x[k] - z[k]);
-        }
-        (x.len() as f64 - 1.0) * stretch.abs().ln()
+        ln_all(factor);
+        let power = own.dim() as f64 - 1.0;
+        factor.iter_mut().for_each(|log| *log *= power);
     }
 }

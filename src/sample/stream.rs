@@ -1,16 +1,14 @@
-//! Counter-based random streams.
+//! Counter-based random streams: Threefry-2x64 with 20 rounds (Salmon, Moraes, Dror & Shaw 2011, "Parallel random
+//! numbers: as easy as 1, 2, 3").
 //!
-//! Every walker of every ensemble has its own PCG64-DXSM generator, whose state and increment are hashed from (seed,
-//! ensemble, walker), and counts the numbers it has drawn. A stream is therefore known from the key and that count
-//! alone: `advance` puts a new generator at the same place in O(log count). So the draws do not depend on how
-//! walkers are spread over threads, and a resumed run continues to the same bits from stored counts. (The count is
-//! of numbers, not of steps: jumping at every step costs more than the step.)
+//! A number is a function of (seed, ensemble, lane, place): the key is the run's seed and the ensemble, the counter the
+//! lane (a walker) and the place in the lane's stream. So the draws do not depend on how walkers are spread over
+//! threads or over vectors, and a resumed run continues to the same bits from the places alone.
 
 use std::convert::Infallible;
 
 use rand::TryRng;
 use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Lcg128CmDxsm64;
 
 /// What names the streams of one ensemble: the run's seed and the ensemble's index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,30 +19,58 @@ pub struct Key {
     pub ensemble: u64,
 }
 
+const ROUNDS: usize = 20;
+const ROTATIONS: [u32; 8] = [16, 42, 12, 31, 16, 32, 24, 21];
+const PARITY: u64 = 0x1BD1_1BDA_A9FC_1A22;
+
+/// The two numbers of each of `N` lanes at one place.
+#[inline(always)]
+pub(super) fn blocks<const N: usize>(
+    key: Key,
+    mut lane: [u64; N],
+    place: u64,
+) -> ([u64; N], [u64; N]) {
+    let keys = [key.seed, key.ensemble, PARITY ^ key.seed ^ key.ensemble];
+    let mut other = [place.wrapping_add(keys[1]); N];
+    lane.iter_mut().for_each(|x| *x = x.wrapping_add(keys[0]));
+    for round in 0..ROUNDS {
+        let rotation = ROTATIONS[round % 8];
+        for (a, b) in lane.iter_mut().zip(&mut other) {
+            *a = a.wrapping_add(*b);
+            *b = b.rotate_left(rotation) ^ *a;
+        }
+        if round % 4 == 3 {
+            let n = round / 4 + 1;
+            let (first, second) = (keys[n % 3], keys[(n + 1) % 3].wrapping_add(n as u64));
+            for (a, b) in lane.iter_mut().zip(&mut other) {
+                *a = a.wrapping_add(first);
+                *b = b.wrapping_add(second);
+            }
+        }
+    }
+    (lane, other)
+}
+
 /// One stream of random numbers, at a known place.
 #[derive(Debug, Clone)]
 pub struct Stream {
-    rng: Lcg128CmDxsm64,
+    key: Key,
+    lane: u64,
     used: u64,
+    /// The second number of the block whose first was drawn last.
+    spare: u64,
 }
 
 impl Stream {
     /// The stream of `lane` (a walker) under `key`, after `used` numbers.
     pub fn at(key: Key, lane: u64, used: u64) -> Self {
-        // The seed is scrambled first: seeds, ensembles and lanes are small numbers, whose plain XOR would give two runs
-        // with neighbouring seeds some streams in common.
-        let mut hash = split_mix(key.seed);
-        let mut word = |salt: u64| {
-            hash = split_mix(hash ^ salt);
-            u128::from(hash)
-        };
-        word(key.ensemble.wrapping_add(0x9E37_79B9_7F4A_7C15));
-        word(lane.wrapping_add(0xD1B5_4A32_D192_ED03));
-        let state = (word(1) << 64) | word(2);
-        let stream = (word(3) << 64) | word(4);
-        let mut rng = Lcg128CmDxsm64::new(state, stream);
-        rng.advance(u128::from(used));
-        Self { rng, used }
+        let (_, [spare]) = blocks(key, [lane], used / 2);
+        Self {
+            key,
+            lane,
+            used,
+            spare,
+        }
     }
 
     /// Numbers drawn so far: with the key, all that is needed to continue.
@@ -56,7 +82,11 @@ impl Stream {
     #[inline]
     pub fn bits(&mut self) -> u64 {
         self.used += 1;
-        let Ok(bits) = self.rng.try_next_u64();
+        if self.used.is_multiple_of(2) {
+            return self.spare;
+        }
+        let ([bits], [spare]) = blocks(self.key, [self.lane], self.used / 2);
+        self.spare = spare;
         bits
     }
 
@@ -66,10 +96,10 @@ impl Stream {
         (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Uniform on 0..n (bias below n / 2^64).
+    /// Logarithm of a uniform number on (0, 1].
     #[inline]
-    pub fn index(&mut self, n: usize) -> usize {
-        ((u128::from(self.bits()) * n as u128) >> 64) as usize
+    pub fn log_uniform(&mut self) -> f64 {
+        (1.0 - self.uniform()).ln()
     }
 
     /// Standard normal.
@@ -77,14 +107,6 @@ impl Stream {
     pub fn normal(&mut self) -> f64 {
         StandardNormal.sample(self)
     }
-}
-
-/// SplitMix64's finaliser (Steele, Lea, Flood 2014).
-fn split_mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
 }
 
 impl TryRng for Stream {
@@ -104,5 +126,35 @@ impl TryRng for Stream {
             chunk.copy_from_slice(&bytes[..chunk.len()]);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Key, blocks};
+
+    /// Known answers of the authors' library (Random123, `kat_vectors`).
+    #[test]
+    fn threefry_gives_the_known_answers() {
+        let of = |counter: [u64; 2], key: [u64; 2]| {
+            let [seed, ensemble] = key;
+            let ([a], [b]) = blocks(Key { seed, ensemble }, [counter[0]], counter[1]);
+            [a, b]
+        };
+        assert_eq!(
+            of([0; 2], [0; 2]),
+            [0xc2b6_e3a8_c2c6_9865, 0x6f81_ed42_f350_084d]
+        );
+        assert_eq!(
+            of([u64::MAX; 2], [u64::MAX; 2]),
+            [0xe02c_b7c4_d95d_277a, 0xd066_33d0_893b_8b68]
+        );
+        assert_eq!(
+            of(
+                [0x243f_6a88_85a3_08d3, 0x1319_8a2e_0370_7344],
+                [0xa409_3822_299f_31d0, 0x082e_fa98_ec4e_6c89]
+            ),
+            [0x263c_7d30_bb0f_0af1, 0x56be_8361_d331_1526]
+        );
     }
 }

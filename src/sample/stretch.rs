@@ -1,7 +1,8 @@
 //! The stretch move of Goodman & Weare (2010), Comm. App. Math. Comp. Sci. 5, 65, Eqs. 7 and 8.
 
-use super::moves::{Fit, Move, Others};
-use super::stream::Stream;
+use super::moves::{Fit, Move, Walkers};
+use super::numbers::{Needs, Numbers, index};
+use crate::infer::lanes::ln_all;
 
 /// y = c + z (x - c) with c a walker of the complementary half and z of density proportional to 1/sqrt(z) on
 /// [1/a, a]; the factor is z^(d-1).
@@ -26,20 +27,36 @@ impl Move for Stretch {
         1
     }
 
+    fn needs(&self, _dim: usize, _others: usize) -> Needs {
+        Needs {
+            uniforms: 2,
+            normals: 0,
+        }
+    }
+
     fn propose(
         &self,
-        x: &[f64],
-        others: Others<'_>,
-        _fit: &mut Fit,
-        rng: &mut Stream,
+        own: Walkers<'_>,
+        others: Walkers<'_>,
+        _fit: &Fit,
+        numbers: &Numbers,
         y: &mut [f64],
-    ) -> f64 {
-        let centre = others.point(rng.index(others.count()));
-        let root = (self.a - 1.0) * rng.uniform() + 1.0;
-        let z = root * root / self.a;
-        for ((y, x), c) in y.iter_mut().zip(x).zip(centre) {
-            *y = c + z * (x - c);
+        factor: &mut [f64],
+    ) {
+        let (pick, root) = (numbers.uniform(0), numbers.uniform(1));
+        for (z, u) in factor.iter_mut().zip(root) {
+            let root = (self.a - 1.0) * u + 1.0;
+            *z = root * root / self.a;
         }
-        (x.len() as f64 - 1.0) * z.ln()
+        let columns = own.columns().zip(others.columns());
+        for ((x, c), y) in columns.zip(y.chunks_exact_mut(own.count())) {
+            for (k, y) in y.iter_mut().enumerate() {
+                let centre = c[index(pick[k], c.len())];
+                *y = centre + factor[k] * (x[k] - centre);
+            }
+        }
+        ln_all(factor);
+        let power = own.dim() as f64 - 1.0;
+        factor.iter_mut().for_each(|log_z| *log_z *= power);
     }
 }

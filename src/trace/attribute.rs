@@ -3,18 +3,18 @@
 
 use std::borrow::Cow;
 
-use super::alias::{Group, cosine, groups};
-use super::averaged::{Averaged, BlindSpot, averaged, blind_spots};
+use super::alias::groups;
+use super::averaged::{Averaged, BlindSpot};
+use super::conclude::Evidence;
 use super::fringes;
-use super::holdout::{Holdout, gains, rms_nm};
 use super::pose::Prepared;
-use super::subsets::{Subset, Subsets};
-use super::tangents::{State, Tangents, Tested};
+use super::subsets::Subsets;
+use super::tangents::{LOAD_SCALE, State, Tangents, Tested};
 use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind};
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::infer::{Model, forward};
+use crate::infer::{Discrepancy, Model, forward};
 use crate::progress::Watch;
 
 /// An effect weighed against the data.
@@ -55,6 +55,8 @@ pub struct Tracing {
     pub discrepancy: f64,
     /// Correlation length (mm) of the likeliest noise or discrepancy of each component.
     pub length_mm: [f64; 2],
+    /// The likeliest setting of each component, where it is a discrepancy.
+    pub structure: [Option<Discrepancy>; 2],
     /// The constants, averaged over what may act unseen.
     pub averaged: Vec<Averaged>,
     /// What could hide in the residual.
@@ -81,19 +83,6 @@ pub struct Named {
     /// Whether held-out blocks are predicted better with it.
     pub predicts: bool,
 }
-
-/// A group is accepted above this probability.
-const ACCEPT: f64 = 0.95;
-
-/// A group below this probability is not worth mentioning.
-const MENTION: f64 = 0.3;
-
-/// Above this probability of a discrepancy an effect must do more than fit.
-const DOUBT: f64 = 0.5;
-
-/// What it must do then: lose this much evidence when dropped, nats, at no more than this many plausible amplitudes.
-const DOUBT_NATS: f64 = 40.0;
-const DOUBT_MULTIPLE: f64 = 4.0;
 
 /// Blocks closer to the hole than this many radii are not used: the hole's edge is where optics and meshes are worst.
 const CLEAR_RADII: f64 = 1.2;
@@ -134,9 +123,6 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
     }
     (chosen, left_out)
 }
-
-/// The effect that is exactly a common factor of the moduli.
-const LOAD_SCALE: &str = "load_scale";
 
 /// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`.
 ///
@@ -366,175 +352,3 @@ fn ridge_step(tested: &Tested<'_>, state: &mut State, tangents: &Tangents) -> f6
     }
     moved
 }
-
-/// Everything from which conclusions are drawn.
-struct Evidence<'a> {
-    blocks: &'a Blocks,
-    tangents: &'a Tangents,
-    weighing: &'a Weighing,
-    subsets: &'a Subsets,
-}
-
-impl Evidence<'_> {
-    fn name(&self, k: usize) -> &'static str {
-        self.tangents.candidates[k].effect.name()
-    }
-
-    fn conclude(&self, state: &State) -> Result<Tracing> {
-        let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let settings = [0, 1].map(|c| &self.weighing.settings[c][pair.of[c]]);
-        let holdout = Holdout::new(self.blocks, self.tangents, &self.subsets.ranges, settings);
-        let best = self.subsets.best().clone();
-        let with = holdout.errors(&best);
-        let found = groups(self.subsets);
-        let named: Vec<Named> = found
-            .iter()
-            .map(|g| {
-                let rest: Subset = best.iter().copied().filter(|&k| k != g.leader).collect();
-                self.named(g, gains(&with, &holdout.errors(&rest)))
-            })
-            .collect();
-        let spots = blind_spots(
-            self.weighing,
-            self.tangents,
-            self.subsets.best_pair,
-            &state.constants,
-        )?;
-        let candidates = self.ranked(&found, &spots);
-        let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
-        let accepted = accepted.map(|k| self.tangents.candidates[found[k].leader].effect);
-        let accepted_amplitude = accepted.map_or_else(Vec::new, |effect| {
-            let found = candidates.iter().find(|f| f.effect.name() == effect.name());
-            found.map_or_else(Vec::new, |f| {
-                f.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect()
-            })
-        });
-        let undecided = named
-            .iter()
-            .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
-            .map(|g| g.members.clone())
-            .collect();
-        Ok(Tracing {
-            candidates,
-            groups: named,
-            accepted,
-            accepted_amplitude,
-            undecided,
-            discrepancy: self.subsets.discrepancy,
-            length_mm: settings.map(|s| if s.ratio > 0.0 { s.length_mm } else { 0.0 }),
-            averaged: averaged(self.weighing, self.tangents)?,
-            blind_spots: spots
-                .into_iter()
-                .map(|s| (self.name(s.candidate), s))
-                .collect(),
-            holdout_rms_nm: rms_nm(&holdout.errors(&Vec::new())),
-            left_out: Vec::new(),
-        })
-    }
-
-    fn named(&self, group: &Group, predicts: bool) -> Named {
-        Named {
-            leader: self.name(group.leader),
-            members: group.members.iter().map(|&k| self.name(k)).collect(),
-            pairs: group
-                .pairs
-                .iter()
-                .map(|p| p.map(|k| self.name(k)))
-                .collect(),
-            probability: group.probability,
-            drop_nats: group.drop_nats,
-            predicts,
-        }
-    }
-
-    fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
-        let doubtful = self.subsets.discrepancy > DOUBT;
-        let multiple = candidates
-            .iter()
-            .find(|f| f.effect.name() == group.leader)
-            .map_or(f64::INFINITY, |f| f.multiple);
-        group.probability > ACCEPT
-            && group.predicts
-            && (!doubtful || (group.drop_nats > DOUBT_NATS && multiple < DOUBT_MULTIPLE))
-    }
-
-    fn ranked(&self, groups: &[Group], spots: &[BlindSpot]) -> Vec<Found> {
-        let mut found: Vec<Found> = (0..self.tangents.candidates.len())
-            .map(|k| self.found(k, groups, spots))
-            .collect();
-        found.sort_by(|a, b| {
-            b.inclusion_probability
-                .total_cmp(&a.inclusion_probability)
-                .then_with(|| b.log_bayes_factor.total_cmp(&a.log_bayes_factor))
-        });
-        found
-    }
-
-    fn found(&self, k: usize, groups: &[Group], spots: &[BlindSpot]) -> Found {
-        let candidate = &self.tangents.candidates[k];
-        let subsets = self.subsets;
-        // in the best subset as it is there; otherwise added to it, in the place of an alias
-        let mut with: Subset = subsets.best().clone();
-        if !with.contains(&k) {
-            let replaced = groups
-                .iter()
-                .find(|g| g.members.contains(&k))
-                .map(|g| g.leader);
-            with.retain(|j| Some(*j) != replaced);
-            with.push(k);
-            with.sort_unstable();
-        }
-        let (mean, covariance) = subsets.amplitudes(&with);
-        let at: usize = with
-            .iter()
-            .take_while(|j| **j != k)
-            .map(|&j| subsets.ranges[j].len())
-            .sum();
-        let amplitude: Vec<(String, f64, f64)> = candidate
-            .columns
-            .iter()
-            .enumerate()
-            .map(|(j, c)| {
-                let sd = c.sd * covariance[(at + j, at + j)].sqrt();
-                (c.name.clone(), c.mean + c.sd * mean[at + j], sd)
-            })
-            .collect();
-        let multiple = candidate
-            .columns
-            .iter()
-            .zip(&amplitude)
-            .fold(0.0_f64, |m, (c, a)| m.max((a.1 - c.mean).abs() / c.sd));
-        let structured = subsets.explained(&subsets.best().clone()).max(1e-12);
-        Found {
-            effect: candidate.effect,
-            inclusion_probability: subsets.probability(|s| s.contains(&k)),
-            log_bayes_factor: subsets.log_bayes_factor_of(k),
-            amplitude,
-            multiple,
-            explained_fraction: (subsets.explained(&vec![k]) / structured).clamp(0.0, 1.0),
-            detectable: spots
-                .iter()
-                .find(|s| s.candidate == k)
-                .map_or(f64::INFINITY, |s| s.detectable),
-            aliases: self.aliases(k, groups),
-        }
-    }
-
-    fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, f64)> {
-        let subsets = self.subsets;
-        let projected = &subsets.projected[subsets.best_pair];
-        let of = |j: usize| cosine(projected, &subsets.ranges[k], &subsets.ranges[j]);
-        let group = groups.iter().find(|g| g.members.contains(&k));
-        let mut aliases: Vec<(&'static str, f64)> = (0..subsets.ranges.len())
-            .filter(|j| *j != k)
-            .map(|j| (group.is_some_and(|g| g.members.contains(&j)), j, of(j)))
-            .filter(|(member, _, cosine)| *member || (group.is_none() && *cosine > SIMILAR))
-            .map(|(_, j, cosine)| (self.name(j), cosine))
-            .collect();
-        aliases.sort_by(|a, b| b.1.total_cmp(&a.1));
-        aliases
-    }
-}
-
-/// Cosine above which signatures are called similar.
-const SIMILAR: f64 = 0.9;

@@ -31,7 +31,7 @@ pub struct Averaged {
 /// What one effect would do to the constants if it acted at its plausible amplitude and the model lacked it.
 #[derive(Debug, Clone)]
 pub struct BlindSpot {
-    /// Index of the candidate.
+    /// Index of the candidate; that of no candidate for what is always part of the model.
     pub candidate: usize,
     /// `effect.parameter`.
     pub parameter: String,
@@ -144,7 +144,7 @@ fn mixture(name: &str, parts: &[Part], total: f64, k: usize) -> Averaged {
 }
 
 /// The shift of every constant for one plausible amplitude of each candidate's parameters, and the amplitude that would have been
-/// found. `prior` is the prior probability of one candidate, under the likeliest noise `pair`.
+/// found. `pair` is the likeliest noise, `state` the constants.
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.

@@ -1,6 +1,7 @@
 //! Closing the loop: identify, find what is left, trace it to an effect, add the effect, identify again.
 
 use super::attribute::{Named, Tracing, attribute};
+use super::averaged::Averaged;
 use super::round::{Options, Round, identify};
 use super::tangents::State;
 use crate::effect::{Acting, Effect, Kind, amplitude_name};
@@ -57,6 +58,8 @@ pub struct Conclusion {
 pub struct Closed {
     /// Rounds, the first the model as it was given.
     pub steps: Vec<Step>,
+    /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
+    pub honest: Option<Round>,
     /// The conclusion.
     pub conclusion: Conclusion,
 }
@@ -82,16 +85,31 @@ pub fn close<'a>(
         let tracing = attribute(&model, &round.prepared, start, watch)?;
         let accepted = tracing.accepted.filter(|_| steps.len() < most);
         let amplitude = tracing.accepted_amplitude.clone();
+        let averaged = tracing.averaged.clone();
         steps.push(Step {
             model: model.clone(),
             round,
             tracing,
         });
         let Some(effect) = accepted else { break };
-        model = extended(&model, effect, &amplitude);
+        model = extended(&model, effect, &amplitude, &averaged);
     }
     let conclusion = conclude(&steps);
-    Ok(Closed { steps, conclusion })
+    let structure = steps[steps.len() - 1].tracing.structure;
+    let honest = if conclusion.status == Status::Unexplained {
+        let options = Options {
+            discrepancy: structure,
+            ..options(steps.len())
+        };
+        Some(identify(&model, &options, watch)?)
+    } else {
+        None
+    };
+    Ok(Closed {
+        steps,
+        honest,
+        conclusion,
+    })
 }
 
 impl State {
@@ -139,9 +157,15 @@ impl State {
 const BOX_SDS: f64 = 8.0;
 const BOX_SHARE: f64 = 0.3;
 
-/// The model with one more declared effect. Its amplitude's side of the DoE box lies about the estimate.
-pub fn extended(model: &Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) -> Model {
+/// The model with one more declared effect. The DoE box lies about the amplitude's estimate and the averaged posterior.
+pub fn extended(
+    model: &Model,
+    effect: &'static dyn Effect,
+    amplitude: &[(f64, f64)],
+    averaged: &[Averaged],
+) -> Model {
     let mut model = model.clone();
+    narrow(&mut model, averaged);
     model.file.effects.push(effect.name().to_string());
     model.effects = crate::effect::EFFECTS
         .iter()
@@ -170,6 +194,26 @@ pub fn extended(model: &Model, effect: &'static dyn Effect, amplitude: &[(f64, f
         }
     }
     model
+}
+
+/// Half-width of the constants' box about the averaged posterior: this many of its sds, and this share of the value at least.
+const CONSTANT_SDS: f64 = 12.0;
+const CONSTANT_SHARE: f64 = 0.1;
+
+/// Draw the DoE box in about the constants' averaged posterior, within the priors' box.
+fn narrow(model: &mut Model, averaged: &[Averaged]) {
+    let widest = model.prior_box();
+    let doe = model.file.reduced_model.doe.get_or_insert_default();
+    for (constant, widest) in averaged.iter().zip(widest) {
+        let half = (CONSTANT_SDS * constant.sd).max(CONSTANT_SHARE * constant.mean.abs());
+        let side = [
+            (constant.mean - half).max(widest.low),
+            (constant.mean + half).min(widest.high),
+        ];
+        if side[0] < side[1] {
+            doe.insert(constant.name.clone(), side);
+        }
+    }
 }
 
 fn conclude(steps: &[Step]) -> Conclusion {
@@ -231,6 +275,7 @@ fn words(status: Status, added: &[&Named], last: &Tracing) -> String {
             "Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy."
         }
     };
+    text += " A scale of the load or of the thickness cannot be told from a common factor of all moduli: every percent of the one is a percent of the other, and only a calibrated load cell and a micrometer separate them.";
     if !last.undecided.is_empty() {
         let names: Vec<String> = last.undecided.iter().map(|g| g.join(" or ")).collect();
         text += &format!(" Undecided: {}.", names.join("; "));

@@ -5,8 +5,8 @@ use crate::error::Result;
 use crate::fem::Plate;
 use crate::field::spec::OutlierRule;
 use crate::infer::{
-    Columns, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior, Statistics,
-    laplace,
+    Columns, Discrepancy, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior,
+    Statistics, laplace,
 };
 use crate::progress::Watch;
 use crate::reduce::{Problem, ReducedModel, cache};
@@ -26,6 +26,8 @@ pub struct Prepared {
     pub cached: bool,
     /// The measurement on the plate.
     pub observation: Observation,
+    /// Structure that is to be counted as a discrepancy of the model.
+    pub discrepancy: [Option<Discrepancy>; 2],
 }
 
 /// A posterior with everything it was made of, not sampled yet.
@@ -64,6 +66,7 @@ pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) ->
         reduced,
         cached,
         observation,
+        discrepancy: [None, None],
     })
 }
 
@@ -91,7 +94,7 @@ pub fn pose(model: &Model, prepared: Prepared, watch: &dyn Watch) -> Result<Pose
         &nominal_point(&prepared.problem, model),
     )?;
     watch.begin("noise of the measurement", None);
-    let noise = Noise::estimate(&prepared.observation, &columns)?;
+    let noise = Noise::estimate(&prepared.observation, &columns)?.with(&prepared.discrepancy)?;
     watch.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

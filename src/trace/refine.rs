@@ -69,6 +69,7 @@ pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> R
         mut problem,
         plate,
         observation,
+        discrepancy,
         ..
     } = round.prepared;
     problem.dimensions = around(&problem, &round.draws, round.posterior.structural());
@@ -81,6 +82,7 @@ pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> R
         reduced,
         cached,
         observation,
+        discrepancy,
     })
 }
 

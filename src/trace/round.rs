@@ -14,7 +14,7 @@ use super::truth::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::Result;
-use crate::infer::{Columns, LogDensity, Model, Noise, Posterior, Statistics};
+use crate::infer::{Columns, Discrepancy, LogDensity, Model, Noise, Posterior, Statistics};
 use crate::progress::Watch;
 use crate::sample::{self, Keeping, Phase, Progress, Report, Sampler, Schedule, Start, Stopped};
 
@@ -32,6 +32,8 @@ pub struct Options<'a> {
     pub refinements: usize,
     /// Where the chains are kept while the run goes.
     pub keeping: Option<Keeping>,
+    /// Structure that is to be counted as a discrepancy of the model.
+    pub discrepancy: [Option<Discrepancy>; 2],
     /// When to stop sampling in any case.
     pub deadline: Option<Instant>,
 }
@@ -73,7 +75,8 @@ pub struct Round {
 /// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
 /// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
 pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Result<Round> {
-    let prepared = prepare(model, &options.cache, watch)?;
+    let mut prepared = prepare(model, &options.cache, watch)?;
+    prepared.discrepancy = options.discrepancy;
     let mut round = identify_prepared(model, prepared, options, watch)?;
     let mut history = vec![Refinement::of(&round)];
     for k in 1..=options.refinements {

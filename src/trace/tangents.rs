@@ -71,7 +71,7 @@ pub struct Candidate {
 pub struct Tangents {
     /// Measured minus predicted at the prior means of all parameters, by the tangents: block averages of (u1, u2), mm.
     pub rest: [DVector<f64>; 2],
-    /// Elastic constants, the thickness if it is uncertain, declared effects.
+    /// Elastic constants, the thickness if it is uncertain, the load's scale, declared effects.
     pub base: Vec<Column>,
     /// How many of `base` are elastic constants.
     pub constants: usize,
@@ -142,8 +142,12 @@ pub struct Tested<'a> {
 enum Direction {
     Constant(usize),
     Thickness,
+    Load,
     Amplitude(&'static dyn Effect, usize),
 }
+
+/// The effect that is exactly a common factor of the moduli.
+pub const LOAD_SCALE: &str = "load_scale";
 
 /// Step of an elastic constant's central difference, as a fraction of its value.
 const CONSTANT_STEP: f64 = 0.01;
@@ -165,6 +169,9 @@ impl Tested<'_> {
             (0..at.constants.len()).map(Direction::Constant).collect();
         if self.model.file.specimen.thickness_mm.sd > 0.0 {
             directions.push(Direction::Thickness);
+        }
+        if !self.model.effects.iter().any(|e| e.name() == LOAD_SCALE) {
+            directions.push(Direction::Load);
         }
         let parameters = |effect: &&'static dyn Effect| {
             let effect = *effect;
@@ -287,8 +294,24 @@ impl Tested<'_> {
                     values: self.average(&field),
                 })
             }
+            Direction::Load => self.load(here),
             Direction::Amplitude(effect, k) => self.amplitude(factor, at, here, effect, k),
         }
+    }
+
+    /// A scale of the load cannot be told from a common factor of all moduli: it takes part in every model with its prior.
+    fn load(&self, here: &forward::View) -> Result<Column> {
+        let effect = crate::effect::find("dictionary", LOAD_SCALE)?;
+        let sd = self.plausible(effect, 0);
+        let percent = |u: &[f64; 2]| u.map(|u| 0.01 * sd * u);
+        let field: Vec<[f64; 2]> = here.mechanical.iter().map(percent).collect();
+        Ok(Column {
+            name: amplitude_name(effect, &effect.parameters()[0]),
+            mean: 0.0,
+            sd,
+            at: 0.0,
+            values: self.average(&field),
+        })
     }
 
     fn amplitude(

@@ -20,6 +20,8 @@ pub struct SurrogateError {
     pub shift_sd: Vec<(String, f64)>,
     /// The mean of those shifts with their signs: what does not average out.
     pub bias_sd: Vec<f64>,
+    /// Log likelihood by the finite elements minus that by the reduced model, at each draw.
+    pub log_weights: Vec<f64>,
     /// Largest difference of the fields at a measured point, nm.
     pub max_field_nm: f64,
     /// Root mean square difference of the fields, nm.
@@ -54,6 +56,17 @@ impl SurrogateError {
         self.shift_sd.iter().fold(0.0, |a, (_, s)| a.max(*s))
     }
 
+    /// Effective number of draws with the finite elements' likelihood: (sum w)^2 / sum w^2 of the importance weights.
+    pub fn effective_draws(&self) -> f64 {
+        let largest = self
+            .log_weights
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        let weights = || self.log_weights.iter().map(|l| (l - largest).exp());
+        weights().sum::<f64>().powi(2) / weights().map(|w| w * w).sum::<f64>()
+    }
+
     /// Solve at [`TRUTH_DRAWS`] draws, spread over all chains, the same for the same draws.
     ///
     /// With an error d of the predicted field, the posterior's gradient changes by g = grad (log L(d) - log L) and its
@@ -80,6 +93,7 @@ impl SurrogateError {
         let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
         let mut largest = vec![0.0_f64; d];
         let mut bias = vec![0.0; d];
+        let mut log_weights = Vec::new();
         let (mut max_field, mut sum, mut count) = (0.0_f64, 0.0, 0);
         for (j, x) in chosen.iter().enumerate() {
             let error = field_error(run, &truth, j, &x[..d]);
@@ -89,6 +103,11 @@ impl SurrogateError {
                 count += 1;
             }
             let weighted = run.statistics.weighted_of(&whitened, run.noise, &error);
+            log_weights.push(run.posterior.likelihood().log_likelihood_change(
+                &x[..d],
+                run.posterior.scale(x),
+                &weighted,
+            ));
             let shift = &covariance * gradient(run.posterior, x, &sd, &weighted);
             for k in 0..d {
                 largest[k] = largest[k].max((shift[k] / sd[k]).abs());
@@ -99,6 +118,7 @@ impl SurrogateError {
             draws: chosen.len(),
             shift_sd: run.posterior.names().iter().cloned().zip(largest).collect(),
             bias_sd: bias,
+            log_weights,
             max_field_nm: max_field * NM_PER_MM,
             rms_field_nm: (sum / f64::from(count.max(1))).sqrt() * NM_PER_MM,
         };

@@ -9,11 +9,14 @@ use nalgebra::{DMatrix, DVector};
 use super::tangents::Tangents;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
-use crate::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
+use crate::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, over_grid};
 use crate::field::reml::Contrasts;
 
 /// Prior probability of a smooth discrepancy.
 pub const DISCREPANCY: f64 = 0.07;
+
+/// Ratios rho of the correlated to the white variance of a block.
+const RATIOS: [f64; 10] = [0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0];
 
 /// One setting of one component's noise.
 #[derive(Debug, Clone)]

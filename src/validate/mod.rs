@@ -1,3 +1,9 @@
 //! Whether a posterior can be trusted: other ways to the same numbers, and simulated measurements of known truth.
 
+pub mod article;
+pub mod calibration;
+pub mod grid;
+pub mod priors;
+pub mod quadrature;
+pub mod thickness;
 pub mod twin;

@@ -80,6 +80,23 @@ impl Twin {
         })
     }
 
+    /// The points with displacements `u` (mm) in place of none.
+    pub fn observed(&self, u: Vec<[f64; 2]>) -> Observation {
+        let Observation {
+            field,
+            observer,
+            recorded,
+        } = &self.prepared.observation;
+        Observation {
+            field: Field {
+                displacement: u,
+                ..field.clone()
+            },
+            recorded: recorded.clone(),
+            observer: observer.clone(),
+        }
+    }
+
     /// Number of points.
     pub fn points(&self) -> usize {
         self.index.len()

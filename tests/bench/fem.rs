@@ -1,6 +1,7 @@
 //! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate.
 
 use divan::{Bencher, black_box};
+use plychain::effect::{EFFECTS, Kind, find};
 use plychain::fem::{Density, EndLoad, Forward, Outline, Plate, Profile, Setup};
 use plychain::laminate::Ply;
 
@@ -48,7 +49,10 @@ fn plate(factor: f64) -> Plate {
 fn refill(bencher: Bencher, factor: f64) {
     let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
     let mut values = vec![0.0; plate.assembly.stored()];
-    bencher.bench_local(|| plate.assembly.refill(black_box(&a), &mut values));
+    bencher.bench_local(|| {
+        let integrals = plate.assembly.nominal();
+        plate.assembly.refill(integrals, black_box(&a), &mut values);
+    });
 }
 
 #[divan::bench(args = FACTORS, sample_count = 10)]
@@ -78,4 +82,31 @@ fn solve(bencher: Bencher, factor: f64) {
 fn snapshot(bencher: Bencher) {
     let (plate, setup) = (plate(1.0), setup());
     bencher.bench_local(|| plate.displacement(black_box(&setup), &NOMINAL));
+}
+
+/// One test with each mechanical effect at its plausible amplitude, from the nominal plate's mesh and work space.
+#[divan::bench(args = mechanical(), sample_count = 10)]
+fn effect(bencher: Bencher, name: &str) {
+    let plate = plate(1.0);
+    let mut work = plate.factor();
+    let mut setup = setup();
+    let effect = find("bench", name).expect("a known effect");
+    let amplitude: Vec<f64> = effect
+        .parameters()
+        .iter()
+        .map(|p| p.plausible.unwrap_or(1.0))
+        .collect();
+    effect.alter(&amplitude, &mut setup);
+    bencher.bench_local(|| {
+        plate
+            .solve(black_box(&setup), &NOMINAL, &mut work)
+            .map(|solution| solution.nodal)
+    });
+}
+
+fn mechanical() -> impl Iterator<Item = &'static str> {
+    EFFECTS
+        .iter()
+        .filter(|e| e.kind() == Kind::Mechanical)
+        .map(|e| e.name())
 }

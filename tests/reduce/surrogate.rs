@@ -169,6 +169,7 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
         cache: directory.path().join("cache"),
         refinements: 3,
         keeping: None,
+        discrepancy: [None, None],
         deadline: None,
     };
     let round = identify(&model, &options, &Unwatched).unwrap();

@@ -1,0 +1,431 @@
+//! `plychain validate`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::console::Console;
+use super::folder::{Folder, hashes};
+use super::identify::{identity, load, sampler, write};
+use super::{DEFAULT_MODEL, Global, cache, print};
+use crate::chain::{Draws, read_zarr, write_csv};
+use crate::diagnose::{Rule, diagnose};
+use crate::error::{Error, Result};
+use crate::infer::{Laplace, LogDensity, Model, Posterior};
+use crate::report::validation::{
+    Validation, article_numbers, article_text, calibration_numbers, calibration_text,
+};
+use crate::sample::{Keeping, Schedule};
+use crate::trace::{self, Identified, Options, Posed, SurrogateError};
+use crate::validate::calibration::{self, Plan};
+use crate::validate::grid::{self, Grid};
+use crate::validate::twin::{Truth, Twin};
+use crate::validate::{article, priors, quadrature, thickness};
+
+/// Arguments of `validate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain validate runs/openhole
+  plychain validate models/openhole.json --sbc 20")]
+pub struct Arguments {
+    /// Run folder, or a model file to be identified first
+    #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
+    target: PathBuf,
+    /// Measured data in place of the model's
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Folder of a model's validation, which must not exist (default: the first free of runs/NAME-validate, ...); a run's
+    /// validation is written into the run's folder
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Nodes of the grid along each parameter
+    #[arg(long, default_value_t = grid::NODES)]
+    nodes: usize,
+    /// Bounds of the grid for a parameter, NAME=LOW:HIGH (default: mean +- 5 sd of the chain)
+    #[arg(long, value_name = "NAME=LOW:HIGH")]
+    bounds: Vec<String>,
+    /// Random nodes at which the thickness is propagated by Monte Carlo
+    #[arg(long, default_value_t = 200)]
+    monte_carlo: usize,
+    /// Also the article's setting on a simulated twin of its specimen, beside its published Tables 6 and 7
+    #[arg(long)]
+    article: bool,
+    /// Instead: simulation-based calibration with N replicates, for each --correlation-mm; goes on with the records in
+    /// --out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    sbc: Option<u32>,
+    /// Correlation lengths of the noise for --sbc, mm; 0 is white
+    #[arg(long, value_delimiter = ',', default_value = "0,1")]
+    correlation_mm: Vec<f64>,
+    /// Points along a side of the simulated field for --sbc
+    #[arg(long, default_value_t = 61)]
+    grid: usize,
+    /// Simulate the fields of --sbc by the reduced model in place of the finite elements
+    #[arg(long)]
+    reduced: bool,
+}
+
+/// Run the verb.
+pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+    if arguments.target.is_dir() {
+        return run_folder(arguments, global, console);
+    }
+    let model = load(&arguments.target, arguments.data.as_ref())?;
+    if let Some(replicates) = arguments.sbc {
+        return calibrate(arguments, replicates as usize, &model, global, console);
+    }
+    let folder = Folder::create(
+        arguments.out.as_deref(),
+        &format!("{}-validate", model.file.name),
+    )?;
+    let sampler = sampler("ensemble")?;
+    let schedule = Schedule {
+        seed: global.seed,
+        ..Schedule::default()
+    };
+    let identity = identity(&model, &*sampler, &schedule)?;
+    folder.begin(&identity)?;
+    let options = Options {
+        sampler: &*sampler,
+        schedule,
+        rule: Rule::default(),
+        cache: cache(),
+        refinements: 0,
+        keeping: Some(Keeping {
+            store: folder.path().join("chain.zarr"),
+            checkpoint: folder.path().join("checkpoint"),
+            identity,
+            resume: false,
+            observed: Vec::new(),
+        }),
+        discrepancy: [None, None],
+        deadline: None,
+    };
+    let round = trace::identify(&model, &options, console)?;
+    let rounds = [round];
+    write(&model, &rounds, &folder, global.seed)?.write(folder.path(), false)?;
+    let [round] = rounds;
+    let posed = Posed {
+        prepared: round.prepared,
+        columns: round.columns,
+        noise: round.noise,
+        statistics: round.statistics,
+        posterior: round.posterior,
+    };
+    let found = Found {
+        model: &model,
+        posed,
+        draws: round.draws,
+        truth: Some(round.surrogate),
+    };
+    validate(arguments, found, &folder, global, console)?;
+    folder.keep();
+    Ok(())
+}
+
+/// A posterior and its chain.
+struct Found<'a> {
+    model: &'a Model,
+    posed: Posed,
+    draws: Draws,
+    truth: Option<SurrogateError>,
+}
+
+fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+    let path = &arguments.target;
+    let refused = |what: &str| {
+        Err(Error::input(what, "a model file, not a run folder").found(path.display()))
+    };
+    if arguments.sbc.is_some() {
+        return refused("--sbc");
+    }
+    if arguments.out.is_some() || arguments.data.is_some() {
+        return Err(Error::input(
+            "--out and --data",
+            "a model file: a run's validation is of its own data, and goes into its folder",
+        )
+        .found(path.display()));
+    }
+    let folder = Folder::of_run(path)?;
+    let model = load(&path.join("model.json"), None)?;
+    check_inputs(path, &model)?;
+    let draws = read_zarr(&path.join("chain.zarr"), None)?;
+    let prepared = trace::prepare(&model, &cache(), console)?;
+    let posed = trace::pose(&model, prepared, console)?;
+    if draws.names() != posed.posterior.names() {
+        return Err(Error::input(
+            path.join("chain.zarr").display(),
+            format!(
+                "a chain of {}, as the run's model has",
+                posed.posterior.names().join(", ")
+            ),
+        )
+        .found(draws.names().join(", "))
+        .hint("this chain is of another model"));
+    }
+    if draws.is_empty() {
+        return Err(
+            Error::input(path.join("chain.zarr").display(), "a chain with draws").found("none"),
+        );
+    }
+    let found = Found {
+        model: &model,
+        posed,
+        draws,
+        truth: None,
+    };
+    validate(arguments, found, &folder, global, console)
+}
+
+/// The measurement must be what the run read.
+fn check_inputs(path: &Path, model: &Model) -> Result<()> {
+    let file = path.join("run.json");
+    let place = file.display().to_string();
+    let text = std::fs::read_to_string(&file)
+        .map_err(|e| Error::input(&place, "a readable manifest").found(e))?;
+    let manifest: Value = serde_json::from_str(&text)
+        .map_err(|e| Error::input(&place, "the manifest of a run").found(e))?;
+    let Some(known) = manifest["inputs_sha256"].as_object() else {
+        return Err(
+            Error::input(&place, "the manifest of a finished run").found("no inputs_sha256")
+        );
+    };
+    let known: Vec<&Value> = known.values().collect();
+    for (name, hash) in hashes(model.read_field()?.files.iter())? {
+        if !known.contains(&&hash) {
+            return Err(Error::input(name, "the measurement that the run read")
+                .found("a file that changed since")
+                .hint("identify it anew"));
+        }
+    }
+    Ok(())
+}
+
+fn validate(
+    arguments: &Arguments,
+    found: Found<'_>,
+    folder: &Folder,
+    global: &Global,
+    console: &Console,
+) -> Result<()> {
+    let Found {
+        model,
+        posed,
+        draws,
+        truth,
+    } = found;
+    let posterior = &posed.posterior;
+    let d = posterior.structural();
+    let chain = diagnose(&draws, &Rule::default()).rows;
+    let mode = trace::start(posterior)?;
+    let (mean, sd): (Vec<f64>, Vec<f64>) = chain[..d].iter().map(|r| (r.mean, r.sd)).unzip();
+    let mut bounds = grid::automatic(posterior, &mean, &sd);
+    declared_bounds(&arguments.bounds, posterior, &mut bounds)?;
+    grid::check_bounds(posterior, &bounds)?;
+    let began = Instant::now();
+    // a grid over more than the four constants would have millions of nodes
+    let small = arguments
+        .nodes
+        .checked_pow(d as u32)
+        .is_some_and(|n| n <= 2_000_000)
+        || d <= 4;
+    let evaluated = if small {
+        Some(Grid::new(posterior, &mode, &bounds, arguments.nodes)?)
+    } else {
+        None
+    };
+    let seconds = began.elapsed().as_secs_f64();
+    if let Some(grid) = &evaluated {
+        let draws = grid.draws(4, 2500)?;
+        write_csv(&draws, &folder.path().join("grid.csv"))?;
+    }
+    let preview = quadrature::preview(posterior, &mode);
+    let scale = posterior.scale(&mode.mode);
+    let compared = thickness::compare(
+        posterior,
+        &bounds,
+        scale,
+        [arguments.monte_carlo, thickness::SAMPLES],
+        global.seed,
+        console,
+    );
+    let published = model.file.reduced_model.reference.is_some();
+    let priors = if small {
+        Some(priors::compare(
+            posterior,
+            arguments.nodes,
+            published,
+            Some(&draws),
+        )?)
+    } else {
+        None
+    };
+    let truth = match truth {
+        Some(truth) => truth,
+        None => SurrogateError::measure(
+            &Identified {
+                prepared: &posed.prepared,
+                columns: &posed.columns,
+                noise: &posed.noise,
+                statistics: &posed.statistics,
+                posterior,
+                draws: &draws,
+            },
+            console,
+        )?,
+    };
+    let validation = Validation {
+        chain: &chain,
+        grid: evaluated.as_ref().map(|g| (g, seconds)),
+        preview: preview.as_ref(),
+        thickness: compared.as_ref(),
+        priors: priors.as_ref(),
+        truth: &truth,
+    };
+    let mut numbers = validation.numbers();
+    print(&validation.text(&arguments.target.display().to_string()))?;
+    if arguments.article {
+        let moments = article_twin(model, global.seed, arguments.nodes, console)?;
+        numbers["article"] = article_numbers(&moments);
+        print(&article_text(&moments))?;
+    }
+    folder.write_json("validation.json", &numbers)?;
+    print(&format!(
+        "written to {}\n",
+        folder.path().join("validation.json").display()
+    ))
+}
+
+/// Put `NAME=LOW:HIGH` into the bounds.
+fn declared_bounds(texts: &[String], posterior: &Posterior, bounds: &mut [[f64; 2]]) -> Result<()> {
+    let names = posterior.parameter_names();
+    for text in texts {
+        let wrong = || {
+            Error::input(
+                format!("--bounds {text}"),
+                format!("NAME=LOW:HIGH with one of {}", names.join(", ")),
+            )
+        };
+        let (name, range) = text.split_once('=').ok_or_else(wrong)?;
+        let (low, high) = range.split_once(':').ok_or_else(wrong)?;
+        let number = |t: &str| t.trim().parse::<f64>().map_err(|_| wrong().found(t));
+        let k = names
+            .iter()
+            .position(|n| n == name)
+            .ok_or_else(|| wrong().found(name))?;
+        bounds[k] = [number(low)?, number(high)?];
+    }
+    Ok(())
+}
+
+/// Noise of the article's simulated twin, nm, and points along a side.
+const TWIN_NOISE_NM: f64 = 10.0;
+const TWIN_GRID: usize = 121;
+
+/// The article's setting: its specimen simulated at the means of Table 6, priors of Table 4 cut at Table 5, 0.4 % of
+/// unnamed error, a grid over the cut.
+fn article_twin(
+    model: &Model,
+    seed: u64,
+    nodes: usize,
+    console: &Console,
+) -> Result<quadrature::Moments> {
+    if model.constants() != article::NAMES || !model.sampled().is_empty() {
+        return Err(Error::input(
+            "--article",
+            "a laminate without mechanical effects, as the article's",
+        )
+        .found(&model.file.name)
+        .hint("use models/openhole.json"));
+    }
+    let prepared = trace::prepare(model, &cache(), console)?;
+    let twin = Twin::new(model, prepared, TWIN_GRID)?;
+    let truth = Truth {
+        theta: article::MEAN.to_vec(),
+        thickness_mm: model.file.specimen.thickness_mm.mean,
+        additive: vec![0.0; twin.columns.effects.len()],
+        noise_nm: TWIN_NOISE_NM,
+    };
+    let mut fields = twin.finite_elements(std::slice::from_ref(&truth), &|| ())?;
+    let mut u = fields.pop().unwrap_or_default();
+    for (u, e) in u.iter_mut().zip(twin.noise(TWIN_NOISE_NM, 0.0, seed)) {
+        *u = [u[0] + e[0], u[1] + e[1]];
+    }
+    let observation = twin.observed(u);
+    let noise = crate::infer::Noise::estimate(&observation, &twin.columns)?;
+    let statistics = crate::infer::Statistics::new(&observation, &twin.columns, &noise)?;
+    let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
+    let mut marginals = posterior.marginals().to_vec();
+    for (m, cut) in marginals.iter_mut().zip(article::TRUNCATION) {
+        m.truncate = Some(cut);
+    }
+    let mode: Laplace = trace::start(&posterior)?;
+    let posterior = posterior.with_marginals(marginals);
+    Ok(Grid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
+}
+
+fn calibrate(
+    arguments: &Arguments,
+    replicates: usize,
+    model: &Model,
+    global: &Global,
+    console: &Console,
+) -> Result<()> {
+    for l in &arguments.correlation_mm {
+        if !(0.0..=2.0).contains(l) {
+            return Err(Error::input(
+                "--correlation-mm",
+                "lengths from 0 to 2 mm, which count as noise",
+            )
+            .found(l));
+        }
+    }
+    let model = calibration::model_of(model);
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(super::RUNS).join(format!("{}-sbc", model.file.name)));
+    std::fs::create_dir_all(&out).map_err(|e| {
+        Error::input(
+            format!("--out {}", out.display()),
+            "a place that can be written",
+        )
+        .found(e)
+    })?;
+    let prepared = trace::prepare(&model, &cache(), console)?;
+    let twin = Twin::new(&model, prepared, arguments.grid)?;
+    let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
+    for effect in model.sampled() {
+        names.extend(
+            effect
+                .parameters()
+                .iter()
+                .map(|p| crate::effect::amplitude_name(effect, p)),
+        );
+    }
+    names.push(crate::infer::NOISE.into());
+    let mut all = Vec::new();
+    for &correlation_mm in &arguments.correlation_mm {
+        let plan = Plan {
+            replicates,
+            correlation_mm,
+            reduced: arguments.reduced,
+            seed: global.seed,
+            grid: arguments.grid,
+        };
+        let record = out.join(format!("sbc-{correlation_mm}mm.jsonl"));
+        let found = calibration::calibrate(&model, &twin, &plan, &record, console)?;
+        let summary = calibration::summarise(&plan, &names, &found);
+        print(&calibration_text(&summary))?;
+        all.push(calibration_numbers(&summary));
+    }
+    let value = json!({ "schema": crate::report::validation::SCHEMA, "calibration": all });
+    let text = serde_json::to_string_pretty(&value)
+        .map_err(|e| Error::program("validation.json", "numbers that JSON can hold").found(e))?;
+    let path = out.join("validation.json");
+    std::fs::write(&path, text + "\n")
+        .map_err(|e| Error::input(path.display(), "a writable file").found(e))?;
+    print(&format!("written to {}\n", path.display()))
+}

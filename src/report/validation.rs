@@ -1,0 +1,410 @@
+//! What a validation found: `validation.json` and one screen.
+
+use std::fmt::Write;
+
+use serde_json::{Map, Value, json};
+
+use super::terminal::{significant, table};
+use crate::diagnose::Row;
+use crate::trace::SurrogateError;
+use crate::validate::article;
+use crate::validate::calibration::{LEVELS, NOISE_NM, RANK_DRAWS, Summary};
+use crate::validate::grid::Grid;
+use crate::validate::priors::Table;
+use crate::validate::quadrature::Moments;
+use crate::validate::thickness::Comparison;
+
+/// The schema of `validation.json`.
+pub const SCHEMA: &str = "plychain-validation/1";
+
+/// Agreement of grid and chain that is asked for: mean in sd, sd in %.
+pub const AGREEMENT: (f64, f64) = (0.05, 3.0);
+
+/// Agreement of Monte Carlo and analytic thickness, in Monte Carlo standard errors.
+pub const MOST_ERRORS: f64 = 4.0;
+
+/// Everything about one posterior.
+pub struct Validation<'a> {
+    /// The chain's figures.
+    pub chain: &'a [Row],
+    /// The grid, unless there are too many parameters for one, and the seconds it took.
+    pub grid: Option<(&'a Grid, f64)>,
+    /// The second opinion.
+    pub preview: Option<&'a Moments>,
+    /// Thickness both ways, if it is uncertain.
+    pub thickness: Option<&'a Comparison>,
+    /// Other priors.
+    pub priors: Option<&'a Table>,
+    /// The finite elements at posterior draws.
+    pub truth: &'a SurrogateError,
+}
+
+/// Difference of moments from the chain: mean in the chain's sd, sd in %.
+fn difference(chain: &[Row], moments: &Moments) -> Vec<(f64, f64)> {
+    chain
+        .iter()
+        .zip(moments.mean.iter().zip(&moments.sd))
+        .map(|(row, (mean, sd))| ((mean - row.mean) / row.sd, 100.0 * (sd / row.sd - 1.0)))
+        .collect()
+}
+
+fn largest(differences: &[(f64, f64)]) -> (f64, f64) {
+    differences.iter().fold((0.0, 0.0), |a, d| {
+        (f64::max(a.0, d.0.abs()), f64::max(a.1, d.1.abs()))
+    })
+}
+
+fn moments_json(chain: &[Row], moments: &Moments) -> Value {
+    let differences = difference(chain, moments);
+    let rows = moments.names.iter().enumerate().map(|(k, name)| {
+        let (mean, sd) = (moments.mean[k], moments.sd[k]);
+        let row = json!({
+            "mean": mean, "sd": sd, "cov_percent": 100.0 * sd / mean.abs(),
+            "mean_minus_chain_in_sd": differences.get(k).map(|d| d.0),
+            "sd_against_chain_percent": differences.get(k).map(|d| d.1),
+        });
+        (name.clone(), row)
+    });
+    json!({
+        "parameters": rows.collect::<Map<_, _>>(),
+        "correlation": moments.correlation,
+        "log_evidence": moments.log_evidence,
+    })
+}
+
+impl Validation<'_> {
+    /// `validation.json`.
+    pub fn numbers(&self) -> Value {
+        let mut value = json!({
+            "schema": SCHEMA,
+            "trusted": self.doubts().is_empty(),
+            "doubts": self.doubts(),
+            "chain": self.chain.iter().map(|r| (r.name.clone(), json!({ "mean": r.mean, "sd": r.sd }))).collect::<Map<_, _>>(),
+            "finite_elements": {
+                "draws": self.truth.draws,
+                "max_error_in_posterior_sd": self.truth.max_sd(),
+                "error_in_posterior_sd": self.truth.shift_sd.iter().map(|(n, s)| (n.clone(), json!(s))).collect::<Map<_, _>>(),
+                "effective_draws": self.truth.effective_draws(),
+                "log_importance_weights": self.truth.log_weights,
+            },
+        });
+        if let Some((grid, seconds)) = self.grid {
+            let mut numbers = moments_json(self.chain, &grid.moments);
+            numbers["nodes"] = json!(grid.nodes.len());
+            numbers["seconds"] = json!(seconds);
+            numbers["bounds"] = json!(grid.bounds);
+            numbers["warnings"] = json!(grid.warnings);
+            numbers["marginals"] = json!(grid.marginals);
+            value["grid"] = numbers;
+        }
+        if let Some(preview) = self.preview {
+            value["laplace_gauss_hermite"] = moments_json(self.chain, preview);
+        }
+        if let Some(c) = self.thickness {
+            value["thickness"] = json!({
+                "nodes": c.nodes, "samples": c.samples,
+                "worst_difference_in_standard_errors": c.worst(), "rms_difference_in_standard_errors": c.rms(),
+                "differences_and_standard_errors": c.differences,
+                "seconds_a_node": { "monte_carlo": c.seconds[0], "analytic": c.seconds[1] },
+            });
+        }
+        if let Some(table) = self.priors {
+            let rows = table
+                .rows
+                .iter()
+                .map(|row| (row.prior.clone(), moments_json(self.chain, &row.moments)));
+            value["priors"] = Value::Object(rows.collect());
+            if let Some((name, bounds, share)) = &table.outside {
+                value["outside_the_box"] =
+                    json!({ "box": name, "bounds": bounds, "share_of_draws": share });
+            }
+        }
+        value
+    }
+
+    /// What speaks against the posterior, in sentences; none if it can be trusted as the posterior of its model.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut doubts = Vec::new();
+        if let Some((grid, _)) = self.grid {
+            let (mean, sd) = largest(&difference(self.chain, &grid.moments));
+            if mean > AGREEMENT.0 || sd > AGREEMENT.1 {
+                doubts.push(format!(
+                    "grid and chain differ by {mean:.3} sd in a mean and {sd:.1} % in an sd"
+                ));
+            }
+            doubts.extend(grid.warnings.iter().cloned());
+        }
+        if let Some(c) = self.thickness
+            && c.worst() > MOST_ERRORS
+        {
+            doubts.push(format!(
+                "Monte Carlo and analytic thickness differ by {:.1} standard errors at a node",
+                c.worst()
+            ));
+        }
+        if self.truth.max_sd() > crate::trace::TOLERANCE {
+            doubts.push(format!(
+                "the reduced model's error moves a constant by {:.1} % of a posterior sd; with the finite elements' likelihood {:.1} of {} draws count",
+                100.0 * self.truth.max_sd(), self.truth.effective_draws(), self.truth.draws
+            ));
+        }
+        doubts
+    }
+
+    /// One screen.
+    pub fn text(&self, title: &str) -> String {
+        let mut text = format!("\nvalidation of {title}\n\n");
+        let mut header = vec!["", "chain mean", "sd"];
+        let all: Vec<(&str, Vec<(f64, f64)>)> = [
+            ("grid", self.grid.map(|(g, _)| &g.moments)),
+            ("preview", self.preview),
+        ]
+        .into_iter()
+        .filter_map(|(name, m)| m.map(|m| (name, difference(self.chain, m))))
+        .collect();
+        for (name, _) in &all {
+            header.extend(match *name {
+                "grid" => ["grid: mean, sd off", "sd off, %"],
+                _ => ["Laplace-GH: mean, sd off", "sd off, %"],
+            });
+        }
+        let rows: Vec<Vec<String>> = self
+            .chain
+            .iter()
+            .enumerate()
+            .map(|(k, row)| {
+                let mut cells = vec![
+                    row.name.clone(),
+                    significant(row.mean, row.sd),
+                    significant(row.sd, row.sd),
+                ];
+                for (_, d) in &all {
+                    let (mean, sd) = d.get(k).copied().unwrap_or((f64::NAN, f64::NAN));
+                    cells.extend([format!("{mean:+.3}"), format!("{sd:+.2}")]);
+                }
+                cells
+            })
+            .collect();
+        text += &table(&header, &rows);
+        self.lines(&mut text);
+        let doubts = self.doubts();
+        if doubts.is_empty() {
+            text += "\nNothing speaks against this posterior as that of its model.\n";
+        }
+        for doubt in doubts {
+            let _ = writeln!(text, "\ndoubt: {doubt}");
+        }
+        text
+    }
+
+    fn lines(&self, text: &mut String) {
+        text.push('\n');
+        if let Some((grid, seconds)) = self.grid {
+            let _ = writeln!(
+                text,
+                "  grid: {} nodes, {seconds:.2} s, log evidence {:.2}",
+                grid.nodes.len(),
+                grid.moments.log_evidence
+            );
+            if let Some(c) = self.thickness {
+                let whole = c.seconds.map(|s| s * grid.nodes.len() as f64);
+                let _ = writeln!(
+                    text,
+                    "  thickness by Monte Carlo ({} samples) at {} nodes: worst {:.2}, rms {:.2} standard errors from the analytic marginal;\n    the whole grid on one thread: {} against {}",
+                    c.samples,
+                    c.nodes,
+                    c.worst(),
+                    c.rms(),
+                    duration(whole[0]),
+                    duration(whole[1])
+                );
+            }
+        }
+        let t = self.truth;
+        let _ = writeln!(
+            text,
+            "  finite elements at {} draws: error {:.3} % of a posterior sd, {:.1} effective draws by their likelihood",
+            t.draws,
+            100.0 * t.max_sd(),
+            t.effective_draws()
+        );
+        let Some(priors) = self.priors.filter(|p| p.rows.len() > 1) else {
+            return;
+        };
+        text.push('\n');
+        let d = priors.rows[0].moments.correlation.len();
+        let mut header = vec!["prior"];
+        header.extend(priors.rows[0].moments.names[..d].iter().map(String::as_str));
+        let rows: Vec<Vec<String>> = priors
+            .rows
+            .iter()
+            .map(|row| {
+                let m = &row.moments;
+                let cell = |k: usize| {
+                    format!(
+                        "{} +- {}",
+                        significant(m.mean[k], m.sd[k]),
+                        significant(m.sd[k], m.sd[k])
+                    )
+                };
+                std::iter::once(row.prior.clone())
+                    .chain((0..d).map(cell))
+                    .collect()
+            })
+            .collect();
+        *text += &table(&header, &rows);
+        if let Some((name, _, share)) = &priors.outside {
+            let _ = writeln!(
+                text,
+                "  {:.2} % of the draws lie outside the box of {name}",
+                100.0 * share
+            );
+        }
+    }
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => format!("{:.0} ms", 1e3 * s),
+        s if s < 120.0 => format!("{s:.1} s"),
+        s => format!("{:.1} min", s / 60.0),
+    }
+}
+
+/// The article's setting beside its published Tables 6 and 7.
+pub fn article_text(moments: &Moments) -> String {
+    let mut text = String::from(
+        "\nthe article's setting on a simulated twin of its specimen (truth: means of Table 6)\n\n",
+    );
+    let rows: Vec<Vec<String>> = (0..4)
+        .map(|k| {
+            let (mean, sd) = (moments.mean[k], moments.sd[k]);
+            vec![
+                moments.names[k].clone(),
+                significant(mean, sd),
+                format!("{}", article::MEAN[k]),
+                format!("{:.1}", 100.0 * sd / mean),
+                format!("{:.1}", article::COV_PERCENT[k]),
+            ]
+        })
+        .collect();
+    text += &table(
+        &[
+            "Table 6",
+            "mean here",
+            "published",
+            "COV % here",
+            "published",
+        ],
+        &rows,
+    );
+    text.push('\n');
+    let rows: Vec<Vec<String>> = (0..4)
+        .map(|i| {
+            let mut row = vec![moments.names[i].clone()];
+            row.extend((0..4).map(|j| {
+                if j <= i {
+                    String::new()
+                } else {
+                    format!(
+                        "{:+.2} ({:+.2})",
+                        moments.correlation[i][j],
+                        article::CORRELATION[i][j]
+                    )
+                }
+            }));
+            row
+        })
+        .collect();
+    let mut header = vec!["Table 7: here (published)"];
+    header.extend(moments.names[..4].iter().map(String::as_str));
+    text += &table(&header, &rows);
+    text.push('\n');
+    for caveat in article::caveats() {
+        let _ = writeln!(text, "  {caveat}");
+    }
+    text
+}
+
+/// The same as numbers.
+pub fn article_numbers(moments: &Moments) -> Value {
+    let rows = (0..4).map(|k| {
+        let row = json!({
+            "mean": moments.mean[k], "published_mean": article::MEAN[k],
+            "cov_percent": 100.0 * moments.sd[k] / moments.mean[k], "published_cov_percent": article::COV_PERCENT[k],
+        });
+        (moments.names[k].clone(), row)
+    });
+    json!({
+        "table_6": rows.collect::<Map<_, _>>(),
+        "table_7": { "here": moments.correlation, "published": article::CORRELATION },
+        "not_comparable": article::caveats(),
+    })
+}
+
+/// Calibration on the terminal.
+pub fn calibration_text(summary: &Summary) -> String {
+    let plan = &summary.plan;
+    let noise = if plan.correlation_mm == 0.0 {
+        "white noise".into()
+    } else {
+        format!("noise correlated over {} mm", plan.correlation_mm)
+    };
+    let fields = if plan.reduced {
+        "reduced model"
+    } else {
+        "finite elements"
+    };
+    let mut text = format!(
+        "\ncalibration: {} replicates ({} converged), fields by the {fields}, {noise} of {} to {} nm, {} x {} points\n\n",
+        summary.done[0], summary.done[1], NOISE_NM[0], NOISE_NM[1], plan.grid, plan.grid
+    );
+    let mut header = vec!["".to_string(), "KS p".into(), "ranks p".into()];
+    header.extend(LEVELS.map(|l| format!("in {:.0} %", 100.0 * l)));
+    header.extend(["mean z", "rms z", "ranks"].map(String::from));
+    let share = |n: usize| 100.0 * n as f64 / summary.done[0].max(1) as f64;
+    let rows: Vec<Vec<String>> = summary
+        .parameters
+        .iter()
+        .map(|p| {
+            let mut row = vec![
+                p.name.clone(),
+                format!("{:.3}", p.p_ks),
+                format!("{:.3}", p.p_ranks),
+            ];
+            row.extend(p.covered.map(|n| format!("{:.1}", share(n))));
+            row.extend([format!("{:+.2}", p.z[0]), format!("{:.2}", p.z[1])]);
+            row.push(p.bins.map(|b| b.to_string()).join(" "));
+            row
+        })
+        .collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    text += &table(&header, &rows);
+    let bands: Vec<String> = summary
+        .bands
+        .iter()
+        .map(|[a, b]| format!("{:.1} to {:.1}", share(*a), share(*b)))
+        .collect();
+    let _ = writeln!(
+        text,
+        "  99 % binomial bands of the coverage: {}",
+        bands.join(", ")
+    );
+    text
+}
+
+/// The same as numbers.
+pub fn calibration_numbers(summary: &Summary) -> Value {
+    let parameters = summary.parameters.iter().map(|p| {
+        let row = json!({
+            "p_kolmogorov_smirnov": p.p_ks, "p_chi2_of_ranks": p.p_ranks, "ranks_in_ten_bins": p.bins,
+            "covered": p.covered, "mean_z": p.z[0], "rms_z": p.z[1],
+        });
+        (p.name.clone(), row)
+    });
+    json!({
+        "plan": summary.plan, "replicates": summary.done[0], "converged": summary.done[1],
+        "rank_draws": RANK_DRAWS, "levels": LEVELS, "bands_of_coverage": summary.bands,
+        "parameters": parameters.collect::<Map<_, _>>(),
+    })
+}

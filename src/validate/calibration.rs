@@ -1,0 +1,384 @@
+//! Simulation-based calibration (Talts et al. 2018): draws from the prior, simulated measurements of them, the whole
+//! identification of each, and where the truth lies among the posterior's draws.
+
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
+
+use super::twin::{Truth, Twin};
+use crate::diagnose::Rule;
+use crate::error::{Error, Result};
+use crate::infer::{LogDensity, Marginal, Model, Noise, Statistics};
+use crate::progress::Watch;
+use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
+use crate::trace;
+
+/// The true noise sd is drawn from this interval, evenly in its logarithm (the posterior's prior is 1/noise), nm.
+pub const NOISE_NM: [f64; 2] = [3.0, 30.0];
+
+/// A rank is the number of this many draws below the truth.
+pub const RANK_DRAWS: usize = 99;
+
+/// Levels of the intervals whose coverage is counted.
+pub const LEVELS: [f64; 3] = [0.5, 0.9, 0.95];
+
+/// What to calibrate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Number of replicates.
+    pub replicates: usize,
+    /// Correlation length of the noise, mm; 0 for white noise.
+    pub correlation_mm: f64,
+    /// Fields by the reduced model instead of the finite elements.
+    pub reduced: bool,
+    /// Seed.
+    pub seed: u64,
+    /// Points along a side of the lattice.
+    pub grid: usize,
+}
+
+/// One line of the record.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Replicate {
+    /// Its number.
+    pub replicate: usize,
+    /// True value of each parameter.
+    pub truth: Vec<f64>,
+    /// Posterior mean and sd of each parameter.
+    pub mean: Vec<f64>,
+    /// See `mean`.
+    pub sd: Vec<f64>,
+    /// Number of [`RANK_DRAWS`] draws below the truth.
+    pub rank: Vec<usize>,
+    /// Share of all draws below the truth.
+    pub below: Vec<f64>,
+    /// Whether the chains converged.
+    pub converged: bool,
+}
+
+/// How one parameter fared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// p-value of the Kolmogorov-Smirnov test of the shares below the truth against uniformity.
+    pub p_ks: f64,
+    /// p-value of the chi^2 test of the ranks over ten bins.
+    pub p_ranks: f64,
+    /// Ranks in ten bins.
+    pub bins: [usize; 10],
+    /// Covered truths at each of [`LEVELS`].
+    pub covered: [usize; 3],
+    /// Mean and root mean square of (posterior mean - truth) / posterior sd.
+    pub z: [f64; 2],
+}
+
+/// The summary of one record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// What was calibrated.
+    pub plan: Plan,
+    /// Replicates done, and those whose chains converged.
+    pub done: [usize; 2],
+    /// By parameter.
+    pub parameters: Vec<Parameter>,
+    /// For each of [`LEVELS`] the counts between which a calibrated posterior lies in 99 % of cases.
+    pub bands: [[usize; 2]; 3],
+}
+
+/// The model that is calibrated: unnamed model errors are left out, because nothing of them is simulated.
+pub fn model_of(model: &Model) -> Model {
+    let mut model = model.clone();
+    model.file.likelihood.model_error_fraction = 0.0;
+    model.file.likelihood.noise_nm = None;
+    model
+}
+
+/// Run or go on with a record at `path` (one line a replicate), and return all replicates.
+///
+/// # Errors
+/// A record of another plan; what simulation and identification may fail with.
+pub fn calibrate(
+    model: &Model,
+    twin: &Twin,
+    plan: &Plan,
+    path: &Path,
+    watch: &dyn Watch,
+) -> Result<Vec<Replicate>> {
+    let mut done = begin(plan, model, path)?;
+    let todo: Vec<usize> = (0..plan.replicates)
+        .filter(|k| done.iter().all(|r| r.replicate != *k))
+        .collect();
+    let noise = if plan.correlation_mm == 0.0 {
+        "white noise".to_string()
+    } else {
+        format!("noise correlated over {} mm", plan.correlation_mm)
+    };
+    watch.begin(&format!("calibration, {noise}"), Some(todo.len() as u64));
+    let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
+    let mut file = OpenOptions::new().append(true).open(path).map_err(failed)?;
+    for some in todo.chunks(2 * rayon::current_num_threads()) {
+        let truths: Vec<Truth> = some.iter().map(|&k| draw(model, plan, k)).collect();
+        let clean = if plan.reduced {
+            truths.iter().map(|t| twin.reduced(t)).collect()
+        } else {
+            twin.finite_elements(&truths, &|| ())?
+        };
+        let found: Vec<Result<Replicate>> = some
+            .par_iter()
+            .zip(&truths)
+            .zip(clean)
+            .map(|((&k, truth), u)| {
+                let found = identify(model, twin, plan, k, truth, u);
+                watch.tick();
+                found
+            })
+            .collect();
+        for replicate in found {
+            let replicate = replicate?;
+            let line = serde_json::to_string(&replicate).map_err(|e| {
+                Error::program("calibration", "numbers that JSON can hold").found(e)
+            })?;
+            writeln!(file, "{line}").map_err(failed)?;
+            done.push(replicate);
+        }
+    }
+    watch.end();
+    done.retain(|r| r.replicate < plan.replicates);
+    done.sort_by_key(|r| r.replicate);
+    Ok(done)
+}
+
+/// Read a record, or begin one. A last line that was cut off by a kill is dropped.
+fn begin(plan: &Plan, model: &Model, path: &Path) -> Result<Vec<Replicate>> {
+    let failed =
+        |e: std::io::Error| Error::input(path.display(), "a readable and writable file").found(e);
+    // a longer or shorter record of the same plan is the same record
+    let mut plan = plan.clone();
+    plan.replicates = 0;
+    let model = serde_json::to_string(&model.file)
+        .map_err(|e| Error::program("calibration", "a model that JSON can hold").found(e))?;
+    let header = serde_json::to_string(&(plan, model))
+        .map_err(|e| Error::program("calibration", "a plan that JSON can hold").found(e))?;
+    let text = if path.exists() {
+        std::fs::read_to_string(path).map_err(failed)?
+    } else {
+        String::new()
+    };
+    let mut lines = text.lines();
+    if let Some(first) = lines.next()
+        && first != header
+    {
+        return Err(Error::input(
+            path.display(),
+            "a record of the same model, seed, noise and grid",
+        )
+        .found("another one")
+        .hint("choose another --out; nothing was changed"));
+    }
+    let known: Vec<Replicate> = lines.map_while(|l| serde_json::from_str(l).ok()).collect();
+    let mut whole = header + "\n";
+    for replicate in &known {
+        whole += &serde_json::to_string(replicate)
+            .map_err(|e| Error::program("calibration", "numbers that JSON can hold").found(e))?;
+        whole.push('\n');
+    }
+    std::fs::write(path, whole).map_err(failed)?;
+    Ok(known)
+}
+
+fn seed(plan: &Plan, replicate: usize, purpose: u64) -> u64 {
+    let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed);
+    let base: u64 = rng.random();
+    base.wrapping_add((replicate as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+        .wrapping_add(purpose.wrapping_mul(0xd1b5_4a32_d192_ed03))
+}
+
+/// A draw from the prior.
+fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
+    let mut rng = Pcg64Dxsm::seed_from_u64(seed(plan, replicate, 1));
+    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let inside = |m: &Marginal, x: f64| {
+        let [low, high] = m.bounds();
+        (low..=high).contains(&x)
+    };
+    let marginals = model.marginals();
+    let mut theta: Vec<f64>;
+    loop {
+        theta = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
+        let cut = marginals.iter().zip(&theta).all(|(m, x)| inside(m, *x));
+        if cut && model.file.specimen.material.ply(&theta).is_admissible() {
+            break;
+        }
+    }
+    for parameter in model.sampled().iter().flat_map(|e| e.parameters()) {
+        theta.push(parameter.plausible.unwrap_or(parameter.bound) * normal());
+    }
+    let thickness = model.file.specimen.thickness_mm;
+    let additive = model.additive();
+    let additive = additive.iter().flat_map(|e| e.parameters());
+    // an amplitude with a flat prior is as good as any other
+    let additive = additive
+        .map(|p| p.plausible.unwrap_or(0.0) * normal())
+        .collect();
+    let thickness_mm = thickness.mean + thickness.sd * normal();
+    let [low, high] = NOISE_NM;
+    Truth {
+        theta,
+        additive,
+        thickness_mm,
+        noise_nm: low * (high / low).powf(rng.random()),
+    }
+}
+
+fn identify(
+    model: &Model,
+    twin: &Twin,
+    plan: &Plan,
+    replicate: usize,
+    truth: &Truth,
+    mut u: Vec<[f64; 2]>,
+) -> Result<Replicate> {
+    let noise = twin.noise(
+        truth.noise_nm,
+        plan.correlation_mm,
+        seed(plan, replicate, 2),
+    );
+    for (u, e) in u.iter_mut().zip(noise) {
+        *u = [u[0] + e[0], u[1] + e[1]];
+    }
+    let observation = twin.observed(u);
+    let noise = Noise::estimate(&observation, &twin.columns)?;
+    let statistics = Statistics::new(&observation, &twin.columns, &noise)?;
+    let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
+    let mode = trace::start(&posterior)?;
+    let start = Start::Ball {
+        centre: &mode.mode,
+        covariance: &mode.covariance,
+        spread: 3.0,
+    };
+    let schedule = Schedule {
+        seed: seed(plan, replicate, 3),
+        ..Schedule::default()
+    };
+    let rule = Rule::default();
+    let outcome = run(
+        &posterior,
+        &Ensemble::default(),
+        &start,
+        &schedule,
+        &rule,
+        &Quiet,
+    )?;
+    let draws = outcome.draws;
+    let mut values = truth.theta.clone();
+    values.push(truth.noise_nm);
+    let n = draws.len() as f64;
+    let stride = (draws.len() / RANK_DRAWS).max(1);
+    let mut result = Replicate {
+        replicate,
+        truth: values.clone(),
+        mean: Vec::new(),
+        sd: Vec::new(),
+        rank: Vec::new(),
+        below: Vec::new(),
+        converged: matches!(outcome.stopped, crate::sample::Stopped::Enough),
+    };
+    for (k, truth) in values.iter().enumerate().take(posterior.dim()) {
+        let mean = draws.points().map(|x| x[k]).sum::<f64>() / n;
+        let variance = draws.points().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n;
+        result.mean.push(mean);
+        result.sd.push(variance.sqrt());
+        let some = draws
+            .points()
+            .skip(stride / 2)
+            .step_by(stride)
+            .take(RANK_DRAWS);
+        result.rank.push(some.filter(|x| x[k] < *truth).count());
+        let below = draws.points().filter(|x| x[k] < *truth).count();
+        result.below.push(below as f64 / n);
+    }
+    Ok(result)
+}
+
+/// Rank statistics, uniformity and coverage of replicates.
+pub fn summarise(plan: &Plan, names: &[String], replicates: &[Replicate]) -> Summary {
+    let n = replicates.len();
+    let parameter = |(k, name): (usize, &String)| {
+        let mut bins = [0; 10];
+        let mut covered = [0; 3];
+        for r in replicates {
+            bins[r.rank[k] * 10 / (RANK_DRAWS + 1)] += 1;
+            for (count, level) in covered.iter_mut().zip(LEVELS) {
+                *count += usize::from((r.below[k] - 0.5).abs() <= 0.5 * level);
+            }
+        }
+        let z = || {
+            replicates
+                .iter()
+                .map(|r| (r.mean[k] - r.truth[k]) / r.sd[k])
+        };
+        let count = n.max(1) as f64;
+        Parameter {
+            name: name.clone(),
+            p_ks: kolmogorov(replicates.iter().map(|r| r.below[k]).collect()),
+            p_ranks: chi_square(&bins),
+            bins,
+            covered,
+            z: [
+                z().sum::<f64>() / count,
+                (z().map(|z| z * z).sum::<f64>() / count).sqrt(),
+            ],
+        }
+    };
+    Summary {
+        plan: plan.clone(),
+        done: [n, replicates.iter().filter(|r| r.converged).count()],
+        parameters: names.iter().enumerate().map(parameter).collect(),
+        bands: LEVELS.map(|level| band(n, level)),
+    }
+}
+
+/// Central interval that holds a binomial count in at least 99 % of cases.
+pub fn band(n: usize, level: f64) -> [usize; 2] {
+    let Ok(distribution) = Binomial::new(level, n as u64) else {
+        return [0, n];
+    };
+    [0.005, 0.995].map(|p| distribution.inverse_cdf(p) as usize)
+}
+
+/// p-value of equal expected counts.
+fn chi_square(bins: &[usize]) -> f64 {
+    let n: usize = bins.iter().sum();
+    let expected = n as f64 / bins.len() as f64;
+    if n == 0 {
+        return f64::NAN;
+    }
+    let chi2: f64 = bins
+        .iter()
+        .map(|&b| (b as f64 - expected).powi(2) / expected)
+        .sum();
+    ChiSquared::new((bins.len() - 1) as f64).map_or(f64::NAN, |d| d.sf(chi2))
+}
+
+/// p-value of the Kolmogorov-Smirnov test of uniformity on [0, 1] (asymptotic, with Stephens' correction for few values).
+pub fn kolmogorov(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len() as f64;
+    let distance = values.iter().enumerate().fold(0.0_f64, |d, (i, &v)| {
+        d.max(v - i as f64 / n).max((i + 1) as f64 / n - v)
+    });
+    let x = distance * (n.sqrt() + 0.12 + 0.11 / n.sqrt());
+    if x < 0.2 {
+        return 1.0;
+    }
+    let term = |k: i32| (-1.0_f64).powi(k - 1) * (-2.0 * f64::from(k * k) * x * x).exp();
+    (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0)
+}

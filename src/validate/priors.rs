@@ -1,0 +1,104 @@
+//! How far the posterior depends on the prior's cuts and means.
+
+use super::article;
+use super::grid::{Grid, automatic};
+use super::quadrature::Moments;
+use crate::chain::Draws;
+use crate::error::Result;
+use crate::infer::{LogDensity, Marginal, Posterior, laplace};
+
+/// One choice of prior.
+pub struct Row {
+    /// What the prior is.
+    pub prior: String,
+    /// Moments by the grid.
+    pub moments: Moments,
+    /// Warnings of its grid.
+    pub warnings: Vec<String>,
+}
+
+/// Priors beside each other, and what a cut would cut off.
+pub struct Table {
+    /// The declared prior first.
+    pub rows: Vec<Row>,
+    /// The box of the cut, its name, and the share of the chain's draws outside of it, if there are draws.
+    pub outside: Option<(String, Vec<[f64; 2]>, f64)>,
+}
+
+/// Posteriors under the declared prior, without cuts, cut at Table 5 and about Noh's values (if `published`).
+///
+/// # Errors
+/// Those of a mode without maximum and of the grid.
+pub fn compare(
+    posterior: &Posterior,
+    side: usize,
+    published: bool,
+    draws: Option<&Draws>,
+) -> Result<Table> {
+    let declared = posterior.marginals().to_vec();
+    let with = |change: &dyn Fn(usize, &mut Marginal)| -> Vec<Marginal> {
+        let mut marginals = declared.clone();
+        for (k, m) in marginals.iter_mut().enumerate() {
+            change(k, m);
+        }
+        marginals
+    };
+    let mut choices = vec![("declared".to_string(), declared.clone())];
+    let cut = declared.iter().any(|m| m.truncate.is_some());
+    let whole = with(&|_, m| m.truncate = None);
+    if cut {
+        choices.push(("without truncation".into(), whole.clone()));
+    }
+    let bounds: Option<(String, Vec<[f64; 2]>)> = if published {
+        Some(("Table 5".into(), article::TRUNCATION.to_vec()))
+    } else {
+        cut.then(|| {
+            (
+                "declared".into(),
+                declared.iter().map(Marginal::bounds).collect(),
+            )
+        })
+    };
+    if published {
+        choices.push((
+            "truncated at Table 5".into(),
+            with(&|k, m| m.truncate = article::TRUNCATION.get(k).copied().or(m.truncate)),
+        ));
+        choices.push((
+            "mean of Noh (Table 1)".into(),
+            with(&|k, m| m.mean = article::NOH.get(k).copied().unwrap_or(m.mean)),
+        ));
+    }
+    let rows = choices
+        .into_iter()
+        .map(|(prior, marginals)| row(posterior, prior, marginals, side))
+        .collect::<Result<Vec<_>>>()?;
+    let outside = bounds.zip(draws).map(|((name, bounds), draws)| {
+        let inside = |x: &[f64]| {
+            bounds
+                .iter()
+                .zip(x)
+                .all(|([low, high], x)| (low..=high).contains(&x))
+        };
+        let out = draws.points().filter(|x| !inside(x)).count();
+        (name, bounds, out as f64 / draws.len().max(1) as f64)
+    });
+    Ok(Table { rows, outside })
+}
+
+fn row(posterior: &Posterior, prior: String, marginals: Vec<Marginal>, side: usize) -> Result<Row> {
+    let d = posterior.structural();
+    let other = posterior.with_marginals(marginals);
+    let (centre, sd) = other.start();
+    let mode = laplace(&other.untruncated(), &centre, &sd)?;
+    let sd: Vec<f64> = (0..d)
+        .map(|k| mode.covariance[k * other.dim() + k].sqrt())
+        .collect();
+    let bounds = automatic(&other, &mode.mode[..d], &sd);
+    let grid = Grid::new(&other, &mode, &bounds, side)?;
+    Ok(Row {
+        prior,
+        moments: grid.moments,
+        warnings: grid.warnings,
+    })
+}

@@ -1,0 +1,215 @@
+//! Gauss-Hermite rules, and the log posterior of the structural parameters with the noise integrated out.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::infer::{Laplace, LogDensity, Posterior};
+
+/// Five nodes and weights for the standard normal density.
+pub const FIVE: [(f64, f64); 5] = [
+    (-2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
+    (-1.355_626_179_974_266, 0.222_075_922_005_612_63),
+    (0.0, 0.533_333_333_333_333_3),
+    (1.355_626_179_974_266, 0.222_075_922_005_612_63),
+    (2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
+];
+
+/// Seven nodes and weights for the standard normal density.
+pub const SEVEN: [(f64, f64); 7] = [
+    (-3.750_439_717_725_742_3, 0.000_548_268_855_972_217_9),
+    (-2.366_759_410_734_541, 0.030_757_123_967_586_5),
+    (-1.154_405_394_739_968_1, 0.240_123_178_605_012_7),
+    (0.0, 0.457_142_857_142_857_1),
+    (1.154_405_394_739_968_1, 0.240_123_178_605_012_7),
+    (2.366_759_410_734_541, 0.030_757_123_967_586_5),
+    (3.750_439_717_725_742_3, 0.000_548_268_855_972_217_9),
+];
+
+/// What is known of a point of the structural parameters once the noise is integrated out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Node {
+    /// Log of the integral of the density over the noise; -inf outside the support.
+    pub log: f64,
+    /// Mean of the noise there, nm (0 if it is declared), and of its square.
+    pub noise: [f64; 2],
+}
+
+/// A posterior with its noise integrated out, by a rule about the mode's noise.
+pub struct Marginalised<'a> {
+    posterior: &'a Posterior,
+    /// Noise (nm) and log weight of each node; one node without noise if it is declared.
+    rule: Vec<(f64, f64)>,
+}
+
+/// Points evaluated by one thread at a time.
+const CHUNK: usize = 256;
+
+impl<'a> Marginalised<'a> {
+    /// The rule's place and width are those of the normal approximation in the logarithm of the noise.
+    pub fn new(posterior: &'a Posterior, mode: &Laplace) -> Self {
+        let d = posterior.structural();
+        let rule = if posterior.dim() == d {
+            vec![(0.0, 0.0)]
+        } else {
+            let centre = mode.mode[d];
+            let sd = mode.covariance[d * posterior.dim() + d].sqrt() / centre;
+            SEVEN
+                .iter()
+                .map(|&(z, w)| {
+                    let noise = centre * (sd * z).exp();
+                    // d noise = noise d ln noise; the rule's own normal density is taken out
+                    let log =
+                        w.ln() + 0.5 * z * z + (sd * noise).ln() + 0.5 * std::f64::consts::TAU.ln();
+                    (noise, log)
+                })
+                .collect()
+        };
+        Self { posterior, rule }
+    }
+
+    /// The integral at every point of `thetas` (points x structural parameters), in parallel.
+    pub fn evaluate(&self, thetas: &[f64]) -> Vec<Node> {
+        let d = self.posterior.structural();
+        thetas
+            .par_chunks(CHUNK * d)
+            .flat_map_iter(|chunk| self.chunk(chunk))
+            .collect()
+    }
+
+    fn chunk(&self, thetas: &[f64]) -> Vec<Node> {
+        let (d, dim, k) = (
+            self.posterior.structural(),
+            self.posterior.dim(),
+            self.rule.len(),
+        );
+        let count = thetas.len() / d;
+        let mut points = Vec::with_capacity(count * k * dim);
+        for theta in thetas.chunks_exact(d) {
+            for (noise, _) in &self.rule {
+                points.extend_from_slice(theta);
+                points.extend((dim > d).then_some(*noise));
+            }
+        }
+        let mut values = vec![0.0; count * k];
+        self.posterior.log_density_batch(&points, &mut values);
+        values.chunks_exact(k).map(|v| self.sum(v)).collect()
+    }
+
+    fn sum(&self, values: &[f64]) -> Node {
+        let terms = || values.iter().zip(&self.rule).map(|(v, (_, log))| v + log);
+        let largest = terms().fold(f64::NEG_INFINITY, f64::max);
+        if largest == f64::NEG_INFINITY || largest.is_nan() {
+            return Node {
+                log: f64::NEG_INFINITY,
+                noise: [0.0; 2],
+            };
+        }
+        let (mut sum, mut noise) = (0.0, [0.0; 2]);
+        for (term, (x, _)) in terms().zip(&self.rule) {
+            let weight = (term - largest).exp();
+            sum += weight;
+            noise[0] += weight * x;
+            noise[1] += weight * x * x;
+        }
+        Node {
+            log: largest + sum.ln(),
+            noise: noise.map(|n| n / sum),
+        }
+    }
+}
+
+/// Mean, sd and correlation of weighted points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moments {
+    /// Names of the parameters; the noise last, unless it is declared.
+    pub names: Vec<String>,
+    /// Means.
+    pub mean: Vec<f64>,
+    /// Standard deviations.
+    pub sd: Vec<f64>,
+    /// Correlation of the structural parameters, row by row.
+    pub correlation: Vec<Vec<f64>>,
+    /// Log of the integral of the density.
+    pub log_evidence: f64,
+}
+
+impl Moments {
+    /// Moments of points (points x structural parameters) with their integrals over the noise and the log of the weight
+    /// of each point.
+    pub fn of(
+        posterior: &Posterior,
+        thetas: &[f64],
+        nodes: &[Node],
+        log_weight: impl Fn(usize) -> f64,
+    ) -> Self {
+        let d = posterior.structural();
+        let logs: Vec<f64> = nodes
+            .iter()
+            .enumerate()
+            .map(|(i, n)| n.log + log_weight(i))
+            .collect();
+        let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<f64> = logs.iter().map(|l| (l - largest).exp()).collect();
+        let total: f64 = weights.iter().sum();
+        let mut mean = DVector::zeros(d);
+        let mut noise = [0.0; 2];
+        for ((theta, w), node) in thetas.chunks_exact(d).zip(&weights).zip(nodes) {
+            mean.axpy(w / total, &DVector::from_column_slice(theta), 1.0);
+            (0..2).for_each(|k| noise[k] += w / total * node.noise[k]);
+        }
+        let mut covariance = DMatrix::zeros(d, d);
+        for (theta, w) in thetas.chunks_exact(d).zip(&weights) {
+            let r = DVector::from_column_slice(theta) - &mean;
+            covariance.ger(w / total, &r, &r, 1.0);
+        }
+        let mut sd: Vec<f64> = (0..d).map(|k| covariance[(k, k)].sqrt()).collect();
+        let correlation = (0..d)
+            .map(|i| {
+                (0..d)
+                    .map(|j| covariance[(i, j)] / (sd[i] * sd[j]))
+                    .collect()
+            })
+            .collect();
+        let mut mean = mean.as_slice().to_vec();
+        if posterior.dim() > d {
+            mean.push(noise[0]);
+            sd.push((noise[1] - noise[0] * noise[0]).max(0.0).sqrt());
+        }
+        Self {
+            names: posterior.names().to_vec(),
+            mean,
+            sd,
+            correlation,
+            log_evidence: largest + total.ln(),
+        }
+    }
+}
+
+/// The quick second opinion: five nodes a direction, about the mode and scaled by its curvature, noise integrated.
+pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<Moments> {
+    let (d, dim) = (posterior.structural(), posterior.dim());
+    if d > MOST_DIRECTIONS {
+        return None;
+    }
+    let covariance = DMatrix::from_fn(d, d, |i, j| mode.covariance[i * dim + j]);
+    let lower = covariance.cholesky()?.l();
+    let centre = DVector::from_column_slice(&mode.mode[..d]);
+    let count = FIVE.len().pow(d as u32);
+    let mut thetas = Vec::with_capacity(count * d);
+    let mut logs = Vec::with_capacity(count);
+    for i in 0..count {
+        let rule = |k: usize| FIVE[i / FIVE.len().pow(k as u32) % FIVE.len()];
+        let z = DVector::from_fn(d, |k, _| rule(k).0);
+        logs.push(0.5 * z.norm_squared() + (0..d).map(|k| rule(k).1.ln()).sum::<f64>());
+        thetas.extend((&centre + &lower * z).iter());
+    }
+    let volume = lower.diagonal().iter().map(|l| l.ln()).sum::<f64>()
+        + 0.5 * d as f64 * std::f64::consts::TAU.ln();
+    let nodes = Marginalised::new(posterior, mode).evaluate(&thetas);
+    Some(Moments::of(posterior, &thetas, &nodes, |i| {
+        logs[i] + volume
+    }))
+}
+
+/// More directions than this take too many nodes.
+const MOST_DIRECTIONS: usize = 7;
