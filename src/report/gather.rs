@@ -41,9 +41,9 @@ fn maps(round: &Round, k: usize) -> Sheet {
     let cells = Cells::new(&points);
     let mut header = vec!["x_mm".to_string(), "y_mm".to_string()];
     let mut columns = Vec::new();
-    for c in 0..2 {
+    for (c, component) in ["u1", "u2"].into_iter().enumerate() {
         for (what, unit) in [("measured", "um"), ("predicted", "um"), ("residual", "nm")] {
-            header.push(format!("u{}_{what}_{unit}", c + 1));
+            header.push(format!("{component}_{what}_{unit}"));
         }
         let of = |i: usize| (field.displacement[i][c], residual[i][c]);
         columns.push((cells.mean(|i| UM_PER_MM * of(i).0), 5));

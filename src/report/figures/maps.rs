@@ -47,7 +47,7 @@ impl Raster {
     }
 
     /// Values from the top row down, as images have them.
-    fn from_the_top(&self) -> Vec<f64> {
+    fn top_down(&self) -> Vec<f64> {
         let rows: Vec<&[f64]> = self.values.chunks(self.x.len()).collect();
         rows.into_iter().rev().flatten().copied().collect()
     }
@@ -198,7 +198,7 @@ fn map(
     images.push(Stretched {
         data: scale
             .palette
-            .image(&raster.from_the_top(), raster.x.len(), scale.range)?,
+            .image(&raster.top_down(), raster.x.len(), scale.range)?,
         over,
         range: Some((scale.range, scale.unit)),
     });

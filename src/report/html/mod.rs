@@ -134,7 +134,7 @@ fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool)
 fn short(value: &Value) -> String {
     match value.as_f64() {
         None => "\u{2013}".into(),
-        Some(v) if v == 0.0 => "0".into(),
+        Some(0.0) => "0".into(),
         Some(v) if v.abs() >= 1e5 || v.abs() < 1e-3 => format!("{v:.2e}").replace('-', "\u{2212}"),
         Some(v) => {
             let decimals = (2.0 - v.abs().log10().floor()).clamp(0.0, 6.0) as usize;
