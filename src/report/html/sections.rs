@@ -45,20 +45,16 @@ fn options_kept(text: &str) -> Markup {
 /// The constants and the residual of the last round in a sentence.
 fn sentence(page: &Page) -> String {
     let last = page.rounds().last().unwrap_or(&Value::Null);
-    let constants: Vec<String> = page
-        .constants()
-        .iter()
-        .filter_map(|name| {
-            let (mean, sd) = moments(&last["posterior"][name])?;
-            let (symbol, unit) = name.split_once('_').unwrap_or((name, ""));
-            let text = format!(
-                "{symbol} = {} \u{b1} {} {unit}",
-                with_sd(mean, sd),
-                with_sd(sd, sd)
-            );
-            Some(text.trim_end().to_string())
-        })
-        .collect();
+    let averaged = &page.report["averaged_posterior"];
+    let alone = constants(page, &last["posterior"]);
+    let constants = if averaged.is_object() {
+        format!(
+            "Averaged over effects that may act unseen: {}. The last round's model alone: {alone}",
+            constants(page, averaged)
+        )
+    } else {
+        alone
+    };
     let rms = |c: &str| {
         let ratio =
             last["residual"]["rms_nm"][c].as_f64()? / last["residual"]["noise_nm"][c].as_f64()?;
@@ -76,7 +72,23 @@ fn sentence(page: &Page) -> String {
         Some(false) => " The chains have NOT converged.",
         None => "",
     };
-    format!("{}.{residual}{converged}", constants.join(", "))
+    format!("{constants}.{residual}{converged}")
+}
+
+/// Mean and sd of each constant in a posterior of the report.
+fn constants(page: &Page, posterior: &Value) -> String {
+    let one = |name: &String| {
+        let (mean, sd) = moments(&posterior[name])?;
+        let (symbol, unit) = name.split_once('_').unwrap_or((name, ""));
+        let text = format!(
+            "{symbol} = {} \u{b1} {} {unit}",
+            with_sd(mean, sd),
+            with_sd(sd, sd)
+        );
+        Some(text.trim_end().to_string())
+    };
+    let said: Vec<String> = page.constants().iter().filter_map(one).collect();
+    said.join(", ")
 }
 
 /// Maps of every round.
