@@ -155,7 +155,7 @@ impl State {
 
 /// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.
 const BOX_SDS: f64 = 8.0;
-const BOX_SHARE: f64 = 0.3;
+const BOX_SHARE: f64 = 0.1;
 
 /// The model with one more declared effect. The DoE box lies about the amplitude's estimate and the averaged posterior.
 pub fn extended(
@@ -197,8 +197,8 @@ pub fn extended(
 }
 
 /// Half-width of the constants' box about the averaged posterior: this many of its sds, and this share of the value at least.
-const CONSTANT_SDS: f64 = 12.0;
-const CONSTANT_SHARE: f64 = 0.1;
+const CONSTANT_SDS: f64 = 8.0;
+const CONSTANT_SHARE: f64 = 0.05;
 
 /// Draw the DoE box in about the constants' averaged posterior, within the priors' box.
 fn narrow(model: &mut Model, averaged: &[Averaged]) {
