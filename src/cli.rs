@@ -8,6 +8,10 @@ mod diagnose;
 mod effects;
 mod folder;
 mod identify;
+mod init;
+mod manual;
+mod mappings;
+mod report;
 mod simulate;
 mod validate;
 
@@ -59,12 +63,20 @@ enum Verb {
     Diagnose(diagnose::Arguments),
     /// Write a run's chains in another program's format
     Export(diagnose::ExportArguments),
+    /// Make the report of a run again, or compare runs
+    Report(report::Arguments),
     /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
     Validate(validate::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
     Effects(effects::Arguments),
+    /// Write a model file to start from, for your own specimen
+    Init(init::Arguments),
+    /// Print completions for a shell
+    Completions(manual::CompletionsArguments),
+    /// Print the manual page, or write those of all verbs
+    Man(manual::ManArguments),
 }
 
 /// Where runs and cached reduced models are kept.
@@ -80,8 +92,11 @@ fn cache() -> PathBuf {
 /// Print results to standard output. A reader that has seen enough (`| head`) is no error.
 fn print(text: &str) -> Result<()> {
     use std::io::{ErrorKind, Write};
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    let mut out = anstream::stdout();
+    match out
+        .write_all(console::styled(text).as_bytes())
+        .and_then(|()| out.flush())
+    {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             Err(Error::input("standard output", "a place that can be written").found(e))
         }
@@ -106,8 +121,12 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
+        Verb::Report(arguments) => report::run(&arguments),
         Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
+        Verb::Init(arguments) => init::run(&arguments),
+        Verb::Completions(arguments) => manual::completions(&arguments),
+        Verb::Man(arguments) => manual::man(&arguments),
     }
 }

@@ -1,5 +1,6 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
+mod browser;
 mod chain_files;
 mod cli;
 mod diagnostics;
@@ -7,6 +8,7 @@ mod dictionary;
 mod fem;
 mod field;
 mod formats;
+mod fuzz;
 mod identify;
 mod jumps;
 mod kernel;
@@ -15,10 +17,12 @@ mod layering;
 mod measure;
 mod mechanics;
 mod memory;
+mod newcomer;
 mod optics;
 mod phase;
 mod program;
 mod reduce;
+mod report;
 mod resume;
 mod samplers;
 mod starts;

@@ -17,6 +17,8 @@ use crate::sample::{
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain bench --draws 500000 --repeat 1")]
 pub struct Arguments {
     /// Tabulated posterior (default: a small synthetic one)
     file: Option<PathBuf>,

@@ -20,6 +20,8 @@ use crate::trace::{self, Prepared};
 
 /// Arguments of `build`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain build models/openhole.json --verify")]
 pub struct Arguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]

@@ -7,19 +7,23 @@ use serde_json::Value;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::identify::{Limits, identity, load, resolved, sampler};
+use super::identify::{Limits, identity, load, resolved, sampler, truth};
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::effect::{Acting, amplitude_name};
 use crate::error::{Error, Result};
 use crate::infer::Model;
-use crate::report::{ranking, terminal, traced};
+use crate::progress::Watch;
+use crate::report::{Page, ranking, terminal, traced};
 use crate::sample::{Keeping, Schedule};
 use crate::trace::{self, Closed, Options, State};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain loop                                    models/openhole.json and its sample measurement
+  plychain loop specimen.json --out runs/first --png")]
 pub struct LoopArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
@@ -42,6 +46,9 @@ pub struct LoopArguments {
     /// Exit with an error if the chains of some round have not converged
     #[arg(long)]
     strict: bool,
+    /// Write the figures as PNG too
+    #[arg(long)]
+    png: bool,
     #[command(flatten)]
     limits: Limits,
 }
@@ -79,11 +86,15 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
         }
     };
     let closed = trace::close(&model, usize::from(arguments.rounds), &options, console)?;
-    write(&folder, &model, &closed, global.seed)?;
+    let page = write(&folder, &model, &closed, global.seed)?;
     let last = &closed.steps[closed.steps.len() - 1];
     print(&terminal::identification(&last.model, &last.round))?;
     print(&ranking::closed(&closed))?;
-    print(&format!("written to {}\n", folder.path().display()))?;
+    console.begin("report and figures", None);
+    page.write(folder.path(), arguments.png)?;
+    console.end();
+    let path = folder.path().display();
+    print(&format!("written to {path}; open {path}/report.html\n"))?;
     folder.keep();
     let unsettled = closed.steps.iter().find(|s| !s.round.verdict.converged);
     if let Some(step) = unsettled.filter(|_| arguments.strict) {
@@ -103,7 +114,7 @@ fn place(folder: &Path, round: usize) -> PathBuf {
     }
 }
 
-fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<()> {
+fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<Page> {
     for (k, step) in closed.steps.iter().enumerate() {
         let place = place(folder.path(), k);
         write_csv(&step.round.draws, &place.join("chain.csv"))?;
@@ -116,13 +127,18 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<(
     }
     let last = &closed.steps[closed.steps.len() - 1];
     folder.write_json("model.extended.json", &resolved(&last.model)?)?;
-    folder.write_json("report.json", &traced::report(closed, seed))?;
+    let report = traced::report(closed, seed);
+    folder.write_json("report.json", &report)?;
     let files = &closed.steps[0].round.prepared.observation.field.files;
-    folder.write_manifest(model, files, seed)
+    let manifest = folder.write_manifest(model, files, seed)?;
+    let rounds: Vec<_> = closed.steps.iter().map(|s| &s.round).collect();
+    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }
 
 /// Arguments of `trace`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain trace runs/openhole")]
 pub struct TraceArguments {
     /// Folder of a finished run
     run: PathBuf,

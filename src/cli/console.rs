@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
+use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::progress::Watch;
@@ -157,7 +158,32 @@ fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
     bar
 }
 
+/// Lines that begin like this stand out on a terminal. The streams take the styles out again where there is none, and
+/// where `NO_COLOR` is set.
+const STANDOUT: &[(&str, AnsiColor)] = &[
+    ("error:", AnsiColor::Red),
+    ("hint:", AnsiColor::Cyan),
+    ("BEFORE YOU USE THESE NUMBERS", AnsiColor::Yellow),
+    ("NOT converged", AnsiColor::Red),
+    ("VERDICT:", AnsiColor::Green),
+];
+
+/// Text with the beginnings of its lines in colour.
+pub fn styled(text: &str) -> String {
+    let line = |line: &str| {
+        let known = STANDOUT.iter().find(|(start, _)| line.starts_with(start));
+        known.map_or_else(
+            || line.to_string(),
+            |(start, colour)| {
+                let style = Style::new().bold().fg_color(Some((*colour).into()));
+                format!("{style}{start}{style:#}{}", &line[start.len()..])
+            },
+        )
+    };
+    text.split_inclusive('\n').map(line).collect()
+}
+
 /// A line on standard error. Nobody reading it is no reason to stop.
 pub fn line(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(anstream::stderr(), "{}", styled(text));
 }

@@ -14,6 +14,9 @@ use crate::error::{Error, Result};
 
 /// Arguments of `diagnose`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain diagnose runs/openhole
+  plychain diagnose chain_1.csv chain_2.csv chain_3.csv chain_4.csv --strict")]
 pub struct Arguments {
     /// A run folder, chain.zarr, chain.csv, Stan CSV files (one a chain), or a GetDist root (or one of its files)
     #[arg(required = true)]
@@ -114,6 +117,8 @@ pub enum Format {
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain export runs/openhole --format getdist")]
 pub struct ExportArguments {
     /// A run folder, or any chain file
     run: PathBuf,

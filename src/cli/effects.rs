@@ -13,6 +13,9 @@ use crate::infer::Model;
 
 /// Arguments of `effects`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain effects
+  plychain effects models/openhole.json")]
 pub struct Arguments {
     /// Model file whose plausible sizes are to be printed, and which effects cannot act there
     model: Option<PathBuf>,

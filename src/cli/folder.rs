@@ -144,18 +144,17 @@ impl Folder {
         self.write(name, &text)
     }
 
-    /// Write the manifest of a run over a model and the files it read.
-    pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<()> {
+    /// Write the manifest of a run over a model and the files it read, and return it.
+    pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<Value> {
         let inputs = hashes(std::iter::once(&model.path).chain(files))?;
         let command: Vec<String> = std::env::args().skip(1).collect();
-        self.write_json(
-            "run.json",
-            &json!({
-                "program": "plychain", "version": env!("CARGO_PKG_VERSION"),
-                "command": command, "seed": seed, "inputs_sha256": inputs,
-                "seconds": self.started.elapsed().as_secs_f64(),
-            }),
-        )
+        let manifest = json!({
+            "program": "plychain", "version": env!("CARGO_PKG_VERSION"),
+            "command": command, "seed": seed, "inputs_sha256": inputs,
+            "seconds": self.started.elapsed().as_secs_f64(),
+        });
+        self.write_json("run.json", &manifest)?;
+        Ok(manifest)
     }
 
     /// The folder is complete: it stays.

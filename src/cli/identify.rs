@@ -14,13 +14,18 @@ use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::infer::Model;
+use crate::progress::Watch;
 use crate::reduce::cache::hex;
-use crate::report::{numbers, terminal};
+use crate::report::{Page, numbers, terminal};
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 use crate::trace::{self, Options, Round};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain identify
+  plychain identify specimen.json --data other.csv --refine --strict
+  plychain identify specimen.json --out runs/long --resume    go on with an interrupted run")]
 pub struct Arguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
@@ -44,6 +49,9 @@ pub struct Arguments {
     /// Go on with the run in --out where it was interrupted, to the same bits
     #[arg(long, requires = "out", conflicts_with = "refine")]
     resume: bool,
+    /// Write the figures as PNG too
+    #[arg(long)]
+    png: bool,
     #[command(flatten)]
     limits: Limits,
 }
@@ -132,16 +140,36 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let round = trace::identify(&model, &options, console)?;
     print(&terminal::identification(&model, &round))?;
     let rounds = [round];
-    write(&model, &rounds, &folder, global.seed)?;
-    print(&format!("written to {}\n", folder.path().display()))?;
-    folder.keep();
+    let page = write(&model, &rounds, &folder, global.seed)?;
+    console.begin("report and figures", None);
+    page.write(folder.path(), arguments.png)?;
+    console.end();
     let [round] = rounds;
+    let path = folder.path().display();
+    print(&format!("written to {path}; open {path}/report.html\n"))?;
+    folder.keep();
     if arguments.strict && !round.verdict.converged {
         return Err(Error::input("--strict", "converged chains")
             .found(round.verdict.line())
             .hint("run longer"));
     }
     Ok(())
+}
+
+/// What `truth.json` beside simulated data says; `None` for measured data.
+///
+/// # Errors
+/// The input's fault if the file is there and is no JSON.
+pub fn truth(files: &[PathBuf]) -> Result<Option<Value>> {
+    let beside = files.first().and_then(|f| f.parent());
+    let Some(path) = beside.map(|d| d.join("truth.json")).filter(|p| p.is_file()) else {
+        return Ok(None);
+    };
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| Error::input(path.display(), "a readable file").found(e))?;
+    let truth = serde_json::from_str(&text)
+        .map_err(|e| Error::input(path.display(), "valid JSON").found(e))?;
+    Ok(Some(truth))
 }
 
 /// The model with its measurement's absolute path, so that it can be read from a run's folder.
@@ -152,17 +180,21 @@ pub fn resolved(model: &Model) -> Result<Value> {
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
 }
 
-/// Write what a run leaves behind beside its chain store.
-pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Result<()> {
+/// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
+pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Result<Page> {
     if let Some(round) = rounds.last() {
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
     folder.write_json("model.json", &resolved(model)?)?;
-    folder.write_json("report.json", &numbers::report(model, rounds, seed))?;
+    let report = numbers::report(model, rounds, seed);
+    folder.write_json("report.json", &report)?;
     let files = rounds
         .last()
-        .map(|r| &r.prepared.observation.field.files[..]);
-    folder.write_manifest(model, files.unwrap_or_default(), seed)
+        .map(|r| &r.prepared.observation.field.files[..])
+        .unwrap_or_default();
+    let manifest = folder.write_manifest(model, files, seed)?;
+    let rounds: Vec<&Round> = rounds.iter().collect();
+    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }
 
 /// What a resumed run must share with the one that was interrupted.

@@ -16,6 +16,8 @@ use crate::infer::simulate::{Truth, simulate};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain simulate --effect load_misalignment=0.8 --set E1_GPa=140 --grid 121 --out simulated")]
 pub struct Arguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]

@@ -26,6 +26,9 @@ use crate::validate::{article, priors, quadrature, thickness};
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain validate runs/openhole
+  plychain validate models/openhole.json --sbc 20")]
 pub struct Arguments {
     /// Run folder, or a model file to be identified first
     #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
@@ -102,7 +105,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     };
     let round = trace::identify(&model, &options, console)?;
     let rounds = [round];
-    write(&model, &rounds, &folder, global.seed)?;
+    write(&model, &rounds, &folder, global.seed)?.write(folder.path(), false)?;
     let [round] = rounds;
     let posed = Posed {
         prepared: round.prepared,

@@ -14,8 +14,34 @@ const SHORTEST: f64 = 10.0;
 /// about its ensemble's mean and averaged over walkers before they are normalised (emcee normalises first, about each
 /// walker's own mean, which is biased low while chains are short). NaN as the conventions of [`crate::diagnose`] say.
 pub fn tau(series: &Series) -> f64 {
-    if !usable(series) {
+    let Some(autocovariance) = pooled(series) else {
         return f64::NAN;
+    };
+    let mut tau = 1.0;
+    for (lag, value) in autocovariance.iter().enumerate().skip(1) {
+        if lag as f64 > (WINDOW * tau).max(SHORTEST) {
+            break;
+        }
+        tau += 2.0 * value / autocovariance[0];
+    }
+    // Noise must not make a time of it that is not positive.
+    tau.max(0.05)
+}
+
+/// Autocorrelation at lags 0 to `most`, estimated as for [`tau`]; empty where that is NaN.
+pub fn autocorrelation(series: &Series, most: usize) -> Vec<f64> {
+    let Some(mut autocovariance) = pooled(series) else {
+        return Vec::new();
+    };
+    autocovariance.truncate(most + 1);
+    let variance = autocovariance[0];
+    autocovariance.iter().map(|c| c / variance).collect()
+}
+
+/// Mean autocovariance of the walkers about their ensemble's mean; `None` for series of no use or no variance.
+fn pooled(series: &Series) -> Option<Vec<f64>> {
+    if !usable(series) {
+        return None;
     }
     let mut centred = series.values.clone();
     for chains in series.groups() {
@@ -27,16 +53,5 @@ pub fn tau(series: &Series) -> f64 {
         }
     }
     let autocovariance = mean_autocovariance(&centred, series.draws);
-    if autocovariance[0] <= 0.0 {
-        return f64::NAN;
-    }
-    let mut tau = 1.0;
-    for (lag, value) in autocovariance.iter().enumerate().skip(1) {
-        if lag as f64 > (WINDOW * tau).max(SHORTEST) {
-            break;
-        }
-        tau += 2.0 * value / autocovariance[0];
-    }
-    // Noise must not make a time of it that is not positive.
-    tau.max(0.05)
+    (autocovariance[0] > 0.0).then_some(autocovariance)
 }

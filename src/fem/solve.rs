@@ -90,9 +90,9 @@ impl<'a> Factor<'a> {
                 default(),
             )
             .map(|_| ())
-            .map_err(|e| {
+            .map_err(|_| {
                 Error::input("plate stiffness", "a positive definite stiffness matrix")
-                    .found(format!("{e:?} {a:?}"))
+                    .found(format!("one with a pivot that is not positive, for the membrane stiffness {a:?} N/mm"))
                     .hint("check the elastic constants and the layup: some direction of the laminate has no stiffness")
             })
     }

@@ -185,7 +185,11 @@ impl Field {
             "hole_center_in_data_mm",
             format!("no point within {reach:.3} mm of the hole's centre"),
         )
-        .found(format!("{inside} points near ({cx}, {cy})"));
+        .found(if self.surrounds_origin() {
+            format!("{inside} points near ({cx}, {cy})")
+        } else {
+            format!("({cx}, {cy}), which lies beyond the measured points")
+        });
         Err(match self.largest_void(radius_mm) {
             Some((center, radius)) if radius > 2.0 * spacing => {
                 let [x, y] = self.frame.data_point(center);

@@ -95,6 +95,24 @@ pub fn read(path: &Path, columns: &Columns, units: &Units, frame: Frame) -> Resu
     Ok(field)
 }
 
+/// The column names of a table.
+///
+/// # Errors
+/// Of the input: a missing, empty or non-text file.
+pub fn header(path: &Path) -> Result<Vec<String>> {
+    let text = read_text(path)?;
+    let mut reader = ReaderBuilder::new()
+        .delimiter(delimiter(&text))
+        .comment(Some(b'#'))
+        .trim(Trim::All)
+        .flexible(true)
+        .from_reader(text.as_bytes());
+    let headers = reader
+        .headers()
+        .map_err(|e| Error::input(path.display(), "a header line").found(e))?;
+    Ok(headers.iter().map(String::from).collect())
+}
+
 /// The column called `name`, which must be there once.
 fn find_column(path: &Path, headers: &StringRecord, key: &str, name: &str) -> Result<usize> {
     let mut found = headers

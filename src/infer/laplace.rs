@@ -76,7 +76,11 @@ pub fn laplace(target: &dyn LogDensity, start: &[f64], sd: &[f64]) -> Result<Lap
     let inverse = (-hessian)
         .cholesky()
         .ok_or_else(|| {
-            Error::input(place, "a maximum").found(format!("a saddle near {:?}", x.as_slice()))
+            let at = target.names().iter().zip(x.iter());
+            let at: Vec<String> = at.map(|(name, v)| format!("{name} = {v:.4}")).collect();
+            Error::input(place, "a maximum")
+                .found(format!("no curvature in some direction near {}", at.join(", ")))
+                .hint("some constant is fixed neither by the data nor by its prior: narrow the widest priors, or declare fewer effects")
         })?
         .inverse();
     let covariance = DMatrix::from_fn(x.len(), x.len(), |i, j| {

@@ -25,6 +25,22 @@ pub struct Snapshots {
 /// Design seed: the reduced model does not depend on the seed of the chains.
 const DESIGN_SEED: u64 = 2013;
 
+/// Memory of the snapshot matrices of both components, at most, bytes; their decomposition takes about three times it.
+const LARGEST: usize = 512 << 20;
+
+fn check_memory(nodes: usize, snapshots: usize) -> Result<()> {
+    let each = 2 * nodes * size_of::<f64>();
+    if each * snapshots <= LARGEST {
+        return Ok(());
+    }
+    Err(Error::input(
+        "reduced_model.snapshots",
+        format!("at most {} for {nodes} nodes in the window", LARGEST / each),
+    )
+    .found(snapshots)
+    .hint("more than some hundred gain nothing: the response surfaces are cubic"))
+}
+
 impl Snapshots {
     /// Solve over a Latin hypercube of `problem.spec.snapshots` points. `tick` is called after each solution.
     pub fn compute(problem: &Problem, plate: &Plate, tick: &(dyn Fn() + Sync)) -> Result<Self> {
@@ -52,6 +68,7 @@ impl Snapshots {
             return Err(Error::input("measurement", "points on the plate")
                 .found(format!("{:?}", problem.window)));
         }
+        check_memory(nodes.len(), points.len())?;
         let zero = ZeroAt::new(problem.gauge, &problem.frame, plate)?;
         let window = Window {
             problem,

@@ -1,0 +1,61 @@
+//! `plychain report`: the report of a finished run made again, or several runs side by side.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::print;
+use crate::error::{Error, Result};
+use crate::report::{Page, comparison};
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  plychain report runs/openhole --png
+  plychain report runs/openhole runs/openhole-2")]
+pub struct Arguments {
+    /// Run folders; one is reported again, several are compared
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
+    /// Write the figures of a single run as PNG too
+    #[arg(long)]
+    png: bool,
+    /// Where a comparison goes (default: comparison.html in the first run's folder)
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Run the verb.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if let [folder] = arguments.runs.as_slice() {
+        if arguments.out.is_some() {
+            return Err(Error::input("--out", "several runs to compare")
+                .found("one run")
+                .hint("the report of one run goes to its own folder"));
+        }
+        Page::load(folder)?.write(folder, arguments.png)?;
+        return print(&format!("written to {}/report.html\n", folder.display()));
+    }
+    let pages = arguments
+        .runs
+        .iter()
+        .map(|folder| Ok((name(folder), Page::load(folder)?)))
+        .collect::<Result<Vec<_>>>()?;
+    let beside = || arguments.runs[0].join("comparison.html");
+    let out = arguments.out.clone().unwrap_or_else(beside);
+    std::fs::write(&out, comparison(&pages)).map_err(|e| {
+        Error::input(
+            format!("--out {}", out.display()),
+            "a file that can be written",
+        )
+        .found(e)
+    })?;
+    print(&format!("written to {}\n", out.display()))
+}
+
+fn name(folder: &Path) -> String {
+    folder.file_name().map_or_else(
+        || folder.display().to_string(),
+        |n| n.to_string_lossy().into_owned(),
+    )
+}

@@ -1,0 +1,190 @@
+//! What all figures share: colours, type, and an SVG canvas that takes images stretched over a plotting area.
+
+use std::fmt::Write;
+use std::ops::Range;
+
+use plotters::coord::Shift;
+use plotters::drawing::DrawingAreaErrorKind;
+use plotters::prelude::*;
+
+use crate::error::{Error, Result};
+
+/// Axes and text.
+pub const INK: RGBColor = RGBColor(34, 34, 34);
+/// Grid lines.
+pub const GRID: RGBColor = RGBColor(222, 222, 222);
+/// What was believed before: priors.
+pub const PRIOR: RGBColor = RGBColor(140, 140, 140);
+/// The main colour.
+pub const MAIN: RGBColor = RGBColor(42, 111, 151);
+/// What is known to be true.
+pub const TRUTH: RGBColor = RGBColor(200, 85, 61);
+/// Where nothing was measured.
+pub const NOT_MEASURED: RGBColor = RGBColor(176, 180, 186);
+/// Colours of ensembles and components.
+pub const SERIES: [RGBColor; 6] = [
+    RGBColor(42, 111, 151),
+    RGBColor(200, 125, 42),
+    RGBColor(90, 143, 86),
+    RGBColor(148, 97, 158),
+    RGBColor(121, 121, 121),
+    RGBColor(178, 90, 95),
+];
+
+/// A drawing area of a figure.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// What the library's drawing calls return.
+pub type Drawn<T> = std::result::Result<T, DrawingAreaErrorKind<std::io::Error>>;
+
+/// Type at `size` pixels.
+pub fn text(size: u32) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&INK)
+}
+
+/// Type anchored at its right end and vertical middle.
+pub fn text_left_of(size: u32) -> TextStyle<'static> {
+    use plotters::style::text_anchor::{HPos, Pos, VPos};
+    text(size).pos(Pos::new(HPos::Right, VPos::Center))
+}
+
+/// Type anchored at its left end and vertical middle.
+pub fn text_right_of(size: u32) -> TextStyle<'static> {
+    use plotters::style::text_anchor::{HPos, Pos, VPos};
+    text(size).pos(Pos::new(HPos::Left, VPos::Center))
+}
+
+/// Type centred about its place.
+pub fn text_about(size: u32) -> TextStyle<'static> {
+    use plotters::style::text_anchor::{HPos, Pos, VPos};
+    text(size).pos(Pos::new(HPos::Center, VPos::Center))
+}
+
+/// An image to be stretched over an area.
+pub struct Stretched {
+    /// Data URI.
+    pub data: String,
+    /// Pixels from left to right and from top to bottom.
+    pub over: (Range<i32>, Range<i32>),
+    /// Attributes for whoever reads values off it: palette's range and unit.
+    pub range: Option<([f64; 2], &'static str)>,
+}
+
+/// A figure: its file's stem, what it shows in words, and the drawing.
+#[derive(Debug, Clone)]
+pub struct Figure {
+    /// File stem in `figures/`.
+    pub name: String,
+    /// What it shows, for those who cannot see it and as its caption.
+    pub alt: String,
+    /// The drawing.
+    pub svg: String,
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+}
+
+/// Draw on an SVG canvas. Images come after everything that `act` draws.
+///
+/// # Errors
+/// The program's fault if the library cannot draw.
+pub fn draw(
+    name: impl Into<String>,
+    alt: impl Into<String>,
+    size: (u32, u32),
+    act: impl FnOnce(&Area<'_>, &mut Vec<Stretched>) -> Result<()>,
+) -> Result<Figure> {
+    let (name, alt) = (name.into(), alt.into());
+    let mut svg = String::new();
+    let mut images = Vec::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        act(&root, &mut images)?;
+        root.present().map_err(|e| cannot(&e))?;
+    }
+    if let Some(end) = svg.rfind("</svg>") {
+        svg.truncate(end);
+    }
+    for image in &images {
+        let (x, y) = &image.over;
+        let range = image.range.map_or(String::new(), |([low, high], unit)| {
+            format!(
+                " class=\"map\" data-low=\"{low:?}\" data-high=\"{high:?}\" data-unit=\"{unit}\""
+            )
+        });
+        let _ = writeln!(
+            svg,
+            "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" image-rendering=\"optimizeSpeed\"{range} href=\"{}\"/>",
+            x.start,
+            y.start,
+            x.end - x.start,
+            y.end - y.start,
+            image.data
+        );
+    }
+    svg.push_str("</svg>\n");
+    Ok(Figure {
+        name,
+        alt,
+        svg,
+        size,
+    })
+}
+
+/// What the library says when it cannot draw.
+pub fn cannot(error: &dyn std::fmt::Display) -> Error {
+    Error::program("figure", "a drawing").found(error)
+}
+
+/// A number for an axis: as short as it can be.
+pub fn tick(value: &f64) -> String {
+    let value = if value.abs() < 1e-12 { 0.0 } else { *value };
+    let size = value.abs();
+    if size != 0.0 && !(1e-3..1e5).contains(&size) {
+        return format!("{value:.0e}");
+    }
+    let text = format!("{value:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    text.replace('-', "\u{2212}")
+}
+
+/// The finite part of a range, widened where it is empty.
+pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let [low, high] = values
+        .filter(|v| v.is_finite())
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
+            [a.min(v), b.max(v)]
+        });
+    match (low.is_finite(), high > low) {
+        (true, true) => [low, high],
+        (true, false) => {
+            let room = 0.5 * low.abs().max(1e-9);
+            [low - room, low + room]
+        }
+        _ => [0.0, 1.0],
+    }
+}
+
+impl Figure {
+    /// The drawing as a file of its own: titled, on white.
+    pub fn file(&self) -> String {
+        let head = format!(
+            "><title>{}</title><rect width=\"100%\" height=\"100%\" fill=\"#FFFFFF\"/>",
+            escaped(&self.alt)
+        );
+        self.svg.replacen('>', &head, 1)
+    }
+
+    /// The drawing as part of a page: labelled for those who cannot see it.
+    pub fn inline(&self) -> String {
+        let head = format!("<svg role=\"img\" aria-label=\"{}\" ", escaped(&self.alt));
+        self.svg.replacen("<svg ", &head, 1)
+    }
+}
+
+/// Text for an attribute or an element.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

@@ -1,0 +1,289 @@
+//! The corner plot: marginals with prior, cut and truth on the diagonal, joint densities below it.
+
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+
+use super::canvas::{
+    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, text, tick,
+};
+use crate::error::Result;
+use crate::report::sheet::Sheet;
+
+/// The sheets of a corner plot.
+pub struct Corner<'a> {
+    /// Summary, prior, cut, truth a parameter.
+    pub parameters: &'a Sheet,
+    /// Marginal densities.
+    pub marginals: &'a Sheet,
+    /// Joint densities.
+    pub joint: &'a Sheet,
+}
+
+/// What is known of one parameter.
+struct Axis {
+    name: String,
+    range: [f64; 2],
+    marginal: Vec<(f64, f64)>,
+    prior: Option<[f64; 2]>,
+    cut: [f64; 2],
+    truth: Option<f64>,
+}
+
+const CELL: u32 = 116;
+const LEFT: u32 = 76;
+const BOTTOM: u32 = 54;
+
+/// Parameters in a corner plot, at most: more cannot be read.
+const MOST: usize = 10;
+
+/// Draw the corner plot.
+///
+/// # Errors
+/// The program's fault if the library cannot draw.
+pub fn corner(sheets: &Corner<'_>, name: &str) -> Result<Option<Figure>> {
+    let axes = axes(sheets);
+    let d = axes.len().min(MOST);
+    if d == 0 {
+        return Ok(None);
+    }
+    let size = (LEFT + d as u32 * CELL + 12, BOTTOM + d as u32 * CELL + 12);
+    let names: Vec<&str> = axes.iter().take(d).map(|a| a.name.as_str()).collect();
+    let alt = format!(
+        "Corner plot of the posterior of {}: marginal densities, with the priors dashed, on the diagonal; joint densities with the contours that hold 39 and 86 % of the draws below it",
+        names.join(", ")
+    );
+    draw(name, alt, size, |root, _| {
+        for j in 0..d {
+            for i in 0..=j {
+                let at = [i, j].map(|k| k as u32 * CELL);
+                let place = |x: u32, y: u32| (x as i32, y as i32);
+                let cell = root
+                    .clone()
+                    .shrink(place(LEFT + at[0], 12 + at[1]), (CELL, CELL));
+                let drawn = if i == j {
+                    diagonal(&cell, &axes[i])
+                } else {
+                    joint(&cell, &axes[i], &axes[j], sheets.joint)
+                };
+                drawn.map_err(|e| cannot(&e))?;
+            }
+            labels(root, &axes[j], j as u32, d as u32).map_err(|e| cannot(&e))?;
+        }
+        Ok(())
+    })
+    .map(Some)
+}
+
+fn axes(sheets: &Corner<'_>) -> Vec<Axis> {
+    let p = sheets.parameters;
+    let columns =
+        ["prior_mean", "prior_sd", "cut_low", "cut_high", "truth"].map(|name| p.numbers(name));
+    let names = p.texts("parameter");
+    let axis = |(k, name): (usize, &&str)| {
+        let of = sheets.marginals.only("parameter", name);
+        let marginal: Vec<(f64, f64)> = of
+            .numbers("value")
+            .into_iter()
+            .zip(of.numbers("density"))
+            .collect();
+        let finite = |c: usize| Some(columns[c][k]).filter(|v| v.is_finite());
+        Axis {
+            name: (*name).to_string(),
+            range: span(marginal.iter().map(|m| m.0)),
+            marginal,
+            prior: finite(0).zip(finite(1)).map(|(m, s)| [m, s]),
+            cut: [columns[2][k], columns[3][k]],
+            truth: finite(4),
+        }
+    };
+    names.iter().enumerate().map(axis).collect()
+}
+
+/// A marginal with its prior, cut and truth.
+fn diagonal(cell: &Area<'_>, axis: &Axis) -> Drawn<()> {
+    let [low, high] = axis.range;
+    let top = 1.12 * axis.marginal.iter().fold(0.0_f64, |m, d| m.max(d.1));
+    let mut chart = ChartBuilder::on(cell)
+        .margin(2)
+        .build_cartesian_2d(low..high, 0.0..top.max(f64::MIN_POSITIVE))?;
+    chart.draw_series(AreaSeries::new(
+        axis.marginal.iter().copied(),
+        0.0,
+        MAIN.mix(0.25),
+    ))?;
+    chart.draw_series(LineSeries::new(
+        axis.marginal.iter().copied(),
+        MAIN.stroke_width(2),
+    ))?;
+    if let Some([mean, sd]) = axis.prior {
+        let density = |x: f64| {
+            let z = (x - mean) / sd;
+            (-0.5 * z * z).exp() / (sd * std::f64::consts::TAU.sqrt())
+        };
+        let points: Vec<(f64, f64)> = (0..=60)
+            .map(|k| low + (high - low) * f64::from(k) / 60.0)
+            .map(|x| (x, density(x).min(top)))
+            .collect();
+        chart
+            .plotting_area()
+            .draw(&DashedPathElement::new(points, 5, 4, PRIOR.stroke_width(1)))?;
+    }
+    for cut in axis.cut.into_iter().filter(|c| (low..=high).contains(c)) {
+        let line = vec![(cut, 0.0), (cut, top)];
+        chart
+            .plotting_area()
+            .draw(&PathElement::new(line, INK.stroke_width(2)))?;
+    }
+    if let Some(truth) = axis.truth.filter(|t| (low..=high).contains(t)) {
+        let line = vec![(truth, 0.0), (truth, top)];
+        chart
+            .plotting_area()
+            .draw(&PathElement::new(line, TRUTH.stroke_width(2)))?;
+    }
+    frame(cell)
+}
+
+/// A joint density as shaded cells with two contours' cells framed by shade, and the truth.
+fn joint(cell: &Area<'_>, x: &Axis, y: &Axis, sheet: &Sheet) -> Drawn<()> {
+    let of = sheet.only("first", &x.name).only("second", &y.name);
+    let cells: Vec<[f64; 3]> = of
+        .numbers("x")
+        .into_iter()
+        .zip(of.numbers("y"))
+        .zip(of.numbers("relative_density"))
+        .map(|((x, y), d)| [x, y, d])
+        .collect();
+    let mut chart = ChartBuilder::on(cell)
+        .margin(2)
+        .build_cartesian_2d(x.range[0]..x.range[1], y.range[0]..y.range[1])?;
+    let half = [pitch(&cells, 0), pitch(&cells, 1)].map(|p| 0.5 * p);
+    let levels = levels(&cells);
+    // bands of equal shade, one run of cells a rectangle, keep the drawing small
+    let mut rows: Vec<(f64, Vec<[f64; 3]>)> = Vec::new();
+    for c in &cells {
+        match rows.last_mut() {
+            Some((y, row)) if *y == c[1] => row.push(*c),
+            _ => rows.push((c[1], vec![*c])),
+        }
+    }
+    for (yc, row) in &rows {
+        let mut k = 0;
+        while k < row.len() {
+            let band = shade(row[k][2], &levels);
+            let mut end = k;
+            while end + 1 < row.len()
+                && shade(row[end + 1][2], &levels) == band
+                && row[end + 1][0] - row[end][0] < 3.0 * half[0]
+            {
+                end += 1;
+            }
+            if let Some(opacity) = [0.0, 0.18, 0.42, 0.8].get(band).filter(|o| **o > 0.0) {
+                chart.plotting_area().draw(&Rectangle::new(
+                    [
+                        (row[k][0] - half[0], yc - half[1]),
+                        (row[end][0] + half[0], yc + half[1]),
+                    ],
+                    MAIN.mix(*opacity).filled(),
+                ))?;
+            }
+            k = end + 1;
+        }
+    }
+    if let (Some(a), Some(b)) = (x.truth, y.truth) {
+        let inside = |v: f64, r: [f64; 2]| (r[0]..=r[1]).contains(&v);
+        if inside(a, x.range) {
+            let line = vec![(a, y.range[0]), (a, y.range[1])];
+            chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(1)))?;
+        }
+        if inside(b, y.range) {
+            let line = vec![(x.range[0], b), (x.range[1], b)];
+            chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(1)))?;
+        }
+    }
+    frame(cell)
+}
+
+/// Smallest step between coordinates.
+fn pitch(cells: &[[f64; 3]], axis: usize) -> f64 {
+    let mut values: Vec<f64> = cells.iter().map(|c| c[axis]).collect();
+    values.sort_by(f64::total_cmp);
+    values
+        .windows(2)
+        .map(|w| w[1] - w[0])
+        .filter(|d| *d > 0.0)
+        .fold(f64::INFINITY, f64::min)
+        .min(1e300)
+}
+
+/// Densities above which the densest cells hold 99, 86 and 39 % of the draws (3, 2 and 1 sd of a normal in two dimensions).
+fn levels(cells: &[[f64; 3]]) -> [f64; 3] {
+    let mut densities: Vec<f64> = cells.iter().map(|c| c[2]).collect();
+    densities.sort_by(|a, b| b.total_cmp(a));
+    let total: f64 = densities.iter().sum();
+    [0.989, 0.865, 0.393].map(|share| {
+        let mut sum = 0.0;
+        let within = densities.iter().find(|d| {
+            sum += **d;
+            sum >= share * total
+        });
+        within.copied().unwrap_or(0.0)
+    })
+}
+
+fn shade(density: f64, levels: &[f64; 3]) -> usize {
+    levels.iter().filter(|l| density >= **l).count()
+}
+
+fn frame(cell: &Area<'_>) -> Drawn<()> {
+    let (w, h) = cell.dim_in_pixel();
+    cell.draw(&Rectangle::new(
+        [(2, 2), (w as i32 - 2, h as i32 - 2)],
+        GRID.stroke_width(1),
+    ))
+}
+
+/// Name and two values along the lower and the left side.
+fn labels(root: &Area<'_>, axis: &Axis, k: u32, d: u32) -> Drawn<()> {
+    use plotters::style::text_anchor::{HPos, Pos, VPos};
+    let [low, high] = axis.range;
+    let decimals = (1.0 - (high - low).log10().floor()).clamp(0.0, 9.0) as usize;
+    let ends = [0.2, 0.8].map(|f| (f, low + f * (high - low)));
+    let say = |v: f64| {
+        let short = format!("{v:.decimals$}");
+        short.parse().map_or(short, |v: f64| tick(&v))
+    };
+    let bottom = (12 + d * CELL) as i32;
+    let middle = Pos::new(HPos::Center, VPos::Top);
+    let left = (LEFT + k * CELL) as i32;
+    for (f, v) in ends {
+        let x = left + (f * f64::from(CELL)) as i32;
+        root.draw(&Text::new(say(v), (x, bottom + 4), text(10).pos(middle)))?;
+    }
+    let centre = left + CELL as i32 / 2;
+    let lines: Vec<&str> = axis.name.split('.').collect();
+    for (line, row) in lines.iter().zip(0..) {
+        let place = (centre, bottom + 20 + 14 * row);
+        root.draw(&Text::new((*line).to_string(), place, text(11).pos(middle)))?;
+    }
+    if k == 0 {
+        return Ok(());
+    }
+    let right = Pos::new(HPos::Right, VPos::Center);
+    let top = (12 + k * CELL) as i32;
+    for (f, v) in ends {
+        let y = top + ((1.0 - f) * f64::from(CELL)) as i32;
+        root.draw(&Text::new(
+            say(v),
+            (LEFT as i32 - 3, y),
+            text(10).pos(right),
+        ))?;
+    }
+    let upright = text(11)
+        .transform(FontTransform::Rotate270)
+        .pos(Pos::new(HPos::Center, VPos::Center));
+    for (line, row) in lines.iter().zip(0..) {
+        let place = (12 + 14 * row, top + CELL as i32 / 2);
+        root.draw(&Text::new((*line).to_string(), place, upright.clone()))?;
+    }
+    Ok(())
+}

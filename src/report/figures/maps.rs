@@ -1,0 +1,264 @@
+//! Maps: measured, predicted, residual, in the data's frame at their true aspect, with colour bars.
+
+use plotters::prelude::*;
+
+use super::canvas::{
+    Area, Drawn, Figure, INK, NOT_MEASURED, Stretched, cannot, draw, span, text, tick,
+};
+use super::colour::Palette;
+use crate::error::Result;
+use crate::report::sheet::Sheet;
+
+/// What of a round is mapped.
+pub const WHAT: [&str; 3] = ["measured", "predicted", "residual"];
+
+/// A field on a raster.
+struct Raster {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    /// Row by row from the lowest y.
+    values: Vec<f64>,
+}
+
+impl Raster {
+    fn of(sheet: &Sheet, column: &str) -> Self {
+        let axis = |name: &str| {
+            let mut values = sheet.numbers(name);
+            values.retain(|v| v.is_finite());
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+            values
+        };
+        let (x, y) = (axis("x_mm"), axis("y_mm"));
+        let mut values = sheet.numbers(column);
+        values.resize(x.len() * y.len(), f64::NAN);
+        Self { x, y, values }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.x.is_empty() || self.y.is_empty()
+    }
+
+    /// Outer edges of the cells.
+    fn edges(axis: &[f64]) -> [f64; 2] {
+        let (first, last) = (axis[0], axis[axis.len() - 1]);
+        let half = 0.5 * (last - first).max(1e-9) / (axis.len() - 1).max(1) as f64;
+        [first - half, last + half]
+    }
+
+    /// Values from the top row down, as images have them.
+    fn top_down(&self) -> Vec<f64> {
+        let rows: Vec<&[f64]> = self.values.chunks(self.x.len()).collect();
+        rows.into_iter().rev().flatten().copied().collect()
+    }
+}
+
+/// Colours and range of a map.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    /// Colours.
+    pub palette: Palette,
+    /// Values at the ends.
+    pub range: [f64; 2],
+    /// Unit.
+    pub unit: &'static str,
+}
+
+/// The column of a sheet of maps.
+pub fn column(component: usize, what: &str) -> String {
+    let unit = if what == "residual" { "nm" } else { "um" };
+    format!("u{component}_{what}_{unit}")
+}
+
+/// The scale of a component's field: what the measured and predicted values of a round span.
+pub fn field_scale(sheet: &Sheet, component: usize) -> Scale {
+    let values = ["measured", "predicted"].map(|w| sheet.numbers(&column(component, w)));
+    Scale {
+        palette: Palette::Field,
+        range: span(values.into_iter().flatten()),
+        unit: "\u{b5}m",
+    }
+}
+
+/// Share of residuals that a scale covers.
+const COVERED: f64 = 0.995;
+
+/// The scale of residuals of both components over several rounds, symmetric about zero.
+pub fn residual_scale<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> Scale {
+    let mut sizes: Vec<f64> = sheets
+        .flat_map(|s| [1, 2].map(|c| s.numbers(&column(c, "residual"))))
+        .flatten()
+        .filter(|v| v.is_finite())
+        .map(f64::abs)
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    let at = (COVERED * sizes.len() as f64) as usize;
+    let reach = sizes.get(at.min(sizes.len().saturating_sub(1)));
+    let reach = reach.copied().filter(|r| *r > 0.0).unwrap_or(1.0);
+    Scale {
+        palette: Palette::Difference,
+        range: [-reach, reach],
+        unit: "nm",
+    }
+}
+
+const LEFT: u32 = 48;
+const RIGHT: u32 = 14;
+const TOP: u32 = 24;
+const AXIS: u32 = 34;
+const BAR: u32 = 52;
+
+/// Pixels of a panel whose map is at most `width` wide and 380 high.
+fn panel(raster: &Raster, width: u32) -> (u32, u32) {
+    let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
+    let aspect = (y[1] - y[0]) / (x[1] - x[0]);
+    let height = (f64::from(width) * aspect).clamp(40.0, 380.0);
+    let width = (height / aspect).clamp(60.0, f64::from(width));
+    (
+        width.round() as u32 + LEFT + RIGHT,
+        height.round() as u32 + TOP + AXIS + BAR,
+    )
+}
+
+/// One map on its own.
+///
+/// # Errors
+/// The program's fault if the library cannot draw.
+pub fn one(
+    sheet: &Sheet,
+    component: usize,
+    what: &str,
+    scale: Scale,
+    name: &str,
+) -> Result<Option<Figure>> {
+    let raster = Raster::of(sheet, &column(component, what));
+    if raster.is_empty() {
+        return Ok(None);
+    }
+    let size = panel(&raster, 270);
+    let title = title(component, what, scale.unit);
+    let alt = format!(
+        "Map of the {what} displacement u{component}, {}",
+        scale.unit
+    );
+    let figure = draw(name, alt, size, |root, images| {
+        map(root, images, &raster, scale, &title)
+    })?;
+    Ok(Some(figure))
+}
+
+fn title(component: usize, what: &str, unit: &str) -> String {
+    let direction = ["along the load", "across"][component.clamp(1, 2) - 1];
+    format!("u{component} {what}, {unit} ({direction})")
+}
+
+/// Measured, predicted and residual of a component side by side, for a paper.
+///
+/// # Errors
+/// The program's fault if the library cannot draw.
+pub fn side_by_side(
+    sheet: &Sheet,
+    component: usize,
+    scales: [Scale; 2],
+    name: &str,
+    alt: &str,
+) -> Result<Option<Figure>> {
+    let rasters = WHAT.map(|w| Raster::of(sheet, &column(component, w)));
+    if rasters[0].is_empty() {
+        return Ok(None);
+    }
+    let (width, height) = panel(&rasters[0], 270);
+    let figure = draw(name, alt, (3 * width, height), |root, images| {
+        let areas = root.split_evenly((1, 3));
+        for ((area, raster), what) in areas.iter().zip(&rasters).zip(WHAT) {
+            let scale = scales[usize::from(what == "residual")];
+            map(
+                area,
+                images,
+                raster,
+                scale,
+                &title(component, what, scale.unit),
+            )?;
+        }
+        Ok(())
+    })?;
+    Ok(Some(figure))
+}
+
+fn map(
+    area: &Area<'_>,
+    images: &mut Vec<Stretched>,
+    raster: &Raster,
+    scale: Scale,
+    title: &str,
+) -> Result<()> {
+    let (_, height) = area.dim_in_pixel();
+    let (upper, lower) = area.split_vertically(height - BAR);
+    let over = axes(&upper, raster, title).map_err(|e| cannot(&e))?;
+    images.push(Stretched {
+        data: scale
+            .palette
+            .image(&raster.top_down(), raster.x.len(), scale.range)?,
+        over,
+        range: Some((scale.range, scale.unit)),
+    });
+    let over = bar(&lower, scale).map_err(|e| cannot(&e))?;
+    let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();
+    images.push(Stretched {
+        data: scale.palette.image(&ramp, 255, [0.0, 1.0])?,
+        over,
+        range: None,
+    });
+    Ok(())
+}
+
+type Pixels = (std::ops::Range<i32>, std::ops::Range<i32>);
+
+fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Drawn<Pixels> {
+    let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
+    area.draw(&Text::new(title.to_string(), (LEFT as i32, 4), text(13)))?;
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(TOP)
+        .margin_right(RIGHT)
+        .x_label_area_size(AXIS)
+        .y_label_area_size(LEFT)
+        .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
+    let tall = (y[1] - y[0]) > 0.4 * (x[1] - x[0]);
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .axis_style(INK)
+        .label_style(text(11))
+        .x_desc("x, mm")
+        .y_desc("y, mm")
+        .x_labels(5)
+        .y_labels(if tall { 5 } else { 3 })
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .draw()?;
+    let ends = [(x[0], y[0]), (x[1], y[1])];
+    let blank = Rectangle::new(ends, NOT_MEASURED.filled());
+    chart.plotting_area().draw(&blank)?;
+    Ok(chart.plotting_area().get_pixel_range())
+}
+
+fn bar(area: &Area<'_>, scale: Scale) -> Drawn<Pixels> {
+    let [low, high] = scale.range;
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(8)
+        .margin_right(RIGHT)
+        .margin_left(LEFT)
+        .x_label_area_size(30)
+        .build_cartesian_2d(low..high, 0.0..1.0)?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .disable_y_axis()
+        .axis_style(INK)
+        .label_style(text(11))
+        .x_desc(scale.unit)
+        .x_labels(5)
+        .x_label_formatter(&tick)
+        .draw()?;
+    Ok(chart.plotting_area().get_pixel_range())
+}

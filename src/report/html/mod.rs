@@ -1,0 +1,149 @@
+//! `report.html`: one file that needs nothing else, for a screen and for paper.
+
+mod compare;
+mod sections;
+mod tables;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::Value;
+
+use super::figures::{Figure, Figures};
+use super::page::{Page, words};
+pub use compare::comparison;
+
+const STYLE: &str = include_str!("style.css");
+const SCRIPT: &str = include_str!("script.js");
+
+/// Nothing but what the page itself carries may be loaded.
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
+/// A whole document.
+fn document(title: &str, body: &Markup) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                link rel="icon" href="data:,";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                (body)
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// The report of a run.
+pub fn report(page: &Page, figures: &Figures) -> String {
+    let name = words(&page.report["model"]);
+    let sections = [
+        ("before-after", "Before and after", tables::rounds(page)),
+        ("maps", "Maps", sections::maps(page, figures)),
+        ("effects", "Effects", sections::effects(page, figures)),
+        (
+            "blind-spots",
+            "Blind spots",
+            sections::blind_spots(page, figures),
+        ),
+        ("posterior", "Posterior", sections::posterior(page, figures)),
+        (
+            "convergence",
+            "Convergence",
+            sections::convergence(page, figures),
+        ),
+        ("surrogate", "Reduced model", sections::surrogate(page)),
+        ("provenance", "Provenance", sections::provenance(page)),
+    ];
+    let present: Vec<_> = sections
+        .into_iter()
+        .filter(|(_, _, body)| !body.0.is_empty())
+        .collect();
+    let body = html! {
+        header {
+            h1 { "Identification of " (name) }
+            p.soft {
+                "plychain " (words(&page.manifest["version"])) ", seed " (page.report["seed"])
+                @if let Some(data) = data_files(page) { ", " (data) }
+            }
+            (sections::verdict(page))
+            nav aria-label="Sections" { ul {
+                @for (id, title, _) in &present { li { a href={ "#" (id) } { (title) } } }
+            } }
+        }
+        main {
+            @for (id, title, body) in &present {
+                section id=(id) { h2 { (title) } (body) }
+            }
+        }
+        footer.soft { "Units stand in the names: GPa, mm, \u{b5}m, nm. Intervals hold 95 % of the posterior." }
+    };
+    document(&format!("{name}: plychain report"), &body)
+}
+
+fn data_files(page: &Page) -> Option<String> {
+    let n = page.manifest["inputs_sha256"].as_object()?.len();
+    Some(format!("{n} input files"))
+}
+
+/// A figure that scales with the page.
+fn figure(figure: &Figure) -> Markup {
+    html! { figure { (PreEscaped(figure.inline())) } }
+}
+
+/// A figure that keeps its size, and scrolls where there is no room, with a caption.
+fn wide(figure: &Figure) -> Markup {
+    html! {
+        figure {
+            div.scroll tabindex="0" role="group" aria-label=(figure.alt) { (PreEscaped(figure.inline())) }
+            figcaption { (figure.alt) "." }
+        }
+    }
+}
+
+/// A table: its caption, header and rows; the first column holds the rows' names.
+fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool) -> Markup {
+    html! {
+        div.scroll tabindex="0" role="group" aria-label=(caption) {
+            table.sortable[sortable] {
+                caption { (caption) }
+                thead { tr { @for h in header { th scope="col" { (h) } } } }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            @for (k, cell) in row.iter().enumerate() {
+                                @if k == 0 { th scope="row" { (cell) } }
+                                @else if cell.chars().count() > 28 { td.long { (cell) } }
+                                @else { td { (cell) } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A number of the report as text, with three digits after the point or three significant ones.
+fn short(value: &Value) -> String {
+    match value.as_f64() {
+        None => "\u{2013}".into(),
+        Some(0.0) => "0".into(),
+        Some(v) if v.abs() >= 1e5 || v.abs() < 1e-3 => format!("{v:.2e}").replace('-', "\u{2212}"),
+        Some(v) => {
+            let decimals = (2.0 - v.abs().log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{v:.decimals$}").replace('-', "\u{2212}")
+        }
+    }
+}
+
+/// A value with as many decimals as its sd asks for.
+fn with_sd(value: f64, sd: f64) -> String {
+    super::terminal::significant(value, sd).replace('-', "\u{2212}")
+}

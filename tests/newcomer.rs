@@ -1,0 +1,206 @@
+//! What someone new to the program meets: init, help, completions, manual pages, and the README's commands.
+
+use std::path::Path;
+
+use crate::program::{fresh, root, succeed};
+use crate::report::{json, read, run};
+
+#[test]
+fn init_writes_a_model_that_runs_and_never_overwrites() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("export.csv");
+    let mut text = String::from(
+        "coor.X [mm];coor.Y [mm];disp.Horizontal Displacement U [mm];disp.Vertical Displacement V [mm]\n",
+    );
+    for k in 0..60 * 30 {
+        let (x, y) = (1.0 + 0.5 * f64::from(k % 60), 2.0 + 0.5 * f64::from(k / 60));
+        if (x - 16.0).hypot(y - 9.0) > 3.0 {
+            text += &format!("{x};{y};{};{}\n", -2e-4 * x, 7e-4 * y);
+        }
+    }
+    std::fs::write(&csv, text).unwrap();
+    let here = |arguments: &[&str]| {
+        let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+        command
+            .current_dir(folder.path())
+            .args(arguments)
+            .output()
+            .unwrap()
+    };
+    let output = here(&["init", "strip", "--like", "steel", "--csv", "export.csv"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(
+        said.contains("MatchID") && said.contains("load.force_N"),
+        "{said}"
+    );
+    let written = json(&folder.path().join("strip.json"));
+    let measurement = &written["measurement"];
+    assert_eq!(measurement["loading_axis"], "y");
+    assert_eq!(
+        measurement["columns"]["ux"],
+        "disp.Horizontal Displacement U [mm]"
+    );
+    for (k, known) in [16.0, 9.0].iter().enumerate() {
+        let centre = measurement["hole_center_in_data_mm"][k].as_f64().unwrap();
+        assert!((centre - known).abs() < 0.1, "{centre}");
+    }
+    let diameter = written["specimen"]["hole"]["diameter_mm"].as_f64().unwrap();
+    // the points nearest to the rim lie up to a spacing of 0.5 mm outside of it, on either side
+    assert!((6.0..7.0).contains(&diameter), "{diameter}");
+    let again = here(&["init", "strip"]);
+    assert_eq!(again.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("strip.json"));
+    assert_eq!(json(&folder.path().join("strip.json")), written);
+    // every shipped model is embedded
+    for like in ["openhole", "steel"] {
+        assert!(here(&["init", like, "--like", like]).status.success());
+    }
+    std::fs::write(folder.path().join("odd.csv"), "a,b,c,d\n1,2,3,4\n").unwrap();
+    let odd = here(&["init", "odd", "--csv", "odd.csv"]);
+    let errors = String::from_utf8_lossy(&odd.stderr).into_owned();
+    assert!(
+        errors.contains("odd.csv") && errors.contains("VIC-2D") && errors.contains("a, b, c, d"),
+        "{errors}"
+    );
+    assert!(!folder.path().join("odd.json").exists());
+}
+
+#[test]
+fn completions_and_manual_pages_know_every_verb() {
+    let help = succeed(&["--help"]);
+    let verbs: Vec<&str> = help
+        .lines()
+        .skip_while(|l| !l.starts_with("Commands:"))
+        .skip(1)
+        .take_while(|l| !l.is_empty())
+        .filter(|l| l.starts_with("  ") && !l.starts_with("   "))
+        .filter_map(|l| l.split_whitespace().next())
+        .filter(|v| *v != "help")
+        .collect();
+    assert!(verbs.len() >= 13, "{verbs:?}");
+    for shell in ["bash", "zsh", "fish"] {
+        let text = succeed(&["completions", shell]);
+        for verb in &verbs {
+            assert!(text.contains(verb), "{shell} does not know {verb}");
+        }
+    }
+    let out = fresh("man");
+    succeed(&["man", "--out", &out.display().to_string()]);
+    assert!(succeed(&["man"]).starts_with(".ie"));
+    for verb in &verbs {
+        assert!(
+            out.join(format!("plychain-{verb}.1")).is_file(),
+            "no page of {verb}"
+        );
+        let help = succeed(&[verb, "--help"]);
+        assert!(
+            help.contains("Example") && help.contains(&format!("plychain {verb}")),
+            "{verb} has no example:\n{help}"
+        );
+    }
+}
+
+/// Commands of the README's blocks of shell, without `plychain`.
+fn readmes_commands() -> Vec<Vec<String>> {
+    let readme = read(&root().join("README.md"));
+    let mut blocks = readme.split("```");
+    let mut commands = Vec::new();
+    while let (Some(_), Some(block)) = (blocks.next(), blocks.next()) {
+        let Some(lines) = block.strip_prefix("sh\n") else {
+            continue;
+        };
+        for line in lines.lines() {
+            let line = line.split(" #").next().unwrap().trim();
+            let words: Vec<String> = line.split_whitespace().map(String::from).collect();
+            if words.first().is_some_and(|w| w == "plychain") {
+                commands.push(words[1..].to_vec());
+            }
+        }
+    }
+    commands
+}
+
+#[test]
+fn the_readmes_commands_are_understood_and_the_quick_ones_work() {
+    let commands = readmes_commands();
+    assert!(commands.len() >= 5, "{commands:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    copy(&root().join("models"), &at("models"));
+    std::fs::create_dir_all(at("runs")).unwrap();
+    copy(run(), &at("runs/openhole"));
+    copy(run(), &at("runs/openhole-2"));
+    let mut csv = String::from("X,Y,Z,U,V,W\n");
+    for k in 0..40 * 20 {
+        let (x, y) = (f64::from(k % 40), f64::from(k / 40));
+        if (x - 20.0).hypot(y - 10.0) > 4.0 {
+            csv += &format!("{x},{y},0,{},{},0\n", 5e-4 * x, -2e-4 * y);
+        }
+    }
+    std::fs::write(at("export.csv"), csv).unwrap();
+    let quick = [
+        "init",
+        "report",
+        "export",
+        "diagnose",
+        "effects",
+        "completions",
+        "man",
+    ];
+    let mut worked = 0;
+    for command in &commands {
+        let mut program = assert_cmd::Command::cargo_bin("plychain").unwrap();
+        program.current_dir(folder.path()).args(command);
+        if quick.contains(&command[0].as_str()) && !command.iter().any(|w| w == ">" || w == "|") {
+            let output = program.output().unwrap();
+            assert!(
+                output.status.success(),
+                "{command:?}\n{}",
+                String::from_utf8_lossy(&output.stderr)
+            );
+            worked += 1;
+        } else {
+            // what takes longer is run by the tests of its verb; here its arguments are understood
+            let output = program.arg("--help").output().unwrap();
+            assert!(output.status.success(), "{command:?}");
+        }
+    }
+    assert!(worked >= 4, "only {worked} were run");
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            std::fs::copy(&path, &target).unwrap();
+        }
+    }
+}
+
+#[test]
+fn colours_are_for_terminals_and_respect_no_color() {
+    let said = |colour: &[(&str, &str)]| {
+        let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
+        command.envs(colour.iter().copied());
+        let output = command.args(["report", "nowhere"]).output().unwrap();
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(said(&[]).starts_with("error: "), "a pipe gets no colours");
+    let forced = said(&[("CLICOLOR_FORCE", "1")]);
+    assert!(
+        forced.starts_with('\u{1b}') && forced.contains("error:"),
+        "{forced:?}"
+    );
+    let refused = said(&[("CLICOLOR_FORCE", "1"), ("NO_COLOR", "1")]);
+    assert!(!refused.contains('\u{1b}'), "{refused:?}");
+}

@@ -1,0 +1,346 @@
+//! The report and its figures: they say what report.json says, can be made again from a run's folder, and need nothing
+//! but themselves.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use plychain::report::{Cells, Page, Palette, Sheet};
+use serde_json::{Value, json};
+
+use crate::program::{fresh, model, plychain, root, succeed};
+
+/// A run of the sample measurement, made once.
+pub fn run() -> &'static Path {
+    static RUN: OnceLock<PathBuf> = OnceLock::new();
+    RUN.get_or_init(|| {
+        let out = fresh("reported");
+        let path = out.display().to_string();
+        succeed(&[
+            "identify",
+            &model("openhole.json"),
+            "--quiet",
+            "--png",
+            "--out",
+            &path,
+        ]);
+        out
+    })
+}
+
+pub fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+pub fn json(path: &Path) -> Value {
+    serde_json::from_str(&read(path)).unwrap()
+}
+
+fn sheet(folder: &Path, name: &str) -> Sheet {
+    Sheet::read(&folder.join("figures").join(format!("{name}.csv"))).unwrap()
+}
+
+/// A copy of the run whose report went through `change`.
+pub fn changed(change: impl Fn(&mut Value)) -> PathBuf {
+    let copy = fresh("copy");
+    let figures = copy.join("figures");
+    std::fs::create_dir_all(&figures).unwrap();
+    for entry in std::fs::read_dir(run().join("figures")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "csv") {
+            std::fs::copy(&path, figures.join(path.file_name().unwrap())).unwrap();
+        }
+    }
+    for name in ["run.json", "truth.json"] {
+        std::fs::copy(run().join(name), copy.join(name)).unwrap();
+    }
+    let mut report = json(&run().join("report.json"));
+    change(&mut report);
+    std::fs::write(copy.join("report.json"), report.to_string()).unwrap();
+    copy
+}
+
+#[test]
+fn figures_numbers_are_those_of_the_report() {
+    let report = json(&run().join("report.json"));
+    let round = &report["rounds"][0];
+    let parameters = sheet(run(), "parameters-0");
+    let names = parameters.texts("parameter");
+    assert_eq!(names.len(), round["posterior"].as_object().unwrap().len());
+    for column in ["mean", "sd", "q2.5", "median", "q97.5"] {
+        for (name, value) in names.iter().zip(parameters.numbers(column)) {
+            assert_eq!(
+                round["posterior"][*name][column].as_f64(),
+                Some(value),
+                "{name} {column}"
+            );
+        }
+    }
+    let intervals = sheet(run(), "intervals").only("what", "round 0");
+    for (name, low) in intervals
+        .texts("parameter")
+        .iter()
+        .zip(intervals.numbers("low"))
+    {
+        assert_eq!(round["posterior"][*name]["q2.5"].as_f64(), Some(low));
+    }
+    let truth = json(&root().join("models/openhole/truth.json"));
+    let known = sheet(run(), "intervals")
+        .only("parameter", "nu12")
+        .numbers("truth");
+    assert_eq!(Some(known[0]), truth["constants"]["nu12"].as_f64());
+    // the sample has one point a cell, so that cells keep the root mean square
+    let maps = sheet(run(), "maps-0");
+    for c in ["u1", "u2"] {
+        let of = |what: &str| maps.numbers(&format!("{c}_{what}"));
+        let residual: Vec<f64> = of("residual_nm")
+            .into_iter()
+            .filter(|v| v.is_finite())
+            .collect();
+        let rms = (residual.iter().map(|v| v * v).sum::<f64>() / residual.len() as f64).sqrt();
+        let said = round["residual"]["rms_nm"][c].as_f64().unwrap();
+        assert!(
+            (rms / said - 1.0).abs() < 1e-4,
+            "{c}: {rms} on the map, {said} in the report"
+        );
+        assert_eq!(Some(residual.len() as u64), round["residual"]["n"].as_u64());
+        let (m, p) = (of("measured_um"), of("predicted_um"));
+        for ((m, p), r) in m
+            .iter()
+            .zip(&p)
+            .zip(of("residual_nm"))
+            .filter(|(_, r)| r.is_finite())
+        {
+            assert!(
+                (1e3 * (m - p) - r).abs() < 0.02,
+                "{m} - {p} um is not {r} nm"
+            );
+        }
+    }
+    let lags = round["residual"]["variogram"].as_array().unwrap();
+    let variogram = sheet(run(), "variogram-0").numbers("u1_nm2");
+    let said: Vec<f64> = lags.iter().map(|l| l["u1_nm2"].as_f64().unwrap()).collect();
+    assert_eq!(variogram, said);
+}
+
+#[test]
+fn densities_integrate_to_one_and_ranks_to_their_number() {
+    let marginals = sheet(run(), "marginals-0");
+    for name in marginals.distinct("parameter") {
+        let of = marginals.only("parameter", &name);
+        let (x, d) = (of.numbers("value"), of.numbers("density"));
+        let mass = (x[1] - x[0]) * d.iter().sum::<f64>();
+        assert!((0.99..1.0005).contains(&mass), "{name}: {mass}");
+    }
+    let ranks = sheet(run(), "rank-0");
+    for name in ranks.distinct("parameter") {
+        let sum: f64 = ranks
+            .only("parameter", &name)
+            .numbers("relative_count")
+            .iter()
+            .sum();
+        assert!(
+            (sum / 80.0 - 1.0).abs() < 1e-4,
+            "{name}: four ensembles in twenty bins sum to {sum}"
+        );
+    }
+    let rho = sheet(run(), "autocorrelation-0")
+        .only("lag", "0")
+        .numbers("autocorrelation");
+    assert!(rho.iter().all(|r| *r == 1.0), "{rho:?}");
+}
+
+#[test]
+fn a_report_is_made_again_from_its_folder_to_the_same_bytes() {
+    let folder = run().display().to_string();
+    let names = [
+        "report.html",
+        "figures/corner-0.svg",
+        "figures/maps-0-u1.svg",
+        "figures/maps-0-u1.png",
+    ];
+    let before = names.map(|n| std::fs::read(run().join(n)).unwrap());
+    succeed(&["report", &folder, "--png"]);
+    for (name, before) in names.iter().zip(before) {
+        assert!(
+            std::fs::read(run().join(name)).unwrap() == before,
+            "{name} differs"
+        );
+    }
+}
+
+#[test]
+fn the_page_is_complete_in_itself() {
+    let html = read(&run().join("report.html"));
+    assert!(html.len() < 5 << 20, "{} bytes", html.len());
+    let outside: Vec<&str> = html
+        .match_indices("http")
+        .map(|(at, _)| &html[at..(at + 60).min(html.len())])
+        .filter(|s| !s.starts_with("http://www.w3.org/2000/svg") && !s.starts_with("http-equiv"))
+        .collect();
+    assert!(outside.is_empty(), "{outside:?}");
+    for part in [
+        "<h1>",
+        "id=\"before-after\"",
+        "id=\"maps\"",
+        "id=\"posterior\"",
+        "id=\"convergence\"",
+        "id=\"surrogate\"",
+        "id=\"provenance\"",
+        "prefers-color-scheme",
+        "@media print",
+    ] {
+        assert!(html.contains(part), "{part} is missing");
+    }
+    let drawings = html.matches("<svg").count();
+    assert!(drawings >= 11, "{drawings} drawings");
+    assert_eq!(html.matches("role=\"img\" aria-label=").count(), drawings);
+    let manifest = json(&run().join("run.json"));
+    for hash in manifest["inputs_sha256"].as_object().unwrap().values() {
+        assert!(html.contains(hash.as_str().unwrap()));
+    }
+}
+
+/// A loop's report, as `plychain loop` writes it.
+pub fn looped(report: &mut Value) {
+    let first = report["rounds"][0].clone();
+    let mut second = first.clone();
+    second["effects_declared"] = json!(["rigid_translation", "load_misalignment"]);
+    second["candidates"] = json!([]);
+    let rounds = report["rounds"].as_array_mut().unwrap();
+    rounds[0]["candidates"] = json!([
+        { "effect": "load_misalignment", "inclusion_probability": 0.987, "log_bayes_factor": 812.0,
+          "amplitude": [{ "parameter": "angle_deg", "mean": 0.801, "sd": 0.004 }], "explained_fraction": 0.97,
+          "detectable": 0.01, "aliases": [{ "effect": "camera_rotation", "cosine": 0.991 }] },
+        { "effect": "magnification", "inclusion_probability": 0.02, "log_bayes_factor": null,
+          "amplitude": [], "explained_fraction": 0.0, "detectable": null, "aliases": [] },
+    ]);
+    rounds[0]["accepted"] = json!(["load_misalignment"]);
+    rounds[0]["warnings"] = json!(["<script>alert(1)</script> & so on"]);
+    rounds.push(second);
+    rounds[1]["warnings"] = json!(["<script>alert(1)</script> & so on"]);
+    report["averaged_posterior"] = json!({ "nu12": { "mean": 0.331, "sd": 0.012, "q2.5": 0.307, "median": 0.331, "q97.5": 0.355 } });
+    report["blind_spots"] = json!([
+        { "effect": "magnification", "parameter": "percent", "plausible": 0.3, "unit": "percent",
+          "shift_in_percent": { "nu12": 23.4, "E1_GPa": -0.2 }, "would_be_seen": false },
+    ]);
+    report["verdict"] = json!({ "status": "closed", "text": "The residual was consistent with load_misalignment." });
+}
+
+#[test]
+fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
+    let folder = changed(looped);
+    succeed(&["report", &folder.display().to_string()]);
+    let html = read(&folder.join("report.html"));
+    for text in [
+        "The residual was consistent with load_misalignment.",
+        "round 1, with load_misalignment",
+        "camera_rotation (0.991)",
+        "0.801",
+        "magnification.percent",
+        "23.4",
+        "0.331 \u{b1} 0.012",
+        "&lt;script&gt;alert(1)&lt;/script&gt; &amp; so on",
+    ] {
+        assert!(html.contains(text), "{text} is missing");
+    }
+    assert!(!html.contains("<script>alert"));
+    let spots = sheet(&folder, "blind-spots");
+    assert_eq!(spots.numbers("nu12_shift_percent"), [23.4]);
+    assert_eq!(spots.texts("would_be_seen"), ["no"]);
+    assert_eq!(
+        sheet(&folder, "candidates-0").texts("accepted"),
+        ["yes", "no"]
+    );
+    assert_eq!(
+        sheet(&folder, "intervals")
+            .only("what", "averaged")
+            .numbers("low"),
+        [0.307]
+    );
+    // what the report no longer says is gone from the figures' numbers, too
+    assert!(folder.join("figures/candidates-0.svg").is_file());
+}
+
+#[test]
+fn runs_are_compared_side_by_side() {
+    let other = changed(looped);
+    let out = fresh("side-by-side.html");
+    let paths = [run(), &other, &out].map(|p| p.display().to_string());
+    succeed(&["report", &paths[0], &paths[1], "--out", &paths[2]]);
+    let html = read(&out);
+    for text in [
+        "reported",
+        "copy",
+        "closed",
+        "0.331 \u{b1} 0.012 [0.307, 0.355]",
+        "rigid_translation, load_misalignment",
+    ] {
+        assert!(html.contains(text), "{text} is missing");
+    }
+    let refused = plychain(&["report", "nowhere"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("nowhere"));
+}
+
+#[test]
+fn large_fields_are_shown_in_few_cells_with_the_same_mean() {
+    let points: Vec<[f64; 2]> = (0..700 * 700)
+        .map(|k| [0.035 * f64::from(k % 700), 0.035 * f64::from(k / 700)])
+        .collect();
+    let noise = |i: usize| ((i * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5;
+    let cells = Cells::new(&points);
+    assert!(cells.len() <= 33_000, "{} cells", cells.len());
+    let mean = cells.mean(noise);
+    let mut count = vec![0.0; cells.len()];
+    cells.of_point.iter().for_each(|&c| count[c] += 1.0);
+    assert!(count.iter().all(|c| *c > 0.0), "cells without points");
+    let total: f64 = mean.iter().zip(&count).map(|(m, c)| m * c).sum();
+    let direct: f64 = (0..points.len()).map(noise).sum();
+    assert!((total - direct).abs() < 1e-6 * points.len() as f64);
+    // twelve maps a round: six rounds of incompressible maps stay below 5 MB
+    let image = Palette::Difference
+        .image(&mean, cells.x.len(), [-0.5, 0.5])
+        .unwrap();
+    assert!(36 * image.len() < 5 << 20, "{} bytes a map", image.len());
+}
+
+#[test]
+fn scattered_points_fill_their_cells() {
+    // the golden ratio's sequence is even, and lies on no lattice
+    let points: Vec<[f64; 2]> = (0..5000)
+        .map(|k| f64::from(k) + 0.5)
+        .map(|k| {
+            [
+                80.0 * (k * 0.618_033_988_749_895).fract(),
+                20.0 * k / 5000.0,
+            ]
+        })
+        .collect();
+    let cells = Cells::new(&points);
+    let mut seen = vec![false; cells.len()];
+    cells.of_point.iter().for_each(|&c| seen[c] = true);
+    let empty = seen.iter().filter(|s| !**s).count();
+    assert!(cells.len() > 1000, "{} cells", cells.len());
+    assert!(
+        50 * empty < cells.len(),
+        "{empty} of {} cells are empty",
+        cells.len()
+    );
+    let x = cells.mean(|i| points[i][0]);
+    let width = cells.x[1] - cells.x[0];
+    for (k, x) in x.iter().enumerate().filter(|(_, x)| x.is_finite()) {
+        assert!((x - cells.x[k % cells.x.len()]).abs() <= 0.51 * width);
+    }
+}
+
+#[test]
+fn a_page_without_figures_is_refused_with_its_place() {
+    let folder = fresh("no-figures");
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::copy(run().join("report.json"), folder.join("report.json")).unwrap();
+    let error = Page::load(&folder).unwrap_err().to_string();
+    assert!(
+        error.contains("figures") && error.contains("expected"),
+        "{error}"
+    );
+}
