@@ -51,8 +51,8 @@ impl Structure {
         // the larger of both components' ranks, against the same of each permutation
         let rank = |c: usize, value: f64| null[c].iter().filter(|i| **i >= value).count();
         let observed = rank(0, moran[0]).min(rank(1, moran[1]));
-        for k in 0..PERMUTATIONS {
-            let this = rank(0, null[0][k]).min(rank(1, null[1][k]));
+        for (&first, &second) in null[0].iter().zip(&null[1]) {
+            let this = rank(0, first).min(rank(1, second));
             exceeded += usize::from(this <= observed + 1);
         }
         Self {

@@ -2,9 +2,9 @@
 //! predicted displacement and corrected before anything is fitted.
 //!
 //! A jump of whole orders does not show in the *phase* of the difference. The phase is smoothed and unwrapped
-//! ([`graph`]); what the difference has on top of it, in whole orders, is the jump, point by point and however regions
+//! (`graph`); what the difference has on top of it, in whole orders, is the jump, point by point and however regions
 //! lie in each other. A filter of the measurement may have smeared a jump into a ramp, which the unwrapped phase
-//! follows; [`ramps`] finds these from the level of both sides.
+//! follows; `ramps` finds these from the level of both sides.
 
 mod graph;
 mod ramps;
@@ -122,8 +122,8 @@ impl Jumps {
     /// Subtract the orders from the measured displacements of the field in which they were found.
     pub fn correct(&self, field: &mut Field) {
         for (i, u) in field.displacement.iter_mut().enumerate() {
-            for c in 0..2 {
-                u[c] -= f64::from(self.orders[c][i]) * self.order_mm;
+            for (u, orders) in u.iter_mut().zip(&self.orders) {
+                *u -= f64::from(orders[i]) * self.order_mm;
             }
         }
     }
@@ -277,10 +277,10 @@ fn regions(graph: &Graph, points: &[[f64; 2]], orders: &[i32], component: usize)
             high_mm: *p,
         });
         region.points += 1;
-        for k in 0..2 {
-            region.centre_mm[k] += p[k];
-            region.low_mm[k] = region.low_mm[k].min(p[k]);
-            region.high_mm[k] = region.high_mm[k].max(p[k]);
+        for (k, &x) in p.iter().enumerate() {
+            region.centre_mm[k] += x;
+            region.low_mm[k] = region.low_mm[k].min(x);
+            region.high_mm[k] = region.high_mm[k].max(x);
         }
     }
     let mut found: Vec<Region> = found.into_values().collect();
@@ -288,6 +288,6 @@ fn regions(graph: &Graph, points: &[[f64; 2]], orders: &[i32], component: usize)
         let count = region.points as f64;
         region.centre_mm = region.centre_mm.map(|sum| sum / count);
     }
-    found.sort_by(|a, b| b.points.cmp(&a.points));
+    found.sort_by_key(|region| std::cmp::Reverse(region.points));
     found
 }

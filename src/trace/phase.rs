@@ -228,17 +228,15 @@ impl Tiles {
         let mut planes = vec![0.0; values.len()];
         for range in self.start.windows(2) {
             let mut coefficients = [0.0; 3];
-            for m in range[0]..range[1] {
-                for (a, b) in coefficients.iter_mut().zip(&self.basis[m]) {
-                    *a += b * values[m];
+            let members = range[0]..range[1];
+            let basis = &self.basis[members.clone()];
+            for (value, basis) in values[members.clone()].iter().zip(basis) {
+                for (a, b) in coefficients.iter_mut().zip(basis) {
+                    *a += b * value;
                 }
             }
-            for m in range[0]..range[1] {
-                planes[m] = coefficients
-                    .iter()
-                    .zip(&self.basis[m])
-                    .map(|(a, b)| a * b)
-                    .sum();
+            for (plane, basis) in planes[members].iter_mut().zip(basis) {
+                *plane = coefficients.iter().zip(basis).map(|(a, b)| a * b).sum();
             }
         }
         planes

@@ -104,7 +104,7 @@ fn levels(
             steps.push((agree, a, b, whole as i32));
         }
     }
-    steps.sort_by(|p, q| q.0.cmp(&p.0));
+    steps.sort_by_key(|step| std::cmp::Reverse(step.0));
     let mut offsets = Offsets::new(n);
     for (_, a, b, orders) in steps {
         offsets.join(a, b, orders);
