@@ -78,15 +78,13 @@ fn plausible_sizes_of_a_model_are_checked() {
 
 #[test]
 fn declared_effects_must_be_able_to_act() {
-    for (name, effect, words) in [(
-        "steel-s235.json",
-        "phase_shift_error",
-        &["fringe_frequency"][..],
-    )] {
-        let file = changed(name, |m| m["effects"] = serde_json::json!([effect]));
-        refused(&["identify", &file], words);
-        refused(&["identify", &file], &[effect]);
-    }
+    let imaged = changed("steel-s235.json", |m| {
+        m["effects"] = serde_json::json!(["phase_shift_error"]);
+    });
+    refused(
+        &["identify", &imaged],
+        &["phase_shift_error", "fringe_frequency"],
+    );
     let cold = changed("steel-s235.json", |m| {
         m["effects"] = serde_json::json!(["thermal_strain"]);
         m["specimen"]

@@ -45,7 +45,7 @@ fn misfit(p: [f64; 2], seed: u64) -> [f64; 2] {
 fn field(n: usize, noise_nm: f64, seed: u64) -> (Field, Vec<[f64; 2]>) {
     let mut field = simulated(n, noise_nm * NM, seed);
     field.retain(Reason::OutsideWindow, |i| {
-        (i as u64 * 2_654_435_761 + seed) % 30 != 0
+        !(i as u64 * 2_654_435_761 + seed).is_multiple_of(30)
     });
     let prediction = field.points.iter().map(|&p| open_hole(p)).collect();
     for (u, &p) in field.displacement.iter_mut().zip(&field.points) {

@@ -132,7 +132,7 @@ pub fn effects(page: &Page, figures: &Figures) -> Markup {
         "amplitude",
         "explains",
         "detectable from",
-        "cannot be told from (cosine)",
+        "resembles (cosine)",
     ]
     .map(String::from)
     .into();
