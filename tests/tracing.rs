@@ -11,7 +11,7 @@ use plychain::field::matrices::write_matrices;
 use plychain::infer::Model;
 use plychain::infer::simulate::{Truth, simulate};
 use plychain::progress::Unwatched;
-use plychain::trace::{State, Tracing, attribute, extended, prepare};
+use plychain::trace::{State, Tracing, attribute, extended, pose, prepare, start};
 
 use serde_json::Value;
 
@@ -331,4 +331,73 @@ fn survey() {
             }
         }
     }
+}
+
+/// The quiet effects of the README's table, at the sizes that a laboratory may well have.
+const QUIET: [&str; 6] = [
+    "magnification=0.5",
+    "hole_size=2",
+    "out_of_plane_bending=0.025,0",
+    "thermal_strain=2",
+    "lens_distortion=0.3",
+    "shear_nonlinearity=1e-7",
+];
+
+/// `cargo test --release tracing::quiet -- --ignored --nocapture` prints the README's table: the error of each constant by the bare
+/// model (the normal approximation of its posterior) and by the averaged posterior, in %, and how many of the 95 % intervals hold the truth.
+#[test]
+#[ignore = "prints a table"]
+fn quiet() {
+    const SEEDS: u64 = 3;
+    println!("| effect | bare: error % (E1, E2, nu12, G12) | held | averaged: error % | held |");
+    println!("|---|---|---|---|---|");
+    let mut totals = [0; 2];
+    for case in QUIET {
+        let mut errors = [[0.0_f64; 4]; 2];
+        let mut held = [0; 2];
+        for seed in 0..SEEDS {
+            let model = measured(&[case], Noise::White, 500 + seed);
+            let cache = workplace().join("runs/.cache");
+            let prepared = prepare(&model, &cache, &Unwatched).unwrap();
+            let posed = pose(&model, prepared, &Unwatched).unwrap();
+            let bare = start(&posed.posterior).unwrap();
+            let (_, last) = traced(&model);
+            for k in 0..4 {
+                let sd = bare.covariance[(k, k)].sqrt();
+                let intervals = [
+                    (
+                        bare.mode[k],
+                        bare.mode[k] - 1.96 * sd,
+                        bare.mode[k] + 1.96 * sd,
+                    ),
+                    (
+                        last.averaged[k].mean,
+                        last.averaged[k].low,
+                        last.averaged[k].high,
+                    ),
+                ];
+                for (which, (mean, low, high)) in intervals.into_iter().enumerate() {
+                    let error = 100.0 * (mean / TRUTH[k] - 1.0);
+                    errors[which][k] += error * error / SEEDS as f64;
+                    held[which] += usize::from((low..high).contains(&TRUTH[k]));
+                }
+            }
+        }
+        let show = |e: [f64; 4]| e.map(|e| format!("{:.1}", e.sqrt())).join(", ");
+        let of = 4 * SEEDS;
+        println!(
+            "| `{case}` | {} | {} of {of} | {} | {} of {of} |",
+            show(errors[0]),
+            held[0],
+            show(errors[1]),
+            held[1]
+        );
+        totals = [totals[0] + held[0], totals[1] + held[1]];
+    }
+    println!(
+        "held in all: bare {}, averaged {} of {}",
+        totals[0],
+        totals[1],
+        24 * SEEDS
+    );
 }
