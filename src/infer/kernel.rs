@@ -1,20 +1,18 @@
 //! The likelihood compiled for speed: quadratic form of the residual of polynomials with a diagonal plus rank-one
 //! covariance, for [`WIDTH`] points at once or for one.
 //!
-//! Monomials are products of lower ones, polynomials are collapsed at the mean thickness, nothing is allocated in the
-//! loop. Every point undergoes the same operations in the same order whether it comes alone or in company (fused
+//! Polynomials are collapsed at the mean thickness, nothing is allocated in the loop. Cubics in few variables go through
+//! [`Horner`]; in all others monomials are products of lower ones. Every point undergoes the same operations in the same order whether it comes alone or in company (fused
 //! multiply-adds where the processor has them), so the result does not depend on how points are grouped.
 
 use std::cell::RefCell;
 
 use pulp::Simd;
 
+use super::horner::{BLOCK, Form, Horner};
 use super::lanes::{Lanes, WIDTH, each, ln};
 use super::monomials::{Variable, closure, position, variables, without};
 use crate::reduce::{Choice, Surface};
-
-/// Coordinates are padded to a multiple of this with zeros, which change nothing.
-const BLOCK: usize = 8;
 
 /// Coordinates whose product of variances is taken before the logarithm.
 const GROUP: usize = 4;
@@ -85,6 +83,8 @@ pub(super) struct Kernel {
     /// The factor of the polynomials is this over the first parameter.
     factor: Option<f64>,
     constant: f64,
+    /// The whole quadratic form, if it is of cubics in few variables.
+    horner: Option<Horner>,
 }
 
 /// Room for intermediate values, one a thread, so that an evaluation allocates nothing.
@@ -135,33 +135,52 @@ impl Kernel {
             }
             columns
         };
+        let mean = collapse(parts.polynomial, 1.0);
         let slope = parts.slope.map(|s| {
             let mut columns = collapse(s, parts.thickness.1);
             while columns.len() > 1 && columns.last().is_some_and(|c| c.iter().all(|v| *v == 0.0)) {
                 columns.pop();
             }
-            Polynomials::new(&columns, padded)
+            columns
         });
-        let pad = |values: &mut dyn Iterator<Item = f64>| {
-            let mut out: Vec<f64> = values.collect();
-            out.resize(padded, 0.0);
-            out
+        let pad = |mut values: Vec<f64>| {
+            values.resize(values.len().next_multiple_of(BLOCK), 0.0);
+            values
         };
+        let measured: Vec<f64> = parts
+            .measured
+            .iter()
+            .zip(&weights)
+            .map(|(m, w)| m * w)
+            .collect();
+        let spread = if parts.scale.is_some() {
+            &[]
+        } else {
+            parts.spread
+        };
+        let factor = surface.variables.factor_numerator(parts.thickness.0);
+        let relative = -parts.thickness.1 / parts.thickness.0;
+        let horner = Horner::new(&Form {
+            exponents: &exponents,
+            mean: &mean,
+            slope: slope.as_deref(),
+            relative,
+            measured: &measured,
+            spread,
+            factor: factor.is_some(),
+        });
         Self {
             variables: variables(surface, at.map(|(k, _)| k)),
             products,
             padded,
-            mean: Polynomials::new(&collapse(parts.polynomial, 1.0), padded),
-            slope,
-            relative: -parts.thickness.1 / parts.thickness.0,
-            measured: pad(&mut parts.measured.iter().zip(&weights).map(|(m, w)| m * w)),
-            spread: if parts.scale.is_some() {
-                Vec::new()
-            } else {
-                pad(&mut parts.spread.iter().copied())
-            },
-            factor: surface.variables.factor_numerator(parts.thickness.0),
+            mean: Polynomials::new(&mean, padded),
+            slope: slope.map(|s| Polynomials::new(&s, padded)),
+            relative,
+            measured: pad(measured),
+            spread: pad(spread.to_vec()),
+            factor,
             constant: -0.5 * variance.iter().map(|v| v.ln()).sum::<f64>(),
+            horner,
         }
     }
 
@@ -169,6 +188,9 @@ impl Kernel {
     #[inline(always)]
     pub(super) fn batch<S: Simd>(&self, simd: S, scratch: &mut Scratch, scale: &Lanes) -> Lanes {
         let Scratch { points, lanes, .. } = scratch;
+        if let Some(horner) = &self.horner {
+            return self.nested(simd, horner, points, lanes, scale);
+        }
         let (count, variables) = (1 + self.products.len(), self.variables.len());
         if lanes.len() < count + variables {
             lanes.resize(count + variables, [0.0; WIDTH]);
@@ -182,6 +204,42 @@ impl Kernel {
             after[0] = each(|l| a[l] * b[l]);
         }
         self.forms(simd, monomials, points, scale)
+    }
+
+    #[inline(always)]
+    fn nested<S: Simd>(
+        &self,
+        simd: S,
+        horner: &Horner,
+        points: &[Lanes],
+        lanes: &mut Vec<Lanes>,
+        scale: &Lanes,
+    ) -> Lanes {
+        let (variables, products) = (self.variables.len(), horner.products());
+        if lanes.len() < variables + products {
+            lanes.resize(variables + products, [0.0; WIDTH]);
+        }
+        let (z, products) = lanes[..variables + products].split_at_mut(variables);
+        self.scaled(points, z);
+        let factor = self.factors(points);
+        let variance = each(|l| scale[l] * scale[l]);
+        let [quad, ww, wr] = horner.batch(simd, z, [&factor, &variance], products);
+        let mut log_det = [0.0; WIDTH];
+        for product in products {
+            for (sum, v) in log_det.iter_mut().zip(product) {
+                *sum += ln(*v);
+            }
+        }
+        each(|l| self.log_likelihood(quad[l], ww[l], wr[l], log_det[l]))
+    }
+
+    /// What stands before the polynomials.
+    #[inline(always)]
+    fn factors(&self, x: &[Lanes]) -> Lanes {
+        match self.factor {
+            Some(f) => each(|l| f / x[0][l]),
+            None => [1.0; WIDTH],
+        }
     }
 
     #[inline(always)]
@@ -200,10 +258,7 @@ impl Kernel {
     /// The quadratic forms of all coordinates, and the log likelihood from them.
     #[inline(always)]
     fn forms<S: Simd>(&self, simd: S, monomials: &[Lanes], x: &[Lanes], scale: &Lanes) -> Lanes {
-        let factor = match self.factor {
-            Some(f) => each(|l| f / x[0][l]),
-            None => [1.0; WIDTH],
-        };
+        let factor = self.factors(x);
         let variance = each(|l| scale[l] * scale[l]);
         let mut sums = Sums::default();
         let mut log_det = [0.0; WIDTH];
@@ -284,6 +339,11 @@ impl Kernel {
             let raw = if v.ratio { raw / x[0] } else { raw };
             *z = (raw - v.middle) * v.per_half;
         }
+        let factor = self.factor.map_or(1.0, |f| f / x[0]);
+        if let Some(horner) = &self.horner {
+            let ([quad, ww, wr], log_det) = horner.single(simd, z, (factor, scale * scale));
+            return self.log_likelihood(quad, ww, wr, log_det);
+        }
         monomials[0] = 1.0;
         for (m, &(lower, variable)) in self.products.iter().enumerate() {
             monomials[m + 1] = monomials[lower] * z[variable];
@@ -292,7 +352,6 @@ impl Kernel {
         if let Some(slope) = &self.slope {
             accumulate_single(simd, &slope.rows, monomials, response);
         }
-        let factor = self.factor.map_or(1.0, |f| f / x[0]);
         self.forms_single(mean, response, factor, scale * scale)
     }
 

@@ -2,6 +2,7 @@
 
 mod density;
 pub mod forward;
+mod horner;
 mod kernel;
 pub(crate) mod lanes;
 mod laplace;

@@ -143,23 +143,23 @@ impl Posterior {
             }
         }
         // A loop for each material, and no branch in either, so that they vectorise.
-        let mut possible = [true; N];
+        let kept = |possible: bool, log: f64| if possible { log } else { f64::NEG_INFINITY };
         match self.material {
             Material::Laminate => {
-                for (l, possible) in possible.iter_mut().enumerate() {
+                for (l, log) in log.iter_mut().enumerate() {
                     let ply = Material::Laminate.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]);
-                    *possible = ply.is_admissible();
+                    *log = kept(ply.is_admissible(), *log);
                 }
             }
             Material::Isotropic => {
-                for (l, possible) in possible.iter_mut().enumerate() {
-                    *possible = Material::Isotropic.ply(&[x(0, l), x(1, l)]).is_admissible();
+                for (l, log) in log.iter_mut().enumerate() {
+                    let ply = Material::Isotropic.ply(&[x(0, l), x(1, l)]);
+                    *log = kept(ply.is_admissible(), *log);
                 }
             }
         }
-        for ((log, &s), &possible) in log.iter_mut().zip(scale).zip(&possible) {
-            let possible = possible & (f64::MIN_POSITIVE..f64::INFINITY).contains(&s);
-            *log = if possible { *log } else { f64::NEG_INFINITY };
+        for (log, s) in log.iter_mut().zip(scale) {
+            *log = kept((f64::MIN_POSITIVE..f64::INFINITY).contains(s), *log);
         }
         log
     }
