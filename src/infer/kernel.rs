@@ -9,43 +9,12 @@ use std::cell::RefCell;
 
 use pulp::Simd;
 
-use super::horner::{BLOCK, Form, Horner};
+use super::horner::{Form, GROUP, Horner};
 use super::lanes::{Lanes, WIDTH, each, ln};
 use super::monomials::{Variable, closure, position, variables, without};
+use super::nested::BLOCK;
+use super::sums::{Polynomials, accumulate, accumulate_single};
 use crate::reduce::{Choice, Surface};
-
-/// Coordinates whose product of variances is taken before the logarithm.
-const GROUP: usize = 4;
-
-/// Polynomials of all coordinates over monomials, in two layouts.
-#[derive(Debug, Clone, Default)]
-struct Polynomials {
-    /// Monomial by monomial, each padded to whole blocks of coordinates.
-    rows: Vec<f64>,
-    /// [`GROUP`] by group of coordinates, in each monomial by monomial.
-    groups: Vec<f64>,
-}
-
-impl Polynomials {
-    fn new(columns: &[Vec<f64>], padded: usize) -> Self {
-        let mut rows = vec![0.0; columns.len() * padded];
-        for (row, column) in rows.chunks_exact_mut(padded).zip(columns) {
-            row[..column.len()].copy_from_slice(column);
-        }
-        let mut groups = Vec::with_capacity(rows.len());
-        for first in (0..padded).step_by(GROUP) {
-            for row in rows.chunks_exact(padded) {
-                groups.extend_from_slice(&row[first..first + GROUP]);
-            }
-        }
-        Self { rows, groups }
-    }
-
-    fn group(&self, group: usize, padded: usize) -> &[f64] {
-        let length = self.rows.len() / padded * GROUP;
-        &self.groups[group * length..(group + 1) * length]
-    }
-}
 
 /// What the kernel needs to know, in coordinates whose covariance is diagonal.
 pub(super) struct Parts<'a> {
@@ -396,7 +365,7 @@ struct Sums {
 }
 
 /// Two vectors of points.
-type Two<V> = [V; 2];
+pub(super) type Two<V> = [V; 2];
 
 /// Adds a group of coordinates to the sums (r' V^-1 r, w' V^-1 w, w' V^-1 r) and returns the product of the variances.
 /// Multiplication and addition are apart, as in [`Kernel::forms_single`].
@@ -443,45 +412,5 @@ fn add_logarithm<S: Simd>(simd: S, product: Two<S::f64s>, pair: usize, out: &mut
     let (out, _) = S::as_mut_simd_f64s(out);
     for h in 0..2 {
         out[pair + h] = simd.add_f64s(out[pair + h], logarithms[pair + h]);
-    }
-}
-
-/// Sum over m of coefficients[m][k] monomials[m] for a group of coordinates k and two vectors of points.
-#[inline(always)]
-fn accumulate<S: Simd>(
-    simd: S,
-    coefficients: &[f64],
-    monomials: &[Lanes],
-    pair: usize,
-) -> [Two<S::f64s>; GROUP] {
-    let mut sum = [[simd.splat_f64s(0.0); 2]; GROUP];
-    for (c, monomial) in coefficients.chunks_exact(GROUP).zip(monomials) {
-        let (m, _) = S::as_simd_f64s(monomial);
-        let (a, b) = (m[pair], m[pair + 1]);
-        for k in 0..GROUP {
-            let c = simd.splat_f64s(c[k]);
-            sum[k][0] = simd.mul_add_e_f64s(c, a, sum[k][0]);
-            sum[k][1] = simd.mul_add_e_f64s(c, b, sum[k][1]);
-        }
-    }
-    sum
-}
-
-/// The same for one point, with the coordinates side by side.
-#[inline(always)]
-fn accumulate_single<S: Simd>(simd: S, rows: &[f64], monomials: &[f64], out: &mut [f64]) {
-    let padded = out.len();
-    for (block, out) in out.chunks_exact_mut(BLOCK).enumerate() {
-        let (out, _) = S::as_mut_simd_f64s(out);
-        let mut sum = [simd.splat_f64s(0.0); BLOCK];
-        let used = BLOCK / S::F64_LANES;
-        for (row, &m) in rows.chunks_exact(padded).zip(monomials) {
-            let (c, _) = S::as_simd_f64s(&row[block * BLOCK..(block + 1) * BLOCK]);
-            let m = simd.splat_f64s(m);
-            for v in 0..used {
-                sum[v] = simd.mul_add_e_f64s(c[v], m, sum[v]);
-            }
-        }
-        out.copy_from_slice(&sum[..used]);
     }
 }

@@ -10,6 +10,7 @@ mod likelihood;
 mod linear;
 mod model;
 mod monomials;
+mod nested;
 mod noise;
 mod observation;
 mod posterior;
@@ -19,6 +20,7 @@ mod recorded;
 mod settings;
 pub mod simulate;
 mod statistics;
+mod sums;
 mod tabulated;
 mod validate;
 

@@ -360,11 +360,8 @@ impl WithSimd for Evaluation<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
         let Self(p, x) = self;
-        let mut z = [simd.splat_f64s(0.0); 4];
-        for k in 0..4 {
-            z[k] = simd.splat_f64s((x[k] - p.mid[k]) * p.per_half[k]);
-        }
-        let monomials = products(simd, &z);
+        let z: [f64; 4] = std::array::from_fn(|k| (x[k] - p.mid[k]) * p.per_half[k]);
+        let monomials = products(&z);
         let mean = combine(simd, &p.mean, &monomials);
         let w = combine(simd, &p.slope, &monomials[..15]);
         let (mut quad, mut ww, mut wr) = (0.0, 0.0, 0.0);
@@ -381,19 +378,19 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// All products of up to three of `z` (each in all lanes of a vector), in the order of [`Plain::new`].
+/// All products of up to three of `z`, in the order of [`Plain::new`].
 #[inline(always)]
-fn products<S: Simd>(simd: S, z: &[S::f64s; 4]) -> [S::f64s; 35] {
-    let mut out = [simd.splat_f64s(1.0); 35];
+fn products(z: &[f64; 4]) -> [f64; 35] {
+    let mut out = [1.0; 35];
     out[1..5].copy_from_slice(z);
     let (mut two, mut three) = (5, 15);
     for i in 0..4 {
         for j in i..4 {
-            let product = simd.mul_f64s(z[i], z[j]);
+            let product = z[i] * z[j];
             out[two] = product;
             two += 1;
             for last in &z[j..] {
-                out[three] = simd.mul_f64s(product, *last);
+                out[three] = product * last;
                 three += 1;
             }
         }
@@ -403,11 +400,12 @@ fn products<S: Simd>(simd: S, z: &[S::f64s; 4]) -> [S::f64s; 35] {
 
 /// Sum of rows times monomials, in four partial sums.
 #[inline(always)]
-fn combine<S: Simd>(simd: S, rows: &[[f64; 8]], monomials: &[S::f64s]) -> [f64; 8] {
+fn combine<S: Simd>(simd: S, rows: &[[f64; 8]], monomials: &[f64]) -> [f64; 8] {
     let used = 8 / S::F64_LANES;
     let mut sums = [[simd.splat_f64s(0.0); 8]; 4];
-    let add = |sum: &mut [S::f64s; 8], row: &[f64; 8], m: S::f64s| {
+    let add = |sum: &mut [S::f64s; 8], row: &[f64; 8], m: f64| {
         let (row, _) = S::as_simd_f64s(row);
+        let m = simd.splat_f64s(m);
         for v in 0..used {
             sum[v] = simd.mul_add_e_f64s(row[v], m, sum[v]);
         }
