@@ -1,53 +1,20 @@
 //! The likelihood compiled for speed: quadratic form of the residual of polynomials with a diagonal plus rank-one
 //! covariance, for [`WIDTH`] points at once or for one.
 //!
-//! Monomials are products of lower ones, polynomials are collapsed at the mean thickness, nothing is allocated in the
-//! loop. Every point undergoes the same operations in the same order whether it comes alone or in company (fused
+//! Polynomials are collapsed at the mean thickness, nothing is allocated in the loop. Cubics in few variables go through
+//! [`Horner`]; in all others monomials are products of lower ones. Every point undergoes the same operations in the same order whether it comes alone or in company (fused
 //! multiply-adds where the processor has them), so the result does not depend on how points are grouped.
 
 use std::cell::RefCell;
 
 use pulp::Simd;
 
+use super::horner::{Form, GROUP, Horner};
 use super::lanes::{Lanes, WIDTH, each, ln};
 use super::monomials::{Variable, closure, position, variables, without};
+use super::nested::BLOCK;
+use super::sums::{Polynomials, accumulate, accumulate_single};
 use crate::reduce::{Choice, Surface};
-
-/// Coordinates are padded to a multiple of this with zeros, which change nothing.
-const BLOCK: usize = 8;
-
-/// Coordinates whose product of variances is taken before the logarithm.
-const GROUP: usize = 4;
-
-/// Polynomials of all coordinates over monomials, in two layouts.
-#[derive(Debug, Clone, Default)]
-struct Polynomials {
-    /// Monomial by monomial, each padded to whole blocks of coordinates.
-    rows: Vec<f64>,
-    /// [`GROUP`] by group of coordinates, in each monomial by monomial.
-    groups: Vec<f64>,
-}
-
-impl Polynomials {
-    fn new(columns: &[Vec<f64>], padded: usize) -> Self {
-        let mut rows = vec![0.0; columns.len() * padded];
-        for (row, column) in rows.chunks_exact_mut(padded).zip(columns) {
-            row[..column.len()].copy_from_slice(column);
-        }
-        let mut groups = Vec::with_capacity(rows.len());
-        for first in (0..padded).step_by(GROUP) {
-            for row in rows.chunks_exact(padded) {
-                groups.extend_from_slice(&row[first..first + GROUP]);
-            }
-        }
-        Self { rows, groups }
-    }
-
-    fn group(&self, group: usize, padded: usize) -> &[f64] {
-        let length = self.rows.len() / padded * GROUP;
-        &self.groups[group * length..(group + 1) * length]
-    }
-}
 
 /// What the kernel needs to know, in coordinates whose covariance is diagonal.
 pub(super) struct Parts<'a> {
@@ -85,6 +52,8 @@ pub(super) struct Kernel {
     /// The factor of the polynomials is this over the first parameter.
     factor: Option<f64>,
     constant: f64,
+    /// The whole quadratic form, if it is of cubics in few variables.
+    horner: Option<Horner>,
 }
 
 /// Room for intermediate values, one a thread, so that an evaluation allocates nothing.
@@ -135,33 +104,52 @@ impl Kernel {
             }
             columns
         };
+        let mean = collapse(parts.polynomial, 1.0);
         let slope = parts.slope.map(|s| {
             let mut columns = collapse(s, parts.thickness.1);
             while columns.len() > 1 && columns.last().is_some_and(|c| c.iter().all(|v| *v == 0.0)) {
                 columns.pop();
             }
-            Polynomials::new(&columns, padded)
+            columns
         });
-        let pad = |values: &mut dyn Iterator<Item = f64>| {
-            let mut out: Vec<f64> = values.collect();
-            out.resize(padded, 0.0);
-            out
+        let pad = |mut values: Vec<f64>| {
+            values.resize(values.len().next_multiple_of(BLOCK), 0.0);
+            values
         };
+        let measured: Vec<f64> = parts
+            .measured
+            .iter()
+            .zip(&weights)
+            .map(|(m, w)| m * w)
+            .collect();
+        let spread = if parts.scale.is_some() {
+            &[]
+        } else {
+            parts.spread
+        };
+        let factor = surface.variables.factor_numerator(parts.thickness.0);
+        let relative = -parts.thickness.1 / parts.thickness.0;
+        let horner = Horner::new(&Form {
+            exponents: &exponents,
+            mean: &mean,
+            slope: slope.as_deref(),
+            relative,
+            measured: &measured,
+            spread,
+            factor: factor.is_some(),
+        });
         Self {
             variables: variables(surface, at.map(|(k, _)| k)),
             products,
             padded,
-            mean: Polynomials::new(&collapse(parts.polynomial, 1.0), padded),
-            slope,
-            relative: -parts.thickness.1 / parts.thickness.0,
-            measured: pad(&mut parts.measured.iter().zip(&weights).map(|(m, w)| m * w)),
-            spread: if parts.scale.is_some() {
-                Vec::new()
-            } else {
-                pad(&mut parts.spread.iter().copied())
-            },
-            factor: surface.variables.factor_numerator(parts.thickness.0),
+            mean: Polynomials::new(&mean, padded),
+            slope: slope.map(|s| Polynomials::new(&s, padded)),
+            relative,
+            measured: pad(measured),
+            spread: pad(spread.to_vec()),
+            factor,
             constant: -0.5 * variance.iter().map(|v| v.ln()).sum::<f64>(),
+            horner,
         }
     }
 
@@ -169,6 +157,9 @@ impl Kernel {
     #[inline(always)]
     pub(super) fn batch<S: Simd>(&self, simd: S, scratch: &mut Scratch, scale: &Lanes) -> Lanes {
         let Scratch { points, lanes, .. } = scratch;
+        if let Some(horner) = &self.horner {
+            return self.nested(simd, horner, points, lanes, scale);
+        }
         let (count, variables) = (1 + self.products.len(), self.variables.len());
         if lanes.len() < count + variables {
             lanes.resize(count + variables, [0.0; WIDTH]);
@@ -182,6 +173,42 @@ impl Kernel {
             after[0] = each(|l| a[l] * b[l]);
         }
         self.forms(simd, monomials, points, scale)
+    }
+
+    #[inline(always)]
+    fn nested<S: Simd>(
+        &self,
+        simd: S,
+        horner: &Horner,
+        points: &[Lanes],
+        lanes: &mut Vec<Lanes>,
+        scale: &Lanes,
+    ) -> Lanes {
+        let (variables, products) = (self.variables.len(), horner.products());
+        if lanes.len() < variables + products {
+            lanes.resize(variables + products, [0.0; WIDTH]);
+        }
+        let (z, products) = lanes[..variables + products].split_at_mut(variables);
+        self.scaled(points, z);
+        let factor = self.factors(points);
+        let variance = each(|l| scale[l] * scale[l]);
+        let [quad, ww, wr] = horner.batch(simd, z, [&factor, &variance], products);
+        let mut log_det = [0.0; WIDTH];
+        for product in products {
+            for (sum, v) in log_det.iter_mut().zip(product) {
+                *sum += ln(*v);
+            }
+        }
+        each(|l| self.log_likelihood(quad[l], ww[l], wr[l], log_det[l]))
+    }
+
+    /// What stands before the polynomials.
+    #[inline(always)]
+    fn factors(&self, x: &[Lanes]) -> Lanes {
+        match self.factor {
+            Some(f) => each(|l| f / x[0][l]),
+            None => [1.0; WIDTH],
+        }
     }
 
     #[inline(always)]
@@ -200,10 +227,7 @@ impl Kernel {
     /// The quadratic forms of all coordinates, and the log likelihood from them.
     #[inline(always)]
     fn forms<S: Simd>(&self, simd: S, monomials: &[Lanes], x: &[Lanes], scale: &Lanes) -> Lanes {
-        let factor = match self.factor {
-            Some(f) => each(|l| f / x[0][l]),
-            None => [1.0; WIDTH],
-        };
+        let factor = self.factors(x);
         let variance = each(|l| scale[l] * scale[l]);
         let mut sums = Sums::default();
         let mut log_det = [0.0; WIDTH];
@@ -284,6 +308,11 @@ impl Kernel {
             let raw = if v.ratio { raw / x[0] } else { raw };
             *z = (raw - v.middle) * v.per_half;
         }
+        let factor = self.factor.map_or(1.0, |f| f / x[0]);
+        if let Some(horner) = &self.horner {
+            let ([quad, ww, wr], log_det) = horner.single(simd, z, (factor, scale * scale));
+            return self.log_likelihood(quad, ww, wr, log_det);
+        }
         monomials[0] = 1.0;
         for (m, &(lower, variable)) in self.products.iter().enumerate() {
             monomials[m + 1] = monomials[lower] * z[variable];
@@ -292,7 +321,6 @@ impl Kernel {
         if let Some(slope) = &self.slope {
             accumulate_single(simd, &slope.rows, monomials, response);
         }
-        let factor = self.factor.map_or(1.0, |f| f / x[0]);
         self.forms_single(mean, response, factor, scale * scale)
     }
 
@@ -337,7 +365,7 @@ struct Sums {
 }
 
 /// Two vectors of points.
-type Two<V> = [V; 2];
+pub(super) type Two<V> = [V; 2];
 
 /// Adds a group of coordinates to the sums (r' V^-1 r, w' V^-1 w, w' V^-1 r) and returns the product of the variances.
 /// Multiplication and addition are apart, as in [`Kernel::forms_single`].
@@ -384,45 +412,5 @@ fn add_logarithm<S: Simd>(simd: S, product: Two<S::f64s>, pair: usize, out: &mut
     let (out, _) = S::as_mut_simd_f64s(out);
     for h in 0..2 {
         out[pair + h] = simd.add_f64s(out[pair + h], logarithms[pair + h]);
-    }
-}
-
-/// Sum over m of coefficients[m][k] monomials[m] for a group of coordinates k and two vectors of points.
-#[inline(always)]
-fn accumulate<S: Simd>(
-    simd: S,
-    coefficients: &[f64],
-    monomials: &[Lanes],
-    pair: usize,
-) -> [Two<S::f64s>; GROUP] {
-    let mut sum = [[simd.splat_f64s(0.0); 2]; GROUP];
-    for (c, monomial) in coefficients.chunks_exact(GROUP).zip(monomials) {
-        let (m, _) = S::as_simd_f64s(monomial);
-        let (a, b) = (m[pair], m[pair + 1]);
-        for k in 0..GROUP {
-            let c = simd.splat_f64s(c[k]);
-            sum[k][0] = simd.mul_add_e_f64s(c, a, sum[k][0]);
-            sum[k][1] = simd.mul_add_e_f64s(c, b, sum[k][1]);
-        }
-    }
-    sum
-}
-
-/// The same for one point, with the coordinates side by side.
-#[inline(always)]
-fn accumulate_single<S: Simd>(simd: S, rows: &[f64], monomials: &[f64], out: &mut [f64]) {
-    let padded = out.len();
-    for (block, out) in out.chunks_exact_mut(BLOCK).enumerate() {
-        let (out, _) = S::as_mut_simd_f64s(out);
-        let mut sum = [simd.splat_f64s(0.0); BLOCK];
-        let used = BLOCK / S::F64_LANES;
-        for (row, &m) in rows.chunks_exact(padded).zip(monomials) {
-            let (c, _) = S::as_simd_f64s(&row[block * BLOCK..(block + 1) * BLOCK]);
-            let m = simd.splat_f64s(m);
-            for v in 0..used {
-                sum[v] = simd.mul_add_e_f64s(c[v], m, sum[v]);
-            }
-        }
-        out.copy_from_slice(&sum[..used]);
     }
 }

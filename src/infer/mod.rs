@@ -2,6 +2,7 @@
 
 mod density;
 pub mod forward;
+mod horner;
 mod kernel;
 pub(crate) mod lanes;
 mod laplace;
@@ -9,6 +10,7 @@ mod likelihood;
 mod linear;
 mod model;
 mod monomials;
+mod nested;
 mod noise;
 mod observation;
 mod posterior;
@@ -18,6 +20,7 @@ mod recorded;
 mod settings;
 pub mod simulate;
 mod statistics;
+mod sums;
 mod tabulated;
 mod validate;
 
