@@ -363,7 +363,8 @@ fn quiet() {
             let bare = start(&posed.posterior).unwrap();
             let (_, last) = traced(&model);
             for k in 0..4 {
-                let sd = bare.covariance[(k, k)].sqrt();
+                let dim = bare.mode.len();
+                let sd = bare.covariance[k * dim + k].sqrt();
                 let intervals = [
                     (
                         bare.mode[k],

@@ -76,9 +76,7 @@ impl<S: Simd> Sums for Point<S> {
     fn constant(&self, c: &Row) -> Self::Sum {
         let mut sum = [self.0.splat_f64s(0.0); BLOCK];
         let (c, _) = S::as_simd_f64s(c);
-        for k in 0..BLOCK / S::F64_LANES {
-            sum[k] = c[k];
-        }
+        sum[..BLOCK / S::F64_LANES].copy_from_slice(&c[..BLOCK / S::F64_LANES]);
         sum
     }
 

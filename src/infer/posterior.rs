@@ -192,7 +192,9 @@ impl Posterior {
             }
         }
         for (log, &s) in log.iter_mut().zip(scale) {
-            *log = kept((f64::MIN_POSITIVE <= s) & (s < f64::INFINITY), *log);
+            // without branches, so that the loop vectorises
+            let (above, below) = (s >= f64::MIN_POSITIVE, s < f64::INFINITY);
+            *log = kept(above & below, *log);
         }
         log
     }

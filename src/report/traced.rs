@@ -146,15 +146,17 @@ fn blind_spot(effect: &str, spot: &BlindSpot) -> Value {
     })
 }
 
-/// The unit at the end of a parameter's name.
-pub fn unit(parameter: &str) -> &str {
-    parameter.split_once("_per_").map_or_else(
-        || parameter.rsplit('_').next().unwrap_or(parameter),
-        |(head, _)| {
-            let cut = head.rfind('_').map_or(0, |k| k + 1);
-            &parameter[cut..]
-        },
-    )
+/// The unit in a parameter's name: `angle_deg` deg, `uniform_per_m` 1/m, `gradient_per_m_per_mm` 1/(m mm), `percent_at_12mm` percent.
+pub fn unit(parameter: &str) -> String {
+    let parameter = parameter.split("_at_").next().unwrap_or(parameter);
+    let mut parts = parameter.split("_per_");
+    let head = parts.next().unwrap_or(parameter);
+    let below: Vec<&str> = parts.collect();
+    match below[..] {
+        [] => head.rsplit('_').next().unwrap_or(head).to_string(),
+        [one] => format!("1/{one}"),
+        _ => format!("1/({})", below.join(" ")),
+    }
 }
 
 fn left_out(tracing: &Tracing) -> Value {
