@@ -83,11 +83,17 @@ impl<'a> Marginalised<'a> {
             self.rule.len(),
         );
         let count = thetas.len() / d;
-        let mut points = Vec::with_capacity(count * k * dim);
-        for theta in thetas.chunks_exact(d) {
-            for (noise, _) in &self.rule {
-                points.extend_from_slice(theta);
-                points.extend((dim > d).then_some(*noise));
+        // parameter by parameter, as the density takes its points
+        let mut points = vec![0.0; count * k * dim];
+        for (i, theta) in thetas.chunks_exact(d).enumerate() {
+            for (j, (noise, _)) in self.rule.iter().enumerate() {
+                let at = i * k + j;
+                for (parameter, x) in theta.iter().enumerate() {
+                    points[parameter * count * k + at] = *x;
+                }
+                if dim > d {
+                    points[d * count * k + at] = *noise;
+                }
             }
         }
         let mut values = vec![0.0; count * k];
