@@ -34,7 +34,7 @@ pub struct LoopArguments {
     /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Sampler: ensemble, adaptive or grid
+    /// Sampler: ensemble or adaptive
     #[arg(long, default_value = "ensemble")]
     sampler: String,
     /// Most effects that are added, one a round
