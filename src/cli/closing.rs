@@ -11,7 +11,6 @@ use super::identify::{Limits, identity, load, resolved, sampler, truth};
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
 use crate::diagnose::Rule;
-use crate::effect::{Acting, amplitude_name};
 use crate::error::{Error, Result};
 use crate::infer::Model;
 use crate::progress::Watch;
@@ -177,28 +176,12 @@ fn state(run: &Path, model: &Model) -> Result<State> {
         let of = |part: &str| round[part][name]["mean"].as_f64();
         of("posterior").or_else(|| of("effect_amplitudes"))
     };
-    let constants = model
-        .constants()
-        .iter()
-        .map(|name| {
-            mean(name).ok_or_else(|| {
-                wanted()
-                    .found(format!("no posterior of {name}"))
-                    .hint("the folder's model and report do not belong together")
-            })
-        })
-        .collect::<Result<_>>()?;
-    let acting = model
-        .effects
-        .iter()
-        .map(|effect| Acting {
-            effect: *effect,
-            amplitude: effect
-                .parameters()
-                .iter()
-                .map(|p| mean(&amplitude_name(*effect, p)).unwrap_or(0.0))
-                .collect(),
-        })
-        .collect();
-    Ok(State { constants, acting })
+    for name in model.constants() {
+        if mean(name).is_none() {
+            return Err(wanted()
+                .found(format!("no posterior of {name}"))
+                .hint("the folder's model and report do not belong together"));
+        }
+    }
+    Ok(State::at(model, &mean))
 }

@@ -74,6 +74,9 @@ impl Limits {
     /// Put the limits into a schedule and a rule; when to stop in any case.
     pub fn apply(&self, schedule: &mut Schedule, rule: &mut Rule) -> Result<Option<Instant>> {
         if let Some(most) = self.max_draws {
+            if most == 0 {
+                return Err(Error::input("--max-draws", "a number above 0").found(most));
+            }
             schedule.max_draws = most;
         }
         if let Some(ess) = self.min_ess {
@@ -87,9 +90,12 @@ impl Limits {
         };
         std::time::Duration::try_from_secs_f64(seconds)
             .ok()
+            .filter(|limit| !limit.is_zero())
             .and_then(|limit| Instant::now().checked_add(limit))
             .map(Some)
-            .ok_or_else(|| Error::input("--time-limit", "a number of seconds").found(seconds))
+            .ok_or_else(|| {
+                Error::input("--time-limit", "a number of seconds above 0").found(seconds)
+            })
     }
 }
 

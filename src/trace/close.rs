@@ -131,6 +131,12 @@ impl State {
             };
             sampled.or_else(closed)
         };
+        Self::at(model, &mean)
+    }
+
+    /// The values that `mean` gives by name (`E1_GPa`, `load_misalignment.angle_deg`), border units; the prior's mean, or no
+    /// amplitude, where it gives none.
+    pub fn at(model: &Model, mean: &dyn Fn(&str) -> Option<f64>) -> Self {
         let constants = model
             .constants()
             .iter()

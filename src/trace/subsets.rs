@@ -167,12 +167,30 @@ impl Subsets {
 
     /// Log Bayes factor for a candidate: posterior odds over prior odds of its being in the subset.
     pub fn log_bayes_factor_of(&self, candidate: usize) -> f64 {
+        // the best subset with the candidate taken in, or out, speaks for a side of which little else was weighed
+        let mut other = self.best().clone();
+        if other.contains(&candidate) {
+            other.retain(|k| *k != candidate);
+        } else {
+            other.push(candidate);
+            other.sort_unstable();
+        }
+        let weighed = self.ranked.iter().any(|w| w.subset == other);
+        let extra = match self.log_prior.get(other.len()) {
+            Some(prior) if !weighed => self.log_evidence(&other) + prior,
+            _ => f64::NEG_INFINITY,
+        };
         let side = |inside: bool| {
             let weights = self
                 .ranked
                 .iter()
                 .filter(move |w| w.subset.contains(&candidate) == inside);
-            log_sum(weights.map(|w| w.log_weight))
+            let known = log_sum(weights.map(|w| w.log_weight));
+            if other.contains(&candidate) == inside {
+                log_add(known, extra)
+            } else {
+                known
+            }
         };
         let candidates = self.ranges.len() as f64;
         let mean_size: f64 = SIZES.iter().enumerate().map(|(n, p)| n as f64 * p).sum();
