@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
 const ORDER: [&[&str]; 15] = [
-    &["error", "quantity", "progress"],
+    &["error", "files", "quantity", "progress"],
     &["field"],
     &["laminate"],
     &["fem"],

@@ -1,8 +1,6 @@
 //! What someone new to the program meets: init, help, completions, manual pages, and the README's commands.
 
-use std::path::Path;
-
-use crate::program::{fresh, root, succeed};
+use crate::program::{copy, fresh, root, succeed};
 use crate::report::{json, read, run};
 
 #[test]
@@ -171,19 +169,6 @@ fn the_readmes_commands_are_understood_and_the_quick_ones_work() {
         }
     }
     assert!(worked >= 4, "only {worked} were run");
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() {
-            copy(&path, &target);
-        } else {
-            std::fs::copy(&path, &target).unwrap();
-        }
-    }
 }
 
 #[test]

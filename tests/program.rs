@@ -28,6 +28,20 @@ pub fn fresh(name: &str) -> PathBuf {
     folder.join(name)
 }
 
+/// Copies a folder with all that is in it.
+pub fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            std::fs::copy(&path, &target).unwrap();
+        }
+    }
+}
+
 /// Run `plychain` with some arguments in the workplace.
 pub fn plychain(arguments: &[&str]) -> Output {
     let mut command = Command::cargo_bin("plychain").unwrap();

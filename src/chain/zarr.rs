@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
+use crate::files;
 
 /// Type of an array's elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,16 +46,13 @@ pub(super) fn consolidated(root: &Value, below: &[(String, Value)]) -> Value {
     root
 }
 
-/// Replaces a file in one step.
+/// Replaces a file in one step, in a folder that is made if need be.
 pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let unwritable = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
     if let Some(parent) = path.parent() {
-        std::fs::create_dir_all(parent).map_err(unwritable)?;
+        std::fs::create_dir_all(parent)
+            .map_err(|e| Error::input(parent.display(), "a writable folder").found(e))?;
     }
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    std::fs::write(&beside, bytes).map_err(unwritable)?;
-    std::fs::rename(&beside, path).map_err(unwritable)
+    files::replace(path, bytes)
 }
 
 /// Replaces the `zarr.json` of a node.

@@ -12,6 +12,7 @@ use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::infer::Model;
 use crate::progress::Watch;
 use crate::report::{Page, ranking, terminal, traced};
@@ -157,8 +158,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let mut text = serde_json::to_string_pretty(&traced::traced(&tracing))
         .map_err(|e| Error::program("trace.json", "numbers that JSON can hold").found(e))?;
     text.push('\n');
-    std::fs::write(&path, text)
-        .map_err(|e| Error::input(path.display(), "a place that can be written").found(e))?;
+    files::replace(&path, text)?;
     print(&format!("written to {}\n", path.display()))
 }
 

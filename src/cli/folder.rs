@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::RUNS;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::infer::Model;
 use crate::reduce::cache::hex;
 
@@ -130,10 +131,7 @@ impl Folder {
 
     /// Write a file of the folder.
     pub fn write(&self, name: &str, contents: &str) -> Result<()> {
-        // In one step, so that a kill leaves no half file.
-        let (path, beside) = (self.path.join(name), self.path.join(format!("{name}.new")));
-        std::fs::write(&beside, contents).map_err(|e| unwritable(&path, &e))?;
-        std::fs::rename(&beside, &path).map_err(|e| unwritable(&path, &e))
+        files::replace(&self.path.join(name), contents)
     }
 
     /// Write a JSON file of the folder.

@@ -11,6 +11,7 @@ use super::print;
 use crate::error::{Error, Result};
 use crate::field::spec::{Columns, Units};
 use crate::field::{Axis, Field, Frame, table};
+use crate::files;
 use crate::infer::Model;
 use crate::report::Cells;
 
@@ -88,8 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .map_err(|e| Error::program("model", "values that JSON can hold").found(e))?;
     text.push('\n');
     Model::parse(&text, &path)?;
-    std::fs::write(&path, text)
-        .map_err(|e| Error::input(path.display(), "a file that can be written").found(e))?;
+    files::replace(&path, text)?;
     print(&format!(
         "{} written\n{said}{}",
         path.display(),

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::print;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::report::{Page, comparison};
 
 /// Arguments of `report`.
@@ -43,13 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .collect::<Result<Vec<_>>>()?;
     let beside = || arguments.runs[0].join("comparison.html");
     let out = arguments.out.clone().unwrap_or_else(beside);
-    std::fs::write(&out, comparison(&pages)).map_err(|e| {
-        Error::input(
-            format!("--out {}", out.display()),
-            "a file that can be written",
-        )
-        .found(e)
-    })?;
+    files::replace(&out, comparison(&pages))?;
     print(&format!("written to {}\n", out.display()))
 }
 

@@ -13,6 +13,7 @@ use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::{Draws, read_zarr, write_csv};
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
+use crate::files;
 use crate::infer::{Laplace, LogDensity, Model, Posterior};
 use crate::report::validation::{
     Validation, article_numbers, article_text, calibration_numbers, calibration_text,
@@ -425,7 +426,6 @@ fn calibrate(
     let text = serde_json::to_string_pretty(&value)
         .map_err(|e| Error::program("validation.json", "numbers that JSON can hold").found(e))?;
     let path = out.join("validation.json");
-    std::fs::write(&path, text + "\n")
-        .map_err(|e| Error::input(path.display(), "a writable file").found(e))?;
+    files::replace(&path, text + "\n")?;
     print(&format!("written to {}\n", path.display()))
 }

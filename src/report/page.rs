@@ -10,6 +10,7 @@ use super::gather::{known, sheets};
 use super::html;
 use super::sheet::{Sheet, exact};
 use crate::error::{Error, Result};
+use crate::files;
 use crate::trace::Round;
 
 /// What a report shows.
@@ -142,29 +143,27 @@ impl Page {
     /// # Errors
     /// The input's fault if a file cannot be written; the program's if a figure cannot be drawn.
     pub fn write(&self, folder: &Path, png: bool) -> Result<()> {
-        let failed = |path: &Path, e: std::io::Error| {
-            Error::input(path.display(), "a file that can be written").found(e)
-        };
         let into = folder.join(FIGURES);
-        std::fs::create_dir_all(&into).map_err(|e| failed(&into, e))?;
+        std::fs::create_dir_all(&into)
+            .map_err(|e| Error::input(into.display(), "a folder that can be written").found(e))?;
         for sheet in &self.sheets {
             sheet.write(&into)?;
         }
         let figures = figures::all(self)?;
         for figure in figures.files() {
             let path = into.join(format!("{}.svg", figure.name));
-            std::fs::write(&path, figure.file()).map_err(|e| failed(&path, e))?;
+            files::replace(&path, figure.file())?;
             if png {
                 let path = path.with_extension("png");
-                std::fs::write(&path, figures::png(figure)?).map_err(|e| failed(&path, e))?;
+                files::replace(&path, figures::png(figure)?)?;
             }
         }
         if let Some(truth) = &self.truth {
             let path = folder.join("truth.json");
-            std::fs::write(&path, format!("{truth:#}\n")).map_err(|e| failed(&path, e))?;
+            files::replace(&path, format!("{truth:#}\n"))?;
         }
         let path = folder.join("report.html");
-        std::fs::write(&path, html::report(self, &figures)).map_err(|e| failed(&path, e))
+        files::replace(&path, html::report(self, &figures))
     }
 
     /// Constants with 95 % intervals: prior, each round's posterior, averaged posterior.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::files;
 
 /// A named table. Every figure is drawn from sheets alone, so that a run's figures can be made again from its folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -79,16 +80,16 @@ impl Sheet {
     /// # Errors
     /// The input's fault if the file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let path = folder.join(format!("{}.csv", self.name));
         let failed = |e: &dyn std::fmt::Display| {
-            Error::input(path.display(), "a file that can be written").found(e)
+            Error::program(&self.name, "a table that CSV can hold").found(e)
         };
-        let mut out = csv::Writer::from_path(&path).map_err(|e| failed(&e))?;
+        let mut out = csv::Writer::from_writer(Vec::new());
         out.write_record(&self.header).map_err(|e| failed(&e))?;
         for row in &self.rows {
             out.write_record(row).map_err(|e| failed(&e))?;
         }
-        out.flush().map_err(|e| failed(&e))
+        let text = out.into_inner().map_err(|e| failed(&e))?;
+        files::replace(&folder.join(format!("{}.csv", self.name)), text)
     }
 
     /// Read a CSV file.

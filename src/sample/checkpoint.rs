@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use super::{Block, State};
 use crate::chain::MoveTally;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::reduce::cache::hex;
 
 /// Version of the file's format.
@@ -112,11 +113,7 @@ impl Checkpoint {
         let text = serde_json::to_string(&file)
             .map_err(|e| Error::program("checkpoint", "numbers that JSON can hold").found(e))?;
         let sum = hex(&Sha256::digest(&text));
-        let unwritable =
-            |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
-        let beside = path.with_extension("new");
-        std::fs::write(&beside, format!("{sum}\n{text}\n")).map_err(unwritable)?;
-        std::fs::rename(&beside, path).map_err(unwritable)
+        files::replace(path, format!("{sum}\n{text}\n"))
     }
 
     /// Reads the file of a run of the same `identity`.

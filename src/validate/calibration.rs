@@ -15,6 +15,7 @@ use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 use super::twin::{Truth, Twin};
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::infer::{LogDensity, Marginal, Model, Noise, Statistics};
 use crate::progress::Watch;
 use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
@@ -190,7 +191,7 @@ fn begin(plan: &Plan, model: &Model, path: &Path) -> Result<Vec<Replicate>> {
             .map_err(|e| Error::program("calibration", "numbers that JSON can hold").found(e))?;
         whole.push('\n');
     }
-    std::fs::write(path, whole).map_err(failed)?;
+    files::replace(path, whole)?;
     Ok(known)
 }
 
