@@ -1,6 +1,8 @@
 //! What is known of one component's noise: the posterior over its correlation length l and ratio rho, from contrasts of
 //! block averages and from local differences, and the point's variance averaged over it.
 
+use std::f64::consts::TAU;
+
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -75,10 +77,14 @@ impl Component {
             .map(|(k, s)| search.weigh(s, fractions[k / RATIOS.len()]))
             .collect();
         let found = search.parts(&table)?;
-        let heaviest = found
-            .iter()
-            .fold(&found[0], |a, b| if b.0 > a.0 { b } else { a });
-        reml.best = heaviest.1.setting;
+        // White noise where it is the more probable, else the likeliest setting of correlated noise.
+        let (white, correlated): (Vec<_>, Vec<_>) =
+            found.iter().partition(|(_, w)| w.setting.ratio == 0.0);
+        let is_white = white.iter().any(|(p, _)| *p >= 0.5);
+        let kept = if is_white { white } else { correlated };
+        let likeliest = kept.iter().map(|(_, w)| w);
+        let likeliest = likeliest.reduce(|a, b| if b.log_density > a.log_density { b } else { a });
+        reml.best = likeliest.map_or(reml.best, |w| w.setting);
         let mean = found.iter().map(|(p, w)| p * w.log_variance.0).sum::<f64>();
         let spread = found
             .iter()
@@ -205,8 +211,9 @@ impl Search<'_> {
         self.integrate(centre, step, covariance)
     }
 
-    /// Gauss-Hermite quadrature of three nodes a direction over the density about `centre`: settings with the logs of
-    /// their probabilities relative to the prior's.
+    /// Quadrature over the density about `centre`: settings with the logs of their probabilities relative to the
+    /// prior's. In the length the density is nearly normal (Gauss-Hermite); in the share it may be level up to its
+    /// bound, where there is no white noise (Gauss-Legendre over what lies within [`REACH`] sds and the bounds).
     fn integrate(
         &self,
         centre: [f64; 2],
@@ -218,25 +225,25 @@ impl Search<'_> {
             return Ok(None);
         }
         let correlation = covariance[0][1] / (covariance[0][0] * covariance[1][1]).sqrt();
-        let rest = (1.0 - correlation * correlation).sqrt();
-        let node = |k: usize| (k as f64 - 1.0) * 3_f64.sqrt();
-        let places: Vec<[f64; 2]> = (0..9)
-            .map(|i| {
-                let (z, w) = (node(i / 3), node(i % 3));
-                let share = centre[1] + sd[1] * (correlation * z + rest * w);
-                [centre[0] + sd[0] * z, share.clamp(LOW[1], HIGH[1])]
-            })
-            .collect();
+        let rest = sd[1] * (1.0 - correlation * correlation).sqrt();
         let area: f64 = (0..2).map(|k| HIGH[k] - LOW[k]).product();
-        let volume = (std::f64::consts::TAU * sd[0] * sd[1] * rest / area).ln();
-        let weight = |k: usize| if k == 1 { 2.0 / 3.0 } else { 1.0 / 6.0_f64 };
-        let settings = self.settings(&places)?;
-        let log = |(i, w): (usize, Weighed)| {
-            let square = node(i / 3).powi(2) + node(i % 3).powi(2);
-            let log = (weight(i / 3) * weight(i % 3)).ln() + 0.5 * square;
-            (w.log_density + log + volume, w)
-        };
-        Ok(Some(settings.into_iter().enumerate().map(log).collect()))
+        let (mut places, mut logs) = (Vec::new(), Vec::new());
+        for (z, weight) in HERMITE {
+            let middle = centre[1] + sd[1] * correlation * z;
+            let middle = middle.clamp(LOW[1] + rest, HIGH[1] - rest.min(1.0));
+            let low = (middle - REACH * rest).max(LOW[1]);
+            let high = (middle + REACH * rest).min(HIGH[1]);
+            let volume = weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd[0]).ln() - area.ln();
+            for (x, weight) in LEGENDRE {
+                places.push([centre[0] + sd[0] * z, low + x * (high - low)]);
+                logs.push(volume + (weight * (high - low)).ln());
+            }
+        }
+        let settings = self.settings(&places, LEGENDRE.len())?;
+        let parts = settings.into_iter().zip(logs);
+        Ok(Some(
+            parts.map(|(w, log)| (w.log_density + log, w)).collect(),
+        ))
     }
 
     /// The nine settings `step` around `centre`, shares innermost.
@@ -247,29 +254,48 @@ impl Search<'_> {
                 [0, 1].map(|k| centre[k] + by[k] * step[k])
             })
             .collect();
-        self.settings(&places)
+        self.settings(&places, 3)
     }
 
-    /// Settings at nine places (log length, share), three of each length in a row.
-    fn settings(&self, places: &[[f64; 2]]) -> Result<Vec<Weighed>> {
-        let lengths: Vec<(Matern, f64)> = (0..3_usize)
-            .into_par_iter()
-            .map(|k| {
-                let l = places[3 * k][0].exp();
+    /// Settings at places (log length, share), `each` of one length in a row.
+    fn settings(&self, places: &[[f64; 2]], each: usize) -> Result<Vec<Weighed>> {
+        let lengths: Vec<(Matern, f64)> = places
+            .par_chunks(each)
+            .map(|row| {
+                let l = row[0][0].exp();
                 (Matern::new(self.blocks, l), self.local.leftover.fraction(l))
             })
             .collect();
-        let results: Vec<Result<Weighed>> = (0..9_usize)
-            .into_par_iter()
-            .map(|i| {
-                let (matern, fraction) = &lengths[i / 3];
-                let ratio = places[i][1].exp() * self.blocks.mean_count() / fraction.max(1e-9);
-                self.at(matern, *fraction, ratio)
-            })
-            .collect();
+        let one = |(i, place): (usize, &[f64; 2])| -> Result<Weighed> {
+            let (matern, fraction) = &lengths[i / each];
+            let ratio = place[1].exp() * self.blocks.mean_count() / fraction.max(1e-9);
+            self.at(matern, *fraction, ratio)
+        };
+        let results: Vec<Result<Weighed>> = places.par_iter().enumerate().map(one).collect();
         results.into_iter().collect()
     }
 }
+
+/// Nodes and weights of the mean over a standard normal distribution.
+const HERMITE: [(f64, f64); 5] = [
+    (-2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
+    (-1.355_626_179_974_265_9, 0.222_075_922_005_612_64),
+    (0.0, 0.533_333_333_333_333_3),
+    (1.355_626_179_974_265_9, 0.222_075_922_005_612_64),
+    (2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
+];
+
+/// Nodes and weights of the mean over [0, 1].
+const LEGENDRE: [(f64, f64); 5] = [
+    (0.046_910_077_030_668_0, 0.118_463_442_528_094_5),
+    (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
+    (0.5, 0.284_444_444_444_444_5),
+    (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
+    (0.953_089_922_969_332_0, 0.118_463_442_528_094_5),
+];
+
+/// Sds of the share to either side over which the density is integrated.
+const REACH: f64 = 3.0;
 
 /// Logarithms of the lengths (0.2 to 1.5 mm), and the shares, between which correlated noise is sought.
 const LOW: [f64; 2] = [-1.609, -6.0];
