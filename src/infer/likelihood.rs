@@ -141,6 +141,21 @@ impl Likelihood {
         point
     }
 
+    /// Middle and half-width of the surface's design along each of the parameters `theta`.
+    pub(super) fn design(&self) -> Vec<[f64; 2]> {
+        let mut design = self.surface.variables.design();
+        if let Some(k) = self.surface.variables.thickness() {
+            design.remove(k);
+        }
+        design
+    }
+
+    /// Whether the surface's design holds the parameters `theta`.
+    pub(super) fn is_in_design(&self, theta: &[f64]) -> bool {
+        let z = self.surface.variables.scaled(&self.point(theta));
+        z.iter().all(|z| z.abs() <= 1.0)
+    }
+
     /// Prediction and thickness response (times the thickness' sd) in the diagonalising coordinates.
     fn predict(&self, theta: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let point = self.point(theta);

@@ -107,10 +107,17 @@ impl Posterior {
         self.declared_nm.unwrap_or_else(|| x[self.marginals.len()]) / self.reference_nm
     }
 
-    /// A point to start from and the sd to start with: prior means, estimated noise.
+    /// A point to start from and the sd to start with: prior means, estimated noise. A surface of a narrower design knows
+    /// nothing of prior means outside it: the middle of the design takes their place.
     pub fn start(&self) -> (Vec<f64>, Vec<f64>) {
         let mut centre: Vec<f64> = self.marginals.iter().map(|m| m.mean).collect();
         let mut sd: Vec<f64> = self.marginals.iter().map(|m| m.sd).collect();
+        if !self.likelihood.is_in_design(&centre) {
+            for (k, [middle, half]) in self.likelihood.design().into_iter().enumerate() {
+                centre[k] = middle;
+                sd[k] = sd[k].min(half);
+            }
+        }
         if self.declared_nm.is_none() {
             centre.push(self.reference_nm);
             sd.push(0.05 * self.reference_nm);

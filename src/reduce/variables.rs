@@ -112,6 +112,22 @@ impl Variables {
         terms
     }
 
+    /// Middle and half-width of the design along each parameter, the thickness among them. The first parameter has an
+    /// infinite width where it is in the factor alone, which holds for any value.
+    pub fn design(&self) -> Vec<[f64; 2]> {
+        let terms = self.terms();
+        let count = terms.iter().fold(0, |most, (k, _)| most.max(k + 1));
+        let first = self.reference / self.nominal_thickness;
+        let mut design = vec![[first, f64::INFINITY]; count];
+        for (&(k, ratio), scaling) in terms.iter().zip(&self.scaling) {
+            design[k] = scaling.map(|v| if ratio { v * first } else { v });
+        }
+        if let (Choice::Ratios, Some(k)) = (self.choice, self.thickness) {
+            design[k] = [self.nominal_thickness, f64::INFINITY];
+        }
+        design
+    }
+
     /// Middle and half-width of a variable over the design.
     pub fn scaling(&self, variable: usize) -> [f64; 2] {
         self.scaling[variable]
