@@ -27,7 +27,7 @@ impl Effect for CameraRotation {
     }
 
     fn confirm(&self) -> &'static str {
-        "Measure the direction of the specimen's edges in the picture; or turn the camera by a known angle and repeat."
+        "Measure the angle of the specimen's straight edges against the pixel rows of the picture; or turn the camera by a known angle and repeat: this angle changes by as much, a leaning load or a ply angle does not."
     }
 
     /// true X = R(-angle) reported X.

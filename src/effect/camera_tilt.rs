@@ -37,7 +37,7 @@ impl Effect for CameraTilt {
     }
 
     fn confirm(&self) -> &'static str {
-        "Picture a grid in the specimen's plane: its lines converge; or level the camera and repeat."
+        "Picture a calibrated grid in the plane of the specimen: its parallel lines converge; or square the camera by the reflection of its lens in a mirror on the specimen, and repeat."
     }
 
     fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {

@@ -53,7 +53,7 @@ impl Effect for FringeOrderJump {
     }
 
     fn confirm(&self) -> &'static str {
-        "Unwrap the phase along another path, or count the fringes across the region's border in the picture."
+        "Unwrap the phase along another path, or count the fringes across the region's border in the picture; or follow the fringes up from a smaller load."
     }
 
     fn fault(&self, amplitude: &[f64]) -> Option<&'static str> {

@@ -30,7 +30,7 @@ impl Effect for HoleEdgeDamage {
     }
 
     fn confirm(&self) -> &'static str {
-        "Ultrasonic C-scan or X-ray with a penetrant about the hole; or ream the hole and measure again."
+        "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat."
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

@@ -37,7 +37,7 @@ impl Effect for HoleOffset {
     }
 
     fn confirm(&self) -> &'static str {
-        "Measure the distance from the hole to both edges with a travelling microscope or callipers. Along the load it is hardly observable."
+        "Measure the distance from the hole's edge to both edges of the specimen with a calliper or a travelling microscope; or remount the specimen turned end for end: the offset changes sides. Along the load it is hardly observable."
     }
 
     /// Seen from the hole, edges and ends move by the opposite.

@@ -27,7 +27,7 @@ impl Effect for HoleSize {
     }
 
     fn confirm(&self) -> &'static str {
-        "Measure the hole with pin gauges or under a microscope."
+        "Measure the hole's diameter with pin gauges, a calliper or a microscope, along and across the load and on both faces."
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

@@ -23,11 +23,11 @@ impl Effect for InPlaneBending {
     }
 
     fn about(&self) -> &'static str {
-        "The load acts at a distance from the centreline, positive towards direction 2, so that the plate bends in its plane."
+        "The load acts at a distance from the centreline, positive towards direction 2, in the frame of the machine, so that the plate bends in its plane."
     }
 
     fn confirm(&self) -> &'static str {
-        "Strain gauges on both edges, or turn the specimen over about the loading axis: bending from the grips stays in the frame of the machine, a thickness taper turns with the specimen."
+        "Put strain gauges on both edges, far from the hole. Or remount the specimen turned front to back about the loading axis: as the camera sees it, bending from the grips stays and a thickness taper changes sides."
     }
 
     /// End traction N (1 + 12 e t / W^2): a moment F e.

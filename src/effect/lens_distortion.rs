@@ -35,7 +35,7 @@ impl Effect for LensDistortion {
     }
 
     fn confirm(&self) -> &'static str {
-        "Calibrate the lens with a grid of dots; or move the specimen across the field of view and repeat."
+        "Picture a calibrated grid of dots over the whole field of view; or move the specimen across the field of view and repeat: the distortion stays with the picture."
     }
 
     fn true_point(&self, amplitude: &[f64], _scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {

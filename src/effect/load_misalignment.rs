@@ -23,11 +23,11 @@ impl Effect for LoadMisalignment {
     }
 
     fn about(&self) -> &'static str {
-        "The pull through the plate's centre leans from direction 1 towards direction 2: end shear, with the end moments that balance it."
+        "The pull through the plate's centre leans by the angle from direction 1 towards direction 2, in the frame of the machine: end shear, with the end moments that balance it."
     }
 
     fn confirm(&self) -> &'static str {
-        "Turn the specimen over about the loading axis and repeat: the shear changes its sign in the specimen, a ply angle does not."
+        "Measure the offset between the upper and the lower grip across the load (plumb line or dial gauge): the free length times the tangent of the angle. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the load stays and that of the plies changes its sign."
     }
 
     /// End shear F sin a, parabolic, with end moments +-F (L/2) sin a; axial F cos a.

@@ -27,7 +27,7 @@ impl Effect for LoadScale {
     }
 
     fn confirm(&self) -> &'static str {
-        "Calibrate the load cell against a dead weight; the displacement field cannot tell."
+        "Calibrate the load cell against dead weights or a reference cell; the displacement field cannot tell."
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

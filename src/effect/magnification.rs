@@ -32,7 +32,7 @@ impl Effect for Magnification {
     }
 
     fn confirm(&self) -> &'static str {
-        "Picture a scale, or measure the hole's diameter and the specimen's width in the picture."
+        "Picture a calibrated target (a scale or a grid of dots) in the plane of the specimen; or compare the specimen's width and the hole's diameter in the picture with those by calliper."
     }
 
     fn true_point(&self, amplitude: &[f64], _scene: &Scene, reported: [f64; 2]) -> [f64; 2] {

@@ -39,7 +39,7 @@ impl Effect for OutOfPlaneBending {
     }
 
     fn confirm(&self) -> &'static str {
-        "Measure both faces: bending changes its sign from one face to the other. Or strain gauges back to back."
+        "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself."
     }
 
     /// Surface strains (h/2) kappa with kappa = D^-1 (M, 0, 0), scaled so that kappa_1 is the amplitude; for a stack

@@ -37,7 +37,7 @@ impl Effect for PhaseShiftError {
     }
 
     fn confirm(&self) -> &'static str {
-        "Calibrate the piezo; or repeat with another number of phase steps: the ripple changes, the displacement does not."
+        "Calibrate the phase shifter (piezo); or repeat with another number of phase steps: the ripple changes, the displacement does not."
     }
 
     fn recorded(

@@ -23,11 +23,11 @@ impl Effect for PlyMisorientation {
     }
 
     fn about(&self) -> &'static str {
-        "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, so that a balanced laminate couples extension and shear."
+        "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, in the frame of the specimen, so that a balanced laminate couples extension and shear."
     }
 
     fn confirm(&self) -> &'static str {
-        "Section or burn off a piece of the laminate and measure the fibres' angles against the cut edge; or turn the specimen over: unlike a load that leans, the angle turns with it."
+        "Measure the fibres' angles against the cut edge on a piece that is sectioned or burnt off. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the plies changes its sign and that of the load stays (turned end for end, both stay)."
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

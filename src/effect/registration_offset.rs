@@ -37,7 +37,7 @@ impl Effect for RegistrationOffset {
     }
 
     fn confirm(&self) -> &'static str {
-        "Fit a circle to the hole's edge in the picture and compare its centre with the origin."
+        "Fit a circle to the hole's edge in the picture and compare its centre with the origin of the coordinates."
     }
 
     /// Displacements stay as they are, also those from image coordinates: a shift has no gradient.

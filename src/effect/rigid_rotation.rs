@@ -27,7 +27,7 @@ impl Effect for RigidRotation {
     }
 
     fn confirm(&self) -> &'static str {
-        "Clamp anew and repeat: the angle changes while the constants do not; or track two marks on the grips."
+        "Unload, unclamp, clamp anew and repeat: the angle changes while the constants stay; or track two marks on each grip between the exposures."
     }
 
     /// Loading along y: u1 += w x, u2 -= w y.

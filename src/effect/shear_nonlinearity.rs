@@ -27,7 +27,7 @@ impl Effect for ShearNonlinearity {
     }
 
     fn confirm(&self) -> &'static str {
-        "Repeat at another load: the linear part of the field scales with the load, this part with its cube; or test a [45, -45]s coupon in tension."
+        "Repeat at half the load: the linear part of the field halves, this part falls to an eighth; or test a [45, -45]s coupon in tension (ASTM D3518)."
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

@@ -27,7 +27,7 @@ impl Effect for ThermalStrain {
     }
 
     fn confirm(&self) -> &'static str {
-        "A thermocouple on the specimen; or two exposures without a change of load, an hour apart."
+        "Read a thermocouple on the specimen at both exposures; or compare two exposures at one and the same load, an hour apart."
     }
 
     /// u = eps (s, t), eps = A^-1 N_T for the nominal ply, about the hole's centre.

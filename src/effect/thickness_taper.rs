@@ -33,11 +33,11 @@ impl Effect for ThicknessTaper {
     }
 
     fn about(&self) -> &'static str {
-        "The thickness grows by these percentages from edge to edge along direction 2 and from end to end along direction 1; its middle value stays, and so does the uniform end force."
+        "The thickness grows by these percentages from edge to edge along direction 2 and from end to end along direction 1, in the frame of the specimen; its middle value stays, and so does the uniform end force."
     }
 
     fn confirm(&self) -> &'static str {
-        "Measure the thickness with a micrometer along both edges and at both ends; or turn the specimen over about the loading axis: a taper turns with it, bending from the grips does not."
+        "Measure the thickness with a micrometer at five places at least along each edge. Or remount the specimen turned end for end: as the camera sees it, a taper changes sides and bending from the grips stays."
     }
 
     /// h(t') = h (1 + f t' / W) and h(s') = h (1 + g s' / L), from the plate's middle.

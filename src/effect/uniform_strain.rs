@@ -43,7 +43,7 @@ impl Effect for UniformStrain {
     }
 
     fn confirm(&self) -> &'static str {
-        "Two exposures without a change of load: the strain stays, and it does not scale with the force."
+        "Two exposures at one and the same load: whatever strain they show, the load did not cause. Or repeat at half the load step: this strain does not halve. A second camera (3-D DIC) or a dial gauge on the face shows motion towards the camera; exposing the carrier alone shows that."
     }
 
     /// ux = exx x + exy y, uy = exy x + eyy y about the hole's centre: no rotation, and the hole's centre at rest.
