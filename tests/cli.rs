@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use crate::program::{fresh, model, plychain, root, succeed};
+use serde_json::Value;
+
+use crate::program::{copy, fresh, model, plychain, root, succeed};
 
 /// Run and expect exit code 1 with one line that holds all of `words`, and that `out` was not left behind.
 fn refuse(arguments: &[&str], out: &Path, words: &[&str]) {
@@ -91,6 +93,35 @@ fn a_broken_model_is_named_with_file_key_value_and_expectation() {
                 "rigid_body",
                 "rigid_translation",
                 "load_misalignment",
+            ],
+        ),
+        (
+            "\"gauge\": \"window\"",
+            "\"gauge\": { \"zero_at_mm\": [0.5, -0.5] }",
+            &[
+                "broken.json",
+                "gauge.zero_at_mm",
+                "[0.5, -0.5]",
+                "in the hole",
+                "0.707 mm",
+            ],
+        ),
+        (
+            "\"gauge\": \"window\"",
+            "\"gauge\": { \"zero_at_mm\": [13.0, 0.0] }",
+            &[
+                "broken.json",
+                "gauge.zero_at_mm",
+                "beyond the plate's edges",
+            ],
+        ),
+        (
+            "\"gauge\": \"window\"",
+            "\"gauge\": \"window\", \"window_mm\": [[10, 10], [2, 20]]",
+            &[
+                "broken.json: window_mm",
+                "[[10.0, 10.0], [2.0, 20.0]]",
+                "x0 < x1",
             ],
         ),
         ("\"nu12\": {", "\"nu13\": {", &["broken.json", "nu13"]),
@@ -183,6 +214,67 @@ fn broken_matrices_are_named_with_file_and_place() {
         &["identify", &model("openhole.json"), "--data", &nowhere],
         &fresh("out"),
         &["nowhere"],
+    );
+}
+
+#[test]
+fn a_time_limit_that_leaves_no_draws_is_refused_in_words() {
+    for verb in ["identify", "loop"] {
+        let arguments = [verb, &model("openhole.json"), "--time-limit", "0.001"];
+        refuse(
+            &arguments,
+            &fresh("out"),
+            &["--time-limit", "0 draws", "at least 4"],
+        );
+    }
+}
+
+/// A folder that cannot be traced is refused before any work, with the file that says so.
+#[test]
+fn runs_that_cannot_be_traced_are_refused_at_once() {
+    let run = fresh("run");
+    copy(crate::report::run(), &run);
+    let traced = |file: &str, key: &str, value: Value, words: &[&str]| {
+        let path = run.join(file);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut json: Value = serde_json::from_str(&text).unwrap();
+        *json.pointer_mut(key).unwrap() = value;
+        std::fs::write(&path, json.to_string()).unwrap();
+        let output = plychain(&["trace", run.to_str().unwrap()]);
+        std::fs::write(&path, text).unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(!said.contains("tracing"), "{said}");
+        for word in words {
+            assert!(said.contains(word), "{word:?} is missing in\n{said}");
+        }
+    };
+    let schema = "plychain-model/0".into();
+    traced(
+        "model.json",
+        "/schema",
+        schema,
+        &["model.json", "identified anew"],
+    );
+    let effects = serde_json::json!(["rigid_translation", "rigid_rotation"]);
+    traced(
+        "model.json",
+        "/effects",
+        effects,
+        &["report.json", "rigid_rotation", "belong"],
+    );
+    let schema = "plychain-report/0".into();
+    traced(
+        "report.json",
+        "/schema",
+        schema,
+        &["report.json", "plychain-report/1"],
+    );
+    traced(
+        "run.json",
+        "/inputs_sha256",
+        Value::Null,
+        &["run.json", "interrupted"],
     );
 }
 

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::Value;
 
 use super::console::Console;
-use super::folder::Folder;
+use super::folder::{Folder, check_run};
 use super::identify::{Limits, identity, load, resolved, sampler, truth};
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::write_csv;
@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
 use crate::progress::Watch;
-use crate::report::{Page, ranking, terminal, traced};
+use crate::report::{Page, numbers, ranking, terminal, traced};
 use crate::sample::{Keeping, Schedule};
 use crate::trace::{self, Closed, Options, State};
 
@@ -146,10 +146,16 @@ pub struct TraceArguments {
 
 /// Run `trace`: the ranking of effects, without sampling again.
 pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
-    let model = Model::load(&arguments.run.join("model.extended.json"))
-        .or_else(|_| Model::load(&arguments.run.join("model.json")))
-        .map_err(|e| e.within(format!("{}", arguments.run.display())))?;
-    let start = state(&arguments.run, &model)?;
+    let run = &arguments.run;
+    let extended = run.join("model.extended.json");
+    let model = if extended.exists() {
+        Model::load(&extended)
+    } else {
+        Model::load(&run.join("model.json"))
+    }
+    .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
+    let start = state(run, &model)?;
+    check_run(run, &model)?;
     let prepared = trace::prepare(&model, &cache(), console)?;
     let tracing = trace::attribute(&model, &prepared, start, console)?;
     print(&ranking::tracing(&tracing))?;
@@ -172,15 +178,37 @@ fn state(run: &Path, model: &Model) -> Result<State> {
         .as_array()
         .and_then(|rounds| rounds.last())
         .ok_or_else(|| wanted().found("no rounds"))?;
+    let mismatch = |found: String| {
+        wanted()
+            .found(found)
+            .hint("the folder's model and report do not belong together: identify anew")
+    };
+    if report["schema"] != numbers::SCHEMA {
+        return Err(wanted().found(&report["schema"]).hint(format!(
+            "this program reads {}: identify anew",
+            numbers::SCHEMA
+        )));
+    }
+    let declared: Vec<&str> = round["effects_declared"]
+        .as_array()
+        .map_or_else(Vec::new, |names| {
+            names.iter().filter_map(Value::as_str).collect()
+        });
+    let own: Vec<&str> = model.effects.iter().map(|e| e.name()).collect();
+    if declared != own {
+        return Err(mismatch(format!(
+            "the effects {}, and a model with {}",
+            declared.join(", "),
+            own.join(", ")
+        )));
+    }
     let mean = |name: &str| {
         let of = |part: &str| round[part][name]["mean"].as_f64();
         of("posterior").or_else(|| of("effect_amplitudes"))
     };
     for name in model.constants() {
         if mean(name).is_none() {
-            return Err(wanted()
-                .found(format!("no posterior of {name}"))
-                .hint("the folder's model and report do not belong together"));
+            return Err(mismatch(format!("no posterior of {name}")));
         }
     }
     Ok(State::at(model, &mean))

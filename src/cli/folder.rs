@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::RUNS;
+use super::console::line;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
@@ -192,4 +193,39 @@ fn hash(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path)
         .map_err(|e| Error::input(path.display(), "a readable file").found(e))?;
     Ok(hex(&Sha256::digest(bytes)))
+}
+
+/// A run's folder must be of a finished run, and the model's measurement what that run read. A run of another version is
+/// taken as it is, and said to be one.
+///
+/// # Errors
+/// The input's fault, with the file.
+pub fn check_run(folder: &Path, model: &Model) -> Result<()> {
+    let file = folder.join("run.json");
+    let place = file.display().to_string();
+    let wanted = || Error::input(&place, "the manifest of a finished run");
+    let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;
+    let manifest: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
+    let Some(known) = manifest["inputs_sha256"].as_object() else {
+        return Err(wanted().found("no inputs_sha256").hint(
+            "the run was interrupted: go on with it, plychain identify --out FOLDER --resume",
+        ));
+    };
+    let known: Vec<&Value> = known.values().collect();
+    for (name, hash) in hashes(model.read_field()?.files.iter())? {
+        if !known.contains(&&hash) {
+            return Err(Error::input(name, "the measurement that the run read")
+                .found("a file that changed since")
+                .hint("identify it anew"));
+        }
+    }
+    let version = manifest["version"].as_str().unwrap_or("unknown");
+    if version != env!("CARGO_PKG_VERSION") {
+        line(&format!(
+            "  {} was written by version {version}, this is {}",
+            folder.display(),
+            env!("CARGO_PKG_VERSION")
+        ));
+    }
+    Ok(())
 }

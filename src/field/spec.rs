@@ -325,14 +325,18 @@ impl MeasurementSpec {
 }
 
 /// A window has its lower corner first.
-fn check_window(window_mm: Option<[[f64; 2]; 2]>) -> Result<()> {
+///
+/// # Errors
+/// Of the input, at `window_mm`, with the corners.
+pub fn check_window(window_mm: Option<[[f64; 2]; 2]>) -> Result<()> {
     match window_mm {
         // written so that a NaN fails too
         Some([a, b]) if !(a[0] < b[0] && a[1] < b[1]) => Err(Error::input(
             "window_mm",
             "[[x0, y0], [x1, y1]] with x0 < x1 and y0 < y1",
         )
-        .found(format!("{a:?}, {b:?}"))),
+        .found(format!("[{a:?}, {b:?}]"))
+        .hint("the corner with the smaller x and y comes first, in the data's coordinates")),
         _ => Ok(()),
     }
 }

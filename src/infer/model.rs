@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::fem::{Density, Setup};
 use crate::field::{Field, MeasurementSpec};
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
-use crate::reduce::{Dimension, Gauge, Problem, ReducedSpec, THICKNESS};
+use crate::reduce::{Dimension, Gauge, Problem, ReducedSpec, THICKNESS, check_gauge};
 
 /// The schema that this program reads and writes.
 pub const SCHEMA: &str = "plychain-model/1";
@@ -128,7 +128,10 @@ impl Model {
             path: path.to_path_buf(),
             effects,
         };
-        validate_effects(&model.effects, &model.scene()).map_err(|e| e.within(&place))?;
+        let scene = model.scene();
+        validate_effects(&model.effects, &scene)
+            .and_then(|()| check_gauge(model.file.gauge, &scene.frame, &scene.setup.outline))
+            .map_err(|e| e.within(&place))?;
         Ok(model)
     }
 

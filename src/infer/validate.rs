@@ -6,6 +6,7 @@ use super::model::{ModelFile, SCHEMA};
 use super::prior::PriorSpec;
 use crate::effect::{self, Effect, Scene};
 use crate::error::{Error, Result};
+use crate::field::spec::check_window;
 
 /// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
 const MOST_SDS: f64 = 8.0;
@@ -82,6 +83,7 @@ pub fn validate(file: &ModelFile) -> Result<Vec<&'static dyn Effect>> {
     file.specimen.validate()?;
     file.load.validate()?;
     file.reduced_model.validate()?;
+    check_window(file.window_mm)?;
     validate_parameters(file)?;
     let fraction = file.likelihood.model_error_fraction;
     if !(0.0..1.0).contains(&fraction) {

@@ -44,12 +44,7 @@ impl ZeroAt {
                 observer,
             }));
         }
-        Err(Error::input("gauge.zero_at_mm", "a point of the plate, in the data's frame")
-            .found(format!("{place:?}"))
-            .hint(format!(
-                "the plate spans {:?} mm along the load and {:?} mm across it, measured from the hole's centre, which lies at {:?} mm in the data",
-                outline.s, outline.t, frame.hole_center_mm
-            )))
+        Err(refused(place, frame, &outline))
     }
 
     /// Subtract from a solution the rigid motion that makes the point stand still. A point on an edge or an end stays
@@ -70,6 +65,45 @@ impl ZeroAt {
         let motion = still(&observer, point, nodal);
         subtract(mesh, &motion, nodal);
     }
+}
+
+/// Refuse a point of [`Gauge::ZeroAtMm`] that is none of the plate, before anything is solved. Beside a clamp, where the
+/// plate may be wider, only a mesh knows.
+///
+/// # Errors
+/// The input's fault, at `gauge.zero_at_mm`.
+pub fn check(gauge: Gauge, frame: &Frame, outline: &Outline) -> Result<()> {
+    let Gauge::ZeroAtMm(place) = gauge else {
+        return Ok(());
+    };
+    let [s, t] = frame.point(place);
+    let along = |[low, high]: [f64; 2], x: f64| (low - ON_EDGE_MM..=high + ON_EDGE_MM).contains(&x);
+    let beyond = !along(outline.s, s) || (outline.clamp.is_none() && !along(outline.t, t));
+    if beyond || distance(place, frame) < outline.radius - ON_EDGE_MM {
+        return Err(refused(place, frame, outline));
+    }
+    Ok(())
+}
+
+/// Distance from the hole's centre, mm.
+fn distance(place: [f64; 2], frame: &Frame) -> f64 {
+    let [s, t] = frame.point(place);
+    s.hypot(t)
+}
+
+fn refused(place: [f64; 2], frame: &Frame, outline: &Outline) -> Error {
+    let (distance, radius) = (distance(place, frame), outline.radius);
+    let where_it_lies = if distance < radius {
+        format!("in the hole, {distance:.3} mm from its centre (its radius is {radius} mm)")
+    } else {
+        "beyond the plate's edges".into()
+    };
+    Error::input("gauge.zero_at_mm", "a point of the plate, in the data's frame")
+        .found(format!("{place:?}, which lies {where_it_lies}"))
+        .hint(format!(
+            "the plate spans {:?} mm along the load and {:?} mm across it, measured from the hole's centre, which lies at {:?} mm in the data",
+            outline.s, outline.t, frame.hole_center_mm
+        ))
 }
 
 fn still(observer: &Observer, point: [f64; 2], nodal: &[f64]) -> rigid::RigidMotion {

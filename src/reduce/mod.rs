@@ -15,7 +15,7 @@ mod variables;
 
 pub use cross::{CrossValidation, leave_one_out};
 pub use design::{Dimension, latin_hypercube};
-pub use gauge::{Gauge, ZeroAt, remove_rigid_motion, settle};
+pub use gauge::{Gauge, ZeroAt, check as check_gauge, remove_rigid_motion, settle};
 pub use model::ReducedModel;
 pub use modes::{AUTO_MM, Modes};
 pub use pod::{Pod, decompose};

@@ -13,7 +13,7 @@ use super::residual::{Residual, effect_amplitudes};
 use super::truth::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::infer::{Columns, Discrepancy, LogDensity, Model, Noise, Posterior, Statistics};
 use crate::progress::Watch;
 use crate::sample::{self, Keeping, Phase, Progress, Report, Sampler, Schedule, Start, Stopped};
@@ -178,6 +178,9 @@ fn identify_prepared(
     })
 }
 
+/// Draws of each chain below which nothing can be said, not even how uncertain it is.
+const FEWEST_DRAWS: usize = 4;
+
 /// Spread of the start about the mode, in units of its normal approximation.
 const SPREAD: f64 = 3.0;
 
@@ -219,6 +222,14 @@ fn draw(
         keeping.as_ref(),
     )?;
     watch.end();
+    if outcome.draws.draws() < FEWEST_DRAWS {
+        return Err(Error::input(
+            "--time-limit",
+            format!("time for at least {FEWEST_DRAWS} draws of each chain"),
+        )
+        .found(format!("{} draws when it was over", outcome.draws.draws()))
+        .hint("allow more seconds: the limit counts from the start, the building of the reduced model and the warm-up of the chains included"));
+    }
     Ok((outcome.draws, outcome.stopped))
 }
 
