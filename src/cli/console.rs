@@ -1,7 +1,7 @@
 //! Progress: bars on a terminal, plain lines otherwise, nothing when quiet. Always on standard error.
 
 use std::io::{IsTerminal, Write};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Style};
@@ -12,8 +12,11 @@ use crate::progress::Watch;
 /// Watches work for a person.
 pub struct Console {
     mode: Mode,
-    stage: Mutex<Option<Stage>>,
+    stage: Shared,
 }
+
+/// The stage in progress, if there is one, which the heartbeat looks at too.
+type Shared = Arc<Mutex<Option<Stage>>>;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Mode {
@@ -45,10 +48,12 @@ impl Console {
         } else {
             Mode::Lines
         };
-        Self {
-            mode,
-            stage: Mutex::new(None),
+        let stage = Shared::default();
+        if mode == Mode::Lines {
+            let stage = Arc::downgrade(&stage);
+            std::thread::spawn(move || heartbeat(&stage));
         }
+        Self { mode, stage }
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<Stage>)) {
@@ -64,6 +69,20 @@ impl Console {
     }
 }
 
+/// Tell of a stage that neither ticks nor speaks, until the console is gone.
+fn heartbeat(stage: &Weak<Mutex<Option<Stage>>>) {
+    loop {
+        std::thread::sleep(Duration::from_secs(1));
+        let Some(stage) = stage.upgrade() else { return };
+        let mut stage = stage
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some(stage) = stage.as_mut() {
+            stage.tell();
+        }
+    }
+}
+
 impl Stage {
     /// A plain line now and then, so that a log shows that the work goes on.
     fn tell(&mut self) {
@@ -71,18 +90,27 @@ impl Stage {
             return;
         }
         self.told = Instant::now();
+        let spent = self.started.elapsed().as_secs_f64();
         match self.steps {
-            Some(steps) => {
-                let left = self.started.elapsed().as_secs_f64()
-                    * (steps - self.done.min(steps)) as f64
-                    / self.done.max(1) as f64;
+            Some(steps) if self.done > 0 => {
+                let left = spent * (steps - self.done.min(steps)) as f64 / self.done as f64;
                 line(&format!(
                     "  {}: {} of {steps}, {left:.0} s left",
                     self.what, self.done
                 ));
             }
-            None => line(&format!("  {}: {}", self.what, self.said)),
+            _ => line(&format!(
+                "  {}{}{}, {spent:.0} s so far",
+                self.what,
+                self.colon(),
+                self.said
+            )),
         }
+    }
+
+    /// What stands between the stage and what it said.
+    fn colon(&self) -> &'static str {
+        if self.said.is_empty() { "" } else { ": " }
     }
 }
 
@@ -131,10 +159,10 @@ impl Watch for Console {
             if let Some(bar) = &stage.bar {
                 bar.finish_and_clear();
             }
-            let colon = if stage.said.is_empty() { "" } else { ": " };
             line(&format!(
-                "  {}{colon}{} ({:.1} s)",
+                "  {}{}{} ({:.1} s)",
                 stage.what,
+                stage.colon(),
                 stage.said,
                 stage.started.elapsed().as_secs_f64()
             ));
@@ -148,7 +176,10 @@ fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
             ProgressBar::new(steps),
             "  {msg} {wide_bar:.cyan} {pos}/{len}, {eta} left",
         ),
-        None => (ProgressBar::new_spinner(), "  {spinner} {msg}"),
+        None => (
+            ProgressBar::new_spinner(),
+            "  {spinner} {msg}, {elapsed} so far",
+        ),
     };
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);

@@ -153,7 +153,9 @@ pub fn attribute(
             &state.acting,
         )
     };
+    watch.begin("the field at the constants found", None);
     let (corrected, jumps) = fringes::find_jumps(model, &tested_field, &view(&start)?.field)?;
+    watch.end();
     if let Some(corrected) = corrected {
         tested_field = Cow::Owned(corrected);
     }
@@ -167,15 +169,29 @@ pub fn attribute(
         measured: &field.displacement,
         scene: model.scene(),
         blocks: &blocks,
+        tick: &|| watch.tick(),
     };
-    watch.begin("tracing the residual", None);
     let mut state = start;
     let mut leader: Option<usize> = None;
     let mut pass = 0;
     let (tangents, weighing, subsets) = loop {
         pass += 1;
+        let [own, sought] = tested.columns(&effects);
+        let most = (1 + STEPS) * own + sought;
+        watch.begin(
+            &format!(
+                "tracing, pass {pass}: signatures of {} effects",
+                effects.len()
+            ),
+            Some(most as u64),
+        );
         let tangents = settle(&tested, &mut state, &effects)?;
-        let weighing = Weighing::new(&blocks, &tangents)?;
+        watch.end();
+        watch.begin(
+            &format!("tracing, pass {pass}: effects against noise"),
+            Some(Weighing::steps() as u64),
+        );
+        let weighing = Weighing::new(&blocks, &tangents, &|| watch.tick())?;
         let counts: Vec<usize> = tangents
             .candidates
             .iter()
@@ -183,10 +199,8 @@ pub fn attribute(
             .collect();
         let subsets = Subsets::new(&weighing, &counts)?;
         let strongest = groups(&subsets).first().map(|g| g.leader);
-        watch.say(&format!(
-            "pass {pass}: {}",
-            strongest.map_or("no effect", |k| effects[k].name())
-        ));
+        watch.say(strongest.map_or("no effect", |k| effects[k].name()));
+        watch.end();
         let Some(k) = strongest.filter(|_| pass < PASSES) else {
             break (tangents, weighing, subsets);
         };
@@ -196,7 +210,7 @@ pub fn attribute(
             break (tangents, weighing, subsets);
         }
     };
-    watch.end();
+    watch.begin("tracing: held-out blocks, blind spots", None);
     let evidence = Evidence {
         blocks: &blocks,
         tangents: &tangents,
@@ -207,6 +221,7 @@ pub fn attribute(
     tracing.left_out = left_out;
     let phase = fringes::find_phase(model, field, &view(&state)?.field)?;
     tracing.add_recorded(jumps, phase);
+    watch.end();
     Ok(tracing)
 }
 

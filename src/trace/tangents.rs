@@ -135,6 +135,8 @@ pub struct Tested<'a> {
     pub scene: Scene,
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
+    /// Called after each column.
+    pub tick: &'a (dyn Fn() + Sync),
 }
 
 /// What varies in one column.
@@ -144,6 +146,12 @@ enum Direction {
     Thickness,
     Load,
     Amplitude(&'static dyn Effect, usize),
+}
+
+/// One direction a parameter.
+fn amplitudes(effect: &&'static dyn Effect) -> impl Iterator<Item = Direction> + use<> {
+    let effect = *effect;
+    (0..effect.parameters().len()).map(move |k| Direction::Amplitude(effect, k))
 }
 
 /// The effect that is exactly a common factor of the moduli.
@@ -165,29 +173,18 @@ impl Tested<'_> {
     /// Those of a finite-element solution.
     pub fn tangents(&self, at: &State, candidates: &[&'static dyn Effect]) -> Result<Tangents> {
         let here = self.look(&mut self.prepared.plate.factor(), at)?;
-        let mut directions: Vec<Direction> =
-            (0..at.constants.len()).map(Direction::Constant).collect();
-        if self.model.file.specimen.thickness_mm.sd > 0.0 {
-            directions.push(Direction::Thickness);
-        }
-        if !self.model.effects.iter().any(|e| e.name() == LOAD_SCALE) {
-            directions.push(Direction::Load);
-        }
-        let parameters = |effect: &&'static dyn Effect| {
-            let effect = *effect;
-            (0..effect.parameters().len()).map(move |k| Direction::Amplitude(effect, k))
-        };
-        // what the recording adds is corrected in the field, not fitted
-        let declared = self.model.effects.iter();
-        let fitted = declared.filter(|e| e.kind() != Kind::Recorded);
-        directions.extend(fitted.flat_map(parameters));
+        let mut directions = self.base();
         let declared = directions.len();
-        directions.extend(candidates.iter().flat_map(parameters));
+        directions.extend(candidates.iter().flat_map(amplitudes));
         let columns: Vec<Column> = directions
             .par_iter()
             .map_init(
                 || self.prepared.plate.factor(),
-                |factor, &direction| self.column(factor, at, &here, direction),
+                |factor, &direction| {
+                    let column = self.column(factor, at, &here, direction);
+                    (self.tick)();
+                    column
+                },
             )
             .collect::<Result<_>>()?;
         let residual: Vec<[f64; 2]> = self
@@ -218,6 +215,29 @@ impl Tested<'_> {
             constants: at.constants.len(),
             candidates,
         })
+    }
+
+    /// How many columns [`Tested::tangents`] has for `candidates`: those of the model, and those of the candidates.
+    pub fn columns(&self, candidates: &[&'static dyn Effect]) -> [usize; 2] {
+        let own = |e: &&'static dyn Effect| e.parameters().len();
+        [self.base().len(), candidates.iter().map(own).sum()]
+    }
+
+    /// What varies in every model: constants, thickness, load, declared effects.
+    fn base(&self) -> Vec<Direction> {
+        let constants = self.model.constants().len();
+        let mut directions: Vec<Direction> = (0..constants).map(Direction::Constant).collect();
+        if self.model.file.specimen.thickness_mm.sd > 0.0 {
+            directions.push(Direction::Thickness);
+        }
+        if !self.model.effects.iter().any(|e| e.name() == LOAD_SCALE) {
+            directions.push(Direction::Load);
+        }
+        // what the recording adds is corrected in the field, not fitted
+        let declared = self.model.effects.iter();
+        let fitted = declared.filter(|e| e.kind() != Kind::Recorded);
+        directions.extend(fitted.flat_map(amplitudes));
+        directions
     }
 
     /// Linearise the declared part anew at a state, keeping the candidates' columns.

@@ -77,12 +77,17 @@ pub struct Projected {
 const KEPT: usize = 6;
 
 impl Weighing {
-    /// Weigh the tangents' columns over blocks.
+    /// How often [`Weighing::new`] calls its `tick`.
+    pub fn steps() -> usize {
+        2 * RATIOS.len() * (NOISE_LENGTHS_MM.len() + DISCREPANCY_LENGTHS_MM.len())
+    }
+
+    /// Weigh the tangents' columns over blocks; `tick` is called after each setting.
     ///
     /// # Errors
     /// Of the program: a factorisation that fails. Of the input: too few blocks.
-    pub fn new(blocks: &Blocks, tangents: &Tangents) -> Result<Self> {
-        let component = |c: usize| settings(blocks, tangents, c);
+    pub fn new(blocks: &Blocks, tangents: &Tangents, tick: &(dyn Fn() + Sync)) -> Result<Self> {
+        let component = |c: usize| settings(blocks, tangents, c, tick);
         let settings = [component(0)?, component(1)?];
         let pairs = pairs(&settings);
         Ok(Self {
@@ -134,7 +139,12 @@ impl Weighing {
     }
 }
 
-fn settings(blocks: &Blocks, tangents: &Tangents, c: usize) -> Result<Vec<Setting>> {
+fn settings(
+    blocks: &Blocks,
+    tangents: &Tangents,
+    c: usize,
+    tick: &(dyn Fn() + Sync),
+) -> Result<Vec<Setting>> {
     let columns: Vec<DVector<f64>> = tangents
         .base
         .iter()
@@ -164,6 +174,7 @@ fn settings(blocks: &Blocks, tangents: &Tangents, c: usize) -> Result<Vec<Settin
         .copied()
         .collect();
     let mut settings = over_grid(blocks, &lengths, &RATIOS, |covariance| {
+        tick();
         // without correlation every length is the same
         if covariance.ratio == 0.0 && covariance.length_mm != lengths[0] {
             return Ok(None);
