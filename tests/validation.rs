@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Dxsm;
 use serde_json::Value;
 
-use crate::program::{fresh, model, plychain, succeed};
+use crate::program::{fresh, model, plychain, root, succeed};
 
 fn posterior() -> (Posterior, Laplace, Vec<[f64; 2]>) {
     let posterior = Tabulated::synthetic().unwrap().posterior();
@@ -233,6 +233,57 @@ fn a_run_is_validated_and_what_is_not_one_is_refused() {
     std::fs::write(&file, text).unwrap();
     std::fs::rename(run.join("chain.zarr"), run.join("gone")).unwrap();
     refused(&["validate", out], "chain.zarr");
+}
+
+/// The default model with three modes, few snapshots, and a box that misses the sample's E1.
+fn coarse() -> String {
+    let text = std::fs::read_to_string(model("openhole.json")).unwrap();
+    let mut file: Value = serde_json::from_str(&text).unwrap();
+    file["measurement"]["dir"] = root().join("models/openhole").display().to_string().into();
+    file["reduced_model"] = serde_json::json!({
+        "snapshots": 60, "modes": 3, "degree": 3, "doe": { "E1_GPa": [150.0, 210.0] },
+    });
+    let path = fresh("coarse.json");
+    std::fs::write(&path, file.to_string()).unwrap();
+    path.display().to_string()
+}
+
+/// A run is validated with the reduced model that its chain was drawn with: a coarse one is caught, and what the finite
+/// elements make of the draws stands beside them; the same run refined is within the tolerance.
+#[test]
+fn a_refined_run_is_validated_with_its_refined_model() {
+    let file = coarse();
+    let validated = |extra: &[&str]| {
+        let run = fresh("run");
+        let out = run.to_str().unwrap();
+        let mut arguments = vec!["identify", file.as_str(), "--quiet", "--out", out];
+        arguments.extend(extra);
+        succeed(&arguments);
+        let text = succeed(&["validate", out, "--quiet", "--monte-carlo", "5"]);
+        let json = std::fs::read_to_string(run.join("validation.json")).unwrap();
+        (text, serde_json::from_str::<Value>(&json).unwrap())
+    };
+    let (text, coarse) = validated(&[]);
+    let (refined_text, refined) = validated(&["--refine"]);
+    let error = |v: &Value| {
+        v["finite_elements"]["max_error_in_posterior_sd"]
+            .as_f64()
+            .unwrap()
+    };
+    assert!(error(&coarse) > 0.01, "{text}");
+    assert!(error(&refined) <= 0.01, "{refined_text}");
+    assert_eq!(coarse["refinements"], 0);
+    assert!(refined["refinements"].as_u64() >= Some(1));
+    assert!(text.contains("weighted mean") && !refined_text.contains("weighted mean"));
+    assert!(
+        refined_text.contains("as the run had it after"),
+        "{refined_text}"
+    );
+    // weights that move a mean by less than the draws' own sd, and by more than nothing
+    let at_draws = &coarse["finite_elements"]["moments_at_draws"]["E1_GPa"];
+    let number = |key: &str| at_draws[key].as_f64().unwrap();
+    let moved = (number("weighted_mean") - number("mean")).abs() / number("sd");
+    assert!(moved > 0.0 && moved < 1.0, "{moved}");
 }
 
 /// A small calibration: interrupted and resumed it gives the same record, and the truths are covered as often as they

@@ -7,11 +7,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::console::Console;
-use super::folder::{Folder, hashes};
+use super::folder::{Folder, check_run};
 use super::identify::{identity, load, sampler, write};
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::{Draws, read_zarr, write_csv};
-use crate::diagnose::{Rule, diagnose};
+use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::{Laplace, LogDensity, Model, Posterior};
@@ -19,7 +19,7 @@ use crate::report::validation::{
     Validation, article_numbers, article_text, calibration_numbers, calibration_text,
 };
 use crate::sample::{Keeping, Schedule};
-use crate::trace::{self, Identified, Options, Posed, SurrogateError};
+use crate::trace::{self, Identified, Options, Posed, Prepared, SurrogateError};
 use crate::validate::calibration::{self, Plan};
 use crate::validate::grid::{self, Grid};
 use crate::validate::twin::{Truth, Twin};
@@ -120,6 +120,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         posed,
         draws: round.draws,
         truth: Some(round.surrogate),
+        refinements: 0,
     };
     validate(arguments, found, &folder, global, console)?;
     folder.keep();
@@ -132,6 +133,7 @@ struct Found<'a> {
     posed: Posed,
     draws: Draws,
     truth: Option<SurrogateError>,
+    refinements: usize,
 }
 
 fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
@@ -151,9 +153,9 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
     }
     let folder = Folder::of_run(path)?;
     let model = load(&path.join("model.json"), None)?;
-    check_inputs(path, &model)?;
+    check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;
-    let prepared = trace::prepare(&model, &cache(), console)?;
+    let (prepared, refinements) = as_refined(path, &model, console)?;
     let posed = trace::pose(&model, prepared, console)?;
     if draws.names() != posed.posterior.names() {
         return Err(Error::input(
@@ -176,32 +178,36 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
         posed,
         draws,
         truth: None,
+        refinements,
     };
     validate(arguments, found, &folder, global, console)
 }
 
-/// The measurement must be what the run read.
-fn check_inputs(path: &Path, model: &Model) -> Result<()> {
-    let file = path.join("run.json");
-    let place = file.display().to_string();
-    let text = std::fs::read_to_string(&file)
-        .map_err(|e| Error::input(&place, "a readable manifest").found(e))?;
-    let manifest: Value = serde_json::from_str(&text)
-        .map_err(|e| Error::input(&place, "the manifest of a run").found(e))?;
-    let Some(known) = manifest["inputs_sha256"].as_object() else {
-        return Err(
-            Error::input(&place, "the manifest of a finished run").found("no inputs_sha256")
-        );
+/// The measurement with the reduced model that the run's chain was drawn with: the first one, or what it was refined to.
+fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared, usize)> {
+    let file = path.join("report.json");
+    let wanted = || Error::input(file.display(), "the report of a finished run");
+    let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;
+    let report: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
+    let prepared = trace::prepare(model, &cache(), console)?;
+    // the first round's: its model and its chain lie in the folder itself
+    let steps = report["rounds"][0]["surrogate"]["refinement"].as_array();
+    let Some((last, before)) = steps
+        .and_then(|s| s.split_last())
+        .filter(|(_, before)| !before.is_empty())
+    else {
+        return Ok((prepared, 0));
     };
-    let known: Vec<&Value> = known.values().collect();
-    for (name, hash) in hashes(model.read_field()?.files.iter())? {
-        if !known.contains(&&hash) {
-            return Err(Error::input(name, "the measurement that the run read")
-                .found("a file that changed since")
-                .hint("identify it anew"));
-        }
-    }
-    Ok(())
+    let side = |name: &str| {
+        let end = |k: usize| last["doe"][name][k].as_f64();
+        Some([end(0)?, end(1)?])
+    };
+    let modes = last["modes"]
+        .as_u64()
+        .ok_or_else(|| wanted().found("a refinement without modes"))?;
+    let prepared = trace::refined(prepared, &side, modes as usize, &cache(), console)
+        .map_err(|e| e.within(file.display()))?;
+    Ok((prepared, before.len()))
 }
 
 fn validate(
@@ -211,72 +217,33 @@ fn validate(
     global: &Global,
     console: &Console,
 ) -> Result<()> {
-    let Found {
-        model,
-        posed,
-        draws,
-        truth,
-    } = found;
-    let posterior = &posed.posterior;
-    let d = posterior.structural();
-    let chain = diagnose(&draws, &Rule::default()).rows;
+    let posterior = &found.posed.posterior;
+    let chain = diagnose(&found.draws, &Rule::default()).rows;
     let mode = trace::start(posterior)?;
-    let (mean, sd): (Vec<f64>, Vec<f64>) = chain[..d].iter().map(|r| (r.mean, r.sd)).unzip();
-    let mut bounds = grid::automatic(posterior, &mean, &sd);
-    declared_bounds(&arguments.bounds, posterior, &mut bounds)?;
-    grid::check_bounds(posterior, &bounds)?;
+    let bounds = bounds(arguments, posterior, &chain)?;
+    let small = is_small(arguments.nodes, posterior.structural());
     let began = Instant::now();
-    // a grid over more than the four constants would have millions of nodes
-    let small = arguments
-        .nodes
-        .checked_pow(d as u32)
-        .is_some_and(|n| n <= 2_000_000)
-        || d <= 4;
-    let evaluated = if small {
-        Some(Grid::new(posterior, &mode, &bounds, arguments.nodes)?)
-    } else {
-        None
-    };
+    let evaluated = small
+        .then(|| Grid::new(posterior, &mode, &bounds, arguments.nodes))
+        .transpose()?;
     let seconds = began.elapsed().as_secs_f64();
     if let Some(grid) = &evaluated {
-        let draws = grid.draws(4, 2500)?;
-        write_csv(&draws, &folder.path().join("grid.csv"))?;
+        write_csv(&grid.draws(4, 2500)?, &folder.path().join("grid.csv"))?;
     }
-    let preview = quadrature::preview(posterior, &mode);
-    let scale = posterior.scale(&mode.mode);
     let compared = thickness::compare(
         posterior,
         &bounds,
-        scale,
+        posterior.scale(&mode.mode),
         [arguments.monte_carlo, thickness::SAMPLES],
         global.seed,
         console,
     );
-    let published = model.file.reduced_model.reference.is_some();
-    let priors = if small {
-        Some(priors::compare(
-            posterior,
-            arguments.nodes,
-            published,
-            Some(&draws),
-        )?)
-    } else {
-        None
-    };
-    let truth = match truth {
-        Some(truth) => truth,
-        None => SurrogateError::measure(
-            &Identified {
-                prepared: &posed.prepared,
-                columns: &posed.columns,
-                noise: &posed.noise,
-                statistics: &posed.statistics,
-                posterior,
-                draws: &draws,
-            },
-            console,
-        )?,
-    };
+    let published = found.model.file.reduced_model.reference.is_some();
+    let priors = small
+        .then(|| priors::compare(posterior, arguments.nodes, published, Some(&found.draws)))
+        .transpose()?;
+    let truth = found.finite_elements(console)?;
+    let preview = quadrature::preview(posterior, &mode);
     let validation = Validation {
         chain: &chain,
         grid: evaluated.as_ref().map(|g| (g, seconds)),
@@ -284,9 +251,64 @@ fn validate(
         thickness: compared.as_ref(),
         priors: priors.as_ref(),
         truth: &truth,
+        refinements: found.refinements,
     };
-    let mut numbers = validation.numbers();
     print(&validation.text(&arguments.target.display().to_string()))?;
+    finish(
+        arguments,
+        validation.numbers(),
+        found.model,
+        folder,
+        global,
+        console,
+    )
+}
+
+/// The grid's bounds: about the chain, or as declared.
+fn bounds(arguments: &Arguments, posterior: &Posterior, chain: &[Row]) -> Result<Vec<[f64; 2]>> {
+    let rows = chain[..posterior.structural()].iter();
+    let (mean, sd): (Vec<f64>, Vec<f64>) = rows.map(|r| (r.mean, r.sd)).unzip();
+    let mut bounds = grid::automatic(posterior, &mean, &sd);
+    declared_bounds(&arguments.bounds, posterior, &mut bounds)?;
+    grid::check_bounds(posterior, &bounds)?;
+    Ok(bounds)
+}
+
+/// A grid over more than the four constants would have millions of nodes.
+fn is_small(nodes: usize, d: usize) -> bool {
+    d <= 4 || nodes.checked_pow(d as u32).is_some_and(|n| n <= 2_000_000)
+}
+
+impl Found<'_> {
+    /// The finite elements at draws, unless the identification has solved them already.
+    fn finite_elements(&self, console: &Console) -> Result<SurrogateError> {
+        if let Some(truth) = &self.truth {
+            return Ok(truth.clone());
+        }
+        let posed = &self.posed;
+        SurrogateError::measure(
+            &Identified {
+                prepared: &posed.prepared,
+                columns: &posed.columns,
+                noise: &posed.noise,
+                statistics: &posed.statistics,
+                posterior: &posed.posterior,
+                draws: &self.draws,
+            },
+            console,
+        )
+    }
+}
+
+/// Add the article's setting if it is asked for, and write `validation.json`.
+fn finish(
+    arguments: &Arguments,
+    mut numbers: Value,
+    model: &Model,
+    folder: &Folder,
+    global: &Global,
+    console: &Console,
+) -> Result<()> {
     if arguments.article {
         let moments = article_twin(model, global.seed, arguments.nodes, console)?;
         numbers["article"] = article_numbers(&moments);

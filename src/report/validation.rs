@@ -37,6 +37,8 @@ pub struct Validation<'a> {
     pub priors: Option<&'a Table>,
     /// The finite elements at posterior draws.
     pub truth: &'a SurrogateError,
+    /// How often the run had refined the reduced model that is validated.
+    pub refinements: usize,
 }
 
 /// Difference of moments from the chain: mean in the chain's sd, sd in %.
@@ -86,7 +88,11 @@ impl Validation<'_> {
                 "error_in_posterior_sd": self.truth.shift_sd.iter().map(|(n, s)| (n.clone(), json!(s))).collect::<Map<_, _>>(),
                 "effective_draws": self.truth.effective_draws(),
                 "log_importance_weights": self.truth.log_weights,
+                "moments_at_draws": self.truth.moments.iter().map(|m| (m.name.clone(), json!({
+                    "mean": m.plain[0], "sd": m.plain[1], "weighted_mean": m.weighted[0], "weighted_sd": m.weighted[1],
+                }))).collect::<Map<_, _>>(),
             },
+            "refinements": self.refinements,
         });
         if let Some((grid, seconds)) = self.grid {
             let mut numbers = moments_json(self.chain, &grid.moments);
@@ -228,6 +234,16 @@ impl Validation<'_> {
             100.0 * t.max_sd(),
             t.effective_draws()
         );
+        if self.refinements > 0 {
+            let _ = writeln!(
+                text,
+                "  reduced model: as the run had it after {} refinement(s)",
+                self.refinements
+            );
+        }
+        if t.max_sd() > crate::trace::TOLERANCE {
+            *text += &reweighted(t);
+        }
         let Some(priors) = self.priors.filter(|p| p.rows.len() > 1) else {
             return;
         };
@@ -261,6 +277,32 @@ impl Validation<'_> {
             );
         }
     }
+}
+
+/// What the finite elements' likelihood makes of the draws at which they were solved.
+fn reweighted(truth: &SurrogateError) -> String {
+    let rows: Vec<Vec<String>> = truth
+        .moments
+        .iter()
+        .map(|m| {
+            let ([mean, sd], [by_weight, sd_by_weight]) = (m.plain, m.weighted);
+            vec![
+                m.name.clone(),
+                significant(mean, sd),
+                significant(sd, sd),
+                significant(by_weight, sd),
+                significant(sd_by_weight, sd),
+            ]
+        })
+        .collect();
+    let header = ["", "mean", "sd", "weighted mean", "weighted sd"];
+    format!(
+        "\n  the {} draws, plain and weighted by the finite elements' likelihood; {:.1} of them count, so that a weighted mean is known to {:.1} sd\n\n{}",
+        truth.draws,
+        truth.effective_draws(),
+        1.0 / truth.effective_draws().sqrt(),
+        table(&header, &rows)
+    )
 }
 
 fn duration(seconds: f64) -> String {

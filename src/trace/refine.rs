@@ -4,7 +4,7 @@ use super::pose::Prepared;
 use super::round::Round;
 use super::truth::TOLERANCE;
 use crate::chain::Draws;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::progress::Watch;
 use crate::reduce::{Dimension, Modes, Problem, cache};
 
@@ -65,15 +65,53 @@ pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> R
         .modes_per_component()
         .div_ceil(families);
     let within = round.surrogate.max_sd() <= TOLERANCE;
+    let modes = if within { modes } else { modes + 1 };
+    let problem = &round.prepared.problem;
+    let dimensions = around(problem, &round.draws, round.posterior.structural());
+    rebuilt(round.prepared, dimensions, modes, cache_dir, watch)
+}
+
+/// The reduced model that a run was refined to, as its report has it: sides of the DoE box by name, and the modes kept.
+///
+/// # Errors
+/// The input's fault, if the box is not of this model; those of finite-element solutions.
+pub fn refined(
+    prepared: Prepared,
+    doe: &dyn Fn(&str) -> Option<[f64; 2]>,
+    modes: usize,
+    cache_dir: &std::path::Path,
+    watch: &dyn Watch,
+) -> Result<Prepared> {
+    let mut dimensions = prepared.problem.dimensions.clone();
+    for side in &mut dimensions {
+        let [low, high] = doe(&side.name).ok_or_else(|| {
+            Error::input("surrogate.refinement", "a box of the model's parameters")
+                .found(format!("no {}", side.name))
+        })?;
+        (side.low, side.high) = (low, high);
+    }
+    let families = prepared.problem.families();
+    let modes = modes.div_ceil(families);
+    rebuilt(prepared, dimensions, modes, cache_dir, watch)
+}
+
+/// The same measurement with a reduced model on another box, with `modes` modes a family.
+fn rebuilt(
+    prepared: Prepared,
+    dimensions: Vec<Dimension>,
+    modes: usize,
+    cache_dir: &std::path::Path,
+    watch: &dyn Watch,
+) -> Result<Prepared> {
     let Prepared {
         mut problem,
         plate,
         observation,
         discrepancy,
         ..
-    } = round.prepared;
-    problem.dimensions = around(&problem, &round.draws, round.posterior.structural());
-    problem.spec.modes = Modes::Count(if within { modes } else { modes + 1 });
+    } = prepared;
+    problem.dimensions = dimensions;
+    problem.spec.modes = Modes::Count(modes);
     problem.validate()?;
     let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
     Ok(Prepared {

@@ -22,10 +22,23 @@ pub struct SurrogateError {
     pub bias_sd: Vec<f64>,
     /// Log likelihood by the finite elements minus that by the reduced model, at each draw.
     pub log_weights: Vec<f64>,
+    /// Moments of each parameter over those draws, plain and with the finite elements' likelihood.
+    pub moments: Vec<Reweighted>,
     /// Largest difference of the fields at a measured point, nm.
     pub max_field_nm: f64,
     /// Root mean square difference of the fields, nm.
     pub rms_field_nm: f64,
+}
+
+/// Mean and sd of a parameter over the draws at which the finite elements were solved.
+#[derive(Debug, Clone)]
+pub struct Reweighted {
+    /// The parameter.
+    pub name: String,
+    /// With equal weights.
+    pub plain: [f64; 2],
+    /// With the importance weights of the finite elements' likelihood.
+    pub weighted: [f64; 2],
 }
 
 /// Draws at which the finite elements are solved.
@@ -58,13 +71,8 @@ impl SurrogateError {
 
     /// Effective number of draws with the finite elements' likelihood: (sum w)^2 / sum w^2 of the importance weights.
     pub fn effective_draws(&self) -> f64 {
-        let largest = self
-            .log_weights
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max);
-        let weights = || self.log_weights.iter().map(|l| (l - largest).exp());
-        weights().sum::<f64>().powi(2) / weights().map(|w| w * w).sum::<f64>()
+        let weights = shares(&self.log_weights);
+        1.0 / weights.iter().map(|w| w * w).sum::<f64>()
     }
 
     /// Solve at [`TRUTH_DRAWS`] draws, spread over all chains, the same for the same draws.
@@ -118,6 +126,7 @@ impl SurrogateError {
             draws: chosen.len(),
             shift_sd: run.posterior.names().iter().cloned().zip(largest).collect(),
             bias_sd: bias,
+            moments: reweighted(run.posterior.names(), &chosen, &log_weights),
             log_weights,
             max_field_nm: max_field * NM_PER_MM,
             rms_field_nm: (sum / f64::from(count.max(1))).sqrt() * NM_PER_MM,
@@ -129,6 +138,31 @@ impl SurrogateError {
         watch.end();
         Ok(error)
     }
+}
+
+/// Weights that sum to 1.
+fn shares(log_weights: &[f64]) -> Vec<f64> {
+    let largest = log_weights.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+    let weights: Vec<f64> = log_weights.iter().map(|l| (l - largest).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    weights.iter().map(|w| w / total).collect()
+}
+
+fn reweighted(names: &[String], draws: &[Vec<f64>], log_weights: &[f64]) -> Vec<Reweighted> {
+    let moments = |weights: &[f64], k: usize| {
+        let values = || draws.iter().zip(weights).map(|(x, w)| (x[k], w));
+        let mean: f64 = values().map(|(x, w)| w * x).sum();
+        let variance: f64 = values().map(|(x, w)| w * (x - mean).powi(2)).sum();
+        [mean, variance.sqrt()]
+    };
+    let equal = shares(&vec![0.0; draws.len()]);
+    let weights = shares(log_weights);
+    let one = |(k, name): (usize, &String)| Reweighted {
+        name: name.clone(),
+        plain: moments(&equal, k),
+        weighted: moments(&weights, k),
+    };
+    names.iter().enumerate().map(one).collect()
 }
 
 /// `count` draws at multiples of the golden ratio through the flattened draws: all chains, early and late.
