@@ -2,6 +2,7 @@
 
 mod bench;
 mod build;
+mod calibrate;
 mod closing;
 mod console;
 mod diagnose;

@@ -74,3 +74,29 @@ pub fn to_internal(name: &str) -> f64 {
         _ => 1.0,
     }
 }
+
+/// A number with as many decimals as its standard deviation's second significant digit asks for.
+pub fn significant(value: f64, sd: f64) -> String {
+    if !(value.is_finite() && sd.is_finite() && sd > 0.0) {
+        return format!("{value}");
+    }
+    let decimals = (1 - sd.log10().floor() as i32).clamp(0, 12) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// `mean +- sd`, with a common power of ten where the decimals would begin with zeros only; the value alone where it has no sd.
+pub fn plus_minus(mean: f64, sd: f64) -> String {
+    let size = mean.abs().max(sd);
+    if sd == 0.0 {
+        return significant(mean, sd);
+    }
+    let both = |unit: f64| {
+        let (mean, sd) = (mean / unit, sd / unit);
+        format!("{} +- {}", significant(mean, sd), significant(sd, sd))
+    };
+    if size < 1e-3 {
+        let power = size.log10().floor() as i32;
+        return format!("({})e{power}", both(10_f64.powi(power)));
+    }
+    both(1.0)
+}

@@ -214,7 +214,9 @@ pub fn looped(report: &mut Value) {
           "amplitude": [{ "parameter": "angle_deg", "mean": 0.801, "sd": 0.004 }], "explained_fraction": 0.97,
           "detectable": 0.01, "aliases": [{ "effect": "camera_rotation", "cosine": 0.991 }] },
         { "effect": "magnification", "inclusion_probability": 0.02, "log_bayes_factor": null,
-          "amplitude": [], "explained_fraction": 0.0, "detectable": null, "aliases": [] },
+          "amplitude": [], "explained_fraction": 0.29, "detectable": null, "aliases": [] },
+        { "effect": "hole_size", "inclusion_probability": 0.001, "log_bayes_factor": -4.0,
+          "amplitude": [], "explained_fraction": 0.25, "detectable": 0.08, "aliases": [] },
     ]);
     rounds[0]["accepted"] = json!(["load_misalignment"]);
     rounds[0]["warnings"] = json!(["<script>alert(1)</script> & so on"]);
@@ -223,9 +225,18 @@ pub fn looped(report: &mut Value) {
     report["averaged_posterior"] = json!({ "nu12": { "mean": 0.331, "sd": 0.012, "q2.5": 0.307, "median": 0.331, "q97.5": 0.355 } });
     report["blind_spots"] = json!([
         { "effect": "magnification", "parameter": "percent", "plausible": 0.3, "unit": "percent",
-          "shift_in_percent": { "nu12": 23.4, "E1_GPa": -0.2 }, "would_be_seen": false },
+          "shift_in_percent": { "nu12": 23.4, "E1_GPa": -0.2 }, "detectable": null, "would_be_seen": false },
+        { "effect": "hole_size", "parameter": "diameter_percent", "plausible": 2.0, "unit": "percent",
+          "shift_in_percent": { "nu12": -12.3, "E1_GPa": -341.5 }, "detectable": 0.08, "would_be_seen": true },
     ]);
-    report["verdict"] = json!({ "status": "closed", "text": "The residual was consistent with load_misalignment." });
+    report["verdict"] = json!({
+        "status": "closed", "text": "The residual is consistent with load_misalignment (0.801 +- 0.004 deg).",
+        "confirm": [{ "added": true, "tests": [
+            { "effect": "load_misalignment", "test": "Measure the offset between the grips." },
+            { "effect": "ply_misorientation", "test": "Section the laminate." },
+        ] }],
+    });
+    report["averaged_note"] = json!("The averaged sd is larger than that of the model alone.");
 }
 
 #[test]
@@ -234,24 +245,36 @@ fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
     succeed(&["report", &folder.display().to_string()]);
     let html = read(&folder.join("report.html"));
     for text in [
-        "The residual was consistent with load_misalignment.",
+        "<strong>Closed. </strong>The residual is consistent with load_misalignment (0.801 \u{b1} 0.004 deg).",
+        "<strong>load_misalignment</strong>: Measure the offset between the grips.",
+        "<strong>ply_misorientation</strong>: Section the laminate.",
+        "The averaged sd is larger than that of the model alone.",
         "round 1, with load_misalignment",
         "camera_rotation (0.991)",
         "0.801",
         "magnification.percent",
-        "23.4",
+        "&gt; +20",
+        "&lt; \u{2212}20",
+        "\u{2212}12.3",
+        "beyond 20 % only the direction",
+        "never",
+        "1 of 3 effects have a probability below 0.005",
         "0.331 \u{b1} 0.012",
         "&lt;script&gt;alert(1)&lt;/script&gt; &amp; so on",
     ] {
         assert!(html.contains(text), "{text} is missing");
     }
     assert!(!html.contains("<script>alert"));
+    // what an improbable effect would explain alone is not shown
+    assert!(html.contains("97 %") && !html.contains("29 %") && !html.contains("25 %"));
+    // a shift that is only known to be large keeps its number in the figures' numbers
     let spots = sheet(&folder, "blind-spots");
-    assert_eq!(spots.numbers("nu12_shift_percent"), [23.4]);
-    assert_eq!(spots.texts("would_be_seen"), ["no"]);
+    assert_eq!(spots.numbers("nu12_shift_percent"), [23.4, -12.3]);
+    assert_eq!(spots.texts("would_be_seen"), ["no", "yes"]);
+    assert!(!html.contains("341.5"));
     assert_eq!(
         sheet(&folder, "candidates-0").texts("accepted"),
-        ["yes", "no"]
+        ["yes", "no", "no"]
     );
     assert_eq!(
         sheet(&folder, "intervals")
@@ -261,6 +284,41 @@ fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
     );
     // what the report no longer says is gone from the figures' numbers, too
     assert!(folder.join("figures/candidates-0.svg").is_file());
+}
+
+/// Rings about the hole and quadrants are drawn, from the numbers of the report.
+#[test]
+fn the_residual_is_broken_down_by_place() {
+    let residual = &json(&run().join("report.json"))["rounds"][0]["residual"];
+    let breakdown = sheet(run(), "breakdown-0");
+    let rings = residual["rings"].as_array().unwrap();
+    let quadrants = residual["quadrants_nm"].as_array().unwrap();
+    let said: Vec<f64> = rings
+        .iter()
+        .map(|r| r["u2_nm"].as_f64().unwrap())
+        .chain(quadrants.iter().map(|q| q["u2"].as_f64().unwrap()))
+        .collect();
+    assert_eq!(breakdown.numbers("u2_nm"), said);
+    let drawn = read(&run().join("figures/breakdown-0.svg"));
+    let outermost = rings[rings.len() - 1]["to_radius_mm"].as_f64().unwrap();
+    assert!(drawn.contains(&format!("to {outermost:.1} mm")));
+    assert!(drawn.contains("+1, +2 quadrant"));
+    let html = read(&run().join("report.html"));
+    assert!(html.contains("Residual by rings and quadrants"));
+}
+
+/// A constant far from its prior is flagged where it stands, and only there.
+#[test]
+fn what_contradicts_its_prior_is_flagged_in_the_table() {
+    assert!(!read(&run().join("report.html")).contains("contradicts the prior"));
+    let folder = changed(|report| {
+        // the prior of nu12 is 0.34 +- 0.03
+        report["rounds"][0]["posterior"]["nu12"]["mean"] = 0.61.into();
+    });
+    succeed(&["report", &folder.display().to_string()]);
+    let html = read(&folder.join("report.html"));
+    assert!(html.contains("contradicts the prior by +9.0 sd"));
+    assert_eq!(html.matches("contradicts the prior").count(), 1);
 }
 
 #[test]

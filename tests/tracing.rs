@@ -215,6 +215,16 @@ fn the_loop_closes_on_the_default_model() {
     let report: Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
     assert_eq!(report["verdict"]["status"], "closed");
+    let said = report["verdict"]["text"].as_str().unwrap();
+    let begin = "The residual is consistent with load_misalignment (0.80";
+    assert!(said.starts_with(begin) && said.contains(" deg)"), "{said}");
+    let tests = report["verdict"]["confirm"][0]["tests"].as_array().unwrap();
+    assert_eq!(tests[0]["effect"], "load_misalignment");
+    for test in tests {
+        let words = test["test"].as_str().unwrap().split(' ').take(6);
+        let words: Vec<&str> = words.collect();
+        assert!(text.contains(&words.join(" ")), "{words:?} in\n{text}");
+    }
     let rounds = report["rounds"].as_array().unwrap();
     assert_eq!(rounds.len(), 2);
     assert_eq!(rounds[0]["accepted"][0], "load_misalignment");
@@ -246,6 +256,106 @@ fn the_loop_closes_on_the_default_model() {
     let trace: Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("trace.json")).unwrap()).unwrap();
     assert!(trace["accepted"].is_null());
+}
+
+/// A loop that may not add what it found does not say that nothing is missing.
+#[test]
+fn an_effect_that_no_round_could_add_is_called_for() {
+    let out = fresh("bare");
+    let run = out.display().to_string();
+    let file = model("openhole.json");
+    let text = succeed(&["loop", &file, "--rounds", "0", "--quiet", "--out", &run]);
+    assert!(!text.contains("nothing missing"), "{text}");
+    let report: Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
+    let verdict = &report["verdict"];
+    assert_eq!(verdict["status"], "unexplained");
+    assert_eq!(verdict["effects"].as_array().unwrap().len(), 0);
+    let said = verdict["text"].as_str().unwrap();
+    assert!(
+        said.contains("load_misalignment (0.80") && said.contains("kept it out"),
+        "{said}"
+    );
+    assert_eq!(verdict["confirm"][0]["added"], false);
+}
+
+/// An effect without a field in this test is detectable by no amplitude, and the words say so.
+#[test]
+fn what_cannot_be_seen_is_said_to_be() {
+    let mut model = measured(&[], Noise::White, 500);
+    model.file.specimen.expansion_per_k = Some([1e-19, 1e-19]);
+    let (_, tracing) = traced(&model);
+    let spot = |name: &str| {
+        let found = tracing
+            .blind_spots
+            .iter()
+            .find(|(effect, _)| *effect == name);
+        found.unwrap().1.detectable
+    };
+    assert!(
+        spot("thermal_strain").is_infinite(),
+        "{}",
+        spot("thermal_strain")
+    );
+    assert!(spot("magnification") < 20.0);
+    let text = plychain::report::ranking::averaged(&tracing, &Vec::new());
+    for line in text
+        .lines()
+        .filter(|l| l.contains("thermal_strain") || l.contains("load_scale"))
+    {
+        assert!(line.contains("never") && line.ends_with("NO"), "{line}");
+    }
+    assert!(text.contains("thermal_strain"));
+    let json = plychain::report::traced::traced(&tracing);
+    let thermal = json["blind_spots"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|s| s["effect"] == "thermal_strain");
+    assert!(thermal.unwrap()["detectable"].is_null());
+    // a wider average is explained by what moves that constant most below detection
+    let alone = |share: f64| {
+        let constants = tracing.averaged.iter();
+        constants
+            .map(|a| {
+                (
+                    a.name.clone(),
+                    (
+                        a.mean,
+                        if a.name == "E2_GPa" {
+                            share * a.sd
+                        } else {
+                            a.sd
+                        },
+                    ),
+                )
+            })
+            .collect::<Vec<_>>()
+    };
+    let said = |share: f64| {
+        let text = plychain::report::ranking::averaged(&tracing, &alone(share));
+        text.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let hidden = |(_, s): &(&str, plychain::trace::BlindSpot)| {
+        (s.shift_percent[1].1 * (s.detectable / s.plausible).min(1.0)).abs()
+    };
+    let most = tracing
+        .blind_spots
+        .iter()
+        .max_by(|a, b| hidden(a).total_cmp(&hidden(b)))
+        .unwrap();
+    let reason = format!(
+        "below detection: {} ({:.1} %)",
+        most.1.parameter,
+        hidden(most)
+    );
+    assert!(
+        said(0.25).contains("alone (E2_GPa 4.0 times)") && said(0.25).contains(&reason),
+        "{}",
+        said(0.25)
+    );
+    assert!(said(4.0).contains("smaller than that of the model alone (E2_GPa 0.2 times)"));
+    assert!(!said(1.0).contains("averaged sd"));
 }
 
 /// The measured steel strip: the loop finds the rigid motion that the published calibration lacks, goes on to structure that it

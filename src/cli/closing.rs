@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
 use crate::progress::Watch;
-use crate::report::{Page, numbers, ranking, terminal, traced};
+use crate::report::{Alone, Page, numbers, ranking, terminal, traced};
 use crate::sample::{Keeping, Schedule};
 use crate::trace::{self, Closed, Options, State};
 
@@ -154,12 +154,12 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
         Model::load(&run.join("model.json"))
     }
     .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
-    let start = state(run, &model)?;
+    let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
     let prepared = trace::prepare(&model, &cache(), console)?;
     let tracing = trace::attribute(&model, &prepared, start, console)?;
     print(&ranking::tracing(&tracing))?;
-    print(&ranking::averaged(&tracing, None))?;
+    print(&ranking::averaged(&tracing, &alone))?;
     let path = arguments.run.join("trace.json");
     let mut text = serde_json::to_string_pretty(&traced::traced(&tracing))
         .map_err(|e| Error::program("trace.json", "numbers that JSON can hold").found(e))?;
@@ -168,8 +168,8 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     print(&format!("written to {}\n", path.display()))
 }
 
-/// Posterior means of the last round in `report.json`.
-fn state(run: &Path, model: &Model) -> Result<State> {
+/// Posterior means of the last round in `report.json`, and mean and sd of the constants.
+fn state(run: &Path, model: &Model) -> Result<(State, Alone)> {
     let path = run.join("report.json");
     let wanted = || Error::input(path.display(), "the report of a finished run");
     let text = std::fs::read_to_string(&path).map_err(|e| wanted().found(e))?;
@@ -206,10 +206,14 @@ fn state(run: &Path, model: &Model) -> Result<State> {
         let of = |part: &str| round[part][name]["mean"].as_f64();
         of("posterior").or_else(|| of("effect_amplitudes"))
     };
+    let mut alone = Alone::new();
     for name in model.constants() {
-        if mean(name).is_none() {
+        let sd = round["posterior"][name]["sd"].as_f64();
+        if let Some(moments) = mean(name).zip(sd) {
+            alone.push(((*name).to_string(), moments));
+        } else {
             return Err(mismatch(format!("no posterior of {name}")));
         }
     }
-    Ok(State::at(model, &mean))
+    Ok((State::at(model, &mean), alone))
 }

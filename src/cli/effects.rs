@@ -10,6 +10,7 @@ use super::print;
 use crate::effect::{EFFECTS, Effect, Parameter};
 use crate::error::{Error, Result};
 use crate::infer::Model;
+use crate::report::terminal::wrap;
 
 /// Arguments of `effects`.
 #[derive(Debug, Args)]
@@ -23,9 +24,6 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
 }
-
-/// Width of the text.
-const COLUMNS: usize = 100;
 
 /// One effect as a model sees it.
 struct Entry {
@@ -141,24 +139,4 @@ fn size(parameter: &Parameter, plausible: Option<f64>) -> String {
         Some(sd) => format!("plausible {sd} {}", parameter.unit()),
         None => format!("any size, in {}", parameter.unit()),
     }
-}
-
-/// Break a text into lines of at most [`COLUMNS`] characters, the first after `first`, the others after `next`.
-fn wrap(first: &str, next: &str, text: &str) -> String {
-    let mut wrapped = String::new();
-    let mut line = first.to_string();
-    let mut empty = true;
-    for word in text.split_whitespace() {
-        if !empty && line.chars().count() + 1 + word.chars().count() > COLUMNS {
-            wrapped += &(line + "\n");
-            line = next.to_string();
-            empty = true;
-        }
-        if !empty {
-            line.push(' ');
-        }
-        line += word;
-        empty = false;
-    }
-    wrapped + &line + "\n"
 }

@@ -1,5 +1,6 @@
 //! What a run leaves behind: numbers gathered once, tables and figures made of them, and the page that shows them.
 
+pub mod calibration;
 mod cells;
 mod figures;
 mod gather;
@@ -12,9 +13,11 @@ pub mod tables;
 pub mod terminal;
 pub mod traced;
 pub mod validation;
+mod widening;
 
 pub use cells::Cells;
 pub use figures::{Figure, Palette};
 pub use html::comparison;
 pub use page::{FIGURES, Page};
 pub use sheet::Sheet;
+pub use widening::Alone;

@@ -91,6 +91,7 @@ impl Page {
             ["intervals", "blind-spots"].contains(&s.name.as_str())
                 || s.name.starts_with("candidates-")
                 || s.name.starts_with("variogram-")
+                || s.name.starts_with("breakdown-")
         };
         sheets.retain(|s| !derived(s));
         let mut page = Self {
@@ -101,7 +102,7 @@ impl Page {
         };
         let mut more = vec![page.intervals(), page.blind_spots()];
         for k in 0..page.rounds().len() {
-            more.extend([page.candidates(k), page.variogram(k)]);
+            more.extend([page.candidates(k), page.variogram(k), page.breakdown(k)]);
         }
         page.sheets
             .extend(more.into_iter().filter(|s| !s.rows.is_empty()));
@@ -235,6 +236,31 @@ impl Page {
         sheet
     }
 
+    /// RMS of the residual's block averages in rings about the hole and in quadrants.
+    fn breakdown(&self, k: usize) -> Sheet {
+        let mut sheet = Sheet::new(format!("breakdown-{k}"), &["place", "u1_nm", "u2_nm"]);
+        let residual = &self.rounds()[k]["residual"];
+        let mut add = |place: String, values: [&Value; 2]| {
+            let cells = values.map(|v| v.as_f64().map_or(String::new(), exact));
+            sheet.rows.push([vec![place], cells.to_vec()].concat());
+        };
+        let mut inner = None;
+        for ring in residual["rings"].as_array().into_iter().flatten() {
+            let outer = ring["to_radius_mm"].as_f64().unwrap_or(f64::NAN);
+            let place = match inner {
+                None => format!("up to {outer:.1} mm"),
+                Some(inner) => format!("{inner:.1} to {outer:.1} mm"),
+            };
+            add(place, [&ring["u1_nm"], &ring["u2_nm"]]);
+            inner = Some(outer);
+        }
+        let quadrants = residual["quadrants_nm"].as_array().into_iter().flatten();
+        for (signs, quadrant) in QUADRANTS.iter().zip(quadrants) {
+            add((*signs).into(), [&quadrant["u1"], &quadrant["u2"]]);
+        }
+        sheet
+    }
+
     fn candidates(&self, k: usize) -> Sheet {
         let mut sheet = Sheet::new(
             format!("candidates-{k}"),
@@ -264,6 +290,14 @@ impl Page {
         sheet
     }
 }
+
+/// Quadrants about the hole by the signs of direction 1, along the load, and direction 2, in the order of `quadrants_nm`.
+const QUADRANTS: [&str; 4] = [
+    "+1, +2 quadrant",
+    "\u{2212}1, +2 quadrant",
+    "\u{2212}1, \u{2212}2 quadrant",
+    "+1, \u{2212}2 quadrant",
+];
 
 /// Mean and 95 % interval of a posterior's entry.
 fn three(entry: &Value) -> Option<[f64; 3]> {

@@ -2,9 +2,11 @@
 
 use std::fmt::Write;
 
-use super::terminal::{significant, table};
-use super::traced::{IMPLAUSIBLE, headline, unit};
-use crate::trace::{Closed, Found, Step, Tracing};
+use super::terminal::{significant, table, wrap};
+use super::traced::{self, IMPLAUSIBLE, LINEAR, PROBABLE, headline, unit};
+use super::widening::{self, Alone};
+use crate::quantity::plus_minus;
+use crate::trace::{Closed, Confirming, Found, Tracing};
 
 /// Effects listed below the accepted ones.
 const LISTED: usize = 8;
@@ -19,8 +21,8 @@ pub fn tracing(tracing: &Tracing) -> String {
             "probability",
             "log Bayes factor",
             "amplitude",
-            "explains %",
-            "like it",
+            "alone explains %",
+            "resembles (cosine)",
         ],
         &rows,
     );
@@ -55,12 +57,7 @@ fn row(found: &Found) -> Vec<String> {
         .iter()
         .map(|(name, mean, sd)| {
             let parameter = name.rsplit('.').next().unwrap_or(name);
-            format!(
-                "{} +- {} {}",
-                significant(*mean, *sd),
-                significant(*sd, *sd),
-                unit(parameter)
-            )
+            format!("{} {}", plus_minus(*mean, *sd), unit(parameter))
         })
         .collect();
     let flag = if found.multiple > IMPLAUSIBLE {
@@ -73,7 +70,11 @@ fn row(found: &Found) -> Vec<String> {
         format!("{:.3}", found.inclusion_probability),
         format!("{:.1}", found.log_bayes_factor),
         amplitude.join(", ") + flag,
-        format!("{:.0}", 100.0 * found.explained_fraction),
+        if found.inclusion_probability >= PROBABLE {
+            format!("{:.0}", 100.0 * found.explained_fraction)
+        } else {
+            "-".into()
+        },
         found
             .aliases
             .iter()
@@ -84,73 +85,75 @@ fn row(found: &Found) -> Vec<String> {
     ]
 }
 
-/// The constants averaged over what may act unseen, and what could hide in the residual.
-pub fn averaged(tracing: &Tracing, bare: Option<&Step>) -> String {
+/// The constants averaged over what may act unseen beside those of the model `alone`, and what could hide in the residual.
+pub fn averaged(tracing: &Tracing, alone: &Alone) -> String {
     let mut text = String::from("\nconstants averaged over what may act unseen\n\n");
     let rows: Vec<Vec<String>> = tracing
         .averaged
         .iter()
         .map(|a| {
-            let before = bare
-                .and_then(|s| s.round.verdict.rows.iter().find(|r| r.name == a.name))
-                .map_or_else(
-                    || "-".into(),
-                    |r| {
-                        format!(
-                            "{} +- {}",
-                            significant(r.mean, r.sd),
-                            significant(r.sd, r.sd)
-                        )
-                    },
-                );
+            let bare = alone.iter().find(|(name, _)| *name == a.name);
             vec![
                 a.name.clone(),
                 significant(a.mean, a.sd),
                 significant(a.sd, a.sd),
                 significant(a.low, a.sd),
                 significant(a.high, a.sd),
-                before,
+                bare.map_or_else(|| "-".into(), |(_, (mean, sd))| plus_minus(*mean, *sd)),
             ]
         })
         .collect();
-    text += &table(
-        &["", "mean", "sd", "2.5 %", "97.5 %", "model as given"],
-        &rows,
+    text += &table(&["", "mean", "sd", "2.5 %", "97.5 %", "model alone"], &rows);
+    if let Some(note) = widening::note(alone, tracing) {
+        text += "\n";
+        text += &wrap("  ", "  ", &note);
+    }
+    text += &blind_spots(tracing);
+    text
+}
+
+fn blind_spots(tracing: &Tracing) -> String {
+    let mut text = String::from(
+        "\nblind spots: what one plausible amplitude would do to the constants, in %, and whether it would have been seen\n\n",
     );
-    text += "\nblind spots: what one plausible amplitude would do to the constants, in %, and whether it would have been seen\n\n";
     let names: Vec<&str> = tracing.averaged.iter().map(|a| a.name.as_str()).collect();
     let mut header = vec!["", "plausible"];
     header.extend(&names);
-    header.extend(["detectable", "seen"]);
+    header.extend(["detectable from", "seen"]);
     let rows: Vec<Vec<String>> = tracing
         .blind_spots
         .iter()
         .map(|(_, spot)| {
             let mut row = vec![spot.parameter.clone(), format!("{}", Short(spot.plausible))];
-            row.extend(spot.shift_percent.iter().map(|(_, s)| format!("{s:+.2}")));
+            row.extend(spot.shift_percent.iter().map(|(_, s)| traced::shift(*s, 2)));
             row.push(format!("{}", Short(spot.detectable)));
-            row.push(
-                if spot.detectable < spot.plausible {
-                    "yes"
-                } else {
-                    "NO"
-                }
-                .into(),
-            );
+            let seen = spot.detectable < spot.plausible;
+            row.push(if seen { "yes" } else { "NO" }.into());
             row
         })
         .collect();
     text += &table(&header, &rows);
+    let large = |spot: &crate::trace::BlindSpot| {
+        let mut shifts = spot.shift_percent.iter();
+        shifts.any(|(_, s)| s.abs() > traced::LINEAR_PERCENT)
+    };
+    if tracing.blind_spots.iter().any(|(_, spot)| large(spot)) {
+        text += "\n";
+        text += &wrap("  ", "  ", LINEAR);
+    }
     text
 }
 
-/// Three significant digits.
+/// Three significant digits; `never` for what no amplitude reaches.
 struct Short(f64);
 
 impl std::fmt::Display for Short {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let x = self.0;
-        if x == 0.0 || !x.is_finite() {
+        if x.is_infinite() {
+            return write!(f, "never");
+        }
+        if x == 0.0 || x.is_nan() {
             return write!(f, "{x}");
         }
         let digits = 2 - x.abs().log10().floor() as i32;
@@ -201,38 +204,8 @@ pub fn closed(closed: &Closed) -> String {
         ],
         &rows,
     );
-    let last = &closed.steps[closed.steps.len() - 1];
-    let constants = last.tracing.averaged.iter().map(|a| &a.name);
-    let rows: Vec<Vec<String>> = constants
-        .map(|name| {
-            let cells = closed.steps.iter().map(|s| {
-                s.round
-                    .verdict
-                    .rows
-                    .iter()
-                    .find(|r| r.name == *name)
-                    .map_or_else(
-                        || "-".to_string(),
-                        |r| {
-                            format!(
-                                "{} +- {}",
-                                significant(r.mean, r.sd),
-                                significant(r.sd, r.sd)
-                            )
-                        },
-                    )
-            });
-            std::iter::once(name.clone()).chain(cells).collect()
-        })
-        .collect();
-    let rounds: Vec<String> = (0..closed.steps.len())
-        .map(|k| format!("round {k}"))
-        .collect();
-    let header: Vec<&str> = std::iter::once("")
-        .chain(rounds.iter().map(String::as_str))
-        .collect();
     text += "\n";
-    text += &table(&header, &rows);
+    text += &constants(closed);
     if let Some(round) = &closed.honest {
         text += "\nthe last model with the unexplained structure as a correlated discrepancy\n\n";
         let rows: Vec<Vec<String>> = round
@@ -249,12 +222,70 @@ pub fn closed(closed: &Closed) -> String {
             .collect();
         text += &table(&["", "mean", "sd"], &rows);
     }
-    text += &averaged(&last.tracing, closed.steps.first());
-    let _ = writeln!(
-        text,
-        "\nVERDICT: {}. {}",
+    let last = &closed.steps[closed.steps.len() - 1];
+    text += &averaged(&last.tracing, &traced::alone(last));
+    let verdict = format!(
+        "VERDICT: {}. {}",
         headline(closed.conclusion.status),
         closed.conclusion.text
     );
+    text += "\n";
+    text += &wrap("", "", &verdict);
+    text += &confirm(&closed.conclusion.confirm);
+    text
+}
+
+/// The constants round by round, with what contradicts its prior.
+fn constants(closed: &Closed) -> String {
+    let last = &closed.steps[closed.steps.len() - 1];
+    let names = last.model.constants();
+    let rows: Vec<Vec<String>> = names
+        .iter()
+        .map(|name| {
+            let cells = closed.steps.iter().map(|s| {
+                let moments = s.round.moments(name);
+                moments.map_or_else(|| "-".to_string(), |(mean, sd)| plus_minus(mean, sd))
+            });
+            std::iter::once((*name).to_string()).chain(cells).collect()
+        })
+        .collect();
+    let rounds: Vec<String> = (0..closed.steps.len())
+        .map(|k| format!("round {k}"))
+        .collect();
+    let header: Vec<&str> = std::iter::once("")
+        .chain(rounds.iter().map(String::as_str))
+        .collect();
+    let mut text = table(&header, &rows);
+    for (round, step) in rounds.iter().zip(&closed.steps) {
+        let far = names.iter().filter_map(|name| {
+            let said = traced::contradiction(traced::from_prior(step, name)?)?;
+            Some(format!("{name} {said}"))
+        });
+        let far: Vec<String> = far.collect();
+        if !far.is_empty() {
+            text += &wrap("  ", "  ", &format!("{round}: {}", far.join(", ")));
+        }
+    }
+    text
+}
+
+/// The test of every member of every group that was named.
+fn confirm(groups: &[Confirming]) -> String {
+    let mut text = String::new();
+    for group in groups {
+        let (leader, others) = (group.tests[0].0, group.tests.len() > 1);
+        let _ = writeln!(
+            text,
+            "\nwhat would {}",
+            if others {
+                format!("tell {leader} from what could stand in for it")
+            } else {
+                format!("confirm {leader}")
+            }
+        );
+        for (effect, test) in &group.tests {
+            text += &wrap("  ", "    ", &format!("{effect}: {test}"));
+        }
+    }
     text
 }

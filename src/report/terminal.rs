@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::numbers::correlation;
 use crate::infer::Model;
+pub use crate::quantity::significant;
 use crate::trace::Round;
 
 /// Aligned columns: the first to the left, the others to the right.
@@ -180,11 +181,25 @@ fn residual(round: &Round) -> String {
     text
 }
 
-/// A number with as many decimals as its standard deviation's second significant digit asks for.
-pub fn significant(value: f64, sd: f64) -> String {
-    if !(value.is_finite() && sd.is_finite() && sd > 0.0) {
-        return format!("{value}");
+/// Width of running text.
+const COLUMNS: usize = 100;
+
+/// Break a text into lines of at most a hundred characters, the first after `first`, the others after `next`.
+pub fn wrap(first: &str, next: &str, text: &str) -> String {
+    let mut wrapped = String::new();
+    let mut line = first.to_string();
+    let mut empty = true;
+    for word in text.split_whitespace() {
+        if !empty && line.chars().count() + 1 + word.chars().count() > COLUMNS {
+            wrapped += &(line + "\n");
+            line = next.to_string();
+            empty = true;
+        }
+        if !empty {
+            line.push(' ');
+        }
+        line += word;
+        empty = false;
     }
-    let decimals = (1 - sd.log10().floor() as i32).clamp(0, 12) as usize;
-    format!("{value:.decimals$}")
+    wrapped + &line + "\n"
 }

@@ -3,7 +3,10 @@
 use serde_json::{Map, Value, json};
 
 use super::numbers::{SCHEMA, round_numbers};
-use crate::trace::{Averaged, BlindSpot, Closed, Found, Named, Status, Step, Tracing};
+use super::widening::{self, Alone};
+use crate::trace::{
+    Averaged, BlindSpot, Closed, Confirming, Found, Named, PRIOR_SDS, Status, Step, Tracing,
+};
 
 /// `report.json` of a loop.
 pub fn report(closed: &Closed, seed: u64) -> Value {
@@ -16,6 +19,7 @@ pub fn report(closed: &Closed, seed: u64) -> Value {
         "seed": seed,
         "rounds": steps.iter().map(step).collect::<Vec<_>>(),
         "averaged_posterior": averaged(&last.tracing.averaged),
+        "averaged_note": widening::note(&alone(last), &last.tracing),
         "with_discrepancy": closed.honest.as_ref().map(|round| round_numbers(&last.model, round)),
         "blind_spots": blind_spots(&last.tracing),
         "before_after": before_after(steps),
@@ -25,8 +29,22 @@ pub fn report(closed: &Closed, seed: u64) -> Value {
             "alias_groups": conclusion.alias_groups,
             "undecided": last.tracing.undecided,
             "text": conclusion.text,
+            "confirm": conclusion.confirm.iter().map(confirming).collect::<Vec<_>>(),
         },
     })
+}
+
+/// Mean and sd of each constant by a round's model alone.
+pub fn alone(step: &Step) -> Alone {
+    let constants = step.model.constants().iter();
+    constants
+        .filter_map(|name| Some(((*name).to_string(), step.round.moments(name)?)))
+        .collect()
+}
+
+fn confirming(group: &Confirming) -> Value {
+    let test = |(effect, test): &(&str, &str)| json!({ "effect": effect, "test": test });
+    json!({ "added": group.added, "tests": group.tests.iter().map(test).collect::<Vec<_>>() })
 }
 
 /// `trace.json`: what one tracing found.
@@ -105,6 +123,25 @@ fn candidate(found: &Found) -> Value {
 /// Amplitudes of more prior sds are flagged.
 pub const IMPLAUSIBLE: f64 = 4.0;
 
+/// Shifts of a constant are by tangents; beyond this many percent of it they say no more than that they are large.
+pub const LINEAR_PERCENT: f64 = 20.0;
+
+/// What those shifts mean, in a sentence.
+pub const LINEAR: &str = "Shifts are by the tangents of the model, which hold for small ones: beyond 20 % only the direction and that the shift is large can be said.";
+
+/// From this probability on it is said what an effect explains: an improbable one, alone, takes what a probable one explains.
+pub const PROBABLE: f64 = 0.5;
+
+/// A shift in percent; beyond [`LINEAR_PERCENT`] that it is.
+pub fn shift(percent: f64, decimals: usize) -> String {
+    match percent {
+        s if s > LINEAR_PERCENT => format!("> +{LINEAR_PERCENT}"),
+        s if s < -LINEAR_PERCENT => format!("< -{LINEAR_PERCENT}"),
+        s if s.abs() < 0.5 * 10_f64.powi(-(decimals as i32)) => "0".into(),
+        s => format!("{s:+.decimals$}"),
+    }
+}
+
 fn groups(tracing: &Tracing) -> Value {
     let group = |g: &Named| {
         json!({
@@ -139,9 +176,15 @@ fn blind_spot(effect: &str, spot: &BlindSpot) -> Value {
         .iter()
         .map(|(name, shift)| (name.clone(), number(*shift)))
         .collect();
+    let beyond: Vec<&String> = spot
+        .shift_percent
+        .iter()
+        .filter(|(_, shift)| shift.abs() > LINEAR_PERCENT)
+        .map(|(name, _)| name)
+        .collect();
     json!({
         "effect": effect, "parameter": parameter, "plausible": spot.plausible, "unit": unit(parameter),
-        "shift_in_percent": shifts, "detectable": number(spot.detectable),
+        "shift_in_percent": shifts, "beyond_linear": beyond, "detectable": number(spot.detectable),
         "would_be_seen": spot.detectable < spot.plausible,
     })
 }
@@ -181,7 +224,7 @@ fn before_after(steps: &[Step]) -> Value {
     })
 }
 
-/// Mean and sd of every constant before and after, and the shift in sds before.
+/// Mean and sd of every constant before and after, the shift in sds before, and how far from the prior's mean both are.
 fn constants(first: &Step, last: &Step) -> Map<String, Value> {
     let rows = |s: &'_ Step| s.round.verdict.rows.clone();
     let after = rows(last);
@@ -192,10 +235,23 @@ fn constants(first: &Step, last: &Step) -> Map<String, Value> {
             let value = json!({
                 "mean": [before.mean, after.mean], "sd": [before.sd, after.sd],
                 "shift_in_sd": (after.mean - before.mean) / before.sd,
+                "from_prior_in_prior_sd": [from_prior(first, &before.name), from_prior(last, &before.name)],
             });
             Some((before.name.clone(), value))
         })
         .collect()
+}
+
+/// How far a constant's posterior mean lies from its prior's, prior sds.
+pub fn from_prior(step: &Step, name: &str) -> Option<f64> {
+    let k = step.model.constants().iter().position(|n| *n == name)?;
+    let prior = step.model.marginals()[k];
+    Some((step.round.moments(name)?.0 - prior.mean) / prior.sd)
+}
+
+/// What is said of a constant that lies `sds` prior sds from its prior's mean, if it is too far.
+pub fn contradiction(sds: f64) -> Option<String> {
+    (sds.abs() > PRIOR_SDS).then(|| format!("contradicts the prior by {sds:+.1} sd"))
 }
 
 /// The verdict in one line.

@@ -90,7 +90,7 @@ pub struct Judged<'a> {
 const CHI2_ERRORS: f64 = 4.0;
 
 /// A posterior mean this many prior sd away from the prior's mean contradicts it.
-const PRIOR_SDS: f64 = 4.0;
+pub const PRIOR_SDS: f64 = 4.0;
 
 /// Sentences about results that should not be trusted as they stand; none if nothing is wrong.
 pub fn warnings(judged: &Judged<'_>) -> Vec<String> {

@@ -4,8 +4,9 @@ use super::alias::{Group, cosine, groups};
 use super::attribute::{Found, Named, Tracing};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains, rms_nm};
+use super::state::State;
 use super::subsets::{Subset, Subsets};
-use super::tangents::{LOAD_SCALE, State, Tangents};
+use super::tangents::{LOAD_SCALE, Tangents};
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::field::Blocks;
@@ -59,12 +60,13 @@ impl Evidence<'_> {
                 self.named(g, gains(&with, &holdout.errors(&rest)))
             })
             .collect();
-        let spots = blind_spots(
+        let mut spots = blind_spots(
             self.weighing,
             self.tangents,
             self.subsets.best_pair,
             &state.constants,
         )?;
+        spots.iter_mut().for_each(|s| self.never_beyond(s));
         let candidates = self.ranked(&found, &spots);
         let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
         let accepted = accepted.map(|k| self.tangents.candidates[found[k].leader].effect);
@@ -104,6 +106,19 @@ impl Evidence<'_> {
             holdout_rms_nm: rms_nm(&holdout.errors(&Vec::new())),
             left_out: Vec::new(),
         })
+    }
+
+    /// An amplitude beyond the bound for which an effect is modelled would be no finding of it: no amplitude is detectable.
+    fn never_beyond(&self, spot: &mut BlindSpot) {
+        let candidate = &self.tangents.candidates[spot.candidate];
+        let parameters = candidate.effect.parameters().iter();
+        let bound = parameters
+            .zip(&candidate.columns)
+            .find(|(_, column)| column.name == spot.parameter)
+            .map_or(f64::INFINITY, |(parameter, _)| parameter.bound);
+        if spot.detectable > bound {
+            spot.detectable = f64::INFINITY;
+        }
     }
 
     /// What a scale of the load does: exactly the same to every modulus, and nothing that could be seen.

@@ -72,6 +72,17 @@ pub struct Round {
     pub warnings: Vec<String>,
 }
 
+impl Round {
+    /// Posterior mean and sd of a constant or an amplitude, border units.
+    pub fn moments(&self, name: &str) -> Option<(f64, f64)> {
+        let sampled = self.verdict.rows.iter().find(|r| r.name == name);
+        let closed = || self.effect_amplitudes.iter().find(|a| a.0 == name);
+        sampled
+            .map(|r| (r.mean, r.sd))
+            .or_else(|| closed().map(|a| (a.1, a.2)))
+    }
+}
+
 /// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
 /// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
 pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Result<Round> {

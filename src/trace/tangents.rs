@@ -5,42 +5,13 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::pose::Prepared;
-use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name};
+use super::state::State;
+use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
 use crate::fem::Factor;
 use crate::field::Blocks;
 use crate::infer::{Model, forward};
 use crate::reduce::{Gauge, remove_rigid_motion};
-
-/// A point of the parameter space of everything that may act.
-#[derive(Clone)]
-pub struct State {
-    /// Elastic constants, border units.
-    pub constants: Vec<f64>,
-    /// Effects with amplitudes other than zero, border units, in the order of the dictionary.
-    pub acting: Vec<Acting>,
-}
-
-impl State {
-    /// Amplitudes of an effect, zeros if it does not act.
-    pub fn amplitude(&self, effect: &dyn Effect) -> Vec<f64> {
-        self.acting
-            .iter()
-            .find(|a| a.effect.name() == effect.name())
-            .map_or_else(
-                || vec![0.0; effect.parameters().len()],
-                |a| a.amplitude.clone(),
-            )
-    }
-
-    /// Give an effect its amplitudes.
-    pub fn set(&mut self, effect: &'static dyn Effect, amplitude: Vec<f64>) {
-        self.acting.retain(|a| a.effect.name() != effect.name());
-        self.acting.push(Acting { effect, amplitude });
-        let place = |name: &str| crate::effect::EFFECTS.iter().position(|e| e.name() == name);
-        self.acting.sort_by_key(|a| place(a.effect.name()));
-    }
-}
 
 /// One parameter and what it does.
 #[derive(Debug, Clone)]

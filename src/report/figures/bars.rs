@@ -8,18 +8,24 @@ use super::canvas::{
 };
 use crate::error::Result;
 use crate::report::sheet::Sheet;
+use crate::report::traced::LINEAR_PERCENT;
 
 const ROW: u32 = 20;
 const NAMES: u32 = 168;
 
-/// Inclusion probability of each candidate of a round.
+/// Effects of smaller probability have no bar.
+pub const SMALLEST_BAR: f64 = 0.005;
+
+/// Inclusion probability of each candidate of a round that has one to speak of; nothing if none has.
 ///
 /// # Errors
 /// The program's fault if the library cannot draw.
 pub fn ranking(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let effects = sheet.texts("effect");
-    let probabilities = sheet.numbers("inclusion_probability");
+    let names = sheet.texts("effect");
     let accepted = sheet.texts("accepted");
+    let probabilities = sheet.numbers("inclusion_probability");
+    let rows = names.into_iter().zip(accepted).zip(probabilities);
+    let effects: Vec<_> = rows.filter(|(_, p)| *p >= SMALLEST_BAR).collect();
     if effects.is_empty() {
         return Ok(None);
     }
@@ -29,9 +35,9 @@ pub fn ranking(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
         let act = || -> Drawn<()> {
             scale(root, [0.0, 1.0], 70, "inclusion probability")?;
             let width = f64::from(size.0 - NAMES - 70);
-            for (k, (effect, p)) in effects.iter().zip(&probabilities).enumerate() {
+            for (k, ((effect, accepted), p)) in effects.iter().enumerate() {
                 let y = (k as u32 * ROW + ROW / 2 + 4) as i32;
-                let colour = if accepted[k] == "yes" { TRUTH } else { MAIN };
+                let colour = if *accepted == "yes" { TRUTH } else { MAIN };
                 bar(
                     root,
                     [
@@ -44,6 +50,50 @@ pub fn ranking(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
                 label(root, effect, [NAMES, y as u32])?;
                 let place = (NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32 + 5, y);
                 root.draw(&Text::new(format!("{p:.3}"), place, text_right_of(11)))?;
+            }
+            Ok(())
+        };
+        act().map_err(|e| cannot(&e))
+    })
+    .map(Some)
+}
+
+/// Width of one of several panels.
+const PANEL: u32 = 165;
+
+/// RMS of the residual of both components by place.
+///
+/// # Errors
+/// The program's fault if the library cannot draw.
+pub fn breakdown(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
+    let places = sheet.texts("place");
+    if places.is_empty() {
+        return Ok(None);
+    }
+    const NAMES: u32 = 140;
+    const WIDE: u32 = PANEL + 60;
+    let size = (NAMES + 2 * WIDE + 16, 34 + ROW * places.len() as u32);
+    let alt = "RMS of the block averages of the residual, nm: in rings about the hole, and in quadrants (direction 1 along the load, direction 2 across it)";
+    let panels = ["u1_nm", "u2_nm"].map(|column| sheet.numbers(column));
+    let largest = span(panels.iter().flatten().copied().chain([0.0]))[1];
+    draw(name, alt, size, |root, _| {
+        let act = || -> Drawn<()> {
+            for (c, values) in panels.iter().enumerate() {
+                let left = (NAMES + WIDE * c as u32) as i32;
+                let head = ["u1, RMS in nm", "u2, RMS in nm"][c];
+                root.draw(&Text::new(head, (left, 12), text_right_of(12)))?;
+                for (k, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()) {
+                    let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
+                    let end = left + (value / largest * f64::from(PANEL)) as i32;
+                    bar(root, [left, end], y, MAIN)?;
+                    let digits = decimals(*value).min(2);
+                    let figure = format!("{value:.digits$}");
+                    root.draw(&Text::new(figure, (end + 5, y), text_right_of(11)))?;
+                }
+                rule(root, left, 22, size.1 as i32 - 4, INK)?;
+            }
+            for (k, place) in places.iter().enumerate() {
+                label(root, place, [NAMES, k as u32 * ROW + ROW / 2 + 26])?;
             }
             Ok(())
         };
@@ -67,19 +117,19 @@ pub fn blind_spots(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
     if effects.is_empty() || constants.is_empty() {
         return Ok(None);
     }
-    const PANEL: u32 = 165;
     // effects stand with their parameters here
     const WIDE: u32 = 264;
     let size = (
         WIDE + PANEL * constants.len() as u32 + 16,
         64 + ROW * effects.len() as u32,
     );
-    let alt = "Shift of each constant, in percent, if an effect acted at its plausible size and the model lacked it; red: these data would not show it, blue: they would";
+    let alt = "Shift of each constant, in percent, if an effect acted at its plausible size and the model lacked it; red: these data would not show it, blue: they would; an arrow: more than 20 %, where the linear estimate ends";
     draw(name, alt, size, |root, _| {
         let act = || -> Drawn<()> {
             for (c, constant) in constants.iter().enumerate() {
                 let shifts = sheet.numbers(&format!("{constant}_shift_percent"));
-                let reach = span(shifts.iter().map(|s| s.abs()))[1].max(1e-3);
+                let largest = span(shifts.iter().map(|s| s.abs()))[1];
+                let reach = largest.clamp(1e-3, LINEAR_PERCENT);
                 let left = (WIDE + PANEL * c as u32) as i32;
                 let middle = left + PANEL as i32 / 2;
                 let half = f64::from(PANEL) / 2.0 - 20.0;
@@ -104,9 +154,14 @@ pub fn blind_spots(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
                 root.draw(&Text::new("shift, %", unit, text_about(11)))?;
                 for (k, shift) in shifts.iter().enumerate().filter(|(_, s)| s.is_finite()) {
                     let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
-                    let end = middle + (shift / reach * half) as i32;
+                    let end = middle + ((shift / reach).clamp(-1.0, 1.0) * half) as i32;
                     let colour = if seen[k] == "yes" { MAIN } else { TRUTH };
                     bar(root, [middle.min(end), middle.max(end)], y, colour)?;
+                    if shift.abs() > reach {
+                        let tip = end + 9 * shift.signum() as i32;
+                        let arrow = vec![(end, y - 6), (end, y + 6), (tip, y)];
+                        root.draw(&Polygon::new(arrow, colour.filled()))?;
+                    }
                 }
             }
             for (k, effect) in effects.iter().enumerate() {

@@ -49,7 +49,7 @@ pub fn corner(sheets: &Corner<'_>, name: &str) -> Result<Option<Figure>> {
     let size = (LEFT + d as u32 * CELL + 12, BOTTOM + d as u32 * CELL + 12);
     let names: Vec<&str> = axes.iter().take(d).map(|a| a.name.as_str()).collect();
     let alt = format!(
-        "Corner plot of the posterior of {}: marginal densities, with the priors dashed, on the diagonal; joint densities with the contours that hold 39 and 86 % of the draws below it",
+        "Corner plot of the posterior of {}: marginal densities, with the priors dashed, on the diagonal; joint densities below it",
         names.join(", ")
     );
     draw(name, alt, size, |root, _| {

@@ -8,6 +8,7 @@ mod corner;
 mod maps;
 mod raster;
 
+pub use bars::SMALLEST_BAR;
 pub use canvas::Figure;
 pub use colour::Palette;
 pub use raster::png;
@@ -78,6 +79,7 @@ pub fn all(page: &Page) -> Result<Figures> {
             &named("autocorrelation"),
         )?);
         others.push(chains::variogram(of("variogram"), &named("variogram"))?);
+        others.push(bars::breakdown(of("breakdown"), &named("breakdown"))?);
         others.push(bars::ranking(of("candidates"), &named("candidates"))?);
     }
     figures.others = others.into_iter().flatten().collect();

@@ -1,6 +1,7 @@
 //! `report.html`: one file that needs nothing else, for a screen and for paper.
 
 mod compare;
+mod effects;
 mod sections;
 mod tables;
 
@@ -46,11 +47,11 @@ pub fn report(page: &Page, figures: &Figures) -> String {
     let sections = [
         ("before-after", "Before and after", tables::rounds(page)),
         ("maps", "Maps", sections::maps(page, figures)),
-        ("effects", "Effects", sections::effects(page, figures)),
+        ("effects", "Effects", effects::ranking(page, figures)),
         (
             "blind-spots",
             "Blind spots",
-            sections::blind_spots(page, figures),
+            effects::blind_spots(page, figures),
         ),
         ("posterior", "Posterior", sections::posterior(page, figures)),
         (
@@ -107,19 +108,31 @@ fn wide(figure: &Figure) -> Markup {
     }
 }
 
+/// A column with a longer cell is one of text: broken into lines, and to the left.
+const LONG: usize = 28;
+
 /// A table: its caption, header and rows; the first column holds the rows' names.
 fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool) -> Markup {
+    let long = |k: usize| {
+        let mut cells = rows.iter().filter_map(|row| row.get(k));
+        k > 0 && cells.any(|cell| cell.chars().count() > LONG)
+    };
+    let long: Vec<bool> = (0..header.len()).map(long).collect();
     html! {
         div.scroll tabindex="0" role="group" aria-label=(caption) {
             table.sortable[sortable] {
-                caption { (caption) }
-                thead { tr { @for h in header { th scope="col" { (h) } } } }
+                caption { span { (caption) } }
+                thead { tr {
+                    @for (h, long) in header.iter().zip(&long) {
+                        @if *long { th.long scope="col" { (h) } } @else { th scope="col" { (h) } }
+                    }
+                } }
                 tbody {
                     @for row in rows {
                         tr {
                             @for (k, cell) in row.iter().enumerate() {
                                 @if k == 0 { th scope="row" { (cell) } }
-                                @else if cell.chars().count() > 28 { td.long { (cell) } }
+                                @else if long.get(k) == Some(&true) { td.long { (cell) } }
                                 @else { td { (cell) } }
                             }
                         }

@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::tables::{list, moments, names};
 use super::{figure, short, table, wide, with_sd};
 use crate::report::figures::Figures;
-use crate::report::page::{Page, effect_name, words};
+use crate::report::page::{Page, words};
 use crate::report::sheet::Sheet;
 
 /// The verdict in a sentence, and what should be known before the numbers are used.
@@ -22,15 +22,44 @@ pub fn verdict(page: &Page) -> Markup {
     };
     html! {
         p.verdict.open[open] {
-            @if let Some(status) = status { strong { (status.replace('_', " ")) ". " } }
-            (text.unwrap_or_else(|| sentence(page)))
+            @if let Some(status) = status { strong { (capital(&status.replace('_', " "))) ". " } }
+            (text.map_or_else(|| sentence(page), |t| t.replace("+-", "\u{b1}")))
         }
         @if status.is_some() { p { (sentence(page)) } }
+        (confirming(verdict))
         @if !warnings.is_empty() {
             h3 { "Before you use these numbers" }
             ul.warnings { @for warning in &warnings { li { (options_kept(warning)) } } }
         }
     }
+}
+
+/// The test of every member of every group that the verdict names.
+fn confirming(verdict: &Value) -> Markup {
+    let groups = verdict["confirm"].as_array().map_or(&[][..], Vec::as_slice);
+    html! {
+        @for group in groups {
+            @let tests = group["tests"].as_array().map_or(&[][..], Vec::as_slice);
+            @let leader = tests.first().map_or(String::new(), |t| words(&t["effect"]));
+            h3 {
+                @if tests.len() > 1 { "What would tell " (leader) " from what could stand in for it" }
+                @else { "What would confirm " (leader) }
+            }
+            @if let [test] = tests { p { (words(&test["test"])) } }
+            @else {
+                ul.warnings { @for test in tests {
+                    li { strong { (words(&test["effect"])) } ": " (words(&test["test"])) }
+                } }
+            }
+        }
+    }
+}
+
+/// A text that begins a sentence.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(letters).collect()
 }
 
 /// A sentence whose options (`--refine`) are not broken at their hyphens.
@@ -85,7 +114,7 @@ fn constants(page: &Page, posterior: &Value) -> String {
             with_sd(mean, sd),
             with_sd(sd, sd)
         );
-        Some(text.trim_end().to_string())
+        Some(text.trim_end().replace(' ', "\u{a0}"))
     };
     let said: Vec<String> = page.constants().iter().filter_map(one).collect();
     said.join(", ")
@@ -96,7 +125,7 @@ pub fn maps(page: &Page, figures: &Figures) -> Markup {
     let names = names(page);
     html! {
         @for (panels, name) in figures.panels.iter().zip(&names) {
-            h3 { (name) }
+            h3 { (capital(name)) }
             div.maps { @for panel in panels { (figure(panel)) } }
         }
         @if !figures.closer.is_empty() {
@@ -109,6 +138,19 @@ pub fn maps(page: &Page, figures: &Figures) -> Markup {
             }
         }
         (variograms(page, figures))
+        (breakdowns(page, figures))
+    }
+}
+
+/// Where the residual lies: rings about the hole, and quadrants.
+fn breakdowns(page: &Page, figures: &Figures) -> Markup {
+    html! {
+        @for (k, name) in (0..).zip(names(page)) {
+            @if let Some(figure) = figures.get(&format!("breakdown-{k}")) {
+                h3 { "Residual by rings and quadrants: " (name) }
+                (wide(figure))
+            }
+        }
     }
 }
 
@@ -116,151 +158,10 @@ fn variograms(page: &Page, figures: &Figures) -> Markup {
     html! {
         @for (k, name) in (0..).zip(names(page)) {
             @if let Some(figure) = figures.get(&format!("variogram-{k}")) {
-                h3 { "Variogram of the residual, " (name) }
+                h3 { "Variogram of the residual: " (name) }
                 (wide(figure))
             }
         }
-    }
-}
-
-/// Ranking of the candidates of every round.
-pub fn effects(page: &Page, figures: &Figures) -> Markup {
-    let header: Vec<String> = [
-        "effect",
-        "probability",
-        "log Bayes factor",
-        "amplitude",
-        "explains",
-        "detectable from",
-        "resembles (cosine)",
-    ]
-    .map(String::from)
-    .into();
-    html! {
-        @for ((k, round), name) in (0..).zip(page.rounds()).zip(names(page)) {
-            @if let Some(candidates) = round["candidates"].as_array().filter(|c| !c.is_empty()) {
-                h3 { "What the residual of " (name) " speaks for" }
-                @let accepted = list(&round["accepted"]);
-                p {
-                    @if accepted.is_empty() { "No effect was accepted." }
-                    @else { "Accepted: " (accepted.join(", ")) "." }
-                    @if let Some(p) = round["discrepancy_probability"].as_f64() {
-                        " Probability of smooth structure that no effect explains: " (format!("{p:.3}")) "."
-                    }
-                }
-                @if let Some(figure) = figures.get(&format!("candidates-{k}")) { (wide(figure)) }
-                @let rows: Vec<_> = candidates.iter().map(candidate).collect();
-                (table("Candidates: probability that the effect acts, its amplitude if it does, and what could stand in for it", &header, &rows, true))
-                (left_out(round))
-            }
-        }
-    }
-}
-
-fn candidate(found: &Value) -> Vec<String> {
-    let amplitude: Vec<String> = found["amplitude"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(|a| {
-            let name = words(&a["parameter"]);
-            let value = moments(a).map_or("\u{2013}".into(), |(mean, sd)| plus_minus(mean, sd));
-            format!("{name} {value}")
-        })
-        .collect();
-    let mut aliases: Vec<String> = found["aliases"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(|a| format!("{} ({})", words(&a["effect"]), short(&a["cosine"])))
-        .collect();
-    let more = aliases.len().saturating_sub(SHOWN);
-    if more > 0 {
-        aliases.truncate(SHOWN);
-        aliases.push(format!("{more} more in report.json"));
-    }
-    let implausible = found["implausible"].as_bool() == Some(true);
-    let percent = found["explained_fraction"].as_f64();
-    vec![
-        words(&found["effect"]),
-        found["inclusion_probability"]
-            .as_f64()
-            .map_or("\u{2013}".into(), |p| format!("{p:.3}")),
-        short(&found["log_bayes_factor"]),
-        amplitude.join(", ")
-            + if implausible {
-                " (implausibly large)"
-            } else {
-                ""
-            },
-        percent.map_or("\u{2013}".into(), |f| format!("{:.0} %", 100.0 * f)),
-        short(&found["detectable"]),
-        aliases.join(", "),
-    ]
-}
-
-/// Aliases in the table, at most.
-const SHOWN: usize = 3;
-
-/// Mean and sd of an amplitude, which may be very small.
-fn plus_minus(mean: f64, sd: f64) -> String {
-    if sd >= 1e-4 {
-        return format!("{} \u{b1} {}", with_sd(mean, sd), with_sd(sd, sd));
-    }
-    format!("{mean:.1e} \u{b1} {sd:.1e}").replace('-', "\u{2212}")
-}
-
-/// Effects that were not weighed, with the reason.
-fn left_out(round: &Value) -> Markup {
-    let left = round["left_out"].as_array().map_or(&[][..], Vec::as_slice);
-    html! {
-        @if !left.is_empty() {
-            p.soft { "Not weighed: "
-                @for (k, entry) in left.iter().enumerate() {
-                    @if k > 0 { "; " }
-                    (words(&entry["effect"])) " (" (words(&entry["reason"])) ")"
-                }
-                "."
-            }
-        }
-    }
-}
-
-/// What could hide in the residual.
-pub fn blind_spots(page: &Page, figures: &Figures) -> Markup {
-    let Some(spots) = page.report["blind_spots"]
-        .as_array()
-        .filter(|s| !s.is_empty())
-    else {
-        return html! {};
-    };
-    let constants = page.constants();
-    let mut header: Vec<String> = ["effect", "plausible size", "would be seen"]
-        .map(String::from)
-        .into();
-    header.extend(constants.iter().map(|c| format!("shift of {c}, %")));
-    let rows: Vec<Vec<String>> = spots
-        .iter()
-        .map(|spot| {
-            let seen = spot["would_be_seen"].as_bool().unwrap_or_default();
-            let size = format!("{} {}", short(&spot["plausible"]), words(&spot["unit"]));
-            let mut row = vec![
-                effect_name(spot),
-                size.trim_end().to_string(),
-                if seen { "yes" } else { "NO" }.into(),
-            ];
-            row.extend(
-                constants
-                    .iter()
-                    .map(|c| short(&spot["shift_in_percent"][c])),
-            );
-            row
-        })
-        .collect();
-    html! {
-        p { "An effect that these data would not show can still move the constants. The averaged posterior counts it; the posterior of a single model does not." }
-        @if let Some(figure) = figures.get("blind-spots") { (wide(figure)) }
-        (table("What each effect would do at its plausible size if the model lacked it", &header, &rows, true))
     }
 }
 
@@ -290,15 +191,16 @@ pub fn posterior(page: &Page, figures: &Figures) -> Markup {
     html! {
         @if let Some(figure) = figures.get("intervals") { (wide(figure)) }
         @for (round, name) in page.rounds().iter().zip(names(page)) {
-            (table(&format!("Posterior, {name}"), &header, &of(&round["posterior"]), false))
+            (table(&format!("Posterior: {name}"), &header, &of(&round["posterior"]), false))
         }
         @if !averaged.is_empty() {
             (table("Averaged over effects that may act unseen", &header, &averaged, false))
+            @if let Some(note) = page.report["averaged_note"].as_str() { p { (note) } }
         }
         @if let Some(round) = page.rounds().last() { (correlation(round)) }
         @for k in [0, last].into_iter().take(1 + usize::from(last > 0)) {
             @if let Some(figure) = figures.get(&format!("corner-{k}")) {
-                h3 { "Joint posterior, " (names(page)[k]) }
+                h3 { "Joint posterior: " (names(page)[k]) }
                 (wide(figure))
                 p.soft { "Dashed: prior. Red: truth, where it is known. Black: bounds at which a prior is cut. Shades hold 39, 86 and 99 % of the draws." }
             }

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::{short, table, with_sd};
 use crate::report::page::{Page, words};
+use crate::report::traced::contradiction;
 
 /// Names of the rounds: what each added to the model.
 pub fn names(page: &Page) -> Vec<String> {
@@ -111,6 +112,11 @@ fn constants(page: &Page, header: &[String]) -> Markup {
             entries.push(&averaged[&name]);
         }
         let mut cells = row(&name, entries.iter().map(|e| plus_minus(e)));
+        for (k, entry) in page.rounds().iter().enumerate() {
+            if let Some(said) = far(page, k, &name, &entry["posterior"][&name]) {
+                cells[k + 1] += &format!(", {said}");
+            }
+        }
         if let Some(truth) = page.true_value(&name) {
             cells.push(format!("{truth}"));
             let error = |entry: &&Value| {
@@ -127,10 +133,25 @@ fn constants(page: &Page, header: &[String]) -> Markup {
     let without_truth = &header[..header.len() - usize::from(known)];
     html! {
         (table("Constants: posterior mean \u{b1} sd", &header, &rows, false))
+        @if let Some(note) = page.report["averaged_note"].as_str() { p { (note) } }
         @if !errors.is_empty() {
             (table("Error of the mean against the truth of the simulation, and in posterior sd", without_truth, &errors, false))
         }
     }
+}
+
+/// What is said of a round's constant that contradicts its prior.
+fn far(page: &Page, round: usize, name: &str, entry: &Value) -> Option<String> {
+    let sheet = page.sheet(&format!("parameters-{round}"))?;
+    let row = sheet.only("parameter", name);
+    let of = |column: &str| {
+        row.numbers(column)
+            .first()
+            .copied()
+            .filter(|x| x.is_finite())
+    };
+    let sds = (moments(entry)?.0 - of("prior_mean")?) / of("prior_sd")?;
+    Some(contradiction(sds)?.replace('-', "\u{2212}"))
 }
 
 /// Amplitudes of the declared effects in every round.

@@ -1,0 +1,127 @@
+//! The parts of `plychain validate` that simulate: the article's setting on a twin, and calibration.
+
+use std::path::PathBuf;
+
+use super::console::Console;
+use super::validate::Arguments;
+use super::{Global, cache, print};
+use crate::error::{Error, Result};
+use crate::files;
+use crate::infer::{Laplace, Model};
+use crate::report::calibration::{calibration_numbers, calibration_text};
+use crate::trace;
+use crate::validate::calibration::{self, Plan};
+use crate::validate::grid::Grid;
+use crate::validate::twin::{Truth, Twin};
+use crate::validate::{article, quadrature};
+use serde_json::json;
+
+/// Noise of the article's simulated twin, nm, and points along a side.
+const TWIN_NOISE_NM: f64 = 10.0;
+const TWIN_GRID: usize = 121;
+
+/// The article's setting: its specimen simulated at the means of Table 6, priors of Table 4 cut at Table 5, 0.4 % of
+/// unnamed error, a grid over the cut.
+pub fn article_twin(
+    model: &Model,
+    seed: u64,
+    nodes: usize,
+    console: &Console,
+) -> Result<quadrature::Moments> {
+    if model.constants() != article::NAMES || !model.sampled().is_empty() {
+        return Err(Error::input(
+            "--article",
+            "a laminate without mechanical effects, as the article's",
+        )
+        .found(&model.file.name)
+        .hint("use models/openhole.json"));
+    }
+    let prepared = trace::prepare(model, &cache(), console)?;
+    let twin = Twin::new(model, prepared, TWIN_GRID)?;
+    let truth = Truth {
+        theta: article::MEAN.to_vec(),
+        thickness_mm: model.file.specimen.thickness_mm.mean,
+        additive: vec![0.0; twin.columns.effects.len()],
+        noise_nm: TWIN_NOISE_NM,
+    };
+    let mut fields = twin.finite_elements(std::slice::from_ref(&truth), &|| ())?;
+    let mut u = fields.pop().unwrap_or_default();
+    for (u, e) in u.iter_mut().zip(twin.noise(TWIN_NOISE_NM, 0.0, seed)) {
+        *u = [u[0] + e[0], u[1] + e[1]];
+    }
+    let observation = twin.observed(u);
+    let noise = crate::infer::Noise::estimate(&observation, &twin.columns)?;
+    let statistics = crate::infer::Statistics::new(&observation, &twin.columns, &noise)?;
+    let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
+    let mut marginals = posterior.marginals().to_vec();
+    for (m, cut) in marginals.iter_mut().zip(article::TRUNCATION) {
+        m.truncate = Some(cut);
+    }
+    let mode: Laplace = trace::start(&posterior)?;
+    let posterior = posterior.with_marginals(marginals);
+    Ok(Grid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
+}
+
+/// Run `--sbc`.
+pub fn calibrate(
+    arguments: &Arguments,
+    replicates: usize,
+    model: &Model,
+    global: &Global,
+    console: &Console,
+) -> Result<()> {
+    for l in &arguments.correlation_mm {
+        if !(0.0..=2.0).contains(l) {
+            return Err(Error::input(
+                "--correlation-mm",
+                "lengths from 0 to 2 mm, which count as noise",
+            )
+            .found(l));
+        }
+    }
+    let model = calibration::model_of(model);
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(super::RUNS).join(format!("{}-sbc", model.file.name)));
+    std::fs::create_dir_all(&out).map_err(|e| {
+        Error::input(
+            format!("--out {}", out.display()),
+            "a place that can be written",
+        )
+        .found(e)
+    })?;
+    let prepared = trace::prepare(&model, &cache(), console)?;
+    let twin = Twin::new(&model, prepared, arguments.grid)?;
+    let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
+    for effect in model.sampled() {
+        names.extend(
+            effect
+                .parameters()
+                .iter()
+                .map(|p| crate::effect::amplitude_name(effect, p)),
+        );
+    }
+    names.push(crate::infer::NOISE.into());
+    let mut all = Vec::new();
+    for &correlation_mm in &arguments.correlation_mm {
+        let plan = Plan {
+            replicates,
+            correlation_mm,
+            reduced: arguments.reduced,
+            seed: global.seed,
+            grid: arguments.grid,
+        };
+        let record = out.join(format!("sbc-{correlation_mm}mm.jsonl"));
+        let found = calibration::calibrate(&model, &twin, &plan, &record, console)?;
+        let summary = calibration::summarise(&plan, &names, &found);
+        print(&calibration_text(&summary))?;
+        all.push(calibration_numbers(&summary));
+    }
+    let value = json!({ "schema": crate::report::validation::SCHEMA, "calibration": all });
+    let text = serde_json::to_string_pretty(&value)
+        .map_err(|e| Error::program("validation.json", "numbers that JSON can hold").found(e))?;
+    let path = out.join("validation.json");
+    files::replace(&path, text + "\n")?;
+    print(&format!("written to {}\n", path.display()))
+}

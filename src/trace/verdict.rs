@@ -1,0 +1,196 @@
+//! How a loop ended, in words: which effects the residual is consistent with, what is left, and what would confirm it.
+
+use super::attribute::Named;
+use super::close::Step;
+use crate::effect::{EFFECTS, Effect, amplitude_name};
+use crate::quantity::plus_minus;
+
+/// How the loop ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The residual is what the noise explains, and no effect was added.
+    NothingMissing,
+    /// Effects were added, and the residual is now what the noise explains.
+    Closed,
+    /// Structure remains that no effect of the dictionary explains, or that an effect does which was not added.
+    Unexplained,
+}
+
+impl Status {
+    /// As `report.json` has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NothingMissing => "nothing_missing",
+            Self::Closed => "closed",
+            Self::Unexplained => "unexplained",
+        }
+    }
+}
+
+/// What the loop concludes.
+#[derive(Debug, Clone)]
+pub struct Conclusion {
+    /// How it ended.
+    pub status: Status,
+    /// Effects added, in order.
+    pub effects: Vec<&'static str>,
+    /// The alias group of each added effect that has one.
+    pub alias_groups: Vec<Vec<&'static str>>,
+    /// In words.
+    pub text: String,
+    /// What would confirm each effect named, and tell it from its stand-ins.
+    pub confirm: Vec<Confirming>,
+}
+
+/// The tests that would tell the members of a group apart.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Confirming {
+    /// Whether the group's leader is part of the last model.
+    pub added: bool,
+    /// Effect and test, the leader first; stand-ins that act only in pairs last.
+    pub tests: Vec<(&'static str, &'static str)>,
+}
+
+/// Above this probability the structure left is called unexplained.
+const UNEXPLAINED: f64 = 0.5;
+
+/// The conclusion of all rounds.
+pub fn conclude(steps: &[Step]) -> Conclusion {
+    let last = &steps[steps.len() - 1];
+    let mut groups: Vec<&Named> = steps.iter().filter_map(accepted).collect();
+    // the last round's is called for, but there was no round to add it
+    let wanted = accepted(last).and_then(|_| groups.pop());
+    let structure = last.tracing.discrepancy > UNEXPLAINED;
+    let status = match (structure || wanted.is_some(), groups.is_empty()) {
+        (true, _) => Status::Unexplained,
+        (false, true) => Status::NothingMissing,
+        (false, false) => Status::Closed,
+    };
+    let mut confirm: Vec<Confirming> = groups.iter().map(|g| confirming(g, true)).collect();
+    confirm.extend(wanted.map(|g| confirming(g, false)));
+    for members in &last.tracing.undecided {
+        let group = last.tracing.groups.iter().find(|g| g.members == *members);
+        let known = |c: &Confirming| c.tests.iter().any(|(name, _)| *name == members[0]);
+        if !confirm.iter().any(known) {
+            confirm.extend(group.map(|g| confirming(g, false)));
+        }
+    }
+    Conclusion {
+        status,
+        effects: groups.iter().map(|g| g.leader).collect(),
+        alias_groups: groups
+            .iter()
+            .filter(|g| g.members.len() > 1)
+            .map(|g| g.members.clone())
+            .collect(),
+        text: words(steps, &groups, wanted, structure),
+        confirm,
+    }
+}
+
+/// The group of the effect that a round's tracing accepted.
+fn accepted(step: &Step) -> Option<&Named> {
+    let effect = step.tracing.accepted?;
+    let groups = &step.tracing.groups;
+    groups.iter().find(|g| g.leader == effect.name())
+}
+
+fn effect(name: &str) -> Option<&'static dyn Effect> {
+    EFFECTS.iter().find(|e| e.name() == name).copied()
+}
+
+fn confirming(group: &Named, added: bool) -> Confirming {
+    let mut names = vec![group.leader];
+    for name in group.members.iter().chain(group.pairs.iter().flatten()) {
+        if !names.contains(name) {
+            names.push(name);
+        }
+    }
+    let test = |name: &'static str| Some((name, effect(name)?.confirm()));
+    Confirming {
+        added,
+        tests: names.into_iter().filter_map(test).collect(),
+    }
+}
+
+/// The amplitudes of an effect by the last round, or by the tracing that called for it.
+fn amplitude(steps: &[Step], name: &str) -> String {
+    let Some(effect) = effect(name) else {
+        return String::new();
+    };
+    let last = &steps[steps.len() - 1].round;
+    let traced = steps
+        .iter()
+        .find(|s| s.tracing.accepted.is_some_and(|e| e.name() == name))
+        .map_or(&[][..], |s| &s.tracing.accepted_amplitude);
+    let parameters = effect.parameters();
+    let values = parameters.iter().enumerate().filter_map(|(k, p)| {
+        let (mean, sd) = last
+            .moments(&amplitude_name(effect, p))
+            .or_else(|| traced.get(k).copied())?;
+        let value = plus_minus(mean, sd);
+        Some(match parameters.len() {
+            1 => format!("{value} {}", p.unit()),
+            _ => format!("{} {value}", p.name),
+        })
+    });
+    values.collect::<Vec<_>>().join(", ")
+}
+
+/// An effect with its amplitude, and what could stand in for it.
+fn consistent(steps: &[Step], group: &Named) -> String {
+    let mut text = group.leader.to_string();
+    let amplitude = amplitude(steps, group.leader);
+    if !amplitude.is_empty() {
+        text += &format!(" ({amplitude})");
+    }
+    let others: Vec<&str> = group
+        .members
+        .iter()
+        .copied()
+        .filter(|m| *m != group.leader)
+        .collect();
+    if !others.is_empty() {
+        text += &format!(
+            ", or with {}, which this measurement cannot tell from it",
+            others.join(" or ")
+        );
+    }
+    text
+}
+
+fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bool) -> String {
+    let mut said: Vec<String> = Vec::new();
+    for group in added {
+        let begin = if said.is_empty() {
+            "The residual is consistent with"
+        } else {
+            "With that in the model it is consistent with"
+        };
+        said.push(format!("{begin} {}.", consistent(steps, group)));
+    }
+    if let Some(group) = wanted {
+        said.push(format!(
+            "{} with {}; the limit of rounds or of time kept it out of the model, and the constants lack what it does to them.",
+            if said.is_empty() { "The residual is consistent" } else { "What is left is consistent" },
+            consistent(steps, group)
+        ));
+    }
+    if structure {
+        said.push("Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy.".into());
+    } else if wanted.is_none() && added.is_empty() {
+        said.push(
+            "The residual is what the measured noise explains: nothing asks for another effect."
+                .into(),
+        );
+    } else if wanted.is_none() {
+        said.push("What is left is what the measured noise explains.".into());
+    }
+    said.push("A scale of the load or of the thickness cannot be told from a common factor of all moduli: every percent of the one is a percent of the other, and only a calibrated load cell and a micrometer separate them.".into());
+    let undecided = &steps[steps.len() - 1].tracing.undecided;
+    if !undecided.is_empty() {
+        let names: Vec<String> = undecided.iter().map(|g| g.join(" or ")).collect();
+        said.push(format!("Undecided: {}.", names.join("; ")));
+    }
+    said.join(" ")
+}
