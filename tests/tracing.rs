@@ -358,6 +358,47 @@ fn what_cannot_be_seen_is_said_to_be() {
     assert!(!said(1.0).contains("averaged sd"));
 }
 
+/// An eccentricity e strains by eps (1 + 12 e x / W^2), a taper f across the width by eps (1 - f x / W): one field for
+/// f = -12 e / W but for the hole. A verdict on the one has to speak of the other.
+#[test]
+fn bending_is_never_named_without_the_taper_that_looks_like_it() {
+    let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
+    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Unwatched).unwrap();
+    let state = State {
+        constants: model.marginals().iter().map(|m| m.mean).collect(),
+        acting: Vec::new(),
+    };
+    let tracing = attribute(&model, &prepared, state, &Unwatched).unwrap();
+    let group = &tracing.groups[0];
+    assert_eq!(group.leader, "in_plane_bending");
+    if group.members.contains(&"thickness_taper") {
+        return;
+    }
+    let taper = group
+        .resembling
+        .iter()
+        .find(|r| r.effect == "thickness_taper");
+    let taper = taper.unwrap_or_else(|| panic!("{group:?}"));
+    assert!(taper.cosine > 0.99 && taper.lost_nats > 0.0, "{taper:?}");
+    let across = taper.amplitude[0].1;
+    let expected = -100.0 * 12.0 * 0.2 / 25.0;
+    assert!(
+        (across / expected - 1.0).abs() < 0.1,
+        "{across} % for {expected} %"
+    );
+    let found = tracing
+        .candidates
+        .iter()
+        .find(|f| f.effect.name() == "in_plane_bending");
+    assert!(
+        found
+            .unwrap()
+            .aliases
+            .iter()
+            .any(|a| a.0 == "thickness_taper")
+    );
+}
+
 /// The measured steel strip: the loop finds the rigid motion that the published calibration lacks, goes on to structure that it
 /// cannot name, and its averaged posterior does not exclude what steel is known to have.
 #[test]

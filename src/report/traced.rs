@@ -5,7 +5,8 @@ use serde_json::{Map, Value, json};
 use super::numbers::{SCHEMA, round_numbers};
 use super::widening::{self, Alone};
 use crate::trace::{
-    Averaged, BlindSpot, Closed, Confirming, Found, Named, PRIOR_SDS, Status, Step, Tracing,
+    Averaged, BlindSpot, Closed, Confirming, Found, Named, PRIOR_SDS, Resembling, Status, Step,
+    Tracing,
 };
 
 /// `report.json` of a loop.
@@ -99,6 +100,19 @@ fn number(x: f64) -> Value {
     json!(x.is_finite().then_some(x))
 }
 
+fn resembling(other: &Resembling) -> Value {
+    let amplitude = other.amplitude.iter().map(|(name, value)| {
+        json!({ "parameter": name.rsplit('.').next().unwrap_or(name), "value": value })
+    });
+    json!({
+        "effect": other.effect,
+        "cosine": other.cosine,
+        "amplitude": amplitude.collect::<Vec<_>>(),
+        "plausible_multiple": number(other.multiple),
+        "log_evidence_lost": number(other.lost_nats),
+    })
+}
+
 fn candidates(tracing: &Tracing) -> Value {
     tracing.candidates.iter().map(candidate).collect()
 }
@@ -146,6 +160,7 @@ fn groups(tracing: &Tracing) -> Value {
     let group = |g: &Named| {
         json!({
             "leader": g.leader, "members": g.members, "pairs": g.pairs,
+            "resembling": g.resembling.iter().map(resembling).collect::<Vec<_>>(),
             "probability": g.probability, "log_evidence_lost_without": number(g.drop_nats),
             "predicts_held_out_blocks": g.predicts,
         })

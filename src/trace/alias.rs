@@ -82,22 +82,84 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
     }
 }
 
+/// An effect outside a group whose signature comes close to the leader's: finer shape or plausible size speak against it.
+#[derive(Debug, Clone)]
+pub struct Lookalike {
+    /// The candidate.
+    pub candidate: usize,
+    /// Cosine of the angle between the leader's part of the field and the nearest field of this effect, both with
+    /// everything absorbable projected out.
+    pub cosine: f64,
+    /// Amplitudes of that nearest field, prior sds.
+    pub amplitude: Vec<f64>,
+    /// Log evidence lost when it takes the leader's place.
+    pub lost_nats: f64,
+}
+
+/// What resembles a group's leader as it acts in the best subset, the most similar first.
+pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
+    let best = subsets.best();
+    let (mean, _) = subsets.amplitudes(best);
+    let before = best.iter().take_while(|k| **k != group.leader);
+    let at: usize = before.map(|&k| subsets.ranges[k].len()).sum();
+    let own = &subsets.ranges[group.leader];
+    let a = mean.rows(at, own.len());
+    let g = &subsets.projected[subsets.best_pair].g;
+    let norm2 = a.dot(&(block(g, own, own) * a));
+    let reference = subsets.log_evidence(best);
+    let one = |candidate: usize| -> Option<Lookalike> {
+        let other = &subsets.ranges[candidate];
+        let towards = block(g, other, own) * a;
+        let nearest = block(g, other, other)
+            .svd(true, true)
+            .solve(&towards, 1e-9 * g[(other[0], other[0])])
+            .ok()?;
+        let cosine = (towards.dot(&nearest) / norm2).max(0.0).sqrt().min(1.0);
+        let mut swapped: Subset = best
+            .iter()
+            .copied()
+            .filter(|&k| k != group.leader)
+            .chain([candidate])
+            .collect();
+        swapped.sort_unstable();
+        Some(Lookalike {
+            candidate,
+            cosine,
+            amplitude: nearest.as_slice().to_vec(),
+            lost_nats: reference - subsets.log_evidence(&swapped),
+        })
+    };
+    let others = (0..subsets.ranges.len()).filter(|k| {
+        !best.contains(k) && !group.members.contains(k) && !subsets.ranges[*k].is_empty()
+    });
+    let mut found: Vec<Lookalike> = others
+        .filter_map(one)
+        .filter(|l| l.cosine > SIMILAR)
+        .collect();
+    found.sort_by(|a, b| b.cosine.total_cmp(&a.cosine));
+    found
+}
+
+/// Cosine above which signatures are called similar.
+pub const SIMILAR: f64 = 0.9;
+
+/// Some rows and columns of a matrix.
+fn block(g: &DMatrix<f64>, rows: &[usize], cols: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(rows.len(), cols.len(), |i, j| g[(rows[i], cols[j])])
+}
+
 /// Cosine of the angle between two effects' signatures with everything absorbable projected out: the largest canonical
 /// correlation of their columns under one noise setting.
 pub fn cosine(projected: &Projected, a: &[usize], b: &[usize]) -> f64 {
-    let block = |rows: &[usize], cols: &[usize]| {
-        DMatrix::from_fn(rows.len(), cols.len(), |i, j| {
-            projected.g[(rows[i], cols[j])]
-        })
-    };
+    let g = &projected.g;
     let root = |columns: &[usize]| {
-        let eigen = block(columns, columns).symmetric_eigen();
+        let eigen = block(g, columns, columns).symmetric_eigen();
         let floor = 1e-9 * eigen.eigenvalues.amax();
         let scale = eigen
             .eigenvalues
             .map(|e| if e > floor { 1.0 / e.sqrt() } else { 0.0 });
         &eigen.eigenvectors * DMatrix::from_diagonal(&scale) * eigen.eigenvectors.transpose()
     };
-    let correlation = root(a) * block(a, b) * root(b);
+    let correlation = root(a) * block(g, a, b) * root(b);
     correlation.singular_values().max().min(1.0)
 }

@@ -83,6 +83,24 @@ pub struct Named {
     pub drop_nats: f64,
     /// Whether held-out blocks are predicted better with it.
     pub predicts: bool,
+    /// Effects outside the group that leave almost the same field.
+    pub resembling: Vec<Resembling>,
+}
+
+/// An effect that leaves almost the same field as the leader of a group does: only the finer shape of the field, or the
+/// size that it would need, speak against it.
+#[derive(Debug, Clone)]
+pub struct Resembling {
+    /// Its name.
+    pub effect: &'static str,
+    /// Cosine of the leader's part of the field and the nearest field of this effect.
+    pub cosine: f64,
+    /// The amplitudes that it would need, border units.
+    pub amplitude: Vec<(String, f64)>,
+    /// The largest of them over its plausible size.
+    pub multiple: f64,
+    /// Log evidence lost with it in the leader's place.
+    pub lost_nats: f64,
 }
 
 /// Blocks closer to the hole than this many radii are not used: the hole's edge is where optics and meshes are worst.
@@ -271,6 +289,7 @@ impl Named {
             probability: found.inclusion_probability,
             drop_nats: found.log_bayes_factor,
             predicts: true,
+            resembling: Vec::new(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! From the evidence to conclusions: ranking, alias groups, acceptance, averaged posterior, blind spots.
 
-use super::alias::{Group, cosine, groups};
-use super::attribute::{Found, Named, Tracing};
+use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
+use super::attribute::{Found, Named, Resembling, Tracing};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains, rms_nm};
 use super::state::State;
@@ -155,7 +155,26 @@ impl Evidence<'_> {
             probability: group.probability,
             drop_nats: group.drop_nats,
             predicts,
+            resembling: self.resembling(group),
         }
+    }
+
+    fn resembling(&self, group: &Group) -> Vec<Resembling> {
+        let found = lookalikes(self.subsets, group).into_iter();
+        let one = |l: super::alias::Lookalike| {
+            let candidate = &self.tangents.candidates[l.candidate];
+            let columns = candidate.columns.iter().zip(&l.amplitude);
+            Resembling {
+                effect: candidate.effect.name(),
+                cosine: l.cosine,
+                amplitude: columns
+                    .map(|(c, a)| (c.name.clone(), c.mean + c.sd * a))
+                    .collect(),
+                multiple: l.amplitude.iter().fold(0.0, |m: f64, a| m.max(a.abs())),
+                lost_nats: l.lost_nats,
+            }
+        };
+        found.map(one).collect()
     }
 
     fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
@@ -244,13 +263,12 @@ impl Evidence<'_> {
         let mut aliases: Vec<(&'static str, f64)> = (0..subsets.ranges.len())
             .filter(|j| *j != k)
             .map(|j| (group.is_some_and(|g| g.members.contains(&j)), j, of(j)))
-            .filter(|(member, _, cosine)| *member || (group.is_none() && *cosine > SIMILAR))
+            .filter(|(member, _, cosine)| {
+                *member || (*cosine > SIMILAR && group.is_none_or(|g| g.members.len() == 1))
+            })
             .map(|(_, j, cosine)| (self.name(j), cosine))
             .collect();
         aliases.sort_by(|a, b| b.1.total_cmp(&a.1));
         aliases
     }
 }
-
-/// Cosine above which signatures are called similar.
-const SIMILAR: f64 = 0.9;

@@ -22,7 +22,7 @@ mod truth;
 mod verdict;
 mod weighing;
 
-pub use attribute::{Found, Named, Tracing, attribute, candidates};
+pub use attribute::{Found, Named, Resembling, Tracing, attribute, candidates};
 pub use averaged::{Averaged, BlindSpot};
 pub use checks::PRIOR_SDS;
 pub use close::{Closed, Step, close, extended};

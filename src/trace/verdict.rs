@@ -1,6 +1,6 @@
 //! How a loop ended, in words: which effects the residual is consistent with, what is left, and what would confirm it.
 
-use super::attribute::Named;
+use super::attribute::{Named, Resembling};
 use super::close::Step;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::quantity::plus_minus;
@@ -47,7 +47,7 @@ pub struct Conclusion {
 pub struct Confirming {
     /// Whether the group's leader is part of the last model.
     pub added: bool,
-    /// Effect and test, the leader first; stand-ins that act only in pairs last.
+    /// Effect and test: the leader, what could stand in for it alone or in a pair, and what leaves almost the same field.
     pub tests: Vec<(&'static str, &'static str)>,
 }
 
@@ -101,7 +101,9 @@ fn effect(name: &str) -> Option<&'static dyn Effect> {
 
 fn confirming(group: &Named, added: bool) -> Confirming {
     let mut names = vec![group.leader];
-    for name in group.members.iter().chain(group.pairs.iter().flatten()) {
+    let pairs = group.pairs.iter().flatten();
+    let resembling = resembling(group).map(|r| &r.effect);
+    for name in group.members.iter().chain(pairs).chain(resembling) {
         if !names.contains(name) {
             names.push(name);
         }
@@ -156,7 +158,43 @@ fn consistent(steps: &[Step], group: &Named) -> String {
             others.join(" or ")
         );
     }
+    for (k, other) in resembling(group).enumerate() {
+        let begin = if k == 0 {
+            ". Almost the same field"
+        } else {
+            ", or"
+        };
+        let amplitude = other.amplitude.iter().map(|(name, value)| {
+            let parameter = name.rsplit('.').next().unwrap_or(name);
+            format!("{parameter} {value:.3}")
+        });
+        let amplitude: Vec<String> = amplitude
+            .filter(|a| !a.ends_with(" 0.000") && !a.ends_with("-0.000"))
+            .collect();
+        text += &format!(
+            "{begin} (cosine {:.3}) would come from {} with {}, {:.1} times its plausible size",
+            other.cosine,
+            other.effect,
+            amplitude.join(", "),
+            other.multiple
+        );
+    }
+    if resembling(group).next().is_some() {
+        text += ": its finer shape and that size alone speak against it, so that the test below should decide";
+    }
     text
+}
+
+/// Resembling effects that are named in words, at most.
+const WORTH_NAMING: usize = 2;
+
+/// Cosine from which fields differ by less than what a model of a real specimen may have wrong.
+const NEARLY_THE_SAME: f64 = 0.95;
+
+/// The effects outside a group that leave almost the same field as its leader.
+fn resembling(group: &Named) -> impl Iterator<Item = &Resembling> {
+    let near = |r: &&Resembling| r.cosine > NEARLY_THE_SAME;
+    group.resembling.iter().filter(near).take(WORTH_NAMING)
 }
 
 fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bool) -> String {
