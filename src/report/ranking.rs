@@ -85,9 +85,10 @@ fn row(found: &Found) -> Vec<String> {
     ]
 }
 
-/// The constants averaged over what may act unseen beside those of the model `alone`, and what could hide in the residual.
+/// What could hide in the residual, and the constants averaged over it beside those of the model `alone`.
 pub fn averaged(tracing: &Tracing, alone: &Alone) -> String {
-    let mut text = String::from("\nconstants averaged over what may act unseen\n\n");
+    let mut text = blind_spots(tracing);
+    text += "\nconstants averaged over what may act unseen: the intervals to quote\n\n";
     let rows: Vec<Vec<String>> = tracing
         .averaged
         .iter()
@@ -108,7 +109,6 @@ pub fn averaged(tracing: &Tracing, alone: &Alone) -> String {
         text += "\n";
         text += &wrap("  ", "  ", &note);
     }
-    text += &blind_spots(tracing);
     text
 }
 
@@ -207,7 +207,7 @@ pub fn closed(closed: &Closed) -> String {
     text += "\n";
     text += &constants(closed);
     if let Some(round) = &closed.honest {
-        text += "\nthe last model with the unexplained structure as a correlated discrepancy\n\n";
+        text += "\nthe last model with the unexplained structure as a correlated discrepancy, if nothing acts that it does not declare\n\n";
         let rows: Vec<Vec<String>> = round
             .verdict
             .rows
