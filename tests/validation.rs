@@ -219,6 +219,13 @@ fn a_run_is_validated_and_what_is_not_one_is_refused() {
     }
     let worst = number(&value["thickness"]["worst_difference_in_standard_errors"]);
     assert!(worst < 4.2, "{worst}");
+    // the grid's draws are chain files like a run's, also when it is validated again
+    succeed(&["validate", out, "--quiet", "--nodes", "9"]);
+    for name in ["grid/chain.zarr", "grid/chain.csv"] {
+        let file = run.join(name).display().to_string();
+        let table = succeed(&["diagnose", &file]);
+        assert!(table.contains("noise_nm"), "{name}: {table}");
+    }
     refused(&["validate", out, "--bounds", "E1_GPa=160:120"], "E1_GPa");
     refused(&["validate", out, "--bounds", "E1_GPa=-160:120"], "above 0");
     refused(&["validate", out, "--bounds", "E9_GPa=1:2"], "E9_GPa");

@@ -13,4 +13,4 @@ pub use draws::{Chains, Draws, Info, MoveTally, Series};
 pub use getdist::{read_getdist, write_getdist};
 pub use npz::write_npz;
 pub use reader::{Reader, TakeChunk, read as read_zarr};
-pub use store::{Layout, Replay, Store};
+pub use store::{Layout, Replay, Store, write_zarr};

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::draws::Draws;
 use super::reader::Reader;
 use super::zarr::{self, Kind};
 use crate::error::{Error, Result};
@@ -42,6 +43,25 @@ impl Layout {
             .clamp(1, 1 << 14)
             .next_power_of_two()
     }
+}
+
+/// Write draws that are complete, each chain an ensemble of its own, as a new store.
+///
+/// # Errors
+/// The input's fault if the place exists or cannot be written.
+pub fn write_zarr(draws: &Draws, path: &Path) -> Result<()> {
+    let layout = Layout {
+        names: draws.names().to_vec(),
+        walkers: 1,
+        ensembles: draws.chains(),
+        observed: Vec::new(),
+    };
+    let mut store = Store::create(path, layout, json!({}))?;
+    let values = draws.values().chunks_exact(draws.draws() * draws.dim());
+    let lp = draws.lp().chunks_exact(draws.draws());
+    let blocks: Vec<(&[f64], &[f64])> = values.zip(lp).collect();
+    store.record(&blocks)?;
+    store.finalize(&[])
 }
 
 /// Takes an ensemble's index, its positions (parameter x walker) and log densities of one draw.

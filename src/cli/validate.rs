@@ -11,7 +11,7 @@ use super::console::Console;
 use super::folder::{Folder, check_run};
 use super::identify::{identity, load, sampler, write};
 use super::{DEFAULT_MODEL, Global, cache, print};
-use crate::chain::{Draws, read_zarr, write_csv};
+use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::infer::{LogDensity, Model, Posterior};
@@ -225,7 +225,7 @@ fn validate(
         .transpose()?;
     let seconds = began.elapsed().as_secs_f64();
     if let Some(grid) = &evaluated {
-        write_csv(&grid.draws(4, 2500)?, &folder.path().join("grid.csv"))?;
+        write_grid(grid, &folder.path().join("grid"))?;
     }
     let compared = thickness::compare(
         posterior,
@@ -260,6 +260,23 @@ fn validate(
         console,
     )
 }
+
+/// Draws of the grid in a folder with the chain files of a run.
+fn write_grid(grid: &Grid, folder: &Path) -> Result<()> {
+    let failed = |e| Error::input(folder.display(), "a folder that can be written").found(e);
+    if folder.exists() {
+        // of an earlier validation
+        std::fs::remove_dir_all(folder).map_err(failed)?;
+    }
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let draws = grid.draws(GRID_CHAINS, GRID_DRAWS)?;
+    write_csv(&draws, &folder.join("chain.csv"))?;
+    write_zarr(&draws, &folder.join("chain.zarr"))
+}
+
+/// Chains, and draws a chain, as which a grid is written.
+const GRID_CHAINS: usize = 4;
+const GRID_DRAWS: usize = 2500;
 
 /// The grid's bounds: about the chain, or as declared.
 fn bounds(arguments: &Arguments, posterior: &Posterior, chain: &[Row]) -> Result<Vec<[f64; 2]>> {
