@@ -14,6 +14,7 @@ mod jumps;
 mod kernel;
 mod laminate;
 mod layering;
+mod marginal;
 mod measure;
 mod mechanics;
 mod memory;

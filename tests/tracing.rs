@@ -25,6 +25,8 @@ const TRUTH: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
 pub enum Noise {
     /// 10 nm a point, white.
     White,
+    /// White, of this sd (nm) a point.
+    Of(f64),
     /// 10 nm a point, correlated over this length, mm.
     Correlated(f64),
     /// 10 nm, white, and a smooth Gaussian field of this sd (nm) and length (mm) that is in no dictionary.
@@ -40,6 +42,7 @@ pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
         .collect();
     let (noise_nm, correlation_mm) = match noise {
         Noise::White => (10.0, 0.0),
+        Noise::Of(sd) => (sd, 0.0),
         Noise::Correlated(length) => (10.0, length),
         Noise::Field(sd, length) => (sd, length),
     };
@@ -104,7 +107,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
 }
 
 /// Every effect of the dictionary at a size that is clear in 10 nm of noise: its plausible one, or what it takes to be seen.
-const CLEAR: [&str; 20] = [
+pub const CLEAR: [&str; 20] = [
     "rigid_rotation=50",
     "uniform_strain=10,-5,8",
     "thermal_strain=3",
