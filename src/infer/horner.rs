@@ -1,17 +1,15 @@
 //! Quadratic forms of polynomials of degree three in up to [`MOST`] variables, evaluated by nested multiplication.
 
 use nalgebra::DMatrix;
-use pulp::Simd;
+use pulp::{Scalar, Simd};
 
-use super::lanes::{Lanes, WIDTH, ln};
-use super::monomials::position;
-use super::nested::{BLOCK, Place, Point, Points, Row, cubic, order, quadratic};
+use super::forms::{Alone, Finish, Forms, GROUP, Of, Residual};
+use super::lanes::{Lanes, Parameters, WIDTH};
+use super::monomials::{Variable, position};
+use super::nested::{BLOCK, Place, Point, Points, Row, Sums, cubic, order, quadratic};
 
 /// Most variables.
 pub(super) const MOST: usize = 5;
-
-/// Coordinates whose product of variances is taken before the logarithm.
-pub(super) const GROUP: usize = 4;
 
 /// What the quadratic form is made of, in coordinates whose covariance is diagonal.
 pub(super) struct Form<'a> {
@@ -27,8 +25,10 @@ pub(super) struct Form<'a> {
     pub measured: &'a [f64],
     /// Growth of each variance with the noise's; empty if all variances are 1.
     pub spread: &'a [f64],
-    /// Whether a factor stands before the polynomials.
-    pub factor: bool,
+    /// The variables.
+    pub variables: &'a [Variable],
+    /// What over the first parameter stands before the polynomials, if anything does.
+    pub factor: Option<f64>,
 }
 
 /// Eight coordinates.
@@ -45,7 +45,8 @@ struct Block {
 /// Quadratic forms of cubic polynomials.
 #[derive(Debug, Clone)]
 pub(super) struct Horner {
-    variables: usize,
+    variables: Vec<Variable>,
+    factor: Option<f64>,
     blocks: Vec<Block>,
     /// Response relative to the mean, where it has no polynomials of its own.
     relative: Option<f64>,
@@ -66,7 +67,7 @@ impl Horner {
         if bent || steep || !(1..=MOST).contains(&variables) {
             return None;
         }
-        let residual = !form.factor && form.slope.is_some();
+        let residual = form.factor.is_none() && form.slope.is_some();
         let unit = form.spread.is_empty();
         let row = |column: Option<&Vec<f64>>, first: usize| -> Row {
             let mut row = [0.0; BLOCK];
@@ -109,7 +110,8 @@ impl Horner {
             block
         });
         Some(Self {
-            variables,
+            variables: form.variables.to_vec(),
+            factor: form.factor,
             blocks: blocks.collect(),
             relative: form.slope.is_none().then_some(form.relative),
             residual,
@@ -117,90 +119,98 @@ impl Horner {
         })
     }
 
-    /// Products of variances that [`Horner::batch`] hands out.
-    pub(super) fn products(&self) -> usize {
-        if self.unit {
-            0
-        } else {
-            self.blocks.len() * (BLOCK / GROUP)
-        }
-    }
-
-    /// r' V^-1 r, w' V^-1 w and w' V^-1 r at points of scaled variables `z`.
+    /// What `finish` makes of the forms at the first `count` of `points`, whose noise has the scales `scale`.
     #[inline(always)]
     pub(super) fn batch<S: Simd>(
         &self,
         simd: S,
-        z: &[Lanes],
-        [factor, variance]: [&Lanes; 2],
-        products: &mut [Lanes],
-    ) -> [Lanes; 3] {
-        let mut sums = [[0.0; WIDTH]; 3];
-        let of = (factor, variance);
-        match self.variables {
-            1 => self.vectors::<S, 1, 4, 3>(simd, z, of, products, &mut sums),
-            2 => self.vectors::<S, 2, 10, 6>(simd, z, of, products, &mut sums),
-            3 => self.vectors::<S, 3, 20, 10>(simd, z, of, products, &mut sums),
-            4 => self.vectors::<S, 4, 35, 15>(simd, z, of, products, &mut sums),
-            _ => self.vectors::<S, 5, 56, 21>(simd, z, of, products, &mut sums),
+        points: &[Lanes],
+        count: usize,
+        scale: &Lanes,
+        finish: &impl Finish<S>,
+    ) -> Lanes {
+        let mut out = [0.0; WIDTH];
+        match self.variables.len() {
+            1 => self.points::<S, 1, 4, 3>(simd, points, count, scale, finish, &mut out),
+            2 => self.points::<S, 2, 10, 6>(simd, points, count, scale, finish, &mut out),
+            3 => self.points::<S, 3, 20, 10>(simd, points, count, scale, finish, &mut out),
+            4 => self.points::<S, 4, 35, 15>(simd, points, count, scale, finish, &mut out),
+            _ => self.points::<S, 5, 56, 21>(simd, points, count, scale, finish, &mut out),
         }
-        sums
+        out
     }
 
     #[inline(always)]
-    fn vectors<S: Simd, const V: usize, const N: usize, const M: usize>(
+    fn points<S: Simd, const V: usize, const N: usize, const M: usize>(
         &self,
         simd: S,
-        z: &[Lanes],
-        (factor, variance): (&Lanes, &Lanes),
-        products: &mut [Lanes],
-        out: &mut [Lanes; 3],
+        points: &[Lanes],
+        count: usize,
+        scale: &Lanes,
+        finish: &impl Finish<S>,
+        out: &mut Lanes,
     ) {
-        let Some(z) = z.first_chunk::<V>() else {
-            return;
-        };
-        for v in 0..WIDTH / S::F64_LANES {
-            let mut variables = [simd.splat_f64s(0.0); V];
-            for k in 0..V {
-                variables[k] = S::as_simd_f64s(&z[k]).0[v];
-            }
-            let factor = S::as_simd_f64s(factor).0[v];
-            let variance = S::as_simd_f64s(variance).0[v];
-            let mut vector = Vector {
-                simd,
-                z: variables,
-                factor,
-                variance,
-                sum: [simd.splat_f64s(0.0); 3],
-            };
-            for (b, block) in self.blocks.iter().enumerate() {
-                let mut product = [simd.splat_f64s(1.0); BLOCK / GROUP];
+        let used = count.div_ceil(S::F64_LANES);
+        for (v, out) in S::as_mut_simd_f64s(out).0.iter_mut().take(used).enumerate() {
+            let x = Of(points, v);
+            let (z, factor) = self.scaled::<S, V>(simd, &x);
+            let scale = S::as_simd_f64s(scale).0[v];
+            let of = [factor, simd.mul_f64s(scale, scale)];
+            let mut forms = Forms::zero(simd);
+            for block in &self.blocks {
                 // As many polynomials at a time as the registers hold with what they are made of.
                 if S::REGISTER_COUNT >= 32 {
-                    vector.add::<N, M, BLOCK>(self, block, 0, &mut product);
+                    let a = Points::<S, BLOCK> { simd, first: 0 };
+                    let residual = self.residual::<S, _, V, N, M, BLOCK>(simd, &a, block, &z, of);
+                    forms.add(simd, &residual, self.unit);
                 } else {
-                    vector.add::<N, M, GROUP>(self, block, 0, &mut product);
-                    vector.add::<N, M, GROUP>(self, block, GROUP, &mut product);
-                }
-                for (g, product) in product.iter().enumerate().filter(|_| !self.unit) {
-                    S::as_mut_simd_f64s(&mut products[b * (BLOCK / GROUP) + g]).0[v] = *product;
+                    for first in [0, GROUP] {
+                        let a = Points::<S, GROUP> { simd, first };
+                        let residual =
+                            self.residual::<S, _, V, N, M, GROUP>(simd, &a, block, &z, of);
+                        forms.add(simd, &residual, self.unit);
+                    }
                 }
             }
-            for (out, sum) in out.iter_mut().zip(vector.sum) {
-                S::as_mut_simd_f64s(out).0[v] = sum;
-            }
+            *out = finish.finish(simd, &x, scale, &forms);
         }
     }
 
-    /// The same as [`Horner::batch`] at one point, and the logarithm of the variances' product.
+    /// Scaled variables, and the factor before the polynomials.
     #[inline(always)]
-    pub(super) fn single<S: Simd>(&self, simd: S, z: &[f64], of: (f64, f64)) -> ([f64; 3], f64) {
-        match self.variables {
-            1 => self.point::<S, 1, 4, 3>(simd, z, of),
-            2 => self.point::<S, 2, 10, 6>(simd, z, of),
-            3 => self.point::<S, 3, 20, 10>(simd, z, of),
-            4 => self.point::<S, 4, 35, 15>(simd, z, of),
-            _ => self.point::<S, 5, 56, 21>(simd, z, of),
+    fn scaled<S: Simd, const V: usize>(
+        &self,
+        simd: S,
+        x: &impl Parameters<S>,
+    ) -> ([S::f64s; V], S::f64s) {
+        let one = simd.splat_f64s(1.0);
+        let mut z = [one; V];
+        if let Some(variables) = self.variables.first_chunk::<V>() {
+            for k in 0..V {
+                let v = &variables[k];
+                let mut value = x.get(simd, v.numerator);
+                if v.ratio {
+                    value = simd.div_f64s(value, x.get(simd, 0));
+                }
+                let distance = simd.sub_f64s(value, simd.splat_f64s(v.middle));
+                z[k] = simd.mul_f64s(distance, simd.splat_f64s(v.per_half));
+            }
+        }
+        match self.factor {
+            Some(f) => (z, simd.div_f64s(simd.splat_f64s(f), x.get(simd, 0))),
+            None => (z, one),
+        }
+    }
+
+    /// The same as [`Horner::batch`] at one point.
+    #[inline(always)]
+    pub(super) fn single<S: Simd>(&self, simd: S, x: &[f64], variance: f64) -> Forms<f64> {
+        match self.variables.len() {
+            1 => self.point::<S, 1, 4, 3>(simd, x, variance),
+            2 => self.point::<S, 2, 10, 6>(simd, x, variance),
+            3 => self.point::<S, 3, 20, 10>(simd, x, variance),
+            4 => self.point::<S, 4, 35, 15>(simd, x, variance),
+            _ => self.point::<S, 5, 56, 21>(simd, x, variance),
         }
     }
 
@@ -208,124 +218,98 @@ impl Horner {
     fn point<S: Simd, const V: usize, const N: usize, const M: usize>(
         &self,
         simd: S,
-        z: &[f64],
-        (factor, variance): (f64, f64),
-    ) -> ([f64; 3], f64) {
-        let mut variables = [simd.splat_f64s(0.0); V];
-        for (variable, z) in variables.iter_mut().zip(z) {
-            *variable = simd.splat_f64s(*z);
+        x: &[f64],
+        variance: f64,
+    ) -> Forms<f64> {
+        let scalar = Scalar::new();
+        let (scaled, factor) = self.scaled::<_, V>(scalar, &Alone(x));
+        let mut z = [simd.splat_f64s(0.0); V];
+        for k in 0..V {
+            z[k] = simd.splat_f64s(scaled[k]);
         }
+        let of = [simd.splat_f64s(factor), simd.splat_f64s(variance)];
         let a = Point(simd);
-        let used = BLOCK / S::F64_LANES;
-        let mut sum = [simd.splat_f64s(0.0); 3];
-        let mut log_det = 0.0;
+        let mut forms = Forms::zero(scalar);
         for block in &self.blocks {
-            let (mut mean, mut slope) = ([0.0; BLOCK], [0.0; BLOCK]);
-            if let Some(c) = block.mean.first_chunk::<N>() {
-                let value = cubic::<_, V, N>(&a, &variables, c, 0);
-                S::as_mut_simd_f64s(&mut mean)
-                    .0
-                    .copy_from_slice(&value[..used]);
+            let along = self.residual::<S, _, V, N, M, BLOCK>(simd, &a, block, &z, of);
+            let mut across = Residual {
+                terms: [[0.0; BLOCK]; 3],
+                variance: [1.0; BLOCK],
+            };
+            for (across, along) in across.terms.iter_mut().zip(&along.terms) {
+                lay_out::<S>(along, across);
             }
-            if let Some(c) = block.slope.first_chunk::<M>() {
-                let place = &mut Place { at: 0, zeros: 0 };
-                let value = quadratic::<_, 0, V, M>(&a, &variables, c, place);
-                S::as_mut_simd_f64s(&mut slope)
-                    .0
-                    .copy_from_slice(&value[..used]);
+            if !self.unit {
+                lay_out::<S>(&along.variance, &mut across.variance);
             }
-            let mut product = [1.0; BLOCK / GROUP];
-            for k in 0..BLOCK {
-                let (mut r, mut w) = (mean[k], slope[k]);
-                if !self.residual {
-                    let mean = factor * mean[k];
-                    r = block.measured[k] - mean;
-                    w = self.relative.map_or(w, |relative| relative * mean);
-                }
-                let (mut rv, mut wv) = (r, w);
-                if !self.unit {
-                    let v = 1.0 + variance * block.spread[k];
-                    product[k / GROUP] *= v;
-                    let inverse = 1.0 / v;
-                    (rv, wv) = (r * inverse, w * inverse);
-                }
-                for (sum, (a, b)) in sum.iter_mut().zip([(r, rv), (w, wv), (w, rv)]) {
-                    // Fused where vectors are.
-                    *sum = simd.mul_add_e_f64s(simd.splat_f64s(a), simd.splat_f64s(b), *sum);
-                }
-            }
-            for product in product.iter().filter(|_| !self.unit) {
-                log_det += ln(*product);
-            }
+            forms.add(scalar, &across, self.unit);
         }
-        let mut out = [0.0; 3];
-        for (out, sum) in out.iter_mut().zip(&sum) {
-            let mut lanes = [0.0; WIDTH];
-            S::as_mut_simd_f64s(&mut lanes).0[0] = *sum;
-            *out = lanes[0];
-        }
-        (out, log_det)
+        forms
     }
-}
 
-/// One vector of points, and their sums r' V^-1 r, w' V^-1 w and w' V^-1 r so far.
-struct Vector<S: Simd, const V: usize> {
-    simd: S,
-    z: [S::f64s; V],
-    factor: S::f64s,
-    variance: S::f64s,
-    sum: [S::f64s; 3],
-}
-
-impl<S: Simd, const V: usize> Vector<S, V> {
-    /// Adds `G` coordinates of a block from `first` on. Operations are those of [`Horner::point`].
+    /// What a block's coordinates give, whether a vector holds points or coordinates.
     #[inline(always)]
-    fn add<const N: usize, const M: usize, const G: usize>(
-        &mut self,
-        horner: &Horner,
+    fn residual<S, A, const V: usize, const N: usize, const M: usize, const G: usize>(
+        &self,
+        simd: S,
+        a: &A,
         block: &Block,
-        first: usize,
-        product: &mut [S::f64s; BLOCK / GROUP],
-    ) {
-        let simd = self.simd;
-        let a = Points::<S, G> { simd, first };
-        let (mut mean, mut slope) = ([simd.splat_f64s(0.0); G], [simd.splat_f64s(0.0); G]);
+        z: &[S::f64s; V],
+        [factor, variance]: [S::f64s; 2],
+    ) -> Residual<S::f64s, G>
+    where
+        S: Simd,
+        A: Sums<Variable = S::f64s, Sum = [S::f64s; G]>,
+    {
+        let one = simd.splat_f64s(1.0);
+        let (mut r, mut w) = ([one; G], [simd.splat_f64s(0.0); G]);
         if let Some(c) = block.mean.first_chunk::<N>() {
-            mean = if horner.unit {
-                cubic::<_, V, N>(&a, &self.z, c, BLOCK - 1)
+            // Known to the compiler, so that nothing is asked in between.
+            r = if self.unit {
+                cubic::<_, V, N>(a, z, c, BLOCK - 1)
             } else {
-                cubic::<_, V, N>(&a, &self.z, c, 0)
+                cubic::<_, V, N>(a, z, c, 0)
             };
         }
         if let Some(c) = block.slope.first_chunk::<M>() {
-            slope = quadratic::<_, 0, V, M>(&a, &self.z, c, &mut Place { at: 0, zeros: 0 });
+            w = quadratic::<_, 0, V, M>(a, z, c, &mut Place { at: 0, zeros: 0 });
         }
-        if !horner.residual {
-            for k in 0..G {
-                let value = simd.mul_f64s(self.factor, mean[k]);
-                mean[k] = simd.sub_f64s(simd.splat_f64s(block.measured[first + k]), value);
-                if let Some(relative) = horner.relative {
-                    slope[k] = simd.mul_f64s(simd.splat_f64s(relative), value);
+        if !self.residual {
+            let measured = a.constant(&block.measured);
+            for k in 0..A::USED {
+                let mean = simd.mul_f64s(factor, r[k]);
+                r[k] = simd.sub_f64s(measured[k], mean);
+                if let Some(relative) = self.relative {
+                    w[k] = simd.mul_f64s(simd.splat_f64s(relative), mean);
                 }
             }
         }
-        let one = simd.splat_f64s(1.0);
-        for k in 0..G {
-            let (r, w) = (mean[k], slope[k]);
-            let (mut rv, mut wv) = (r, w);
-            if !horner.unit {
-                let mu = simd.splat_f64s(block.spread[first + k]);
-                let v = simd.add_f64s(one, simd.mul_f64s(self.variance, mu));
-                let product = &mut product[(first + k) / GROUP];
-                *product = simd.mul_f64s(*product, v);
-                let inverse = simd.div_f64s(one, v);
-                (rv, wv) = (simd.mul_f64s(r, inverse), simd.mul_f64s(w, inverse));
+        let (mut rv, mut wv, mut v) = (r, w, [one; G]);
+        if !self.unit {
+            let spread = a.constant(&block.spread);
+            for k in 0..A::USED {
+                v[k] = simd.mul_add_e_f64s(variance, spread[k], one);
+                let inverse = simd.div_f64s(one, v[k]);
+                rv[k] = simd.mul_f64s(r[k], inverse);
+                wv[k] = simd.mul_f64s(w[k], inverse);
             }
-            self.sum[0] = simd.mul_add_e_f64s(r, rv, self.sum[0]);
-            self.sum[1] = simd.mul_add_e_f64s(w, wv, self.sum[1]);
-            self.sum[2] = simd.mul_add_e_f64s(w, rv, self.sum[2]);
         }
+        let mut terms = [[one; G]; 3];
+        for k in 0..A::USED {
+            terms[0][k] = simd.mul_f64s(r[k], rv[k]);
+            terms[1][k] = simd.mul_f64s(w[k], wv[k]);
+            terms[2][k] = simd.mul_f64s(w[k], rv[k]);
+        }
+        Residual { terms, variance: v }
     }
+}
+
+/// A block's numbers out of the first vectors.
+#[inline(always)]
+fn lay_out<S: Simd>(vectors: &[S::f64s; BLOCK], out: &mut Row) {
+    S::as_mut_simd_f64s(out)
+        .0
+        .copy_from_slice(&vectors[..BLOCK / S::F64_LANES]);
 }
 
 impl Block {

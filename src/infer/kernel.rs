@@ -9,8 +9,9 @@ use std::cell::RefCell;
 
 use pulp::Simd;
 
-use super::horner::{Form, GROUP, Horner};
-use super::lanes::{Lanes, WIDTH, each, ln};
+use super::forms::{Finish, Forms, GROUP, Of};
+use super::horner::{Form, Horner};
+use super::lanes::{Lanes, WIDTH, each, ln, ln_vector};
 use super::monomials::{Variable, closure, position, variables, without};
 use super::nested::BLOCK;
 use super::sums::{Polynomials, accumulate, accumulate_single};
@@ -129,6 +130,7 @@ impl Kernel {
         };
         let factor = surface.variables.factor_numerator(parts.thickness.0);
         let relative = -parts.thickness.1 / parts.thickness.0;
+        let variables = variables(surface, at.map(|(k, _)| k));
         let horner = Horner::new(&Form {
             exponents: &exponents,
             mean: &mean,
@@ -136,10 +138,11 @@ impl Kernel {
             relative,
             measured: &measured,
             spread,
-            factor: factor.is_some(),
+            variables: &variables,
+            factor,
         });
         Self {
-            variables: variables(surface, at.map(|(k, _)| k)),
+            variables,
             products,
             padded,
             mean: Polynomials::new(&mean, padded),
@@ -153,12 +156,35 @@ impl Kernel {
         }
     }
 
-    /// Log likelihood at the [`WIDTH`] points of `scratch` (parameter k without the thickness), `scale` the noise scale.
+    /// The quadratic forms at one point, by the operations of [`Kernel::batch`].
     #[inline(always)]
-    pub(super) fn batch<S: Simd>(&self, simd: S, scratch: &mut Scratch, scale: &Lanes) -> Lanes {
+    pub(super) fn single<S: Simd>(
+        &self,
+        simd: S,
+        scratch: &mut Scratch,
+        x: &[f64],
+        scale: f64,
+    ) -> Forms<f64> {
+        let Some(horner) = &self.horner else {
+            return self.sums_single(simd, scratch, x, scale);
+        };
+        horner.single(simd, x, scale * scale)
+    }
+
+    /// What `finish` makes of the quadratic forms at the first `count` points of `scratch` (parameter k without the
+    /// thickness), `scale` the noise scale.
+    #[inline(always)]
+    pub(super) fn batch<S: Simd>(
+        &self,
+        simd: S,
+        scratch: &mut Scratch,
+        count: usize,
+        scale: &Lanes,
+        finish: &impl Finish<S>,
+    ) -> Lanes {
         let Scratch { points, lanes, .. } = scratch;
         if let Some(horner) = &self.horner {
-            return self.nested(simd, horner, points, lanes, scale);
+            return horner.batch(simd, points, count, scale, finish);
         }
         let (count, variables) = (1 + self.products.len(), self.variables.len());
         if lanes.len() < count + variables {
@@ -172,34 +198,13 @@ impl Kernel {
             let (a, b) = (&before[lower], &z[variable]);
             after[0] = each(|l| a[l] * b[l]);
         }
-        self.forms(simd, monomials, points, scale)
-    }
-
-    #[inline(always)]
-    fn nested<S: Simd>(
-        &self,
-        simd: S,
-        horner: &Horner,
-        points: &[Lanes],
-        lanes: &mut Vec<Lanes>,
-        scale: &Lanes,
-    ) -> Lanes {
-        let (variables, products) = (self.variables.len(), horner.products());
-        if lanes.len() < variables + products {
-            lanes.resize(variables + products, [0.0; WIDTH]);
+        let forms = self.forms(simd, monomials, points, scale);
+        let mut out = [0.0; WIDTH];
+        for (v, out) in S::as_mut_simd_f64s(&mut out).0.iter_mut().enumerate() {
+            let scale = S::as_simd_f64s(scale).0[v];
+            *out = finish.finish(simd, &Of(points, v), scale, &forms.vector(simd, v));
         }
-        let (z, products) = lanes[..variables + products].split_at_mut(variables);
-        self.scaled(points, z);
-        let factor = self.factors(points);
-        let variance = each(|l| scale[l] * scale[l]);
-        let [quad, ww, wr] = horner.batch(simd, z, [&factor, &variance], products);
-        let mut log_det = [0.0; WIDTH];
-        for product in products {
-            for (sum, v) in log_det.iter_mut().zip(product) {
-                *sum += ln(*v);
-            }
-        }
-        each(|l| self.log_likelihood(quad[l], ww[l], wr[l], log_det[l]))
+        out
     }
 
     /// What stands before the polynomials.
@@ -226,11 +231,16 @@ impl Kernel {
 
     /// The quadratic forms of all coordinates, and the log likelihood from them.
     #[inline(always)]
-    fn forms<S: Simd>(&self, simd: S, monomials: &[Lanes], x: &[Lanes], scale: &Lanes) -> Lanes {
+    fn forms<S: Simd>(
+        &self,
+        simd: S,
+        monomials: &[Lanes],
+        x: &[Lanes],
+        scale: &Lanes,
+    ) -> Forms<Lanes> {
+        let mut sums = Forms::default();
         let factor = self.factors(x);
         let variance = each(|l| scale[l] * scale[l]);
-        let mut sums = Sums::default();
-        let mut log_det = [0.0; WIDTH];
         let zero = simd.splat_f64s(0.0);
         for pair in (0..WIDTH / S::F64_LANES).step_by(2) {
             let two = |lanes: &Lanes| {
@@ -264,7 +274,7 @@ impl Kernel {
                     &mut sum,
                 );
                 if spread.is_some() {
-                    add_logarithm(simd, product, pair, &mut log_det);
+                    add_logarithm(simd, product, pair, &mut sums.log_det);
                 }
             }
             for (sums, sum) in [&mut sums.quad, &mut sums.ww, &mut sums.wr]
@@ -275,25 +285,29 @@ impl Kernel {
                 (sums[pair], sums[pair + 1]) = (sum[0], sum[1]);
             }
         }
-        each(|l| self.log_likelihood(sums.quad[l], sums.ww[l], sums.wr[l], log_det[l]))
+        sums
     }
 
     /// Sherman-Morrison and the determinant lemma.
     #[inline(always)]
-    fn log_likelihood(&self, quad: f64, ww: f64, wr: f64, log_det: f64) -> f64 {
-        let one = 1.0 + ww;
-        self.constant - 0.5 * (quad - wr * wr / one + log_det + ln(one))
+    pub(super) fn log_likelihood<S: Simd>(&self, simd: S, forms: &Forms<S::f64s>) -> S::f64s {
+        let one = simd.add_f64s(simd.splat_f64s(1.0), forms.ww);
+        let explained = simd.div_f64s(simd.mul_f64s(forms.wr, forms.wr), one);
+        let log_det = simd.add_f64s(forms.log_det, ln_vector(simd, one));
+        let sum = simd.add_f64s(simd.sub_f64s(forms.quad, explained), log_det);
+        let half = simd.mul_f64s(simd.splat_f64s(0.5), sum);
+        simd.sub_f64s(simd.splat_f64s(self.constant), half)
     }
 
-    /// Log likelihood at one point, by the operations of [`Kernel::batch`].
+    /// The sums of monomials at one point, by the operations of [`Kernel::batch`].
     #[inline(always)]
-    pub(super) fn single<S: Simd>(
+    fn sums_single<S: Simd>(
         &self,
         simd: S,
         scratch: &mut Scratch,
         x: &[f64],
         scale: f64,
-    ) -> f64 {
+    ) -> Forms<f64> {
         let (count, padded) = (1 + self.products.len(), self.padded);
         let length = count + self.variables.len() + 2 * padded;
         let room = &mut scratch.single;
@@ -309,10 +323,6 @@ impl Kernel {
             *z = (raw - v.middle) * v.per_half;
         }
         let factor = self.factor.map_or(1.0, |f| f / x[0]);
-        if let Some(horner) = &self.horner {
-            let ([quad, ww, wr], log_det) = horner.single(simd, z, (factor, scale * scale));
-            return self.log_likelihood(quad, ww, wr, log_det);
-        }
         monomials[0] = 1.0;
         for (m, &(lower, variable)) in self.products.iter().enumerate() {
             monomials[m + 1] = monomials[lower] * z[variable];
@@ -325,7 +335,13 @@ impl Kernel {
     }
 
     #[inline(always)]
-    fn forms_single(&self, mean: &[f64], response: &[f64], factor: f64, variance: f64) -> f64 {
+    fn forms_single(
+        &self,
+        mean: &[f64],
+        response: &[f64],
+        factor: f64,
+        variance: f64,
+    ) -> Forms<f64> {
         let (mut quad, mut ww, mut wr, mut log_det) = (0.0, 0.0, 0.0, 0.0);
         let mut product = 1.0;
         for k in 0..self.padded {
@@ -352,16 +368,13 @@ impl Kernel {
                 product = 1.0;
             }
         }
-        self.log_likelihood(quad, ww, wr, log_det)
+        Forms {
+            quad,
+            ww,
+            wr,
+            log_det,
+        }
     }
-}
-
-/// r' V^-1 r, w' V^-1 w and w' V^-1 r.
-#[derive(Default)]
-struct Sums {
-    quad: Lanes,
-    ww: Lanes,
-    wr: Lanes,
 }
 
 /// Two vectors of points.

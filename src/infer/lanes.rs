@@ -6,6 +6,13 @@ pub(crate) const WIDTH: usize = 16;
 /// One number for each of [`WIDTH`] points.
 pub(crate) type Lanes = [f64; WIDTH];
 
+/// Parameters of a vector of points. Not a closure: those are compiled for themselves, without the instructions that
+/// vectors need.
+pub(crate) trait Parameters<S: pulp::Simd> {
+    /// One parameter of all points.
+    fn get(&self, simd: S, k: usize) -> S::f64s;
+}
+
 /// A number for every lane, computed by the same expression.
 #[inline(always)]
 pub(crate) fn each(f: impl Fn(usize) -> f64) -> Lanes {
@@ -41,6 +48,18 @@ pub(crate) fn ln(x: f64) -> f64 {
                 + w * (0.181_835_721_616_180_5 + w * 0.147_981_986_051_165_86)));
     let half = 0.5 * f * f;
     s * (half + (odd + even)) + k * LN2_LOW - half + f + k * LN2_HIGH
+}
+
+/// [`ln`] of a vector.
+#[inline(always)]
+pub(crate) fn ln_vector<S: pulp::Simd>(simd: S, x: S::f64s) -> S::f64s {
+    let mut lanes = [1.0; WIDTH];
+    S::as_mut_simd_f64s(&mut lanes).0[0] = x;
+    for value in &mut lanes[..S::F64_LANES] {
+        *value = ln(*value);
+    }
+    let _ = simd;
+    S::as_simd_f64s(&lanes).0[0]
 }
 
 /// Sine and cosine of 2 pi times a number of [0, 1] to 1e-15, without branches (fdlibm's `k_sin.c` and `k_cos.c` on the

@@ -345,8 +345,11 @@ impl pulp::WithSimd for One<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        self.kernel
-            .single(simd, self.scratch, self.theta, self.scale)
+        let Self {
+            kernel, scratch, ..
+        } = self;
+        let forms = kernel.single(simd, scratch, self.theta, self.scale);
+        kernel.log_likelihood(pulp::Scalar::new(), &forms)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod density;
+mod forms;
 pub mod forward;
 mod horner;
 mod kernel;

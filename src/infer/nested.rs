@@ -18,6 +18,8 @@ pub(super) trait Sums {
     type Variable: Copy;
     /// The sums.
     type Sum: Copy;
+    /// How many numbers of a sum are used.
+    const USED: usize;
     /// Sums that begin with a coefficient.
     fn constant(&self, c: &Row) -> Self::Sum;
     /// `sum + z t`.
@@ -35,6 +37,7 @@ pub(super) struct Points<S, const G: usize> {
 impl<S: Simd, const G: usize> Sums for Points<S, G> {
     type Variable = S::f64s;
     type Sum = [S::f64s; G];
+    const USED: usize = G;
 
     #[inline(always)]
     fn constant(&self, c: &Row) -> Self::Sum {
@@ -71,6 +74,7 @@ pub(super) struct Point<S>(pub S);
 impl<S: Simd> Sums for Point<S> {
     type Variable = S::f64s;
     type Sum = [S::f64s; BLOCK];
+    const USED: usize = BLOCK / S::F64_LANES;
 
     #[inline(always)]
     fn constant(&self, c: &Row) -> Self::Sum {

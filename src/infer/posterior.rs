@@ -1,8 +1,9 @@
 //! The posterior of elastic constants, mechanical amplitudes and noise.
 
 use super::density::LogDensity;
+use super::forms::{Alone, Finish, Forms};
 use super::kernel::{Scratch, with_scratch};
-use super::lanes::{Lanes, WIDTH, each, ln};
+use super::lanes::{Lanes, Parameters, WIDTH, each, ln_vector};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
@@ -16,6 +17,7 @@ pub struct Posterior {
     names: Vec<String>,
     material: Material,
     marginals: Vec<Marginal>,
+    normals: Vec<Normal>,
     likelihood: Likelihood,
     /// The noise in nm at scale 1.
     reference_nm: f64,
@@ -43,6 +45,7 @@ impl Posterior {
             constant: marginals.iter().map(Marginal::log_normalisation).sum(),
             names,
             material,
+            normals: Normal::of(&marginals),
             marginals,
             likelihood,
             reference_nm,
@@ -79,6 +82,7 @@ impl Posterior {
         for marginal in &mut whole.marginals {
             marginal.truncate = None;
         }
+        whole.normals = Normal::of(&whole.marginals);
         whole
     }
 
@@ -88,6 +92,7 @@ impl Posterior {
         let normalisation = |m: &[Marginal]| m.iter().map(Marginal::log_normalisation).sum::<f64>();
         let mut other = self.clone();
         other.constant += normalisation(&marginals) - normalisation(&self.marginals);
+        other.normals = Normal::of(&marginals);
         other.marginals = marginals;
         other
     }
@@ -125,108 +130,117 @@ impl Posterior {
         (centre, sd)
     }
 
-    /// Log prior of the parameters without the noise, -inf beyond their bounds. In vectors by hand: the compiler makes
-    /// branches of the comparisons.
+    /// [`crate::laminate::Ply::is_admissible`] of a vector of points.
     #[inline(always)]
-    fn marginal_lanes<S: pulp::Simd>(&self, simd: S, x: &[Lanes]) -> Lanes {
-        let mut out = [0.0; WIDTH];
-        let (half, never) = (simd.splat_f64s(0.5), simd.splat_f64s(f64::NEG_INFINITY));
-        for (v, out) in S::as_mut_simd_f64s(&mut out).0.iter_mut().enumerate() {
-            let mut log = simd.splat_f64s(self.constant);
-            for (x, m) in x.iter().zip(&self.marginals) {
-                let x = S::as_simd_f64s(x).0[v];
-                let [low, high] = m.bounds();
-                let inside = simd.and_m64s(
-                    simd.less_than_or_equal_f64s(simd.splat_f64s(low), x),
-                    simd.less_than_or_equal_f64s(x, simd.splat_f64s(high)),
-                );
-                let distance = simd.sub_f64s(x, simd.splat_f64s(m.mean));
-                let z = simd.mul_f64s(distance, simd.splat_f64s(1.0 / m.sd));
-                let less = simd.sub_f64s(log, simd.mul_f64s(simd.mul_f64s(half, z), z));
-                log = simd.select_f64s(inside, less, never);
-            }
-            *out = log;
-        }
-        out
-    }
-
-    /// The same of one point, by the same operations.
-    #[inline(always)]
-    fn marginal(&self, x: &[f64]) -> f64 {
-        let mut log = self.constant;
-        for (x, m) in x.iter().zip(&self.marginals) {
-            let [low, high] = m.bounds();
-            let z = (x - m.mean) * (1.0 / m.sd);
-            let inside = (low <= *x) & (*x <= high);
-            log = if inside {
-                log - 0.5 * z * z
-            } else {
-                f64::NEG_INFINITY
-            };
-        }
-        log
-    }
-
-    /// What points of log prior `log` add to the log likelihood, -inf outside the support.
-    #[inline(always)]
-    fn prior<const N: usize>(
-        &self,
-        mut log: [f64; N],
-        x: impl Fn(usize, usize) -> f64,
-        scale: &[f64; N],
-    ) -> [f64; N] {
-        if self.declared_nm.is_none() {
-            // What contrasts and local differences say, and the prior 1/noise.
-            let freedom = self.likelihood.freedom();
-            for (log, &s) in log.iter_mut().zip(scale) {
-                *log -= freedom * 0.5 / (s * s) + (freedom + 1.0) * ln(s);
-            }
-        }
-        // A loop for each material, and no branch in either, so that they vectorise.
-        let kept = |possible: bool, log: f64| if possible { log } else { f64::NEG_INFINITY };
+    fn admissible<S: pulp::Simd>(&self, simd: S, x: &impl Parameters<S>) -> S::m64s {
+        let zero = simd.splat_f64s(0.0);
         match self.material {
             Material::Laminate => {
-                for (l, log) in log.iter_mut().enumerate() {
-                    let ply = Material::Laminate.ply(&[x(0, l), x(1, l), x(2, l), x(3, l)]);
-                    *log = kept(ply.is_admissible(), *log);
-                }
+                let [e1, e2] = [x.get(simd, 0), x.get(simd, 1)];
+                let [nu12, g12] = [x.get(simd, 2), x.get(simd, 3)];
+                let young =
+                    simd.and_m64s(simd.less_than_f64s(zero, e1), simd.less_than_f64s(zero, e2));
+                let moduli = simd.and_m64s(young, simd.less_than_f64s(zero, g12));
+                let coupled = simd.mul_f64s(simd.mul_f64s(nu12, nu12), e2);
+                simd.and_m64s(moduli, simd.less_than_f64s(coupled, e1))
             }
             Material::Isotropic => {
-                for (l, log) in log.iter_mut().enumerate() {
-                    let ply = Material::Isotropic.ply(&[x(0, l), x(1, l)]);
-                    *log = kept(ply.is_admissible(), *log);
-                }
+                let [e, nu] = [x.get(simd, 0), x.get(simd, 1)];
+                let coupled = simd.mul_f64s(nu, nu);
+                simd.and_m64s(
+                    simd.less_than_f64s(zero, e),
+                    simd.less_than_f64s(coupled, simd.splat_f64s(1.0)),
+                )
             }
         }
-        for (log, &s) in log.iter_mut().zip(scale) {
-            // without branches, so that the loop vectorises
-            let (above, below) = (s >= f64::MIN_POSITIVE, s < f64::INFINITY);
-            *log = kept(above & below, *log);
-        }
-        log
     }
 
     /// Log density at the [`WIDTH`] points of `scratch`.
     #[inline(always)]
-    fn lanes<S: pulp::Simd>(&self, simd: S, scratch: &mut Scratch) -> Lanes {
+    fn lanes<S: pulp::Simd>(&self, simd: S, scratch: &mut Scratch, count: usize) -> Lanes {
         let scale = match self.declared_nm {
             Some(noise) => [noise / self.reference_nm; WIDTH],
             None => each(|l| scratch.points[self.marginals.len()][l] / self.reference_nm),
         };
-        let likelihood = self.likelihood.kernel().batch(simd, scratch, &scale);
-        let x = &scratch.points;
-        let prior = self.prior(self.marginal_lanes(simd, x), |k, l| x[k][l], &scale);
-        each(|l| Self::sum(prior[l], likelihood[l]))
+        let kernel = self.likelihood.kernel();
+        kernel.batch(simd, scratch, count, &scale, self)
     }
+}
 
-    /// Prior and likelihood; what is outside the support stays there, whatever the likelihood there is.
+impl<S: pulp::Simd> Finish<S> for Posterior {
+    /// Log density at a vector of points, -inf outside the support. Nothing is fused, so that one point may do without
+    /// vectors.
     #[inline(always)]
-    fn sum(prior: f64, likelihood: f64) -> f64 {
-        if prior == f64::NEG_INFINITY {
-            prior
-        } else {
-            prior + likelihood
+    fn finish(
+        &self,
+        simd: S,
+        x: &impl Parameters<S>,
+        scale: S::f64s,
+        forms: &Forms<S::f64s>,
+    ) -> S::f64s {
+        let mut inside = self.admissible(simd, x);
+        let mut square = simd.splat_f64s(0.0);
+        for (k, m) in self.normals.iter().enumerate() {
+            let x = x.get(simd, k);
+            inside = simd.and_m64s(
+                inside,
+                simd.less_than_or_equal_f64s(simd.splat_f64s(m.low), x),
+            );
+            inside = simd.and_m64s(
+                inside,
+                simd.less_than_or_equal_f64s(x, simd.splat_f64s(m.high)),
+            );
+            let z = simd.mul_f64s(
+                simd.sub_f64s(x, simd.splat_f64s(m.mean)),
+                simd.splat_f64s(m.per_sd),
+            );
+            square = simd.add_f64s(square, simd.mul_f64s(z, z));
         }
+        let half = simd.mul_f64s(simd.splat_f64s(0.5), square);
+        let mut prior = simd.sub_f64s(simd.splat_f64s(self.constant), half);
+        if self.declared_nm.is_none() {
+            inside = simd.and_m64s(
+                inside,
+                simd.less_than_or_equal_f64s(simd.splat_f64s(f64::MIN_POSITIVE), scale),
+            );
+            inside = simd.and_m64s(
+                inside,
+                simd.less_than_f64s(scale, simd.splat_f64s(f64::INFINITY)),
+            );
+            // What contrasts and local differences say, and the prior 1/noise.
+            let freedom = self.likelihood.freedom();
+            let squared = simd.mul_f64s(scale, scale);
+            let contrasts = simd.div_f64s(simd.splat_f64s(0.5 * freedom), squared);
+            let log = simd.mul_f64s(simd.splat_f64s(freedom + 1.0), ln_vector(simd, scale));
+            prior = simd.sub_f64s(prior, simd.add_f64s(contrasts, log));
+        }
+        let likelihood = self.likelihood.kernel().log_likelihood(simd, forms);
+        let sum = simd.add_f64s(prior, likelihood);
+        simd.select_f64s(inside, sum, simd.splat_f64s(f64::NEG_INFINITY))
+    }
+}
+
+/// A marginal ready for evaluation.
+#[derive(Clone, Copy)]
+struct Normal {
+    mean: f64,
+    per_sd: f64,
+    low: f64,
+    high: f64,
+}
+
+impl Normal {
+    fn of(marginals: &[Marginal]) -> Vec<Self> {
+        let normal = |m: &Marginal| {
+            let [low, high] = m.bounds();
+            Self {
+                mean: m.mean,
+                per_sd: 1.0 / m.sd,
+                low,
+                high,
+            }
+        };
+        marginals.iter().map(normal).collect()
     }
 }
 
@@ -274,12 +288,9 @@ impl pulp::WithSimd for One<'_> {
             x,
         } = self;
         let scale = posterior.scale(x);
-        let [prior] = posterior.prior([posterior.marginal(x)], |k, _| x[k], &[scale]);
-        if prior == f64::NEG_INFINITY {
-            return prior;
-        }
         let kernel = posterior.likelihood.kernel();
-        Posterior::sum(prior, kernel.single(simd, scratch, x, scale))
+        let forms = kernel.single(simd, scratch, x, scale);
+        posterior.finish(pulp::Scalar::new(), &Alone(x), scale, &forms)
     }
 }
 
@@ -312,7 +323,7 @@ impl pulp::WithSimd for Many<'_> {
                     None => x[..some.len()].copy_from_slice(&column[some.clone()]),
                 }
             }
-            let values = posterior.lanes(simd, scratch);
+            let values = posterior.lanes(simd, scratch, some.len());
             match out[first..].first_chunk_mut() {
                 Some(whole) => *whole = values,
                 None => out[some.clone()].copy_from_slice(&values[..some.len()]),

@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use super::horner::GROUP;
+use super::forms::GROUP;
 use super::kernel::Two;
 use super::lanes::Lanes;
 use super::nested::BLOCK;

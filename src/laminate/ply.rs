@@ -31,11 +31,8 @@ impl Ply {
     /// Whether the strain energy is positive: moduli > 0 and nu12^2 < E1/E2.
     #[inline(always)]
     pub fn is_admissible(&self) -> bool {
-        // Without branches, so that a loop over many plies vectorises.
-        (self.e1 > 0.0)
-            & (self.e2 > 0.0)
-            & (self.g12 > 0.0)
-            & (self.nu12 * self.nu12 < self.e1 / self.e2)
+        let coupled = self.nu12 * self.nu12 * self.e2;
+        self.e1 > 0.0 && self.e2 > 0.0 && self.g12 > 0.0 && coupled < self.e1
     }
 
     /// The ply itself if it is admissible, otherwise an error at `place`.
