@@ -1,6 +1,8 @@
 //! The ensemble sampler: two halves updated in turn, each with the other fixed (Foreman-Mackey et al. 2013,
 //! Algorithm 3), and the one place where proposals are accepted or rejected.
 
+use pulp::{Simd, WithSimd};
+
 use super::mixture::Mixture;
 use super::moves::{Fit, Move, Walkers};
 use super::numbers::Numbers;
@@ -171,7 +173,8 @@ struct Scratch {
     y: Vec<f64>,
     factor: Vec<f64>,
     lp: Vec<f64>,
-    moved: Vec<bool>,
+    /// 1 for each walker that moved.
+    moved: Vec<f64>,
     evaluated: bool,
     nan: u64,
     fit: Fit,
@@ -184,7 +187,7 @@ impl Scratch {
             y: vec![0.0; half * dim],
             factor: vec![0.0; half],
             lp: vec![0.0; half],
-            moved: vec![false; half],
+            moved: vec![0.0; half],
             evaluated: false,
             nan: 0,
             fit: Fit::new(dim),
@@ -203,7 +206,7 @@ impl Scratch {
         let [a, b] = halves;
         let (own, others) = if moving == 0 { (a, &*b) } else { (b, &*a) };
         self.nan = 0;
-        self.moved.fill(false);
+        self.moved.fill(0.0);
         self.evaluated = kernel.fit(others.walkers(), &mut self.fit);
         if !self.evaluated {
             return;
@@ -217,36 +220,66 @@ impl Scratch {
             &mut self.factor,
         );
         target.log_density_batch(&self.y, &mut self.lp);
-        let uniforms = self.numbers.log_uniform();
-        for (k, (old, &new)) in own.lp.iter_mut().zip(&self.lp).enumerate() {
-            self.nan += u64::from(new.is_nan() | (new == f64::INFINITY));
-            self.moved[k] = accept(*old, new, self.factor[k], uniforms[k]);
-            *old = if self.moved[k] { new } else { *old };
-        }
-        let columns = own.x.chunks_exact_mut(own.lp.len());
-        for (x, y) in columns.zip(self.y.chunks_exact(own.lp.len())) {
-            for ((x, &y), &moved) in x.iter_mut().zip(y).zip(&self.moved) {
-                *x = if moved { y } else { *x };
-            }
-        }
+        pulp::Arch::new().dispatch(Settle { own, scratch: self });
     }
 
     fn count(&self, chosen: usize, moving: usize, block: &mut Block) {
         let half = self.moved.len();
-        let moved = self.moved.iter().map(|&m| u64::from(m)).sum::<u64>();
+        let moved = self.moved.iter().sum::<f64>() as u64;
         block.moves[chosen].proposed += half as u64;
         block.moves[chosen].accepted += moved;
         block.nan += self.nan;
         block.evaluations += if self.evaluated { half as u64 } else { 0 };
         for (count, &moved) in block.accepted[moving * half..].iter_mut().zip(&self.moved) {
-            *count += u64::from(moved);
+            *count += moved as u64;
+        }
+    }
+}
+
+/// Accepts or rejects the proposals of a half, in vectors.
+struct Settle<'a> {
+    own: &'a mut Half,
+    scratch: &'a mut Scratch,
+}
+
+impl WithSimd for Settle<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { own, scratch } = self;
+        let count = own.lp.len();
+        let (new, factor) = (&scratch.lp[..count], &scratch.factor[..count]);
+        let uniforms = &scratch.numbers.log_uniform()[..count];
+        let (old, moved) = (&mut own.lp[..count], &mut scratch.moved[..count]);
+        let mut nan = 0;
+        for k in 0..count {
+            nan += u64::from(new[k].is_nan() | (new[k] == f64::INFINITY));
+            let accepted = accept(old[k], new[k], factor[k], uniforms[k]);
+            moved[k] = f64::from(accepted);
+            old[k] = if accepted { new[k] } else { old[k] };
+        }
+        scratch.nan = nan;
+        let columns = own.x.chunks_exact_mut(count);
+        for (x, y) in columns.zip(scratch.y.chunks_exact(count)) {
+            // In vectors by hand: the compiler makes branches of the choice.
+            let (moved, moved_rest) = S::as_simd_f64s(moved);
+            let (x, x_rest) = S::as_mut_simd_f64s(x);
+            let (y, y_rest) = S::as_simd_f64s(y);
+            for ((x, y), moved) in x.iter_mut().zip(y).zip(moved) {
+                let mask = simd.less_than_f64s(simd.splat_f64s(0.0), *moved);
+                *x = simd.select_f64s(mask, *y, *x);
+            }
+            for ((x, y), moved) in x_rest.iter_mut().zip(y_rest).zip(moved_rest) {
+                *x = if *moved > 0.0 { *y } else { *x };
+            }
         }
     }
 }
 
 /// Metropolis-Hastings, with the logarithm of a uniform number on (0, 1]. NaN and +inf count as outside the support; a
 /// walker outside it accepts any point inside.
-#[inline]
+#[inline(always)]
 pub(crate) fn accept(old: f64, new: f64, factor: f64, log_uniform: f64) -> bool {
     new.is_finite() & (log_uniform <= factor + new - old)
 }

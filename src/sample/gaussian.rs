@@ -1,5 +1,7 @@
 //! The little linear algebra of the moves: Cholesky factors in row-major slices, no allocation in a loop.
 
+use pulp::{Simd, WithSimd};
+
 use super::moves::Walkers;
 
 /// Lower Cholesky factor of the `dim` x `dim` row-major matrix `a`, in place (the upper triangle is zeroed). False if
@@ -46,15 +48,39 @@ pub(crate) fn whiten(lower: &[f64], r: &mut [f64]) -> f64 {
 
 /// Mean and scatter matrix (sum of outer products of deviations) of walkers.
 pub(crate) fn scatter(walkers: Walkers<'_>, mean: &mut [f64], scatter: &mut [f64]) {
-    let (dim, n) = (walkers.dim(), walkers.count() as f64);
-    for (mean, x) in mean.iter_mut().zip(walkers.columns()) {
-        *mean = sum(x, |x| x) / n;
-    }
-    for (i, x) in walkers.columns().enumerate() {
-        for (j, y) in walkers.columns().enumerate().take(i + 1) {
-            let value = sum_of_two(x, y, |x, y| (x - mean[i]) * (y - mean[j]));
-            scatter[i * dim + j] = value;
-            scatter[j * dim + i] = value;
+    pulp::Arch::new().dispatch(Scatter {
+        walkers,
+        mean,
+        scatter,
+    });
+}
+
+struct Scatter<'a> {
+    walkers: Walkers<'a>,
+    mean: &'a mut [f64],
+    scatter: &'a mut [f64],
+}
+
+impl WithSimd for Scatter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self {
+            walkers,
+            mean,
+            scatter,
+        } = self;
+        let (dim, n) = (walkers.dim(), walkers.count() as f64);
+        for (mean, x) in mean.iter_mut().zip(walkers.columns()) {
+            *mean = sum(x) / n;
+        }
+        for (i, x) in walkers.columns().enumerate() {
+            for (j, y) in walkers.columns().enumerate().take(i + 1) {
+                let value = sum_of_products(x, mean[i], y, mean[j]);
+                scatter[i * dim + j] = value;
+                scatter[j * dim + i] = value;
+            }
         }
     }
 }
@@ -62,21 +88,34 @@ pub(crate) fn scatter(walkers: Walkers<'_>, mean: &mut [f64], scatter: &mut [f64
 /// Partial sums side by side, which a processor adds at once.
 const SIDE: usize = 8;
 
-fn sum(x: &[f64], f: impl Fn(f64) -> f64) -> f64 {
-    sum_of_two(x, x, |x, _| f(x))
+#[inline(always)]
+fn sum(x: &[f64]) -> f64 {
+    let mut sums = [0.0; SIDE];
+    let (whole, rest) = x.as_chunks::<SIDE>();
+    for x in whole {
+        for k in 0..SIDE {
+            sums[k] += x[k];
+        }
+    }
+    for (sum, x) in sums.iter_mut().zip(rest) {
+        *sum += x;
+    }
+    sums.iter().sum()
 }
 
-fn sum_of_two(x: &[f64], y: &[f64], f: impl Fn(f64, f64) -> f64) -> f64 {
+/// Sum of (x - a) (y - b).
+#[inline(always)]
+fn sum_of_products(x: &[f64], a: f64, y: &[f64], b: f64) -> f64 {
     let mut sums = [0.0; SIDE];
     let (whole, rest) = x.as_chunks::<SIDE>();
     let (other, other_rest) = y.as_chunks::<SIDE>();
     for (x, y) in whole.iter().zip(other) {
         for k in 0..SIDE {
-            sums[k] += f(x[k], y[k]);
+            sums[k] += (x[k] - a) * (y[k] - b);
         }
     }
     for ((sum, x), y) in sums.iter_mut().zip(rest).zip(other_rest) {
-        *sum += f(*x, *y);
+        *sum += (x - a) * (y - b);
     }
     sums.iter().sum()
 }

@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 use super::gaussian::{cholesky, scatter};
 use super::moves::{Fit, Move, Walkers};
 use super::numbers::{Needs, Numbers};
-use crate::infer::lanes::{Lanes, WIDTH, ln};
+use crate::infer::lanes::{Lanes, WIDTH, each, ln};
 
 /// Tails of the fitted proposal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,87 +113,70 @@ impl WithSimd for Proposal<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _simd: S) {
         for from in (0..self.own.count()).step_by(WIDTH) {
-            let to = (from + WIDTH).min(self.own.count());
-            // The last group may be short; a whole one has a length that the compiler knows.
-            if to - from == WIDTH {
-                self.group(from, WIDTH);
-            } else {
-                self.group(from, to - from);
-            }
+            self.group(from);
         }
     }
 }
 
 impl Proposal<'_> {
-    /// Proposes for `length` walkers.
+    /// Proposes for the walkers from `from` on.
     #[inline(always)]
-    fn group(&mut self, from: usize, length: usize) {
+    fn group(&mut self, from: usize) {
         let (dim, count) = (self.own.dim(), self.own.count());
-        let old = self.whiten(from, length);
-        let stretch = self.stretch(from, length);
+        let old = self.whiten(from);
+        let stretch = self.stretch(from);
         let mut new: Lanes = [0.0; WIDTH];
-        for k in 0..dim {
-            let (z, y) = (
-                &self.numbers.normal(k)[from..][..length],
-                &mut self.y[k * count + from..][..length],
-            );
-            for l in 0..length {
-                y[l] = z[l] * stretch[l];
-                new[l] += y[l] * y[l];
-            }
+        for (k, y) in self.y.chunks_exact_mut(count).enumerate() {
+            let z = take(self.numbers.normal(k), from);
+            let z = each(|l| z[l] * stretch[l]);
+            new = each(|l| new[l] + z[l] * z[l]);
+            put(&z, y, from);
         }
         // y = mean + L z, from the last row up, so that z is there as long as it is needed.
         for i in (0..dim).rev() {
-            let (before, own) = self.y.split_at_mut(i * count);
-            let own = &mut own[from..][..length];
             let row = &self.fit.lower[i * dim..=i * dim + i];
-            for value in &mut *own {
-                *value = self.fit.mean[i] + row[i] * *value;
+            let mut sum = [self.fit.mean[i]; WIDTH];
+            for (lower, z) in row.iter().zip(self.y.chunks_exact(count)) {
+                let z = take(z, from);
+                sum = each(|l| sum[l] + lower * z[l]);
             }
-            for (k, lower) in row[..i].iter().enumerate() {
-                let z = &before[k * count + from..][..length];
-                for l in 0..length {
-                    own[l] += lower * z[l];
-                }
-            }
+            put(&sum, &mut self.y[i * count..][..count], from);
         }
-        let factor = &mut self.factor[from..][..length];
-        for l in 0..length {
-            factor[l] = log_ratio(old[l], new[l], self.fit.dof, dim);
-        }
+        let (dof, half) = (self.fit.dof, 0.5 * (self.fit.dof + dim) as f64);
+        let factor = if dof == 0 {
+            each(|l| 0.5 * (new[l] - old[l]))
+        } else {
+            // log q(x) / q(y) from the Mahalanobis distances squared.
+            let dof = dof as f64;
+            each(|l| half * ln((dof + new[l]) / (dof + old[l])))
+        };
+        put(&factor, self.factor, from);
     }
 
     /// |L^-1 (x - mean)|^2 of the walkers; `y` serves as room.
     #[inline(always)]
-    fn whiten(&mut self, from: usize, length: usize) -> Lanes {
+    fn whiten(&mut self, from: usize) -> Lanes {
         let (dim, count) = (self.own.dim(), self.own.count());
-        let mut sum: Lanes = [0.0; WIDTH];
+        let mut square: Lanes = [0.0; WIDTH];
         for i in 0..dim {
-            let (before, own) = self.y.split_at_mut(i * count);
-            let own = &mut own[from..][..length];
-            let x = &self.own.column(i)[from..][..length];
-            for l in 0..length {
-                own[l] = x[l] - self.fit.mean[i];
+            let row = &self.fit.lower[i * dim..=i * dim + i];
+            let (x, mean) = (take(self.own.column(i), from), self.fit.mean[i]);
+            let mut rest = each(|l| x[l] - mean);
+            for (lower, z) in row[..i].iter().zip(self.y.chunks_exact(count)) {
+                let z = take(z, from);
+                rest = each(|l| rest[l] - lower * z[l]);
             }
-            for k in 0..i {
-                let lower = self.fit.lower[i * dim + k];
-                let z = &before[k * count + from..][..length];
-                for l in 0..length {
-                    own[l] -= lower * z[l];
-                }
-            }
-            let inverse = 1.0 / self.fit.lower[i * dim + i];
-            for l in 0..length {
-                own[l] *= inverse;
-                sum[l] += own[l] * own[l];
-            }
+            let inverse = 1.0 / row[i];
+            let z = each(|l| rest[l] * inverse);
+            square = each(|l| square[l] + z[l] * z[l]);
+            put(&z, &mut self.y[i * count..][..count], from);
         }
-        sum
+        square
     }
 
     /// sqrt(dof / chi^2) of the walkers, 1 for a Gaussian.
     #[inline(always)]
-    fn stretch(&self, from: usize, length: usize) -> Lanes {
+    fn stretch(&self, from: usize) -> Lanes {
         /// Uniform numbers above 2^-53 whose product is a normal number.
         const MOST: usize = 16;
         let dof = self.fit.dof;
@@ -202,37 +185,45 @@ impl Proposal<'_> {
             return [1.0; WIDTH];
         }
         if dof % 2 == 1 {
-            let z = &self.numbers.normal(self.own.dim())[from..][..length];
-            for l in 0..length {
-                chi2[l] = z[l] * z[l];
-            }
+            let z = take(self.numbers.normal(self.own.dim()), from);
+            chi2 = each(|l| z[l] * z[l]);
         }
         for first in (0..dof / 2).step_by(MOST) {
             let mut product: Lanes = [1.0; WIDTH];
             for k in first..(first + MOST).min(dof / 2) {
-                let u = &self.numbers.uniform(k)[from..][..length];
-                for l in 0..length {
-                    product[l] *= u[l];
-                }
+                let u = take(self.numbers.uniform(k), from);
+                product = each(|l| product[l] * u[l]);
             }
-            for l in 0..length {
-                chi2[l] -= 2.0 * ln(product[l]);
-            }
+            chi2 = each(|l| chi2[l] - 2.0 * ln(product[l]));
         }
-        for value in &mut chi2 {
-            *value = (dof as f64 / *value).sqrt();
-        }
-        chi2
+        each(|l| (dof as f64 / chi2[l]).sqrt())
     }
 }
 
-/// log q at Mahalanobis distance squared `old` less that at `new`.
+/// The numbers from `from` on, 1 beyond the last. Copies, because the compiler cannot tell that rows of one slice do not
+/// overlap, and then makes no vectors.
 #[inline(always)]
-fn log_ratio(old: f64, new: f64, dof: usize, dim: usize) -> f64 {
-    if dof == 0 {
-        0.5 * (new - old)
-    } else {
-        let (dof, dim) = (dof as f64, dim as f64);
-        0.5 * (dof + dim) * ln((dof + new) / (dof + old))
+fn take(values: &[f64], from: usize) -> Lanes {
+    let values = &values[from..];
+    match values.first_chunk() {
+        Some(whole) => *whole,
+        None => {
+            let mut out = [1.0; WIDTH];
+            out[..values.len()].copy_from_slice(values);
+            out
+        }
+    }
+}
+
+/// Puts the numbers from `from` on, as many as there is room for.
+#[inline(always)]
+fn put(lanes: &Lanes, values: &mut [f64], from: usize) {
+    let values = &mut values[from..];
+    match values.first_chunk_mut() {
+        Some(whole) => *whole = *lanes,
+        None => {
+            let length = values.len();
+            values.copy_from_slice(&lanes[..length]);
+        }
     }
 }

@@ -8,28 +8,51 @@ use crate::error::Result;
 
 /// Draws of one ensemble in memory, at most a given number: beyond it every second one is let go, again and again.
 pub(super) struct Memory {
-    /// Draw x parameter x walker.
-    x: Vec<f64>,
-    /// Draw x walker.
-    lp: Vec<f64>,
+    pieces: Vec<Piece>,
     walkers: usize,
     dim: usize,
     /// Most draws held of a chain.
     most: usize,
+    /// Draws held of a chain.
+    held: usize,
     stride: usize,
     /// Draws of each chain so far, held or not.
     seen: usize,
+}
+
+/// Draws that follow one another, as a block has them: held as they came, because touching fresh memory once more costs
+/// as much as the draws themselves.
+#[derive(Default)]
+struct Piece {
+    /// Draw x parameter x walker.
+    x: Vec<f64>,
+    /// Draw x walker.
+    lp: Vec<f64>,
+}
+
+impl Piece {
+    /// Draw by draw.
+    fn rows(&self, walkers: usize, dim: usize) -> impl Iterator<Item = (&[f64], &[f64])> {
+        self.x
+            .chunks_exact(walkers * dim)
+            .zip(self.lp.chunks_exact(walkers))
+    }
+
+    fn push(&mut self, x: &[f64], lp: &[f64]) {
+        self.x.extend_from_slice(x);
+        self.lp.extend_from_slice(lp);
+    }
 }
 
 impl Memory {
     /// Of an ensemble of `walkers` in `dim` dimensions; at most `most` draws of each of its chains.
     pub(super) fn new(walkers: usize, dim: usize, most: usize) -> Self {
         Self {
-            x: Vec::new(),
-            lp: Vec::new(),
+            pieces: Vec::new(),
             walkers,
             dim,
             most,
+            held: 0,
             stride: 1,
             seen: 0,
         }
@@ -45,21 +68,20 @@ impl Memory {
         self.seen
     }
 
-    /// Takes the draws of a block.
-    pub(super) fn take(&mut self, block: &Block) {
-        let (width, walkers) = (self.walkers * self.dim, self.walkers);
-        let count = block.lp.len() / walkers;
-        if self.stride == 1 && self.lp.len() / walkers + count <= self.most {
-            self.x.extend_from_slice(&block.x);
-            self.lp.extend_from_slice(&block.lp);
+    /// Takes the draws out of a block.
+    pub(super) fn take(&mut self, block: &mut Block) {
+        let piece = Piece {
+            x: std::mem::take(&mut block.x),
+            lp: std::mem::take(&mut block.lp),
+        };
+        let count = piece.lp.len() / self.walkers;
+        if self.stride == 1 && self.held + count <= self.most {
+            self.pieces.push(piece);
+            self.held += count;
             self.seen += count;
             return;
         }
-        for (x, lp) in block
-            .x
-            .chunks_exact(width)
-            .zip(block.lp.chunks_exact(walkers))
-        {
+        for (x, lp) in piece.rows(self.walkers, self.dim) {
             self.push(x, lp);
         }
     }
@@ -70,23 +92,34 @@ impl Memory {
         if !self.seen.is_multiple_of(self.stride) {
             return;
         }
-        self.x.extend_from_slice(x);
-        self.lp.extend_from_slice(lp);
-        if self.lp.len() / self.walkers > self.most {
+        match self.pieces.last_mut() {
+            Some(piece) => piece.push(x, lp),
+            None => self.pieces.push(Piece {
+                x: x.to_vec(),
+                lp: lp.to_vec(),
+            }),
+        }
+        self.held += 1;
+        if self.held > self.most {
             self.halve();
         }
     }
 
     /// Keeps the draws that the doubled stride would have kept.
     fn halve(&mut self) {
-        let width = self.walkers * self.dim;
-        for (values, width) in [(&mut self.x, width), (&mut self.lp, self.walkers)] {
-            let rows = values.len() / width / 2;
-            for row in 0..rows {
-                values.copy_within((2 * row + 1) * width..(2 * row + 2) * width, row * width);
+        let mut kept = Piece::default();
+        let mut count = 0;
+        // Each piece is let go as soon as it is read.
+        for piece in std::mem::take(&mut self.pieces) {
+            for (x, lp) in piece.rows(self.walkers, self.dim) {
+                count += 1;
+                if count % 2 == 0 {
+                    kept.push(x, lp);
+                }
             }
-            values.truncate(rows * width);
         }
+        self.pieces.push(kept);
+        self.held /= 2;
         self.stride *= 2;
     }
 
@@ -95,22 +128,25 @@ impl Memory {
         /// Draws at a time, so that they stay in the cache while every chain takes its own.
         const TILE: usize = 16;
         let (walkers, dim) = (self.walkers, self.dim);
-        let draws = self.lp.len() / walkers;
-        for from in (0..draws).step_by(TILE) {
-            let to = (from + TILE).min(draws);
-            for walker in 0..walkers {
-                let at = walker * draws;
-                let points = values[(at + from) * dim..(at + to) * dim].chunks_exact_mut(dim);
-                let rows = self.x[from * walkers * dim..].chunks_exact(walkers * dim);
-                for (point, row) in points.zip(rows) {
-                    for (value, column) in point.iter_mut().zip(row.chunks_exact(walkers)) {
-                        *value = column[walker];
+        let mut from = 0;
+        for piece in &self.pieces {
+            let tiles = piece.x.chunks(TILE * walkers * dim);
+            for (x, row) in tiles.zip(piece.lp.chunks(TILE * walkers)) {
+                let count = row.len() / walkers;
+                for walker in 0..walkers {
+                    let at = walker * self.held + from;
+                    let points = values[at * dim..(at + count) * dim].chunks_exact_mut(dim);
+                    for (point, draw) in points.zip(x.chunks_exact(walkers * dim)) {
+                        for (value, column) in point.iter_mut().zip(draw.chunks_exact(walkers)) {
+                            *value = column[walker];
+                        }
+                    }
+                    let draws = row.chunks_exact(walkers);
+                    for (value, draw) in lp[at..at + count].iter_mut().zip(draws) {
+                        *value = draw[walker];
                     }
                 }
-                let rows = self.lp[from * walkers..].chunks_exact(walkers);
-                for (value, row) in lp[at + from..at + to].iter_mut().zip(rows) {
-                    *value = row[walker];
-                }
+                from += count;
             }
         }
     }
@@ -118,7 +154,7 @@ impl Memory {
 
 /// The draws held of all ensembles, chain by chain.
 pub(super) fn draws(memories: &[Memory], names: &[String]) -> Result<Draws> {
-    let total: usize = memories.iter().map(|m| m.lp.len()).sum();
+    let total: usize = memories.iter().map(|m| m.held * m.walkers).sum();
     let (mut values, mut lp) = (vec![0.0; total * names.len()], vec![0.0; total]);
     if total > 0 {
         let share = total / memories.len();

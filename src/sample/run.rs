@@ -183,17 +183,13 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Advances every ensemble by the same span, in parallel, and puts its draws into its memory.
-    fn advance(&mut self, span: Span, memories: &mut [Memory]) -> Vec<Block> {
+    /// Advances every ensemble by the same span, in parallel.
+    fn advance(&mut self, span: Span) -> Vec<Block> {
         let (target, sampler) = (self.target, self.sampler);
         let began = Instant::now();
-        let ensembles = self.states.par_iter_mut().zip(&self.keys).zip(memories);
+        let ensembles = self.states.par_iter_mut().zip(&self.keys);
         let blocks = ensembles
-            .map(|((state, &key), memory)| {
-                let block = sampler.advance(target, key, span, state);
-                memory.take(&block);
-                block
-            })
+            .map(|(state, &key)| sampler.advance(target, key, span, state))
             .collect();
         self.pace.learn(span.steps / span.thin, began.elapsed());
         blocks
@@ -290,7 +286,8 @@ fn warm_up_window(
             thin: 1,
             warmup: true,
         };
-        let blocks = crew.advance(span, &mut window);
+        let mut blocks = crew.advance(span);
+        take(&mut window, &mut blocks);
         done += span.steps;
         let go_on = progress.report(&Report {
             phase: Phase::Warmup,
@@ -327,12 +324,11 @@ fn keep(
                 thin,
                 warmup: false,
             };
-            let mut memories = std::mem::take(&mut crew.memories);
-            let mut blocks = crew.advance(span, &mut memories);
-            crew.memories = memories;
+            let mut blocks = crew.advance(span);
             if let Some(keeper) = &mut crew.keeper {
                 keeper.record(&blocks)?;
             }
+            take(&mut crew.memories, &mut blocks);
             let rate = acceptance(&blocks, span.steps);
             merge(&mut crew.totals, &mut blocks);
             crew.flush(warm, false)?;
@@ -361,6 +357,13 @@ fn keep(
     }
 }
 
+/// Puts the draws of each ensemble into its memory.
+fn take(memories: &mut [Memory], blocks: &mut [Block]) {
+    for (memory, block) in memories.iter_mut().zip(blocks) {
+        memory.take(block);
+    }
+}
+
 fn acceptance(blocks: &[Block], steps: usize) -> f64 {
     let walkers: usize = blocks.iter().map(|b| b.accepted.len()).sum();
     let moved: u64 = blocks.iter().flat_map(|b| &b.accepted).sum();
@@ -375,10 +378,6 @@ fn rates(totals: &[Block], steps: usize) -> Vec<f64> {
 
 /// Adds the tallies of `blocks` to those of the run; the draws are already taken.
 fn merge(totals: &mut Vec<Block>, blocks: &mut Vec<Block>) {
-    for block in &mut *blocks {
-        block.x = Vec::new();
-        block.lp = Vec::new();
-    }
     if totals.is_empty() {
         std::mem::swap(totals, blocks);
         return;
