@@ -52,15 +52,21 @@ fn scaled(case: &str, times: f64) -> String {
     format!("{name}={}", amplitudes.join(","))
 }
 
-/// With 10 nm of noise and a residual of 12 nm every effect is named, or nothing is: a wrong name never takes its place.
-/// Whole orders are no small effect, and what the model absorbs to less than that at its plausible size has none.
+/// With 10 nm of noise and a residual of 12 nm an effect is named, or nothing is: a wrong name never takes its place. Of what the
+/// model absorbs better than that, the clear size. Three effects, and all but whole orders with `PLYCHAIN_MARGINAL=all`.
 #[test]
 fn marginal_effects_are_never_replaced_by_a_wrong_name() {
     let target = 10.0 * (1.2_f64.powi(2) - 1.0).sqrt();
     let (mut named, mut tried, mut wrong) = (0, 0, Vec::new());
+    let all = std::env::var("PLYCHAIN_MARGINAL").is_ok();
+    let few = [
+        "registration_offset",
+        "in_plane_bending",
+        "ply_misorientation",
+    ];
     for (k, case) in CLEAR[..19].iter().enumerate() {
         let name = case.split('=').next().unwrap();
-        if name == "fringe_order_jump" {
+        if name == "fringe_order_jump" || !(all || few.contains(&name)) {
             continue;
         }
         let left = left_by(case);
