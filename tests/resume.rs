@@ -133,6 +133,80 @@ fn a_killed_run_goes_on_to_the_same_bits() {
     }
 }
 
+/// A loop that is killed in any of its rounds ends with the report of one that was not.
+#[test]
+fn a_killed_loop_goes_on_to_the_same_report() {
+    let bench = Bench::new();
+    let model = model();
+    let misaligned = [
+        "simulate",
+        &model,
+        "--grid",
+        "61",
+        "--effect",
+        "load_misalignment=1",
+        "--noise-nm",
+        "10",
+        "--out",
+        "leaning",
+    ];
+    assert!(bench.run(&misaligned).status.success());
+    let close = |out: &str, more: &[&str]| -> Vec<String> {
+        let all = [
+            "loop",
+            &model,
+            "--data",
+            "leaning",
+            "--max-draws",
+            "400000",
+            "--min-ess",
+            "1e9",
+            "--out",
+            out,
+        ];
+        all.iter().chain(more).map(ToString::to_string).collect()
+    };
+    let command = |arguments: &[String]| {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        bench.command(&arguments)
+    };
+    let whole = command(&close("whole", &[])).output().unwrap();
+    assert!(whole.status.success(), "{whole:?}");
+    let mut kills = 0;
+    for mut moment in moments() {
+        let mut child = command(&close("killed", &["--resume"])).spawn().unwrap();
+        // later and later, so that every round has its turn
+        moment += Duration::from_millis(600 * kills);
+        std::thread::sleep(moment);
+        if kills < 6 && child.try_wait().unwrap().is_none() {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            kills += 1;
+            continue;
+        }
+        let end = child.wait_with_output().unwrap();
+        assert!(end.status.success(), "{end:?}");
+        break;
+    }
+    assert!(kills > 2, "{kills} kills");
+    assert_same_chains(&bench.path("whole"), &bench.path("killed"));
+    assert_same_chains(&bench.path("whole/round-1"), &bench.path("killed/round-1"));
+    let report = |name: &str| {
+        let text = std::fs::read_to_string(bench.path(name).join("report.json")).unwrap();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let (whole, killed) = (report("whole"), report("killed"));
+    assert_eq!(whole["verdict"]["effects"][0], "load_misalignment");
+    for key in [
+        "averaged_posterior",
+        "before_after",
+        "verdict",
+        "blind_spots",
+    ] {
+        assert_eq!(whole[key], killed[key], "{key}");
+    }
+}
+
 fn refused(bench: &Bench, arguments: &[&str], words: &str) {
     let store = bench.path("run");
     let before = contents(&store);

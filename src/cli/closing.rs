@@ -23,7 +23,8 @@ use crate::trace::{self, Closed, Options, State};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain loop                                    models/openhole.json and its sample measurement
-  plychain loop specimen.json --out runs/first --png")]
+  plychain loop specimen.json --out runs/first --png
+  plychain loop specimen.json --out runs/first --resume    go on with an interrupted loop")]
 pub struct LoopArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
@@ -34,6 +35,9 @@ pub struct LoopArguments {
     /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Go on with the loop in --out where it was interrupted, to the same bits
+    #[arg(long, requires = "out", conflicts_with = "refine")]
+    resume: bool,
     /// Sampler: ensemble or adaptive
     #[arg(long, default_value = "ensemble")]
     sampler: String,
@@ -63,7 +67,7 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
     };
     let mut rule = Rule::default();
     let deadline = arguments.limits.apply(&mut schedule, &mut rule)?;
-    let folder = Folder::create(arguments.out.as_deref(), &model.file.name)?;
+    let folder = Folder::open(arguments.out.as_deref(), &model.file.name, arguments.resume)?;
     let identity = identity(&model, &*sampler, &schedule)?;
     folder.begin(&identity)?;
     let options = |round: usize| {
@@ -78,7 +82,7 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
                 store: place.join("chain.zarr"),
                 checkpoint: place.join("checkpoint"),
                 identity: identity.clone(),
-                resume: false,
+                resume: arguments.resume,
                 observed: Vec::new(),
             }),
             discrepancy: [None, None],

@@ -21,6 +21,17 @@ pub struct Folder {
 }
 
 impl Folder {
+    /// The folder of an interrupted run if there is one to `resume`, or else a new one.
+    ///
+    /// # Errors
+    /// Those of [`Folder::reopen`] and [`Folder::create`].
+    pub fn open(out: Option<&Path>, name: &str, resume: bool) -> Result<Self> {
+        match out {
+            Some(path) if resume && path.exists() => Self::reopen(path),
+            _ => Self::create(out, name),
+        }
+    }
+
     /// Make the folder of a run: `out` if given, which must not exist, or the first free of `runs/NAME`, `runs/NAME-2`, ...
     pub fn create(out: Option<&Path>, name: &str) -> Result<Self> {
         let path = match out {
@@ -208,7 +219,7 @@ pub fn check_run(folder: &Path, model: &Model) -> Result<()> {
     let manifest: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
     let Some(known) = manifest["inputs_sha256"].as_object() else {
         return Err(wanted().found("no inputs_sha256").hint(
-            "the run was interrupted: go on with it, plychain identify --out FOLDER --resume",
+            "the run was interrupted: go on with it, the same command with --out FOLDER --resume",
         ));
     };
     let known: Vec<&Value> = known.values().collect();

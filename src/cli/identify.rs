@@ -121,10 +121,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     };
     let mut rule = Rule::default();
     let deadline = arguments.limits.apply(&mut schedule, &mut rule)?;
-    let folder = match &arguments.out {
-        Some(path) if arguments.resume && path.exists() => Folder::reopen(path)?,
-        _ => Folder::create(arguments.out.as_deref(), &model.file.name)?,
-    };
+    let folder = Folder::open(arguments.out.as_deref(), &model.file.name, arguments.resume)?;
     let identity = identity(&model, &*sampler, &schedule)?;
     folder.begin(&identity)?;
     let options = Options {

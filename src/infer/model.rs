@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::fem::{Density, Setup};
 use crate::field::{Field, MeasurementSpec};
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
-use crate::reduce::{Dimension, Gauge, Problem, ReducedSpec, THICKNESS, check_gauge};
+use crate::reduce::{Dimension, Gauge, Problem, ReducedSpec, THICKNESS, check_gauge, exponents};
 
 /// The schema that this program reads and writes.
 pub const SCHEMA: &str = "plychain-model/1";
@@ -256,6 +256,18 @@ impl Model {
                 }
             })
             .collect()
+    }
+
+    /// Raise the number of snapshots to what a response surface of the model's parameters should have, half as many again as
+    /// it has monomials.
+    pub fn ask_for_snapshots(&mut self) {
+        let effects = self.sampled();
+        let amplitudes: usize = effects.iter().map(|e| e.parameters().len()).sum();
+        let thickness = usize::from(self.file.specimen.thickness_mm.sd > 0.0);
+        let reduced = &self.file.reduced_model;
+        let variables = self.constants().len() + thickness + amplitudes;
+        let wanted = 3 * exponents(variables, reduced.degree).len() / 2;
+        self.file.reduced_model.snapshots = reduced.snapshots.max(wanted);
     }
 
     /// The DoE box: declared bounds, or [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.

@@ -120,6 +120,7 @@ pub fn extended(
                 [(mean - half).max(-reach), (mean + half).min(reach)],
             );
         }
+        model.ask_for_snapshots();
     }
     model
 }
