@@ -116,7 +116,8 @@ impl Variables {
     /// infinite width where it is in the factor alone, which holds for any value.
     pub fn design(&self) -> Vec<[f64; 2]> {
         let terms = self.terms();
-        let count = terms.iter().fold(0, |most, (k, _)| most.max(k + 1));
+        let indices = terms.iter().map(|(k, _)| *k).chain(self.thickness);
+        let count = indices.max().map_or(0, |k| k + 1);
         let first = self.reference / self.nominal_thickness;
         let mut design = vec![[first, f64::INFINITY]; count];
         for (&(k, ratio), scaling) in terms.iter().zip(&self.scaling) {

@@ -110,10 +110,10 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
     let one = |candidate: usize| -> Option<Lookalike> {
         let other = &subsets.ranges[candidate];
         let towards = block(g, other, own) * a;
-        let nearest = block(g, other, other)
-            .svd(true, true)
-            .solve(&towards, 1e-9 * g[(other[0], other[0])])
-            .ok()?;
+        // with its prior, so that what cannot be seen stays where it is
+        let mut precision = block(g, other, other);
+        (0..other.len()).for_each(|k| precision[(k, k)] += 1.0);
+        let nearest = precision.cholesky()?.solve(&towards);
         let cosine = (towards.dot(&nearest) / norm2).max(0.0).sqrt().min(1.0);
         let mut swapped: Subset = best
             .iter()

@@ -180,7 +180,7 @@ fn consistent(steps: &[Step], group: &Named) -> String {
         );
     }
     if resembling(group).next().is_some() {
-        text += ": its finer shape and that size alone speak against it, so that the test below should decide";
+        text += ": the finer shape of the field and the size that it would need are all that speaks against it, and the tests below should decide";
     }
     text
 }
