@@ -3,7 +3,7 @@
 use super::attribute::{Named, Resembling};
 use super::close::Step;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
-use crate::quantity::plus_minus;
+use crate::quantity::{plus_minus, significant};
 
 /// How the loop ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -164,18 +164,11 @@ fn consistent(steps: &[Step], group: &Named) -> String {
         } else {
             ", or"
         };
-        let amplitude = other.amplitude.iter().map(|(name, value)| {
-            let parameter = name.rsplit('.').next().unwrap_or(name);
-            format!("{parameter} {value:.3}")
-        });
-        let amplitude: Vec<String> = amplitude
-            .filter(|a| !a.ends_with(" 0.000") && !a.ends_with("-0.000"))
-            .collect();
         text += &format!(
             "{begin} (cosine {:.3}) would come from {} with {}, {:.1} times its plausible size",
             other.cosine,
             other.effect,
-            amplitude.join(", "),
+            size_of(&other.amplitude),
             other.multiple
         );
     }
@@ -183,6 +176,21 @@ fn consistent(steps: &[Step], group: &Named) -> String {
         text += ": the finer shape of the field and the size that it would need are all that speaks against it, and the tests below should decide";
     }
     text
+}
+
+/// Amplitudes in words, without those that are nothing beside the largest.
+fn size_of(amplitude: &[(String, f64)]) -> String {
+    let largest = amplitude.iter().fold(0.0, |m: f64, (_, v)| m.max(v.abs()));
+    let kept = amplitude.iter().filter(|(_, v)| v.abs() > 1e-3 * largest);
+    let one = |(name, value): &(String, f64)| {
+        let parameter = name.rsplit('.').next().unwrap_or(name);
+        if value.abs() < 1e-3 {
+            format!("{parameter} {value:.2e}")
+        } else {
+            format!("{parameter} {}", significant(*value, 0.1 * value.abs()))
+        }
+    };
+    kept.map(one).collect::<Vec<_>>().join(", ")
 }
 
 /// Resembling effects that are named in words, at most.
@@ -231,4 +239,24 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
         said.push(format!("Undecided: {}.", names.join("; ")));
     }
     said.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::size_of;
+
+    #[test]
+    fn sizes_are_said_in_any_unit() {
+        let said = |pairs: &[(&str, f64)]| {
+            let pairs = pairs.iter().map(|(n, v)| ((*n).to_string(), *v));
+            size_of(&pairs.collect::<Vec<_>>())
+        };
+        let beta = [("shear_nonlinearity.beta_per_MPa3", -1.234e-7)];
+        assert_eq!(said(&beta), "beta_per_MPa3 -1.23e-7");
+        let taper = [
+            ("thickness_taper.across_percent", -9.1406),
+            ("thickness_taper.along_percent", 1.9e-6),
+        ];
+        assert_eq!(said(&taper), "across_percent -9.14");
+    }
 }
