@@ -168,6 +168,28 @@ fn matern_fields_have_their_covariance() {
     }
 }
 
+/// A correlation that reaches over more points than a torus may have is made on a coarser lattice: steps between points are as
+/// small as the correlation wants them.
+#[test]
+fn long_correlations_are_interpolated() {
+    let mut rng = Pcg64Dxsm::seed_from_u64(6);
+    let (shape, h, l) = ([60, 50], 0.02, 8.0);
+    let step = 3_f64.sqrt() * h / l;
+    let allowed = 6.0 * (2.0 * (1.0 - (1.0 + step) * (-step).exp())).sqrt();
+    for field in matern_pair(shape, [h; 2], l, &mut rng) {
+        assert_eq!(field.len(), shape[0] * shape[1]);
+        assert!(field.iter().all(|v| v.abs() < 6.0));
+        for (k, v) in field.iter().enumerate() {
+            if (k + 1) % shape[1] != 0 {
+                assert!((field[k + 1] - v).abs() < allowed);
+            }
+            if let Some(below) = field.get(k + shape[1]) {
+                assert!((below - v).abs() < allowed);
+            }
+        }
+    }
+}
+
 #[test]
 fn tests_of_uniformity_know_their_quantiles() {
     let spaced: Vec<f64> = (0..1000).map(|i| (f64::from(i) + 0.5) / 1000.0).collect();

@@ -9,14 +9,48 @@ use rand_distr::{Distribution, StandardNormal};
 /// Correlation lengths that the torus extends beyond the lattice: the correlation there is below 1e-5.
 const MARGIN_LENGTHS: f64 = 8.0;
 
+/// Points of a torus along one axis, at most.
+const MOST_POINTS: f64 = 2048.0;
+
+/// Points of a coarser lattice to the correlation length, at least.
+const FINE: f64 = 100.0;
+
 /// Two independent fields of unit variance and correlation length `l` (mm) on `shape` (rows, columns) points with the
-/// `spacing` (mm) of rows and of columns, row by row.
+/// `spacing` (mm) of rows and of columns, row by row. Where the correlation reaches over more points than a torus may have,
+/// they are made on a coarser lattice and interpolated.
 pub fn matern_pair(
     shape: [usize; 2],
     spacing: [f64; 2],
     l: f64,
     rng: &mut impl Rng,
 ) -> [Vec<f64>; 2] {
+    let coarser = [0, 1].map(|k| {
+        let wanted = (shape[k] as f64 + MARGIN_LENGTHS * l / spacing[k]) / MOST_POINTS;
+        wanted
+            .ceil()
+            .clamp(1.0, (l / spacing[k] / FINE).max(1.0).floor())
+    });
+    if coarser == [1.0; 2] {
+        return on_lattice(shape, spacing, l, rng);
+    }
+    let nodes = [0, 1].map(|k| (shape[k].max(2) as f64 / coarser[k]).ceil() as usize + 1);
+    let pair = on_lattice(nodes, [0, 1].map(|k| coarser[k] * spacing[k]), l, rng);
+    pair.map(|values| {
+        let at = |i: usize, j: usize| values[i * nodes[1] + j];
+        let between = |i: usize, j: usize| {
+            let (y, x) = (i as f64 / coarser[0], j as f64 / coarser[1]);
+            let (row, col) = (y as usize, x as usize);
+            let (b, a) = (y.fract(), x.fract());
+            (1.0 - b) * ((1.0 - a) * at(row, col) + a * at(row, col + 1))
+                + b * ((1.0 - a) * at(row + 1, col) + a * at(row + 1, col + 1))
+        };
+        (0..shape[0] * shape[1])
+            .map(|k| between(k / shape[1], k % shape[1]))
+            .collect()
+    })
+}
+
+fn on_lattice(shape: [usize; 2], spacing: [f64; 2], l: f64, rng: &mut impl Rng) -> [Vec<f64>; 2] {
     let size = [0, 1].map(|k| {
         let beyond = (MARGIN_LENGTHS * l / spacing[k]).ceil() as usize;
         (shape[k] + beyond).next_power_of_two()

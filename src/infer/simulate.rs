@@ -2,11 +2,11 @@
 
 use rand::RngExt;
 use rand::SeedableRng;
-use rand_distr::{ChiSquared, Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
-use rayon::prelude::*;
 
 use super::model::Model;
+use super::random_field::matern_pair;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
@@ -86,7 +86,7 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
         remove_rigid_motion(&reported, &mut u);
     }
     add_and_record(&truth.effects, &scene, &reported, &mut u);
-    add_noise(&reported, &mut u, truth);
+    add_noise(&grid, &inside, &mut u, truth);
     let mut measured = u.into_iter();
     for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {
         *slot = if *inside {
@@ -129,52 +129,36 @@ fn add_and_record(effects: &[Acting], scene: &Scene, points: &[[f64; 2]], u: &mu
     }
 }
 
-/// Cosines in a correlated noise field.
-const COSINES: usize = 1500;
-
-fn add_noise(points: &[[f64; 2]], u: &mut [[f64; 2]], truth: &Truth) {
+fn add_noise(grid: &Grid, inside: &[bool], u: &mut [[f64; 2]], truth: &Truth) {
     let sd = truth.noise_nm / NM_PER_MM;
     if sd == 0.0 {
         return;
     }
     let mut seeds = Pcg64Dxsm::seed_from_u64(truth.seed);
-    for c in 0..2 {
-        let mut rng = Pcg64Dxsm::seed_from_u64(seeds.random());
-        if truth.correlation_mm == 0.0 {
+    if truth.correlation_mm == 0.0 {
+        for c in 0..2 {
+            let mut rng = Pcg64Dxsm::seed_from_u64(seeds.random());
             for u in u.iter_mut() {
                 let z: f64 = StandardNormal.sample(&mut rng);
                 u[c] += sd * z;
             }
-            continue;
         }
-        let waves = matern_waves(truth.correlation_mm, &mut rng);
-        u.par_iter_mut().zip(points).for_each(|(u, p)| {
-            let sum: f64 = waves
-                .iter()
-                .map(|[a, b, phase]| (a * p[0] + b * p[1] + phase).cos())
-                .sum();
-            u[c] += sd * sum * (2.0 / COSINES as f64).sqrt();
-        });
+        return;
     }
-}
-
-/// Wave vectors and phases of a Gaussian random field with Matern-3/2 correlation of length `l` (random Fourier
-/// features): in the plane the spectral density is a bivariate Student-t with 3 degrees of freedom and scale 1/l.
-fn matern_waves(l: f64, rng: &mut Pcg64Dxsm) -> Vec<[f64; 3]> {
-    let degrees: f64 = 3.0;
-    (0..COSINES)
-        .map(|_| {
-            let (a, b): (f64, f64) = (StandardNormal.sample(rng), StandardNormal.sample(rng));
-            let chi2 = match ChiSquared::new(degrees) {
-                Ok(distribution) => distribution.sample(rng),
-                Err(_) => degrees,
-            };
-            let scale = (degrees / chi2).sqrt() / l;
-            [
-                a * scale,
-                b * scale,
-                rng.random_range(0.0..std::f64::consts::TAU),
-            ]
-        })
-        .collect()
+    let mut rng = Pcg64Dxsm::seed_from_u64(seeds.random());
+    let step = |k: usize, stride: usize| {
+        let next = grid.points.get(stride);
+        next.map_or(1.0, |p| p[k] - grid.points[0][k])
+    };
+    let spacing = [step(1, grid.cols), step(0, 1)];
+    let [a, b] = matern_pair(
+        [grid.rows, grid.cols],
+        spacing,
+        truth.correlation_mm,
+        &mut rng,
+    );
+    let measured = (0..inside.len()).filter(|&i| inside[i]);
+    for (u, i) in u.iter_mut().zip(measured) {
+        *u = [u[0] + sd * a[i], u[1] + sd * b[i]];
+    }
 }
