@@ -33,7 +33,7 @@ pub struct Closed {
 }
 
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline. `options` gives each
-/// round its own.
+/// round its own. A later round that the deadline cuts off before there is anything to say of it does not count.
 ///
 /// # Errors
 /// Those of identification and tracing.
@@ -46,11 +46,15 @@ pub fn close<'a>(
     let mut steps: Vec<Step> = Vec::new();
     let mut model = model.clone();
     loop {
-        let round = identify(&model, &options(steps.len()), watch)?;
+        let deadline = options(steps.len()).deadline;
+        let is_over = || deadline.is_some_and(|end| Instant::now() >= end);
+        let round = match identify(&model, &options(steps.len()), watch) {
+            Err(_) if !steps.is_empty() && is_over() => break,
+            other => other?,
+        };
         let start = State::of(&model, &round);
         let tracing = attribute(&model, &round.prepared, start, watch)?;
-        let deadline = options(steps.len()).deadline;
-        let go_on = steps.len() < most && deadline.is_none_or(|end| Instant::now() < end);
+        let go_on = steps.len() < most && !is_over();
         let accepted = tracing.accepted.filter(|_| go_on);
         let amplitude = tracing.accepted_amplitude.clone();
         let averaged = tracing.averaged.clone();
@@ -64,16 +68,20 @@ pub fn close<'a>(
     }
     let conclusion = conclude(&steps);
     let structure = steps[steps.len() - 1].tracing.structure;
-    let honest =
-        if conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some) {
-            let options = Options {
-                discrepancy: structure,
-                ..options(steps.len())
-            };
-            Some(identify(&model, &options, watch)?)
-        } else {
-            None
-        };
+    let options = Options {
+        discrepancy: structure,
+        ..options(steps.len())
+    };
+    let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
+    let over = || options.deadline.is_some_and(|end| Instant::now() >= end);
+    let honest = if wanted && !over() {
+        match identify(&steps[steps.len() - 1].model, &options, watch) {
+            Err(_) if over() => None,
+            other => Some(other?),
+        }
+    } else {
+        None
+    };
     Ok(Closed {
         steps,
         honest,
