@@ -20,6 +20,7 @@ mod mechanics;
 mod memory;
 mod newcomer;
 mod optics;
+mod patterns;
 mod phase;
 mod program;
 mod reduce;

@@ -211,7 +211,7 @@ fn factorize(basis: &[Coefficients], weights: &[f64]) -> Option<Factor> {
 }
 
 /// The median; sorts `values`. Zero if there are none.
-pub(super) fn median(values: &mut [f64]) -> f64 {
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

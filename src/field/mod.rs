@@ -20,6 +20,7 @@ pub mod table;
 pub use blocks::Blocks;
 pub use covariance::{BlockCovariance, Matern};
 pub use frame::{Axis, Frame};
+pub(crate) use local::median;
 pub use matrices::Grid;
 pub use measured::{Field, GridShape, Reason, Rejected};
 pub use reml::Reml;

@@ -136,8 +136,25 @@ fn residual(round: &Round) -> Value {
         "variogram": round.structure.variogram.iter().map(|(d, g)| json!({ "distance_mm": d, "u1_nm2": g[0], "u2_nm2": g[1] })).collect::<Vec<_>>(),
         "rings": round.structure.rings.iter().map(|(r, v)| json!({ "to_radius_mm": r, "u1_nm": v[0], "u2_nm": v[1] })).collect::<Vec<_>>(),
         "quadrants_nm": round.structure.quadrants.iter().map(|v| both(*v)).collect::<Vec<_>>(),
+        "patterns": patterns(round),
         "n": r.points,
         "n_eff": r.effective_points,
+    })
+}
+
+/// What stationary noise does not do, in the data's directions.
+fn patterns(round: &Round) -> Value {
+    let frame = &round.prepared.observation.field.frame;
+    let name = |component: usize| ["u1", "u2"][component];
+    json!({
+        "breakout": round.patterns.breakout.map(|b| json!({
+            "component": name(b.component), "blocks": b.blocks, "expected": b.expected, "p": b.p,
+            "place_in_data_mm": frame.data_point(b.place_mm), "sds": b.sds,
+        })),
+        "wave": round.patterns.wave.map(|w| json!({
+            "component": name(w.component), "length_mm": w.length_mm, "direction_in_data": frame.vector(w.direction),
+            "amplitude_nm": w.amplitude_nm, "place_in_data_mm": frame.data_point(w.place_mm), "share": w.share, "p": w.p,
+        })),
     })
 }
 

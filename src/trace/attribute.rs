@@ -7,7 +7,7 @@ use super::alias::groups;
 use super::averaged::{Averaged, BlindSpot};
 use super::conclude::Evidence;
 use super::fringes;
-use super::pose::Prepared;
+use super::pose::{Prepared, clear_mm};
 use super::state::State;
 use super::subsets::Subsets;
 use super::tangents::{LOAD_SCALE, Tangents, Tested};
@@ -103,9 +103,6 @@ pub struct Resembling {
     pub lost_nats: f64,
 }
 
-/// Blocks closer to the hole than this many radii are not used: the hole's edge is where optics and meshes are worst.
-const CLEAR_RADII: f64 = 1.2;
-
 /// Passes of linearisation about the best effect.
 const PASSES: usize = 4;
 
@@ -179,7 +176,7 @@ pub fn attribute(
         tested_field = Cow::Owned(corrected);
     }
     let field = &*tested_field;
-    let clear = CLEAR_RADII * 0.5 * model.file.specimen.hole.diameter_mm;
+    let clear = clear_mm(model);
     let beyond = |i: usize| field.points[i][0].hypot(field.points[i][1]) >= clear;
     let blocks = Blocks::new(field, Blocks::size_for(field), beyond);
     let tested = Tested {

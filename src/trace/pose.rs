@@ -70,6 +70,15 @@ pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) ->
     })
 }
 
+/// What lies closer to the hole's centre than this many radii is not looked at for structure: the hole's edge is where
+/// optics and meshes are worst.
+const CLEAR_RADII: f64 = 1.2;
+
+/// Distance from the hole's centre, mm, from which on residuals are looked at.
+pub fn clear_mm(model: &Model) -> f64 {
+    CLEAR_RADII * 0.5 * model.file.specimen.hole.diameter_mm
+}
+
 /// Prior means, mean thickness, no effect.
 fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
     let mut point: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();

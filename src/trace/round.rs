@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::checks::{Judged, warnings};
 use super::find::Structure;
-use super::pose::{Posed, Prepared, pose, prepare, start};
+use super::patterns::Patterns;
+use super::pose::{Posed, Prepared, clear_mm, pose, prepare, start};
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
 use super::truth::{Identified, SurrogateError};
@@ -68,6 +69,8 @@ pub struct Round {
     pub residual: Residual,
     /// Whether that has structure beyond the noise, and where.
     pub structure: Structure,
+    /// What stationary noise does not do.
+    pub patterns: Patterns,
     /// Sentences about results that should not be trusted as they stand.
     pub warnings: Vec<String>,
 }
@@ -159,6 +162,8 @@ fn identify_prepared(
         },
         watch,
     )?;
+    let field = &prepared.observation.field;
+    let patterns = Patterns::of(field, &residual.field, &noise, clear_mm(model));
     let structure = Structure::of(&residual.field, &noise, options.schedule.seed);
     let warnings = warnings(&Judged {
         prepared: &prepared,
@@ -172,6 +177,7 @@ fn identify_prepared(
     });
     Ok(Round {
         structure,
+        patterns,
         warnings,
         prepared,
         columns,

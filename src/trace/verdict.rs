@@ -2,6 +2,7 @@
 
 use super::attribute::{Named, Resembling};
 use super::close::Step;
+use super::round::Round;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::quantity::{plus_minus, significant};
 
@@ -12,7 +13,8 @@ pub enum Status {
     NothingMissing,
     /// Effects were added, and the residual is now what the noise explains.
     Closed,
-    /// Structure remains that no effect of the dictionary explains, or that an effect does which was not added.
+    /// Structure remains that no effect of the dictionary explains, or that an effect does which was not added, or a pattern
+    /// that stationary noise does not have.
     Unexplained,
 }
 
@@ -61,7 +63,8 @@ pub fn conclude(steps: &[Step]) -> Conclusion {
     // the last round's is called for, but there was no round to add it
     let wanted = accepted(last).and_then(|_| groups.pop());
     let structure = last.tracing.discrepancy > UNEXPLAINED;
-    let status = match (structure || wanted.is_some(), groups.is_empty()) {
+    let patterns = last.round.patterns.any();
+    let status = match (structure || patterns || wanted.is_some(), groups.is_empty()) {
         (true, _) => Status::Unexplained,
         (false, true) => Status::NothingMissing,
         (false, false) => Status::Closed,
@@ -224,12 +227,16 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
     }
     if structure {
         said.push("Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy.".into());
-    } else if wanted.is_none() && added.is_empty() {
+    }
+    let patterns = pattern_words(&steps[steps.len() - 1].round);
+    let nothing = !structure && patterns.is_empty() && wanted.is_none();
+    said.extend(patterns);
+    if nothing && added.is_empty() {
         said.push(
             "The residual is what the measured noise explains: nothing asks for another effect."
                 .into(),
         );
-    } else if wanted.is_none() {
+    } else if nothing {
         said.push("What is left is what the measured noise explains.".into());
     }
     said.push("A scale of the load or of the thickness cannot be told from a common factor of all moduli: every percent of the one is a percent of the other, and only a calibrated load cell and a micrometer separate them.".into());
@@ -239,6 +246,30 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
         said.push(format!("Undecided: {}.", names.join("; ")));
     }
     said.join(" ")
+}
+
+/// Sentences about what stationary noise does not do.
+fn pattern_words(round: &Round) -> Vec<String> {
+    let frame = &round.prepared.observation.field.frame;
+    let place = |p: [f64; 2]| {
+        let [x, y] = frame.data_point(p);
+        format!("({x:.1}, {y:.1}) mm of the data")
+    };
+    let breakout = round.patterns.breakout.map(|b| {
+        format!(
+            "In u{} the residual breaks out of the noise: {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected), the farthest {:.0} sd, at {}. That is an edge, a patch of bad data or a local defect; look at the residual's map there, and mask it or explain it.",
+            b.component + 1, b.blocks, round.noise.blocks.size_mm, b.expected, b.sds, place(b.place_mm)
+        )
+    });
+    let wave = round.patterns.wave.map(|w| {
+        let [dx, dy] = frame.vector(w.direction);
+        let angle = dy.atan2(dx).to_degrees().rem_euclid(180.0);
+        format!(
+            "In u{} a fine wave is left ({:.2} mm long, running at {angle:.0} deg from x, {:.0} nm in amplitude, clearest about {}, in {:.0} % of the parts looked at), such as a phase-shift error, the interpolation of image correlation or the raster of a camera leaves. It is counted as noise.",
+            w.component + 1, w.length_mm, w.amplitude_nm, place(w.place_mm), 100.0 * w.share
+        )
+    });
+    breakout.into_iter().chain(wave).collect()
 }
 
 #[cfg(test)]

@@ -1,0 +1,106 @@
+//! What stationary noise does not do: break out in one place, or swing in waves finer than the blocks of the noise model.
+//!
+//! Both are sought without any model of what makes them, so that an effect that is in no dictionary, or one that
+//! passes for noise, does not go unsaid.
+
+use nalgebra::DMatrix;
+use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
+
+use super::waves::{self, Wave};
+use crate::field::Field;
+use crate::infer::Noise;
+
+/// Block averages of one component that the noise does not explain, close to each other or not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Breakout {
+    /// 0 for u1, 1 for u2.
+    pub component: usize,
+    /// Number of block averages beyond [`FAR`] sds of what the noise and the blocks about them allow.
+    pub blocks: usize,
+    /// How many the noise alone would have.
+    pub expected: f64,
+    /// Probability of as many by noise alone.
+    pub p: f64,
+    /// Where the largest is: (s, t) in mm.
+    pub place_mm: [f64; 2],
+    /// How many sds the largest is away.
+    pub sds: f64,
+}
+
+/// What has to be said of a residual beside its smooth structure.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Patterns {
+    /// Where the residual breaks out of the noise.
+    pub breakout: Option<Breakout>,
+    /// The clearest fine wave.
+    pub wave: Option<Wave>,
+}
+
+/// Sds of a block average that is far out: 0.1 of 1800 by chance.
+const FAR: f64 = 4.0;
+
+/// Patterns more probable than this by noise alone are not spoken of.
+pub(super) const IMPROBABLE: f64 = 1e-4;
+
+impl Patterns {
+    /// Sought in the residual (mm) at the points of `field`, outside of `clear_mm` about the hole's centre, where optics and meshes
+    /// are worst.
+    pub fn of(field: &Field, residual: &[[f64; 2]], noise: &Noise, clear_mm: f64) -> Self {
+        let breakouts = [0, 1].map(|c| breakout(residual, noise, c, clear_mm));
+        let breakout = breakouts
+            .iter()
+            .flatten()
+            .copied()
+            .min_by(|a, b| a.p.total_cmp(&b.p));
+        let beyond = |i: usize| radius(field.points[i]) >= clear_mm;
+        Self {
+            breakout,
+            // an edge in the residual has waves of every length
+            wave: if breakout.is_none() {
+                waves::clearest(field, residual, beyond)
+            } else {
+                None
+            },
+        }
+    }
+
+    /// Whether there is any.
+    pub fn any(&self) -> bool {
+        self.breakout.is_some() || self.wave.is_some()
+    }
+}
+
+fn radius(point: [f64; 2]) -> f64 {
+    point[0].hypot(point[1])
+}
+
+/// Each block average is compared with what those before it predict: the whitened averages are independent and of unit variance.
+fn breakout(residual: &[[f64; 2]], noise: &Noise, c: usize, clear_mm: f64) -> Option<Breakout> {
+    let blocks = &noise.blocks;
+    let values: Vec<f64> = residual.iter().map(|r| r[c]).collect();
+    let averages = DMatrix::from_columns(&[blocks.average(&values)]);
+    let white = noise.whiten(&averages, c);
+    let of = |b: &usize| white[(*b, 0)].abs();
+    let looked_at: Vec<usize> = (0..blocks.len())
+        .filter(|&b| radius(blocks.centroid[b]) >= clear_mm)
+        .collect();
+    let count = looked_at.iter().filter(|b| of(b) > FAR).count();
+    let largest = looked_at
+        .iter()
+        .copied()
+        .max_by(|a, b| of(a).total_cmp(&of(b)))?;
+    let expected = 2.0 * Normal::standard().sf(FAR) * looked_at.len() as f64;
+    let p = match count {
+        0 => 1.0,
+        // both components are looked at
+        count => (2.0 * Poisson::new(expected).ok()?.sf(count as u64 - 1)).min(1.0),
+    };
+    (p < IMPROBABLE).then_some(Breakout {
+        component: c,
+        blocks: count,
+        expected,
+        p,
+        place_mm: blocks.centroid[largest],
+        sds: of(&largest),
+    })
+}

@@ -1,0 +1,329 @@
+//! Fine waves in a residual: shorter than the blocks of the noise model can see, in a direction that noise does not have.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Gamma};
+
+use super::patterns::IMPROBABLE;
+use crate::field::{Blocks, Field, median};
+use crate::quantity::NM_PER_MM;
+
+/// A wave in one part of one component.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wave {
+    /// 0 for u1, 1 for u2.
+    pub component: usize,
+    /// Its length, mm. A wave shorter than two spacings of the points shows as a longer one.
+    pub length_mm: f64,
+    /// Direction in which it runs: unit vector (s, t).
+    pub direction: [f64; 2],
+    /// Its amplitude, nm.
+    pub amplitude_nm: f64,
+    /// Centre of the part where it is clearest: (s, t) in mm.
+    pub place_mm: [f64; 2],
+    /// Share of the parts looked at that have a wave as improbable.
+    pub share: f64,
+    /// Probability of one as large in noise without a preferred direction.
+    pub p: f64,
+}
+
+/// Side of a part in which waves are sought, in spacings of the points.
+const PART: f64 = 24.0;
+
+/// Parts looked at, at most.
+const MOST_PARTS: usize = 64;
+
+/// Waves that pass fewer times through a part are smooth structure, which the blocks see.
+const FEWEST_PERIODS: f64 = 3.0;
+
+/// Half-width in periods a part of the ring of wave numbers whose typical power is the noise's.
+const RING: f64 = 0.35;
+
+/// The power of a wave at which the noise's own, whose ring is not known exactly, may be too large.
+const RING_ERROR: f64 = 1.25;
+
+/// Distances in periods a part of the wave numbers about one, beyond the width of its own peak.
+const ABOUT: std::ops::Range<f64> = 1.8..4.0;
+
+/// Amplitudes below this share of the residual's RMS are not worth mentioning.
+const WORTHY: f64 = 0.1;
+
+/// The periodograms of one component over the parts.
+struct Spectra {
+    component: usize,
+    /// Number of each part, and its power at each wave number, in units in which the noise expects 1.
+    relative: Vec<(usize, Vec<f64>)>,
+    /// Amplitude (mm) of a lone wave over the root of its relative power, by wave number.
+    unit: Vec<f64>,
+    /// Root mean square of the component, mm.
+    rms: f64,
+}
+
+/// A candidate for the clearest wave.
+struct Peak {
+    component: usize,
+    number: usize,
+    amplitude: f64,
+    part: usize,
+    share: f64,
+    p: f64,
+}
+
+/// The clearest wave in the residual: one that is improbable in its part, or in the mean over all parts, and worth mentioning.
+pub fn clearest(
+    field: &Field,
+    residual: &[[f64; 2]],
+    used: impl Fn(usize) -> bool,
+) -> Option<Wave> {
+    let side = PART * field.spacing_mm();
+    if side.is_nan() || side <= 0.0 {
+        return None;
+    }
+    let parts = Blocks::new(field, side, used);
+    let mut members = vec![Vec::new(); parts.len()];
+    for (i, part) in parts.of_point.iter().enumerate() {
+        if let Some(part) = part {
+            members[*part as usize].push(i);
+        }
+    }
+    let stride = parts.len().div_ceil(MOST_PARTS).max(1);
+    let chosen: Vec<usize> = (0..parts.len())
+        .step_by(stride)
+        .filter(|&part| members[part].len() >= FEWEST_POINTS)
+        .collect();
+    if chosen.is_empty() {
+        return None;
+    }
+    let numbers = wave_numbers();
+    let tried = (2 * numbers.len()) as f64;
+    let peak = [0, 1]
+        .map(|c| {
+            let spectra = Spectra::new(field, residual, &chosen, &members, side, c, &numbers);
+            [spectra.sharpest(tried), spectra.steadiest(tried)]
+        })
+        .into_iter()
+        .flatten()
+        .flatten()
+        .min_by(|a, b| a.p.total_cmp(&b.p))?;
+    let [a, b] = numbers[peak.number];
+    let number = a.hypot(b);
+    Some(Wave {
+        component: peak.component,
+        length_mm: side / number,
+        direction: [a / number, b / number],
+        amplitude_nm: peak.amplitude * NM_PER_MM,
+        place_mm: parts.centroid[peak.part],
+        share: peak.share,
+        p: peak.p,
+    })
+}
+
+impl Spectra {
+    fn new(
+        field: &Field,
+        residual: &[[f64; 2]],
+        chosen: &[usize],
+        members: &[Vec<usize>],
+        side: f64,
+        component: usize,
+        numbers: &[[f64; 2]],
+    ) -> Self {
+        let raw: Vec<(Vec<f64>, f64)> = chosen
+            .par_iter()
+            .map(|&part| periodogram(field, residual, &members[part], side, component, numbers))
+            .collect();
+        let expected = expected(numbers, &raw);
+        let relative = |power: &Vec<f64>| {
+            let relative: Vec<f64> = power.iter().zip(&expected).map(|(p, e)| p / e).collect();
+            // parts may be noisier than others
+            let level = median(&mut relative.clone()) / std::f64::consts::LN_2;
+            relative
+                .iter()
+                .map(|r| r / level.max(f64::MIN_POSITIVE))
+                .collect()
+        };
+        let lone = raw.iter().map(|(_, lone)| lone).sum::<f64>() / raw.len() as f64;
+        let square: f64 = residual.iter().map(|r| r[component] * r[component]).sum();
+        Self {
+            component,
+            relative: chosen
+                .iter()
+                .zip(&raw)
+                .map(|(&part, (power, _))| (part, relative(power)))
+                .collect(),
+            unit: expected.iter().map(|e| lone * e.sqrt()).collect(),
+            rms: (square / residual.len() as f64).sqrt(),
+        }
+    }
+
+    /// The largest power of any wave number in any part.
+    fn sharpest(&self, tried: f64) -> Option<Peak> {
+        let tried = tried * self.relative.len() as f64;
+        let largest = |power: &[f64]| {
+            let best = (0..power.len()).max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
+            Some((best, power[best]))
+        };
+        let p = |power: f64| (tried * (-power / RING_ERROR).exp()).min(1.0);
+        let all: Vec<(usize, usize, f64)> = self
+            .relative
+            .iter()
+            .filter_map(|(part, power)| {
+                largest(power).map(|(number, power)| (*part, number, power))
+            })
+            .collect();
+        let &(part, number, power) = all.iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
+        let clear = all
+            .iter()
+            .filter(|(.., power)| p(*power) < IMPROBABLE)
+            .count();
+        self.worthy(Peak {
+            component: self.component,
+            number,
+            amplitude: self.unit[number] * (power - 1.0).max(0.0).sqrt(),
+            part,
+            share: clear as f64 / all.len() as f64,
+            p: p(power),
+        })
+    }
+
+    /// The largest mean power over all parts: a sum of as many exponential variables in noise.
+    fn steadiest(&self, tried: f64) -> Option<Peak> {
+        let n = self.relative.len() as f64;
+        let sum = |k: usize| self.relative.iter().map(|(_, power)| power[k]).sum::<f64>();
+        let number = (0..self.unit.len()).max_by(|&a, &b| sum(a).total_cmp(&sum(b)))?;
+        let gamma = Gamma::new(n, 1.0).ok()?;
+        let p = (tried * gamma.sf(sum(number) / RING_ERROR)).min(1.0);
+        let here = |entry: &&(usize, Vec<f64>)| entry.1[number];
+        let clearest = self
+            .relative
+            .iter()
+            .max_by(|a, b| here(a).total_cmp(&here(b)))?;
+        // one in five parts of noise alone has more
+        let clear = self
+            .relative
+            .iter()
+            .filter(|entry| here(entry) > 5_f64.ln())
+            .count() as f64
+            / n;
+        self.worthy(Peak {
+            component: self.component,
+            number,
+            amplitude: self.unit[number] * (sum(number) / n - 1.0).max(0.0).sqrt(),
+            part: clearest.0,
+            share: ((clear - 0.2) / 0.8).max(0.0),
+            p,
+        })
+    }
+
+    fn worthy(&self, peak: Peak) -> Option<Peak> {
+        let worthy = peak.p < IMPROBABLE && peak.amplitude > WORTHY * self.rms;
+        worthy.then_some(peak)
+    }
+}
+
+/// What the noise has at each wave number: the median over all parts of waves of nearly the same length in all directions, or
+/// of those about it where that is more, as in noise that prefers some directions.
+fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> Vec<f64> {
+    let length = |k: usize| numbers[k][0].hypot(numbers[k][1]);
+    let typical = |near: &dyn Fn(usize) -> bool| {
+        let ring = (0..numbers.len()).filter(|&j| near(j));
+        let mut powers: Vec<f64> = ring
+            .flat_map(|j| spectra.iter().map(move |(power, _)| power[j]))
+            .collect();
+        median(&mut powers) / std::f64::consts::LN_2
+    };
+    (0..numbers.len())
+        .map(|k| {
+            let apart = |j: usize| {
+                let by = |sign: f64| {
+                    (numbers[j][0] - sign * numbers[k][0])
+                        .hypot(numbers[j][1] - sign * numbers[k][1])
+                };
+                by(1.0).min(by(-1.0))
+            };
+            let ring = typical(&|j| (length(j) - length(k)).abs() < RING);
+            let about = typical(&|j| ABOUT.contains(&apart(j)));
+            ring.max(about).max(f64::MIN_POSITIVE)
+        })
+        .collect()
+}
+
+/// Periods a part along s and t of all waves sought: a half plane, up to two points a period, where waves of both
+/// directions are one.
+fn wave_numbers() -> Vec<[f64; 2]> {
+    let most = (PART / 2.0) as i32;
+    let mut numbers = Vec::new();
+    for a in 0..=most {
+        for b in -most..=most {
+            let number = f64::from(a).hypot(f64::from(b));
+            let upper = a > 0 || b > 0;
+            if upper && number >= FEWEST_PERIODS && number < f64::from(most) {
+                numbers.push([f64::from(a), f64::from(b)]);
+            }
+        }
+    }
+    numbers
+}
+
+/// Terms of the quadratic that is taken out of a part, and points that a part needs.
+const TERMS: usize = 6;
+const FEWEST_POINTS: usize = 100;
+
+/// Power of one component over one part at all wave numbers, after a quadratic and under a Hann window, which keeps what is
+/// smooth in its place; and the amplitude of a lone wave over the root of its power.
+fn periodogram(
+    field: &Field,
+    residual: &[[f64; 2]],
+    members: &[usize],
+    side: f64,
+    c: usize,
+    numbers: &[[f64; 2]],
+) -> (Vec<f64>, f64) {
+    let n = members.len();
+    let low = [0, 1].map(|k| {
+        members
+            .iter()
+            .map(|&i| field.points[i][k])
+            .fold(f64::INFINITY, f64::min)
+    });
+    let high = [0, 1].map(|k| {
+        members
+            .iter()
+            .map(|&i| field.points[i][k])
+            .fold(f64::NEG_INFINITY, f64::max)
+    });
+    let place = |i: usize, k: usize| (field.points[i][k] - 0.5 * (low[k] + high[k])) / side;
+    let basis = DMatrix::from_fn(n, TERMS, |row, term| {
+        let [s, t] = [place(members[row], 0), place(members[row], 1)];
+        [1.0, s, t, s * s, s * t, t * t][term]
+    });
+    let values = DVector::from_iterator(n, members.iter().map(|&i| residual[i][c]));
+    let gram = basis.tr_mul(&basis);
+    let fitted = gram
+        .cholesky()
+        .map(|f| &basis * f.solve(&basis.tr_mul(&values)));
+    let rest = fitted.map_or_else(|| values.clone(), |f| &values - f);
+    let window: Vec<f64> = members
+        .iter()
+        .map(|&i| {
+            let half = |k: usize| (std::f64::consts::PI * place(i, k)).cos().powi(2);
+            half(0) * half(1)
+        })
+        .collect();
+    let square: f64 = window.iter().map(|w| w * w).sum();
+    let sum: f64 = window.iter().sum();
+    let power = numbers
+        .iter()
+        .map(|&[a, b]| {
+            let mut total = [0.0; 2];
+            for (row, &i) in members.iter().enumerate() {
+                let phase = 2.0 * std::f64::consts::PI * (a * place(i, 0) + b * place(i, 1));
+                let (sin, cos) = phase.sin_cos();
+                let value = window[row] * rest[row];
+                total = [total[0] + value * cos, total[1] + value * sin];
+            }
+            (total[0] * total[0] + total[1] * total[1]) / square
+        })
+        .collect();
+    (power, 2.0 * square.sqrt() / sum.max(f64::MIN_POSITIVE))
+}

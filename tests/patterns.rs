@@ -1,0 +1,136 @@
+//! What stationary noise does not do, sought without a model: places where the residual breaks out of it, fine waves.
+
+use serde_json::Value;
+
+use plychain::effect::EFFECTS;
+use plychain::field::matrices::write_matrices;
+use plychain::infer::Model;
+use plychain::progress::Unwatched;
+use plychain::trace::{Patterns, Residual, pose, prepare, start};
+
+use crate::program::{fresh, succeed, workplace};
+use crate::tracing::{Noise, measured};
+
+/// Patterns in what the bare model leaves of a measurement.
+fn patterns(model: &Model) -> Patterns {
+    let cache = workplace().join("runs/.cache");
+    let prepared = prepare(model, &cache, &Unwatched).unwrap();
+    let posed = pose(model, prepared, &Unwatched).unwrap();
+    let mode = start(&posed.posterior).unwrap().mode;
+    let scale = posed.posterior.scale(&mode);
+    let theta = &mode[..posed.posterior.structural()];
+    let alpha = posed.posterior.likelihood().expected(theta, scale);
+    let beta = &posed.statistics.effect_offset - &posed.statistics.effect_slope * &alpha;
+    let residual = Residual::new(
+        &posed.prepared.observation,
+        &posed.columns,
+        &posed.noise,
+        &posed.statistics,
+        &alpha,
+        &beta,
+    );
+    let field = &posed.prepared.observation.field;
+    Patterns::of(field, &residual.field, &posed.noise, 2.4)
+}
+
+/// A measurement to which something was added: (x, y) in mm to (U, V) in nm.
+fn with(noise: Noise, seed: u64, added: impl Fn([f64; 2]) -> [f64; 2]) -> Model {
+    let mut model = measured(&[], noise, seed);
+    let field = model.read_field().unwrap();
+    let mut grid = plychain::field::Grid::regular([[-12.15; 2], [12.15; 2]], 121, 121);
+    for (p, u) in field.points.iter().zip(&field.displacement) {
+        let [x, y] = field.frame.data_point(*p);
+        let near = |v: f64| ((v + 12.15) / 24.3 * 120.0).round() as usize;
+        let more = added([x, y]);
+        grid.displacement[near(y) * 121 + near(x)] = [u[0] + 1e-6 * more[0], u[1] + 1e-6 * more[1]];
+    }
+    let folder = fresh("added");
+    std::fs::create_dir_all(&folder).unwrap();
+    write_matrices(&folder, &grid).unwrap();
+    model.file.measurement = model.file.measurement.with_path(folder);
+    model
+}
+
+/// Twelve fields of noise; each has a pattern with a probability of 1e-4. `PLYCHAIN_PATTERNS=40` for more.
+#[test]
+fn noise_alone_has_no_patterns() {
+    let fields = std::env::var("PLYCHAIN_PATTERNS").map_or(12, |n| n.parse().unwrap());
+    let kinds = [Noise::White, Noise::Correlated(0.3), Noise::Correlated(1.0)];
+    for seed in 0..fields {
+        let found = patterns(&measured(&[], kinds[seed % 3], 700 + seed as u64));
+        assert_eq!(found, Patterns::default(), "seed {seed}");
+    }
+}
+
+/// A wave of half the noise's sd: its length, direction and amplitude are found.
+#[test]
+fn a_fine_wave_is_found_in_noise_twice_as_large() {
+    let (length, angle) = (0.73, 30_f64.to_radians());
+    for (seed, noise) in [Noise::White, Noise::Correlated(0.5)]
+        .into_iter()
+        .enumerate()
+    {
+        let wave = |[x, y]: [f64; 2]| {
+            let phase = (x * angle.cos() + y * angle.sin()) / length;
+            [5.0 * (2.0 * std::f64::consts::PI * phase).sin(), 0.0]
+        };
+        let found = patterns(&with(noise, 720 + seed as u64, wave));
+        let wave = found.wave.expect("a wave");
+        assert_eq!((wave.component, found.breakout), (0, None));
+        // half a period more or less passes through a part of 4.8 mm
+        assert!(
+            (4.8 / wave.length_mm - 4.8 / length).abs() < 1.0,
+            "{wave:?}"
+        );
+        assert!((wave.amplitude_nm / 5.0 - 1.0).abs() < 0.5, "{wave:?}");
+        assert!(wave.share > 0.5, "{wave:?}");
+        // direction 1 is y here, and a wave runs both ways
+        let [s, t] = wave.direction;
+        let along = (s * angle.sin()).abs() + (t * angle.cos()).abs();
+        assert!(along > 0.97, "{wave:?}");
+    }
+}
+
+/// A patch that is off by 60 nm is a breakout, and it is where the patch is.
+#[test]
+fn a_patch_is_found_where_it_is() {
+    let patch = |[x, y]: [f64; 2]| {
+        let inside = (x - 5.0).hypot(y + 6.0) < 2.0;
+        [0.0, if inside { 60.0 } else { 0.0 }]
+    };
+    let found = patterns(&with(Noise::White, 730, patch));
+    let breakout = found.breakout.expect("a breakout");
+    assert_eq!(breakout.component, 1);
+    let [y, x] = breakout.place_mm;
+    assert!(((x.abs() - 5.0).hypot(y + 6.0)) < 3.5, "{breakout:?}");
+}
+
+/// Miscounted orders, or the ripple of a phase-shift error, out of the dictionary: the verdict is that something is unexplained.
+#[test]
+fn effects_of_the_recording_that_no_dictionary_has_do_not_go_unsaid() {
+    for (case, words) in [
+        ("fringe_order_jump=1,0,5,6,3", "breaks out of the noise"),
+        ("phase_shift_error=15,-5", "a fine wave is left"),
+    ] {
+        let model = measured(&[case], Noise::White, 740);
+        let (name, _) = case.split_once('=').unwrap();
+        let others = EFFECTS.iter().map(|e| e.name()).filter(|n| *n != name);
+        let text = std::fs::read_to_string(crate::program::model("openhole.json")).unwrap();
+        let mut file: Value = serde_json::from_str(&text).unwrap();
+        file["candidates"] = others.collect::<Vec<_>>().into();
+        let (path, out) = (fresh("model.json"), fresh("out"));
+        std::fs::write(&path, file.to_string()).unwrap();
+        let data = model.read_field().unwrap().files[0]
+            .parent()
+            .unwrap()
+            .display()
+            .to_string();
+        let [path, run] = [&path, &out].map(|p| p.display().to_string());
+        succeed(&["loop", &path, "--data", &data, "--quiet", "--out", &run]);
+        let report = std::fs::read_to_string(out.join("report.json")).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["verdict"]["status"], "unexplained", "{case}");
+        let said = report["verdict"]["text"].as_str().unwrap();
+        assert!(said.contains(words), "{case}: {said}");
+    }
+}
