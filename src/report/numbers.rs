@@ -148,7 +148,7 @@ fn patterns(round: &Round) -> Value {
     let name = |component: usize| ["u1", "u2"][component];
     json!({
         "breakout": round.patterns.breakout.map(|b| json!({
-            "component": name(b.component), "blocks": b.blocks, "expected": b.expected, "p": b.p,
+            "component": name(b.component), "blocks": b.blocks, "of": b.of, "expected": b.expected, "p": b.p,
             "place_in_data_mm": frame.data_point(b.place_mm), "sds": b.sds,
         })),
         "wave": round.patterns.wave.map(|w| json!({

@@ -17,6 +17,8 @@ pub struct Breakout {
     pub component: usize,
     /// Number of block averages beyond [`FAR`] sds of what the noise and the blocks about them allow.
     pub blocks: usize,
+    /// Of how many.
+    pub of: usize,
     /// How many the noise alone would have.
     pub expected: f64,
     /// Probability of as many by noise alone.
@@ -98,6 +100,7 @@ fn breakout(residual: &[[f64; 2]], noise: &Noise, c: usize, clear_mm: f64) -> Op
     (p < IMPROBABLE).then_some(Breakout {
         component: c,
         blocks: count,
+        of: looked_at.len(),
         expected,
         p,
         place_mm: blocks.centroid[largest],

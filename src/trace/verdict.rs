@@ -230,7 +230,8 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
     }
     let patterns = pattern_words(&steps[steps.len() - 1].round);
     let nothing = !structure && patterns.is_empty() && wanted.is_none();
-    said.extend(patterns);
+    // what an effect makes that was not added is no pattern of its own
+    said.extend(patterns.into_iter().filter(|_| wanted.is_none()));
     if nothing && added.is_empty() {
         said.push(
             "The residual is what the measured noise explains: nothing asks for another effect."
@@ -256,9 +257,16 @@ fn pattern_words(round: &Round) -> Vec<String> {
         format!("({x:.1}, {y:.1}) mm of the data")
     };
     let breakout = round.patterns.breakout.map(|b| {
+        let begin = format!(
+            "In u{} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
+            b.component + 1, b.blocks, b.of, round.noise.blocks.size_mm, b.expected
+        );
+        if b.blocks > b.of / 10 {
+            return format!("{begin}, all over the field: the model as it is does not describe it.");
+        }
         format!(
-            "In u{} the residual breaks out of the noise: {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected), the farthest {:.0} sd, at {}. That is an edge, a patch of bad data or a local defect; look at the residual's map there, and mask it or explain it.",
-            b.component + 1, b.blocks, round.noise.blocks.size_mm, b.expected, b.sds, place(b.place_mm)
+            "{begin}, the farthest {:.0} sd, at {}. That is an edge, a patch of bad data or a local defect; look at the residual's map there, and mask it or explain it.",
+            b.sds, place(b.place_mm)
         )
     });
     let wave = round.patterns.wave.map(|w| {
