@@ -276,6 +276,38 @@ fn the_block_kernel_is_the_mean_of_the_point_kernel() {
     }
 }
 
+/// Blocks of sixteen points and less, as most fields of this size have them: where the correlation is smooth over a block
+/// its covariance is nearly singular, and the differences from the points' own means decide over its length.
+#[test]
+fn blocks_of_few_points_have_the_covariance_of_their_points() {
+    let field = simulated(121, 0.0, 1);
+    let blocks = blocks_of(&field);
+    let members: Vec<Vec<[f64; 2]>> = (0..blocks.len())
+        .map(|b| {
+            let here = field.points.iter().zip(&blocks.of_point);
+            here.filter(|(_, at)| **at == Some(b as u32))
+                .map(|(p, _)| *p)
+                .collect()
+        })
+        .collect();
+    let matern = Matern::new(&blocks, 1.0);
+    let mut largest = 0.0_f64;
+    for i in (0..blocks.len()).step_by(7) {
+        for j in 0..blocks.len() {
+            let mut sum = 0.0;
+            for p in &members[i] {
+                for q in &members[j] {
+                    let ad = 3_f64.sqrt() * (p[0] - q[0]).hypot(p[1] - q[1]);
+                    sum += (1.0 + ad) * (-ad).exp();
+                }
+            }
+            let mean = sum / (members[i].len() * members[j].len()) as f64;
+            largest = largest.max((mean - matern.correlation[(i, j)]).abs());
+        }
+    }
+    assert!(largest < 1e-3, "{largest}");
+}
+
 /// Mean over several fields of white noise of 9 nm and correlated noise of 4 nm over 0.5 mm: the mean white sd, the
 /// mean correlated sd (nm), the mean variance of a full block's average over the true one, and the lengths found.
 fn recovered(lengths: &[f64], ratios: &[f64], fields: u64) -> (f64, f64, f64, Vec<f64>) {
