@@ -7,6 +7,7 @@ mod horner;
 mod kernel;
 pub(crate) mod lanes;
 mod laplace;
+mod lattice;
 mod likelihood;
 mod linear;
 mod model;

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use super::lattice::{FLAT, HERMITE, LEGENDRE, Quadratic};
 use crate::error::Result;
 use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
 use crate::field::noise::Leftover;
@@ -29,7 +30,7 @@ pub(super) struct Component {
     pub covariance: BlockCovariance,
     /// Scale s^2 of that covariance, mm^2.
     pub scale2: f64,
-    /// Mean of the logarithm of a point's variance (mm^2), and its variance.
+    /// Mode of the logarithm of a point's variance (mm^2), as of an inverse chi^2, and its variance.
     pub log_variance: (f64, f64),
 }
 
@@ -49,7 +50,7 @@ const SHAPE_ERROR: f64 = 0.5;
 struct Weighed {
     /// The setting at its most likely s^2 given the blocks and the local differences.
     setting: Setting,
-    /// Logarithm of a point's variance, and its variance at this setting.
+    /// Mode of the logarithm of a point's variance, and its variance, at this setting.
     log_variance: (f64, f64),
     /// Log posterior density, up to a constant: s^2 integrated, before the prior over settings.
     log_density: f64,
@@ -85,17 +86,20 @@ impl Component {
         let likeliest = kept.iter().map(|(_, w)| w);
         let likeliest = likeliest.reduce(|a, b| if b.log_density > a.log_density { b } else { a });
         reml.best = likeliest.map_or(reml.best, |w| w.setting);
-        let mean = found.iter().map(|(p, w)| p * w.log_variance.0).sum::<f64>();
+        // the mean of an inverse chi^2's logarithm lies half its variance above its mode
+        let centre = |w: &Weighed| w.log_variance.0 + 0.5 * w.log_variance.1;
+        let mean = found.iter().map(|(p, w)| p * centre(w)).sum::<f64>();
         let spread = found
             .iter()
-            .map(|(p, w)| p * (w.log_variance.1 + (w.log_variance.0 - mean).powi(2)))
-            .sum();
-        let (covariance, scale2) = average(blocks, &found, mean)?;
+            .map(|(p, w)| p * (w.log_variance.1 + (centre(w) - mean).powi(2)))
+            .sum::<f64>();
+        let mode = mean - 0.5 * spread;
+        let (covariance, scale2) = average(blocks, &found, mode)?;
         Ok(Self {
             reml,
             covariance,
             scale2,
-            log_variance: (mean, spread),
+            log_variance: (mode, spread),
         })
     }
 }
@@ -138,8 +142,9 @@ impl Search<'_> {
         Ok(self.weigh(&self.contrasts.at(&covariance)?, fraction))
     }
 
-    /// Settings with their posterior probabilities. Half the prior probability lies on white noise, half on
-    /// correlated noise, evenly over the logarithms of length and ratio: a correlation is found where the data ask for it.
+    /// Settings with their posterior probabilities. Half the prior probability lies on white noise: a correlation is found where
+    /// the data ask for it. A quarter lies on correlated noise alone, as of overlapping subsets, evenly over the
+    /// logarithm of its length, and a quarter on both, evenly over the logarithms of length and ratio.
     fn parts(&self, table: &[Weighed]) -> Result<Vec<(f64, Weighed)>> {
         let better = |a: Weighed, b: Weighed| if b.log_density > a.log_density { b } else { a };
         let correlated: Vec<Weighed> = table
@@ -181,7 +186,7 @@ impl Search<'_> {
         let mut step = [0.25, 0.8];
         let mut around = self.around(centre, step)?;
         for _ in 0..ROUNDS {
-            let fit = Quadratic::new(&around, |w| w.log_density);
+            let fit = Quadratic::new(&log_densities(&around));
             let (newton, sd) = fit.newton();
             let best = (0..9).fold(4, |a, b| {
                 if around[b].log_density > around[a].log_density {
@@ -207,7 +212,7 @@ impl Search<'_> {
                 break;
             }
         }
-        let covariance = Quadratic::new(&around, |w| w.log_density).covariance();
+        let covariance = Quadratic::new(&log_densities(&around)).covariance();
         self.integrate(centre, step, covariance)
     }
 
@@ -240,10 +245,39 @@ impl Search<'_> {
             }
         }
         let settings = self.settings(&places, LEGENDRE.len())?;
-        let parts = settings.into_iter().zip(logs);
+        let mut parts: Vec<(f64, Weighed)> = settings
+            .into_iter()
+            .zip(logs)
+            .map(|(w, log)| (w.log_density + log, w))
+            .collect();
+        parts.extend(self.alone(centre[0], sd[0])?);
+        // both kinds of correlated noise are as probable
+        let half = std::f64::consts::LN_2;
         Ok(Some(
-            parts.map(|(w, log)| (w.log_density + log, w)).collect(),
+            parts.into_iter().map(|(log, w)| (log - half, w)).collect(),
         ))
+    }
+
+    /// Quadrature over the logarithm of the length, known to about `sd` near `start`, of correlated noise alone: settings with the
+    /// logs of their probabilities relative to the prior's.
+    fn alone(&self, start: f64, sd: f64) -> Result<Vec<(f64, Weighed)>> {
+        let places = |around: f64, sd: f64, z: &[f64]| -> Vec<[f64; 2]> {
+            z.iter().map(|z| [around + sd * z, HIGH[1]]).collect()
+        };
+        let near = self.settings(&places(start, sd, &[-1.0, 0.0, 1.0]), 1)?;
+        let [low, middle, high] = [0, 1, 2].map(|k: usize| near[k].log_density);
+        let bend = (2.0 * middle - low - high).max(1.0 / FLAT);
+        let centre = start + sd * (0.5 * (high - low) / bend).clamp(-2.0, 2.0);
+        let sd = sd / bend.sqrt();
+        let nodes = HERMITE.map(|(z, _)| z);
+        let settings = self.settings(&places(centre, sd, &nodes), 1)?;
+        let side = HIGH[0] - LOW[0];
+        let log =
+            |(z, weight): (f64, f64)| weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd / side).ln();
+        let parts = settings.into_iter().zip(HERMITE);
+        Ok(parts
+            .map(|(w, node)| (w.log_density + log(node), w))
+            .collect())
     }
 
     /// The nine settings `step` around `centre`, shares innermost.
@@ -276,23 +310,10 @@ impl Search<'_> {
     }
 }
 
-/// Nodes and weights of the mean over a standard normal distribution.
-const HERMITE: [(f64, f64); 5] = [
-    (-2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
-    (-1.355_626_179_974_266, 0.222_075_922_005_612_64),
-    (0.0, 0.533_333_333_333_333_3),
-    (1.355_626_179_974_266, 0.222_075_922_005_612_64),
-    (2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
-];
-
-/// Nodes and weights of the mean over [0, 1].
-const LEGENDRE: [(f64, f64); 5] = [
-    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
-    (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
-    (0.5, 0.284_444_444_444_444_5),
-    (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
-    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
-];
+/// The log densities on a lattice of nine settings.
+fn log_densities(around: &[Weighed]) -> [f64; 9] {
+    std::array::from_fn(|k| around[k].log_density)
+}
 
 /// Sds of the share to either side over which the density is integrated.
 const REACH: f64 = 3.0;
@@ -309,53 +330,6 @@ const ROUNDS: usize = 6;
 
 /// Nats by which some correlated setting must beat white noise to make a climb worth its while.
 const NEGLIGIBLE_NATS: f64 = 3.0;
-
-/// A quadratic through the nine values of a 3 x 3 lattice, in units of its steps.
-struct Quadratic {
-    gradient: [f64; 2],
-    hessian: [[f64; 2]; 2],
-}
-
-/// Variance, in steps, of a direction in which the density hardly bends.
-const FLAT: f64 = 9.0;
-
-impl Quadratic {
-    fn new(around: &[Weighed], value: impl Fn(&Weighed) -> f64) -> Self {
-        let at = |i: usize, j: usize| value(&around[3 * i + j]);
-        let middle = at(1, 1);
-        let mixed = 0.25 * (at(2, 2) + at(0, 0) - at(2, 0) - at(0, 2));
-        Self {
-            gradient: [0.5 * (at(2, 1) - at(0, 1)), 0.5 * (at(1, 2) - at(1, 0))],
-            hessian: [
-                [at(2, 1) + at(0, 1) - 2.0 * middle, mixed],
-                [mixed, at(1, 2) + at(1, 0) - 2.0 * middle],
-            ],
-        }
-    }
-
-    /// Inverse of the negative Hessian, with a variance of at most [`FLAT`] in each direction.
-    fn covariance(&self) -> [[f64; 2]; 2] {
-        let h = &self.hessian;
-        let (a, b) = ((-h[0][0]).max(1.0 / FLAT), (-h[1][1]).max(1.0 / FLAT));
-        let limit = 0.95 * (a * b).sqrt();
-        let c = (-h[0][1]).clamp(-limit, limit);
-        let determinant = a * b - c * c;
-        [
-            [b / determinant, -c / determinant],
-            [-c / determinant, a / determinant],
-        ]
-    }
-
-    /// Newton's step to the maximum, and the sd of each direction.
-    fn newton(&self) -> ([f64; 2], [f64; 2]) {
-        let c = self.covariance();
-        let g = self.gradient;
-        (
-            [0, 1].map(|k| c[k][0] * g[0] + c[k][1] * g[1]),
-            [0, 1].map(|k| c[k][k].sqrt()),
-        )
-    }
-}
 
 /// The covariance averaged over settings with their probabilities, scaled so that a point has the variance
 /// exp(`log_variance`).
