@@ -15,7 +15,7 @@ use crate::infer::Noise;
 pub struct Breakout {
     /// 0 for u1, 1 for u2.
     pub component: usize,
-    /// Number of block averages beyond [`FAR`] sds of what the noise and the blocks about them allow.
+    /// Number of block averages more than 4 sds away from what the noise and the blocks before them allow.
     pub blocks: usize,
     /// Of how many.
     pub of: usize,
