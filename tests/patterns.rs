@@ -1,5 +1,8 @@
 //! What stationary noise does not do, sought without a model: places where the residual breaks out of it, fine waves.
 
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
 use serde_json::Value;
 
 use plychain::effect::EFFECTS;
@@ -59,6 +62,30 @@ fn noise_alone_has_no_patterns() {
     for seed in 0..fields {
         let found = patterns(&measured(&[], kinds[seed % 3], 700 + seed as u64));
         assert_eq!(found, Patterns::default(), "seed {seed}");
+    }
+}
+
+/// White noise averaged over squares of 3 x 3 or 7 x 7 points, as subsets of image correlation do, prefers some directions; it has no wave.
+#[test]
+fn noise_of_square_subsets_has_no_patterns() {
+    for (seed, half) in [(750, 1), (751, 3)] {
+        let mut rng = Pcg64Dxsm::seed_from_u64(seed);
+        let side = 121 + 2 * half;
+        let white: Vec<[f64; 2]> = (0..side * side)
+            .map(|_| [0, 1].map(|_| StandardNormal.sample(&mut rng)))
+            .collect();
+        let near = |v: f64| ((v + 12.15) / 24.3 * 120.0).round() as usize;
+        let width = 2 * half + 1;
+        let averaged = |[x, y]: [f64; 2]| {
+            let mut sum = [0.0; 2];
+            for k in 0..width * width {
+                let at = (near(y) + k / width) * side + near(x) + k % width;
+                sum = [sum[0] + white[at][0], sum[1] + white[at][1]];
+            }
+            sum.map(|s| 10.0 * s / width as f64)
+        };
+        let found = patterns(&with(Noise::Of(0.01), seed, averaged));
+        assert_eq!(found, Patterns::default(), "{width} x {width}");
     }
 }
 

@@ -45,14 +45,17 @@ const RING_ERROR: f64 = 1.25;
 /// Distances in periods a part of the wave numbers about one, beyond the width of its own peak.
 const ABOUT: std::ops::Range<f64> = 1.8..4.0;
 
-/// Amplitudes below this share of the residual's RMS are not worth mentioning.
-const WORTHY: f64 = 0.1;
+/// Amplitudes below this share of the residual's RMS are not worth mentioning: the side lobes of noise that square subsets have
+/// averaged, which all parts have alike, reach a fifth.
+const WORTHY: f64 = 0.3;
 
 /// The periodograms of one component over the parts.
 struct Spectra {
     component: usize,
     /// Number of each part, and its power at each wave number, in units in which the noise expects 1.
     relative: Vec<(usize, Vec<f64>)>,
+    /// What most parts have at each wave number, in the same units, but at least 1.
+    common: Vec<f64>,
     /// Amplitude (mm) of a lone wave over the root of its relative power, by wave number.
     unit: Vec<f64>,
     /// Root mean square of the component, mm.
@@ -132,7 +135,7 @@ impl Spectra {
             .par_iter()
             .map(|&part| periodogram(field, residual, &members[part], side, component, numbers))
             .collect();
-        let expected = expected(numbers, &raw);
+        let (expected, common) = expected(numbers, &raw);
         let relative = |power: &Vec<f64>| {
             let relative: Vec<f64> = power.iter().zip(&expected).map(|(p, e)| p / e).collect();
             // parts may be noisier than others
@@ -151,15 +154,18 @@ impl Spectra {
                 .zip(&raw)
                 .map(|(&part, (power, _))| (part, relative(power)))
                 .collect(),
+            common,
             unit: expected.iter().map(|e| lone * e.sqrt()).collect(),
             rms: (square / residual.len() as f64).sqrt(),
         }
     }
 
-    /// The largest power of any wave number in any part.
+    /// The largest power of any wave number in any part, over what most parts have there.
     fn sharpest(&self, tried: f64) -> Option<Peak> {
         let tried = tried * self.relative.len() as f64;
         let largest = |power: &[f64]| {
+            let own = power.iter().zip(&self.common).map(|(p, common)| p / common);
+            let power: Vec<f64> = own.collect();
             let best = (0..power.len()).max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
             Some((best, power[best]))
         };
@@ -179,7 +185,7 @@ impl Spectra {
         self.worthy(Peak {
             component: self.component,
             number,
-            amplitude: self.unit[number] * (power - 1.0).max(0.0).sqrt(),
+            amplitude: self.unit[number] * (self.common[number] * (power - 1.0).max(0.0)).sqrt(),
             part,
             share: clear as f64 / all.len() as f64,
             p: p(power),
@@ -222,8 +228,9 @@ impl Spectra {
 }
 
 /// What the noise has at each wave number: the median over all parts of waves of nearly the same length in all directions, or
-/// of those about it where that is more, as in noise that prefers some directions.
-fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> Vec<f64> {
+/// of those about it where that is more, as in noise that prefers some directions; and what most parts have there in units of it,
+/// but at least 1: noise that square subsets have averaged has side lobes along its axes.
+fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> (Vec<f64>, Vec<f64>) {
     let length = |k: usize| numbers[k][0].hypot(numbers[k][1]);
     let typical = |near: &dyn Fn(usize) -> bool| {
         let ring = (0..numbers.len()).filter(|&j| near(j));
@@ -243,9 +250,11 @@ fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> Vec<f64> {
             };
             let ring = typical(&|j| (length(j) - length(k)).abs() < RING);
             let about = typical(&|j| ABOUT.contains(&apart(j)));
-            ring.max(about).max(f64::MIN_POSITIVE)
+            let expected = ring.max(about).max(f64::MIN_POSITIVE);
+            let own = typical(&|j| apart(j) < ABOUT.start);
+            (expected, (own / expected).max(1.0))
         })
-        .collect()
+        .unzip()
 }
 
 /// Periods a part along s and t of all waves sought: a half plane, up to two points a period, where waves of both
