@@ -1,6 +1,6 @@
 //! Quadrature nodes, and quadratics through a small lattice of values, for densities of two variables.
 
-/// Nodes and weights of the mean over a standard normal distribution.
+/// Gauss-Hermite nodes and weights of the mean over a standard normal distribution.
 pub(super) const HERMITE: [(f64, f64); 5] = [
     (-2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
     (-1.355_626_179_974_266, 0.222_075_922_005_612_64),
@@ -9,7 +9,7 @@ pub(super) const HERMITE: [(f64, f64); 5] = [
     (2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
 ];
 
-/// Nodes and weights of the mean over [0, 1].
+/// Gauss-Legendre nodes and weights of the mean over [0, 1].
 pub(super) const LEGENDRE: [(f64, f64); 5] = [
     (0.046_910_077_030_668, 0.118_463_442_528_094_5),
     (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),

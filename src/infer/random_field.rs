@@ -50,6 +50,7 @@ pub fn matern_pair(
     })
 }
 
+/// The same on a torus of the lattice's own spacing.
 fn on_lattice(shape: [usize; 2], spacing: [f64; 2], l: f64, rng: &mut impl Rng) -> [Vec<f64>; 2] {
     let size = [0, 1].map(|k| {
         let beyond = (MARGIN_LENGTHS * l / spacing[k]).ceil() as usize;

@@ -144,7 +144,8 @@ impl Search<'_> {
 
     /// Settings with their posterior probabilities. Half the prior probability lies on white noise: a correlation is found where
     /// the data ask for it. A quarter lies on correlated noise alone, as of overlapping subsets, evenly over the
-    /// logarithm of its length, and a quarter on both, evenly over the logarithms of length and ratio.
+    /// logarithm of its length, and a quarter on both, evenly over the logarithms of length and ratio. Where the data do not say
+    /// how long the correlation is, the half that is correlated lies evenly on the settings of the table.
     fn parts(&self, table: &[Weighed]) -> Result<Vec<(f64, Weighed)>> {
         let better = |a: Weighed, b: Weighed| if b.log_density > a.log_density { b } else { a };
         let correlated: Vec<Weighed> = table

@@ -1,4 +1,4 @@
-//! Fine waves in a residual: shorter than the blocks of the noise model can see, in a direction that noise does not have.
+//! Fine waves in a residual: shorter than the blocks of the noise model can see, in a direction that noise does not have: Welch's periodograms, compared with each other.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -17,11 +17,11 @@ pub struct Wave {
     pub length_mm: f64,
     /// Direction in which it runs: unit vector (s, t).
     pub direction: [f64; 2],
-    /// Its amplitude, nm.
+    /// Its amplitude at one wave number, nm: less than the wave's own where its length drifts or lies between two.
     pub amplitude_nm: f64,
     /// Centre of the part where it is clearest: (s, t) in mm.
     pub place_mm: [f64; 2],
-    /// Share of the parts looked at that have a wave as improbable.
+    /// Share of the parts looked at (0 to 1) in which it stands out of the noise.
     pub share: f64,
     /// Probability of one as large in noise without a preferred direction.
     pub p: f64,
