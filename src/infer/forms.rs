@@ -2,10 +2,13 @@
 
 use pulp::Simd;
 
-use super::lanes::{Lanes, Parameters, WIDTH, ln_vector};
+use super::lanes::{Columns, Lanes, Parameters};
 
 /// Coordinates whose product of variances is taken before the logarithm.
 pub(super) const GROUP: usize = 4;
+
+/// Coordinates, or vectors of points, that are evaluated together.
+pub(super) const PAIR: usize = 2;
 
 /// r' V^-1 r, w' V^-1 w, w' V^-1 r and log det V.
 #[derive(Debug, Clone, Copy)]
@@ -14,12 +17,6 @@ pub(super) struct Forms<T> {
     pub ww: T,
     pub wr: T,
     pub log_det: T,
-}
-
-/// What `G` coordinates add to the forms, and their variances.
-pub(super) struct Residual<T, const G: usize> {
-    pub terms: [[T; G]; 3],
-    pub variance: [T; G],
 }
 
 impl<T: Copy> Forms<T> {
@@ -34,24 +31,24 @@ impl<T: Copy> Forms<T> {
         }
     }
 
-    /// Adds coordinates, always four and four, in pairs.
+    /// Adds a coordinate of unit variance.
     #[inline(always)]
-    pub(super) fn add<S, const G: usize>(&mut self, simd: S, residual: &Residual<T, G>, unit: bool)
-    where
-        S: Simd<f64s = T>,
-    {
-        for k in 0..G / GROUP {
-            let sums = [&mut self.quad, &mut self.ww, &mut self.wr];
-            for (sum, terms) in sums.into_iter().zip(&residual.terms) {
-                let t = &terms[GROUP * k..];
-                let pairs = (simd.add_f64s(t[0], t[1]), simd.add_f64s(t[2], t[3]));
-                *sum = simd.add_f64s(*sum, simd.add_f64s(pairs.0, pairs.1));
-            }
-            if !unit {
-                let v = &residual.variance[GROUP * k..];
-                let product = simd.mul_f64s(simd.mul_f64s(v[0], v[1]), simd.mul_f64s(v[2], v[3]));
-                self.log_det = simd.add_f64s(self.log_det, ln_vector(simd, product));
-            }
+    pub(super) fn add<S: Simd<f64s = T>>(&mut self, simd: S, r: T, w: T) {
+        self.quad = simd.mul_add_e_f64s(r, r, self.quad);
+        self.ww = simd.mul_add_e_f64s(w, w, self.ww);
+        self.wr = simd.mul_add_e_f64s(w, r, self.wr);
+    }
+}
+
+impl Forms<f64> {
+    /// The same for every lane.
+    #[inline(always)]
+    pub(super) fn splat<S: Simd>(&self, simd: S) -> Forms<S::f64s> {
+        Forms {
+            quad: simd.splat_f64s(self.quad),
+            ww: simd.splat_f64s(self.ww),
+            wr: simd.splat_f64s(self.wr),
+            log_det: simd.splat_f64s(self.log_det),
         }
     }
 }
@@ -71,7 +68,7 @@ impl Forms<Lanes> {
 
 impl Default for Forms<Lanes> {
     fn default() -> Self {
-        let zero = [0.0; WIDTH];
+        let zero = Lanes::splat(0.0);
         Self {
             quad: zero,
             ww: zero,
@@ -82,24 +79,21 @@ impl Default for Forms<Lanes> {
 }
 
 /// What becomes of the forms while they are in registers.
-pub(super) trait Finish<S: Simd> {
-    /// A number for each point of a vector with parameters `x` and noise scales `scale`.
-    fn finish(
-        &self,
-        simd: S,
-        x: &impl Parameters<S>,
-        scale: S::f64s,
-        forms: &Forms<S::f64s>,
-    ) -> S::f64s;
+pub(super) trait Finish {
+    /// Noise scales of a vector of points with parameters `x`.
+    fn scales<S: Simd>(&self, simd: S, x: &impl Parameters<S>) -> S::f64s;
+
+    /// A number for each point.
+    fn finish<S: Simd>(&self, simd: S, x: &impl Parameters<S>, forms: &Forms<S::f64s>) -> S::f64s;
 }
 
-/// One vector of the parameters of [`WIDTH`] points.
-pub(super) struct Of<'a>(pub &'a [Lanes], pub usize);
+/// A vector of points.
+pub(super) struct Of<'a>(pub Columns<'a>, pub usize);
 
 impl<S: Simd> Parameters<S> for Of<'_> {
     #[inline(always)]
     fn get(&self, _simd: S, k: usize) -> S::f64s {
-        S::as_simd_f64s(&self.0[k]).0[self.1]
+        S::as_simd_f64s(self.0.column(k)).0[self.1]
     }
 }
 

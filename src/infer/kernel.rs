@@ -11,7 +11,7 @@ use pulp::Simd;
 
 use super::forms::{Finish, Forms, GROUP, Of};
 use super::horner::{Form, Horner};
-use super::lanes::{Lanes, WIDTH, each, ln, ln_vector};
+use super::lanes::{Columns, Lanes, WIDTH, each, ln, ln_vector};
 use super::monomials::{Variable, closure, position, variables, without};
 use super::nested::BLOCK;
 use super::sums::{Polynomials, accumulate, accumulate_single};
@@ -53,16 +53,16 @@ pub(super) struct Kernel {
     /// The factor of the polynomials is this over the first parameter.
     factor: Option<f64>,
     constant: f64,
-    /// The whole quadratic form, if it is of cubics in few variables.
+    /// The whole quadratic form, if it is of plain cubics in few variables.
     horner: Option<Horner>,
 }
 
 /// Room for intermediate values, one a thread, so that an evaluation allocates nothing.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Parameters of [`WIDTH`] points, parameter by parameter.
-    pub points: Vec<Lanes>,
-    lanes: Vec<Lanes>,
+    /// Parameters of points that do not fill their sets.
+    pub points: Vec<f64>,
+    pub lanes: Vec<Lanes>,
     single: Vec<f64>,
 }
 
@@ -131,15 +131,18 @@ impl Kernel {
         let factor = surface.variables.factor_numerator(parts.thickness.0);
         let relative = -parts.thickness.1 / parts.thickness.0;
         let variables = variables(surface, at.map(|(k, _)| k));
-        let horner = Horner::new(&Form {
-            exponents: &exponents,
-            mean: &mean,
-            slope: slope.as_deref(),
-            relative,
-            measured: &measured,
-            spread,
-            variables: &variables,
-            factor,
+        // The polynomials are those of the residual where no factor stands before them and no variance changes.
+        let plain = slope
+            .as_ref()
+            .filter(|_| factor.is_none() && spread.is_empty());
+        let horner = plain.and_then(|slope| {
+            Horner::new(&Form {
+                exponents: &exponents,
+                mean: &mean,
+                slope,
+                measured: &measured,
+                variables: &variables,
+            })
         });
         Self {
             variables,
@@ -156,7 +159,7 @@ impl Kernel {
         }
     }
 
-    /// The quadratic forms at one point, by the operations of [`Kernel::batch`].
+    /// The quadratic forms at one point, in every lane, by the operations of [`Kernel::batch`].
     #[inline(always)]
     pub(super) fn single<S: Simd>(
         &self,
@@ -164,63 +167,81 @@ impl Kernel {
         scratch: &mut Scratch,
         x: &[f64],
         scale: f64,
-    ) -> Forms<f64> {
-        let Some(horner) = &self.horner else {
-            return self.sums_single(simd, scratch, x, scale);
-        };
-        horner.single(simd, x, scale * scale)
+    ) -> Forms<S::f64s> {
+        match &self.horner {
+            Some(horner) => horner.single(simd, x),
+            None => self.sums_single(simd, scratch, x, scale).splat(simd),
+        }
     }
 
-    /// What `finish` makes of the quadratic forms at the first `count` points of `scratch` (parameter k without the
-    /// thickness), `scale` the noise scale.
+    /// What `finish` makes of the quadratic forms at the points (parameters without the thickness), for as many as `out`
+    /// has, a multiple of [`WIDTH`].
     #[inline(always)]
     pub(super) fn batch<S: Simd>(
         &self,
         simd: S,
-        scratch: &mut Scratch,
-        count: usize,
-        scale: &Lanes,
-        finish: &impl Finish<S>,
-    ) -> Lanes {
-        let Scratch { points, lanes, .. } = scratch;
+        points: Columns<'_>,
+        finish: &impl Finish,
+        lanes: &mut Vec<Lanes>,
+        out: &mut [f64],
+    ) {
         if let Some(horner) = &self.horner {
-            return horner.batch(simd, points, count, scale, finish);
+            return horner.batch(simd, points, finish, out);
         }
-        let (count, variables) = (1 + self.products.len(), self.variables.len());
-        if lanes.len() < count + variables {
-            lanes.resize(count + variables, [0.0; WIDTH]);
+        let room = 1 + self.products.len() + self.variables.len();
+        if lanes.len() < room {
+            lanes.resize(room, Lanes::splat(0.0));
         }
-        let (monomials, z) = lanes[..count + variables].split_at_mut(count);
+        for (set, out) in out.chunks_exact_mut(WIDTH).enumerate() {
+            let points = points.from(set * WIDTH);
+            let mut scale = Lanes::splat(1.0);
+            for (v, scale) in S::as_mut_simd_f64s(&mut scale).0.iter_mut().enumerate() {
+                *scale = finish.scales(simd, &Of(points, v));
+            }
+            let forms = self.sums(simd, points, &scale, lanes);
+            for (v, out) in S::as_mut_simd_f64s(out).0.iter_mut().enumerate() {
+                *out = finish.finish(simd, &Of(points, v), &forms.vector(simd, v));
+            }
+        }
+    }
+
+    /// The sums of monomials at the first [`WIDTH`] points.
+    #[inline(always)]
+    fn sums<S: Simd>(
+        &self,
+        simd: S,
+        points: Columns<'_>,
+        scale: &Lanes,
+        lanes: &mut [Lanes],
+    ) -> Forms<Lanes> {
+        let (monomials, z) = lanes.split_at_mut(1 + self.products.len());
         self.scaled(points, z);
-        monomials[0] = [1.0; WIDTH];
+        monomials[0] = Lanes::splat(1.0);
         for (m, &(lower, variable)) in self.products.iter().enumerate() {
             let (before, after) = monomials.split_at_mut(m + 1);
             let (a, b) = (&before[lower], &z[variable]);
             after[0] = each(|l| a[l] * b[l]);
         }
-        let forms = self.forms(simd, monomials, points, scale);
-        let mut out = [0.0; WIDTH];
-        for (v, out) in S::as_mut_simd_f64s(&mut out).0.iter_mut().enumerate() {
-            let scale = S::as_simd_f64s(scale).0[v];
-            *out = finish.finish(simd, &Of(points, v), scale, &forms.vector(simd, v));
-        }
-        out
+        self.forms(simd, monomials, points, scale)
     }
 
     /// What stands before the polynomials.
     #[inline(always)]
-    fn factors(&self, x: &[Lanes]) -> Lanes {
+    fn factors(&self, x: Columns<'_>) -> Lanes {
         match self.factor {
-            Some(f) => each(|l| f / x[0][l]),
-            None => [1.0; WIDTH],
+            Some(f) => {
+                let first = x.lanes(0);
+                each(|l| f / first[l])
+            }
+            None => Lanes::splat(1.0),
         }
     }
 
     #[inline(always)]
-    fn scaled(&self, x: &[Lanes], z: &mut [Lanes]) {
-        let first = &x[0];
+    fn scaled(&self, x: Columns<'_>, z: &mut [Lanes]) {
+        let first = x.lanes(0);
         for (z, v) in z.iter_mut().zip(&self.variables) {
-            let x = &x[v.numerator];
+            let x = x.lanes(v.numerator);
             *z = if v.ratio {
                 each(|l| (x[l] / first[l] - v.middle) * v.per_half)
             } else {
@@ -235,7 +256,7 @@ impl Kernel {
         &self,
         simd: S,
         monomials: &[Lanes],
-        x: &[Lanes],
+        x: Columns<'_>,
         scale: &Lanes,
     ) -> Forms<Lanes> {
         let mut sums = Forms::default();
@@ -288,15 +309,22 @@ impl Kernel {
         sums
     }
 
-    /// Sherman-Morrison and the determinant lemma.
+    /// The log likelihood plus half of `square`, by Sherman-Morrison and the determinant lemma.
     #[inline(always)]
-    pub(super) fn log_likelihood<S: Simd>(&self, simd: S, forms: &Forms<S::f64s>) -> S::f64s {
+    pub(super) fn log_likelihood<S: Simd>(
+        &self,
+        simd: S,
+        forms: &Forms<S::f64s>,
+        square: S::f64s,
+        constant: S::f64s,
+    ) -> S::f64s {
         let one = simd.add_f64s(simd.splat_f64s(1.0), forms.ww);
         let explained = simd.div_f64s(simd.mul_f64s(forms.wr, forms.wr), one);
+        let misfit = simd.sub_f64s(simd.add_f64s(forms.quad, square), explained);
         let log_det = simd.add_f64s(forms.log_det, ln_vector(simd, one));
-        let sum = simd.add_f64s(simd.sub_f64s(forms.quad, explained), log_det);
-        let half = simd.mul_f64s(simd.splat_f64s(0.5), sum);
-        simd.sub_f64s(simd.splat_f64s(self.constant), half)
+        let sum = simd.add_f64s(misfit, log_det);
+        let constant = simd.add_f64s(constant, simd.splat_f64s(self.constant));
+        simd.mul_add_e_f64s(simd.splat_f64s(-0.5), sum, constant)
     }
 
     /// The sums of monomials at one point, by the operations of [`Kernel::batch`].
@@ -415,7 +443,7 @@ fn add_group<S: Simd>(
 /// Adds the logarithm of two vectors of points to their lanes.
 #[inline(always)]
 fn add_logarithm<S: Simd>(simd: S, product: Two<S::f64s>, pair: usize, out: &mut Lanes) {
-    let mut lanes = [1.0; WIDTH];
+    let mut lanes = Lanes::splat(1.0);
     {
         let (lanes, _) = S::as_mut_simd_f64s(&mut lanes);
         (lanes[pair], lanes[pair + 1]) = (product[0], product[1]);

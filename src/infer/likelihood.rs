@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::kernel::{Kernel, Parts, Scratch, with_scratch};
+use super::lanes::first;
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
 use crate::reduce::{Choice, ReducedModel, Surface, monomial};
@@ -349,7 +350,8 @@ impl pulp::WithSimd for One<'_> {
             kernel, scratch, ..
         } = self;
         let forms = kernel.single(simd, scratch, self.theta, self.scale);
-        kernel.log_likelihood(pulp::Scalar::new(), &forms)
+        let zero = simd.splat_f64s(0.0);
+        first(simd, kernel.log_likelihood(simd, &forms, zero, zero))
     }
 }
 

@@ -6,62 +6,59 @@
 
 use pulp::Simd;
 
+use super::forms::PAIR;
+
 /// Coordinates evaluated together.
 pub(super) const BLOCK: usize = 8;
 
 /// One coefficient of each polynomial of a block.
 pub(super) type Row = [f64; BLOCK];
 
-/// Sums of a block of polynomials: at several points, or at one.
+/// Sums of polynomials of a block: of some at several points, or of all at one.
 pub(super) trait Sums {
     /// A variable.
     type Variable: Copy;
     /// The sums.
     type Sum: Copy;
-    /// How many numbers of a sum are used.
-    const USED: usize;
     /// Sums that begin with a coefficient.
     fn constant(&self, c: &Row) -> Self::Sum;
     /// `sum + z t`.
     fn add(&self, sum: Self::Sum, z: Self::Variable, t: Self::Sum) -> Self::Sum;
-    /// `sum + z c`, where the last `zeros` of `c` are 0 and left out.
+    /// `sum + z c`, where the last `zeros` of `c` are 0 and may be left out.
     fn add_row(&self, sum: Self::Sum, z: Self::Variable, c: &Row, zeros: usize) -> Self::Sum;
 }
 
-/// A vector of points; the `G` polynomials of a block from `first` on.
-pub(super) struct Points<S, const G: usize> {
-    pub simd: S,
-    pub first: usize,
-}
+/// Two vectors of points; the polynomials `FIRST` and `FIRST` + 1 of a block.
+pub(super) struct Points<S, const FIRST: usize>(pub S);
 
-impl<S: Simd, const G: usize> Sums for Points<S, G> {
-    type Variable = S::f64s;
-    type Sum = [S::f64s; G];
-    const USED: usize = G;
+impl<S: Simd, const FIRST: usize> Sums for Points<S, FIRST> {
+    type Variable = [S::f64s; PAIR];
+    type Sum = [[S::f64s; PAIR]; PAIR];
 
     #[inline(always)]
     fn constant(&self, c: &Row) -> Self::Sum {
-        let mut sum = [self.simd.splat_f64s(0.0); G];
-        for k in 0..G {
-            sum[k] = self.simd.splat_f64s(c[self.first + k]);
+        let c = |k: usize| self.0.splat_f64s(c[FIRST + k]);
+        [[c(0); PAIR], [c(1); PAIR]]
+    }
+
+    #[inline(always)]
+    fn add(&self, mut sum: Self::Sum, z: Self::Variable, t: Self::Sum) -> Self::Sum {
+        for k in 0..PAIR {
+            for v in 0..PAIR {
+                sum[k][v] = self.0.mul_add_e_f64s(z[v], t[k][v], sum[k][v]);
+            }
         }
         sum
     }
 
     #[inline(always)]
-    fn add(&self, mut sum: Self::Sum, z: S::f64s, t: Self::Sum) -> Self::Sum {
-        for k in 0..G {
-            sum[k] = self.simd.mul_add_e_f64s(z, t[k], sum[k]);
-        }
-        sum
-    }
-
-    #[inline(always)]
-    fn add_row(&self, mut sum: Self::Sum, z: S::f64s, c: &Row, zeros: usize) -> Self::Sum {
-        for k in 0..G {
-            if self.first + k < BLOCK - zeros {
-                let c = self.simd.splat_f64s(c[self.first + k]);
-                sum[k] = self.simd.mul_add_e_f64s(z, c, sum[k]);
+    fn add_row(&self, mut sum: Self::Sum, z: Self::Variable, c: &Row, zeros: usize) -> Self::Sum {
+        for k in 0..PAIR {
+            if FIRST + k < BLOCK - zeros {
+                let c = self.0.splat_f64s(c[FIRST + k]);
+                for v in 0..PAIR {
+                    sum[k][v] = self.0.mul_add_e_f64s(z[v], c, sum[k][v]);
+                }
             }
         }
         sum
@@ -74,7 +71,6 @@ pub(super) struct Point<S>(pub S);
 impl<S: Simd> Sums for Point<S> {
     type Variable = S::f64s;
     type Sum = [S::f64s; BLOCK];
-    const USED: usize = BLOCK / S::F64_LANES;
 
     #[inline(always)]
     fn constant(&self, c: &Row) -> Self::Sum {
@@ -85,7 +81,7 @@ impl<S: Simd> Sums for Point<S> {
     }
 
     #[inline(always)]
-    fn add(&self, mut sum: Self::Sum, z: S::f64s, t: Self::Sum) -> Self::Sum {
+    fn add(&self, mut sum: Self::Sum, z: Self::Variable, t: Self::Sum) -> Self::Sum {
         for k in 0..BLOCK / S::F64_LANES {
             sum[k] = self.0.mul_add_e_f64s(z, t[k], sum[k]);
         }
@@ -93,7 +89,7 @@ impl<S: Simd> Sums for Point<S> {
     }
 
     #[inline(always)]
-    fn add_row(&self, mut sum: Self::Sum, z: S::f64s, c: &Row, _zeros: usize) -> Self::Sum {
+    fn add_row(&self, mut sum: Self::Sum, z: Self::Variable, c: &Row, _zeros: usize) -> Self::Sum {
         let (c, _) = S::as_simd_f64s(c);
         for k in 0..BLOCK / S::F64_LANES {
             sum[k] = self.0.mul_add_e_f64s(z, c[k], sum[k]);
@@ -103,9 +99,9 @@ impl<S: Simd> Sums for Point<S> {
 }
 
 /// Where the scheme is among the coefficients, and how many of the next row of degree three are 0.
-pub(super) struct Place {
-    pub at: usize,
-    pub zeros: usize,
+struct Place {
+    at: usize,
+    zeros: usize,
 }
 
 impl Place {
@@ -135,7 +131,7 @@ fn linear<A: Sums, const FROM: usize, const V: usize, const N: usize>(
 /// The same with a linear polynomial of the variables from k on in place of each c_k. Written out, because a loop of
 /// such bodies is not unrolled.
 #[inline(always)]
-pub(super) fn quadratic<A: Sums, const FROM: usize, const V: usize, const N: usize>(
+fn bilinear<A: Sums, const FROM: usize, const V: usize, const N: usize>(
     a: &A,
     z: &[A::Variable; V],
     c: &[Row; N],
@@ -145,7 +141,7 @@ pub(super) fn quadratic<A: Sums, const FROM: usize, const V: usize, const N: usi
     if FROM == 0 {
         sum = a.add(sum, z[0], linear::<A, 0, V, N>(a, z, c, place));
     }
-    if FROM <= 1 && V > 1 {
+    if FROM <= 1 {
         sum = a.add(sum, z[1], linear::<A, 1, V, N>(a, z, c, place));
     }
     if FROM <= 2 && V > 2 {
@@ -154,34 +150,39 @@ pub(super) fn quadratic<A: Sums, const FROM: usize, const V: usize, const N: usi
     if FROM <= 3 && V > 3 {
         sum = a.add(sum, z[3], linear::<A, 3, V, N>(a, z, c, place));
     }
-    if FROM <= 4 && V > 4 {
-        sum = a.add(sum, z[4], linear::<A, 4, V, N>(a, z, c, place));
-    }
     sum
 }
 
-/// The same with quadratic polynomials.
+/// Polynomials of degree two in two to four variables.
+#[inline(always)]
+pub(super) fn quadratic<A: Sums, const V: usize, const N: usize>(
+    a: &A,
+    z: &[A::Variable; V],
+    c: &[Row; N],
+) -> A::Sum {
+    bilinear::<A, 0, V, N>(a, z, c, &mut Place { at: 0, zeros: 0 })
+}
+
+/// Polynomials of degree three in two to four variables, where row m of the coefficients of degree three has m + 1
+/// numbers before the zeros.
 #[inline(always)]
 pub(super) fn cubic<A: Sums, const V: usize, const N: usize>(
     a: &A,
     z: &[A::Variable; V],
     c: &[Row; N],
-    zeros: usize,
 ) -> A::Sum {
-    let place = &mut Place { at: 0, zeros };
+    let place = &mut Place {
+        at: 0,
+        zeros: BLOCK - 1,
+    };
     let mut sum = a.constant(place.next(c));
-    sum = a.add(sum, z[0], quadratic::<A, 0, V, N>(a, z, c, place));
-    if V > 1 {
-        sum = a.add(sum, z[1], quadratic::<A, 1, V, N>(a, z, c, place));
-    }
+    sum = a.add(sum, z[0], bilinear::<A, 0, V, N>(a, z, c, place));
+    sum = a.add(sum, z[1], bilinear::<A, 1, V, N>(a, z, c, place));
     if V > 2 {
-        sum = a.add(sum, z[2], quadratic::<A, 2, V, N>(a, z, c, place));
+        sum = a.add(sum, z[2], bilinear::<A, 2, V, N>(a, z, c, place));
     }
     if V > 3 {
-        sum = a.add(sum, z[3], quadratic::<A, 3, V, N>(a, z, c, place));
-    }
-    if V > 4 {
-        sum = a.add(sum, z[4], quadratic::<A, 4, V, N>(a, z, c, place));
+        sum = a.add(sum, z[3], bilinear::<A, 3, V, N>(a, z, c, place));
     }
     sum
 }

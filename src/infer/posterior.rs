@@ -3,7 +3,7 @@
 use super::density::LogDensity;
 use super::forms::{Alone, Finish, Forms};
 use super::kernel::{Scratch, with_scratch};
-use super::lanes::{Lanes, Parameters, WIDTH, each, ln_vector};
+use super::lanes::{Columns, Parameters, WIDTH, first, ln_vector};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
@@ -154,77 +154,67 @@ impl Posterior {
             }
         }
     }
-
-    /// Log density at the [`WIDTH`] points of `scratch`.
-    #[inline(always)]
-    fn lanes<S: pulp::Simd>(&self, simd: S, scratch: &mut Scratch, count: usize) -> Lanes {
-        let scale = match self.declared_nm {
-            Some(noise) => [noise / self.reference_nm; WIDTH],
-            None => each(|l| scratch.points[self.marginals.len()][l] / self.reference_nm),
-        };
-        let kernel = self.likelihood.kernel();
-        kernel.batch(simd, scratch, count, &scale, self)
-    }
 }
 
-impl<S: pulp::Simd> Finish<S> for Posterior {
-    /// Log density at a vector of points, -inf outside the support. Nothing is fused, so that one point may do without
-    /// vectors.
+impl Finish for Posterior {
     #[inline(always)]
-    fn finish(
+    fn scales<S: pulp::Simd>(&self, simd: S, x: &impl Parameters<S>) -> S::f64s {
+        let reference = simd.splat_f64s(self.reference_nm);
+        let noise = match self.declared_nm {
+            Some(noise) => simd.splat_f64s(noise),
+            None => x.get(simd, self.marginals.len()),
+        };
+        simd.div_f64s(noise, reference)
+    }
+
+    /// Log density, -inf outside the support.
+    #[inline(always)]
+    fn finish<S: pulp::Simd>(
         &self,
         simd: S,
         x: &impl Parameters<S>,
-        scale: S::f64s,
         forms: &Forms<S::f64s>,
     ) -> S::f64s {
         let mut inside = self.admissible(simd, x);
         let mut square = simd.splat_f64s(0.0);
         for (k, m) in self.normals.iter().enumerate() {
             let x = x.get(simd, k);
-            inside = simd.and_m64s(
-                inside,
-                simd.less_than_or_equal_f64s(simd.splat_f64s(m.low), x),
-            );
-            inside = simd.and_m64s(
-                inside,
-                simd.less_than_or_equal_f64s(x, simd.splat_f64s(m.high)),
-            );
-            let z = simd.mul_f64s(
-                simd.sub_f64s(x, simd.splat_f64s(m.mean)),
-                simd.splat_f64s(m.per_sd),
-            );
-            square = simd.add_f64s(square, simd.mul_f64s(z, z));
+            if m.bounded {
+                let (low, high) = (simd.splat_f64s(m.low), simd.splat_f64s(m.high));
+                inside = simd.and_m64s(inside, simd.less_than_or_equal_f64s(low, x));
+                inside = simd.and_m64s(inside, simd.less_than_or_equal_f64s(x, high));
+            }
+            let per_sd = simd.splat_f64s(m.per_sd);
+            let z = simd.mul_add_e_f64s(x, per_sd, simd.splat_f64s(m.offset));
+            square = simd.mul_add_e_f64s(z, z, square);
         }
-        let half = simd.mul_f64s(simd.splat_f64s(0.5), square);
-        let mut prior = simd.sub_f64s(simd.splat_f64s(self.constant), half);
+        let mut constant = simd.splat_f64s(self.constant);
         if self.declared_nm.is_none() {
-            inside = simd.and_m64s(
-                inside,
-                simd.less_than_or_equal_f64s(simd.splat_f64s(f64::MIN_POSITIVE), scale),
-            );
-            inside = simd.and_m64s(
-                inside,
-                simd.less_than_f64s(scale, simd.splat_f64s(f64::INFINITY)),
-            );
+            let scale = self.scales(simd, x);
+            let (least, infinite) = (f64::MIN_POSITIVE, f64::INFINITY);
+            let positive = simd.less_than_or_equal_f64s(simd.splat_f64s(least), scale);
+            let finite = simd.less_than_f64s(scale, simd.splat_f64s(infinite));
+            inside = simd.and_m64s(inside, simd.and_m64s(positive, finite));
             // What contrasts and local differences say, and the prior 1/noise.
             let freedom = self.likelihood.freedom();
             let squared = simd.mul_f64s(scale, scale);
             let contrasts = simd.div_f64s(simd.splat_f64s(0.5 * freedom), squared);
             let log = simd.mul_f64s(simd.splat_f64s(freedom + 1.0), ln_vector(simd, scale));
-            prior = simd.sub_f64s(prior, simd.add_f64s(contrasts, log));
+            constant = simd.sub_f64s(constant, simd.add_f64s(contrasts, log));
         }
-        let likelihood = self.likelihood.kernel().log_likelihood(simd, forms);
-        let sum = simd.add_f64s(prior, likelihood);
-        simd.select_f64s(inside, sum, simd.splat_f64s(f64::NEG_INFINITY))
+        let kernel = self.likelihood.kernel();
+        let density = kernel.log_likelihood(simd, forms, square, constant);
+        simd.select_f64s(inside, density, simd.splat_f64s(f64::NEG_INFINITY))
     }
 }
 
 /// A marginal ready for evaluation.
 #[derive(Clone, Copy)]
 struct Normal {
-    mean: f64,
     per_sd: f64,
+    /// What is added to x / sd.
+    offset: f64,
+    bounded: bool,
     low: f64,
     high: f64,
 }
@@ -234,8 +224,9 @@ impl Normal {
         let normal = |m: &Marginal| {
             let [low, high] = m.bounds();
             Self {
-                mean: m.mean,
                 per_sd: 1.0 / m.sd,
+                offset: -m.mean / m.sd,
+                bounded: low > f64::NEG_INFINITY || high < f64::INFINITY,
                 low,
                 high,
             }
@@ -290,7 +281,8 @@ impl pulp::WithSimd for One<'_> {
         let scale = posterior.scale(x);
         let kernel = posterior.likelihood.kernel();
         let forms = kernel.single(simd, scratch, x, scale);
-        posterior.finish(pulp::Scalar::new(), &Alone(x), scale, &forms)
+        let density = posterior.finish(simd, &Alone(x), &forms);
+        first(simd, density)
     }
 }
 
@@ -312,22 +304,28 @@ impl pulp::WithSimd for Many<'_> {
             xs,
             out,
         } = self;
-        scratch.points.resize(posterior.dim(), [1.0; WIDTH]);
-        let count = out.len();
-        for first in (0..count).step_by(WIDTH) {
-            let some = first..(first + WIDTH).min(count);
-            for (k, x) in scratch.points.iter_mut().enumerate() {
-                let column = &xs[k * count..(k + 1) * count];
-                match column[first..].first_chunk() {
-                    Some(whole) => *x = *whole,
-                    None => x[..some.len()].copy_from_slice(&column[some.clone()]),
-                }
-            }
-            let values = posterior.lanes(simd, scratch, some.len());
-            match out[first..].first_chunk_mut() {
-                Some(whole) => *whole = values,
-                None => out[some.clone()].copy_from_slice(&values[..some.len()]),
-            }
+        let (count, dim) = (out.len(), posterior.dim());
+        let kernel = posterior.likelihood.kernel();
+        let Scratch { points, lanes, .. } = scratch;
+        let (whole, rest) = out.split_at_mut(count - count % WIDTH);
+        let columns = Columns {
+            values: xs,
+            stride: count,
+        };
+        kernel.batch(simd, columns, posterior, lanes, whole);
+        if rest.is_empty() {
+            return;
         }
+        points.resize(dim * WIDTH, 1.0);
+        for (to, from) in points.chunks_exact_mut(WIDTH).zip(xs.chunks_exact(count)) {
+            to[..rest.len()].copy_from_slice(&from[whole.len()..]);
+        }
+        let columns = Columns {
+            values: points,
+            stride: WIDTH,
+        };
+        let mut values = [0.0; WIDTH];
+        kernel.batch(simd, columns, posterior, lanes, &mut values);
+        rest.copy_from_slice(&values[..rest.len()]);
     }
 }

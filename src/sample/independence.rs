@@ -125,22 +125,22 @@ impl Proposal<'_> {
         let (dim, count) = (self.own.dim(), self.own.count());
         let old = self.whiten(from);
         let stretch = self.stretch(from);
-        let mut new: Lanes = [0.0; WIDTH];
+        let mut new = Lanes::splat(0.0);
         for (k, y) in self.y.chunks_exact_mut(count).enumerate() {
-            let z = take(self.numbers.normal(k), from);
+            let z = Lanes::of(&self.numbers.normal(k)[from..]);
             let z = each(|l| z[l] * stretch[l]);
             new = each(|l| new[l] + z[l] * z[l]);
-            put(&z, y, from);
+            z.put(&mut y[from..]);
         }
         // y = mean + L z, from the last row up, so that z is there as long as it is needed.
         for i in (0..dim).rev() {
             let row = &self.fit.lower[i * dim..=i * dim + i];
-            let mut sum = [self.fit.mean[i]; WIDTH];
+            let mut sum = Lanes::splat(self.fit.mean[i]);
             for (lower, z) in row.iter().zip(self.y.chunks_exact(count)) {
-                let z = take(z, from);
+                let z = Lanes::of(&z[from..]);
                 sum = each(|l| sum[l] + lower * z[l]);
             }
-            put(&sum, &mut self.y[i * count..][..count], from);
+            sum.put(&mut self.y[i * count + from..(i + 1) * count]);
         }
         let (dof, half) = (self.fit.dof, 0.5 * (self.fit.dof + dim) as f64);
         let factor = if dof == 0 {
@@ -150,26 +150,26 @@ impl Proposal<'_> {
             let dof = dof as f64;
             each(|l| half * ln((dof + new[l]) / (dof + old[l])))
         };
-        put(&factor, self.factor, from);
+        factor.put(&mut self.factor[from..]);
     }
 
     /// |L^-1 (x - mean)|^2 of the walkers; `y` serves as room.
     #[inline(always)]
     fn whiten(&mut self, from: usize) -> Lanes {
         let (dim, count) = (self.own.dim(), self.own.count());
-        let mut square: Lanes = [0.0; WIDTH];
+        let mut square = Lanes::splat(0.0);
         for i in 0..dim {
             let row = &self.fit.lower[i * dim..=i * dim + i];
-            let (x, mean) = (take(self.own.column(i), from), self.fit.mean[i]);
+            let (x, mean) = (Lanes::of(&self.own.column(i)[from..]), self.fit.mean[i]);
             let mut rest = each(|l| x[l] - mean);
             for (lower, z) in row[..i].iter().zip(self.y.chunks_exact(count)) {
-                let z = take(z, from);
+                let z = Lanes::of(&z[from..]);
                 rest = each(|l| rest[l] - lower * z[l]);
             }
             let inverse = 1.0 / row[i];
             let z = each(|l| rest[l] * inverse);
             square = each(|l| square[l] + z[l] * z[l]);
-            put(&z, &mut self.y[i * count..][..count], from);
+            z.put(&mut self.y[i * count + from..(i + 1) * count]);
         }
         square
     }
@@ -180,50 +180,22 @@ impl Proposal<'_> {
         /// Uniform numbers above 2^-53 whose product is a normal number.
         const MOST: usize = 16;
         let dof = self.fit.dof;
-        let mut chi2: Lanes = [0.0; WIDTH];
+        let mut chi2 = Lanes::splat(0.0);
         if dof == 0 {
-            return [1.0; WIDTH];
+            return Lanes::splat(1.0);
         }
         if dof % 2 == 1 {
-            let z = take(self.numbers.normal(self.own.dim()), from);
+            let z = Lanes::of(&self.numbers.normal(self.own.dim())[from..]);
             chi2 = each(|l| z[l] * z[l]);
         }
         for first in (0..dof / 2).step_by(MOST) {
-            let mut product: Lanes = [1.0; WIDTH];
+            let mut product = Lanes::splat(1.0);
             for k in first..(first + MOST).min(dof / 2) {
-                let u = take(self.numbers.uniform(k), from);
+                let u = Lanes::of(&self.numbers.uniform(k)[from..]);
                 product = each(|l| product[l] * u[l]);
             }
             chi2 = each(|l| chi2[l] - 2.0 * ln(product[l]));
         }
         each(|l| (dof as f64 / chi2[l]).sqrt())
-    }
-}
-
-/// The numbers from `from` on, 1 beyond the last. Copies, because the compiler cannot tell that rows of one slice do not
-/// overlap, and then makes no vectors.
-#[inline(always)]
-fn take(values: &[f64], from: usize) -> Lanes {
-    let values = &values[from..];
-    match values.first_chunk() {
-        Some(whole) => *whole,
-        None => {
-            let mut out = [1.0; WIDTH];
-            out[..values.len()].copy_from_slice(values);
-            out
-        }
-    }
-}
-
-/// Puts the numbers from `from` on, as many as there is room for.
-#[inline(always)]
-fn put(lanes: &Lanes, values: &mut [f64], from: usize) {
-    let values = &mut values[from..];
-    match values.first_chunk_mut() {
-        Some(whole) => *whole = *lanes,
-        None => {
-            let length = values.len();
-            values.copy_from_slice(&lanes[..length]);
-        }
     }
 }

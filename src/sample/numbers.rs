@@ -135,7 +135,7 @@ impl WithSimd for Draw<'_> {
                 let (mut a, mut b) = (each(|l| unit(a[l])), each(|l| unit(b[l])));
                 if at < normal {
                     // Box and Muller (1958).
-                    for (a, b) in a.iter_mut().zip(&mut b) {
+                    for (a, b) in a.iter_mut().zip(b.iter_mut()) {
                         let radius = (-2.0 * ln(*a)).sqrt();
                         let (sin, cos) = sin_cos_turns(*b);
                         (*a, *b) = (radius * cos, radius * sin);
