@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::measured::{Field, bounds};
+use super::places::Places;
 
 /// Square blocks and the points in them.
 #[derive(Debug, Clone)]
@@ -18,8 +19,8 @@ pub struct Blocks {
     pub centroid: Vec<[f64; 2]>,
     /// Variance of the points' place in each block along both directions, mm^2.
     pub spread: Vec<[f64; 2]>,
-    /// The points of each block, where they are so few that their places count; empty otherwise.
-    pub few: Vec<Vec<[f64; 2]>>,
+    /// The points of each block, where they are so few that their places count.
+    pub places: Places,
     /// The block of each point of the field; `None` outside of all blocks.
     pub of_point: Vec<Option<u32>>,
 }
@@ -79,16 +80,16 @@ impl Blocks {
                 square.sum::<f64>() / m.len() as f64
             })
         });
-        let places = |m: &Vec<usize>| m.iter().map(|&i| field.points[i]).collect();
-        let few = if typical <= Self::FEW {
-            members.values().map(places).collect()
+        let points = |m: &Vec<usize>| m.iter().map(|&i| field.points[i]).collect();
+        let places = if typical <= Self::FEW {
+            Places::of_few(members.values().map(points).collect())
         } else {
-            Vec::new()
+            Places::Many
         };
         Self {
             size_mm,
             spread: spread.collect(),
-            few,
+            places,
             count: members.values().map(Vec::len).collect(),
             centroid,
             of_point,

@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::blocks::Blocks;
+use super::places::Places;
 use crate::error::{Error, Result};
 
 /// Correlation lengths that count as noise, mm.
@@ -38,11 +39,11 @@ impl Matern {
     /// The correlation of `blocks` for the length `length_mm`.
     pub fn new(blocks: &Blocks, length_mm: f64) -> Self {
         let n = blocks.len();
-        let kernel = BlockKernel::new(length_mm);
+        let kernel = BlockKernel::new(blocks, length_mm);
         let mut correlation = DMatrix::zeros(n, n);
         for j in 0..n {
             for i in j..n {
-                let value = kernel.between(blocks, i, j);
+                let value = kernel.between(i, j);
                 correlation[(i, j)] = value;
                 correlation[(j, i)] = value;
             }
@@ -62,15 +63,18 @@ pub(super) fn matern(length_mm: f64, distance: f64) -> f64 {
 
 /// The kernel between two blocks: points of a lattice lie closer together than a square full of points, and where the
 /// correlation is smooth over a block, small differences decide.
-struct BlockKernel {
+struct BlockKernel<'a> {
+    blocks: &'a Blocks,
     length_mm: f64,
     /// Offsets between points of two squares in one direction, in units of their side, with the weights of their
     /// triangular distribution.
     offsets: [(f64, f64); 8],
+    /// The kernel of points by the difference of their sites, on a lattice.
+    of_sites: Vec<f64>,
 }
 
-impl BlockKernel {
-    fn new(length_mm: f64) -> Self {
+impl<'a> BlockKernel<'a> {
+    fn new(blocks: &'a Blocks, length_mm: f64) -> Self {
         // Gauss-Legendre on [0, 1], by halves of the triangle 1 - |d|, whose kink a joint rule would miss
         const NODES: [(f64, f64); 4] = [
             (0.069_431_844_202_973_7, 0.173_927_422_568_726_9),
@@ -83,11 +87,21 @@ impl BlockKernel {
             offsets[2 * k] = (node, weight * (1.0 - node));
             offsets[2 * k + 1] = (-node, weight * (1.0 - node));
         }
-        Self { length_mm, offsets }
+        let of_sites = match &blocks.places {
+            Places::OnLattice(lattice) => lattice.tabulate(|d| matern(length_mm, d)),
+            Places::Many | Places::Anywhere(_) => Vec::new(),
+        };
+        Self {
+            blocks,
+            length_mm,
+            offsets,
+            of_sites,
+        }
     }
 
     /// Mean over the points of two blocks.
-    fn between(&self, blocks: &Blocks, i: usize, j: usize) -> f64 {
+    fn between(&self, i: usize, j: usize) -> f64 {
+        let blocks = self.blocks;
         let (a, b) = (blocks.centroid[i], blocks.centroid[j]);
         let offset = [a[0] - b[0], a[1] - b[1]];
         let variance = [0, 1].map(|k| blocks.spread[i][k] + blocks.spread[j][k]);
@@ -95,16 +109,18 @@ impl BlockKernel {
         if distance > 4.0 * (3.0 * (variance[0] + variance[1])).sqrt() {
             return self.far(offset, distance, variance);
         }
-        if blocks.few.is_empty() {
-            return self.near(offset, variance);
+        match &blocks.places {
+            Places::Many => self.near(offset, variance),
+            Places::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
+                matern(self.length_mm, (p[0] - q[0]).hypot(p[1] - q[1]))
+            }),
+            Places::OnLattice(lattice) => {
+                let sites = &lattice.sites;
+                mean_over(&sites[i], &sites[j], |p, q| {
+                    self.of_sites[p.abs_diff(*q) as usize]
+                })
+            }
         }
-        let (a, b) = (&blocks.few[i], &blocks.few[j]);
-        let to = |p: &[f64; 2]| -> f64 {
-            b.iter()
-                .map(|q| matern(self.length_mm, (p[0] - q[0]).hypot(p[1] - q[1])))
-                .sum()
-        };
-        a.iter().map(to).sum::<f64>() / (a.len() * b.len()) as f64
     }
 
     /// Far off the mean differs by half the variance of the offset times the second derivative.
@@ -131,6 +147,12 @@ impl BlockKernel {
         }
         sum
     }
+}
+
+/// Mean of `f` over all pairs of `a` and `b`.
+fn mean_over<T>(a: &[T], b: &[T], f: impl Fn(&T, &T) -> f64) -> f64 {
+    let to = |p: &T| b.iter().map(|q| f(p, q)).sum::<f64>();
+    a.iter().map(to).sum::<f64>() / (a.len() * b.len()) as f64
 }
 
 /// A factorised covariance of block averages at s = 1.

@@ -11,6 +11,7 @@ pub mod matrices;
 pub mod measured;
 pub mod noise;
 pub mod outliers;
+pub mod places;
 pub mod reml;
 pub mod rigid;
 pub mod spec;

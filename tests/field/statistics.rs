@@ -1,7 +1,10 @@
 use nalgebra::{DMatrix, DVector};
 use plychain::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
+use plychain::field::places::Places;
 use plychain::field::reml::{orthonormal, reml};
-use plychain::field::{BlockCovariance, Blocks, Field, Matern, MeasurementSpec, noise, outliers};
+use plychain::field::{
+    BlockCovariance, Blocks, Field, Matern, MeasurementSpec, Reason, noise, outliers,
+};
 
 use super::{STEEL, normal, open_hole, rng, shared, simulated, spec};
 
@@ -306,6 +309,39 @@ fn blocks_of_few_points_have_the_covariance_of_their_points() {
         }
     }
     assert!(largest < 1e-3, "{largest}");
+}
+
+/// The table of a lattice's distances gives what the sum over pairs of points does, with points missing here and there and
+/// other steps along the other direction; points off a lattice have no table.
+#[test]
+fn blocks_on_a_lattice_have_the_covariance_of_their_points() {
+    let mut field = simulated(121, 0.0, 1);
+    let n = field.len();
+    field.retain(Reason::Outlier, |i| i * i % 23 != 3);
+    assert!(field.len() < n);
+    for p in &mut field.points {
+        p[1] = 1.3 * p[1] + 0.1;
+    }
+    let blocks = blocks_of(&field);
+    assert!(matches!(blocks.places, Places::OnLattice(_)));
+    let mut points = vec![Vec::new(); blocks.len()];
+    for (p, at) in field.points.iter().zip(&blocks.of_point) {
+        if let Some(b) = at {
+            points[*b as usize].push(*p);
+        }
+    }
+    let anywhere = Blocks {
+        places: Places::Anywhere(points),
+        ..blocks.clone()
+    };
+    for length in [0.2, 1.0, 6.0] {
+        let [a, b] = [&blocks, &anywhere].map(|b| Matern::new(b, length).correlation);
+        assert!((&a - &b).amax() < 1e-13 * a.amax());
+    }
+    for p in &mut field.points {
+        p[0] *= 1.0 + 1e-6 * p[0];
+    }
+    assert!(matches!(blocks_of(&field).places, Places::Anywhere(_)));
 }
 
 /// Mean over several fields of white noise of 9 nm and correlated noise of 4 nm over 0.5 mm: the mean white sd, the
