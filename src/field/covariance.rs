@@ -112,7 +112,8 @@ impl<'a> BlockKernel<'a> {
         match &blocks.places {
             Places::Many => self.near(offset, variance),
             Places::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
-                matern(self.length_mm, (p[0] - q[0]).hypot(p[1] - q[1]))
+                let [s, t] = [p[0] - q[0], p[1] - q[1]];
+                matern(self.length_mm, (s * s + t * t).sqrt())
             }),
             Places::OnLattice(lattice) => {
                 let sites = &lattice.sites;
