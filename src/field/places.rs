@@ -1,7 +1,10 @@
 //! Where the points of blocks lie, for the mean of a function of distance over the points of two blocks.
 
-/// Coordinates this close to whole steps lie on a lattice, in steps.
-const ROUNDING: f64 = 1e-9;
+/// Coordinates this close to whole steps lie on a lattice, in steps: files round them.
+const ROUNDING: f64 = 1e-3;
+
+/// Coordinates this close together, relative to their extent, are the same.
+const SAME: f64 = 1e-6;
 
 /// A lattice may have this many sites for each point: more would be empty.
 const MOST_SITES: f64 = 4.0;
@@ -84,14 +87,21 @@ struct Steps {
 }
 
 impl Steps {
-    /// As many as the smallest gap asks for.
+    /// As many as the smallest gaps ask for.
     fn new(mut values: Vec<f64>) -> Self {
         values.sort_unstable_by(f64::total_cmp);
         let low = values.first().copied().unwrap_or(0.0);
         let extent = values.last().map_or(0.0, |high| high - low);
         let gaps = values.windows(2).map(|pair| pair[1] - pair[0]);
-        let smallest = gaps.filter(|gap| *gap > ROUNDING * extent).reduce(f64::min);
-        let last = smallest.map_or(0.0, |gap| (extent / gap).round());
+        let gaps: Vec<f64> = gaps.filter(|gap| *gap > SAME * extent).collect();
+        let smallest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+        let single = gaps.iter().filter(|gap| **gap < 1.5 * smallest);
+        let (count, sum) = single.fold((0.0, 0.0), |(n, sum), gap| (n + 1.0, sum + gap));
+        let last = if count > 0.0 {
+            (extent * count / sum).round()
+        } else {
+            0.0
+        };
         let step = if last > 0.0 { extent / last } else { 1.0 };
         Self { low, step, last }
     }
