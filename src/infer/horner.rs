@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 
 use super::forms::{Finish, Forms, Of, PAIR};
 use super::lanes::{Columns, Parameters};
-use super::monomials::{Variable, position};
+use super::monomials::{Variable, degree, position};
 use super::nested::{BLOCK, Point, Points, Row, cubic, order, quadratic};
 
 /// What the quadratic form is made of.
@@ -50,7 +50,6 @@ impl Horner {
     /// None if the polynomials are of another kind.
     pub(super) fn new(form: &Form<'_>) -> Option<Self> {
         let variables = form.exponents.first()?.len();
-        let degree = |e: &[u8]| e.iter().map(|k| usize::from(*k)).sum::<usize>();
         let bent = form.exponents.iter().any(|e| degree(e) > 3);
         let slope = &form.exponents[..form.slope.len()];
         let steep = slope.iter().any(|e| degree(e) > 2);
@@ -154,7 +153,8 @@ impl Horner {
     }
 }
 
-/// Points by pairs of vectors, in a function of its own for each number of variables.
+/// Points by pairs of vectors. A function of its own for each number of variables: all in one leave the compiler without
+/// registers.
 struct Pairs<'a, F, const V: usize, const N: usize, const M: usize>(
     (&'a Horner, Columns<'a>, &'a F),
     &'a mut [f64],
@@ -236,11 +236,8 @@ impl Block {
     /// row before, instead of all eight (a QR factorisation).
     fn rotate(&mut self, variables: usize) {
         let order = order(variables, 3);
-        let degree = |e: &Vec<u8>| e.iter().map(|k| usize::from(*k)).sum::<usize>();
-        let high: Vec<usize> = (0..order.len())
-            .filter(|m| degree(&order[*m]) == 3)
-            .collect();
-        let high = &high[..high.len().min(BLOCK - 1)];
+        let cubic = (0..order.len()).filter(|m| degree(&order[*m]) == 3);
+        let high: Vec<usize> = cubic.take(BLOCK - 1).collect();
         let matrix = DMatrix::from_fn(BLOCK, BLOCK, |k, m| {
             high.get(m).map_or(0.0, |row| self.residual[*row][k])
         });

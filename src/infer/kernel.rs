@@ -1,9 +1,10 @@
 //! The likelihood compiled for speed: quadratic form of the residual of polynomials with a diagonal plus rank-one
 //! covariance, for [`WIDTH`] points at once or for one.
 //!
-//! Polynomials are collapsed at the mean thickness, nothing is allocated in the loop. Cubics in few variables go through
-//! [`Horner`]; in all others monomials are products of lower ones. Every point undergoes the same operations in the same order whether it comes alone or in company (fused
-//! multiply-adds where the processor has them), so the result does not depend on how points are grouped.
+//! Polynomials are collapsed at the mean thickness, nothing is allocated in the loop. Plain cubics in few variables go
+//! through [`Horner`]; in all others monomials are products of lower ones. Every point undergoes the same operations in
+//! the same order whether it comes alone or in company (fused multiply-adds where the processor has them), so the result
+//! does not depend on how points are grouped.
 
 use std::cell::RefCell;
 

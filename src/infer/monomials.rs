@@ -41,6 +41,11 @@ pub fn without(e: &[u8], variable: Option<usize>) -> Vec<u8> {
     kept.map(|(_, e)| *e).collect()
 }
 
+/// Degree of a monomial.
+pub fn degree(e: &[u8]) -> usize {
+    e.iter().map(|k| usize::from(*k)).sum()
+}
+
 /// Index of a monomial; 0, the constant, if it is not there.
 pub fn position(exponents: &[Vec<u8>], e: &[u8]) -> usize {
     exponents.iter().position(|x| x == e).unwrap_or(0)
@@ -59,10 +64,7 @@ pub fn closure(
         }
         next += 1;
     }
-    all.sort_by_key(|e| {
-        let degree: u32 = e.iter().map(|k| u32::from(*k)).sum();
-        (degree, std::cmp::Reverse(e.clone()))
-    });
+    all.sort_by_key(|e| (degree(e), std::cmp::Reverse(e.clone())));
     all.dedup();
     if all.first().is_none_or(|e| e.iter().any(|k| *k > 0)) {
         all.insert(0, vec![0; all.first().map_or(0, Vec::len)]);
