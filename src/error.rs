@@ -10,6 +10,8 @@ pub type Result<T> = std::result::Result<T, Error>;
 pub enum Blame {
     /// The input's: a file, a key, an argument. Exit code 1.
     Input,
+    /// Nobody's: a limit that the user set was reached. Exit code 1.
+    Limit,
     /// The program's: a broken invariant, a failed factorisation. Exit code 2.
     Program,
 }
@@ -31,6 +33,11 @@ impl Error {
     /// An error of the input at `place` (file and line or key, or an argument), which should have been `expected`.
     pub fn input(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::new(Blame::Input, place, expected)
+    }
+
+    /// The limit at `place` left too little; it would have to allow what was `expected`.
+    pub fn limit(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::new(Blame::Limit, place, expected)
     }
 
     /// An error of the program at `place`; `expected` is the invariant that failed.
@@ -82,7 +89,7 @@ impl Error {
     /// The exit code of the program that ends with this error.
     pub fn exit_code(&self) -> u8 {
         match self.0.blame {
-            Blame::Input => 1,
+            Blame::Input | Blame::Limit => 1,
             Blame::Program => 2,
         }
     }

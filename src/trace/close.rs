@@ -8,7 +8,7 @@ use super::round::{Options, Round, identify};
 use super::state::State;
 use super::verdict::{Conclusion, Status, conclude};
 use crate::effect::{Effect, Kind, amplitude_name};
-use crate::error::Result;
+use crate::error::{Blame, Result};
 use crate::infer::Model;
 use crate::progress::Watch;
 
@@ -49,7 +49,7 @@ pub fn close<'a>(
         let deadline = options(steps.len()).deadline;
         let is_over = || deadline.is_some_and(|end| Instant::now() >= end);
         let round = match identify(&model, &options(steps.len()), watch) {
-            Err(_) if !steps.is_empty() && is_over() => break,
+            Err(e) if !steps.is_empty() && e.blame() == Blame::Limit => break,
             other => other?,
         };
         let start = State::of(&model, &round);
@@ -76,7 +76,7 @@ pub fn close<'a>(
     let over = || options.deadline.is_some_and(|end| Instant::now() >= end);
     let honest = if wanted && !over() {
         match identify(&steps[steps.len() - 1].model, &options, watch) {
-            Err(_) if over() => None,
+            Err(e) if e.blame() == Blame::Limit => None,
             other => Some(other?),
         }
     } else {

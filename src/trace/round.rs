@@ -240,7 +240,7 @@ fn draw(
     )?;
     watch.end();
     if outcome.draws.draws() < FEWEST_DRAWS {
-        return Err(Error::input(
+        return Err(Error::limit(
             "--time-limit",
             format!("time for at least {FEWEST_DRAWS} draws of each chain"),
         )
