@@ -13,6 +13,7 @@ mod init;
 mod manual;
 mod mappings;
 mod report;
+mod running;
 mod simulate;
 mod validate;
 

@@ -1,7 +1,7 @@
 //! A run that is killed at any moment goes on to the same bits; stores that are damaged or of another run are refused.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
 use plychain::chain::read_zarr;
@@ -99,6 +99,19 @@ fn moments() -> impl Iterator<Item = Duration> {
     })
 }
 
+/// Kills a process (SIGKILL: it cannot clean up) after a moment if it `may`; false if it came to its end.
+fn killed(mut child: Child, moment: Duration, may: bool) -> bool {
+    std::thread::sleep(moment);
+    if may && child.try_wait().unwrap().is_none() {
+        child.kill().unwrap();
+        child.wait().unwrap();
+        return true;
+    }
+    let end = child.wait_with_output().unwrap();
+    assert!(end.status.success(), "{end:?}");
+    false
+}
+
 #[test]
 fn a_killed_run_goes_on_to_the_same_bits() {
     let bench = Bench::new();
@@ -113,21 +126,14 @@ fn a_killed_run_goes_on_to_the_same_bits() {
         round += 1;
         assert!(round <= 2 * KILLS, "the runs end before they are killed");
         loop {
-            let mut child = bench
+            let child = bench
                 .command(&identify(&model, &out, &["--resume"]))
                 .spawn()
                 .unwrap();
-            std::thread::sleep(moments.next().unwrap());
-            if kills < KILLS && child.try_wait().unwrap().is_none() {
-                // SIGKILL: the process cannot clean up.
-                child.kill().unwrap();
-                child.wait().unwrap();
-                kills += 1;
-                continue;
+            if !killed(child, moments.next().unwrap(), kills < KILLS) {
+                break;
             }
-            let end = child.wait_with_output().unwrap();
-            assert!(end.status.success(), "{end:?}");
-            break;
+            kills += 1;
         }
         assert_same_chains(&bench.path("whole"), &bench.path(&out));
     }
@@ -174,19 +180,13 @@ fn a_killed_loop_goes_on_to_the_same_report() {
     assert!(whole.status.success(), "{whole:?}");
     let mut kills = 0;
     for mut moment in moments() {
-        let mut child = command(&close("killed", &["--resume"])).spawn().unwrap();
+        let child = command(&close("killed", &["--resume"])).spawn().unwrap();
         // later and later, so that every round has its turn
         moment += Duration::from_millis(600 * kills);
-        std::thread::sleep(moment);
-        if kills < 6 && child.try_wait().unwrap().is_none() {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            kills += 1;
-            continue;
+        if !killed(child, moment, kills < 6) {
+            break;
         }
-        let end = child.wait_with_output().unwrap();
-        assert!(end.status.success(), "{end:?}");
-        break;
+        kills += 1;
     }
     assert!(kills > 2, "{kills} kills");
     assert_same_chains(&bench.path("whole"), &bench.path("killed"));

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::identify::load;
+use super::running::load;
 use super::{DEFAULT_MODEL, cache, print};
 use crate::error::{Error, Result};
 use crate::fem::Setup;

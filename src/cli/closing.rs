@@ -7,17 +7,16 @@ use serde_json::Value;
 
 use super::console::Console;
 use super::folder::{Folder, check_run};
-use super::identify::{Limits, identity, load, resolved, sampler, truth};
-use super::{DEFAULT_MODEL, Global, cache, print};
+use super::identify::{resolved, truth};
+use super::running::Running;
+use super::{Global, cache, print};
 use crate::chain::write_csv;
-use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
 use crate::progress::Watch;
 use crate::report::{Alone, Page, numbers, ranking, terminal, traced};
-use crate::sample::{Keeping, Schedule};
-use crate::trace::{self, Closed, Options, State};
+use crate::trace::{self, Closed, State};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
@@ -26,87 +25,31 @@ use crate::trace::{self, Closed, Options, State};
   plychain loop specimen.json --out runs/first --png
   plychain loop specimen.json --out runs/first --resume    go on with an interrupted loop")]
 pub struct LoopArguments {
-    /// Model file
-    #[arg(default_value = DEFAULT_MODEL)]
-    model: PathBuf,
-    /// Measured data in place of the model's: a directory of matrices, or a CSV file
-    #[arg(long)]
-    data: Option<PathBuf>,
-    /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
-    #[arg(long)]
-    out: Option<PathBuf>,
-    /// Go on with the loop in --out where it was interrupted, to the same bits
-    #[arg(long, requires = "out", conflicts_with = "refine")]
-    resume: bool,
-    /// Sampler: ensemble or adaptive
-    #[arg(long, default_value = "ensemble")]
-    sampler: String,
+    #[command(flatten)]
+    running: Running,
     /// Most effects that are added, one a round
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
     rounds: u8,
-    /// Refine the reduced model of each round about its posterior, at most ROUNDS times
-    #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
-    refine: Option<u8>,
-    /// Exit with an error if the chains of some round have not converged
-    #[arg(long)]
-    strict: bool,
-    /// Write the figures as PNG too
-    #[arg(long)]
-    png: bool,
-    #[command(flatten)]
-    limits: Limits,
 }
 
 /// Run `loop`.
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
-    let model = load(&arguments.model, arguments.data.as_ref())?;
-    let sampler = sampler(&arguments.sampler)?;
-    let mut schedule = Schedule {
-        seed: global.seed,
-        ..Schedule::default()
-    };
-    let mut rule = Rule::default();
-    let deadline = arguments.limits.apply(&mut schedule, &mut rule)?;
-    let folder = Folder::open(arguments.out.as_deref(), &model.file.name, arguments.resume)?;
-    let identity = identity(&model, &*sampler, &schedule)?;
-    folder.begin(&identity)?;
-    let options = |round: usize| {
-        let place = place(folder.path(), round);
-        Options {
-            sampler: &*sampler,
-            schedule: schedule.clone(),
-            rule,
-            cache: cache(),
-            refinements: arguments.refine.map_or(0, usize::from),
-            keeping: Some(Keeping {
-                store: place.join("chain.zarr"),
-                checkpoint: place.join("checkpoint"),
-                identity: identity.clone(),
-                resume: arguments.resume,
-                observed: Vec::new(),
-            }),
-            discrepancy: [None, None],
-            deadline,
-        }
-    };
-    let closed = trace::close(&model, usize::from(arguments.rounds), &options, console)?;
-    let page = write(&folder, &model, &closed, global.seed)?;
+    let running = &arguments.running;
+    let plan = running.plan(global)?;
+    let options = |round: usize| plan.options(&place(plan.folder.path(), round));
+    let most = usize::from(arguments.rounds);
+    let closed = trace::close(&plan.model, most, &options, console)?;
+    let page = write(&plan.folder, &plan.model, &closed, global.seed)?;
     let last = &closed.steps[closed.steps.len() - 1];
     print(&terminal::identification(&last.model, &last.round))?;
     print(&ranking::closed(&closed))?;
     console.begin("report and figures", None);
-    page.write(folder.path(), arguments.png)?;
+    page.write(plan.folder.path(), running.png)?;
     console.end();
-    let path = folder.path().display();
+    let path = plan.folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
-    folder.keep();
-    let unsettled = closed.steps.iter().find(|s| !s.round.verdict.converged);
-    if let Some(step) = unsettled.filter(|_| arguments.strict) {
-        return Err(Error::input("--strict", "converged chains")
-            .found(step.round.verdict.line())
-            .hint("run longer"));
-    }
-    Ok(())
+    plan.folder.keep();
+    running.judge(closed.steps.iter().map(|s| &s.round.verdict))
 }
 
 /// Where the chains of a round are kept: the first in the run's folder itself.

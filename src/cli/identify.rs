@@ -1,24 +1,20 @@
 //! `plychain identify`.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::Args;
-use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
+use serde_json::Value;
 
 use super::console::Console;
-use super::folder::{Folder, hashes};
-use super::{DEFAULT_MODEL, Global, cache, print};
+use super::folder::Folder;
+use super::running::Running;
+use super::{Global, print};
 use crate::chain::write_csv;
-use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::infer::Model;
 use crate::progress::Watch;
-use crate::reduce::cache::hex;
 use crate::report::{Page, numbers, terminal};
-use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::{self, Options, Round};
+use crate::trace::{self, Round};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -27,136 +23,27 @@ use crate::trace::{self, Options, Round};
   plychain identify specimen.json --data other.csv --refine --strict
   plychain identify specimen.json --out runs/long --resume    go on with an interrupted run")]
 pub struct Arguments {
-    /// Model file
-    #[arg(default_value = DEFAULT_MODEL)]
-    model: PathBuf,
-    /// Measured data in place of the model's: a directory of matrices, or a CSV file
-    #[arg(long)]
-    data: Option<PathBuf>,
-    /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
-    #[arg(long)]
-    out: Option<PathBuf>,
-    /// Sampler: ensemble or adaptive
-    #[arg(long, default_value = "ensemble")]
-    sampler: String,
-    /// Refine the reduced model about the posterior while the finite elements disagree by more than 1 % of a posterior
-    /// sd or draws lie outside the DoE box, at most ROUNDS times
-    #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
-    refine: Option<u8>,
-    /// Exit with an error if the chains have not converged
-    #[arg(long)]
-    strict: bool,
-    /// Go on with the run in --out where it was interrupted, to the same bits
-    #[arg(long, requires = "out", conflicts_with = "refine")]
-    resume: bool,
-    /// Write the figures as PNG too
-    #[arg(long)]
-    png: bool,
     #[command(flatten)]
-    limits: Limits,
-}
-
-/// When sampling ends.
-#[derive(Debug, Clone, Args)]
-pub struct Limits {
-    /// Most draws, over all chains
-    #[arg(long, value_name = "N")]
-    max_draws: Option<usize>,
-    /// Effective draws, bulk and tail, that every parameter must reach (default: 100 an ensemble)
-    #[arg(long, value_name = "N")]
-    min_ess: Option<f64>,
-    /// Stop sampling after this many seconds
-    #[arg(long, value_name = "SECONDS")]
-    time_limit: Option<f64>,
-}
-
-impl Limits {
-    /// Put the limits into a schedule and a rule; when to stop in any case.
-    pub fn apply(&self, schedule: &mut Schedule, rule: &mut Rule) -> Result<Option<Instant>> {
-        if let Some(most) = self.max_draws {
-            if most == 0 {
-                return Err(Error::input("--max-draws", "a number above 0").found(most));
-            }
-            schedule.max_draws = most;
-        }
-        if let Some(ess) = self.min_ess {
-            if !(ess > 0.0 && ess.is_finite()) {
-                return Err(Error::input("--min-ess", "a number above 0").found(ess));
-            }
-            rule.ess = ess / schedule.ensembles as f64;
-        }
-        let Some(seconds) = self.time_limit else {
-            return Ok(None);
-        };
-        std::time::Duration::try_from_secs_f64(seconds)
-            .ok()
-            .filter(|limit| !limit.is_zero())
-            .and_then(|limit| Instant::now().checked_add(limit))
-            .map(Some)
-            .ok_or_else(|| {
-                Error::input("--time-limit", "a number of seconds above 0").found(seconds)
-            })
-    }
-}
-
-/// Read a model, with its measurement elsewhere if `data` says so.
-pub fn load(path: &std::path::Path, data: Option<&PathBuf>) -> Result<Model> {
-    let mut model = Model::load(path)?;
-    if let Some(data) = data {
-        // Joined to the model's directory later, an absolute path stays as it is.
-        let absolute = std::path::absolute(data)
-            .map_err(|e| Error::input(format!("--data {}", data.display()), "a path").found(e))?;
-        model.file.measurement = model.file.measurement.with_path(absolute);
-    }
-    Ok(model)
+    running: Running,
 }
 
 /// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
-    let model = load(&arguments.model, arguments.data.as_ref())?;
-    let sampler = sampler(&arguments.sampler)?;
-    let mut schedule = Schedule {
-        seed: global.seed,
-        ..Schedule::default()
-    };
-    let mut rule = Rule::default();
-    let deadline = arguments.limits.apply(&mut schedule, &mut rule)?;
-    let folder = Folder::open(arguments.out.as_deref(), &model.file.name, arguments.resume)?;
-    let identity = identity(&model, &*sampler, &schedule)?;
-    folder.begin(&identity)?;
-    let options = Options {
-        sampler: &*sampler,
-        schedule,
-        rule,
-        cache: cache(),
-        refinements: arguments.refine.map_or(0, usize::from),
-        keeping: Some(Keeping {
-            store: folder.path().join("chain.zarr"),
-            checkpoint: folder.path().join("checkpoint"),
-            identity,
-            resume: arguments.resume,
-            observed: Vec::new(),
-        }),
-        discrepancy: [None, None],
-        deadline,
-    };
-    let round = trace::identify(&model, &options, console)?;
-    print(&terminal::identification(&model, &round))?;
+    let running = &arguments.running;
+    let plan = running.plan(global)?;
+    let options = plan.options(plan.folder.path());
+    let round = trace::identify(&plan.model, &options, console)?;
+    print(&terminal::identification(&plan.model, &round))?;
     let rounds = [round];
-    let page = write(&model, &rounds, &folder, global.seed)?;
+    let page = write(&plan.model, &rounds, &plan.folder, global.seed)?;
     console.begin("report and figures", None);
-    page.write(folder.path(), arguments.png)?;
+    page.write(plan.folder.path(), running.png)?;
     console.end();
     let [round] = rounds;
-    let path = folder.path().display();
+    let path = plan.folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
-    folder.keep();
-    if arguments.strict && !round.verdict.converged {
-        return Err(Error::input("--strict", "converged chains")
-            .found(round.verdict.line())
-            .hint("run longer"));
-    }
-    Ok(())
+    plan.folder.keep();
+    running.judge([&round.verdict])
 }
 
 /// What `truth.json` beside simulated data says; `None` for measured data.
@@ -198,31 +85,4 @@ pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Res
     let manifest = folder.write_manifest(model, files, seed)?;
     let rounds: Vec<&Round> = rounds.iter().collect();
     Ok(Page::gather(&rounds, report, manifest, truth(files)?))
-}
-
-/// What a resumed run must share with the one that was interrupted.
-pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
-    let text = serde_json::to_string(&model.file)
-        .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
-    Ok(json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "model": model.file.name,
-        "model_sha256": hex(&Sha256::digest(text)),
-        "data_sha256": hashes(model.read_field()?.files.iter())?.values().collect::<Vec<_>>(),
-        "seed": schedule.seed,
-        "sampler": sampler.name(),
-        "ensembles": schedule.ensembles,
-    }))
-}
-
-/// The sampler of a name.
-pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
-    SAMPLERS
-        .iter()
-        .find(|entry| entry.name == name)
-        .map(|entry| (entry.build)())
-        .ok_or_else(|| {
-            let known: Vec<_> = SAMPLERS.iter().map(|entry| entry.name).collect();
-            Error::input("--sampler", format!("one of {}", known.join(", "))).found(name)
-        })
 }

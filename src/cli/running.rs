@@ -1,0 +1,207 @@
+//! What `identify` and `loop` have in common: their arguments, and what is settled before the first draw.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use super::folder::{Folder, hashes};
+use super::{DEFAULT_MODEL, Global, cache};
+use crate::diagnose::{Rule, Verdict};
+use crate::error::{Error, Result};
+use crate::infer::Model;
+use crate::reduce::cache::hex;
+use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
+use crate::trace::Options;
+
+/// Arguments of a run.
+#[derive(Debug, Args)]
+pub struct Running {
+    /// Model file
+    #[arg(default_value = DEFAULT_MODEL)]
+    model: PathBuf,
+    /// Measured data in place of the model's: a directory of matrices, or a CSV file
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Go on with the run in --out where it was interrupted, to the same bits
+    #[arg(long, requires = "out", conflicts_with = "refine")]
+    resume: bool,
+    /// Sampler: ensemble or adaptive
+    #[arg(long, default_value = "ensemble")]
+    sampler: String,
+    /// Refine the reduced model about the posterior while the finite elements disagree by more than 1 % of a posterior
+    /// sd or draws lie outside the DoE box, at most ROUNDS times
+    #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
+    refine: Option<u8>,
+    /// Exit with an error if chains have not converged
+    #[arg(long)]
+    strict: bool,
+    /// Write the figures as PNG too
+    #[arg(long)]
+    pub png: bool,
+    #[command(flatten)]
+    limits: Limits,
+}
+
+/// A run before its first draw.
+pub struct Plan {
+    /// The model.
+    pub model: Model,
+    /// Where everything is kept.
+    pub folder: Folder,
+    sampler: Box<dyn Sampler>,
+    schedule: Schedule,
+    rule: Rule,
+    deadline: Option<Instant>,
+    identity: Value,
+    refinements: usize,
+    resume: bool,
+}
+
+impl Running {
+    /// Everything that can be refused is refused here.
+    pub fn plan(&self, global: &Global) -> Result<Plan> {
+        let model = load(&self.model, self.data.as_ref())?;
+        let sampler = sampler(&self.sampler)?;
+        let mut schedule = Schedule {
+            seed: global.seed,
+            ..Schedule::default()
+        };
+        let mut rule = Rule::default();
+        let deadline = self.limits.apply(&mut schedule, &mut rule)?;
+        let folder = Folder::open(self.out.as_deref(), &model.file.name, self.resume)?;
+        let identity = identity(&model, &*sampler, &schedule)?;
+        folder.begin(&identity)?;
+        Ok(Plan {
+            model,
+            folder,
+            sampler,
+            schedule,
+            rule,
+            deadline,
+            identity,
+            refinements: self.refine.map_or(0, usize::from),
+            resume: self.resume,
+        })
+    }
+
+    /// An error if `--strict` asks for convergence and one of `verdicts` denies it.
+    pub fn judge<'a>(&self, verdicts: impl IntoIterator<Item = &'a Verdict>) -> Result<()> {
+        let unsettled = verdicts.into_iter().find(|v| !v.converged);
+        match unsettled.filter(|_| self.strict) {
+            Some(verdict) => Err(Error::input("--strict", "converged chains")
+                .found(verdict.line())
+                .hint("run longer")),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Plan {
+    /// How one identification is run whose chains are kept at `place`.
+    pub fn options(&self, place: &Path) -> Options<'_> {
+        Options {
+            sampler: &*self.sampler,
+            schedule: self.schedule.clone(),
+            rule: self.rule,
+            cache: cache(),
+            refinements: self.refinements,
+            keeping: Some(Keeping {
+                store: place.join("chain.zarr"),
+                checkpoint: place.join("checkpoint"),
+                identity: self.identity.clone(),
+                resume: self.resume,
+                observed: Vec::new(),
+            }),
+            discrepancy: [None, None],
+            deadline: self.deadline,
+        }
+    }
+}
+
+/// When sampling ends.
+#[derive(Debug, Clone, Args)]
+struct Limits {
+    /// Most draws, over all chains
+    #[arg(long, value_name = "N")]
+    max_draws: Option<usize>,
+    /// Effective draws, bulk and tail, that every parameter must reach (default: 100 an ensemble)
+    #[arg(long, value_name = "N")]
+    min_ess: Option<f64>,
+    /// Stop sampling after this many seconds
+    #[arg(long, value_name = "SECONDS")]
+    time_limit: Option<f64>,
+}
+
+impl Limits {
+    /// Put the limits into a schedule and a rule; when to stop in any case.
+    fn apply(&self, schedule: &mut Schedule, rule: &mut Rule) -> Result<Option<Instant>> {
+        if let Some(most) = self.max_draws {
+            if most == 0 {
+                return Err(Error::input("--max-draws", "a number above 0").found(most));
+            }
+            schedule.max_draws = most;
+        }
+        if let Some(ess) = self.min_ess {
+            if !(ess > 0.0 && ess.is_finite()) {
+                return Err(Error::input("--min-ess", "a number above 0").found(ess));
+            }
+            rule.ess = ess / schedule.ensembles as f64;
+        }
+        let Some(seconds) = self.time_limit else {
+            return Ok(None);
+        };
+        std::time::Duration::try_from_secs_f64(seconds)
+            .ok()
+            .filter(|limit| !limit.is_zero())
+            .and_then(|limit| Instant::now().checked_add(limit))
+            .map(Some)
+            .ok_or_else(|| {
+                Error::input("--time-limit", "a number of seconds above 0").found(seconds)
+            })
+    }
+}
+
+/// Read a model, with its measurement elsewhere if `data` says so.
+pub fn load(path: &Path, data: Option<&PathBuf>) -> Result<Model> {
+    let mut model = Model::load(path)?;
+    if let Some(data) = data {
+        // Joined to the model's directory later, an absolute path stays as it is.
+        let absolute = std::path::absolute(data)
+            .map_err(|e| Error::input(format!("--data {}", data.display()), "a path").found(e))?;
+        model.file.measurement = model.file.measurement.with_path(absolute);
+    }
+    Ok(model)
+}
+
+/// What a resumed run must share with the one that was interrupted.
+pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
+    let text = serde_json::to_string(&model.file)
+        .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
+    Ok(json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "model": model.file.name,
+        "model_sha256": hex(&Sha256::digest(text)),
+        "data_sha256": hashes(model.read_field()?.files.iter())?.values().collect::<Vec<_>>(),
+        "seed": schedule.seed,
+        "sampler": sampler.name(),
+        "ensembles": schedule.ensembles,
+    }))
+}
+
+/// The sampler of a name.
+pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
+    SAMPLERS
+        .iter()
+        .find(|entry| entry.name == name)
+        .map(|entry| (entry.build)())
+        .ok_or_else(|| {
+            let known: Vec<_> = SAMPLERS.iter().map(|entry| entry.name).collect();
+            Error::input("--sampler", format!("one of {}", known.join(", "))).found(name)
+        })
+}
