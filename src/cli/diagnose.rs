@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::folder::say_round;
 use super::print;
 use crate::chain::{
     Chains, Draws, Reader, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz,
@@ -31,6 +32,9 @@ pub struct Arguments {
 
 /// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    if let [folder] = &arguments.files[..] {
+        say_round(folder);
+    }
     let mut draws = read(&arguments.files, MOST)?;
     if let Some(walkers) = arguments.walkers {
         draws = draws.with_walkers(walkers)?;
@@ -43,11 +47,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         ))?;
     }
     print(&format!("{verdict}\n"))?;
+    if draws.ensembles() > MANY && arguments.walkers.is_none() {
+        print("if these are walkers of ensembles, not chains of their own, say so: --walkers N\n")?;
+    }
     if arguments.strict && !verdict.converged {
         return Err(Error::input("--strict", "converged chains").found(verdict.line()));
     }
     Ok(())
 }
+
+/// More chains than anybody runs independently.
+const MANY: usize = 16;
 
 /// Most draws that are diagnosed, over all chains of a store, as many as a run holds in memory; so that a store of any
 /// length is diagnosed in little memory.
@@ -132,6 +142,7 @@ pub struct ExportArguments {
 
 /// Run the verb.
 pub fn export(arguments: &ExportArguments) -> Result<()> {
+    say_round(&arguments.run);
     let folder = if arguments.run.join("chain.zarr").is_dir() {
         arguments.run.clone()
     } else {

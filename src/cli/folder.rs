@@ -206,13 +206,34 @@ fn hash(path: &Path) -> Result<String> {
     Ok(hex(&Sha256::digest(bytes)))
 }
 
+/// Says of a loop's folder that its chains are those of the first round, and where those of the last are.
+pub fn say_round(folder: &Path) {
+    let of = |k: usize| folder.join(format!("round-{k}"));
+    let later = (1..).take_while(|k| of(*k).join("chain.csv").is_file());
+    if let Some(last) = later.last() {
+        line(&format!(
+            "  {} is of a loop: these are the draws of its first round, the model as it was given; those of the last are in {}",
+            folder.display(),
+            of(last).display()
+        ));
+    }
+}
+
 /// A run's folder must be of a finished run, and the model's measurement what that run read. A run of another version is
 /// taken as it is, and said to be one.
 ///
 /// # Errors
 /// The input's fault, with the file.
 pub fn check_run(folder: &Path, model: &Model) -> Result<()> {
-    let file = folder.join("run.json");
+    let mut file = folder.join("run.json");
+    if !file.is_file()
+        && let Some(whole) = folder.parent().map(|run| run.join("run.json"))
+        && folder.join("model.json").is_file()
+        && whole.is_file()
+    {
+        // a later round of a loop
+        file = whole;
+    }
     let place = file.display().to_string();
     let wanted = || Error::input(&place, "the manifest of a finished run");
     let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;

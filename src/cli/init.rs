@@ -131,7 +131,24 @@ then
 fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
     let header = table::header(csv)?;
     let known: Vec<&str> = MAPPINGS.iter().map(|m| m.program).collect();
+    let in_pixels = |program: &str| {
+        Error::input(
+            format!("--csv {}", csv.display()),
+            "calibrated columns, in mm",
+        )
+        .found(format!("{program} in pixels"))
+        .hint("export the field with its calibration")
+    };
     let (mapping, columns) = matching(&header).ok_or_else(|| {
+        let unit = |h: &&String| {
+            let name = h.to_lowercase();
+            ["[px]", "(px)", "_px", "pixel"]
+                .iter()
+                .any(|unit| name.contains(unit))
+        };
+        if let Some(column) = header.iter().find(unit) {
+            return in_pixels(&format!("the column {column}"));
+        }
         let place = format!("--csv {}", csv.display());
         let expected = format!("columns as one of these writes them: {}", shortened(&known));
         Error::input(place, expected)
@@ -139,12 +156,7 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
             .hint("leave --csv out, and name the columns x, y, ux, uy in measurement.columns")
     })?;
     let Some(unit) = mapping.unit else {
-        return Err(Error::input(
-            format!("--csv {}", csv.display()),
-            "calibrated columns, in mm",
-        )
-        .found(format!("{} columns in pixels", mapping.program))
-        .hint("export the field with its calibration"));
+        return Err(in_pixels(&format!("{} columns", mapping.program)));
     };
     let named = columns.map(|c| (c.clone(), c)).map(|(c, _)| c);
     let [x, y, ux, uy] = named.clone();
@@ -186,6 +198,9 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
         "  the points span x {:.2} to {:.2} and y {:.2} to {:.2} mm; the model is rigid-motion free over them, with rigid_translation and rigid_rotation declared",
         extent[0][0], extent[1][0], extent[0][1], extent[1][1]
     );
+    if field.points.iter().flatten().all(|x| x.fract() == 0.0) {
+        said += "  every coordinate is a whole number, as pixels are: if they are not mm, export the field with its calibration\n";
+    }
     let measurement = json!({
         "format": "csv",
         "file": csv,

@@ -133,7 +133,7 @@ struct Limits {
     /// Effective draws, bulk and tail, that every parameter must reach (default: 100 an ensemble)
     #[arg(long, value_name = "N")]
     min_ess: Option<f64>,
-    /// Stop sampling after this many seconds
+    /// End this many seconds after the start: sampling stops then, and a loop ends with the rounds it has
     #[arg(long, value_name = "SECONDS")]
     time_limit: Option<f64>,
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::calibrate::{article_twin, calibrate};
 use super::console::Console;
-use super::folder::{Folder, check_run};
+use super::folder::{Folder, check_run, say_round};
 use super::identify::write;
 use super::running::{identity, load, sampler};
 use super::{DEFAULT_MODEL, Global, cache, print};
@@ -150,6 +150,7 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
         .found(path.display()));
     }
     let folder = Folder::of_run(path)?;
+    say_round(path);
     let model = load(&path.join("model.json"), None)?;
     check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;

@@ -152,7 +152,7 @@ fn patterns(round: &Round) -> Value {
             "place_in_data_mm": frame.data_point(b.place_mm), "sds": b.sds,
         })),
         "wave": round.patterns.wave.map(|w| json!({
-            "component": name(w.component), "length_mm": w.length_mm, "direction_in_data": frame.vector(w.direction),
+            "component": name(w.component), "length_mm": w.length_mm, "length_range_mm": w.length_range_mm, "direction_in_data": frame.vector(w.direction),
             "amplitude_nm": w.amplitude_nm, "place_in_data_mm": frame.data_point(w.place_mm), "share": w.share, "p": w.p,
         })),
     })

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::terminal::{significant, table, wrap};
-use super::traced::{self, IMPLAUSIBLE, LINEAR, PROBABLE, headline, unit};
+use super::traced::{self, ALIKE, IMPLAUSIBLE, LINEAR, PROBABLE, headline, unit};
 use super::widening::{self, Alone};
 use crate::quantity::plus_minus;
 use crate::trace::{Closed, Confirming, Found, Tracing};
@@ -78,6 +78,7 @@ fn row(found: &Found) -> Vec<String> {
         found
             .aliases
             .iter()
+            .filter(|(_, cosine)| *cosine >= ALIKE)
             .take(3)
             .map(|(name, cosine)| format!("{name} {cosine:.2}"))
             .collect::<Vec<_>>()

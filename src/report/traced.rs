@@ -143,6 +143,9 @@ pub const LINEAR_PERCENT: f64 = 20.0;
 /// What those shifts mean, in a sentence.
 pub const LINEAR: &str = "Shifts are by the tangents of the model, which hold for small ones: beyond 20 % only the direction and that the shift is large can be said.";
 
+/// Cosine from which an effect is shown as one that resembles another.
+pub const ALIKE: f64 = 0.5;
+
 /// From this probability on it is said what an effect explains: an improbable one, alone, takes what a probable one explains.
 pub const PROBABLE: f64 = 0.5;
 

@@ -34,16 +34,49 @@ pub fn note(alone: &Alone, tracing: &Tracing) -> Option<String> {
     };
     let (most, most_of) = ratios.first()?;
     if *most >= ALIKE.end {
+        let cause = if tracing.leaves_structure() {
+            "because the structure that is left is weighed as a smooth error of the model, and effects too small to be seen may act"
+        } else {
+            "because effects too small to be seen may act"
+        };
         return Some(format!(
-            "The averaged sd is larger than that of the model alone ({}), because effects too small to be seen may act. What could move {most_of} most without being seen, with the shift by the largest plausible amplitude below detection: {}.",
+            "The averaged sd is larger than that of the model alone ({}), {cause}.{} What could move {most_of} most without being seen, with the shift by the largest plausible amplitude below detection: {}.",
             list(&|ratio| ratio >= ALIKE.end),
+            moved(alone, tracing),
             movers(tracing, most_of)
         ));
     }
     let narrower = list(&|ratio| ratio < ALIKE.start);
-    (!narrower.is_empty()).then(|| format!(
-        "The averaged sd is smaller than that of the model alone ({narrower}): the model alone takes for noise, or for unnamed errors of the model, what the effects weighed here explain."
-    ))
+    let explained = tracing
+        .candidates
+        .iter()
+        .any(|c| c.inclusion_probability > 0.5);
+    (!narrower.is_empty()).then(|| {
+        let cause = if explained {
+            "the model alone takes for noise, or for unnamed errors of the model, what the effects weighed here explain"
+        } else {
+            "the two weigh the noise in different ways, and where no effect was added the wider is the safer to quote"
+        };
+        format!("The averaged sd is smaller than that of the model alone ({narrower}): {cause}.")
+    })
+}
+
+/// A constant that moves by more of the model's own sds is said to.
+const MOVED_SDS: f64 = 2.0;
+
+/// A sentence about the constants whose averaged mean lies far from the model's own.
+fn moved(alone: &Alone, tracing: &Tracing) -> String {
+    let shifts = alone.iter().filter_map(|(name, (mean, sd))| {
+        let averaged = tracing.averaged.iter().find(|a| a.name == *name)?;
+        let shift = averaged.mean - mean;
+        let far = shift.abs() > MOVED_SDS * sd;
+        far.then(|| format!("{name} by {:+.1} %", 100.0 * shift / mean.abs()))
+    });
+    let shifts: Vec<String> = shifts.collect();
+    if shifts.is_empty() {
+        return String::new();
+    }
+    format!(" The means move with it ({}).", shifts.join(", "))
 }
 
 /// The blind spots that move a constant most while these data do not show them.

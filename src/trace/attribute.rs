@@ -68,6 +68,16 @@ pub struct Tracing {
     pub left_out: Vec<(&'static str, String)>,
 }
 
+/// Above this probability the structure left is called unexplained.
+const UNEXPLAINED: f64 = 0.5;
+
+impl Tracing {
+    /// Whether smooth structure is left that no effect explains.
+    pub fn leaves_structure(&self) -> bool {
+        self.discrepancy > UNEXPLAINED
+    }
+}
+
 /// An alias group by names.
 #[derive(Debug, Clone)]
 pub struct Named {

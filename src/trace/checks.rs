@@ -150,7 +150,7 @@ fn structure(judged: &Judged<'_>, said: &mut Vec<String>) {
     if r.chi2_reduced <= limit {
         return;
     }
-    said.push("The model leaves structure that is not noise: the intervals above do not include what it does to the constants.".into());
+    said.push("The model leaves structure that is not noise: the intervals of the model alone do not include what it does to the constants.".into());
     let points = &judged.prepared.observation.field.points;
     let motion = rigid::fit(points, &r.field);
     let square = |f: &dyn Fn(usize) -> [f64; 2]| {

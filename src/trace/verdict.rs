@@ -53,16 +53,13 @@ pub struct Confirming {
     pub tests: Vec<(&'static str, &'static str)>,
 }
 
-/// Above this probability the structure left is called unexplained.
-const UNEXPLAINED: f64 = 0.5;
-
 /// The conclusion of all rounds.
 pub fn conclude(steps: &[Step]) -> Conclusion {
     let last = &steps[steps.len() - 1];
     let mut groups: Vec<&Named> = steps.iter().filter_map(accepted).collect();
     // the last round's is called for, but there was no round to add it
     let wanted = accepted(last).and_then(|_| groups.pop());
-    let structure = last.tracing.discrepancy > UNEXPLAINED;
+    let structure = last.tracing.leaves_structure();
     let patterns = last.round.patterns.any();
     let status = match (structure || patterns || wanted.is_some(), groups.is_empty()) {
         (true, _) => Status::Unexplained,
@@ -176,7 +173,12 @@ fn consistent(steps: &[Step], group: &Named) -> String {
         );
     }
     if resembling(group).next().is_some() {
-        text += ": the finer shape of the field and the size that it would need are all that speaks against it, and the tests below should decide";
+        let large = resembling(group).any(|r| r.multiple > 1.0);
+        text += if large {
+            ": the finer shape of the field and the size that it would need are all that speaks against it, and the tests below should decide"
+        } else {
+            ": the finer shape of the field is all that speaks against it, and the tests below should decide"
+        };
     }
     text
 }
@@ -228,20 +230,24 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
     if structure {
         said.push("Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy.".into());
     }
-    let patterns = pattern_words(&steps[steps.len() - 1].round);
+    let patterns = pattern_words(&steps[steps.len() - 1].round, structure);
     let nothing = !structure && patterns.is_empty() && wanted.is_none();
     // what an effect makes that was not added is no pattern of its own
     said.extend(patterns.into_iter().filter(|_| wanted.is_none()));
-    if nothing && added.is_empty() {
+    let undecided = &steps[steps.len() - 1].tracing.undecided;
+    if nothing && added.is_empty() && undecided.is_empty() {
         said.push(
             "The residual is what the measured noise explains: nothing asks for another effect."
                 .into(),
+        );
+    } else if nothing && added.is_empty() {
+        said.push(
+            "The measured noise nearly explains the residual: no effect is called for.".into(),
         );
     } else if nothing {
         said.push("What is left is what the measured noise explains.".into());
     }
     said.push("A scale of the load or of the thickness cannot be told from a common factor of all moduli: every percent of the one is a percent of the other, and only a calibrated load cell and a micrometer separate them.".into());
-    let undecided = &steps[steps.len() - 1].tracing.undecided;
     if !undecided.is_empty() {
         let names: Vec<String> = undecided.iter().map(|g| g.join(" or ")).collect();
         said.push(format!("Undecided: {}.", names.join("; ")));
@@ -249,8 +255,11 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
     said.join(" ")
 }
 
+/// Share of the parts of a field from which a wave is all over it.
+const EVERYWHERE: f64 = 0.8;
+
 /// Sentences about what stationary noise does not do.
-fn pattern_words(round: &Round) -> Vec<String> {
+fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
     let frame = &round.prepared.observation.field.frame;
     let place = |p: [f64; 2]| {
         let [x, y] = frame.data_point(p);
@@ -265,16 +274,24 @@ fn pattern_words(round: &Round) -> Vec<String> {
             return format!("{begin}, all over the field: the model as it is does not describe it.");
         }
         format!(
-            "{begin}, the farthest {:.0} sd, at {}. That is an edge, a patch of bad data or a local defect; look at the residual's map there, and mask it or explain it.",
-            b.sds, place(b.place_mm)
+            "{begin}, the farthest {:.0} sd, at {}. That is an edge, a patch of bad data or a local defect{}; look at the residual's map there, and mask what is the data's fault, or explain it.",
+            b.sds,
+            place(b.place_mm),
+            if structure { ", or a peak of the structure that is left" } else { "" }
         )
     });
     let wave = round.patterns.wave.map(|w| {
         let [dx, dy] = frame.vector(w.direction);
         let angle = dy.atan2(dx).to_degrees().rem_euclid(180.0);
+        let extent = if w.share > EVERYWHERE {
+            "all over the field".to_string()
+        } else {
+            let share = 100.0 * w.share;
+            format!("clearest about {}, in {share:.0} % of the parts looked at", place(w.place_mm))
+        };
         format!(
-            "In u{} a fine wave is left ({:.2} mm long, running at {angle:.0} deg from x, {:.0} nm in amplitude, clearest about {}, in {:.0} % of the parts looked at), such as a phase-shift error, the interpolation of image correlation or the raster of a camera leaves. It is counted as noise.",
-            w.component + 1, w.length_mm, w.amplitude_nm, place(w.place_mm), 100.0 * w.share
+            "In u{} a fine wave is left (about {:.2} mm long, {:.2} to {:.2}, running at {angle:.0} deg from x, {:.0} nm in amplitude, {}), such as a phase-shift error, the interpolation of image correlation or the raster of a camera leaves. It is counted as noise.",
+            w.component + 1, w.length_mm, w.length_range_mm[0], w.length_range_mm[1], w.amplitude_nm, extent
         )
     });
     breakout.into_iter().chain(wave).collect()

@@ -15,6 +15,8 @@ pub struct Wave {
     pub component: usize,
     /// Its length, mm. A wave shorter than two spacings of the points shows as a longer one.
     pub length_mm: f64,
+    /// Shortest and longest that a part of this size tells from it, mm: half a period more or less in the part.
+    pub length_range_mm: [f64; 2],
     /// Direction in which it runs: unit vector (s, t).
     pub direction: [f64; 2],
     /// Its amplitude at one wave number, nm: less than the wave's own where its length drifts or lies between two.
@@ -113,6 +115,7 @@ pub fn clearest(
     Some(Wave {
         component: peak.component,
         length_mm: side / number,
+        length_range_mm: [side / (number + 0.5), side / (number - 0.5)],
         direction: [a / number, b / number],
         amplitude_nm: peak.amplitude * NM_PER_MM,
         place_mm: parts.centroid[peak.part],

@@ -8,7 +8,7 @@ use super::{short, table, wide};
 use crate::quantity::plus_minus;
 use crate::report::figures::{Figures, SMALLEST_BAR};
 use crate::report::page::{Page, effect_name, words};
-use crate::report::traced::{LINEAR, LINEAR_PERCENT, PROBABLE, shift};
+use crate::report::traced::{ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, shift};
 
 /// Ranking of the candidates of every round.
 pub fn ranking(page: &Page, figures: &Figures) -> Markup {
@@ -79,6 +79,7 @@ fn candidate(found: &Value) -> Vec<String> {
         .as_array()
         .into_iter()
         .flatten()
+        .filter(|a| a["cosine"].as_f64().is_some_and(|c| c >= ALIKE))
         .map(|a| format!("{} ({})", words(&a["effect"]), short(&a["cosine"])))
         .collect();
     let more = aliases.len().saturating_sub(SHOWN);
