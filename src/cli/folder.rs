@@ -96,6 +96,39 @@ impl Folder {
     pub fn of_run(path: &Path) -> Result<Self> {
         for name in ["run.json", "model.json", "chain.zarr"] {
             if !path.join(name).exists() {
+                let of_loop = path.join("model.json").exists()
+                    && path
+                        .parent()
+                        .is_some_and(|run| run.join("run.json").exists());
+                let hint = if of_loop {
+                    "a later round of a loop has no run of its own: plychain validate takes its model.json, and identifies it first"
+                } else {
+                    "plychain identify writes one"
+                };
+                return Err(Error::input(
+                    path.display(),
+                    "the folder of a finished run, or a model file",
+                )
+                .found(format!("no {name} in it"))
+                .hint(hint));
+            }
+        }
+        Ok(Self {
+            path: path.to_path_buf(),
+            started: Instant::now(),
+            kept: true,
+        })
+    }
+
+    /// A finished run's folder, to add to it.
+    ///
+    /// # Errors
+    /// The input's fault if it holds no finished run.
+    pub fn of_run(path: &Path) -> Result<Self> {
+        for name in ["model.json", "chain.zarr", "run.json"] {
+            let of_loop =
+                name == "run.json" && path.parent().is_some_and(|run| run.join(name).is_file());
+            if !path.join(name).exists() && !of_loop {
                 return Err(Error::input(
                     path.display(),
                     "the folder of a finished run, or a model file",
@@ -225,15 +258,7 @@ pub fn say_round(folder: &Path) {
 /// # Errors
 /// The input's fault, with the file.
 pub fn check_run(folder: &Path, model: &Model) -> Result<()> {
-    let mut file = folder.join("run.json");
-    if !file.is_file()
-        && let Some(whole) = folder.parent().map(|run| run.join("run.json"))
-        && folder.join("model.json").is_file()
-        && whole.is_file()
-    {
-        // a later round of a loop
-        file = whole;
-    }
+    let file = folder.join("run.json");
     let place = file.display().to_string();
     let wanted = || Error::input(&place, "the manifest of a finished run");
     let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;

@@ -80,7 +80,14 @@ impl Blocks {
                 square.sum::<f64>() / m.len() as f64
             })
         });
-        let points = |m: &Vec<usize>| m.iter().map(|&i| field.points[i]).collect();
+        // of a block with far more points than the others, some stand for all
+        let points = |m: &Vec<usize>| {
+            let every = (m.len() as f64 / (4.0 * Self::FEW)).ceil() as usize;
+            m.iter()
+                .step_by(every.max(1))
+                .map(|&i| field.points[i])
+                .collect()
+        };
         let places = if typical <= Self::FEW {
             Places::of_few(members.values().map(points).collect())
         } else {

@@ -106,7 +106,12 @@ impl<'a> BlockKernel<'a> {
         let offset = [a[0] - b[0], a[1] - b[1]];
         let variance = [0, 1].map(|k| blocks.spread[i][k] + blocks.spread[j][k]);
         let distance = offset[0].hypot(offset[1]);
-        if distance > 4.0 * (3.0 * (variance[0] + variance[1])).sqrt() {
+        // blocks of scattered points have higher moments, which the expansion leaves out
+        let reach = match &blocks.places {
+            Places::Anywhere(_) => 10.0,
+            Places::Many | Places::OnLattice(_) => 4.0,
+        };
+        if distance > reach * (3.0 * (variance[0] + variance[1])).sqrt() {
             return self.far(offset, distance, variance);
         }
         match &blocks.places {
@@ -156,6 +161,26 @@ fn mean_over<T>(a: &[T], b: &[T], f: impl Fn(&T, &T) -> f64) -> f64 {
     a.iter().map(to).sum::<f64>() / (a.len() * b.len()) as f64
 }
 
+/// Parts of the identity beside K that are tried.
+const INEXACT: [f64; 4] = [0.0, 1e-4, 1e-3, 1e-2];
+
+/// The lower Cholesky factor of a matrix, if it has one.
+fn factorised(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let n = matrix.nrows();
+    let scratch = cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(scratch);
+    cholesky_in_place(
+        MatMut::from_column_major_slice_mut(matrix.as_mut_slice(), n, n),
+        LltRegularization::default(),
+        Par::Seq,
+        MemStack::new(&mut memory),
+        Default::default(),
+    )
+    .ok()?;
+    matrix.fill_upper_triangle(0.0, 1);
+    Some(matrix)
+}
+
 /// A factorised covariance of block averages at s = 1.
 #[derive(Debug, Clone)]
 pub struct BlockCovariance {
@@ -178,7 +203,8 @@ impl BlockCovariance {
     }
 
     /// Factorise diag(nbar / n_b) + sum of ratios times K: noise whose length is not known for certain. `length_mm` is
-    /// that of the largest ratio, `ratio` the sum.
+    /// that of the largest ratio, `ratio` the sum. K is exact to a few parts in a thousand: where that leaves it without
+    /// a factor, it gains the smallest of some parts of the identity that gives it one.
     ///
     /// # Errors
     /// Of the program, if the matrix is not positive definite.
@@ -193,37 +219,28 @@ impl BlockCovariance {
             },
         );
         let length_mm = largest.0;
-        let mut lower = DMatrix::zeros(n, n);
-        for (matern, ratio) in parts {
-            lower
-                .iter_mut()
-                .zip(&matern.correlation)
-                .for_each(|(sum, k)| *sum += ratio * k);
-        }
-        for (b, count) in blocks.count.iter().enumerate() {
-            lower[(b, b)] += mean_count / *count as f64;
-        }
-        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<f64>(
-            n,
-            Par::Seq,
-            Default::default(),
-        ));
-        cholesky_in_place(
-            MatMut::from_column_major_slice_mut(lower.as_mut_slice(), n, n),
-            LltRegularization::default(),
-            Par::Seq,
-            MemStack::new(&mut memory),
-            Default::default(),
-        )
-        .map_err(|_| {
-            let at = format!("l = {length_mm} mm, rho = {ratio}");
+        let with = |more: f64| {
+            let mut covariance = DMatrix::zeros(n, n);
+            for (matern, ratio) in parts {
+                covariance
+                    .iter_mut()
+                    .zip(&matern.correlation)
+                    .for_each(|(sum, k)| *sum += ratio * k);
+            }
+            for (b, count) in blocks.count.iter().enumerate() {
+                covariance[(b, b)] += mean_count / *count as f64 + more * ratio;
+            }
+            covariance
+        };
+        let mut factors = INEXACT.iter().map(|&more| factorised(with(more)));
+        let lower = factors.find_map(|factor| factor).ok_or_else(|| {
             Error::program(
-                "field::covariance",
-                "a positive definite covariance of the block averages",
+                "the noise of the measurement",
+                "a positive definite covariance of the averages over squares of the field",
             )
-            .found(at)
+            .found(format!("l = {length_mm} mm, rho = {ratio}"))
+            .hint("are there many points in one place, or a few far from all others?")
         })?;
-        lower.fill_upper_triangle(0.0, 1);
         Ok(Self {
             length_mm,
             ratio,

@@ -83,10 +83,25 @@ impl Tabulated {
         let text = std::fs::read_to_string(path)
             .map_err(|e| Error::input(place, "a readable file").found(e))?;
         let place = path.display();
-        let table: Self = serde_json::from_str(&text)
+        let mut table: Self = serde_json::from_str(&text)
             .map_err(|e| Error::input(place, "a tabulated posterior in JSON").found(e))?;
         table.check().map_err(|e| e.within(path.display()))?;
+        table.complete();
         Ok(table)
+    }
+
+    /// Adds the monomials that the derivative by the thickness has and the table has not, with coefficients 0.
+    fn complete(&mut self) {
+        let mut next = 0;
+        while next < self.exponents.len() {
+            let mut lower = self.exponents[next].clone();
+            next += 1;
+            lower[4] = lower[4].saturating_sub(1);
+            if !self.exponents.contains(&lower) {
+                self.exponents.push(lower);
+                self.coefficients.push(vec![0.0; self.alpha_measured.len()]);
+            }
+        }
     }
 
     /// A small one without a file: compliances of a [45,-45,0]s laminate about other constants, fitted by cubics.
@@ -142,13 +157,28 @@ impl Tabulated {
 
     fn check(&self) -> Result<()> {
         let (m, k) = (self.exponents.len(), self.alpha_measured.len());
-        let sound = self.mid.len() == 5
+        let positive = [
+            &self.half[..],
+            &self.variance,
+            &self.prior.sd,
+            &[self.h0, self.t0],
+        ];
+        let sound = k > 0
+            && m > 0
+            && self.sigma_h >= 0.0
+            && positive
+                .iter()
+                .all(|values| values.iter().all(|v| *v >= f64::MIN_POSITIVE))
+            && self
+                .reference
+                .as_ref()
+                .is_none_or(|r| r.mean.len() == 4 && r.sd.len() == 4)
+            && self.mid.len() == 5
             && self.half.len() == 5
             && self.exponents.iter().all(|e| e.len() == 5)
             && self.coefficients.len() == m
             && self.coefficients.iter().all(|c| c.len() == k)
             && self.variance.len() == k
-            && self.variance.iter().all(|v| *v > 0.0)
             && self.prior.mean.len() == 4
             && self.prior.sd.len() == 4
             && self.test_points.iter().all(|t| t.p.len() == 4);
@@ -157,7 +187,7 @@ impl Tabulated {
         }
         Err(Error::input(
             "shapes",
-            "five variables, four priors, as many coefficients a monomial as measured, variances above 0",
+            "five variables, four priors, as many coefficients a monomial as measured, and half-widths, thicknesses, variances and sds above 0",
         ))
     }
 

@@ -60,6 +60,11 @@ pub fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
     if let Some((place_in, expected)) = text.split_once(": expected ") {
         return Error::input(format!("{place}: {place_in}"), expected);
     }
+    if let Some(expected) = text.strip_prefix("expected ") {
+        return Error::input(place, format!("{expected} in JSON"))
+            .found("something else")
+            .hint("a value is missing here, or stands where none belongs: only one key is allowed within \"prior\", and \"truncate\" stands beside it");
+    }
     let expected = match error.classify() {
         serde_json::error::Category::Syntax | serde_json::error::Category::Eof => "valid JSON",
         _ => "the keys of a model file",
