@@ -65,6 +65,26 @@ fn the_formula_to_1e_9() {
     }
 }
 
+/// The derivative by the thickness has monomials that the table need not have.
+#[test]
+fn a_table_without_its_lower_monomials() {
+    let mut table = Tabulated::synthetic().unwrap();
+    let kept: Vec<usize> = (0..table.exponents.len())
+        .filter(|&m| table.exponents[m][4] > 0)
+        .collect();
+    table.exponents = kept.iter().map(|&m| table.exponents[m].clone()).collect();
+    table.coefficients = kept
+        .iter()
+        .map(|&m| table.coefficients[m].clone())
+        .collect();
+    let posterior = table.posterior();
+    for x in cloud(&posterior, 20).chunks_exact(4).skip(2) {
+        let (found, truth) = (posterior.log_density(x), table.dense(x));
+        let same = (found - truth).abs() <= 1e-9 * truth.abs().max(1.0);
+        assert!(same || found == f64::NEG_INFINITY, "{x:?}: {found} {truth}");
+    }
+}
+
 #[test]
 fn the_same_bits_in_any_company() {
     for table in tables() {

@@ -120,30 +120,6 @@ impl Folder {
         })
     }
 
-    /// A finished run's folder, to add to it.
-    ///
-    /// # Errors
-    /// The input's fault if it holds no finished run.
-    pub fn of_run(path: &Path) -> Result<Self> {
-        for name in ["model.json", "chain.zarr", "run.json"] {
-            let of_loop =
-                name == "run.json" && path.parent().is_some_and(|run| run.join(name).is_file());
-            if !path.join(name).exists() && !of_loop {
-                return Err(Error::input(
-                    path.display(),
-                    "the folder of a finished run, or a model file",
-                )
-                .found(format!("no {name} in it"))
-                .hint("plychain identify writes one"));
-            }
-        }
-        Ok(Self {
-            path: path.to_path_buf(),
-            started: Instant::now(),
-            kept: true,
-        })
-    }
-
     /// Its path.
     pub fn path(&self) -> &Path {
         &self.path

@@ -16,8 +16,8 @@ pub struct Laplace {
     pub log_density: f64,
 }
 
-/// Newton steps.
-const STEPS: usize = 60;
+/// Newton steps, at most: a start far off takes many, none longer than the scale the climb began with.
+const STEPS: usize = 300;
 
 /// Climb from `start` by damped Newton steps on finite differences; `sd` is the scale of each parameter at first,
 /// and the curvature gives it from then on.

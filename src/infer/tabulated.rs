@@ -83,25 +83,10 @@ impl Tabulated {
         let text = std::fs::read_to_string(path)
             .map_err(|e| Error::input(place, "a readable file").found(e))?;
         let place = path.display();
-        let mut table: Self = serde_json::from_str(&text)
+        let table: Self = serde_json::from_str(&text)
             .map_err(|e| Error::input(place, "a tabulated posterior in JSON").found(e))?;
         table.check().map_err(|e| e.within(path.display()))?;
-        table.complete();
         Ok(table)
-    }
-
-    /// Adds the monomials that the derivative by the thickness has and the table has not, with coefficients 0.
-    fn complete(&mut self) {
-        let mut next = 0;
-        while next < self.exponents.len() {
-            let mut lower = self.exponents[next].clone();
-            next += 1;
-            lower[4] = lower[4].saturating_sub(1);
-            if !self.exponents.contains(&lower) {
-                self.exponents.push(lower);
-                self.coefficients.push(vec![0.0; self.alpha_measured.len()]);
-            }
-        }
     }
 
     /// A small one without a file: compliances of a [45,-45,0]s laminate about other constants, fitted by cubics.
@@ -195,6 +180,22 @@ impl Tabulated {
         self.h0 / self.t0
     }
 
+    /// Exponents, and the coefficients of each, with the monomials that only the derivative by the thickness has.
+    fn complete(&self) -> (Vec<Vec<u8>>, Vec<Vec<f64>>) {
+        let (mut exponents, mut coefficients) = (self.exponents.clone(), self.coefficients.clone());
+        let mut next = 0;
+        while next < exponents.len() {
+            let mut lower = exponents[next].clone();
+            next += 1;
+            lower[4] = lower[4].saturating_sub(1);
+            if !exponents.contains(&lower) {
+                exponents.push(lower);
+                coefficients.push(vec![0.0; self.alpha_measured.len()]);
+            }
+        }
+        (exponents, coefficients)
+    }
+
     /// The posterior, normalised as the formula says.
     pub fn posterior(&self) -> Posterior {
         let plies = self.plies();
@@ -207,11 +208,12 @@ impl Tabulated {
             .collect();
         scaling[4] = scaling[4].map(|v| v * plies);
         let k = self.alpha_measured.len();
+        let (exponents, coefficients) = self.complete();
         let surface = Surface {
             variables: Variables::plain(Material::Laminate, scaling, Some(4), self.h0),
-            exponents: self.exponents.clone(),
+            exponents,
             coefficients: (0..k)
-                .map(|k| self.coefficients.iter().map(|c| c[k]).collect())
+                .map(|k| coefficients.iter().map(|c| c[k]).collect())
                 .collect(),
             quality: Vec::new(),
         };
