@@ -15,7 +15,7 @@ use super::horner::{Form, Horner};
 use super::lanes::{Columns, Lanes, WIDTH, each, ln, ln_vector};
 use super::monomials::{Variable, closure, position, variables, without};
 use super::nested::BLOCK;
-use super::sums::{Polynomials, accumulate, accumulate_single};
+use super::sums::{Polynomials, accumulate, accumulate_single, add_group, add_logarithm};
 use crate::reduce::{Choice, Surface};
 
 /// What the kernel needs to know, in coordinates whose covariance is diagonal.
@@ -403,56 +403,5 @@ impl Kernel {
             wr,
             log_det,
         }
-    }
-}
-
-/// Two vectors of points.
-pub(super) type Two<V> = [V; 2];
-
-/// Adds a group of coordinates to the sums (r' V^-1 r, w' V^-1 w, w' V^-1 r) and returns the product of the variances.
-/// Multiplication and addition are apart, as in [`Kernel::forms_single`].
-#[inline(always)]
-fn add_group<S: Simd>(
-    simd: S,
-    measured: &[f64],
-    [mean, response]: [&[Two<S::f64s>; GROUP]; 2],
-    spread: Option<(&[f64], Two<S::f64s>)>,
-    sum: &mut [Two<S::f64s>; 3],
-) -> Two<S::f64s> {
-    let one = simd.splat_f64s(1.0);
-    let mut product = [one; 2];
-    for k in 0..GROUP {
-        for h in 0..2 {
-            let r = simd.sub_f64s(simd.splat_f64s(measured[k]), mean[k][h]);
-            let w = response[k][h];
-            let (mut rv, mut wv) = (r, w);
-            if let Some((mu, variance)) = spread {
-                let mu = simd.splat_f64s(mu[k]);
-                let v = simd.add_f64s(one, simd.mul_f64s(variance[h], mu));
-                product[h] = simd.mul_f64s(product[h], v);
-                let inverse = simd.div_f64s(one, v);
-                (rv, wv) = (simd.mul_f64s(r, inverse), simd.mul_f64s(w, inverse));
-            }
-            sum[0][h] = simd.add_f64s(sum[0][h], simd.mul_f64s(r, rv));
-            sum[1][h] = simd.add_f64s(sum[1][h], simd.mul_f64s(w, wv));
-            sum[2][h] = simd.add_f64s(sum[2][h], simd.mul_f64s(w, rv));
-        }
-    }
-    product
-}
-
-/// Adds the logarithm of two vectors of points to their lanes.
-#[inline(always)]
-fn add_logarithm<S: Simd>(simd: S, product: Two<S::f64s>, pair: usize, out: &mut Lanes) {
-    let mut lanes = Lanes::splat(1.0);
-    {
-        let (lanes, _) = S::as_mut_simd_f64s(&mut lanes);
-        (lanes[pair], lanes[pair + 1]) = (product[0], product[1]);
-    }
-    let logarithms = each(|l| ln(lanes[l]));
-    let (logarithms, _) = S::as_simd_f64s(&logarithms);
-    let (out, _) = S::as_mut_simd_f64s(out);
-    for h in 0..2 {
-        out[pair + h] = simd.add_f64s(out[pair + h], logarithms[pair + h]);
     }
 }
