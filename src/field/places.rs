@@ -14,7 +14,7 @@ const MOST_SITES: f64 = 4.0;
 pub enum Places {
     /// So many that they cover their blocks evenly.
     Many,
-    /// Few, anywhere.
+    /// Few, anywhere: their coordinates (s, t) in mm.
     Anywhere(Vec<Vec<[f64; 2]>>),
     /// Few, on a lattice: many pairs of points are the same distance apart.
     OnLattice(Lattice),
@@ -31,7 +31,7 @@ pub struct Lattice {
 }
 
 impl Places {
-    /// The places of few points, block by block.
+    /// The places of few points, block by block; (s, t) in mm.
     pub fn of_few(blocks: Vec<Vec<[f64; 2]>>) -> Self {
         match Lattice::new(&blocks) {
             Some(lattice) => Self::OnLattice(lattice),

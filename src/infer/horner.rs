@@ -100,7 +100,8 @@ impl Horner {
         })
     }
 
-    /// What `finish` makes of the forms at the points, for as many as `out` has, a multiple of [`WIDTH`].
+    /// What `finish` makes of the forms at the points, for as many as `out` has, a multiple of
+    /// [`super::lanes::WIDTH`].
     #[inline(always)]
     pub(super) fn batch<S: Simd>(
         &self,

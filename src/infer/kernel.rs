@@ -63,6 +63,7 @@ pub(super) struct Kernel {
 pub(super) struct Scratch {
     /// Parameters of points that do not fill their sets.
     pub points: Vec<f64>,
+    /// Monomials and scaled variables of [`WIDTH`] points.
     pub lanes: Vec<Lanes>,
     single: Vec<f64>,
 }
@@ -251,7 +252,7 @@ impl Kernel {
         }
     }
 
-    /// The quadratic forms of all coordinates, and the log likelihood from them.
+    /// The quadratic forms of all coordinates.
     #[inline(always)]
     fn forms<S: Simd>(
         &self,
@@ -310,7 +311,8 @@ impl Kernel {
         sums
     }
 
-    /// The log likelihood plus half of `square`, by Sherman-Morrison and the determinant lemma.
+    /// The log likelihood by Sherman-Morrison and the determinant lemma, plus `constant`, minus half of `square` (of a
+    /// prior, where one comes along).
     #[inline(always)]
     pub(super) fn log_likelihood<S: Simd>(
         &self,

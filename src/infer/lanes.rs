@@ -70,8 +70,9 @@ pub(crate) trait Parameters<S: pulp::Simd> {
 /// Points whose parameters lie in columns.
 #[derive(Clone, Copy)]
 pub(crate) struct Columns<'a> {
-    /// Column k begins at k `stride`.
+    /// Parameter k of point i is number k `stride` + i.
     pub values: &'a [f64],
+    /// From column to column; no less than the number of points.
     pub stride: usize,
 }
 

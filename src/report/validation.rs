@@ -19,8 +19,8 @@ pub const SCHEMA: &str = "plychain-validation/1";
 pub const AGREEMENT: (f64, f64) = (0.05, 3.0);
 
 /// Agreement of Monte Carlo and analytic thickness, in Monte Carlo standard errors: root mean square over the nodes, and
-/// largest. The largest of 200 is often beyond 4: where the thickness hardly matters to first order, the standard error is
-/// small and the difference is of second order.
+/// largest. On the default model the largest of 200 lies between 2.4 and 4.4 from seed to seed, while the root mean square
+/// stays within 4 % of 1.
 pub const MOST_ERRORS: [f64; 2] = [1.25, 6.0];
 
 /// Everything about one posterior.

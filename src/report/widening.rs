@@ -1,5 +1,6 @@
 //! Why the averaged posterior is wider than that of the model alone: what may act without being seen.
 
+use super::traced::PROBABLE;
 use crate::trace::{BlindSpot, Tracing};
 
 /// Mean and sd of each constant by the model alone.
@@ -50,7 +51,7 @@ pub fn note(alone: &Alone, tracing: &Tracing) -> Option<String> {
     let explained = tracing
         .candidates
         .iter()
-        .any(|c| c.inclusion_probability > 0.5);
+        .any(|c| c.inclusion_probability >= PROBABLE);
     (!narrower.is_empty()).then(|| {
         let cause = if explained {
             "the model alone takes for noise, or for unnamed errors of the model, what the effects weighed here explain"
