@@ -7,8 +7,8 @@ use plychain::chain::Draws;
 use plychain::diagnose::{Rule, Verdict, diagnose};
 use plychain::infer::LogDensity;
 use plychain::sample::{
-    Ensemble, Key, MOVES, Mixture, Outcome, Quiet, SAMPLERS, Sampler, Schedule, Span, Start,
-    Stream, run,
+    Block, Ensemble, Key, MOVES, Mixture, Outcome, Quiet, SAMPLERS, Sampler, Schedule, Span, Start,
+    State, Stream, run,
 };
 
 use crate::targets::{self, Known};
@@ -200,7 +200,8 @@ fn after(sampler: &dyn Sampler, target: &Known, key: Key, dim: usize) -> Vec<f64
         thin: 8,
         warmup: false,
     };
-    let block = sampler.advance(target, key, span, &mut state);
+    let mut block = Block::default();
+    sampler.advance(target, key, span, &mut state, &mut block);
     // Of the one kept draw, the first parameter of every walker.
     block.x[..walkers].to_vec()
 }
@@ -385,12 +386,17 @@ fn a_cut_span_continues_to_the_same_bits() {
             thin: 1,
             warmup,
         };
-        sampler.advance(&target, key, span(150, true), &mut whole);
-        let all = sampler.advance(&target, key, span(100, false), &mut whole);
-        sampler.advance(&target, key, span(77, true), &mut cut);
-        sampler.advance(&target, key, span(73, true), &mut cut);
-        let first = sampler.advance(&target, key, span(41, false), &mut cut);
-        let second = sampler.advance(&target, key, span(59, false), &mut cut);
+        let mut block = Block::default();
+        let mut advance = |span, state: &mut State| {
+            sampler.advance(&target, key, span, state, &mut block);
+            block.clone()
+        };
+        advance(span(150, true), &mut whole);
+        let all = advance(span(100, false), &mut whole);
+        advance(span(77, true), &mut cut);
+        advance(span(73, true), &mut cut);
+        let first = advance(span(41, false), &mut cut);
+        let second = advance(span(59, false), &mut cut);
         assert_eq!(whole, cut, "{name}");
         assert_eq!(all.x, [first.x, second.x].concat(), "{name}");
     }

@@ -180,6 +180,11 @@ impl Draws {
         })
     }
 
+    /// The values and the log densities alone.
+    pub(crate) fn into_arrays(self) -> (Vec<f64>, Vec<f64>) {
+        (self.values, self.lp)
+    }
+
     /// Names of the parameters, with their units.
     pub fn names(&self) -> &[String] {
         &self.names

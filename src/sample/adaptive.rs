@@ -6,7 +6,6 @@ use super::ensemble::accept;
 use super::gaussian::{add_lower, cholesky, whiten};
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
-use crate::chain::MoveTally;
 use crate::error::{Error, Result};
 use crate::infer::LogDensity;
 
@@ -146,14 +145,18 @@ impl Sampler for Adaptive {
         })
     }
 
-    fn advance(&self, target: &dyn LogDensity, key: Key, span: Span, state: &mut State) -> Block {
+    fn advance(
+        &self,
+        target: &dyn LogDensity,
+        key: Key,
+        span: Span,
+        state: &mut State,
+        block: &mut Block,
+    ) {
         let dim = target.dim();
         let mut rng = Stream::at(key, 0, state.drawn);
         let mut tally = Tally::default();
-        let mut block = Block {
-            accepted: vec![0],
-            ..Block::default()
-        };
+        block.begin(1, STAGES.into_iter());
         let mut trial = Trial::new(dim);
         let mut work = vec![0.0; dim * dim];
         for step in 1..=span.steps {
@@ -183,9 +186,12 @@ impl Sampler for Adaptive {
             }
         }
         state.drawn = rng.used();
-        tally.into_block(block)
+        tally.put(block);
     }
 }
+
+/// Names of the two proposals of a step.
+const STAGES: [&str; 2] = ["metropolis", "delayed"];
 
 /// Room for the two proposals of a step.
 struct Trial {
@@ -214,19 +220,12 @@ struct Tally {
 }
 
 impl Tally {
-    fn into_block(self, block: Block) -> Block {
-        let names = ["metropolis", "delayed"];
-        let moves = (0..2).map(|k| MoveTally {
-            name: names[k].to_string(),
-            proposed: self.proposed[k],
-            accepted: self.accepted[k],
-        });
-        Block {
-            moves: moves.collect(),
-            nan: self.nan,
-            evaluations: self.proposed[0] + self.proposed[1],
-            ..block
+    fn put(&self, block: &mut Block) {
+        for (k, stage) in block.moves.iter_mut().enumerate() {
+            (stage.proposed, stage.accepted) = (self.proposed[k], self.accepted[k]);
         }
+        block.nan = self.nan;
+        block.evaluations = self.proposed.iter().sum();
     }
 
     /// The log density at a proposal, -inf where it is NaN or +inf.

@@ -8,7 +8,6 @@ use super::moves::{Fit, Move, Walkers};
 use super::numbers::Numbers;
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
-use crate::chain::MoveTally;
 use crate::error::{Error, Result};
 use crate::infer::LogDensity;
 
@@ -79,33 +78,40 @@ impl Sampler for Ensemble {
         })
     }
 
-    fn advance(&self, target: &dyn LogDensity, key: Key, span: Span, state: &mut State) -> Block {
+    fn advance(
+        &self,
+        target: &dyn LogDensity,
+        key: Key,
+        span: Span,
+        state: &mut State,
+        block: &mut Block,
+    ) {
         let (dim, walkers) = (target.dim(), state.lp.len());
         let mut halves = Half::split(state, dim);
         let mut scratch = Scratch::new(dim, walkers / 2);
-        let mut block = self.block(walkers);
+        let parts = self.mixture.parts();
+        block.begin(walkers, parts.iter().map(|(kernel, _)| kernel.name()));
         let kept = span.steps / span.thin.max(1);
         block.x.reserve_exact(kept * walkers * dim);
         block.lp.reserve_exact(kept * walkers);
         for step in 1..=span.steps {
             let mut own = Stream::at(key, walkers as u64, 2 * state.drawn);
             let chosen = self.mixture.choose(own.uniform());
-            let kernel = &*self.mixture.parts()[chosen].0;
+            let kernel = &*parts[chosen].0;
             let needs = kernel.needs(dim, walkers / 2);
             for moving in 0..2 {
                 let first = (moving * walkers / 2) as u64;
                 scratch.numbers.draw(key, first, state.drawn, needs);
                 scratch.update(target, kernel, &mut halves, moving);
-                scratch.count(chosen, moving, &mut block);
+                scratch.count(chosen, moving, block);
             }
             state.drawn += needs.places() as u64;
             state.step += 1;
             if step.is_multiple_of(span.thin.max(1)) {
-                Half::keep(&halves, &mut block);
+                Half::keep(&halves, block);
             }
         }
         Half::join(&halves, state);
-        block
     }
 }
 
@@ -149,22 +155,6 @@ impl Half {
 
     fn walkers(&self) -> Walkers<'_> {
         Walkers::new(&self.x, self.lp.len())
-    }
-}
-
-impl Ensemble {
-    fn block(&self, walkers: usize) -> Block {
-        let tally = |kernel: &dyn Move| MoveTally {
-            name: kernel.name().to_string(),
-            proposed: 0,
-            accepted: 0,
-        };
-        let parts = self.mixture.parts();
-        Block {
-            accepted: vec![0; walkers],
-            moves: parts.iter().map(|(m, _)| tally(&**m)).collect(),
-            ..Block::default()
-        }
     }
 }
 

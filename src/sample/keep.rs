@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use rayon::iter::ParallelIterator;
 use serde_json::Value;
 
 use super::checkpoint::{Checkpoint, Warm};
-use super::memory::Memory;
+use super::memory::{Memory, Share};
 use super::{Block, State};
 use crate::chain::{Layout, Store};
 use crate::error::{Error, Result};
@@ -70,26 +71,32 @@ impl Keeper {
         })
     }
 
-    /// Goes on with an old one: its checkpoint, with all draws put into the `memories` of its ensembles. None if there is nothing to go on
-    /// from, because the run was killed before its first flush.
+    /// Goes on with an old one: its checkpoint, with the draws put into `memory`, at most `most` of each chain. None if
+    /// there is nothing to go on from, because the run was killed before its first flush.
     pub(super) fn reopen(
         keeping: &Keeping,
         layout: Layout,
         target: &dyn LogDensity,
-        memories: &mut [Memory],
+        memory: &mut Memory,
+        most: usize,
     ) -> Result<Option<(Self, Checkpoint)>> {
         if !keeping.checkpoint.exists() {
             return abandoned(keeping).map(|()| None);
         }
         let checkpoint = Checkpoint::read(&keeping.checkpoint, &keeping.identity)?;
         same_target(keeping, &layout, target, &checkpoint)?;
+        memory.reserve(checkpoint.stored.0.min(most));
+        let mut shares: Vec<Share<'_>> = memory.shares().collect();
         let store = Store::reopen(
             &keeping.store,
             layout,
             keeping.identity.clone(),
             checkpoint.stored,
-            &mut |ensemble, x, lp| memories[ensemble].push(x, lp),
+            &mut |ensemble, x, lp| shares[ensemble].push(x, lp),
         )?;
+        if let Some(count) = shares.first().map(Share::count) {
+            memory.taken(count);
+        }
         let keeper = Self {
             store,
             keeping: keeping.clone(),

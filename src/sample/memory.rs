@@ -1,4 +1,7 @@
 //! Draws held in memory while a run goes: of a long run only every second, fourth, ... one.
+//!
+//! They lie where [`Draws`] wants them, so that nothing is copied when the run looks at them: to touch fresh memory once
+//! more costs as much as the draws themselves.
 
 use rayon::prelude::*;
 
@@ -6,165 +9,301 @@ use super::Block;
 use crate::chain::Draws;
 use crate::error::Result;
 
-/// Draws of one ensemble in memory, at most a given number: beyond it every second one is let go, again and again.
+/// Draws of all ensembles, chain by chain, each chain with room for the same number: beyond it every second draw is let
+/// go, again and again.
 pub(super) struct Memory {
-    pieces: Vec<Piece>,
+    /// Chain x room x parameter.
+    values: Vec<f64>,
+    /// Chain x room.
+    lp: Vec<f64>,
+    shape: Shape,
+    ensembles: usize,
+    count: Count,
+}
+
+/// Sizes of one ensemble.
+#[derive(Debug, Clone, Copy)]
+struct Shape {
     walkers: usize,
     dim: usize,
-    /// Most draws held of a chain.
-    most: usize,
-    /// Draws held of a chain.
+    /// Draws of a chain that there is room for.
+    room: usize,
+}
+
+/// How far the draws of each chain have come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Count {
     held: usize,
+    /// Draws from one held one to the next.
     stride: usize,
-    /// Draws of each chain so far, held or not.
+    /// Draws so far, held or not.
     seen: usize,
 }
 
-/// Draws that follow one another, as a block has them: held as they came, because touching fresh memory once more costs
-/// as much as the draws themselves.
-#[derive(Default)]
-struct Piece {
-    /// Draw x parameter x walker.
-    x: Vec<f64>,
-    /// Draw x walker.
-    lp: Vec<f64>,
-}
-
-impl Piece {
-    /// Draw by draw.
-    fn rows(&self, walkers: usize, dim: usize) -> impl Iterator<Item = (&[f64], &[f64])> {
-        self.x
-            .chunks_exact(walkers * dim)
-            .zip(self.lp.chunks_exact(walkers))
-    }
-
-    fn push(&mut self, x: &[f64], lp: &[f64]) {
-        self.x.extend_from_slice(x);
-        self.lp.extend_from_slice(lp);
-    }
+/// The part of one ensemble, which takes draws beside the others.
+pub(super) struct Share<'a> {
+    values: &'a mut [f64],
+    lp: &'a mut [f64],
+    shape: Shape,
+    count: Count,
 }
 
 impl Memory {
-    /// Of an ensemble of `walkers` in `dim` dimensions; at most `most` draws of each of its chains.
-    pub(super) fn new(walkers: usize, dim: usize, most: usize) -> Self {
+    /// Of `ensembles` ensembles of `walkers` in `dim` dimensions, without room yet.
+    pub(super) fn new(ensembles: usize, walkers: usize, dim: usize) -> Self {
         Self {
-            pieces: Vec::new(),
-            walkers,
-            dim,
-            most,
-            held: 0,
-            stride: 1,
-            seen: 0,
+            values: Vec::new(),
+            lp: Vec::new(),
+            shape: Shape {
+                walkers,
+                dim,
+                room: 0,
+            },
+            ensembles,
+            count: Count {
+                held: 0,
+                stride: 1,
+                seen: 0,
+            },
         }
     }
 
     /// Draws from one held one to the next.
     pub(super) fn stride(&self) -> usize {
-        self.stride
+        self.count.stride
     }
 
     /// Draws of each chain so far, held or not.
     pub(super) fn seen(&self) -> usize {
-        self.seen
+        self.count.seen
     }
 
-    /// Takes the draws out of a block.
-    pub(super) fn take(&mut self, block: &mut Block) {
-        let piece = Piece {
-            x: std::mem::take(&mut block.x),
-            lp: std::mem::take(&mut block.lp),
-        };
-        let count = piece.lp.len() / self.walkers;
-        if self.stride == 1 && self.held + count <= self.most {
-            self.pieces.push(piece);
-            self.held += count;
-            self.seen += count;
+    /// Room for `room` draws of each chain, unless there is more already.
+    pub(super) fn reserve(&mut self, room: usize) {
+        let from = self.shape.room;
+        if room <= from {
             return;
         }
-        for (x, lp) in piece.rows(self.walkers, self.dim) {
-            self.push(x, lp);
+        let (chains, dim, held) = (self.chains(), self.shape.dim, self.count.held);
+        if held == 0 {
+            // Zeros that nobody has touched take no memory.
+            (self.values, self.lp) = (vec![0.0; chains * room * dim], vec![0.0; chains * room]);
+        } else {
+            spread(
+                &mut self.values,
+                chains,
+                [from * dim, room * dim],
+                held * dim,
+            );
+            spread(&mut self.lp, chains, [from, room], held);
+        }
+        self.shape.room = room;
+    }
+
+    /// The parts of the ensembles, and the count that [`Memory::taken`] wants to hear of again.
+    pub(super) fn shares(&mut self) -> impl IndexedParallelIterator<Item = Share<'_>> {
+        let (shape, count) = (self.shape, self.count);
+        let each = (shape.walkers * shape.room).max(1);
+        self.values
+            .par_chunks_exact_mut(each * shape.dim)
+            .zip(self.lp.par_chunks_exact_mut(each))
+            .map(move |(values, lp)| Share {
+                values,
+                lp,
+                shape,
+                count,
+            })
+    }
+
+    /// Every share has come as far as `count`.
+    pub(super) fn taken(&mut self, count: Count) {
+        self.count = count;
+    }
+
+    /// Lends the draws held; [`Memory::restore`] takes them back.
+    pub(super) fn lend(&mut self, names: &[String]) -> Result<Draws> {
+        let (chains, dim, held) = (self.chains(), self.shape.dim, self.count.held);
+        let (mut values, mut lp) = (
+            std::mem::take(&mut self.values),
+            std::mem::take(&mut self.lp),
+        );
+        pack(&mut values, chains, self.shape.room * dim, held * dim);
+        pack(&mut lp, chains, self.shape.room, held);
+        self.shape.room = 0;
+        let ensemble = (0..chains).map(|chain| chain / self.shape.walkers);
+        Draws::new(names.to_vec(), ensemble.collect(), values, lp)
+    }
+
+    /// Takes lent draws back.
+    pub(super) fn restore(&mut self, draws: Draws) {
+        (self.values, self.lp) = draws.into_arrays();
+        self.shape.room = self.count.held;
+    }
+
+    fn chains(&self) -> usize {
+        self.ensembles * self.shape.walkers
+    }
+}
+
+/// Moves the first `held` numbers of rows `from` long to rows `to` long.
+fn spread(values: &mut Vec<f64>, rows: usize, [from, to]: [usize; 2], held: usize) {
+    values.resize(rows * to, 0.0);
+    for row in (1..rows).rev() {
+        values.copy_within(row * from..row * from + held, row * to);
+    }
+}
+
+/// Keeps the first `held` numbers of each of the rows.
+fn pack(values: &mut Vec<f64>, rows: usize, length: usize, held: usize) {
+    if held < length {
+        for row in 1..rows {
+            values.copy_within(row * length..row * length + held, row * held);
+        }
+        values.truncate(rows * held);
+    }
+}
+
+impl Share<'_> {
+    /// How far the draws have come.
+    pub(super) fn count(&self) -> Count {
+        self.count
+    }
+
+    /// Takes the draws of a block.
+    pub(super) fn take(&mut self, block: &Block) {
+        /// Draws at a time, so that they stay in the cache while every chain takes its own.
+        const TILE: usize = 16;
+        let Shape { walkers, dim, .. } = self.shape;
+        let tiles = block.x.chunks(TILE * walkers * dim);
+        for (x, lp) in tiles.zip(block.lp.chunks(TILE * walkers)) {
+            let draws = lp.len() / walkers;
+            if self.count.stride == 1 && self.count.held + draws <= self.shape.room {
+                self.put(x, lp);
+                self.count.seen += draws;
+            } else {
+                for (x, lp) in x.chunks_exact(walkers * dim).zip(lp.chunks_exact(walkers)) {
+                    self.push(x, lp);
+                }
+            }
         }
     }
 
     /// Takes one draw of all walkers: parameter x walker, and walker.
     pub(super) fn push(&mut self, x: &[f64], lp: &[f64]) {
-        self.seen += 1;
-        if !self.seen.is_multiple_of(self.stride) {
+        self.count.seen += 1;
+        if !self.count.seen.is_multiple_of(self.count.stride) {
             return;
         }
-        match self.pieces.last_mut() {
-            Some(piece) => piece.push(x, lp),
-            None => self.pieces.push(Piece {
-                x: x.to_vec(),
-                lp: lp.to_vec(),
-            }),
-        }
-        self.held += 1;
-        if self.held > self.most {
+        if self.count.held == self.shape.room {
             self.halve();
+            if !self.count.seen.is_multiple_of(self.count.stride) {
+                return;
+            }
         }
+        self.put(x, lp);
+    }
+
+    /// Holds draws for which there is room: draw x parameter x walker, and draw x walker.
+    fn put(&mut self, x: &[f64], lp: &[f64]) {
+        let Shape { walkers, dim, room } = self.shape;
+        let (from, count) = (self.count.held, lp.len() / walkers);
+        for walker in 0..walkers {
+            let at = walker * room + from;
+            let points = self.values[at * dim..(at + count) * dim].chunks_exact_mut(dim);
+            for (point, draw) in points.zip(x.chunks_exact(walkers * dim)) {
+                for (value, column) in point.iter_mut().zip(draw.chunks_exact(walkers)) {
+                    *value = column[walker];
+                }
+            }
+            let draws = lp.chunks_exact(walkers);
+            for (value, draw) in self.lp[at..at + count].iter_mut().zip(draws) {
+                *value = draw[walker];
+            }
+        }
+        self.count.held += count;
     }
 
     /// Keeps the draws that the doubled stride would have kept.
     fn halve(&mut self) {
-        let mut kept = Piece::default();
-        let mut count = 0;
-        // Each piece is let go as soon as it is read.
-        for piece in std::mem::take(&mut self.pieces) {
-            for (x, lp) in piece.rows(self.walkers, self.dim) {
-                count += 1;
-                if count % 2 == 0 {
-                    kept.push(x, lp);
-                }
-            }
+        let Shape { dim, room, .. } = self.shape;
+        let kept = self.count.held / 2;
+        for values in self.values.chunks_exact_mut(room * dim) {
+            (0..kept)
+                .for_each(|k| values.copy_within((2 * k + 1) * dim..(2 * k + 2) * dim, k * dim));
         }
-        self.pieces.push(kept);
-        self.held /= 2;
-        self.stride *= 2;
-    }
-
-    /// Brings what is held to chain x draw x parameter, and chain x draw.
-    fn transpose(&self, values: &mut [f64], lp: &mut [f64]) {
-        /// Draws at a time, so that they stay in the cache while every chain takes its own.
-        const TILE: usize = 16;
-        let (walkers, dim) = (self.walkers, self.dim);
-        let mut from = 0;
-        for piece in &self.pieces {
-            let tiles = piece.x.chunks(TILE * walkers * dim);
-            for (x, row) in tiles.zip(piece.lp.chunks(TILE * walkers)) {
-                let count = row.len() / walkers;
-                for walker in 0..walkers {
-                    let at = walker * self.held + from;
-                    let points = values[at * dim..(at + count) * dim].chunks_exact_mut(dim);
-                    for (point, draw) in points.zip(x.chunks_exact(walkers * dim)) {
-                        for (value, column) in point.iter_mut().zip(draw.chunks_exact(walkers)) {
-                            *value = column[walker];
-                        }
-                    }
-                    let draws = row.chunks_exact(walkers);
-                    for (value, draw) in lp[at..at + count].iter_mut().zip(draws) {
-                        *value = draw[walker];
-                    }
-                }
-                from += count;
-            }
+        for lp in self.lp.chunks_exact_mut(room) {
+            (0..kept).for_each(|k| lp[k] = lp[2 * k + 1]);
         }
+        self.count.held = kept;
+        self.count.stride *= 2;
     }
 }
 
-/// The draws held of all ensembles, chain by chain.
-pub(super) fn draws(memories: &[Memory], names: &[String]) -> Result<Draws> {
-    let total: usize = memories.iter().map(|m| m.held * m.walkers).sum();
-    let (mut values, mut lp) = (vec![0.0; total * names.len()], vec![0.0; total]);
-    if total > 0 {
-        let share = total / memories.len();
-        values
-            .par_chunks_exact_mut(share * names.len())
-            .zip(lp.par_chunks_exact_mut(share))
-            .zip(memories)
-            .for_each(|((values, lp), memory)| memory.transpose(values, lp));
+#[cfg(test)]
+mod tests {
+    use super::{Block, Memory};
+    use rayon::prelude::*;
+
+    const WALKERS: usize = 2;
+    const DIM: usize = 3;
+    const ENSEMBLES: usize = 2;
+
+    /// A number that tells where it belongs.
+    fn number(ensemble: usize, walker: usize, draw: usize, parameter: usize) -> f64 {
+        (((ensemble * 10 + walker) * 10 + parameter) * 1000 + draw) as f64
     }
-    let chains = |(ensemble, memory): (usize, &Memory)| vec![ensemble; memory.walkers];
-    let ensemble = memories.iter().enumerate().flat_map(chains).collect();
-    Draws::new(names.to_vec(), ensemble, values, lp)
+
+    fn block(ensemble: usize, draws: std::ops::Range<usize>) -> Block {
+        let mut block = Block::default();
+        for draw in draws {
+            for parameter in 0..DIM {
+                let x = (0..WALKERS).map(|w| number(ensemble, w, draw, parameter));
+                block.x.extend(x);
+            }
+            let lp = (0..WALKERS).map(|w| number(ensemble, w, draw, DIM));
+            block.lp.extend(lp);
+        }
+        block
+    }
+
+    /// Whatever the blocks and the looks between them, what is held is every draw that is a multiple of the stride,
+    /// and the stride is the smallest power of two that leaves no more of them than there may be.
+    #[test]
+    fn memory_holds_every_draw_of_its_stride() {
+        for most in [1, 4, 7, 16, 1000] {
+            let mut memory = Memory::new(ENSEMBLES, WALKERS, DIM);
+            let mut seen = 0;
+            for count in [1, 3, 18, 2, 40, 1, 33] {
+                memory.reserve((seen + count).min(most));
+                let counts: Vec<_> = memory
+                    .shares()
+                    .enumerate()
+                    .map(|(ensemble, mut share)| {
+                        share.take(&block(ensemble, seen..seen + count));
+                        share.count()
+                    })
+                    .collect();
+                assert!(counts.iter().all(|c| *c == counts[0]));
+                memory.taken(counts[0]);
+                seen += count;
+                let stride = (0..).map(|k| 1 << k).find(|s| seen / s <= most).unwrap();
+                assert_eq!((memory.seen(), memory.stride()), (seen, stride));
+                let names: Vec<String> = (0..DIM).map(|k| format!("p{k}")).collect();
+                let draws = memory.lend(&names).unwrap();
+                let held: Vec<usize> = (0..seen).filter(|d| (d + 1) % stride == 0).collect();
+                assert_eq!(draws.draws(), held.len());
+                for (chain, &ensemble) in draws.ensemble().iter().enumerate() {
+                    let walker = chain % WALKERS;
+                    assert_eq!(ensemble, chain / WALKERS);
+                    for (row, &draw) in held.iter().enumerate() {
+                        let expected = [0, 1, 2].map(|p| number(ensemble, walker, draw, p));
+                        assert_eq!(draws.point(chain, row), expected);
+                        let lp = draws.lp()[chain * held.len() + row];
+                        assert_eq!(lp, number(ensemble, walker, draw, DIM));
+                    }
+                }
+                memory.restore(draws);
+            }
+        }
+    }
 }

@@ -85,6 +85,23 @@ pub struct Block {
     pub evaluations: u64,
 }
 
+impl Block {
+    /// Empties it for a span of `walkers` walkers with these moves; its memory is used again.
+    fn begin<'a>(&mut self, walkers: usize, moves: impl Iterator<Item = &'a str>) {
+        self.x.clear();
+        self.lp.clear();
+        self.accepted.clear();
+        self.accepted.resize(walkers, 0);
+        let tally = |name: &str| MoveTally {
+            name: name.to_string(),
+            proposed: 0,
+            accepted: 0,
+        };
+        self.moves = moves.map(tally).collect();
+        (self.nan, self.evaluations) = (0, 0);
+    }
+}
+
 /// A Markov kernel on ensembles of walkers (of one walker for a sampler of single chains).
 pub trait Sampler: Send + Sync {
     /// Canonical name (`ensemble`).
@@ -103,8 +120,16 @@ pub trait Sampler: Send + Sync {
     /// The input's fault: a degenerate start, or too few walkers.
     fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, covariance: &[f64]) -> Result<State>;
 
-    /// Advances `state` by a span of steps. The same key, state and span give the same block and the same new state.
-    fn advance(&self, target: &dyn LogDensity, key: Key, span: Span, state: &mut State) -> Block;
+    /// Advances `state` by a span of steps; `block` takes what was done, whatever it held before. The same key, state
+    /// and span give the same block and the same new state.
+    fn advance(
+        &self,
+        target: &dyn LogDensity,
+        key: Key,
+        span: Span,
+        state: &mut State,
+        block: &mut Block,
+    );
 }
 
 /// A sampler by name.

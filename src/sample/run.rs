@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::checkpoint::Warm;
 use super::keep::{Keeper, Keeping, PATIENCE};
-use super::memory::{self, Memory};
+use super::memory::{Count, Memory};
 use super::schedule::{Outcome, Phase, Progress, Report, Schedule, Stop, Stopped};
 use super::start::Start;
 use super::stream::Key;
@@ -91,23 +91,14 @@ struct Crew<'a> {
     sampler: &'a dyn Sampler,
     keys: Vec<Key>,
     states: Vec<State>,
-    memories: Vec<Memory>,
+    memory: Memory,
+    /// Most draws of a chain in memory.
+    most: usize,
+    /// What the ensembles did last.
+    blocks: Vec<Block>,
     totals: Vec<Block>,
     keeper: Option<Keeper>,
     pace: Pace,
-}
-
-/// Memories of all ensembles, for at most `most` draws over all chains.
-fn memories(
-    target: &dyn LogDensity,
-    sampler: &dyn Sampler,
-    ensembles: usize,
-    most: usize,
-) -> Vec<Memory> {
-    let walkers = sampler.walkers(target.dim());
-    let each = most / (walkers * ensembles).max(1);
-    let memory = |_| Memory::new(walkers, target.dim(), each.max(1));
-    (0..ensembles).map(memory).collect()
 }
 
 /// Bytes of the draws of one ensemble between two joins of the threads: a few milliseconds of work, which the
@@ -148,15 +139,18 @@ impl<'a> Crew<'a> {
             seed: schedule.seed,
             ensemble,
         };
+        let walkers = sampler.walkers(target.dim());
         Self {
             target,
             sampler,
             keys: (0..schedule.ensembles as u64).map(key).collect(),
             states: Vec::new(),
-            memories: memories(target, sampler, schedule.ensembles, schedule.memory),
+            memory: Memory::new(schedule.ensembles, walkers, target.dim()),
+            most: (schedule.memory / (schedule.ensembles * walkers).max(1)).max(1),
+            blocks: vec![Block::default(); schedule.ensembles],
             totals: Vec::new(),
             keeper: None,
-            pace: Pace::new(sampler.walkers(target.dim()) * (target.dim() + 1)),
+            pace: Pace::new(walkers * (target.dim() + 1)),
         }
     }
 
@@ -169,8 +163,8 @@ impl<'a> Crew<'a> {
             observed: keeping.observed.clone(),
         };
         if keeping.resume {
-            let memories = &mut self.memories;
-            let found = Keeper::reopen(keeping, layout.clone(), self.target, memories)?;
+            let memory = &mut self.memory;
+            let found = Keeper::reopen(keeping, layout.clone(), self.target, memory, self.most)?;
             if let Some((keeper, checkpoint)) = found {
                 *warm = checkpoint.warm;
                 self.states = checkpoint.states;
@@ -183,29 +177,38 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Advances every ensemble by the same span, in parallel.
-    fn advance(&mut self, span: Span) -> Vec<Block> {
+    /// Advances every ensemble by the same span, in parallel; the draws go to the memory of the run, or to that of a
+    /// `window` of warm-up.
+    fn advance(&mut self, span: Span, window: Option<&mut Memory>) {
         let (target, sampler) = (self.target, self.sampler);
         let began = Instant::now();
+        let memory = window.unwrap_or(&mut self.memory);
         let ensembles = self.states.par_iter_mut().zip(&self.keys);
-        let blocks = ensembles
-            .map(|(state, &key)| sampler.advance(target, key, span, state))
+        let counts: Vec<Count> = ensembles
+            .zip(&mut self.blocks)
+            .zip(memory.shares())
+            .map(|(((state, &key), block), mut share)| {
+                sampler.advance(target, key, span, state, block);
+                share.take(block);
+                share.count()
+            })
             .collect();
+        if let Some(&count) = counts.first() {
+            memory.taken(count);
+        }
         self.pace.learn(span.steps / span.thin, began.elapsed());
-        blocks
     }
 
     /// Draws of each chain so far, held or not.
     fn rows(&self) -> usize {
-        self.memories.first().map_or(0, Memory::seen)
+        self.memory.seen()
     }
 
-    /// The draws held in memory, and how they came about.
-    fn draws(&self, warm: Warm) -> Result<Draws> {
-        let mut draws = memory::draws(&self.memories, self.target.names())?;
+    /// Lends the draws held in memory, and how they came about.
+    fn draws(&mut self, warm: Warm) -> Result<Draws> {
+        let mut draws = self.memory.lend(self.target.names())?;
         describe(&mut draws, &self.totals, self.rows() * warm.thin);
-        let stride = self.memories.first().map_or(1, Memory::stride);
-        draws.info.thin = warm.thin * stride;
+        draws.info.thin = warm.thin * self.memory.stride();
         draws.info.warmup = warm.steps;
         Ok(draws)
     }
@@ -278,7 +281,8 @@ fn warm_up_window(
     progress: &dyn Progress,
     steps: usize,
 ) -> Result<Option<Draws>> {
-    let mut window = memories(crew.target, crew.sampler, crew.keys.len(), usize::MAX);
+    let mut window = Memory::new(crew.keys.len(), crew.walkers(), crew.target.dim());
+    window.reserve(steps);
     let mut done = 0;
     while done < steps {
         let span = Span {
@@ -286,21 +290,20 @@ fn warm_up_window(
             thin: 1,
             warmup: true,
         };
-        let mut blocks = crew.advance(span);
-        take(&mut window, &mut blocks);
+        crew.advance(span, Some(&mut window));
         done += span.steps;
         let go_on = progress.report(&Report {
             phase: Phase::Warmup,
             steps: crew.steps(),
             draws: 0,
             most: schedule.max_draws,
-            acceptance: acceptance(&blocks, span.steps),
+            acceptance: acceptance(&crew.blocks, span.steps),
         });
         if !go_on {
             return Ok(None);
         }
     }
-    memory::draws(&window, crew.target.names()).map(Some)
+    window.lend(crew.target.names()).map(Some)
 }
 
 /// Draws until the rule or a limit ends the run; the rule looks whenever the run is `growth` times as long as before.
@@ -317,6 +320,7 @@ fn keep(
     let first = crew.sampler.window(dim).div_ceil(thin).max(4);
     let mut check = first.min(most);
     loop {
+        crew.memory.reserve(check.min(crew.most));
         while crew.rows() < check {
             let left = (check - crew.rows()) * thin;
             let span = Span {
@@ -324,20 +328,18 @@ fn keep(
                 thin,
                 warmup: false,
             };
-            let mut blocks = crew.advance(span);
+            crew.advance(span, None);
             if let Some(keeper) = &mut crew.keeper {
-                keeper.record(&blocks)?;
+                keeper.record(&crew.blocks)?;
             }
-            take(&mut crew.memories, &mut blocks);
-            let rate = acceptance(&blocks, span.steps);
-            merge(&mut crew.totals, &mut blocks);
+            merge(&mut crew.totals, &crew.blocks);
             crew.flush(warm, false)?;
             let go_on = progress.report(&Report {
                 phase: Phase::Sampling,
                 steps: crew.steps(),
                 draws: crew.rows() * crew.chains(),
                 most: schedule.max_draws,
-                acceptance: rate,
+                acceptance: acceptance(&crew.blocks, span.steps),
             });
             if !go_on {
                 return Ok((Stopped::Interrupted, None));
@@ -352,15 +354,9 @@ fn keep(
             if crew.rows() >= most {
                 return Ok((Stopped::MaxDraws, Some(draws)));
             }
+            crew.memory.restore(draws);
         }
         check = ((check as f64 * schedule.growth).ceil() as usize).min(most);
-    }
-}
-
-/// Puts the draws of each ensemble into its memory.
-fn take(memories: &mut [Memory], blocks: &mut [Block]) {
-    for (memory, block) in memories.iter_mut().zip(blocks) {
-        memory.take(block);
     }
 }
 
@@ -376,13 +372,20 @@ fn rates(totals: &[Block], steps: usize) -> Vec<f64> {
     counts.map(|&n| n as f64 / steps.max(1) as f64).collect()
 }
 
-/// Adds the tallies of `blocks` to those of the run; the draws are already taken.
-fn merge(totals: &mut Vec<Block>, blocks: &mut Vec<Block>) {
+/// Adds the tallies of `blocks` to those of the run.
+fn merge(totals: &mut Vec<Block>, blocks: &[Block]) {
     if totals.is_empty() {
-        std::mem::swap(totals, blocks);
+        let tallies = |block: &Block| Block {
+            accepted: block.accepted.clone(),
+            moves: block.moves.clone(),
+            nan: block.nan,
+            evaluations: block.evaluations,
+            ..Block::default()
+        };
+        totals.extend(blocks.iter().map(tallies));
         return;
     }
-    for (total, block) in totals.iter_mut().zip(&*blocks) {
+    for (total, block) in totals.iter_mut().zip(blocks) {
         total.nan += block.nan;
         total.evaluations += block.evaluations;
         for (a, b) in total.accepted.iter_mut().zip(&block.accepted) {
