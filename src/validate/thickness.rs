@@ -2,13 +2,11 @@
 
 use std::time::Instant;
 
-use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 
 use crate::infer::Posterior;
 use crate::progress::Watch;
+use crate::sample::{Key, Stream};
 
 /// Samples of the thickness at each node, as in the article.
 pub const SAMPLES: usize = 4000;
@@ -56,12 +54,17 @@ pub fn compare(
     if sd <= 0.0 || nodes == 0 {
         return None;
     }
-    let mut rng = Pcg64Dxsm::seed_from_u64(seed);
+    // a stream for the nodes, then one for each: another seed shares none of them
+    let stream = |of: usize| {
+        let ensemble = of as u64;
+        Stream::at(Key { seed, ensemble }, 0, 0)
+    };
+    let mut rng = stream(0);
     let mut thetas: Vec<Vec<f64>> = Vec::new();
     while thetas.len() < nodes {
         let theta: Vec<f64> = bounds
             .iter()
-            .map(|[low, high]| low + (high - low) * rng.random::<f64>())
+            .map(|[low, high]| low + (high - low) * rng.uniform())
             .collect();
         // bounds hold admissible plies (checked), but not every point of them is one
         if posterior.is_admissible(&theta) {
@@ -73,14 +76,9 @@ pub fn compare(
         .par_iter()
         .enumerate()
         .map(|(i, theta)| {
-            let mut rng = Pcg64Dxsm::seed_from_u64(seed.wrapping_add(1 + i as u64));
+            let mut rng = stream(1 + i);
             let began = Instant::now();
-            let thicknesses: Vec<f64> = (0..samples)
-                .map(|_| {
-                    let z: f64 = StandardNormal.sample(&mut rng);
-                    mean + sd * z
-                })
-                .collect();
+            let thicknesses: Vec<f64> = (0..samples).map(|_| mean + sd * rng.normal()).collect();
             let (value, error) = likelihood.sampled_log_likelihood(theta, scale, &thicknesses);
             let seconds = began.elapsed().as_secs_f64();
             watch.tick();
