@@ -68,6 +68,69 @@ fn init_writes_a_model_that_runs_and_never_overwrites() {
     assert!(!folder.path().join("odd.json").exists());
 }
 
+/// Export templates differ in their units: the header states them, one for the coordinates and one for the displacements.
+#[test]
+fn init_takes_the_units_from_the_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let try_header = |name: &str, header: &str| {
+        let csv = folder.path().join(format!("{name}.csv"));
+        let mut text = format!("{header}\n");
+        for k in 0..400 {
+            let (x, y) = (k % 20, k / 20);
+            let cells = header.split(';').count();
+            text += &format!("{x};{y};{}{}\n", 0.1 * f64::from(x), ";0".repeat(cells - 3));
+        }
+        std::fs::write(&csv, text).unwrap();
+        let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+        let init = ["init", name, "--csv", csv.to_str().unwrap()];
+        let output = command.current_dir(folder.path()).args(init).output();
+        let output = output.unwrap();
+        match output.status.success() {
+            true => Ok(json(&folder.path().join(format!("{name}.json")))["measurement"].clone()),
+            false => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
+        }
+    };
+    for (name, header, x, ux, [coordinates, displacements]) in [
+        (
+            "match",
+            "Coor.X [Pixel];Coor.Y [Pixel];Coor.X [mm];Coor.Y [mm];Disp.Horizontal Displacement U [\u{b5}m];Disp.Vertical Displacement V [\u{b5}m]",
+            "Coor.X [mm]",
+            "Disp.Horizontal Displacement U [\u{b5}m]",
+            ["mm", "um"],
+        ),
+        (
+            "vic",
+            "X (m);Y (m);U (um);V (um)",
+            "X (m)",
+            "U (um)",
+            ["m", "um"],
+        ),
+        ("plain", "x_in;y_in;u_um;v_um", "x_in", "u_um", ["in", "um"]),
+        ("bare", "X;Y;U;V", "X", "U", ["mm", "mm"]),
+    ] {
+        let measurement = try_header(name, header).unwrap();
+        assert_eq!(measurement["columns"]["x"], x, "{header}");
+        assert_eq!(measurement["columns"]["ux"], ux, "{header}");
+        assert_eq!(measurement["units"]["coordinates"], coordinates, "{header}");
+        assert_eq!(
+            measurement["units"]["displacements"], displacements,
+            "{header}"
+        );
+    }
+    for (name, header) in [
+        ("pixels", "x [px];y [px];u [px];v [px]"),
+        ("half", "X [mm];Y [mm];U [pixel];V [pixel]"),
+    ] {
+        let error = try_header(name, header).unwrap_err();
+        assert!(
+            error.contains("pixels") && error.contains("calibration"),
+            "{error}"
+        );
+    }
+    let mixed = try_header("mixed", "X [mm];Y [m];U [mm];V [mm]").unwrap_err();
+    assert!(mixed.contains("measurement.columns"), "{mixed}");
+}
+
 #[test]
 fn completions_and_manual_pages_know_every_verb() {
     let help = succeed(&["--help"]);

@@ -139,7 +139,7 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
         .found(format!("{program} in pixels"))
         .hint("export the field with its calibration")
     };
-    let (mapping, columns) = matching(&header).ok_or_else(|| {
+    let found = matching(&header).ok_or_else(|| {
         let unit = |h: &&String| {
             let name = h.to_lowercase();
             ["[px]", "(px)", "_px", "pixel"]
@@ -155,14 +155,13 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
             .found(header.join(", "))
             .hint("leave --csv out, and name the columns x, y, ux, uy in measurement.columns")
     })?;
-    let Some(unit) = mapping.unit else {
-        return Err(in_pixels(&format!("{} columns", mapping.program)));
+    let [Some(coordinates), Some(displacements)] = found.units else {
+        return Err(in_pixels(&format!("{} columns", found.program)));
     };
-    let named = columns.map(|c| (c.clone(), c)).map(|(c, _)| c);
-    let [x, y, ux, uy] = named.clone();
+    let [x, y, ux, uy] = found.columns.clone();
     let units = Units {
-        coordinates: unit.into(),
-        displacements: unit.into(),
+        coordinates: coordinates.into(),
+        displacements: displacements.into(),
     };
     let frame = Frame {
         loading_axis: Axis::X,
@@ -173,10 +172,10 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
     let hole = hole(&field);
     let extent = field.bounds();
     let mut said = format!(
-        "\nread from {}: {} points, columns of {}\nproposed, to be checked:\n  loading_axis \"{along}\" (the larger stretch; the load pulls along it)\n",
+        "\nread from {}: {} points, columns of {}, coordinates in {coordinates} and displacements in {displacements}\nproposed, to be checked:\n  loading_axis \"{along}\" (the larger stretch; the load pulls along it)\n",
         csv.display(),
         field.len(),
-        mapping.program
+        found.program
     );
     let centre = match hole {
         Some((centre, diameter)) => {
@@ -204,8 +203,8 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
     let measurement = json!({
         "format": "csv",
         "file": csv,
-        "columns": { "x": named[0], "y": named[1], "ux": named[2], "uy": named[3] },
-        "units": { "coordinates": unit, "displacements": unit },
+        "columns": { "x": found.columns[0], "y": found.columns[1], "ux": found.columns[2], "uy": found.columns[3] },
+        "units": { "coordinates": coordinates, "displacements": displacements },
         "loading_axis": along,
         "hole_center_in_data_mm": centre.map(|v| round(v, 2)),
     });

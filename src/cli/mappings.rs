@@ -91,28 +91,76 @@ pub const MAPPINGS: &[Mapping] = &[
     ),
 ];
 
-impl Mapping {
-    /// The header's own spelling of the four columns, if all are there.
-    pub fn within(&self, header: &[String]) -> Option<[String; 4]> {
-        let mut found: [String; 4] = Default::default();
-        for (slot, name) in found.iter_mut().zip(self.columns) {
-            *slot = header
-                .iter()
-                .find(|h| h.eq_ignore_ascii_case(name))?
-                .clone();
-        }
-        Some(found)
-    }
+/// Columns of a header that hold a field.
+pub struct Found {
+    /// The program whose columns they are.
+    pub program: &'static str,
+    /// x, y, ux, uy in the header's own spelling.
+    pub columns: [String; 4],
+    /// Units of the coordinates and of the displacements; `None` where they are pixels.
+    pub units: [Option<&'static str>; 2],
 }
 
-/// The first mapping whose columns a header has.
-pub fn matching(header: &[String]) -> Option<(&'static Mapping, [String; 4])> {
-    // of two mappings that differ in case only, the one in the header's own spelling
-    let exact = MAPPINGS
-        .iter()
-        .find(|m| m.columns.iter().all(|c| header.iter().any(|h| h == c)));
-    exact
+/// The columns of the first mapping that a header has: in its own spelling, else regardless of case, else in other units.
+pub fn matching(header: &[String]) -> Option<Found> {
+    let spelled = |same: &dyn Fn(&str, &str) -> bool| {
+        MAPPINGS.iter().find_map(|mapping| {
+            let named = |name: &&str| header.iter().find(|h| same(h, name)).cloned();
+            let columns: Vec<String> = mapping.columns.iter().map_while(named).collect();
+            Some(Found {
+                program: mapping.program,
+                columns: columns.try_into().ok()?,
+                units: [mapping.unit; 2],
+            })
+        })
+    };
+    spelled(&|a, b| a == b)
+        .or_else(|| spelled(&|a, b| a.eq_ignore_ascii_case(b)))
+        .or_else(|| MAPPINGS.iter().find_map(|m| in_other_units(m, header)))
+}
+
+/// Columns of a mapping by their names without units, with the units that the header states: one for the coordinates and
+/// one for the displacements. A unit of length goes before pixels.
+fn in_other_units(mapping: &Mapping, header: &[String]) -> Option<Found> {
+    let column = |name: &str| {
+        let (stem, _) = split(name);
+        let named = header.iter().map(|h| (h, split(h)));
+        let mut named: Vec<_> = named
+            .filter(|(_, (s, _))| s.eq_ignore_ascii_case(stem))
+            .collect();
+        named.sort_by_key(|(_, (_, unit))| !matches!(unit, Some(Some(_))));
+        let (name, (_, unit)) = named.first()?;
+        Some(((*name).clone(), unit.unwrap_or(mapping.unit)))
+    };
+    let found: Vec<_> = mapping.columns.iter().map_while(|n| column(n)).collect();
+    let [x, y, ux, uy] = <[_; 4]>::try_from(found).ok()?;
+    (x.1 == y.1 && ux.1 == uy.1).then_some(Found {
+        program: mapping.program,
+        units: [x.1, ux.1],
+        columns: [x.0, y.0, ux.0, uy.0],
+    })
+}
+
+/// A column's name and the unit behind it, in brackets or after an underscore; the unit of `Some(None)` is the pixel.
+fn split(name: &str) -> (&str, Option<Option<&'static str>>) {
+    let bracketed = [('[', ']'), ('(', ')')]
         .into_iter()
-        .chain(MAPPINGS)
-        .find_map(|m| Some((m, m.within(header)?)))
+        .find_map(|(open, close)| {
+            let (stem, unit) = name.trim().strip_suffix(close)?.rsplit_once(open)?;
+            Some((stem.trim_end(), unit))
+        });
+    let parts = bracketed.or_else(|| name.rsplit_once('_'));
+    let known = parts.and_then(|(stem, unit)| {
+        let unit = match unit.trim().to_lowercase().as_str() {
+            "m" => Some("m"),
+            "mm" => Some("mm"),
+            "um" | "\u{b5}m" | "\u{3bc}m" | "micron" | "microns" => Some("um"),
+            "nm" => Some("nm"),
+            "in" | "inch" => Some("in"),
+            "px" | "pixel" | "pixels" => None,
+            _ => return None,
+        };
+        Some((stem, Some(unit)))
+    });
+    known.unwrap_or((name.trim(), None))
 }
