@@ -162,3 +162,47 @@ fn effects_of_the_recording_that_no_dictionary_has_do_not_go_unsaid() {
         assert!(said.contains(words), "{case}: {said}");
     }
 }
+
+/// A prediction carries no rigid motion over the points that were measured, whichever of them turn out to be bad: left out
+/// at one corner alone, they would turn the field by 3 urad.
+#[test]
+fn outliers_do_not_turn_the_gauge() {
+    let cache = workplace().join("runs/.cache");
+    let prepared = |model: &Model| prepare(model, &cache, &Unwatched).unwrap();
+    let clean = measured(&[], Noise::Of(10.0), 5);
+    let whole = prepared(&clean);
+    let bad = with(Noise::Of(10.0), 5, |[x, y]| {
+        let corner = x > 10.9 && y > 10.9;
+        let size = if corner { 5e3 } else { 0.0 };
+        [
+            size * (97.3 * x + 51.7 * y).sin(),
+            size * (31.1 * x * y).cos(),
+        ]
+    });
+    let partial = prepared(&bad);
+    let (all, left) = (&whole.observation.field, &partial.observation.field);
+    assert!(left.outlying.len() > 20, "{}", left.outlying.len());
+    assert_eq!(
+        left.len() + left.outlying.len(),
+        all.len() + all.outlying.len()
+    );
+    let columns = |p: &plychain::trace::Prepared| {
+        p.observation
+            .columns(&p.reduced, &p.plate.mesh, &clean)
+            .modes
+    };
+    let at =
+        |field: &plychain::field::Field, p: &[f64; 2]| field.points.iter().position(|q| q == p);
+    for (mode, expected) in columns(&partial).iter().zip(columns(&whole)) {
+        let size = expected
+            .iter()
+            .flatten()
+            .fold(0.0f64, |m, u| m.max(u.abs()));
+        for (p, u) in left.points.iter().zip(mode).step_by(7) {
+            let e = expected[at(all, p).unwrap()];
+            for (u, e) in u.iter().zip(e) {
+                assert!((u - e).abs() < 1e-12 * size, "{p:?}: {u} {e}");
+            }
+        }
+    }
+}

@@ -56,6 +56,7 @@ impl Grid {
             points: index.iter().map(|&i| frame.point(self.points[i])).collect(),
             displacement: index.iter().map(|&i| self.displacement[i]).collect(),
             frame,
+            outlying: Vec::new(),
             rejected: Rejected {
                 missing: self.points.len() - index.len(),
                 ..Rejected::default()

@@ -23,6 +23,9 @@ pub struct Field {
     pub grid: Option<GridShape>,
     /// How many points were dropped, and why.
     pub rejected: Rejected,
+    /// Places of the outliers among them, mm. They were measured all the same: a gauge over the measured points counts
+    /// them.
+    pub outlying: Vec<[f64; 2]>,
     /// Frequency of a moire grating, lines per mm of displacement.
     pub fringe_frequency_per_mm: Option<f64>,
     /// The files that were read, for the manifest's hashes.
@@ -88,6 +91,10 @@ impl Field {
         let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
         let dropped = self.len() - kept.len();
         if dropped > 0 {
+            if reason == Reason::Outlier {
+                let gone = (0..self.len()).filter(|&i| !keep(i));
+                self.outlying.extend(gone.map(|i| self.points[i]));
+            }
             self.points = kept.iter().map(|&i| self.points[i]).collect();
             self.displacement = kept.iter().map(|&i| self.displacement[i]).collect();
             if let Some(grid) = &mut self.grid {

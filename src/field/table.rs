@@ -59,6 +59,7 @@ pub fn read(path: &Path, columns: &Columns, units: &Units, frame: Frame) -> Resu
         frame,
         grid: None,
         rejected: Rejected::default(),
+        outlying: Vec::new(),
         fringe_frequency_per_mm: None,
         files: vec![path.to_owned()],
     };

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use super::model::Model;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Factor, Locator, Observer, Plate, Solution};
-use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion, settle};
+use crate::fem::{Factor, Locator, Mesh, Nodal, Observer, Plate, Solution};
+use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion_over, settle};
 
 /// A predicted field at points (s, t).
 pub struct View {
@@ -28,6 +28,8 @@ pub struct Test<'a> {
     pub plate: &'a Plate,
     /// Points (s, t) as they are reported, mm.
     pub points: &'a [[f64; 2]],
+    /// Places of outliers, where nothing is predicted, but which a gauge over the measured points counts, mm.
+    pub outlying: &'a [[f64; 2]],
     /// Their bounding box, low and high corner.
     pub window: [[f64; 2]; 2],
     /// Where the points lie on the plate's own mesh, if that is known.
@@ -49,6 +51,7 @@ pub fn view(
         scene,
         plate,
         points,
+        outlying,
         window,
         observer,
     } = *test;
@@ -73,10 +76,7 @@ pub fn view(
     let Solution { mesh, nodal } = solution;
     let seen = Seen::new(acting, scene);
     let own = observer.filter(|_| matches!(mesh, Cow::Borrowed(_)) && seen.is_plain());
-    let elsewhere = own.is_none().then(|| {
-        let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
-        Locator::new(&mesh).observe_extended(&places)
-    });
+    let elsewhere = own.is_none().then(|| locate(points, &mesh, &seen));
     let Some(observer) = own.or(elsewhere.as_ref()) else {
         return Err(Error::program("forward::view", "points to look at"));
     };
@@ -86,7 +86,8 @@ pub fn view(
     }
     let gradient = observer.gradient(&nodal);
     if model.file.gauge == Gauge::Window {
-        remove_rigid_motion(points, &mut mechanical);
+        let there = observe(outlying, &mesh, &nodal, &seen);
+        remove_rigid_motion_over(points, &mut mechanical, outlying, &there);
     }
     let mut field = mechanical.clone();
     for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
@@ -101,4 +102,23 @@ pub fn view(
         mechanical,
         gradient,
     })
+}
+
+/// Where the plate is that is reported at the points.
+fn locate(points: &[[f64; 2]], mesh: &Mesh, seen: &Seen<'_>) -> Observer {
+    let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
+    Locator::new(mesh).observe_extended(&places)
+}
+
+/// Displacements as they are reported at some points.
+fn observe(points: &[[f64; 2]], mesh: &Mesh, nodal: &Nodal, seen: &Seen<'_>) -> Vec<[f64; 2]> {
+    if points.is_empty() {
+        return Vec::new();
+    }
+    let u = locate(points, mesh, seen).displacement(nodal);
+    points
+        .iter()
+        .zip(u)
+        .map(|(&p, u)| seen.components(p, u))
+        .collect()
 }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
 use crate::field::stray::strays;
 use crate::field::{Field, Reason};
-use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion};
+use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion_over};
 
 /// The measured points on the plate.
 pub struct Observation {
@@ -68,7 +68,11 @@ impl Observation {
     /// Locate the points of a field; those outside the plate or in the hole are dropped and counted.
     pub fn new(mut field: Field, mesh: &Mesh) -> Result<Self> {
         let count = field.len();
-        let (observer, inside) = Locator::new(mesh).observe(&field.points);
+        let locator = Locator::new(mesh);
+        let (observer, inside) = locator.observe(&field.points);
+        let (_, on_plate) = locator.observe(&field.outlying);
+        let mut on_plate = on_plate.into_iter();
+        field.outlying.retain(|_| on_plate.next() == Some(true));
         let dropped = field.retain(Reason::OutsidePlate, |i| inside[i]);
         if dropped as f64 > MOST_OUTSIDE * count as f64 {
             return Err(Error::input("measurement", "points on the plate")
@@ -99,8 +103,11 @@ impl Observation {
     pub fn columns(&self, reduced: &ReducedModel, mesh: &Mesh, model: &Model) -> Columns {
         let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
         if model.file.gauge == Gauge::Window {
-            for column in &mut modes {
-                remove_rigid_motion(&self.field.points, column);
+            let (points, further) = (&self.field.points, &self.field.outlying);
+            let (observer, _) = Locator::new(mesh).observe(further);
+            let there = reduced.columns(&observer, mesh.nodes.len());
+            for (column, there) in modes.iter_mut().zip(&there) {
+                remove_rigid_motion_over(points, column, further, there);
             }
         }
         let mut columns = Columns {

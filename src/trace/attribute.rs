@@ -169,6 +169,7 @@ pub fn attribute(
             scene: &scene,
             plate: &prepared.plate,
             points: &prepared.observation.field.points,
+            outlying: &prepared.observation.field.outlying,
             window: prepared.problem.window,
             observer: Some(&prepared.observation.observer),
         };

@@ -233,6 +233,7 @@ impl Tested<'_> {
             scene: &self.scene,
             plate: &self.prepared.plate,
             points: &self.prepared.observation.field.points,
+            outlying: &self.prepared.observation.field.outlying,
             window: self.prepared.problem.window,
             observer: Some(&self.prepared.observation.observer),
         }

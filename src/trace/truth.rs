@@ -5,10 +5,11 @@ use nalgebra::{DMatrix, DVector};
 use super::pose::Prepared;
 use crate::chain::Draws;
 use crate::error::Result;
+use crate::fem::Locator;
 use crate::infer::{Columns, LogDensity, Noise, Posterior, Statistics, Whitened};
 use crate::progress::Watch;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Gauge, Snapshots, remove_rigid_motion};
+use crate::reduce::{Gauge, Snapshots, remove_rigid_motion_over};
 
 /// What the reduced model's error does to the posterior, measured where the posterior is.
 #[derive(Debug, Clone)]
@@ -191,7 +192,10 @@ fn field_error(run: &Identified<'_>, truth: &Snapshots, j: usize, theta: &[f64])
     }
     let mut error = prepared.observation.observer.displacement(&nodal);
     if prepared.problem.gauge == Gauge::Window {
-        remove_rigid_motion(&prepared.observation.field.points, &mut error);
+        let field = &prepared.observation.field;
+        let (observer, _) = Locator::new(&prepared.plate.mesh).observe(&field.outlying);
+        let there = observer.displacement(&nodal);
+        remove_rigid_motion_over(&field.points, &mut error, &field.outlying, &there);
     }
     let alpha = run.posterior.likelihood().surface_prediction(theta);
     for (column, a) in run.columns.modes.iter().zip(alpha) {

@@ -61,6 +61,7 @@ impl Twin {
             frame: prepared.problem.frame,
             grid: None,
             rejected: Rejected::default(),
+            outlying: Vec::new(),
             fringe_frequency_per_mm: None,
             files: Vec::new(),
         };
