@@ -172,8 +172,9 @@ fn outliers_do_not_turn_the_gauge() {
     let clean = measured(&[], Noise::Of(10.0), 5);
     let whole = prepared(&clean);
     let bad = with(Noise::Of(10.0), 5, |[x, y]| {
-        let corner = x > 10.9 && y > 10.9;
-        let size = if corner { 5e3 } else { 0.0 };
+        // a corner, and all of one edge
+        let bad = (x > 10.9 && y > 10.9) || y < -12.1;
+        let size = if bad { 5e3 } else { 0.0 };
         [
             size * (97.3 * x + 51.7 * y).sin(),
             size * (31.1 * x * y).cos(),
@@ -181,7 +182,8 @@ fn outliers_do_not_turn_the_gauge() {
     });
     let partial = prepared(&bad);
     let (all, left) = (&whole.observation.field, &partial.observation.field);
-    assert!(left.outlying.len() > 20, "{}", left.outlying.len());
+    assert!(left.outlying.len() > 140, "{}", left.outlying.len());
+    assert!(left.bounds()[0] != all.bounds()[0]);
     assert_eq!(
         left.len() + left.outlying.len(),
         all.len() + all.outlying.len()

@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 /// Coordinates and displacements beyond this are taken for a mistake in the units, mm.
 pub(super) const FARTHEST_MM: f64 = 1e5;
 
+/// Share of the field's extent by which outliers may lie outside of it and still be taken for measured there.
+const BORDER: f64 = 0.05;
+
 /// A measured displacement field. All vectors have one entry a point.
 #[derive(Debug, Clone)]
 pub struct Field {
@@ -23,8 +26,8 @@ pub struct Field {
     pub grid: Option<GridShape>,
     /// How many points were dropped, and why.
     pub rejected: Rejected,
-    /// Places of the outliers among them, mm. They were measured all the same: a gauge over the measured points counts
-    /// them.
+    /// Places of the outliers among them, mm, as far as they are believed. They were measured all the same: a gauge over
+    /// the measured points counts them.
     pub outlying: Vec<[f64; 2]>,
     /// Frequency of a moire grating, lines per mm of displacement.
     pub fringe_frequency_per_mm: Option<f64>,
@@ -146,6 +149,23 @@ impl Field {
     /// The smallest and largest (s, t), mm. Both are zero for an empty field.
     pub fn bounds(&self) -> [[f64; 2]; 2] {
         bounds(&self.points)
+    }
+
+    /// The same with the outliers that a gauge counts.
+    pub fn measured_bounds(&self) -> [[f64; 2]; 2] {
+        bounds(&[&self.points[..], &self.outlying[..]].concat())
+    }
+
+    /// No longer count outliers far from all other points: their places may be as wrong as their displacements.
+    pub(super) fn forget_remote_outliers(&mut self) {
+        let [low, high] = self.bounds();
+        let near = |p: &[f64; 2]| {
+            (0..2).all(|k| {
+                let margin = BORDER * (high[k] - low[k]);
+                (low[k] - margin..=high[k] + margin).contains(&p[k])
+            })
+        };
+        self.outlying.retain(near);
     }
 
     /// The typical distance of neighbouring points in mm: the median distance to the nearest other point (of some

@@ -318,6 +318,7 @@ impl MeasurementSpec {
         field.check_enough(&place)?;
         if self.outliers == OutlierRule::Reject {
             outliers::reject(&mut field);
+            field.forget_remote_outliers();
             field.check_enough(&place)?;
         }
         Ok(field)

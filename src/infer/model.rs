@@ -228,7 +228,7 @@ impl Model {
             effects: self.sampled(),
             dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),
-            window: field.bounds(),
+            window: field.measured_bounds(),
             density: Density::DEFAULT,
         };
         problem
