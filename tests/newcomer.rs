@@ -93,7 +93,7 @@ fn init_takes_the_units_from_the_header() {
     for (name, header, x, ux, [coordinates, displacements]) in [
         (
             "match",
-            "Coor.X [Pixel];Coor.Y [Pixel];Coor.X [mm];Coor.Y [mm];Disp.Horizontal Displacement U [\u{b5}m];Disp.Vertical Displacement V [\u{b5}m]",
+            "Coor.X [Pixel];Coor.Y [Pixel];Coor.X [mm];Coor.Y [mm];Disp.Horizontal Displacement U [Pixel];Disp.Vertical Displacement V [Pixel];Disp.Horizontal Displacement U [\u{b5}m];Disp.Vertical Displacement V [\u{b5}m]",
             "Coor.X [mm]",
             "Disp.Horizontal Displacement U [\u{b5}m]",
             ["mm", "um"],
@@ -127,8 +127,14 @@ fn init_takes_the_units_from_the_header() {
             "{error}"
         );
     }
-    let mixed = try_header("mixed", "X [mm];Y [m];U [mm];V [mm]").unwrap_err();
-    assert!(mixed.contains("measurement.columns"), "{mixed}");
+    for (name, header) in [
+        ("mixed", "X [mm];Y [m];U [mm];V [mm]"),
+        ("partly", "X (m);Y (m);U;V"),
+        ("unsaid", "x;y;ux;uy"),
+    ] {
+        let error = try_header(name, header).unwrap_err();
+        assert!(error.contains("measurement.columns"), "{error}");
+    }
 }
 
 #[test]

@@ -41,7 +41,10 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let start = Point::of(&posterior)?;
     agreement(&table, &posterior, &start)?;
     cost(&posterior, &start)?;
-    print("min ESS/s: of the bulk over all parameters, a second of sampling without warm-up\n")?;
+    print(&format!(
+        "min ESS/s: of the bulk over all parameters, a second of sampling without warm-up, of which {} draws are held\n",
+        Schedule::default().memory
+    ))?;
     for (name, sampler) in samplers() {
         let known = table.reference.as_ref().filter(|_| name == DEFAULT);
         let runs = (0..arguments.repeat.max(1) as u64)
@@ -191,7 +194,7 @@ fn vectors() -> String {
 /// One run with one thread, and the same with two.
 struct Measured {
     seconds: [f64; 2],
-    /// Whether the threads made no difference to any bit.
+    /// Whether the threads made no difference to the draws and where they ended.
     same: bool,
     ess: f64,
     draws: f64,
@@ -211,8 +214,12 @@ impl Measured {
 
 /// Others may be at work on the machine: the fastest run is the least disturbed.
 fn show(name: &str, runs: &[Measured], known: Option<&Moments>) -> Result<()> {
-    let least = |f: &dyn Fn(&Measured) -> f64| runs.iter().map(f).fold(f64::INFINITY, f64::min);
-    let [one, two] = [0, 1].map(|threads| least(&|m| m.seconds[threads]));
+    let least = |threads: usize| {
+        let seconds = runs.iter().map(|m| m.seconds[threads]);
+        seconds.fold(f64::INFINITY, f64::min)
+    };
+    let mean = |f: &dyn Fn(&Measured) -> f64| runs.iter().map(f).sum::<f64>() / runs.len() as f64;
+    let [one, two] = [0, 1].map(least);
     let same = if runs.iter().all(|m| m.same) {
         "the same draws"
     } else {
@@ -220,8 +227,8 @@ fn show(name: &str, runs: &[Measured], known: Option<&Moments>) -> Result<()> {
     };
     print(&format!(
         "  {name:22} {:.3e} one thread, {:5.1} ns a step; {:.2} x with two threads, {same}\n",
-        1.0 / least(&|m| m.seconds[0] / m.ess),
-        least(&|m| 1e9 * m.seconds[0] / m.draws),
+        mean(&|m| m.ess) / one,
+        1e9 * one / mean(&|m| m.draws),
         one / two,
     ))?;
     if let (Some(known), Some(first)) = (known, runs.first()) {

@@ -131,12 +131,12 @@ then
 fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
     let header = table::header(csv)?;
     let known: Vec<&str> = MAPPINGS.iter().map(|m| m.program).collect();
-    let in_pixels = |program: &str| {
+    let in_pixels = |columns: &str| {
         Error::input(
             format!("--csv {}", csv.display()),
-            "calibrated columns, in mm",
+            "calibrated columns, in a unit of length",
         )
-        .found(format!("{program} in pixels"))
+        .found(format!("{columns} in pixels"))
         .hint("export the field with its calibration")
     };
     let found = matching(&header).ok_or_else(|| {
@@ -153,10 +153,12 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
         let expected = format!("columns as one of these writes them: {}", shortened(&known));
         Error::input(place, expected)
             .found(header.join(", "))
-            .hint("leave --csv out, and name the columns x, y, ux, uy in measurement.columns")
+            .hint("one unit for both coordinates and one for both displacements; or leave --csv out, and name the columns x, y, ux, uy in measurement.columns")
     })?;
     let [Some(coordinates), Some(displacements)] = found.units else {
-        return Err(in_pixels(&format!("{} columns", found.program)));
+        let [x, y, ux, uy] = &found.columns;
+        let [a, b] = found.units[0].map_or([x, y], |_| [ux, uy]);
+        return Err(in_pixels(&format!("the columns {a}, {b}")));
     };
     let [x, y, ux, uy] = found.columns.clone();
     let units = Units {

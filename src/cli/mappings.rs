@@ -101,10 +101,12 @@ pub struct Found {
     pub units: [Option<&'static str>; 2],
 }
 
-/// The columns of the first mapping that a header has: in its own spelling, else regardless of case, else in other units.
+/// The columns of the first mapping that a header has. Calibrated ones in the mapping's own spelling go first, then ones
+/// whose units the header states, then ones in other capitals, last those in pixels.
 pub fn matching(header: &[String]) -> Option<Found> {
-    let spelled = |same: &dyn Fn(&str, &str) -> bool| {
-        MAPPINGS.iter().find_map(|mapping| {
+    let spelled = |calibrated: bool, same: &dyn Fn(&str, &str) -> bool| {
+        let mappings = MAPPINGS.iter().filter(|m| m.unit.is_some() == calibrated);
+        mappings.into_iter().find_map(|mapping| {
             let named = |name: &&str| header.iter().find(|h| same(h, name)).cloned();
             let columns: Vec<String> = mapping.columns.iter().map_while(named).collect();
             Some(Found {
@@ -114,25 +116,30 @@ pub fn matching(header: &[String]) -> Option<Found> {
             })
         })
     };
-    spelled(&|a, b| a == b)
-        .or_else(|| spelled(&|a, b| a.eq_ignore_ascii_case(b)))
-        .or_else(|| MAPPINGS.iter().find_map(|m| in_other_units(m, header)))
+    let stated = |calibrated: bool| {
+        let mut found = MAPPINGS.iter().filter_map(|m| with_stated_units(m, header));
+        found.find(|f| f.units.iter().all(Option::is_some) == calibrated)
+    };
+    let capitals = |a: &str, b: &str| a.eq_ignore_ascii_case(b);
+    spelled(true, &|a, b| a == b)
+        .or_else(|| stated(true))
+        .or_else(|| spelled(true, &capitals))
+        .or_else(|| spelled(false, &capitals))
+        .or_else(|| stated(false))
 }
 
-/// Columns of a mapping by their names without units, with the units that the header states: one for the coordinates and
-/// one for the displacements. A unit of length goes before pixels.
-fn in_other_units(mapping: &Mapping, header: &[String]) -> Option<Found> {
-    let column = |name: &str| {
+/// Columns of a mapping by their names without units, where the header states a unit for each, one for the coordinates
+/// and one for the displacements. A unit of length goes before pixels.
+fn with_stated_units(mapping: &Mapping, header: &[String]) -> Option<Found> {
+    let column = |name: &&str| {
         let (stem, _) = split(name);
-        let named = header.iter().map(|h| (h, split(h)));
-        let mut named: Vec<_> = named
-            .filter(|(_, (s, _))| s.eq_ignore_ascii_case(stem))
-            .collect();
-        named.sort_by_key(|(_, (_, unit))| !matches!(unit, Some(Some(_))));
-        let (name, (_, unit)) = named.first()?;
-        Some(((*name).clone(), unit.unwrap_or(mapping.unit)))
+        let named = header.iter().filter_map(|h| {
+            let (other, unit) = split(h);
+            Some((h.clone(), unit?)).filter(|_| other.eq_ignore_ascii_case(stem))
+        });
+        named.min_by_key(|(_, unit)| unit.is_none())
     };
-    let found: Vec<_> = mapping.columns.iter().map_while(|n| column(n)).collect();
+    let found: Vec<_> = mapping.columns.iter().map_while(column).collect();
     let [x, y, ux, uy] = <[_; 4]>::try_from(found).ok()?;
     (x.1 == y.1 && ux.1 == uy.1).then_some(Found {
         program: mapping.program,

@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 /// Coordinates and displacements beyond this are taken for a mistake in the units, mm.
 pub(super) const FARTHEST_MM: f64 = 1e5;
 
-/// Share of the field's extent by which outliers may lie outside of it and still be taken for measured there.
+/// Share of the field's extent by which outliers may lie outside of the other points, and of outliers that do, and still
+/// be taken for measured there.
 const BORDER: f64 = 0.05;
 
 /// A measured displacement field. All vectors have one entry a point.
@@ -158,14 +159,22 @@ impl Field {
 
     /// No longer count outliers far from all other points: their places may be as wrong as their displacements.
     pub(super) fn forget_remote_outliers(&mut self) {
-        let [low, high] = self.bounds();
-        let near = |p: &[f64; 2]| {
-            (0..2).all(|k| {
-                let margin = BORDER * (high[k] - low[k]);
-                (low[k] - margin..=high[k] + margin).contains(&p[k])
-            })
-        };
-        self.outlying.retain(near);
+        let mut remote = std::mem::take(&mut self.outlying);
+        loop {
+            let [low, high] = self.measured_bounds();
+            let near = |p: &[f64; 2]| {
+                (0..2).all(|k| {
+                    let margin = BORDER * (high[k] - low[k]);
+                    (low[k] - margin..=high[k] + margin).contains(&p[k])
+                })
+            };
+            let (more, rest) = remote.into_iter().partition::<Vec<_>, _>(near);
+            self.outlying.extend(&more);
+            remote = rest;
+            if more.is_empty() {
+                return;
+            }
+        }
     }
 
     /// The typical distance of neighbouring points in mm: the median distance to the nearest other point (of some

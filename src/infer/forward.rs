@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::model::Model;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Factor, Locator, Mesh, Nodal, Observer, Plate, Solution};
+use crate::fem::{Factor, Locator, Mesh, Observer, Plate, Solution};
 use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion_over, settle};
 
 /// A predicted field at points (s, t).
@@ -16,6 +16,8 @@ pub struct View {
     pub mechanical: Vec<[f64; 2]>,
     /// Gradient of the finite-element displacement, `g[i][k]` = d u_i / d x_k.
     pub gradient: Vec<[[f64; 2]; 2]>,
+    /// `mechanical` and `gradient` at the outliers, for the gauge.
+    pub outlying: (Vec<[f64; 2]>, Vec<[[f64; 2]; 2]>),
 }
 
 /// The test whose field is predicted.
@@ -80,14 +82,20 @@ pub fn view(
     let Some(observer) = own.or(elsewhere.as_ref()) else {
         return Err(Error::program("forward::view", "points to look at"));
     };
-    let mut mechanical = observer.displacement(&nodal);
-    for (u, &p) in mechanical.iter_mut().zip(points) {
-        *u = seen.components(p, *u);
-    }
-    let gradient = observer.gradient(&nodal);
+    let reported = |observer: &Observer, points: &[[f64; 2]]| {
+        let mut u = observer.displacement(&nodal);
+        for (u, &p) in u.iter_mut().zip(points) {
+            *u = seen.components(p, *u);
+        }
+        (u, observer.gradient(&nodal))
+    };
+    let (mut mechanical, gradient) = reported(observer, points);
+    let (mut further, slope) = match outlying {
+        [] => (Vec::new(), Vec::new()),
+        _ => reported(&locate(outlying, &mesh, &seen), outlying),
+    };
     if model.file.gauge == Gauge::Window {
-        let there = observe(outlying, &mesh, &nodal, &seen);
-        remove_rigid_motion_over(points, &mut mechanical, outlying, &there);
+        remove_rigid_motion_over(points, &mut mechanical, outlying, &mut further);
     }
     let mut field = mechanical.clone();
     for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
@@ -101,6 +109,7 @@ pub fn view(
         field,
         mechanical,
         gradient,
+        outlying: (further, slope),
     })
 }
 
@@ -108,17 +117,4 @@ pub fn view(
 fn locate(points: &[[f64; 2]], mesh: &Mesh, seen: &Seen<'_>) -> Observer {
     let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
     Locator::new(mesh).observe_extended(&places)
-}
-
-/// Displacements as they are reported at some points.
-fn observe(points: &[[f64; 2]], mesh: &Mesh, nodal: &Nodal, seen: &Seen<'_>) -> Vec<[f64; 2]> {
-    if points.is_empty() {
-        return Vec::new();
-    }
-    let u = locate(points, mesh, seen).displacement(nodal);
-    points
-        .iter()
-        .zip(u)
-        .map(|(&p, u)| seen.components(p, u))
-        .collect()
 }

@@ -105,8 +105,8 @@ impl Observation {
         if model.file.gauge == Gauge::Window {
             let (points, further) = (&self.field.points, &self.field.outlying);
             let (observer, _) = Locator::new(mesh).observe(further);
-            let there = reduced.columns(&observer, mesh.nodes.len());
-            for (column, there) in modes.iter_mut().zip(&there) {
+            let mut there = reduced.columns(&observer, mesh.nodes.len());
+            for (column, there) in modes.iter_mut().zip(&mut there) {
                 remove_rigid_motion_over(points, column, further, there);
             }
         }

@@ -163,22 +163,23 @@ fn subtract(mesh: &Mesh, motion: &rigid::RigidMotion, u: &mut [f64]) {
 
 /// Remove from a field its least-squares rigid motion over the points.
 pub fn remove_rigid_motion(points: &[[f64; 2]], field: &mut [[f64; 2]]) {
-    remove_rigid_motion_over(points, field, &[], &[]);
+    remove_rigid_motion_over(points, field, &[], &mut []);
 }
 
-/// The same over further points too, where the field is `there`.
+/// Remove from a field its least-squares rigid motion over the points and further ones, where it is `there`.
 pub fn remove_rigid_motion_over(
     points: &[[f64; 2]],
     field: &mut [[f64; 2]],
     further: &[[f64; 2]],
-    there: &[[f64; 2]],
+    there: &mut [[f64; 2]],
 ) {
     let motion = if further.is_empty() {
         rigid::fit(points, field)
     } else {
-        rigid::fit(&[points, further].concat(), &[field, there].concat())
+        rigid::fit(&[points, further].concat(), &[&*field, &*there].concat())
     };
-    for (&p, u) in points.iter().zip(field) {
+    let places = points.iter().chain(further);
+    for (&p, u) in places.zip(field.iter_mut().chain(there)) {
         let [u1, u2] = motion.at(p);
         u[0] -= u1;
         u[1] -= u2;

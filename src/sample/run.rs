@@ -13,7 +13,7 @@ use super::start::Start;
 use super::stream::Key;
 use super::{Block, Sampler, Span, State};
 use crate::chain::{Draws, Layout};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::infer::LogDensity;
 
 /// Runs `schedule.ensembles` independent ensembles of `sampler` on `target`. The draws depend on the seed alone, not on
@@ -179,7 +179,7 @@ impl<'a> Crew<'a> {
 
     /// Advances every ensemble by the same span, in parallel; the draws go to the memory of the run, or to that of a
     /// `window` of warm-up.
-    fn advance(&mut self, span: Span, window: Option<&mut Memory>) {
+    fn advance(&mut self, span: Span, window: Option<&mut Memory>) -> Result<()> {
         let (target, sampler) = (self.target, self.sampler);
         let began = Instant::now();
         let memory = window.unwrap_or(&mut self.memory);
@@ -193,10 +193,17 @@ impl<'a> Crew<'a> {
                 share.count()
             })
             .collect();
-        if let Some(&count) = counts.first() {
-            memory.taken(count);
+        match counts.first() {
+            Some(&count) if counts.len() == self.keys.len() => memory.taken(count),
+            _ => {
+                return Err(Error::program(
+                    "run",
+                    "room for the draws of every ensemble",
+                ));
+            }
         }
         self.pace.learn(span.steps / span.thin, began.elapsed());
+        Ok(())
     }
 
     /// Draws of each chain so far, held or not.
@@ -290,7 +297,7 @@ fn warm_up_window(
             thin: 1,
             warmup: true,
         };
-        crew.advance(span, Some(&mut window));
+        crew.advance(span, Some(&mut window))?;
         done += span.steps;
         let go_on = progress.report(&Report {
             phase: Phase::Warmup,
@@ -328,7 +335,7 @@ fn keep(
                 thin,
                 warmup: false,
             };
-            crew.advance(span, None);
+            crew.advance(span, None)?;
             if let Some(keeper) = &mut crew.keeper {
                 keeper.record(&crew.blocks)?;
             }

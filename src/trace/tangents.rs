@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::fem::Factor;
 use crate::field::Blocks;
 use crate::infer::{Model, forward};
-use crate::reduce::{Gauge, remove_rigid_motion};
+use crate::reduce::{Gauge, remove_rigid_motion_over};
 
 /// One parameter and what it does.
 #[derive(Debug, Clone)]
@@ -399,27 +399,29 @@ impl Tested<'_> {
         high: &[f64],
         low: &[f64],
     ) -> Vec<[f64; 2]> {
-        let points = &self.prepared.observation.field.points;
-        let span = 2.0 * AMPLITUDE_STEP;
-        let mut field: Vec<[f64; 2]> = points
-            .iter()
-            .zip(&here.mechanical)
-            .zip(&here.gradient)
-            .map(|((&p, &u), g)| {
-                let (a, b) = (
-                    effect.true_point(high, &self.scene, p),
-                    effect.true_point(low, &self.scene, p),
-                );
-                let shift = [a[0] - b[0], a[1] - b[1]];
-                let (ua, ub) = (
-                    effect.components(high, &self.scene, p, u),
-                    effect.components(low, &self.scene, p, u),
-                );
-                [0, 1].map(|i| (g[i][0] * shift[0] + g[i][1] * shift[1] + ua[i] - ub[i]) / span)
-            })
-            .collect();
+        let measured = &self.prepared.observation.field;
+        let change = |p: [f64; 2], u: [f64; 2], g: [[f64; 2]; 2]| {
+            let (a, b) = (
+                effect.true_point(high, &self.scene, p),
+                effect.true_point(low, &self.scene, p),
+            );
+            let shift = [a[0] - b[0], a[1] - b[1]];
+            let (ua, ub) = (
+                effect.components(high, &self.scene, p, u),
+                effect.components(low, &self.scene, p, u),
+            );
+            let span = 2.0 * AMPLITUDE_STEP;
+            [0, 1].map(|i| (g[i][0] * shift[0] + g[i][1] * shift[1] + ua[i] - ub[i]) / span)
+        };
+        let at = |points: &[[f64; 2]], u: &[[f64; 2]], g: &[[[f64; 2]; 2]]| -> Vec<[f64; 2]> {
+            let places = points.iter().zip(u).zip(g);
+            places.map(|((&p, &u), &g)| change(p, u, g)).collect()
+        };
+        let mut field = at(&measured.points, &here.mechanical, &here.gradient);
         if self.model.file.gauge == Gauge::Window {
-            remove_rigid_motion(points, &mut field);
+            let (u, g) = &here.outlying;
+            let mut there = at(&measured.outlying, u, g);
+            remove_rigid_motion_over(&measured.points, &mut field, &measured.outlying, &mut there);
         }
         field
     }

@@ -194,8 +194,8 @@ fn field_error(run: &Identified<'_>, truth: &Snapshots, j: usize, theta: &[f64])
     if prepared.problem.gauge == Gauge::Window {
         let field = &prepared.observation.field;
         let (observer, _) = Locator::new(&prepared.plate.mesh).observe(&field.outlying);
-        let there = observer.displacement(&nodal);
-        remove_rigid_motion_over(&field.points, &mut error, &field.outlying, &there);
+        let mut there = observer.displacement(&nodal);
+        remove_rigid_motion_over(&field.points, &mut error, &field.outlying, &mut there);
     }
     let alpha = run.posterior.likelihood().surface_prediction(theta);
     for (column, a) in run.columns.modes.iter().zip(alpha) {

@@ -11,6 +11,9 @@ use crate::sample::{Key, Stream};
 /// Samples of the thickness at each node, as in the article.
 pub const SAMPLES: usize = 4000;
 
+/// Lane of the random streams, which no walker has.
+const LANE: u64 = 1 << 62;
+
 /// Both ways at some nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
@@ -54,10 +57,10 @@ pub fn compare(
     if sd <= 0.0 || nodes == 0 {
         return None;
     }
-    // a stream for the nodes, then one for each: another seed shares none of them
+    // a stream for the nodes, then one for each: another seed shares none of them, nor do walkers
     let stream = |of: usize| {
         let ensemble = of as u64;
-        Stream::at(Key { seed, ensemble }, 0, 0)
+        Stream::at(Key { seed, ensemble }, LANE, 0)
     };
     let mut rng = stream(0);
     let mut thetas: Vec<Vec<f64>> = Vec::new();
