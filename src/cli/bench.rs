@@ -23,7 +23,7 @@ use crate::sample::{
 pub struct Arguments {
     /// Tabulated posterior (default: a small synthetic one)
     file: Option<PathBuf>,
-    /// Draws of each sampler
+    /// Draws of each sampler (of fewer, the first touch of memory is a larger part of the time)
     #[arg(long, default_value_t = 2_000_000)]
     draws: usize,
     /// Repetitions, of which the fastest counts
