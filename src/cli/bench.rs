@@ -26,7 +26,7 @@ pub struct Arguments {
     /// Draws of each sampler (of fewer, the first touch of memory is a larger part of the time)
     #[arg(long, default_value_t = 2_000_000)]
     draws: usize,
-    /// Repetitions, of which the fastest counts
+    /// Seeds, for each of which four runs with one thread and with two are timed; the fastest counts
     #[arg(long, default_value_t = 5)]
     repeat: usize,
 }
@@ -42,7 +42,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     agreement(&table, &posterior, &start)?;
     cost(&posterior, &start)?;
     print(&format!(
-        "min ESS/s: of the bulk over all parameters, a second of sampling without warm-up, of which {} draws are held\n",
+        "min ESS/s: of the bulk over all parameters, a second of sampling without warm-up that holds {} draws at most\n",
         Schedule::default().memory
     ))?;
     for (name, sampler) in samplers() {
@@ -191,7 +191,7 @@ fn vectors() -> String {
     }
 }
 
-/// One run with one thread, and the same with two.
+/// What the runs of one seed took with one thread and with two, and what they drew.
 struct Measured {
     seconds: [f64; 2],
     /// Whether the threads made no difference to the draws and where they ended.

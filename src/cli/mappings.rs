@@ -105,8 +105,8 @@ pub struct Found {
 /// whose units the header states, then ones in other capitals, last those in pixels.
 pub fn matching(header: &[String]) -> Option<Found> {
     let spelled = |calibrated: bool, same: &dyn Fn(&str, &str) -> bool| {
-        let mappings = MAPPINGS.iter().filter(|m| m.unit.is_some() == calibrated);
-        mappings.into_iter().find_map(|mapping| {
+        let mut mappings = MAPPINGS.iter().filter(|m| m.unit.is_some() == calibrated);
+        mappings.find_map(|mapping| {
             let named = |name: &&str| header.iter().find(|h| same(h, name)).cloned();
             let columns: Vec<String> = mapping.columns.iter().map_while(named).collect();
             Some(Found {

@@ -99,13 +99,21 @@ impl Observation {
         self.field.retain(Reason::Outlier, |i| !stray[i])
     }
 
+    /// Where the outliers lie in the mesh, if there are any: the gauge over the measured points counts them.
+    pub fn outlying(&self, mesh: &Mesh) -> Option<Observer> {
+        let outlying = &self.field.outlying;
+        (!outlying.is_empty()).then(|| Locator::new(mesh).observe(outlying).0)
+    }
+
     /// Evaluate modes and the model's additive effects at the points, under its gauge.
     pub fn columns(&self, reduced: &ReducedModel, mesh: &Mesh, model: &Model) -> Columns {
         let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
         if model.file.gauge == Gauge::Window {
             let (points, further) = (&self.field.points, &self.field.outlying);
-            let (observer, _) = Locator::new(mesh).observe(further);
-            let mut there = reduced.columns(&observer, mesh.nodes.len());
+            let mut there = match self.outlying(mesh) {
+                Some(observer) => reduced.columns(&observer, mesh.nodes.len()),
+                None => vec![Vec::new(); modes.len()],
+            };
             for (column, there) in modes.iter_mut().zip(&mut there) {
                 remove_rigid_motion_over(points, column, further, there);
             }

@@ -5,7 +5,6 @@ use nalgebra::{DMatrix, DVector};
 use super::pose::Prepared;
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::fem::Locator;
 use crate::infer::{Columns, LogDensity, Noise, Posterior, Statistics, Whitened};
 use crate::progress::Watch;
 use crate::quantity::NM_PER_MM;
@@ -193,8 +192,8 @@ fn field_error(run: &Identified<'_>, truth: &Snapshots, j: usize, theta: &[f64])
     let mut error = prepared.observation.observer.displacement(&nodal);
     if prepared.problem.gauge == Gauge::Window {
         let field = &prepared.observation.field;
-        let (observer, _) = Locator::new(&prepared.plate.mesh).observe(&field.outlying);
-        let mut there = observer.displacement(&nodal);
+        let outlying = prepared.observation.outlying(&prepared.plate.mesh);
+        let mut there = outlying.map_or_else(Vec::new, |o| o.displacement(&nodal));
         remove_rigid_motion_over(&field.points, &mut error, &field.outlying, &mut there);
     }
     let alpha = run.posterior.likelihood().surface_prediction(theta);
