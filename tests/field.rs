@@ -1,4 +1,4 @@
-//! The measured field: readers, frame, spikes, noise, blocks and their covariance.
+//! The measured field: readers, frame, outliers, noise, blocks and their covariance.
 
 mod readers;
 mod statistics;

@@ -143,7 +143,7 @@ fn mutate(bytes: &[u8], rng: &mut Pcg64Dxsm) -> Vec<u8> {
     out
 }
 
-/// Read `count` mutated versions of `original`; an error must name one of `names`. Some must be refused, or nothing was tested.
+/// Read `count` mutated versions of `original`; an error must name one of `names`. Some must be refused, or nothing was linearised.
 fn feed(
     what: &str,
     original: &[u8],

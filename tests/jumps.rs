@@ -1,6 +1,6 @@
 //! Fringe-order jumps: exact orders, silence without jumps, smeared borders, what the outlier rules leave of a region.
 
-use plychain::field::stray::strays;
+use plychain::field::deviant::deviant_points;
 use plychain::field::{Field, Reason, outliers};
 use plychain::trace::jumps::{FEWEST, Jumps, find};
 
@@ -350,7 +350,7 @@ fn outlier_rules_leave_a_region_to_be_found() {
             let seed = (300 + 3 * s + k) as u64;
             let (mut field, prediction) = field(121, 10.0, seed);
             let truth = shift(&mut field, 0, |p| if shape(p) { orders } else { 0 });
-            let mut keep = strays(
+            let mut keep = deviant_points(
                 &field.points,
                 &field
                     .displacement
@@ -359,9 +359,9 @@ fn outlier_rules_leave_a_region_to_be_found() {
                     .map(|(u, p)| [u[0] - p[0], u[1] - p[1]])
                     .collect::<Vec<_>>(),
             );
-            keep.iter_mut().for_each(|stray| *stray = !*stray);
-            for spike in outliers::spikes(&field.points, &field.displacement) {
-                keep[spike.point] = false;
+            keep.iter_mut().for_each(|deviant| *deviant = !*deviant);
+            for outlier in outliers::outliers(&field.points, &field.displacement) {
+                keep[outlier.point] = false;
             }
             field.retain(Reason::Outlier, |i| keep[i]);
             let kept = |i: &usize| keep[*i];

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{DMatrix, DVector};
 
-use plychain::progress::Unwatched;
+use plychain::progress::Silent;
 use plychain::trace::prepare;
 
 use crate::program::workplace;
@@ -15,7 +15,7 @@ fn left_by(case: &str) -> f64 {
     let cache = workplace().join("runs/.cache");
     let field = |effects: &[&str]| {
         let model = measured(effects, Noise::Of(1e-6), 1);
-        (prepare(&model, &cache, &Unwatched).unwrap(), model)
+        (prepare(&model, &cache, &Silent).unwrap(), model)
     };
     let ((with, model), (without, _)) = (field(&[case]), field(&[]));
     let (with, bare) = (&with.observation.field, &without.observation);

@@ -313,7 +313,7 @@ fn changes_of_the_field_converge_and_are_linear_where_small() {
     let points = points();
     for effect in mechanical() {
         for (k, parameter) in effect.parameters().iter().enumerate() {
-            let tau = parameter.plausible.unwrap();
+            let tau = parameter.prior_sd.unwrap();
             let u = signature(&coarse, effect, k, tau, &points);
             let v = signature(&fine, effect, k, tau, &points);
             let w = signature(&coarse, effect, k, 0.1 * tau, &points);
@@ -437,7 +437,7 @@ struct Shifted;
 
 const SHIFT: [Parameter; 1] = [Parameter {
     name: "shift_mm",
-    plausible: Some(0.1),
+    prior_sd: Some(0.1),
     bound: 1.0,
 }];
 

@@ -535,7 +535,7 @@ fn every_effect_of_no_size_does_nothing() {
         }
         for parameter in effect.parameters() {
             names.push(amplitude_name(*effect, parameter));
-            if let Some(sd) = parameter.plausible {
+            if let Some(sd) = parameter.prior_sd {
                 assert!(sd > 0.0 && 3.0 * sd <= parameter.bound, "{}", effect.name());
             }
         }

@@ -8,8 +8,8 @@ use serde_json::Value;
 use plychain::effect::EFFECTS;
 use plychain::field::matrices::write_matrices;
 use plychain::infer::Model;
-use plychain::progress::Unwatched;
-use plychain::trace::{Patterns, Residual, pose, prepare, start};
+use plychain::progress::Silent;
+use plychain::trace::{Patterns, Residual, inverse_problem, prepare, start};
 
 use crate::program::{fresh, succeed, workplace};
 use crate::tracing::{Noise, measured};
@@ -17,23 +17,23 @@ use crate::tracing::{Noise, measured};
 /// Patterns in what the bare model leaves of a measurement.
 fn patterns(model: &Model) -> Patterns {
     let cache = workplace().join("runs/.cache");
-    let prepared = prepare(model, &cache, &Unwatched).unwrap();
-    let posed = pose(model, prepared, &Unwatched).unwrap();
-    let mode = start(&posed.posterior).unwrap().mode;
-    let scale = posed.posterior.scale(&mode);
-    let theta = &mode[..posed.posterior.structural()];
-    let alpha = posed.posterior.likelihood().expected(theta, scale);
-    let beta = &posed.statistics.effect_offset - &posed.statistics.effect_slope * &alpha;
+    let prepared = prepare(model, &cache, &Silent).unwrap();
+    let inverse = inverse_problem(model, prepared, &Silent).unwrap();
+    let mode = start(&inverse.posterior).unwrap().mode;
+    let scale = inverse.posterior.scale(&mode);
+    let theta = &mode[..inverse.posterior.structural()];
+    let alpha = inverse.posterior.likelihood().expected(theta, scale);
+    let beta = &inverse.statistics.effect_offset - &inverse.statistics.effect_slope * &alpha;
     let residual = Residual::new(
-        &posed.prepared.observation,
-        &posed.columns,
-        &posed.noise,
-        &posed.statistics,
+        &inverse.prepared.observation,
+        &inverse.columns,
+        &inverse.noise,
+        &inverse.statistics,
         &alpha,
         &beta,
     );
-    let field = &posed.prepared.observation.field;
-    Patterns::of(field, &residual.field, &posed.noise, 2.4)
+    let field = &inverse.prepared.observation.field;
+    Patterns::of(field, &residual.field, &inverse.noise, 2.4)
 }
 
 /// A measurement to which something was added: (x, y) in mm to (U, V) in nm.
@@ -103,7 +103,7 @@ fn a_fine_wave_is_found_in_noise_twice_as_large() {
         };
         let found = patterns(&with(noise, 720 + seed as u64, wave));
         let wave = found.wave.expect("a wave");
-        assert_eq!((wave.component, found.breakout), (0, None));
+        assert_eq!((wave.component, found.exceedance), (0, None));
         // half a period more or less passes through a part of 4.8 mm
         assert!(
             (4.8 / wave.length_mm - 4.8 / length).abs() < 1.0,
@@ -119,7 +119,7 @@ fn a_fine_wave_is_found_in_noise_twice_as_large() {
     }
 }
 
-/// A patch that is off by 60 nm is a breakout, and it is where the patch is.
+/// A patch that is off by 60 nm is an exceedance, and it is where the patch is.
 #[test]
 fn a_patch_is_found_where_it_is() {
     let patch = |[x, y]: [f64; 2]| {
@@ -127,10 +127,10 @@ fn a_patch_is_found_where_it_is() {
         [0.0, if inside { 60.0 } else { 0.0 }]
     };
     let found = patterns(&with(Noise::White, 730, patch));
-    let breakout = found.breakout.expect("a breakout");
-    assert_eq!(breakout.component, 1);
-    let [y, x] = breakout.place_mm;
-    assert!(((x.abs() - 5.0).hypot(y + 6.0)) < 3.5, "{breakout:?}");
+    let exceedance = found.exceedance.expect("an exceedance");
+    assert_eq!(exceedance.component, 1);
+    let [y, x] = exceedance.place_mm;
+    assert!(((x.abs() - 5.0).hypot(y + 6.0)) < 3.5, "{exceedance:?}");
 }
 
 /// Miscounted orders, or the ripple of a phase-shift error, out of the dictionary: the verdict is that something is unexplained.
@@ -168,7 +168,7 @@ fn effects_of_the_recording_that_no_dictionary_has_do_not_go_unsaid() {
 #[test]
 fn outliers_do_not_turn_the_gauge() {
     let cache = workplace().join("runs/.cache");
-    let prepared = |model: &Model| prepare(model, &cache, &Unwatched).unwrap();
+    let prepared = |model: &Model| prepare(model, &cache, &Silent).unwrap();
     let clean = measured(&[], Noise::Of(10.0), 5);
     let whole = prepared(&clean);
     let bad = with(Noise::Of(10.0), 5, |[x, y]| {

@@ -8,7 +8,7 @@ use plychain::effect::Scene;
 use plychain::fem::{Density, Plate, Setup};
 use plychain::field::{Axis, Frame};
 use plychain::laminate::{LoadSpec, SpecimenSpec};
-use plychain::progress::Unwatched;
+use plychain::progress::Silent;
 use plychain::reduce::{
     Choice, CrossValidation, Dimension, GOGU_2013, Gauge, Modes, Pod, Problem, ReducedModel,
     ReducedSpec, Reference, Snapshots, Surface, THICKNESS, TRUNCATIONS, Variables, cache,
@@ -388,7 +388,7 @@ fn a_cached_model_is_the_same_and_a_damaged_one_is_rebuilt() {
     problem.spec.snapshots = 60;
     let plate = plate(&problem);
     let obtain =
-        |problem: &Problem| cache::obtain(problem, &plate, directory.path(), &Unwatched).unwrap();
+        |problem: &Problem| cache::obtain(problem, &plate, directory.path(), &Silent).unwrap();
     let text = |model: &ReducedModel| serde_json::to_string(model).unwrap();
     let (first, cached) = obtain(&problem);
     assert!(!cached);

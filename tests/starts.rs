@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use plychain::diagnose::Rule;
 use plychain::error::Result;
 use plychain::sample::{
-    Adaptive, Ensemble, Mixture, Outcome, Progress, Quiet, Report, SAMPLERS, Sampler, Schedule,
+    Adaptive, Ensemble, Mixture, Monitor, Outcome, Quiet, Report, SAMPLERS, Sampler, Schedule,
     Start, Stopped, Stream, run,
 };
 
@@ -155,7 +155,7 @@ fn the_declared_mixture_is_the_default() {
 /// Ends a run after a number of reports.
 struct Impatient(AtomicUsize);
 
-impl Progress for Impatient {
+impl Monitor for Impatient {
     fn report(&self, _report: &Report) -> bool {
         self.0.fetch_sub(1, Ordering::Relaxed) > 1
     }
@@ -165,7 +165,7 @@ impl Progress for Impatient {
 fn progress_can_end_a_run() {
     let target = targets::banana();
     for reports in [1, 4] {
-        let watch = Impatient(AtomicUsize::new(reports));
+        let progress = Impatient(AtomicUsize::new(reports));
         let schedule = Schedule {
             warmup: Some(500),
             ..Schedule::default()
@@ -180,7 +180,7 @@ fn progress_can_end_a_run() {
             &ball(&[0.0; 2]),
             &schedule,
             &never,
-            &watch,
+            &progress,
         )
         .unwrap();
         assert_eq!(outcome.stopped, Stopped::Interrupted);

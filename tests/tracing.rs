@@ -10,8 +10,8 @@ use plychain::effect::{Acting, EFFECTS, Kind};
 use plychain::field::matrices::write_matrices;
 use plychain::infer::Model;
 use plychain::infer::simulate::{Truth, simulate};
-use plychain::progress::Unwatched;
-use plychain::trace::{State, Tracing, attribute, extended, pose, prepare, start};
+use plychain::progress::Silent;
+use plychain::trace::{State, Tracing, attribute, extended, inverse_problem, prepare, start};
 
 use serde_json::Value;
 
@@ -77,7 +77,7 @@ pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
 /// Trace until nothing more is accepted, without chains; what was accepted, with its alias group, and the last tracing.
 pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing) {
     let cache = workplace().join("runs/.cache");
-    let mut prepared = prepare(model, &cache, &Unwatched).unwrap();
+    let mut prepared = prepare(model, &cache, &Silent).unwrap();
     let mut model = model.clone();
     let mut state = State {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
@@ -85,7 +85,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
     };
     let mut accepted = Vec::new();
     loop {
-        let tracing = attribute(&model, &prepared, state.clone(), &Unwatched).unwrap();
+        let tracing = attribute(&model, &prepared, state.clone(), &Silent).unwrap();
         let Some(effect) = tracing.accepted.filter(|_| accepted.len() < 5) else {
             return (accepted, tracing);
         };
@@ -99,7 +99,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
             let mut bare = model.clone();
             bare.effects
                 .retain(|e| e.kind() == Kind::Recorded || e.name() == "rigid_translation");
-            prepared = prepare(&bare, &cache, &Unwatched).unwrap();
+            prepared = prepare(&bare, &cache, &Silent).unwrap();
         } else {
             state.set(effect, amplitude.iter().map(|a| a.0).collect());
         }
@@ -366,12 +366,12 @@ fn what_cannot_be_seen_is_said_to_be() {
 #[test]
 fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Unwatched).unwrap();
+    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
     let state = State {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
         acting: Vec::new(),
     };
-    let tracing = attribute(&model, &prepared, state, &Unwatched).unwrap();
+    let tracing = attribute(&model, &prepared, state, &Silent).unwrap();
     let group = &tracing.groups[0];
     assert_eq!(group.leader, "in_plane_bending");
     if group.members.contains(&"thickness_taper") {
@@ -512,9 +512,9 @@ fn quiet() {
         for seed in 0..SEEDS {
             let model = measured(&[case], Noise::White, 500 + seed);
             let cache = workplace().join("runs/.cache");
-            let prepared = prepare(&model, &cache, &Unwatched).unwrap();
-            let posed = pose(&model, prepared, &Unwatched).unwrap();
-            let bare = start(&posed.posterior).unwrap();
+            let prepared = prepare(&model, &cache, &Silent).unwrap();
+            let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+            let bare = start(&inverse.posterior).unwrap();
             let (_, last) = traced(&model);
             for k in 0..4 {
                 let dim = bare.mode.len();

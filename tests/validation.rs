@@ -134,8 +134,8 @@ fn impossible_bounds_are_refused() {
 #[test]
 fn monte_carlo_over_the_thickness_agrees_with_the_analytic_marginal() {
     let (posterior, _, bounds) = posterior();
-    let watch = plychain::progress::Unwatched;
-    let found = thickness::compare(&posterior, &bounds, 1.0, [200, 4000], 3, &watch).unwrap();
+    let progress = plychain::progress::Silent;
+    let found = thickness::compare(&posterior, &bounds, 1.0, [200, 4000], 3, &progress).unwrap();
     assert_eq!(found.differences.len(), 200);
     assert!(found.worst() < 4.2, "{}", found.worst());
     assert!((0.7..1.3).contains(&found.rms()), "{}", found.rms());

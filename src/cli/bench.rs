@@ -12,8 +12,7 @@ use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::infer::{LogDensity, Moments, Posterior, Tabulated, laplace};
 use crate::sample::{
-    De, Ensemble, Mixture, Outcome, Phase, Progress, Report, Sampler, Schedule, Start, Stop,
-    Stretch,
+    De, Ensemble, Mixture, Monitor, Outcome, Phase, Report, Sampler, Schedule, Start, Stop, Stretch,
 };
 
 /// Arguments of `bench`.
@@ -331,7 +330,7 @@ impl Stop for Never {
 /// Starts when warm-up ends.
 struct Clock(Cell<Instant>);
 
-impl Progress for Clock {
+impl Monitor for Clock {
     fn report(&self, report: &Report) -> bool {
         if report.phase == Phase::Warmup {
             // The last report of warm-up counts.

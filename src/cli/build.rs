@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::fem::verify::{Check, checks};
 use crate::infer::Model;
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::reduce::cache as reduced_models;
 use crate::report::tables;
 use crate::trace::{self, Prepared};

@@ -14,7 +14,7 @@ use crate::chain::write_csv;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::report::{Alone, Page, numbers, ranking, terminal, traced};
 use crate::trace::{self, Closed, State};
 

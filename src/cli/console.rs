@@ -1,4 +1,4 @@
-//! Progress: bars on a terminal, plain lines otherwise, nothing when quiet. Always on standard error.
+//! Monitor: bars on a terminal, plain lines otherwise, nothing when quiet. Always on standard error.
 
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, Mutex, Weak};
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::progress::Watch;
+use crate::progress::Progress;
 
 /// Watches work for a person.
 pub struct Console {
@@ -114,7 +114,7 @@ impl Stage {
     }
 }
 
-impl Watch for Console {
+impl Progress for Console {
     fn begin(&self, what: &str, steps: Option<u64>) {
         self.with(|stage| {
             let bar = (self.mode == Mode::Bars).then(|| bar(what, steps));
@@ -131,7 +131,7 @@ impl Watch for Console {
         });
     }
 
-    fn tick(&self) {
+    fn step(&self) {
         self.with(|stage| {
             let Some(stage) = stage else { return };
             stage.done += 1;

@@ -29,7 +29,7 @@ pub struct Arguments {
 struct Entry {
     effect: &'static dyn Effect,
     /// Of each parameter.
-    plausible: Vec<Option<f64>>,
+    prior_sd: Vec<Option<f64>>,
     obstacle: Option<&'static str>,
     declared: bool,
     candidate: bool,
@@ -56,13 +56,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> Entry {
     let named = |names: &[String]| names.iter().any(|name| name == effect.name());
-    let plausible = effect.parameters().iter().enumerate();
+    let prior_sd = effect.parameters().iter().enumerate();
     Entry {
         effect,
-        plausible: plausible
+        prior_sd: prior_sd
             .map(|(k, parameter)| match model {
-                Some(model) => model.plausible(effect, k),
-                None => parameter.plausible,
+                Some(model) => model.prior_sd(effect, k),
+                None => parameter.prior_sd,
             })
             .collect(),
         obstacle: model.and_then(|m| effect.obstacle(&m.scene())),
@@ -76,7 +76,7 @@ fn numbers(entry: &Entry, with_model: bool) -> Value {
     let parameters: Vec<Value> = effect
         .parameters()
         .iter()
-        .zip(&entry.plausible)
+        .zip(&entry.prior_sd)
         .map(|(p, plausible)| {
             json!({ "name": p.name, "unit": p.unit(), "plausible": plausible, "bound": p.bound })
         })
@@ -111,7 +111,7 @@ fn text(entries: &[Entry], model: Option<&Model>) -> String {
     for entry in entries {
         let effect = entry.effect;
         let _ = writeln!(text, "\n{}: {}", effect.name(), effect.kind().words());
-        for (parameter, plausible) in effect.parameters().iter().zip(&entry.plausible) {
+        for (parameter, plausible) in effect.parameters().iter().zip(&entry.prior_sd) {
             let _ = writeln!(
                 text,
                 "  {:width$}  {}",

@@ -12,7 +12,7 @@ use super::{Global, print};
 use crate::chain::write_csv;
 use crate::error::{Error, Result};
 use crate::infer::Model;
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::report::{Page, numbers, terminal};
 use crate::trace::{self, Round};
 

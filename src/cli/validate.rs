@@ -19,7 +19,7 @@ use crate::infer::{LogDensity, Model, Posterior};
 use crate::report::calibration::{article_numbers, article_text};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, Schedule};
-use crate::trace::{self, Identified, Options, Posed, Prepared, SurrogateError};
+use crate::trace::{self, Identified, InverseProblem, Options, Prepared, SurrogateError};
 use crate::validate::grid::{self, Grid};
 use crate::validate::{priors, quadrature, thickness};
 
@@ -106,7 +106,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let rounds = [round];
     write(&model, &rounds, &folder, global.seed)?.write(folder.path(), false)?;
     let [round] = rounds;
-    let posed = Posed {
+    let inverse = InverseProblem {
         prepared: round.prepared,
         columns: round.columns,
         noise: round.noise,
@@ -115,7 +115,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     };
     let found = Found {
         model: &model,
-        posed,
+        inverse,
         draws: round.draws,
         truth: Some(round.surrogate),
         refinements: 0,
@@ -128,7 +128,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
 /// A posterior and its chain.
 struct Found<'a> {
     model: &'a Model,
-    posed: Posed,
+    inverse: InverseProblem,
     draws: Draws,
     truth: Option<SurrogateError>,
     refinements: usize,
@@ -155,13 +155,13 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
     check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;
     let (prepared, refinements) = as_refined(path, &model, console)?;
-    let posed = trace::pose(&model, prepared, console)?;
-    if draws.names() != posed.posterior.names() {
+    let inverse = trace::inverse_problem(&model, prepared, console)?;
+    if draws.names() != inverse.posterior.names() {
         return Err(Error::input(
             path.join("chain.zarr").display(),
             format!(
                 "a chain of {}, as the run's model has",
-                posed.posterior.names().join(", ")
+                inverse.posterior.names().join(", ")
             ),
         )
         .found(draws.names().join(", "))
@@ -174,7 +174,7 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
     }
     let found = Found {
         model: &model,
-        posed,
+        inverse,
         draws,
         truth: None,
         refinements,
@@ -216,7 +216,7 @@ fn validate(
     global: &Global,
     console: &Console,
 ) -> Result<()> {
-    let posterior = &found.posed.posterior;
+    let posterior = &found.inverse.posterior;
     let chain = diagnose(&found.draws, &Rule::default()).rows;
     let mode = trace::start(posterior)?;
     let bounds = bounds(arguments, posterior, &chain)?;
@@ -301,14 +301,14 @@ impl Found<'_> {
         if let Some(truth) = &self.truth {
             return Ok(truth.clone());
         }
-        let posed = &self.posed;
+        let inverse = &self.inverse;
         SurrogateError::measure(
             &Identified {
-                prepared: &posed.prepared,
-                columns: &posed.columns,
-                noise: &posed.noise,
-                statistics: &posed.statistics,
-                posterior: &posed.posterior,
+                prepared: &inverse.prepared,
+                columns: &inverse.columns,
+                noise: &inverse.noise,
+                statistics: &inverse.statistics,
+                posterior: &inverse.posterior,
                 draws: &self.draws,
             },
             console,

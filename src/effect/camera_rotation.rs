@@ -13,7 +13,7 @@ impl Effect for CameraRotation {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "angle_deg",
-            plausible: Some(0.5),
+            prior_sd: Some(0.5),
             bound: 180.0,
         }]
     }

@@ -13,7 +13,7 @@ impl Effect for CameraTilt {
     fn parameters(&self) -> &'static [Parameter] {
         const TILT: Parameter = Parameter {
             name: "",
-            plausible: Some(1e-4),
+            prior_sd: Some(1e-4),
             bound: 2e-3,
         };
         &[

@@ -12,12 +12,12 @@ impl Effect for FringeOrderJump {
     fn parameters(&self) -> &'static [Parameter] {
         const ORDERS: Parameter = Parameter {
             name: "",
-            plausible: None,
+            prior_sd: None,
             bound: 1e3,
         };
         const PLACE: Parameter = Parameter {
             name: "",
-            plausible: None,
+            prior_sd: None,
             bound: 1e5,
         };
         &[

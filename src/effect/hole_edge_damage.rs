@@ -16,7 +16,7 @@ impl Effect for HoleEdgeDamage {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "loss_percent",
-            plausible: Some(20.0),
+            prior_sd: Some(20.0),
             bound: 95.0,
         }]
     }

@@ -13,7 +13,7 @@ impl Effect for HoleOffset {
     fn parameters(&self) -> &'static [Parameter] {
         const OFFSET: Parameter = Parameter {
             name: "",
-            plausible: Some(0.3),
+            prior_sd: Some(0.3),
             bound: 1e3,
         };
         &[

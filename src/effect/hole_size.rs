@@ -13,7 +13,7 @@ impl Effect for HoleSize {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "diameter_percent",
-            plausible: Some(2.0),
+            prior_sd: Some(2.0),
             bound: 90.0,
         }]
     }

@@ -13,7 +13,7 @@ impl Effect for InPlaneBending {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "eccentricity_mm",
-            plausible: Some(0.2),
+            prior_sd: Some(0.2),
             bound: 5.0,
         }]
     }

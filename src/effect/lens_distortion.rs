@@ -21,7 +21,7 @@ impl Effect for LensDistortion {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "percent_at_12mm",
-            plausible: Some(0.3),
+            prior_sd: Some(0.3),
             bound: 2.0,
         }]
     }

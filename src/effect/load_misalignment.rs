@@ -13,7 +13,7 @@ impl Effect for LoadMisalignment {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "angle_deg",
-            plausible: Some(1.0),
+            prior_sd: Some(1.0),
             bound: 20.0,
         }]
     }

@@ -13,7 +13,7 @@ impl Effect for LoadScale {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "percent",
-            plausible: Some(0.5),
+            prior_sd: Some(0.5),
             bound: 99.0,
         }]
     }

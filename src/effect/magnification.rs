@@ -18,7 +18,7 @@ impl Effect for Magnification {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "percent",
-            plausible: Some(1.0),
+            prior_sd: Some(1.0),
             bound: 20.0,
         }]
     }

@@ -69,7 +69,7 @@ pub struct Parameter {
     /// Name that ends in its unit (`angle_urad`).
     pub name: &'static str,
     /// Standard deviation of the amplitude's normal prior, in that unit; `None` where nothing bounds it.
-    pub plausible: Option<f64>,
+    pub prior_sd: Option<f64>,
     /// Largest amplitude for which the effect is modelled.
     pub bound: f64,
 }

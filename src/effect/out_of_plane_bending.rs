@@ -19,12 +19,12 @@ impl Effect for OutOfPlaneBending {
         &[
             Parameter {
                 name: "uniform_per_m",
-                plausible: Some(0.025),
+                prior_sd: Some(0.025),
                 bound: 100.0,
             },
             Parameter {
                 name: "gradient_per_m_per_mm",
-                plausible: Some(0.0025),
+                prior_sd: Some(0.0025),
                 bound: 10.0,
             },
         ]

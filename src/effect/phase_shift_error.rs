@@ -13,7 +13,7 @@ impl Effect for PhaseShiftError {
     fn parameters(&self) -> &'static [Parameter] {
         const RIPPLE: Parameter = Parameter {
             name: "",
-            plausible: Some(20.0),
+            prior_sd: Some(20.0),
             bound: 1e3,
         };
         &[

@@ -13,7 +13,7 @@ impl Effect for RegistrationOffset {
     fn parameters(&self) -> &'static [Parameter] {
         const OFFSET: Parameter = Parameter {
             name: "",
-            plausible: Some(0.1),
+            prior_sd: Some(0.1),
             bound: 2.0,
         };
         &[

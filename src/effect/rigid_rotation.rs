@@ -13,7 +13,7 @@ impl Effect for RigidRotation {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "angle_urad",
-            plausible: Some(100.0),
+            prior_sd: Some(100.0),
             bound: 1e4,
         }]
     }

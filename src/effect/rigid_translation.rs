@@ -13,7 +13,7 @@ impl Effect for RigidTranslation {
     fn parameters(&self) -> &'static [Parameter] {
         const FREE: Parameter = Parameter {
             name: "",
-            plausible: None,
+            prior_sd: None,
             bound: 1e6,
         };
         &[

@@ -13,7 +13,7 @@ impl Effect for ShearNonlinearity {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "beta_per_MPa3",
-            plausible: Some(1e-7),
+            prior_sd: Some(1e-7),
             bound: 1e-6,
         }]
     }

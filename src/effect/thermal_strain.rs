@@ -13,7 +13,7 @@ impl Effect for ThermalStrain {
     fn parameters(&self) -> &'static [Parameter] {
         &[Parameter {
             name: "dT_K",
-            plausible: Some(3.0),
+            prior_sd: Some(3.0),
             bound: 300.0,
         }]
     }

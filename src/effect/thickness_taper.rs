@@ -13,7 +13,7 @@ impl Effect for ThicknessTaper {
     fn parameters(&self) -> &'static [Parameter] {
         const TAPER: Parameter = Parameter {
             name: "",
-            plausible: Some(2.0),
+            prior_sd: Some(2.0),
             bound: 190.0,
         };
         &[

@@ -15,7 +15,7 @@ impl Effect for UniformStrain {
     fn parameters(&self) -> &'static [Parameter] {
         const STRAIN: Parameter = Parameter {
             name: "",
-            plausible: Some(10.0),
+            prior_sd: Some(10.0),
             bound: 1e4,
         };
         &[

@@ -16,7 +16,7 @@ pub(super) struct LocalFit<'a> {
     points: &'a [[f64; 2]],
     displacement: &'a [[f64; 2]],
     tree: RTree<GeomWithData<[f64; 2], u32>>,
-    /// Points that are nobody's neighbours: spikes already found.
+    /// Points that are nobody's neighbours: outliers already found.
     pub excluded: Vec<bool>,
 }
 
@@ -111,7 +111,7 @@ impl<'a> LocalFit<'a> {
     }
 
     /// A fit of component `k` about point `i` by least absolute deviations (reweighted), with deviations below
-    /// `scale` counted alike: a few spikes among the neighbours do not move it.
+    /// `scale` counted alike: a few outliers among the neighbours do not move it.
     pub fn robust(&self, i: usize, k: usize, scale: f64) -> RobustFit {
         const SWEEPS: usize = 12;
         let near = self.neighbourhood(i);

@@ -54,7 +54,7 @@ pub struct Rejected {
     pub missing: usize,
     /// Outside the declared window.
     pub outside_window: usize,
-    /// Spikes ([`super::outliers`]).
+    /// Outliers ([`super::outliers`]).
     pub outliers: usize,
     /// Outside the plate or inside the hole, as the caller knows them.
     pub outside_plate: usize,
@@ -65,7 +65,7 @@ pub struct Rejected {
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,
-    /// A spike.
+    /// A outlier.
     Outlier,
     /// Outside the plate or inside the hole.
     OutsidePlate,
@@ -211,7 +211,7 @@ impl Field {
             .count();
         let spacing = self.spacing_mm();
         let expected = std::f64::consts::PI * (reach / spacing.max(f64::MIN_POSITIVE)).powi(2);
-        // a few stray points of a correlation program are not evidence of a wrong centre
+        // a few deviant points of a correlation program are not evidence of a wrong centre
         let void = (inside as f64) < (0.02 * expected).max(3.0);
         if void && (self.surrounds_origin() || !self.has_void(reach, spacing)) {
             return Ok(());

@@ -1,10 +1,11 @@
-//! The measured field: readers, frame, spikes, noise, block averages and their covariance.
+//! The measured field: readers, frame, outliers, noise, block averages and their covariance.
 //!
 //! Inside this crate a field is points (s, t) and displacements (u1, u2) in mm, direction 1 along the load, origin
 //! at the hole's centre. [`spec::MeasurementSpec::read`] makes one from files.
 
 pub mod blocks;
 pub mod covariance;
+pub mod deviant;
 pub mod frame;
 mod local;
 pub mod matrices;
@@ -15,7 +16,6 @@ pub mod places;
 pub mod reml;
 pub mod rigid;
 pub mod spec;
-pub mod stray;
 pub mod table;
 
 pub use blocks::Blocks;

@@ -24,7 +24,7 @@ pub struct WhiteNoise {
 
 /// Estimate the white noise of `field` from the residuals of local quadratic fits, each scaled by its leverage. Their
 /// variance is that of the residuals within three standard deviations, made consistent for the normal
-/// distribution, so that spikes, fringe-order jumps and the strongest gradients do not enter. Smooth
+/// distribution, so that outliers, fringe-order jumps and the strongest gradients do not enter. Smooth
 /// structure and noise correlated over many spacings are not seen; noise correlated over few is, in part.
 pub fn white(field: &Field) -> WhiteNoise {
     /// Enough for a standard error of 0.4 %.

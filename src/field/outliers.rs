@@ -1,8 +1,8 @@
-//! Spikes: points that contradict all their neighbours, found without any model of the field.
+//! Outliers: points that contradict all their neighbours, found without any model of the field.
 //!
-//! Each point is predicted by a quadratic through its nearest neighbours. It is a spike where the residual exceeds
+//! Each point is predicted by a quadratic through its nearest neighbours. It is a outlier where the residual exceeds
 //! [`MULTIPLE`] standard deviations (a MAD, of the field or of the point's part of it, whichever is larger, widened
-//! by the leverage) *and* hardly any neighbour shares the deviation: a region shifted by a fringe order is no spike.
+//! by the leverage) *and* hardly any neighbour shares the deviation: a region shifted by a fringe order is no outlier.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::local::{LocalFit, mad, median};
 use super::measured::{Field, Reason, bounds};
 
-/// A residual beyond this many standard deviations makes a spike (6e-7 of good Gaussian points).
+/// A residual beyond this many standard deviations makes a outlier (6e-7 of good Gaussian points).
 pub const MULTIPLE: f64 = 5.0;
 /// Least-squares residuals beyond this many standard deviations are looked at again, robustly.
 const SUSPICIOUS: f64 = 3.0;
@@ -22,29 +22,29 @@ const COMPANIONS: usize = 4;
 /// Points in the parts of the field that have a scale of their own.
 const PART: usize = 400;
 
-/// Which components of a point are spikes.
+/// Which components of a point are outliers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Spike {
+pub struct Outlier {
     /// Index of the point.
     pub point: usize,
-    /// Whether u1 and u2 are spikes.
+    /// Whether u1 and u2 are outliers.
     pub component: [bool; 2],
 }
 
-/// Drop the spikes of `field`, count them, and return how many there were.
+/// Drop the outliers of `field`, count them, and return how many there were.
 pub fn reject(field: &mut Field) -> usize {
     let mut keep = vec![true; field.len()];
-    for spike in spikes(&field.points, &field.displacement) {
-        keep[spike.point] = false;
+    for outlier in outliers(&field.points, &field.displacement) {
+        keep[outlier.point] = false;
     }
     field.retain(Reason::Outlier, |i| keep[i])
 }
 
-/// The spikes among `displacement` (u1, u2) at `points` (s, t), by increasing index of the point.
+/// The outliers among `displacement` (u1, u2) at `points` (s, t), by increasing index of the point.
 ///
-/// Spikes that are found no longer count as neighbours, which may unmask others: the suspicious points are looked
+/// Outliers that are found no longer count as neighbours, which may unmask others: the suspicious points are looked
 /// at again until no more are found.
-pub fn spikes(points: &[[f64; 2]], displacement: &[[f64; 2]]) -> Vec<Spike> {
+pub fn outliers(points: &[[f64; 2]], displacement: &[[f64; 2]]) -> Vec<Outlier> {
     const ROUNDS: usize = 6;
     let mut fits = LocalFit::new(points, displacement);
     let residuals: Vec<([f64; 2], f64)> = (0..points.len())
@@ -57,28 +57,28 @@ pub fn spikes(points: &[[f64; 2]], displacement: &[[f64; 2]]) -> Vec<Spike> {
     let mut candidates: Vec<usize> = (0..points.len())
         .filter(|&i| suspicious(i, 0) || suspicious(i, 1))
         .collect();
-    let mut found: Vec<Spike> = Vec::new();
+    let mut found: Vec<Outlier> = Vec::new();
     for _ in 0..ROUNDS {
-        let spikes: Vec<Spike> = candidates
+        let outliers: Vec<Outlier> = candidates
             .par_iter()
             .filter_map(|&point| {
                 let component = [0, 1]
                     .map(|k| suspicious(point, k) && is_spike(&fits, point, k, scales[k][point]));
                 component
                     .contains(&true)
-                    .then_some(Spike { point, component })
+                    .then_some(Outlier { point, component })
             })
             .collect();
-        if spikes.is_empty() {
+        if outliers.is_empty() {
             break;
         }
-        spikes
+        outliers
             .iter()
-            .for_each(|spike| fits.excluded[spike.point] = true);
+            .for_each(|outlier| fits.excluded[outlier.point] = true);
         candidates.retain(|&i| !fits.excluded[i]);
-        found.extend(spikes);
+        found.extend(outliers);
     }
-    found.sort_unstable_by_key(|spike| spike.point);
+    found.sort_unstable_by_key(|outlier| outlier.point);
     found
 }
 
@@ -126,7 +126,7 @@ fn is_spike(fits: &LocalFit, i: usize, k: usize, scale: f64) -> bool {
         && !fits.joins_one_side(i, k, scale, SUSPICIOUS)
 }
 
-/// Curvature of the field about point `i` as its nearest neighbours see it, each from its own fit: a cluster of spikes
+/// Curvature of the field about point `i` as its nearest neighbours see it, each from its own fit: a cluster of outliers
 /// bends one fit but hardly the median of several.
 fn curvature(fits: &LocalFit, i: usize, k: usize, scale: f64) -> f64 {
     const WITNESSES: usize = 8;

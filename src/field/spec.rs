@@ -21,7 +21,7 @@ pub struct MeasurementSpec {
     pub frame: Frame,
     /// Frequency f_s of a moire grating in lines per mm of displacement (a fringe order is 1/f_s), if it is one.
     pub fringe_frequency_per_mm: Option<f64>,
-    /// What happens to spikes.
+    /// What happens to outliers.
     pub outliers: OutlierRule,
 }
 
@@ -68,7 +68,7 @@ pub struct Units {
     pub displacements: String,
 }
 
-/// What happens to points that [`outliers::spikes`] finds.
+/// What happens to points that [`outliers::outliers`] finds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OutlierRule {
@@ -291,7 +291,7 @@ impl MeasurementSpec {
     }
 
     /// Read the field. Relative paths start at `base_dir`, the model file's directory; `window_mm`
-    /// `[[x0, y0], [x1, y1]]` in the data's coordinates restricts the points used. Spikes are dropped unless they
+    /// `[[x0, y0], [x1, y1]]` in the data's coordinates restricts the points used. Outliers are dropped unless they
     /// are declared to be kept.
     ///
     /// # Errors

@@ -193,10 +193,10 @@ impl Model {
 
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the
     /// dictionary's; `None` where nothing bounds it.
-    pub fn plausible(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
+    pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
         let parameter = &effect.parameters()[k];
         let own = self.file.plausible.get(&amplitude_name(effect, parameter));
-        own.copied().or(parameter.plausible)
+        own.copied().or(parameter.prior_sd)
     }
 
     /// What effects may need to know of the nominal test: prior means, mean thickness.
@@ -284,7 +284,7 @@ impl Model {
         for effect in self.sampled() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
                 let reach = self
-                    .plausible(effect, k)
+                    .prior_sd(effect, k)
                     .map_or(parameter.bound, |sd| (BOX_SDS * sd).min(parameter.bound));
                 dimensions.push(Dimension {
                     name: amplitude_name(effect, parameter),

@@ -9,7 +9,7 @@ use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
-use crate::field::stray::strays;
+use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason};
 use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion_over};
 
@@ -32,7 +32,7 @@ pub struct Columns {
     /// Name of each effect column, `effect.parameter`.
     pub names: Vec<String>,
     /// Prior standard deviation of each effect column's amplitude; `None` is flat.
-    pub plausible: Vec<Option<f64>>,
+    pub prior_sd: Vec<Option<f64>>,
 }
 
 /// Residual of each component's least-squares fit on its own modes and {1, s, t}.
@@ -94,9 +94,9 @@ impl Observation {
     pub fn drop_strays(&mut self, reduced: &ReducedModel, mesh: &Mesh) -> usize {
         let modes = reduced.columns(&self.observer, mesh.nodes.len());
         let residual = residual_of_fit(&self.field, &modes);
-        let stray = strays(&self.field.points, &residual);
-        self.observer.retain(|i| !stray[i]);
-        self.field.retain(Reason::Outlier, |i| !stray[i])
+        let deviant = deviant_points(&self.field.points, &residual);
+        self.observer.retain(|i| !deviant[i]);
+        self.field.retain(Reason::Outlier, |i| !deviant[i])
     }
 
     /// Where the outliers lie in the mesh, if there are any: the gauge over the measured points counts them.
@@ -122,14 +122,14 @@ impl Observation {
             modes,
             effects: Vec::new(),
             names: Vec::new(),
-            plausible: Vec::new(),
+            prior_sd: Vec::new(),
         };
         let scene = model.scene();
         for effect in model.additive() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
                 columns.effects.push(self.additive(effect, k, &scene));
                 columns.names.push(amplitude_name(effect, parameter));
-                columns.plausible.push(model.plausible(effect, k));
+                columns.prior_sd.push(model.prior_sd(effect, k));
             }
         }
         columns

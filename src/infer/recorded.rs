@@ -60,11 +60,11 @@ impl Observation {
         for _ in 0..PASSES {
             let smooth = smooth_field(&self.field, &modes, &tiles);
             let columns = recorded_columns(&effects, &scene, &self.field.points, &smooth);
-            let plausible: Vec<Option<f64>> = effects
+            let prior_sd: Vec<Option<f64>> = effects
                 .iter()
-                .flat_map(|e| (0..e.parameters().len()).map(|k| model.plausible(*e, k)))
+                .flat_map(|e| (0..e.parameters().len()).map(|k| model.prior_sd(*e, k)))
                 .collect();
-            let (mean, sd) = regress(&tiles, &measured, &smooth, &columns, &plausible)?;
+            let (mean, sd) = regress(&tiles, &measured, &smooth, &columns, &prior_sd)?;
             self.field.displacement = measured.clone();
             for (column, a) in columns.iter().zip(&mean) {
                 for (u, c) in self.field.displacement.iter_mut().zip(column) {

@@ -41,7 +41,7 @@ impl Statistics {
         let prior = DVector::from_iterator(
             q,
             columns
-                .plausible
+                .prior_sd
                 .iter()
                 .map(|s| s.map_or(0.0, |s| 1.0 / (s * s))),
         );

@@ -11,7 +11,7 @@ use super::problem::{Problem, ReducedSpec};
 use super::snapshots::Snapshots;
 use crate::error::{Error, Result};
 use crate::fem::Plate;
-use crate::progress::Watch;
+use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
 const FORMAT: u32 = 6;
@@ -64,29 +64,29 @@ pub fn obtain(
     problem: &Problem,
     plate: &Plate,
     directory: &Path,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<(ReducedModel, bool)> {
     let key = key(problem);
     let path = directory.join(format!("{key}.json"));
     if let Some(model) = read(&path, &key) {
-        watch.begin("reduced model found in the cache, nothing to solve", None);
-        watch.end();
+        progress.begin("reduced model found in the cache, nothing to solve", None);
+        progress.end();
         return Ok((model, true));
     }
-    watch.begin(
+    progress.begin(
         "finite-element snapshots",
         Some(problem.spec.snapshots as u64),
     );
-    let snapshots = Snapshots::compute(problem, plate, &|| watch.tick())?;
-    watch.end();
-    watch.begin("modes and response surfaces", None);
+    let snapshots = Snapshots::compute(problem, plate, &|| progress.step())?;
+    progress.end();
+    progress.begin("modes and response surfaces", None);
     let model = ReducedModel::build(problem, plate, &snapshots)?;
     let stored = Stored { key, model };
     // A cache that cannot be written costs time, not correctness.
     if let Err(e) = write(&path, &stored) {
-        watch.say(&format!("not cached ({e})"));
+        progress.say(&format!("not cached ({e})"));
     }
-    watch.end();
+    progress.end();
     Ok((stored.model, false))
 }
 

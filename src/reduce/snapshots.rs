@@ -42,8 +42,8 @@ fn check_memory(nodes: usize, snapshots: usize) -> Result<()> {
 }
 
 impl Snapshots {
-    /// Solve over a Latin hypercube of `problem.spec.snapshots` points. `tick` is called after each solution.
-    pub fn compute(problem: &Problem, plate: &Plate, tick: &(dyn Fn() + Sync)) -> Result<Self> {
+    /// Solve over a Latin hypercube of `problem.spec.snapshots` points. `step` is called after each solution.
+    pub fn compute(problem: &Problem, plate: &Plate, step: &(dyn Fn() + Sync)) -> Result<Self> {
         let design = latin_hypercube(
             problem.spec.snapshots,
             problem.dimensions.len(),
@@ -53,7 +53,7 @@ impl Snapshots {
             .iter()
             .map(|unit| scale(&problem.dimensions, unit))
             .collect();
-        Self::at(problem, plate, points, tick)
+        Self::at(problem, plate, points, step)
     }
 
     /// Solve at given points of the parameter space.
@@ -61,7 +61,7 @@ impl Snapshots {
         problem: &Problem,
         plate: &Plate,
         points: Vec<Vec<f64>>,
-        tick: &(dyn Fn() + Sync),
+        step: &(dyn Fn() + Sync),
     ) -> Result<Self> {
         let nodes = window_nodes(&plate.mesh, problem.window);
         if nodes.is_empty() {
@@ -82,7 +82,7 @@ impl Snapshots {
                 || plate.factor(),
                 |factor, point| {
                     let seen = window.seen(factor, point)?;
-                    tick();
+                    step();
                     Ok(seen)
                 },
             )

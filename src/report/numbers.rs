@@ -147,7 +147,7 @@ fn patterns(round: &Round) -> Value {
     let frame = &round.prepared.observation.field.frame;
     let name = |component: usize| ["u1", "u2"][component];
     json!({
-        "breakout": round.patterns.breakout.map(|b| json!({
+        "breakout": round.patterns.exceedance.map(|b| json!({
             "component": name(b.component), "blocks": b.blocks, "of": b.of, "expected": b.expected, "p": b.p,
             "place_in_data_mm": frame.data_point(b.place_mm), "sds": b.sds,
         })),

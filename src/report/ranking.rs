@@ -207,7 +207,7 @@ pub fn closed(closed: &Closed) -> String {
     );
     text += "\n";
     text += &constants(closed);
-    if let Some(round) = &closed.honest {
+    if let Some(round) = &closed.with_discrepancy {
         text += "\nthe last model with the unexplained structure as a correlated discrepancy, if nothing acts that it does not declare\n\n";
         let rows: Vec<Vec<String>> = round
             .verdict

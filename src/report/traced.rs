@@ -21,7 +21,7 @@ pub fn report(closed: &Closed, seed: u64) -> Value {
         "rounds": steps.iter().map(step).collect::<Vec<_>>(),
         "averaged_posterior": averaged(&last.tracing.averaged),
         "averaged_note": widening::note(&alone(last), &last.tracing),
-        "with_discrepancy": closed.honest.as_ref().map(|round| round_numbers(&last.model, round)),
+        "with_discrepancy": closed.with_discrepancy.as_ref().map(|round| round_numbers(&last.model, round)),
         "blind_spots": blind_spots(&last.tracing),
         "before_after": before_after(steps),
         "verdict": {
@@ -137,11 +137,11 @@ fn candidate(found: &Found) -> Value {
 /// Amplitudes of more prior sds are flagged.
 pub const IMPLAUSIBLE: f64 = 4.0;
 
-/// Shifts of a constant are by tangents; beyond this many percent of it they say no more than that they are large.
+/// Shifts of a constant are by sensitivities; beyond this many percent of it they say no more than that they are large.
 pub const LINEAR_PERCENT: f64 = 20.0;
 
 /// What those shifts mean, in a sentence.
-pub const LINEAR: &str = "Shifts are by the tangents of the model, which hold for small ones: beyond 20 % only the direction and that the shift is large can be said.";
+pub const LINEAR: &str = "Shifts are by the sensitivities of the model, which hold for small ones: beyond 20 % only the direction and that the shift is large can be said.";
 
 /// Cosine from which an effect is shown as one that resembles another.
 pub const ALIKE: f64 = 0.5;

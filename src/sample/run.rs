@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::checkpoint::Warm;
 use super::keep::{Keeper, Keeping, PATIENCE};
 use super::memory::{Count, Memory};
-use super::schedule::{Outcome, Phase, Progress, Report, Schedule, Stop, Stopped};
+use super::schedule::{Monitor, Outcome, Phase, Report, Schedule, Stop, Stopped};
 use super::start::Start;
 use super::stream::Key;
 use super::{Block, Sampler, Span, State};
@@ -27,7 +27,7 @@ pub fn run(
     start: &Start<'_>,
     schedule: &Schedule,
     stop: &dyn Stop,
-    progress: &dyn Progress,
+    progress: &dyn Monitor,
 ) -> Result<Outcome> {
     run_kept(target, sampler, start, schedule, stop, progress, None)
 }
@@ -42,7 +42,7 @@ pub fn run_kept(
     start: &Start<'_>,
     schedule: &Schedule,
     stop: &dyn Stop,
-    progress: &dyn Progress,
+    progress: &dyn Monitor,
     keeping: Option<&Keeping>,
 ) -> Result<Outcome> {
     schedule.check()?;
@@ -255,7 +255,7 @@ fn warm_up(
     crew: &mut Crew<'_>,
     schedule: &Schedule,
     stop: &dyn Stop,
-    progress: &dyn Progress,
+    progress: &dyn Monitor,
     warm: &mut Warm,
 ) -> Result<bool> {
     let unit = crew.sampler.window(crew.target.dim());
@@ -285,7 +285,7 @@ fn warm_up(
 fn warm_up_window(
     crew: &mut Crew<'_>,
     schedule: &Schedule,
-    progress: &dyn Progress,
+    progress: &dyn Monitor,
     steps: usize,
 ) -> Result<Option<Draws>> {
     let mut window = Memory::new(crew.keys.len(), crew.walkers(), crew.target.dim());
@@ -320,7 +320,7 @@ fn keep(
     schedule: &Schedule,
     warm: Warm,
     stop: &dyn Stop,
-    progress: &dyn Progress,
+    progress: &dyn Monitor,
 ) -> Result<(Stopped, Option<Draws>)> {
     let (dim, thin) = (crew.target.dim(), warm.thin);
     let most = (schedule.max_draws / crew.chains()).max(4);

@@ -41,7 +41,7 @@ pub struct Report {
 }
 
 /// Watches a run; called between blocks, from the thread that called [`super::run`].
-pub trait Progress {
+pub trait Monitor {
     /// Tells how far the run has come; `false` ends it here (a time limit, an interrupt).
     fn report(&self, report: &Report) -> bool;
 }
@@ -50,7 +50,7 @@ pub trait Progress {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Quiet;
 
-impl Progress for Quiet {
+impl Monitor for Quiet {
     fn report(&self, _report: &Report) -> bool {
         true
     }

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::subsets::{Subset, Subsets};
 use super::weighing::Projected;
 
-/// A swap that costs less than this much evidence cannot be excluded, nats.
+/// A swap that costs a log Bayes factor below this cannot be excluded.
 pub const SWAP_NATS: f64 = 5.0;
 
 /// The effects, or pairs of effects, that could stand in for one of the best subset.

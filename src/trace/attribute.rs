@@ -7,16 +7,16 @@ use super::alias::groups;
 use super::averaged::{Averaged, BlindSpot};
 use super::conclude::Evidence;
 use super::fringes;
-use super::pose::{Prepared, clear_mm};
+use super::inverse::{Prepared, clear_mm};
+use super::sensitivities::{LOAD_SCALE, Linearised, Sensitivities};
 use super::state::State;
 use super::subsets::Subsets;
-use super::tangents::{LOAD_SCALE, Tangents, Tested};
 use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind};
 use crate::error::Result;
 use crate::field::Blocks;
 use crate::infer::{Discrepancy, Model, forward};
-use crate::progress::Watch;
+use crate::progress::Progress;
 
 /// An effect weighed against the data.
 #[derive(Clone)]
@@ -158,7 +158,7 @@ pub fn attribute(
     model: &Model,
     prepared: &Prepared,
     start: State,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<Tracing> {
     let (effects, left_out) = candidates(model);
     let mut tested_field = Cow::Borrowed(&prepared.observation.field);
@@ -180,9 +180,9 @@ pub fn attribute(
             &state.acting,
         )
     };
-    watch.begin("the field at the constants found", None);
+    progress.begin("the field at the constants found", None);
     let (corrected, jumps) = fringes::find_jumps(model, &tested_field, &view(&start)?.field)?;
-    watch.end();
+    progress.end();
     if let Some(corrected) = corrected {
         tested_field = Cow::Owned(corrected);
     }
@@ -190,57 +190,57 @@ pub fn attribute(
     let clear = clear_mm(model);
     let beyond = |i: usize| field.points[i][0].hypot(field.points[i][1]) >= clear;
     let blocks = Blocks::new(field, Blocks::size_for(field), beyond);
-    let tested = Tested {
+    let linearised = Linearised {
         model,
         prepared,
         measured: &field.displacement,
         scene: model.scene(),
         blocks: &blocks,
-        tick: &|| watch.tick(),
+        step: &|| progress.step(),
     };
     let mut state = start;
     let mut leader: Option<usize> = None;
     let mut pass = 0;
-    let (tangents, weighing, subsets) = loop {
+    let (sensitivities, weighing, subsets) = loop {
         pass += 1;
-        let [own, sought] = tested.columns(&effects);
+        let [own, sought] = linearised.columns(&effects);
         let most = (1 + STEPS) * own + sought;
-        watch.begin(
+        progress.begin(
             &format!(
                 "tracing, pass {pass}: signatures of {} effects",
                 effects.len()
             ),
             Some(most as u64),
         );
-        let tangents = settle(&tested, &mut state, &effects)?;
-        watch.end();
-        watch.begin(
+        let sensitivities = settle(&linearised, &mut state, &effects)?;
+        progress.end();
+        progress.begin(
             &format!("tracing, pass {pass}: effects against noise"),
             Some(Weighing::steps() as u64),
         );
-        let weighing = Weighing::new(&blocks, &tangents, &|| watch.tick())?;
-        let counts: Vec<usize> = tangents
+        let weighing = Weighing::new(&blocks, &sensitivities, &|| progress.step())?;
+        let counts: Vec<usize> = sensitivities
             .candidates
             .iter()
             .map(|c| c.columns.len())
             .collect();
         let subsets = Subsets::new(&weighing, &counts)?;
         let strongest = groups(&subsets).first().map(|g| g.leader);
-        watch.say(strongest.map_or("no effect", |k| effects[k].name()));
-        watch.end();
+        progress.say(strongest.map_or("no effect", |k| effects[k].name()));
+        progress.end();
         let Some(k) = strongest.filter(|_| pass < PASSES) else {
-            break (tangents, weighing, subsets);
+            break (sensitivities, weighing, subsets);
         };
-        let moved = adopt(&mut state, &tangents, &subsets, k, leader);
+        let moved = adopt(&mut state, &sensitivities, &subsets, k, leader);
         leader = Some(k);
         if moved < SETTLED {
-            break (tangents, weighing, subsets);
+            break (sensitivities, weighing, subsets);
         }
     };
-    watch.begin("tracing: held-out blocks, blind spots", None);
+    progress.begin("tracing: held-out blocks, blind spots", None);
     let evidence = Evidence {
         blocks: &blocks,
-        tangents: &tangents,
+        sensitivities: &sensitivities,
         weighing: &weighing,
         subsets: &subsets,
     };
@@ -248,7 +248,7 @@ pub fn attribute(
     tracing.left_out = left_out;
     let phase = fringes::find_phase(model, field, &view(&state)?.field)?;
     tracing.add_recorded(jumps, phase);
-    watch.end();
+    progress.end();
     Ok(tracing)
 }
 
@@ -306,13 +306,13 @@ impl Named {
 /// taken in before, if it is another one now, leaves the state.
 fn adopt(
     state: &mut State,
-    tangents: &Tangents,
+    sensitivities: &Sensitivities,
     subsets: &Subsets,
     leader: usize,
     before: Option<usize>,
 ) -> f64 {
     if let Some(old) = before.filter(|old| *old != leader) {
-        let effect = tangents.candidates[old].effect;
+        let effect = sensitivities.candidates[old].effect;
         state.set(effect, vec![0.0; effect.parameters().len()]);
     }
     let best = subsets.best();
@@ -322,7 +322,7 @@ fn adopt(
         .take_while(|k| **k != leader)
         .map(|&k| subsets.ranges[k].len())
         .sum::<usize>();
-    let candidate = &tangents.candidates[leader];
+    let candidate = &sensitivities.candidates[leader];
     let mut moved = 0.0_f64;
     let amplitude = candidate
         .columns
@@ -338,7 +338,7 @@ fn adopt(
         .collect();
     state.set(candidate.effect, amplitude);
     if candidate.effect.kind() == Kind::Additive {
-        // linear: the tangents do not depend on the amplitude
+        // linear: the sensitivities do not depend on the amplitude
         return 0.0;
     }
     moved
@@ -348,43 +348,47 @@ fn adopt(
 const STEPS: usize = 4;
 
 /// Move the constants and declared amplitudes to where the data want them with every effect present at its plausible size: a fit without
-/// the effects runs to absurd constants when a quiet one acts. Returns the tangents there.
+/// the effects runs to absurd constants when a quiet one acts. Returns the sensitivities there.
 fn settle(
-    tested: &Tested<'_>,
+    linearised: &Linearised<'_>,
     state: &mut State,
     effects: &[&'static dyn Effect],
-) -> Result<Tangents> {
-    let mut tangents = tested.tangents(state, effects)?;
+) -> Result<Sensitivities> {
+    let mut sensitivities = linearised.sensitivities(state, effects)?;
     for _ in 0..STEPS {
-        let moved = ridge_step(tested, state, &tangents);
+        let moved = ridge_step(linearised, state, &sensitivities);
         if moved < SETTLED {
             break;
         }
-        tangents = tested.again(state, &tangents)?;
+        sensitivities = linearised.again(state, &sensitivities)?;
     }
-    Ok(tangents)
+    Ok(sensitivities)
 }
 
 /// One step to the ridge estimate under noise that is white on blocks; how far it goes, in prior sds.
-fn ridge_step(tested: &Tested<'_>, state: &mut State, tangents: &Tangents) -> f64 {
-    let solution = tangents.ridge(&tested.blocks.count);
+fn ridge_step(
+    linearised: &Linearised<'_>,
+    state: &mut State,
+    sensitivities: &Sensitivities,
+) -> f64 {
+    let solution = sensitivities.ridge(&linearised.blocks.count);
     let mut moved = 0.0_f64;
     for (k, value) in state.constants.iter_mut().enumerate() {
-        let column = &tangents.base[k];
-        // a prior sd a step keeps the constants admissible and the linearisation honest
+        let column = &sensitivities.base[k];
+        // a prior sd a step keeps the constants admissible and the linearisation with_discrepancy
         let wanted = column.mean + column.sd * solution[k];
         let step = (wanted - *value).clamp(-column.sd, column.sd);
         *value += step;
         moved = moved.max(step.abs() / column.sd);
     }
-    for effect in &tested.model.effects {
+    for effect in &linearised.model.effects {
         let mut amplitude = state.amplitude(*effect);
         for (value, parameter) in amplitude.iter_mut().zip(effect.parameters()) {
             let name = crate::effect::amplitude_name(*effect, parameter);
-            let Some(k) = tangents.base.iter().position(|c| c.name == name) else {
+            let Some(k) = sensitivities.base.iter().position(|c| c.name == name) else {
                 continue;
             };
-            let column = &tangents.base[k];
+            let column = &sensitivities.base[k];
             let wanted = column.mean + column.sd * solution[k];
             if effect.kind() != Kind::Additive {
                 moved = moved.max((wanted - *value).abs() / column.sd);

@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
+use super::sensitivities::Sensitivities;
 use super::subsets::log_sum;
-use super::tangents::Tangents;
 use super::weighing::Weighing;
 use crate::error::{Error, Result};
 
@@ -55,8 +55,8 @@ struct Part {
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
-pub fn averaged(weighing: &Weighing, tangents: &Tangents) -> Result<Vec<Averaged>> {
-    let p = tangents.base.len();
+pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Vec<Averaged>> {
+    let p = sensitivities.base.len();
     let mut parts = Vec::new();
     for pair in &weighing.pairs {
         let gram = weighing.gram(pair);
@@ -88,18 +88,18 @@ pub fn averaged(weighing: &Weighing, tangents: &Tangents) -> Result<Vec<Averaged
             let gain = 0.5 * (projected.dot(&g.solve(&projected)) - log_det);
             parts.push(Part {
                 log_weight: base.log_base + gain,
-                mean: (0..tangents.constants)
-                    .map(|k| tangents.base[k].mean + tangents.base[k].sd * solved[k])
+                mean: (0..sensitivities.constants)
+                    .map(|k| sensitivities.base[k].mean + sensitivities.base[k].sd * solved[k])
                     .collect(),
-                sd: (0..tangents.constants)
-                    .map(|k| tangents.base[k].sd * covariance[(k, k)].sqrt())
+                sd: (0..sensitivities.constants)
+                    .map(|k| sensitivities.base[k].sd * covariance[(k, k)].sqrt())
                     .collect(),
             });
         }
     }
     let total = log_sum(parts.iter().map(|p| p.log_weight));
-    Ok((0..tangents.constants)
-        .map(|k| mixture(&tangents.base[k].name, &parts, total, k))
+    Ok((0..sensitivities.constants)
+        .map(|k| mixture(&sensitivities.base[k].name, &parts, total, k))
         .collect())
 }
 
@@ -150,14 +150,14 @@ fn mixture(name: &str, parts: &[Part], total: f64, k: usize) -> Averaged {
 /// Of the program, for columns that are not finite.
 pub fn blind_spots(
     weighing: &Weighing,
-    tangents: &Tangents,
+    sensitivities: &Sensitivities,
     pair: usize,
     state: &[f64],
 ) -> Result<Vec<BlindSpot>> {
     let pair = &weighing.pairs[pair];
     let gram = weighing.gram(pair);
     let projected = weighing.project(pair)?;
-    let p = tangents.base.len();
+    let p = sensitivities.base.len();
     let mut bb = gram.view((0, 0), (p, p)).into_owned();
     for k in 0..p {
         bb[(k, k)] += 1.0;
@@ -166,19 +166,19 @@ pub fn blind_spots(
         .cholesky()
         .ok_or_else(|| Error::program("trace::averaged", "finite columns of the base model"))?;
     let prior =
-        super::subsets::SIZES[1] / tangents.candidates.len() as f64 / super::subsets::SIZES[0];
+        super::subsets::SIZES[1] / sensitivities.candidates.len() as f64 / super::subsets::SIZES[0];
     let mut spots = Vec::new();
     let mut at = 0;
-    for (candidate, c) in tangents.candidates.iter().enumerate() {
+    for (candidate, c) in sensitivities.candidates.iter().enumerate() {
         for column in &c.columns {
             let shift = factor.solve(&gram.view((0, p + at), (p, 1)).column(0).into_owned());
             spots.push(BlindSpot {
                 candidate,
                 parameter: column.name.clone(),
                 plausible: column.sd,
-                shift_percent: (0..tangents.constants)
+                shift_percent: (0..sensitivities.constants)
                     .map(|k| {
-                        let base = &tangents.base[k];
+                        let base = &sensitivities.base[k];
                         (base.name.clone(), 100.0 * base.sd * shift[k] / state[k])
                     })
                     .collect(),

@@ -2,7 +2,7 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::pose::Prepared;
+use super::inverse::Prepared;
 use super::residual::Residual;
 use super::truth::{SurrogateError, TOLERANCE};
 use crate::error::{Error, Result};

@@ -10,7 +10,7 @@ use super::verdict::{Conclusion, Status, conclude};
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
 use crate::infer::Model;
-use crate::progress::Watch;
+use crate::progress::Progress;
 
 /// One identification and what tracing made of its residual.
 pub struct Step {
@@ -27,7 +27,7 @@ pub struct Closed {
     /// Rounds, the first the model as it was given.
     pub steps: Vec<Step>,
     /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
-    pub honest: Option<Round>,
+    pub with_discrepancy: Option<Round>,
     /// The conclusion.
     pub conclusion: Conclusion,
 }
@@ -41,19 +41,19 @@ pub fn close<'a>(
     model: &Model,
     most: usize,
     options: &dyn Fn(usize) -> Options<'a>,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<Closed> {
     let mut steps: Vec<Step> = Vec::new();
     let mut model = model.clone();
     loop {
         let deadline = options(steps.len()).deadline;
         let is_over = || deadline.is_some_and(|end| Instant::now() >= end);
-        let round = match identify(&model, &options(steps.len()), watch) {
+        let round = match identify(&model, &options(steps.len()), progress) {
             Err(e) if !steps.is_empty() && e.blame() == Blame::Limit => break,
             other => other?,
         };
         let start = State::of(&model, &round);
-        let tracing = attribute(&model, &round.prepared, start, watch)?;
+        let tracing = attribute(&model, &round.prepared, start, progress)?;
         let go_on = steps.len() < most && !is_over();
         let accepted = tracing.accepted.filter(|_| go_on);
         let amplitude = tracing.accepted_amplitude.clone();
@@ -74,8 +74,8 @@ pub fn close<'a>(
     };
     let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
     let over = || options.deadline.is_some_and(|end| Instant::now() >= end);
-    let honest = if wanted && !over() {
-        match identify(&steps[steps.len() - 1].model, &options, watch) {
+    let with_discrepancy = if wanted && !over() {
+        match identify(&steps[steps.len() - 1].model, &options, progress) {
             Err(e) if e.blame() == Blame::Limit => None,
             other => Some(other?),
         }
@@ -84,7 +84,7 @@ pub fn close<'a>(
     };
     Ok(Closed {
         steps,
-        honest,
+        with_discrepancy,
         conclusion,
     })
 }
@@ -112,7 +112,7 @@ pub fn extended(
         let plausible: Vec<f64> = (0..effect.parameters().len())
             .map(|k| {
                 model
-                    .plausible(effect, k)
+                    .prior_sd(effect, k)
                     .unwrap_or(effect.parameters()[k].bound)
             })
             .collect();

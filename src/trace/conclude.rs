@@ -4,9 +4,9 @@ use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::attribute::{Found, Named, Resembling, Tracing};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains, rms_nm};
+use super::sensitivities::{LOAD_SCALE, Sensitivities};
 use super::state::State;
 use super::subsets::{Subset, Subsets};
-use super::tangents::{LOAD_SCALE, Tangents};
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::field::Blocks;
@@ -21,7 +21,7 @@ const MENTION: f64 = 0.3;
 /// Above this probability of a discrepancy an effect must do more than fit.
 const DOUBT: f64 = 0.5;
 
-/// What it must do then: lose this much evidence when dropped, nats, at no more than this many plausible amplitudes.
+/// What it must do then: have a log Bayes factor of this against dropping it, at no more than this many plausible amplitudes.
 const DOUBT_NATS: f64 = 40.0;
 const DOUBT_MULTIPLE: f64 = 4.0;
 
@@ -30,7 +30,7 @@ pub struct Evidence<'a> {
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
     /// Data and columns.
-    pub tangents: &'a Tangents,
+    pub sensitivities: &'a Sensitivities,
     /// Their normal equations.
     pub weighing: &'a Weighing,
     /// The posterior over subsets.
@@ -39,7 +39,7 @@ pub struct Evidence<'a> {
 
 impl Evidence<'_> {
     fn name(&self, k: usize) -> &'static str {
-        self.tangents.candidates[k].effect.name()
+        self.sensitivities.candidates[k].effect.name()
     }
 
     /// The ranking, the groups, what is accepted, the averaged posterior and the blind spots.
@@ -49,7 +49,12 @@ impl Evidence<'_> {
     pub fn conclude(&self, state: &State) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
         let settings = [0, 1].map(|c| &self.weighing.settings[c][pair.of[c]]);
-        let holdout = Holdout::new(self.blocks, self.tangents, &self.subsets.ranges, settings);
+        let holdout = Holdout::new(
+            self.blocks,
+            self.sensitivities,
+            &self.subsets.ranges,
+            settings,
+        );
         let best = self.subsets.best().clone();
         let with = holdout.errors(&best);
         let found = groups(self.subsets);
@@ -62,14 +67,14 @@ impl Evidence<'_> {
             .collect();
         let mut spots = blind_spots(
             self.weighing,
-            self.tangents,
+            self.sensitivities,
             self.subsets.best_pair,
             &state.constants,
         )?;
         spots.iter_mut().for_each(|s| self.never_beyond(s));
         let candidates = self.ranked(&found, &spots);
         let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
-        let accepted = accepted.map(|k| self.tangents.candidates[found[k].leader].effect);
+        let accepted = accepted.map(|k| self.sensitivities.candidates[found[k].leader].effect);
         let accepted_amplitude = accepted.map_or_else(Vec::new, |effect| {
             let found = candidates.iter().find(|f| f.effect.name() == effect.name());
             found.map_or_else(Vec::new, |f| {
@@ -96,7 +101,7 @@ impl Evidence<'_> {
                     scale2: s.scale2,
                 })
             }),
-            averaged: averaged(self.weighing, self.tangents)?,
+            averaged: averaged(self.weighing, self.sensitivities)?,
             blind_spots: self
                 .load_scale()
                 .into_iter()
@@ -110,7 +115,7 @@ impl Evidence<'_> {
 
     /// An amplitude beyond the bound for which an effect is modelled would be no finding of it: no amplitude is detectable.
     fn never_beyond(&self, spot: &mut BlindSpot) {
-        let candidate = &self.tangents.candidates[spot.candidate];
+        let candidate = &self.sensitivities.candidates[spot.candidate];
         let parameters = candidate.effect.parameters().iter();
         let bound = parameters
             .zip(&candidate.columns)
@@ -124,11 +129,11 @@ impl Evidence<'_> {
     /// What a scale of the load does: exactly the same to every modulus, and nothing that could be seen.
     fn load_scale(&self) -> Option<BlindSpot> {
         let column = self
-            .tangents
+            .sensitivities
             .base
             .iter()
             .find(|c| c.name.starts_with(LOAD_SCALE))?;
-        let constants = self.tangents.base[..self.tangents.constants].iter();
+        let constants = self.sensitivities.base[..self.sensitivities.constants].iter();
         Some(BlindSpot {
             candidate: usize::MAX,
             parameter: column.name.clone(),
@@ -162,7 +167,7 @@ impl Evidence<'_> {
     fn resembling(&self, group: &Group) -> Vec<Resembling> {
         let found = lookalikes(self.subsets, group).into_iter();
         let one = |l: super::alias::Lookalike| {
-            let candidate = &self.tangents.candidates[l.candidate];
+            let candidate = &self.sensitivities.candidates[l.candidate];
             let columns = candidate.columns.iter().zip(&l.amplitude);
             Resembling {
                 effect: candidate.effect.name(),
@@ -189,7 +194,7 @@ impl Evidence<'_> {
     }
 
     fn ranked(&self, groups: &[Group], spots: &[BlindSpot]) -> Vec<Found> {
-        let mut found: Vec<Found> = (0..self.tangents.candidates.len())
+        let mut found: Vec<Found> = (0..self.sensitivities.candidates.len())
             .map(|k| self.found(k, groups, spots))
             .collect();
         found.sort_by(|a, b| {
@@ -201,7 +206,7 @@ impl Evidence<'_> {
     }
 
     fn found(&self, k: usize, groups: &[Group], spots: &[BlindSpot]) -> Found {
-        let candidate = &self.tangents.candidates[k];
+        let candidate = &self.sensitivities.candidates[k];
         let subsets = self.subsets;
         // in the best subset as it is there; otherwise added to it, in the place of an alias
         let mut with: Subset = subsets.best().clone();

@@ -18,7 +18,7 @@ pub const JUMP: &str = "fringe_order_jump";
 pub const PHASE: &str = "phase_shift_error";
 
 /// A phase-shift error is accepted above this log Bayes factor.
-const PHASE_NATS: f64 = 4.0;
+const PHASE_LOG_BAYES_FACTOR: f64 = 4.0;
 
 /// Correct the miscounted orders of an observation, if the model declares them; the regions are kept with it.
 ///
@@ -101,7 +101,7 @@ fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: 
     let values = [in_data[0], in_data[1], centre[0], centre[1], radius];
     let noise = crate::field::noise::white(field).sd_mm[region.component].max(f64::MIN_POSITIVE);
     let points: usize = jumps.regions.iter().map(|r| r.points).sum();
-    let nats = 0.5 * points as f64 * (jumps.order_mm / noise).powi(2);
+    let log_bayes_factor = 0.5 * points as f64 * (jumps.order_mm / noise).powi(2);
     let smallest = jumps.order_mm
         * model
             .file
@@ -111,7 +111,7 @@ fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: 
     Found {
         effect,
         inclusion_probability: 1.0,
-        log_bayes_factor: nats.min(1e9),
+        log_bayes_factor: log_bayes_factor.min(1e9),
         amplitude: effect
             .parameters()
             .iter()
@@ -141,11 +141,11 @@ pub fn find_phase(
     let phase = phase::find(field, &blocks, predicted, order_mm);
     let effect = effect::find("dictionary", PHASE)?;
     let ripple = phase.both;
-    let nats = [ripple, phase.component[0], phase.component[1]]
+    let log_bayes_factor = [ripple, phase.component[0], phase.component[1]]
         .iter()
         .fold(f64::NEG_INFINITY, |m, r| m.max(r.log_bayes_factor));
     // even odds would ignore that there are two dozen effects
-    let odds = (nats - (effect::EFFECTS.len() as f64).ln()).exp();
+    let odds = (log_bayes_factor - (effect::EFFECTS.len() as f64).ln()).exp();
     let mean = [ripple.sin_nm, ripple.cos_nm];
     let found = Found {
         effect,
@@ -154,7 +154,7 @@ pub fn find_phase(
         } else {
             1.0
         },
-        log_bayes_factor: nats,
+        log_bayes_factor,
         amplitude: effect
             .parameters()
             .iter()
@@ -163,10 +163,10 @@ pub fn find_phase(
             .collect(),
         multiple: mean.iter().fold(0.0_f64, |a, m| a.max(m.abs())) / phase.tau_nm,
         explained_fraction: explained(field, predicted, mean),
-        detectable: ripple.sd_nm[0] * (2.0 * (PHASE_NATS + 6.0)).sqrt(),
+        detectable: ripple.sd_nm[0] * (2.0 * (PHASE_LOG_BAYES_FACTOR + 6.0)).sqrt(),
         aliases: Vec::new(),
     };
-    Ok(Some((found, nats > PHASE_NATS)))
+    Ok(Some((found, log_bayes_factor > PHASE_LOG_BAYES_FACTOR)))
 }
 
 /// Share of the mean square misfit (translation aside) that a ripple of these amplitudes makes.

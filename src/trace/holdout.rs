@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::sensitivities::{Column, Sensitivities};
 use super::subsets::{Subset, columns};
-use super::tangents::{Column, Tangents};
 use super::weighing::Setting;
 use crate::field::Blocks;
 use crate::quantity::NM_PER_MM;
@@ -16,7 +16,7 @@ pub const FOLDS: usize = 4;
 
 /// Blocks of each fold, and the variance of every block average.
 pub struct Holdout<'a> {
-    tangents: &'a Tangents,
+    sensitivities: &'a Sensitivities,
     ranges: &'a [Vec<usize>],
     fold: Vec<usize>,
     variance: [DVector<f64>; 2],
@@ -29,7 +29,7 @@ impl<'a> Holdout<'a> {
     /// Lay the squares; variances from one noise setting a component.
     pub fn new(
         blocks: &Blocks,
-        tangents: &'a Tangents,
+        sensitivities: &'a Sensitivities,
         ranges: &'a [Vec<usize>],
         settings: [&Setting; 2],
     ) -> Self {
@@ -54,7 +54,7 @@ impl<'a> Holdout<'a> {
             )
         });
         Self {
-            tangents,
+            sensitivities,
             ranges,
             fold,
             variance,
@@ -64,14 +64,14 @@ impl<'a> Holdout<'a> {
     /// Prediction errors of every fold by a model with a subset of the candidates, fitted to the other folds.
     pub fn errors(&self, subset: &Subset) -> Errors {
         let all: Vec<&Column> = self
-            .tangents
+            .sensitivities
             .candidates
             .iter()
             .flat_map(|c| &c.columns)
             .collect();
         let chosen = columns(self.ranges, subset);
         let fitted: Vec<&Column> = self
-            .tangents
+            .sensitivities
             .base
             .iter()
             .chain(chosen.iter().map(|&k| all[k]))
@@ -95,7 +95,7 @@ impl<'a> Holdout<'a> {
                         .zip(x.iter())
                         .map(|(col, x)| col.values[c][b] * x)
                         .sum();
-                    let r = self.tangents.rest[c][b] - predicted;
+                    let r = self.sensitivities.rest[c][b] - predicted;
                     error.0 += r * r / self.variance[c][b];
                     error.1 += r * r;
                     error.2 += 1;
@@ -126,7 +126,7 @@ impl<'a> Holdout<'a> {
                 let (gram, right) = &mut by_fold[self.fold[b]];
                 let weight = 1.0 / self.variance[c][b];
                 gram.ger(weight, &row, &row, 1.0);
-                right.axpy(weight * self.tangents.rest[c][b], &row, 1.0);
+                right.axpy(weight * self.sensitivities.rest[c][b], &row, 1.0);
             }
         }
         let total = by_fold.iter().fold(zero(), |a, b| (a.0 + &b.0, a.1 + &b.1));

@@ -51,7 +51,7 @@ pub struct Jumps {
     pub refused: Option<String>,
 }
 
-/// A region has at least this many points; fewer are spikes, which keep the orders around them. (Of a square of 25 points
+/// A region has at least this many points; fewer are outliers, which keep the orders around them. (Of a square of 25 points
 /// the outlier rule takes the four corners.)
 pub const FEWEST: usize = 20;
 /// Share of the neighbour steps above half an order beyond which nothing is reported.
@@ -151,7 +151,7 @@ fn search(
         .map(|(d, g)| (d - g).round() as i32)
         .collect();
     settle(graph, &part, &mut orders);
-    // the phase without its spikes and relative to what was just found
+    // the phase without its outliers and relative to what was just found
     let level: Vec<f64> = difference
         .iter()
         .zip(&orders)

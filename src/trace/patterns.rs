@@ -12,7 +12,7 @@ use crate::infer::Noise;
 
 /// Block averages of one component that the noise does not explain, close to each other or not.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Breakout {
+pub struct Exceedance {
     /// 0 for u1, 1 for u2.
     pub component: usize,
     /// Number of block averages more than 4 sds away from what the noise and the blocks before them allow.
@@ -33,7 +33,7 @@ pub struct Breakout {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Patterns {
     /// Where the residual breaks out of the noise.
-    pub breakout: Option<Breakout>,
+    pub exceedance: Option<Exceedance>,
     /// The clearest fine wave.
     pub wave: Option<Wave>,
 }
@@ -48,17 +48,17 @@ impl Patterns {
     /// Sought in the residual (mm) at the points of `field`, outside of `clear_mm` about the hole's centre, where optics and meshes
     /// are worst.
     pub fn of(field: &Field, residual: &[[f64; 2]], noise: &Noise, clear_mm: f64) -> Self {
-        let breakouts = [0, 1].map(|c| breakout(residual, noise, c, clear_mm));
-        let breakout = breakouts
+        let exceedances = [0, 1].map(|c| exceedance(residual, noise, c, clear_mm));
+        let exceedance = exceedances
             .iter()
             .flatten()
             .copied()
             .min_by(|a, b| a.p.total_cmp(&b.p));
         let beyond = |i: usize| radius(field.points[i]) >= clear_mm;
         Self {
-            breakout,
+            exceedance,
             // an edge in the residual has waves of every length
-            wave: if breakout.is_none() {
+            wave: if exceedance.is_none() {
                 waves::clearest(field, residual, beyond)
             } else {
                 None
@@ -68,7 +68,7 @@ impl Patterns {
 
     /// Whether there is any.
     pub fn any(&self) -> bool {
-        self.breakout.is_some() || self.wave.is_some()
+        self.exceedance.is_some() || self.wave.is_some()
     }
 }
 
@@ -77,7 +77,7 @@ fn radius(point: [f64; 2]) -> f64 {
 }
 
 /// Each block average is compared with what those before it predict: the whitened averages are independent and of unit variance.
-fn breakout(residual: &[[f64; 2]], noise: &Noise, c: usize, clear_mm: f64) -> Option<Breakout> {
+fn exceedance(residual: &[[f64; 2]], noise: &Noise, c: usize, clear_mm: f64) -> Option<Exceedance> {
     let blocks = &noise.blocks;
     let values: Vec<f64> = residual.iter().map(|r| r[c]).collect();
     let averages = DMatrix::from_columns(&[blocks.average(&values)]);
@@ -97,7 +97,7 @@ fn breakout(residual: &[[f64; 2]], noise: &Noise, c: usize, clear_mm: f64) -> Op
         // both components are looked at
         count => (2.0 * Poisson::new(expected).ok()?.sf(count as u64 - 1)).min(1.0),
     };
-    (p < IMPROBABLE).then_some(Breakout {
+    (p < IMPROBABLE).then_some(Exceedance {
         component: c,
         blocks: count,
         of: looked_at.len(),

@@ -1,11 +1,11 @@
 //! Refinement of the reduced model where the posterior is.
 
-use super::pose::Prepared;
+use super::inverse::Prepared;
 use super::round::Round;
 use super::truth::TOLERANCE;
 use crate::chain::Draws;
 use crate::error::{Error, Result};
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::reduce::{Dimension, Modes, Problem, cache};
 
 /// What one refinement round worked with and how far it got.
@@ -57,7 +57,11 @@ const MARGIN_SDS: f64 = 0.5;
 /// test on a coarse mesh with 4 modes, the largest field error near the posterior is 0.037 nm with 200 snapshots in the priors' box, 0.038
 /// with 32 draws added to them, 0.034 with 200 points of the new box added, and 0.020 with those 200 alone. Draws among
 /// the snapshots gain a tenth at most, so that they are left as points to check against.
-pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
+pub fn enrich(
+    round: Round,
+    cache_dir: &std::path::Path,
+    progress: &dyn Progress,
+) -> Result<Prepared> {
     let families = round.prepared.problem.families();
     let modes = round
         .prepared
@@ -68,7 +72,7 @@ pub fn enrich(round: Round, cache_dir: &std::path::Path, watch: &dyn Watch) -> R
     let modes = if within { modes } else { modes + 1 };
     let problem = &round.prepared.problem;
     let dimensions = around(problem, &round.draws, round.posterior.structural());
-    rebuilt(round.prepared, dimensions, modes, cache_dir, watch)
+    rebuilt(round.prepared, dimensions, modes, cache_dir, progress)
 }
 
 /// The reduced model that a run was refined to, as its report has it: sides of the DoE box by name, and the modes kept.
@@ -80,7 +84,7 @@ pub fn refined(
     doe: &dyn Fn(&str) -> Option<[f64; 2]>,
     modes: usize,
     cache_dir: &std::path::Path,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<Prepared> {
     let mut dimensions = prepared.problem.dimensions.clone();
     for side in &mut dimensions {
@@ -92,7 +96,7 @@ pub fn refined(
     }
     let families = prepared.problem.families();
     let modes = modes.div_ceil(families);
-    rebuilt(prepared, dimensions, modes, cache_dir, watch)
+    rebuilt(prepared, dimensions, modes, cache_dir, progress)
 }
 
 /// The same measurement with a reduced model on another box, with `modes` modes a family.
@@ -101,7 +105,7 @@ fn rebuilt(
     dimensions: Vec<Dimension>,
     modes: usize,
     cache_dir: &std::path::Path,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<Prepared> {
     let Prepared {
         mut problem,
@@ -113,7 +117,7 @@ fn rebuilt(
     problem.dimensions = dimensions;
     problem.spec.modes = Modes::Count(modes);
     problem.validate()?;
-    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
+    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, progress)?;
     Ok(Prepared {
         problem,
         plate,

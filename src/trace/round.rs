@@ -7,8 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::checks::{Judged, warnings};
 use super::find::Structure;
+use super::inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, prepare, start};
 use super::patterns::Patterns;
-use super::pose::{Posed, Prepared, clear_mm, pose, prepare, start};
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
 use super::truth::{Identified, SurrogateError};
@@ -16,8 +16,8 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::infer::{Columns, Discrepancy, LogDensity, Model, Noise, Posterior, Statistics};
-use crate::progress::Watch;
-use crate::sample::{self, Keeping, Phase, Progress, Report, Sampler, Schedule, Start, Stopped};
+use crate::progress::Progress;
+use crate::sample::{self, Keeping, Monitor, Phase, Report, Sampler, Schedule, Start, Stopped};
 
 /// How to identify.
 pub struct Options<'a> {
@@ -88,10 +88,10 @@ impl Round {
 
 /// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
 /// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
-pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Result<Round> {
-    let mut prepared = prepare(model, &options.cache, watch)?;
+pub fn identify(model: &Model, options: &Options<'_>, progress: &dyn Progress) -> Result<Round> {
+    let mut prepared = prepare(model, &options.cache, progress)?;
     prepared.discrepancy = options.discrepancy;
-    let mut round = identify_prepared(model, prepared, options, watch)?;
+    let mut round = identify_prepared(model, prepared, options, progress)?;
     let mut history = vec![Refinement::of(&round)];
     for k in 1..=options.refinements {
         if history.last().is_some_and(Refinement::is_enough) {
@@ -99,13 +99,13 @@ pub fn identify(model: &Model, options: &Options<'_>, watch: &dyn Watch) -> Resu
         }
         let most = options.refinements;
         let what = format!("refinement {k} of at most {most}: a box about the posterior");
-        watch.begin(&what, None);
-        watch.end();
-        let prepared = enrich(round, &options.cache, watch)?;
+        progress.begin(&what, None);
+        progress.end();
+        let prepared = enrich(round, &options.cache, progress)?;
         if let Some(keeping) = &options.keeping {
             keeping.clear()?;
         }
-        round = identify_prepared(model, prepared, options, watch)?;
+        round = identify_prepared(model, prepared, options, progress)?;
         history.push(Refinement::of(&round));
     }
     round.refinements = history;
@@ -117,16 +117,16 @@ fn identify_prepared(
     model: &Model,
     prepared: Prepared,
     options: &Options<'_>,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<Round> {
-    let Posed {
+    let InverseProblem {
         prepared,
         columns,
         noise,
         statistics,
         posterior,
-    } = pose(model, prepared, watch)?;
-    let (draws, stopped) = draw(&posterior, options, watch)?;
+    } = inverse_problem(model, prepared, progress)?;
+    let (draws, stopped) = draw(&posterior, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let theta = &mean[..posterior.structural()];
@@ -160,7 +160,7 @@ fn identify_prepared(
             posterior: &posterior,
             draws: &draws,
         },
-        watch,
+        progress,
     )?;
     let field = &prepared.observation.field;
     let patterns = Patterns::of(field, &residual.field, &noise, clear_mm(model));
@@ -204,7 +204,7 @@ const SPREAD: f64 = 3.0;
 fn draw(
     posterior: &Posterior,
     options: &Options<'_>,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<(Draws, Stopped)> {
     let mode = start(posterior)?;
     let start = Start::Ball {
@@ -212,7 +212,7 @@ fn draw(
         covariance: &mode.covariance,
         spread: SPREAD,
     };
-    watch.begin(
+    progress.begin(
         &format!(
             "sampling {} parameters with {} x {}",
             posterior.dim(),
@@ -232,13 +232,13 @@ fn draw(
         &start,
         &options.schedule,
         &options.rule,
-        &Telling {
-            watch,
+        &Reporting {
+            progress,
             deadline: options.deadline,
         },
         keeping.as_ref(),
     )?;
-    watch.end();
+    progress.end();
     if outcome.draws.draws() < FEWEST_DRAWS {
         return Err(Error::limit(
             "--time-limit",
@@ -251,18 +251,18 @@ fn draw(
 }
 
 /// Passes a sampler's reports on, and ends it in time.
-struct Telling<'a> {
-    watch: &'a dyn Watch,
+struct Reporting<'a> {
+    progress: &'a dyn Progress,
     deadline: Option<Instant>,
 }
 
-impl Progress for Telling<'_> {
+impl Monitor for Reporting<'_> {
     fn report(&self, report: &Report) -> bool {
         let phase = match report.phase {
             Phase::Warmup => "warm-up",
             Phase::Sampling => "sampling",
         };
-        self.watch.say(&format!(
+        self.progress.say(&format!(
             "{phase}: step {}, {} draws, acceptance {:.2}",
             report.steps, report.draws, report.acceptance
         ));

@@ -2,11 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::pose::Prepared;
+use super::inverse::Prepared;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::infer::{Columns, LogDensity, Noise, Posterior, Statistics, Whitened};
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Gauge, Snapshots, remove_rigid_motion_over};
 
@@ -82,9 +82,9 @@ impl SurrogateError {
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    pub fn measure(run: &Identified<'_>, watch: &dyn Watch) -> Result<Self> {
+    pub fn measure(run: &Identified<'_>, progress: &dyn Progress) -> Result<Self> {
         let chosen = spread(run.draws, TRUTH_DRAWS);
-        watch.begin(
+        progress.begin(
             "finite elements at posterior draws",
             Some(chosen.len() as u64),
         );
@@ -94,7 +94,7 @@ impl SurrogateError {
             .map(|x| run.prepared.problem.point(&x[..d]))
             .collect();
         let truth = Snapshots::at(&run.prepared.problem, &run.prepared.plate, points, &|| {
-            watch.tick();
+            progress.step();
         })?;
         let whitened = Whitened::new(run.columns, run.noise);
         let covariance = covariance(run.draws, d);
@@ -131,11 +131,11 @@ impl SurrogateError {
             max_field_nm: max_field * NM_PER_MM,
             rms_field_nm: (sum / f64::from(count.max(1))).sqrt() * NM_PER_MM,
         };
-        watch.say(&format!(
+        progress.say(&format!(
             "{:.3} % of a posterior sd",
             100.0 * error.max_sd()
         ));
-        watch.end();
+        progress.end();
         Ok(error)
     }
 }

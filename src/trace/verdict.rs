@@ -265,7 +265,7 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
         let [x, y] = frame.data_point(p);
         format!("({x:.1}, {y:.1}) mm of the data")
     };
-    let breakout = round.patterns.breakout.map(|b| {
+    let exceedance = round.patterns.exceedance.map(|b| {
         let begin = format!(
             "In u{} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
             b.component + 1, b.blocks, b.of, round.noise.blocks.size_mm, b.expected
@@ -294,7 +294,7 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
             w.component + 1, w.length_mm, w.length_range_mm[0], w.length_range_mm[1], w.amplitude_nm, extent
         )
     });
-    breakout.into_iter().chain(wave).collect()
+    exceedance.into_iter().chain(wave).collect()
 }
 
 #[cfg(test)]

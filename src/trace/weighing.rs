@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::tangents::Tangents;
+use super::sensitivities::Sensitivities;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, over_grid};
@@ -77,23 +77,27 @@ pub struct Projected {
 const KEPT: usize = 6;
 
 impl Weighing {
-    /// How often [`Weighing::new`] calls its `tick`.
+    /// How often [`Weighing::new`] calls its `step`.
     pub fn steps() -> usize {
         2 * RATIOS.len() * (NOISE_LENGTHS_MM.len() + DISCREPANCY_LENGTHS_MM.len())
     }
 
-    /// Weigh the tangents' columns over blocks; `tick` is called after each setting.
+    /// Weigh the sensitivities' columns over blocks; `step` is called after each setting.
     ///
     /// # Errors
     /// Of the program: a factorisation that fails. Of the input: too few blocks.
-    pub fn new(blocks: &Blocks, tangents: &Tangents, tick: &(dyn Fn() + Sync)) -> Result<Self> {
-        let component = |c: usize| settings(blocks, tangents, c, tick);
+    pub fn new(
+        blocks: &Blocks,
+        sensitivities: &Sensitivities,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let component = |c: usize| settings(blocks, sensitivities, c, step);
         let settings = [component(0)?, component(1)?];
         let pairs = pairs(&settings);
         Ok(Self {
             settings,
             pairs,
-            base: tangents.base.len(),
+            base: sensitivities.base.len(),
         })
     }
 
@@ -141,17 +145,17 @@ impl Weighing {
 
 fn settings(
     blocks: &Blocks,
-    tangents: &Tangents,
+    sensitivities: &Sensitivities,
     c: usize,
-    tick: &(dyn Fn() + Sync),
+    step: &(dyn Fn() + Sync),
 ) -> Result<Vec<Setting>> {
-    let columns: Vec<DVector<f64>> = tangents
+    let columns: Vec<DVector<f64>> = sensitivities
         .base
         .iter()
-        .chain(tangents.candidates.iter().flat_map(|k| &k.columns))
+        .chain(sensitivities.candidates.iter().flat_map(|k| &k.columns))
         .map(|column| column.values[c].clone())
         .collect();
-    let y = &tangents.rest[c];
+    let y = &sensitivities.rest[c];
     let all = DMatrix::from_columns(&columns);
     if blocks.len() < all.ncols() + 20 {
         return Err(Error::input(
@@ -174,7 +178,7 @@ fn settings(
         .copied()
         .collect();
     let mut settings = over_grid(blocks, &lengths, &RATIOS, |covariance| {
-        tick();
+        step();
         // without correlation every length is the same
         if covariance.ratio == 0.0 && covariance.length_mm != lengths[0] {
             return Ok(None);

@@ -17,7 +17,7 @@ use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::{LogDensity, Marginal, Model, Noise, Statistics};
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
 use crate::trace;
 
@@ -111,7 +111,7 @@ pub fn calibrate(
     twin: &Twin,
     plan: &Plan,
     path: &Path,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Result<Vec<Replicate>> {
     let mut done = begin(plan, model, path)?;
     let todo: Vec<usize> = (0..plan.replicates)
@@ -122,7 +122,7 @@ pub fn calibrate(
     } else {
         format!("noise correlated over {} mm", plan.correlation_mm)
     };
-    watch.begin(&format!("calibration, {noise}"), Some(todo.len() as u64));
+    progress.begin(&format!("calibration, {noise}"), Some(todo.len() as u64));
     let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
     let mut file = OpenOptions::new().append(true).open(path).map_err(failed)?;
     for some in todo.chunks(2 * rayon::current_num_threads()) {
@@ -138,7 +138,7 @@ pub fn calibrate(
             .zip(clean)
             .map(|((&k, truth), u)| {
                 let found = identify(model, twin, plan, k, truth, u);
-                watch.tick();
+                progress.step();
                 found
             })
             .collect();
@@ -151,7 +151,7 @@ pub fn calibrate(
             done.push(replicate);
         }
     }
-    watch.end();
+    progress.end();
     done.retain(|r| r.replicate < plan.replicates);
     done.sort_by_key(|r| r.replicate);
     Ok(done)
@@ -220,14 +220,14 @@ fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
         }
     }
     for parameter in model.sampled().iter().flat_map(|e| e.parameters()) {
-        theta.push(parameter.plausible.unwrap_or(parameter.bound) * normal());
+        theta.push(parameter.prior_sd.unwrap_or(parameter.bound) * normal());
     }
     let thickness = model.file.specimen.thickness_mm;
     let additive = model.additive();
     let additive = additive.iter().flat_map(|e| e.parameters());
     // an amplitude with a flat prior is as good as any other
     let additive = additive
-        .map(|p| p.plausible.unwrap_or(0.0) * normal())
+        .map(|p| p.prior_sd.unwrap_or(0.0) * normal())
         .collect();
     let thickness_mm = thickness.mean + thickness.sd * normal();
     let [low, high] = NOISE_NM;

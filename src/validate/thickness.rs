@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::infer::Posterior;
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::sample::{Key, Stream};
 
 /// Samples of the thickness at each node, as in the article.
@@ -50,7 +50,7 @@ pub fn compare(
     scale: f64,
     [nodes, samples]: [usize; 2],
     seed: u64,
-    watch: &dyn Watch,
+    progress: &dyn Progress,
 ) -> Option<Comparison> {
     let likelihood = posterior.likelihood();
     let (mean, sd) = likelihood.thickness();
@@ -74,7 +74,7 @@ pub fn compare(
             thetas.push(theta);
         }
     }
-    watch.begin("Monte Carlo over the thickness", Some(nodes as u64));
+    progress.begin("Monte Carlo over the thickness", Some(nodes as u64));
     let results: Vec<((f64, f64), f64)> = thetas
         .par_iter()
         .enumerate()
@@ -84,14 +84,14 @@ pub fn compare(
             let thicknesses: Vec<f64> = (0..samples).map(|_| mean + sd * rng.normal()).collect();
             let (value, error) = likelihood.sampled_log_likelihood(theta, scale, &thicknesses);
             let seconds = began.elapsed().as_secs_f64();
-            watch.tick();
+            progress.step();
             (
                 (value - likelihood.log_likelihood(theta, scale), error),
                 seconds,
             )
         })
         .collect();
-    watch.end();
+    progress.end();
     let began = Instant::now();
     const REPEAT: usize = 100;
     let mut sum = 0.0;

@@ -114,14 +114,14 @@ impl Twin {
         self.combine(&alpha, truth)
     }
 
-    /// Noise-free fields (mm) by the finite elements. `tick` is called after each solution.
+    /// Noise-free fields (mm) by the finite elements. `step` is called after each solution.
     ///
     /// # Errors
     /// Those of a finite-element solution.
     pub fn finite_elements(
         &self,
         truths: &[Truth],
-        tick: &(dyn Fn() + Sync),
+        step: &(dyn Fn() + Sync),
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         let Prepared {
             problem,
@@ -130,7 +130,7 @@ impl Twin {
             ..
         } = &self.prepared;
         let points = truths.iter().map(|t| self.point(t)).collect();
-        let solved = Snapshots::at(problem, plate, points, tick)?;
+        let solved = Snapshots::at(problem, plate, points, step)?;
         let field = |(j, truth): (usize, &Truth)| {
             let mut nodal = vec![0.0; plate.mesh.unknowns()];
             for (i, &node) in solved.nodes.iter().enumerate() {

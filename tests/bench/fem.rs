@@ -94,7 +94,7 @@ fn effect(bencher: Bencher, name: &str) {
     let amplitude: Vec<f64> = effect
         .parameters()
         .iter()
-        .map(|p| p.plausible.unwrap_or(1.0))
+        .map(|p| p.prior_sd.unwrap_or(1.0))
         .collect();
     effect.alter(&amplitude, &mut setup);
     bencher.bench_local(|| {

@@ -14,7 +14,7 @@ use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::infer::{LogDensity, Posterior, Tabulated, laplace};
 use plychain::sample::{
-    De, Ensemble, Key, Mixture, Phase, Progress, Report, Sampler, Schedule, Start, Stop, Stream,
+    De, Ensemble, Key, Mixture, Monitor, Phase, Report, Sampler, Schedule, Start, Stop, Stream,
     Stretch, run,
 };
 use pulp::{Simd, WithSimd};
@@ -232,11 +232,11 @@ fn plychain(posterior: &Posterior, sampler: &dyn Sampler, seed: u64) -> (Draws, 
         .build()
         .unwrap();
     pool.install(|| {
-        let watch = Watch(Cell::new(clock()));
-        let draws = run(posterior, sampler, &start, &schedule, &Never, &watch)
+        let progress = Progress(Cell::new(clock()));
+        let draws = run(posterior, sampler, &start, &schedule, &Never, &progress)
             .unwrap()
             .draws;
-        (draws, clock() - watch.0.get())
+        (draws, clock() - progress.0.get())
     })
 }
 
@@ -258,9 +258,9 @@ impl Stop for Never {
 }
 
 /// Starts when warm-up ends.
-struct Watch(Cell<f64>);
+struct Progress(Cell<f64>);
 
-impl Progress for Watch {
+impl Monitor for Progress {
     fn report(&self, report: &Report) -> bool {
         if report.phase == Phase::Warmup {
             self.0.set(clock());

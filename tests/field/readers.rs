@@ -371,7 +371,7 @@ proptest! {
             Err(error) => prop_assert_eq!(error.blame(), Blame::Input),
             Ok(field) => {
                 prop_assert!(field.points.iter().chain(&field.displacement).flatten().all(|v| v.is_finite()));
-                let _ = plychain::field::outliers::spikes(&field.points, &field.displacement);
+                let _ = plychain::field::outliers::outliers(&field.points, &field.displacement);
                 let _ = field.check_hole(2.0);
             }
         }

@@ -81,13 +81,13 @@ fn white_noise_is_recovered_within_its_standard_error() {
 #[test]
 fn spikes_are_caught_and_good_points_stay() {
     let mut field = simulated(201, 1e-5, 3);
-    assert!(outliers::spikes(&field.points, &field.displacement).len() <= 1);
+    assert!(outliers::outliers(&field.points, &field.displacement).len() <= 1);
     let bad: Vec<usize> = (0..200).map(|k| 13 + 197 * k).collect();
     for &i in &bad {
         field.displacement[i][i % 2] += if i % 3 == 0 { 4e-4 } else { -1.2e-4 };
     }
     let before = field.len();
-    let found = outliers::spikes(&field.points, &field.displacement);
+    let found = outliers::outliers(&field.points, &field.displacement);
     let caught = found.iter().filter(|s| bad.contains(&s.point)).count();
     assert_eq!(caught, bad.len());
     assert!(found.len() - caught <= 1);
@@ -116,7 +116,7 @@ fn a_shifted_region_is_no_spike_and_no_noise() {
                 region += 1;
             }
         }
-        let found = outliers::spikes(&field.points, &field.displacement).len();
+        let found = outliers::outliers(&field.points, &field.displacement).len();
         assert!(region > 1000 && found <= 4, "{found} of {region}");
         let white = noise::white(&field);
         assert!((white.sd_mm[0] / 1e-5 - 1.0).abs() < 0.03, "{white:?}");
@@ -127,7 +127,7 @@ fn a_shifted_region_is_no_spike_and_no_noise() {
 fn curvature_at_the_hole_is_no_spike_even_without_noise() {
     let field = simulated(81, 0.0, 1);
     assert_eq!(
-        outliers::spikes(&field.points, &field.displacement).len(),
+        outliers::outliers(&field.points, &field.displacement).len(),
         0
     );
     let Some(dir) = shared("open-hole-reference") else {

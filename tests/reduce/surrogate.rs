@@ -8,7 +8,7 @@ use plychain::field::matrices::write_matrices;
 use plychain::infer::simulate::{Truth, simulate};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
 use plychain::laminate::Material;
-use plychain::progress::Unwatched;
+use plychain::progress::Silent;
 use plychain::reduce::{Problem, ReducedModel, Snapshots};
 use plychain::sample::{SAMPLERS, Schedule};
 use plychain::trace::{Options, TOLERANCE, TRUTH_DRAWS, identify};
@@ -172,7 +172,7 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
         discrepancy: [None, None],
         deadline: None,
     };
-    let round = identify(&model, &options, &Unwatched).unwrap();
+    let round = identify(&model, &options, &Silent).unwrap();
     let steps = &round.refinements;
     let (first, last) = (&steps[0], &steps[steps.len() - 1]);
     assert_eq!(round.surrogate.draws, TRUTH_DRAWS);

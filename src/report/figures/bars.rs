@@ -3,8 +3,8 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, text, text_about,
-    text_left_of, text_right_of, tick,
+    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, step, text, text_about,
+    text_left_of, text_right_of,
 };
 use crate::error::Result;
 use crate::report::sheet::Sheet;
@@ -230,7 +230,7 @@ fn panel(area: &Area<'_>, sheet: &Sheet, constant: &str) -> Drawn<()> {
         .axis_style(INK)
         .label_style(text(10))
         .x_labels(6)
-        .x_label_formatter(&tick)
+        .x_label_formatter(&step)
         .draw()?;
     if let Some(truth) = truth.iter().find(|t| t.is_finite()) {
         let line = [(*truth, 0.0), (*truth, rows as f64)];
@@ -290,7 +290,7 @@ fn scale(root: &Area<'_>, [low, high]: [f64; 2], right: u32, name: &str) -> Draw
         )?;
         let place = (x, height as i32 - 28);
         root.draw(&Text::new(
-            tick(&(low + f * (high - low))),
+            step(&(low + f * (high - low))),
             place,
             text_about(10),
         ))?;

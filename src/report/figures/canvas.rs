@@ -136,7 +136,7 @@ pub fn cannot(error: &dyn std::fmt::Display) -> Error {
 }
 
 /// A number for an axis: as short as it can be.
-pub fn tick(value: &f64) -> String {
+pub fn step(value: &f64) -> String {
     let value = if value.abs() < 1e-12 { 0.0 } else { *value };
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e5).contains(&size) {

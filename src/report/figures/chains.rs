@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{Area, Drawn, Figure, GRID, INK, SERIES, cannot, draw, span, text, tick};
+use super::canvas::{Area, Drawn, Figure, GRID, INK, SERIES, cannot, draw, span, step, text};
 use crate::error::Result;
 use crate::report::sheet::Sheet;
 
@@ -172,8 +172,8 @@ fn show(area: &Area<'_>, panel: &Panel, labels: [&str; 2]) -> Drawn<()> {
         .x_desc(labels[0])
         .x_labels(5)
         .y_labels(4)
-        .x_label_formatter(&tick)
-        .y_label_formatter(&tick)
+        .x_label_formatter(&step)
+        .y_label_formatter(&step)
         .draw()?;
     if let Some(level) = panel.level {
         let line = [(panel.x[0], level), (panel.x[1], level)];

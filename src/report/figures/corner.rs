@@ -4,7 +4,7 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 use super::canvas::{
-    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, text, tick,
+    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, step, text,
 };
 use crate::error::Result;
 use crate::report::sheet::Sheet;
@@ -250,7 +250,7 @@ fn labels(root: &Area<'_>, axis: &Axis, k: u32, d: u32) -> Drawn<()> {
     let ends = [0.2, 0.8].map(|f| (f, low + f * (high - low)));
     let say = |v: f64| {
         let short = format!("{v:.decimals$}");
-        short.parse().map_or(short, |v: f64| tick(&v))
+        short.parse().map_or(short, |v: f64| step(&v))
     };
     let bottom = (12 + d * CELL) as i32;
     let middle = Pos::new(HPos::Center, VPos::Top);

@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 
 use super::canvas::{
-    Area, Drawn, Figure, INK, NOT_MEASURED, Stretched, cannot, draw, span, text, tick,
+    Area, Drawn, Figure, INK, NOT_MEASURED, Stretched, cannot, draw, span, step, text,
 };
 use super::colour::Palette;
 use crate::error::Result;
@@ -233,8 +233,8 @@ fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Drawn<Pixels> {
         .y_desc("y, mm")
         .x_labels(5)
         .y_labels(if tall { 5 } else { 3 })
-        .x_label_formatter(&tick)
-        .y_label_formatter(&tick)
+        .x_label_formatter(&step)
+        .y_label_formatter(&step)
         .draw()?;
     let ends = [(x[0], y[0]), (x[1], y[1])];
     let blank = Rectangle::new(ends, NOT_MEASURED.filled());
@@ -258,7 +258,7 @@ fn bar(area: &Area<'_>, scale: Scale) -> Drawn<Pixels> {
         .label_style(text(11))
         .x_desc(scale.unit)
         .x_labels(5)
-        .x_label_formatter(&tick)
+        .x_label_formatter(&step)
         .draw()?;
     Ok(chart.plotting_area().get_pixel_range())
 }

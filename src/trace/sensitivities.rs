@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::pose::Prepared;
+use super::inverse::Prepared;
 use super::state::State;
 use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
@@ -37,10 +37,10 @@ pub struct Candidate {
     pub columns: Vec<Column>,
 }
 
-/// Data and tangents.
+/// Data and sensitivities.
 #[derive(Clone)]
-pub struct Tangents {
-    /// Measured minus predicted at the prior means of all parameters, by the tangents: block averages of (u1, u2), mm.
+pub struct Sensitivities {
+    /// Measured minus predicted at the prior means of all parameters, by the sensitivities: block averages of (u1, u2), mm.
     pub rest: [DVector<f64>; 2],
     /// Elastic constants, the thickness if it is uncertain, the load's scale, declared effects.
     pub base: Vec<Column>,
@@ -50,7 +50,7 @@ pub struct Tangents {
     pub candidates: Vec<Candidate>,
 }
 
-impl Tangents {
+impl Sensitivities {
     /// Mean of all parameters, in prior sds from their means, with every candidate present at its prior and noise that
     /// is white: of the size that is left, on blocks of `count` points.
     pub fn ridge(&self, count: &[usize]) -> DVector<f64> {
@@ -95,7 +95,7 @@ impl Tangents {
 }
 
 /// The test that is linearised.
-pub struct Tested<'a> {
+pub struct Linearised<'a> {
     /// The model.
     pub model: &'a Model,
     /// Plate and measured points.
@@ -107,7 +107,7 @@ pub struct Tested<'a> {
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
     /// Called after each column.
-    pub tick: &'a (dyn Fn() + Sync),
+    pub step: &'a (dyn Fn() + Sync),
 }
 
 /// What varies in one column.
@@ -137,12 +137,16 @@ const AMPLITUDE_STEP: f64 = 0.5;
 /// Prior sd of an amplitude that nothing bounds, times the size of the measured field.
 const FREE: f64 = 10.0;
 
-impl Tested<'_> {
+impl Linearised<'_> {
     /// Linearise at a state, for the declared effects and `candidates`.
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    pub fn tangents(&self, at: &State, candidates: &[&'static dyn Effect]) -> Result<Tangents> {
+    pub fn sensitivities(
+        &self,
+        at: &State,
+        candidates: &[&'static dyn Effect],
+    ) -> Result<Sensitivities> {
         let here = self.look(&mut self.prepared.plate.factor(), at)?;
         let mut directions = self.base();
         let declared = directions.len();
@@ -153,7 +157,7 @@ impl Tested<'_> {
                 || self.prepared.plate.factor(),
                 |factor, &direction| {
                     let column = self.column(factor, at, &here, direction);
-                    (self.tick)();
+                    (self.step)();
                     column
                 },
             )
@@ -180,7 +184,7 @@ impl Tested<'_> {
                 columns: columns.by_ref().take(effect.parameters().len()).collect(),
             })
             .collect();
-        Ok(Tangents {
+        Ok(Sensitivities {
             rest,
             base,
             constants: at.constants.len(),
@@ -188,7 +192,7 @@ impl Tested<'_> {
         })
     }
 
-    /// How many columns [`Tested::tangents`] has for `candidates`: those of the model, and those of the candidates.
+    /// How many columns [`Linearised::sensitivities`] has for `candidates`: those of the model, and those of the candidates.
     pub fn columns(&self, candidates: &[&'static dyn Effect]) -> [usize; 2] {
         let own = |e: &&'static dyn Effect| e.parameters().len();
         [self.base().len(), candidates.iter().map(own).sum()]
@@ -215,16 +219,16 @@ impl Tested<'_> {
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    pub fn again(&self, at: &State, before: &Tangents) -> Result<Tangents> {
-        let mut tangents = self.tangents(at, &[])?;
+    pub fn again(&self, at: &State, before: &Sensitivities) -> Result<Sensitivities> {
+        let mut sensitivities = self.sensitivities(at, &[])?;
         for column in before.candidates.iter().flat_map(|c| &c.columns) {
             let shift = (column.mean - column.at) / column.sd;
-            for (rest, values) in tangents.rest.iter_mut().zip(&column.values) {
+            for (rest, values) in sensitivities.rest.iter_mut().zip(&column.values) {
                 rest.axpy(-shift, values, 1.0);
             }
         }
-        tangents.candidates = before.candidates.clone();
-        Ok(tangents)
+        sensitivities.candidates = before.candidates.clone();
+        Ok(sensitivities)
     }
 
     fn test(&self) -> forward::Test<'_> {
@@ -294,7 +298,7 @@ impl Tested<'_> {
     /// A scale of the load cannot be told from a common factor of all moduli: it takes part in every model with its prior.
     fn load(&self, here: &forward::View) -> Result<Column> {
         let effect = crate::effect::find("dictionary", LOAD_SCALE)?;
-        let sd = self.plausible(effect, 0);
+        let sd = self.prior_sd(effect, 0);
         let percent = |u: &[f64; 2]| u.map(|u| 0.01 * sd * u);
         let field: Vec<[f64; 2]> = here.mechanical.iter().map(percent).collect();
         Ok(Column {
@@ -314,7 +318,7 @@ impl Tested<'_> {
         effect: &'static dyn Effect,
         k: usize,
     ) -> Result<Column> {
-        let sd = self.plausible(effect, k);
+        let sd = self.prior_sd(effect, k);
         let amplitude = at.amplitude(effect);
         let moved = |by: f64| {
             let mut changed = amplitude.clone();
@@ -364,8 +368,8 @@ impl Tested<'_> {
     }
 
     /// Prior sd of an amplitude, border units.
-    fn plausible(&self, effect: &'static dyn Effect, k: usize) -> f64 {
-        self.model.plausible(effect, k).unwrap_or_else(|| {
+    fn prior_sd(&self, effect: &'static dyn Effect, k: usize) -> f64 {
+        self.model.prior_sd(effect, k).unwrap_or_else(|| {
             // only translations are free: their unit is the micrometre
             let field = self.measured;
             let square: f64 = field.iter().flatten().map(|u| u * u).sum();

@@ -1,4 +1,4 @@
-//! Strays: points whose residual from a fitted model contradicts the residuals around them. They are what is left of
+//! Deviant points: points whose residual from a fitted model contradicts the residuals around them. They are what is left of
 //! bad points at edges and in clusters, where the field itself is too steep to tell ([`super::outliers`]).
 
 use rayon::prelude::*;
@@ -9,14 +9,14 @@ use super::local::{mad, median};
 
 /// Neighbours that a residual is compared with.
 const NEIGHBOURS: usize = 24;
-/// A deviation beyond this many standard deviations (by the MAD of all deviations) makes a stray.
+/// A deviation beyond this many standard deviations (by the MAD of all deviations) makes a deviant point.
 const MULTIPLE: f64 = 8.0;
 /// This share of the neighbours with a like deviation make it a feature of the field.
 const COMPANIONS: f64 = 0.25;
 
-/// Which points stray, of residuals (u1, u2) at `points`: those that differ from the median of their neighbours by
+/// Which points are deviant, of residuals (u1, u2) at `points`: those that differ from the median of their neighbours by
 /// far more than residuals usually do, unless a quarter of the neighbours differ likewise.
-pub fn strays(points: &[[f64; 2]], residual: &[[f64; 2]]) -> Vec<bool> {
+pub fn deviant_points(points: &[[f64; 2]], residual: &[[f64; 2]]) -> Vec<bool> {
     let tree = RTree::bulk_load(
         points
             .iter()
@@ -35,7 +35,7 @@ pub fn strays(points: &[[f64; 2]], residual: &[[f64; 2]]) -> Vec<bool> {
                 .collect()
         })
         .collect();
-    let mut stray = vec![false; points.len()];
+    let mut deviant = vec![false; points.len()];
     for c in 0..2 {
         let middle: Vec<f64> = neighbours
             .par_iter()
@@ -56,8 +56,8 @@ pub fn strays(points: &[[f64; 2]], residual: &[[f64; 2]]) -> Vec<bool> {
                 .iter()
                 .filter(|&&j| (residual[j][c] - middle[i]) * d.signum() > 0.5 * d.abs())
                 .count();
-            stray[i] |= (alike as f64) < COMPANIONS * neighbours[i].len() as f64;
+            deviant[i] |= (alike as f64) < COMPANIONS * neighbours[i].len() as f64;
         }
     }
-    stray
+    deviant
 }

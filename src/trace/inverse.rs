@@ -8,7 +8,7 @@ use crate::infer::{
     Columns, Discrepancy, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior,
     Statistics, laplace,
 };
-use crate::progress::Watch;
+use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
 use super::checks::check_size;
@@ -31,7 +31,7 @@ pub struct Prepared {
 }
 
 /// A posterior with everything it was made of, not sampled yet.
-pub struct Posed {
+pub struct InverseProblem {
     /// What is solved.
     pub prepared: Prepared,
     /// Columns at the measured points.
@@ -45,16 +45,20 @@ pub struct Posed {
 }
 
 /// Read the measurement and obtain the reduced model for it.
-pub fn prepare(model: &Model, cache_dir: &std::path::Path, watch: &dyn Watch) -> Result<Prepared> {
-    watch.begin("reading the measurement", None);
+pub fn prepare(
+    model: &Model,
+    cache_dir: &std::path::Path,
+    progress: &dyn Progress,
+) -> Result<Prepared> {
+    progress.begin("reading the measurement", None);
     let field = model.read_field()?;
-    watch.say(&format!("{} points", field.len()));
-    watch.end();
+    progress.say(&format!("{} points", field.len()));
+    progress.end();
     let problem = model.problem(&field)?;
     let nominal = nominal_point(&problem, model);
     let plate = Plate::new(problem.test_at(&nominal).0.outline, problem.density)?;
     let mut observation = Observation::new(field, &plate.mesh)?;
-    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, watch)?;
+    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, progress)?;
     correct_jumps(model, &mut observation, &reduced, &plate.mesh, &nominal);
     if model.file.measurement.outliers == OutlierRule::Reject {
         observation.drop_strays(&reduced, &plate.mesh);
@@ -93,7 +97,11 @@ fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
 ///
 /// # Errors
 /// Of the input: a field that cannot be the model's, too few points for the noise, effects that depend on each other.
-pub fn pose(model: &Model, prepared: Prepared, watch: &dyn Watch) -> Result<Posed> {
+pub fn inverse_problem(
+    model: &Model,
+    prepared: Prepared,
+    progress: &dyn Progress,
+) -> Result<InverseProblem> {
     let columns = prepared
         .observation
         .columns(&prepared.reduced, &prepared.plate.mesh, model);
@@ -102,18 +110,18 @@ pub fn pose(model: &Model, prepared: Prepared, watch: &dyn Watch) -> Result<Pose
         &columns,
         &nominal_point(&prepared.problem, model),
     )?;
-    watch.begin("noise of the measurement", None);
+    progress.begin("noise of the measurement", None);
     let noise = Noise::estimate(&prepared.observation, &columns)?.with(&prepared.discrepancy)?;
-    watch.say(&format!(
+    progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),
         noise.point_sd_nm(1),
         noise.effective_points
     ));
-    watch.end();
+    progress.end();
     let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;
     let posterior = posterior(model, &prepared.reduced, &statistics, &noise)?;
-    Ok(Posed {
+    Ok(InverseProblem {
         prepared,
         columns,
         noise,
@@ -144,7 +152,7 @@ pub fn posterior(
     for effect in model.sampled() {
         for (k, parameter) in effect.parameters().iter().enumerate() {
             names.push(amplitude_name(effect, parameter));
-            let sd = model.plausible(effect, k).unwrap_or(parameter.bound);
+            let sd = model.prior_sd(effect, k).unwrap_or(parameter.bound);
             marginals.push(Marginal {
                 mean: 0.0,
                 sd,
