@@ -4,7 +4,7 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `error, files, quantity, progress < field < laminate < fem < effect < reduce < infer < chain < sample < diagnose < trace < validate < report < cli`.
+//! `error, files, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
 
 pub mod chain;
 pub mod cli;
@@ -16,6 +16,7 @@ pub mod field;
 pub mod files;
 pub mod infer;
 pub mod laminate;
+pub mod noise;
 pub mod progress;
 pub mod quantity;
 pub mod reduce;

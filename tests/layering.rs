@@ -4,20 +4,24 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
-const ORDER: [&[&str]; 15] = [
+const ORDER: [&[&str]; 19] = [
     &["error", "files", "quantity", "progress"],
-    &["field"],
-    &["laminate"],
+    &["field", "laminate"],
+    &["noise"],
+    &["geometry"],
     &["fem"],
     &["effect"],
+    &["experiment"],
     &["reduce"],
     &["infer"],
     &["chain"],
     &["sample"],
     &["diagnose"],
+    &["identify"],
     &["trace"],
     &["validate"],
     &["report"],
+    &["campaign"],
     &["cli"],
     &["main", "lib"],
 ];

@@ -1,6 +1,7 @@
 //! Other ways to a posterior agree with it, bad input is refused, and simulated measurements of known truth are covered.
 
-use plychain::infer::{Laplace, LogDensity, Posterior, Tabulated, laplace, matern_pair};
+use plychain::infer::{Laplace, LogDensity, Posterior, Tabulated, laplace};
+use plychain::noise::matern_pair;
 use plychain::validate::calibration::{band, kolmogorov};
 use plychain::validate::grid::{Grid, automatic, check_bounds};
 use plychain::validate::quadrature::{FIVE, SEVEN, preview};

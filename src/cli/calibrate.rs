@@ -50,7 +50,11 @@ pub fn article_twin(
         *u = [u[0] + e[0], u[1] + e[1]];
     }
     let observation = twin.observed(u);
-    let noise = crate::infer::Noise::estimate(&observation, &twin.columns)?;
+    let noise = crate::noise::Noise::estimate(
+        &observation.field,
+        &twin.columns.modes,
+        &twin.columns.effects,
+    )?;
     let statistics = crate::infer::Statistics::new(&observation, &twin.columns, &noise)?;
     let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
     let mut marginals = posterior.marginals().to_vec();

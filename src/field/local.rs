@@ -5,14 +5,14 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 /// Neighbours of a fit: three to four times the six coefficients of a quadratic.
-pub(super) const NEIGHBOURS: usize = 20;
+pub(crate) const NEIGHBOURS: usize = 20;
 
 type Coefficients = SVector<f64, 6>;
 type Plane = SVector<f64, 3>;
 type Factor = Cholesky<f64, Const<6>>;
 
 /// Displacements with an index of their points.
-pub(super) struct LocalFit<'a> {
+pub(crate) struct LocalFit<'a> {
     points: &'a [[f64; 2]],
     displacement: &'a [[f64; 2]],
     tree: RTree<GeomWithData<[f64; 2], u32>>,
@@ -21,14 +21,14 @@ pub(super) struct LocalFit<'a> {
 }
 
 /// Neighbours of a point in coordinates about it, scaled by the distance of the farthest.
-pub(super) struct Neighbourhood {
+pub(crate) struct Neighbourhood {
     /// Indices of the neighbours, nearest first.
     pub index: Vec<usize>,
     basis: Vec<Coefficients>,
 }
 
 /// A robust local fit as it looks from its centre.
-pub(super) struct RobustFit {
+pub(crate) struct RobustFit {
     /// Measured minus predicted at the centre.
     pub residual: f64,
     /// Measured minus predicted at each neighbour.
@@ -221,7 +221,7 @@ pub(crate) fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Normal-consistent scale from the median absolute value.
-pub(super) fn mad(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn mad(values: impl Iterator<Item = f64>) -> f64 {
     /// 1 / quantile(0.75) of the standard normal.
     const CONSISTENT: f64 = 1.482_602_218_505_602;
     let mut absolute: Vec<f64> = values.map(f64::abs).collect();

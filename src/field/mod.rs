@@ -1,28 +1,23 @@
-//! The measured field: readers, frame, outliers, noise, block averages and their covariance.
+//! The measured field: readers, frame, outliers, block averages.
 //!
 //! Inside this crate a field is points (s, t) and displacements (u1, u2) in mm, direction 1 along the load, origin
 //! at the hole's centre. [`spec::MeasurementSpec::read`] makes one from files.
 
 pub mod blocks;
-pub mod covariance;
 pub mod deviant;
 pub mod frame;
-mod local;
+pub(crate) mod local;
 pub mod matrices;
 pub mod measured;
-pub mod noise;
 pub mod outliers;
 pub mod places;
-pub mod reml;
 pub mod rigid;
 pub mod spec;
 pub mod table;
 
 pub use blocks::Blocks;
-pub use covariance::{BlockCovariance, Matern};
 pub use frame::{Axis, Frame};
 pub(crate) use local::median;
 pub use matrices::Grid;
 pub use measured::{Field, GridShape, Reason, Rejected};
-pub use reml::Reml;
 pub use spec::MeasurementSpec;

@@ -1,9 +1,7 @@
 //! The measured field seen by the reduced model: the modes' and declared effects' columns at the measured points.
 
-use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::linear::solve;
 use super::model::Model;
 use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
@@ -11,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason};
+use crate::noise::residual_of_fit;
 use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion_over};
 
 /// The measured points on the plate.
@@ -33,32 +32,6 @@ pub struct Columns {
     pub names: Vec<String>,
     /// Prior standard deviation of each effect column's amplitude; `None` is flat.
     pub prior_sd: Vec<Option<f64>>,
-}
-
-/// Residual of each component's least-squares fit on its own modes and {1, s, t}.
-pub(super) fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
-    let mut residual = field.displacement.clone();
-    let half = modes.len() / 2;
-    for c in 0..2 {
-        let basis = |i: usize| {
-            let p = field.points[i];
-            let own = modes[c * half..(c + 1) * half].iter().map(move |m| m[i][c]);
-            own.chain([1.0, p[0], p[1]])
-        };
-        let p = half + 3;
-        let mut gram = DMatrix::<f64>::zeros(p, p);
-        let mut right = DVector::<f64>::zeros(p);
-        for i in 0..field.len() {
-            let row = DVector::from_iterator(p, basis(i));
-            right.axpy(field.displacement[i][c], &row, 1.0);
-            gram.ger(1.0, &row, &row, 1.0);
-        }
-        let fit = solve(&gram, &right);
-        for (i, r) in residual.iter_mut().enumerate() {
-            r[c] -= basis(i).zip(fit.iter()).map(|(b, f)| b * f).sum::<f64>();
-        }
-    }
-    residual
 }
 
 /// Share of points outside the plate above which the geometry cannot be right.

@@ -6,13 +6,13 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::linear::invert;
 use super::model::Model;
-use super::observation::{Observation, residual_of_fit};
+use super::observation::Observation;
 use crate::effect::{Effect, Kind, Scene, amplitude_name, recorded_column};
 use crate::error::Result;
 use crate::fem::Mesh;
 use crate::field::{Blocks, Field};
+use crate::noise::{invert, residual_of_fit, solve};
 use crate::reduce::ReducedModel;
 
 /// The second pass has the first one's ripple out of the argument.
@@ -239,7 +239,7 @@ fn regress(
         let x = DMatrix::from_columns(&x);
         let gram = x.tr_mul(&x);
         let product = x.tr_mul(&y);
-        let fit = super::linear::solve(&gram, &product);
+        let fit = solve(&gram, &product);
         let left = (y.norm_squared() - fit.dot(&product)).max(f64::MIN_POSITIVE);
         let weight = tiles.freedom() / left;
         precision += gram * weight;

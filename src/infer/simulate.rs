@@ -6,12 +6,12 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
 use super::model::Model;
-use super::random_field::matern_pair;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::fem::{Density, Locator, Plate, Setup};
 use crate::field::Grid;
+use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion, settle};
 

@@ -2,10 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::linear::{invert, solve};
-use super::noise::{Noise, component};
 use super::observation::{Columns, Observation};
 use crate::error::Result;
+use crate::noise::{Noise, component, invert, solve};
 
 /// Generalised least squares of the block averages on modes and declared effects, at the estimated noise scale.
 #[derive(Debug, Clone)]

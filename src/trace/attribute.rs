@@ -15,7 +15,8 @@ use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind};
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::infer::{Discrepancy, Model, forward};
+use crate::infer::{Model, forward};
+use crate::noise::Discrepancy;
 use crate::progress::Progress;
 
 /// An effect weighed against the data.

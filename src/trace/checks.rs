@@ -7,7 +7,8 @@ use super::residual::Residual;
 use super::truth::{SurrogateError, TOLERANCE};
 use crate::error::{Error, Result};
 use crate::field::rigid;
-use crate::infer::{Columns, Noise, Posterior};
+use crate::infer::{Columns, Posterior};
+use crate::noise::Noise;
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
 use crate::reduce::remove_rigid_motion;
 

@@ -10,7 +10,7 @@ use super::subsets::{Subset, Subsets};
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::infer::Discrepancy;
+use crate::noise::Discrepancy;
 
 /// A group is accepted above this probability.
 const ACCEPT: f64 = 0.95;

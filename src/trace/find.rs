@@ -6,7 +6,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64Dxsm;
 
 use crate::field::Blocks;
-use crate::infer::Noise;
+use crate::noise::Noise;
 use crate::quantity::NM_PER_MM;
 
 /// Structure of a residual's block averages.

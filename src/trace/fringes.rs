@@ -99,7 +99,7 @@ fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: 
     let radius =
         0.5 * (region.high_mm[0] - region.low_mm[0]).max(region.high_mm[1] - region.low_mm[1]);
     let values = [in_data[0], in_data[1], centre[0], centre[1], radius];
-    let noise = crate::field::noise::white(field).sd_mm[region.component].max(f64::MIN_POSITIVE);
+    let noise = crate::noise::white(field).sd_mm[region.component].max(f64::MIN_POSITIVE);
     let points: usize = jumps.regions.iter().map(|r| r.points).sum();
     let log_bayes_factor = 0.5 * points as f64 * (jumps.order_mm / noise).powi(2);
     let smallest = jumps.order_mm

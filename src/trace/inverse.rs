@@ -5,9 +5,9 @@ use crate::error::Result;
 use crate::fem::Plate;
 use crate::field::spec::OutlierRule;
 use crate::infer::{
-    Columns, Discrepancy, Laplace, Likelihood, Marginal, Model, Noise, Observation, Posterior,
-    Statistics, laplace,
+    Columns, Laplace, Likelihood, Marginal, Model, Observation, Posterior, Statistics, laplace,
 };
+use crate::noise::{Discrepancy, Noise};
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
@@ -111,7 +111,12 @@ pub fn inverse_problem(
         &nominal_point(&prepared.problem, model),
     )?;
     progress.begin("noise of the measurement", None);
-    let noise = Noise::estimate(&prepared.observation, &columns)?.with(&prepared.discrepancy)?;
+    let noise = Noise::estimate(
+        &prepared.observation.field,
+        &columns.modes,
+        &columns.effects,
+    )?
+    .with(&prepared.discrepancy)?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

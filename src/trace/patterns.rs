@@ -8,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
 use super::waves::{self, Wave};
 use crate::field::Field;
-use crate::infer::Noise;
+use crate::noise::Noise;
 
 /// Block averages of one component that the noise does not explain, close to each other or not.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::infer::{Columns, Noise, Observation, Statistics};
+use crate::infer::{Columns, Observation, Statistics};
+use crate::noise::Noise;
 use crate::quantity::NM_PER_MM;
 
 /// The residual field and its size.

@@ -15,7 +15,8 @@ use super::truth::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
-use crate::infer::{Columns, Discrepancy, LogDensity, Model, Noise, Posterior, Statistics};
+use crate::infer::{Columns, LogDensity, Model, Posterior, Statistics};
+use crate::noise::{Discrepancy, Noise};
 use crate::progress::Progress;
 use crate::sample::{self, Keeping, Monitor, Phase, Report, Sampler, Schedule, Start, Stopped};
 

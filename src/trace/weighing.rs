@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use super::sensitivities::Sensitivities;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
-use crate::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, over_grid};
-use crate::field::reml::Contrasts;
+use crate::noise::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, over_grid};
+use crate::noise::reml::Contrasts;
 
 /// Prior probability of a smooth discrepancy.
 pub const DISCREPANCY: f64 = 0.07;

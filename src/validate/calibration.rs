@@ -16,7 +16,8 @@ use super::twin::{Truth, Twin};
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::infer::{LogDensity, Marginal, Model, Noise, Statistics};
+use crate::infer::{LogDensity, Marginal, Model, Statistics};
+use crate::noise::Noise;
 use crate::progress::Progress;
 use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
 use crate::trace;
@@ -256,7 +257,11 @@ fn identify(
         *u = [u[0] + e[0], u[1] + e[1]];
     }
     let observation = twin.observed(u);
-    let noise = Noise::estimate(&observation, &twin.columns)?;
+    let noise = Noise::estimate(
+        &observation.field,
+        &twin.columns.modes,
+        &twin.columns.effects,
+    )?;
     let statistics = Statistics::new(&observation, &twin.columns, &noise)?;
     let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
     let mode = trace::start(&posterior)?;

@@ -6,7 +6,8 @@ use rand_pcg::Pcg64Dxsm;
 
 use crate::error::{Error, Result};
 use crate::field::{Field, Rejected};
-use crate::infer::{Columns, Model, Observation, matern_pair};
+use crate::infer::{Columns, Model, Observation};
+use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Gauge, Snapshots, remove_rigid_motion};
 use crate::trace::Prepared;

@@ -1,10 +1,9 @@
 use nalgebra::{DMatrix, DVector};
-use plychain::field::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
 use plychain::field::places::Places;
-use plychain::field::reml::{orthonormal, reml};
-use plychain::field::{
-    BlockCovariance, Blocks, Field, Matern, MeasurementSpec, Reason, noise, outliers,
-};
+use plychain::field::{Blocks, Field, MeasurementSpec, Reason, outliers};
+use plychain::noise::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
+use plychain::noise::reml::{orthonormal, reml};
+use plychain::noise::{self, BlockCovariance, Matern};
 use rand::RngExt;
 
 use super::{STEEL, normal, open_hole, rng, shared, simulated, spec};

@@ -5,12 +5,13 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use super::covariance::{NOISE_LENGTHS_MM, RATIOS};
 use super::lattice::{FLAT, HERMITE, LEGENDRE, Quadratic};
+use super::reml::{Contrasts, Reml, Setting};
+use super::white::Leftover;
+use super::{BlockCovariance, Matern};
 use crate::error::Result;
-use crate::field::covariance::{NOISE_LENGTHS_MM, RATIOS};
-use crate::field::noise::Leftover;
-use crate::field::reml::{Contrasts, Reml, Setting};
-use crate::field::{BlockCovariance, Blocks, Matern};
+use crate::field::Blocks;
 
 /// The white noise of points as local differences see it.
 pub(super) struct Local<'a> {

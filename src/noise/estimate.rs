@@ -2,12 +2,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::observation::{Columns, Observation, residual_of_fit};
-use super::settings::{Component, Local};
+use super::hyperparameters::{Component, Local};
+use super::normal::solve;
+use super::reml::{Contrasts, Reml};
+use super::white::{Leftover, white};
+use super::{BlockCovariance, Matern};
 use crate::error::{Error, Result};
-use crate::field::noise::Leftover;
-use crate::field::reml::{Contrasts, Reml};
-use crate::field::{BlockCovariance, Blocks, Field, Matern, noise};
+use crate::field::{Blocks, Field};
 use crate::quantity::NM_PER_MM;
 
 /// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, mm at least.
@@ -48,11 +49,18 @@ pub struct Discrepancy {
 
 impl Noise {
     /// Estimate from contrasts orthogonal to the model's columns and to local quadratics (restricted maximum
-    /// likelihood over correlation lengths up to 1.5 mm).
-    pub fn estimate(observation: &Observation, columns: &Columns) -> Result<Self> {
-        let field = &observation.field;
+    /// likelihood over correlation lengths up to 1.5 mm). `modes` are those of u1, then of u2, and `effects` the columns of
+    /// declared effects, both in mm at the points.
+    ///
+    /// # Errors
+    /// Too few points to tell noise from the columns.
+    pub fn estimate(
+        field: &Field,
+        modes: &[Vec<[f64; 2]>],
+        effects: &[Vec<[f64; 2]>],
+    ) -> Result<Self> {
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-        let fitted = columns.modes.len() + columns.effects.len();
+        let fitted = modes.len() + effects.len();
         if blocks.len() < fitted + FEWEST_CONTRASTS {
             let place = field
                 .files
@@ -64,13 +72,13 @@ impl Noise {
         }
         let smooth = smooth_columns(&blocks, fitted);
         // Local fits follow the residual of a global one more easily than the field about the hole.
-        let seen = noise::white(&Field {
-            displacement: residual_of_fit(field, &columns.modes),
+        let seen = white(&Field {
+            displacement: residual_of_fit(field, modes),
             ..field.clone()
         });
         let leftover = Leftover::new(field);
         let estimate = |c: usize| -> Result<Component> {
-            let explained = component(columns.modes.iter().chain(&columns.effects), c, &blocks);
+            let explained = component(modes.iter().chain(effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
             all.columns_mut(explained.ncols(), smooth.ncols())
@@ -173,4 +181,30 @@ pub fn component<'a>(
         return DMatrix::zeros(blocks.len(), 0);
     }
     DMatrix::from_columns(&averages)
+}
+
+/// Residual (mm) of each component's least-squares fit on its own modes and {1, s, t}; `modes` are those of u1, then of u2.
+pub fn residual_of_fit(field: &Field, modes: &[Vec<[f64; 2]>]) -> Vec<[f64; 2]> {
+    let mut residual = field.displacement.clone();
+    let half = modes.len() / 2;
+    for c in 0..2 {
+        let basis = |i: usize| {
+            let p = field.points[i];
+            let own = modes[c * half..(c + 1) * half].iter().map(move |m| m[i][c]);
+            own.chain([1.0, p[0], p[1]])
+        };
+        let p = half + 3;
+        let mut gram = DMatrix::<f64>::zeros(p, p);
+        let mut right = DVector::<f64>::zeros(p);
+        for i in 0..field.len() {
+            let row = DVector::from_iterator(p, basis(i));
+            right.axpy(field.displacement[i][c], &row, 1.0);
+            gram.ger(1.0, &row, &row, 1.0);
+        }
+        let fit = solve(&gram, &right);
+        for (i, r) in residual.iter_mut().enumerate() {
+            r[c] -= basis(i).zip(fit.iter()).map(|(b, f)| b * f).sum::<f64>();
+        }
+    }
+    residual
 }

@@ -12,9 +12,9 @@ use faer::{MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::blocks::Blocks;
-use super::places::Places;
 use crate::error::{Error, Result};
+use crate::field::Blocks;
+use crate::field::places::Places;
 
 /// Correlation lengths that count as noise, mm.
 pub const NOISE_LENGTHS_MM: [f64; 3] = [0.4, 0.8, 1.5];

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::covariance::matern;
-use super::local::{LocalFit, NEIGHBOURS, mad};
-use super::measured::Field;
+use crate::field::Field;
+use crate::field::local::{LocalFit, NEIGHBOURS, mad};
 
 /// Sds beyond which a residual does not count.
 const CUT: f64 = 3.0;

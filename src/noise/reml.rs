@@ -3,9 +3,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::blocks::Blocks;
 use super::covariance::{BlockCovariance, Matern, over_grid};
 use crate::error::{Error, Result};
+use crate::field::Blocks;
 
 /// Restricted likelihood at one setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,7 +92,7 @@ impl<'a> Contrasts<'a> {
             .all(|value| value.is_finite())
         {
             return Err(Error::program(
-                "field::reml",
+                "noise::reml",
                 "finite block averages and columns",
             ));
         }
@@ -101,7 +101,7 @@ impl<'a> Contrasts<'a> {
         if blocks.len() < rank + 10 {
             let expected = format!("at least ten more blocks than the {rank} independent columns");
             return Err(
-                Error::program("field::reml", expected).found(format!("{} blocks", blocks.len()))
+                Error::program("noise::reml", expected).found(format!("{} blocks", blocks.len()))
             );
         }
         Ok(Self {
@@ -131,7 +131,7 @@ impl<'a> Contrasts<'a> {
             }
         });
         let best =
-            best.ok_or_else(|| Error::program("field::reml", "at least one length and one ratio"))?;
+            best.ok_or_else(|| Error::program("noise::reml", "at least one length and one ratio"))?;
         Ok(Reml {
             table,
             best,
@@ -151,7 +151,7 @@ impl<'a> Contrasts<'a> {
         if self.basis.ncols() > 0 {
             let columns = c.whiten(&self.basis);
             let factor = columns.tr_mul(&columns).cholesky().ok_or_else(|| {
-                Error::program("field::reml", "independent columns after whitening")
+                Error::program("noise::reml", "independent columns after whitening")
                     .found(format!("rho = {}", c.ratio))
             })?;
             let projected = columns.tr_mul(&white);
