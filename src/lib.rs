@@ -2,7 +2,7 @@
 //!
 //! Data flow one way: measured files -> [`field`] -> projections; specimen -> [`laminate`] -> finite-element
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
-//! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; residual -> [`trace`] -> [`report`].
+//! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
 //! `error, files, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
 
@@ -14,6 +14,7 @@ pub mod error;
 pub mod fem;
 pub mod field;
 pub mod files;
+pub mod identify;
 pub mod infer;
 pub mod laminate;
 pub mod noise;

@@ -2,7 +2,7 @@
 
 use plychain::field::deviant::deviant_points;
 use plychain::field::{Field, Reason, outliers};
-use plychain::trace::jumps::{FEWEST, Jumps, find};
+use plychain::identify::jumps::{FEWEST, Jumps, find};
 
 use crate::field::{normal, open_hole, rng, simulated};
 

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use nalgebra::{DMatrix, DVector};
 
+use plychain::identify::prepare;
 use plychain::progress::Silent;
-use plychain::trace::prepare;
 
 use crate::program::workplace;
 use crate::tracing::{CLEAR, Noise, measured, traced};

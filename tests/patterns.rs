@@ -7,9 +7,9 @@ use serde_json::Value;
 
 use plychain::effect::EFFECTS;
 use plychain::field::matrices::write_matrices;
+use plychain::identify::{Patterns, Residual, inverse_problem, prepare, start};
 use plychain::infer::Model;
 use plychain::progress::Silent;
-use plychain::trace::{Patterns, Residual, inverse_problem, prepare, start};
 
 use crate::program::{fresh, succeed, workplace};
 use crate::tracing::{Noise, measured};
@@ -188,7 +188,7 @@ fn outliers_do_not_turn_the_gauge() {
         left.len() + left.outlying.len(),
         all.len() + all.outlying.len()
     );
-    let columns = |p: &plychain::trace::Prepared| {
+    let columns = |p: &plychain::identify::Prepared| {
         p.observation
             .columns(&p.reduced, &p.plate.mesh, &clean)
             .modes

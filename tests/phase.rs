@@ -1,7 +1,7 @@
 //! The phase-shift error: amplitudes within their standard errors, silence without one, misfit and correlation.
 
 use plychain::field::{Blocks, Field};
-use plychain::trace::phase::{Phase, Ripple, find};
+use plychain::identify::phase::{Phase, Ripple, find};
 use rayon::prelude::*;
 
 use crate::field::{normal, open_hole, rng, simulated};

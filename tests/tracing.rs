@@ -8,10 +8,11 @@ use rand_pcg::Pcg64Dxsm;
 
 use plychain::effect::{Acting, EFFECTS, Kind};
 use plychain::field::matrices::write_matrices;
+use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::Model;
 use plychain::infer::simulate::{Truth, simulate};
 use plychain::progress::Silent;
-use plychain::trace::{State, Tracing, attribute, extended, inverse_problem, prepare, start};
+use plychain::trace::{State, Tracing, attribute, extended};
 
 use serde_json::Value;
 

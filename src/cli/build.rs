@@ -12,11 +12,11 @@ use super::{DEFAULT_MODEL, cache, print};
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::fem::verify::{Check, checks};
+use crate::identify::{self, Prepared};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::reduce::cache as reduced_models;
 use crate::report::tables;
-use crate::trace::{self, Prepared};
 
 /// Arguments of `build`.
 #[derive(Debug, Args)]
@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         arguments.out.as_deref(),
         &format!("{}-build", model.file.name),
     )?;
-    let prepared = trace::prepare(&model, &cache(), console)?;
+    let prepared = identify::prepare(&model, &cache(), console)?;
     print(&tables::text(&prepared.reduced))?;
     let mut value = json!({ "schema": SCHEMA, "tables": tables::numbers(&prepared.reduced) });
     if let Some(reference) = model.file.reduced_model.reference {

@@ -7,9 +7,9 @@ use super::validate::Arguments;
 use super::{Global, cache, print};
 use crate::error::{Error, Result};
 use crate::files;
+use crate::identify;
 use crate::infer::{Laplace, Model};
 use crate::report::calibration::{calibration_numbers, calibration_text};
-use crate::trace;
 use crate::validate::calibration::{self, Plan};
 use crate::validate::grid::Grid;
 use crate::validate::twin::{Truth, Twin};
@@ -36,7 +36,7 @@ pub fn article_twin(
         .found(&model.file.name)
         .hint("use models/openhole.json"));
     }
-    let prepared = trace::prepare(model, &cache(), console)?;
+    let prepared = identify::prepare(model, &cache(), console)?;
     let twin = Twin::new(model, prepared, TWIN_GRID)?;
     let truth = Truth {
         theta: article::MEAN.to_vec(),
@@ -56,12 +56,12 @@ pub fn article_twin(
         &twin.columns.effects,
     )?;
     let statistics = crate::infer::Statistics::new(&observation, &twin.columns, &noise)?;
-    let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
+    let posterior = identify::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
     let mut marginals = posterior.marginals().to_vec();
     for (m, cut) in marginals.iter_mut().zip(article::TRUNCATION) {
         m.truncate = Some(cut);
     }
-    let mode: Laplace = trace::start(&posterior)?;
+    let mode: Laplace = identify::start(&posterior)?;
     let posterior = posterior.with_marginals(marginals);
     Ok(Grid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
 }
@@ -95,7 +95,7 @@ pub fn calibrate(
         )
         .found(e)
     })?;
-    let prepared = trace::prepare(&model, &cache(), console)?;
+    let prepared = identify::prepare(&model, &cache(), console)?;
     let twin = Twin::new(&model, prepared, arguments.grid)?;
     let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
     for effect in model.sampled() {

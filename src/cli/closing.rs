@@ -103,7 +103,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
-    let prepared = trace::prepare(&model, &cache(), console)?;
+    let prepared = crate::identify::prepare(&model, &cache(), console)?;
     let tracing = trace::attribute(&model, &prepared, start, console)?;
     print(&ranking::tracing(&tracing))?;
     print(&ranking::averaged(&tracing, &alone))?;

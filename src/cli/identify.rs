@@ -11,10 +11,10 @@ use super::running::Running;
 use super::{Global, print};
 use crate::chain::write_csv;
 use crate::error::{Error, Result};
+use crate::identify::{self, Round};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::{Page, numbers, terminal};
-use crate::trace::{self, Round};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let running = &arguments.running;
     let plan = running.plan(global)?;
     let options = plan.options(plan.folder.path());
-    let round = trace::identify(&plan.model, &options, console)?;
+    let round = identify::identify(&plan.model, &options, console)?;
     print(&terminal::identification(&plan.model, &round))?;
     let rounds = [round];
     let page = write(&plan.model, &rounds, &plan.folder, global.seed)?;

@@ -11,10 +11,10 @@ use super::folder::{Folder, hashes};
 use super::{DEFAULT_MODEL, Global, cache};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
+use crate::identify::Options;
 use crate::infer::Model;
 use crate::reduce::cache::hex;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
-use crate::trace::Options;
 
 /// Arguments of a run.
 #[derive(Debug, Args)]

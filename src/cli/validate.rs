@@ -15,11 +15,11 @@ use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
+use crate::identify::{self, Identified, InverseProblem, Options, Prepared, SurrogateError};
 use crate::infer::{LogDensity, Model, Posterior};
 use crate::report::calibration::{article_numbers, article_text};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, Schedule};
-use crate::trace::{self, Identified, InverseProblem, Options, Prepared, SurrogateError};
 use crate::validate::grid::{self, Grid};
 use crate::validate::{priors, quadrature, thickness};
 
@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         discrepancy: [None, None],
         deadline: None,
     };
-    let round = trace::identify(&model, &options, console)?;
+    let round = identify::identify(&model, &options, console)?;
     let rounds = [round];
     write(&model, &rounds, &folder, global.seed)?.write(folder.path(), false)?;
     let [round] = rounds;
@@ -155,7 +155,7 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
     check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;
     let (prepared, refinements) = as_refined(path, &model, console)?;
-    let inverse = trace::inverse_problem(&model, prepared, console)?;
+    let inverse = identify::inverse_problem(&model, prepared, console)?;
     if draws.names() != inverse.posterior.names() {
         return Err(Error::input(
             path.join("chain.zarr").display(),
@@ -188,7 +188,7 @@ fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared
     let wanted = || Error::input(file.display(), "the report of a finished run");
     let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;
     let report: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
-    let prepared = trace::prepare(model, &cache(), console)?;
+    let prepared = identify::prepare(model, &cache(), console)?;
     // the first round's: its model and its chain lie in the folder itself
     let steps = report["rounds"][0]["surrogate"]["refinement"].as_array();
     let Some((last, before)) = steps
@@ -204,7 +204,7 @@ fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared
     let modes = last["modes"]
         .as_u64()
         .ok_or_else(|| wanted().found("a refinement without modes"))?;
-    let prepared = trace::refined(prepared, &side, modes as usize, &cache(), console)
+    let prepared = identify::refined(prepared, &side, modes as usize, &cache(), console)
         .map_err(|e| e.within(file.display()))?;
     Ok((prepared, before.len()))
 }
@@ -218,7 +218,7 @@ fn validate(
 ) -> Result<()> {
     let posterior = &found.inverse.posterior;
     let chain = diagnose(&found.draws, &Rule::default()).rows;
-    let mode = trace::start(posterior)?;
+    let mode = identify::start(posterior)?;
     let bounds = bounds(arguments, posterior, &chain)?;
     let small = is_small(arguments.nodes, posterior.structural());
     let began = Instant::now();

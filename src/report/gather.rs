@@ -7,8 +7,8 @@ use super::sheet::{Sheet, exact, rounded};
 use super::tables;
 use crate::chain::Draws;
 use crate::diagnose::autocorrelation;
+use crate::identify::Round;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
-use crate::trace::Round;
 
 /// The sheets of a run: those of each round, numbered from 0, as the folder's. `truth` is what `truth.json` beside the data says.
 pub fn sheets(rounds: &[&Round], truth: Option<&Value>) -> Vec<Sheet> {

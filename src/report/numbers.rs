@@ -3,10 +3,10 @@
 use serde_json::{Map, Value, json};
 
 use crate::diagnose::Row;
+use crate::identify::{Refinement, Round};
 use crate::infer::Model;
 use crate::reduce::Dimension;
 use crate::sample::Stopped;
-use crate::trace::{Refinement, Round};
 
 /// The schema of `report.json`.
 pub const SCHEMA: &str = "plychain-report/1";

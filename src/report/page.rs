@@ -11,7 +11,7 @@ use super::html;
 use super::sheet::{Sheet, exact};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::trace::Round;
+use crate::identify::Round;
 
 /// What a report shows.
 #[derive(Debug, Clone)]

@@ -3,9 +3,9 @@
 use std::fmt::Write;
 
 use super::numbers::correlation;
+use crate::identify::Round;
 use crate::infer::Model;
 pub use crate::quantity::significant;
-use crate::trace::Round;
 
 /// Aligned columns: the first to the left, the others to the right.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {

@@ -4,9 +4,9 @@ use serde_json::{Map, Value, json};
 
 use super::numbers::{SCHEMA, round_numbers};
 use super::widening::{self, Alone};
+use crate::identify::PRIOR_SDS;
 use crate::trace::{
-    Averaged, BlindSpot, Closed, Confirming, Found, Named, PRIOR_SDS, Resembling, Status, Step,
-    Tracing,
+    Averaged, BlindSpot, Closed, Confirming, Found, Named, Resembling, Status, Step, Tracing,
 };
 
 /// `report.json` of a loop.

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::terminal::{significant, table};
 use crate::diagnose::Row;
-use crate::trace::SurrogateError;
+use crate::identify::SurrogateError;
 use crate::validate::grid::Grid;
 use crate::validate::priors::Table;
 use crate::validate::quadrature::Moments;
@@ -149,7 +149,7 @@ impl Validation<'_> {
                 c.worst()
             ));
         }
-        if self.truth.max_sd() > crate::trace::TOLERANCE {
+        if self.truth.max_sd() > crate::identify::TOLERANCE {
             doubts.push(format!(
                 "the reduced model's error moves a constant by {:.1} % of a posterior sd; with the finite elements' likelihood {:.1} of {} draws count",
                 100.0 * self.truth.max_sd(), self.truth.effective_draws(), self.truth.draws
@@ -242,7 +242,7 @@ impl Validation<'_> {
                 self.refinements
             );
         }
-        if t.max_sd() > crate::trace::TOLERANCE {
+        if t.max_sd() > crate::identify::TOLERANCE {
             *text += &reweighted(t);
         }
         let Some(priors) = self.priors.filter(|p| p.rows.len() > 1) else {

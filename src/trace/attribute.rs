@@ -6,8 +6,7 @@ use std::borrow::Cow;
 use super::alias::groups;
 use super::averaged::{Averaged, BlindSpot};
 use super::conclude::Evidence;
-use super::fringes;
-use super::inverse::{Prepared, clear_mm};
+use super::recording;
 use super::sensitivities::{LOAD_SCALE, Linearised, Sensitivities};
 use super::state::State;
 use super::subsets::Subsets;
@@ -15,6 +14,7 @@ use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind};
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::identify::{Prepared, clear_mm};
 use crate::infer::{Model, forward};
 use crate::noise::Discrepancy;
 use crate::progress::Progress;
@@ -182,7 +182,7 @@ pub fn attribute(
         )
     };
     progress.begin("the field at the constants found", None);
-    let (corrected, jumps) = fringes::find_jumps(model, &tested_field, &view(&start)?.field)?;
+    let (corrected, jumps) = recording::find_jumps(model, &tested_field, &view(&start)?.field)?;
     progress.end();
     if let Some(corrected) = corrected {
         tested_field = Cow::Owned(corrected);
@@ -247,7 +247,7 @@ pub fn attribute(
     };
     let mut tracing = evidence.conclude(&state)?;
     tracing.left_out = left_out;
-    let phase = fringes::find_phase(model, field, &view(&state)?.field)?;
+    let phase = recording::find_phase(model, field, &view(&state)?.field)?;
     tracing.add_recorded(jumps, phase);
     progress.end();
     Ok(tracing)

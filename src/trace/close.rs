@@ -4,11 +4,11 @@ use std::time::Instant;
 
 use super::attribute::{Tracing, attribute};
 use super::averaged::Averaged;
-use super::round::{Options, Round, identify};
 use super::state::State;
 use super::verdict::{Conclusion, Status, conclude};
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
+use crate::identify::{Options, Round, identify};
 use crate::infer::Model;
 use crate::progress::Progress;
 

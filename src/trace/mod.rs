@@ -1,40 +1,20 @@
-//! Identification in rounds, and what each leaves unexplained.
+//! What the residual of an identification says: sensitivities, evidence of effects, averaged posterior, conclusion.
 
 mod alias;
 mod attribute;
 mod averaged;
-mod checks;
 mod close;
 mod conclude;
-mod find;
-mod fringes;
 mod holdout;
-mod inverse;
-pub mod jumps;
-mod patterns;
-pub mod phase;
-mod refine;
-mod residual;
-mod round;
+mod recording;
 mod sensitivities;
 mod state;
 mod subsets;
-mod truth;
 mod verdict;
-mod waves;
 mod weighing;
 
 pub use attribute::{Found, Named, Resembling, Tracing, attribute, candidates};
 pub use averaged::{Averaged, BlindSpot};
-pub use checks::PRIOR_SDS;
 pub use close::{Closed, Step, close, extended};
-pub use find::Structure;
-pub use inverse::{InverseProblem, Prepared, inverse_problem, posterior, prepare, start};
-pub use patterns::{Exceedance, Patterns};
-pub use refine::{Refinement, refined};
-pub use residual::Residual;
-pub use round::{Options, Round, identify};
 pub use state::State;
-pub use truth::{Identified, Reweighted, SurrogateError, TOLERANCE, TRUTH_DRAWS};
 pub use verdict::{Conclusion, Confirming, Status};
-pub use waves::Wave;

@@ -4,12 +4,12 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::inverse::Prepared;
 use super::state::State;
 use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
 use crate::fem::Factor;
 use crate::field::Blocks;
+use crate::identify::Prepared;
 use crate::infer::{Model, forward};
 use crate::reduce::{Gauge, remove_rigid_motion_over};
 

@@ -1,7 +1,7 @@
 //! A point of the parameter space of everything that may act, about which a test is linearised.
 
-use super::round::Round;
 use crate::effect::{Acting, Effect, amplitude_name};
+use crate::identify::Round;
 use crate::infer::Model;
 
 /// A point of the parameter space of everything that may act.

@@ -2,8 +2,8 @@
 
 use super::attribute::{Named, Resembling};
 use super::close::Step;
-use super::round::Round;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
+use crate::identify::Round;
 use crate::quantity::{plus_minus, significant};
 
 /// How the loop ended.

@@ -16,11 +16,11 @@ use super::twin::{Truth, Twin};
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::identify;
 use crate::infer::{LogDensity, Marginal, Model, Statistics};
 use crate::noise::Noise;
 use crate::progress::Progress;
 use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
-use crate::trace;
 
 /// The true noise sd is drawn from this interval, evenly in its logarithm (the posterior's prior is 1/noise), nm.
 pub const NOISE_NM: [f64; 2] = [3.0, 30.0];
@@ -263,8 +263,8 @@ fn identify(
         &twin.columns.effects,
     )?;
     let statistics = Statistics::new(&observation, &twin.columns, &noise)?;
-    let posterior = trace::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
-    let mode = trace::start(&posterior)?;
+    let posterior = identify::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
+    let mode = identify::start(&posterior)?;
     let start = Start::Ball {
         centre: &mode.mode,
         covariance: &mode.covariance,

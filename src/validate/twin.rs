@@ -6,11 +6,11 @@ use rand_pcg::Pcg64Dxsm;
 
 use crate::error::{Error, Result};
 use crate::field::{Field, Rejected};
+use crate::identify::Prepared;
 use crate::infer::{Columns, Model, Observation};
 use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Gauge, Snapshots, remove_rigid_motion};
-use crate::trace::Prepared;
 
 /// What is true of one simulated measurement.
 #[derive(Debug, Clone, PartialEq)]

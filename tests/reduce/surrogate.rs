@@ -5,13 +5,13 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::Rule;
 use plychain::field::matrices::write_matrices;
+use plychain::identify::{Options, TOLERANCE, TRUTH_DRAWS, identify};
 use plychain::infer::simulate::{Truth, simulate};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
 use plychain::laminate::Material;
 use plychain::progress::Silent;
 use plychain::reduce::{Problem, ReducedModel, Snapshots};
 use plychain::sample::{SAMPLERS, Schedule};
-use plychain::trace::{Options, TOLERANCE, TRUTH_DRAWS, identify};
 
 use super::{plate, small_problem};
 

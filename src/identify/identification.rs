@@ -6,12 +6,12 @@ use std::time::Instant;
 use nalgebra::{DMatrix, DVector};
 
 use super::checks::{Judged, warnings};
-use super::find::Structure;
 use super::inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, prepare, start};
 use super::patterns::Patterns;
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
-use super::truth::{Identified, SurrogateError};
+use super::structure::Structure;
+use super::surrogate::{Identified, SurrogateError};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};

@@ -1,61 +1,20 @@
-//! Effects of the recording: miscounted fringe orders, found as regions, and the phase-shift error, found within blocks. Both are corrected
-//! in the measured field where a model declares them.
+//! Evidence for effects of the recording: miscounted fringe orders, found as regions, and the phase-shift error, found within blocks.
 
 use super::attribute::Found;
-use super::jumps::{self, Jumps};
-use super::phase;
 use crate::effect::{self, Effect};
 use crate::error::Result;
-use crate::field::{Blocks, Field, Reason};
-use crate::infer::{Model, Observation};
+use crate::field::{Blocks, Field};
+use crate::identify::fringes::{JUMP, order_mm};
+use crate::identify::jumps::{self, Jumps};
+use crate::identify::phase;
+use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::ReducedModel;
-
-/// Name of the effect of miscounted orders.
-pub const JUMP: &str = "fringe_order_jump";
 
 /// Name of the ripple's effect.
 pub const PHASE: &str = "phase_shift_error";
 
 /// A phase-shift error is accepted above this log Bayes factor.
 const PHASE_LOG_BAYES_FACTOR: f64 = 4.0;
-
-/// Correct the miscounted orders of an observation, if the model declares them; the regions are kept with it.
-///
-/// `nominal` is the point of the reduced model's parameters whose prediction is subtracted.
-pub fn correct_jumps(
-    model: &Model,
-    observation: &mut Observation,
-    reduced: &ReducedModel,
-    mesh: &crate::fem::Mesh,
-    nominal: &[f64],
-) {
-    let Some(order_mm) = order_mm(model) else {
-        return;
-    };
-    if !model.effects.iter().any(|e| e.name() == JUMP) {
-        return;
-    }
-    let columns = reduced.columns(&observation.observer, mesh.nodes.len());
-    let alpha = reduced.surface.evaluate(nominal);
-    let mut predicted = vec![[0.0; 2]; observation.field.len()];
-    for (column, a) in columns.iter().zip(&alpha) {
-        for (sum, u) in predicted.iter_mut().zip(column) {
-            *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
-        }
-    }
-    let jumps = jumps::find(&observation.field, &predicted, order_mm);
-    jumps.correct(&mut observation.field);
-    let smeared = |i: usize| jumps.smeared.binary_search(&i).is_ok();
-    observation.observer.retain(|i| !smeared(i));
-    observation.field.retain(Reason::Outlier, |i| !smeared(i));
-}
-
-/// One fringe order, mm, where displacements are read from fringes.
-fn order_mm(model: &Model) -> Option<f64> {
-    let frequency = model.file.measurement.fringe_frequency_per_mm;
-    frequency.map(|f| 1.0 / f)
-}
 
 /// Whether an effect of the recording may be sought: not declared, not ruled out by the model's candidates.
 fn sought(model: &Model, name: &str) -> bool {

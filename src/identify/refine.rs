@@ -1,8 +1,8 @@
 //! Refinement of the reduced model where the posterior is.
 
+use super::identification::Round;
 use super::inverse::Prepared;
-use super::round::Round;
-use super::truth::TOLERANCE;
+use super::surrogate::TOLERANCE;
 use crate::chain::Draws;
 use crate::error::{Error, Result};
 use crate::progress::Progress;

@@ -4,7 +4,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::inverse::Prepared;
 use super::residual::Residual;
-use super::truth::{SurrogateError, TOLERANCE};
+use super::surrogate::{SurrogateError, TOLERANCE};
 use crate::error::{Error, Result};
 use crate::field::rigid;
 use crate::infer::{Columns, Posterior};

@@ -1,0 +1,24 @@
+//! One identification: inverse problem, sample, residual, checks.
+
+mod checks;
+pub mod fringes;
+mod identification;
+mod inverse;
+pub mod jumps;
+mod patterns;
+pub mod phase;
+mod refine;
+mod residual;
+mod structure;
+mod surrogate;
+mod waves;
+
+pub use checks::PRIOR_SDS;
+pub use identification::{Options, Round, identify};
+pub use inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, posterior, prepare, start};
+pub use patterns::{Exceedance, Patterns};
+pub use refine::{Refinement, refined};
+pub use residual::Residual;
+pub use structure::Structure;
+pub use surrogate::{Identified, Reweighted, SurrogateError, TOLERANCE, TRUTH_DRAWS};
+pub use waves::Wave;
