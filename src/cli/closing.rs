@@ -40,8 +40,8 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
     let most = usize::from(arguments.rounds);
     let closed = trace::close(&plan.model, most, &options, console)?;
     let page = write(&plan.folder, &plan.model, &closed, global.seed)?;
-    let last = &closed.steps[closed.steps.len() - 1];
-    print(&terminal::identification(&last.model, &last.round))?;
+    let last = &closed.rounds[closed.rounds.len() - 1];
+    print(&terminal::identification(&last.model, &last.identification))?;
     print(&ranking::closed(&closed))?;
     console.begin("report and figures", None);
     page.write(plan.folder.path(), running.png)?;
@@ -49,7 +49,7 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
     let path = plan.folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
     plan.folder.keep();
-    running.judge(closed.steps.iter().map(|s| &s.round.verdict))
+    running.judge(closed.rounds.iter().map(|s| &s.identification.verdict))
 }
 
 /// Where the chains of a round are kept: the first in the run's folder itself.
@@ -62,9 +62,9 @@ fn place(folder: &Path, round: usize) -> PathBuf {
 }
 
 fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<Page> {
-    for (k, step) in closed.steps.iter().enumerate() {
+    for (k, step) in closed.rounds.iter().enumerate() {
         let place = place(folder.path(), k);
-        write_csv(&step.round.draws, &place.join("chain.csv"))?;
+        write_csv(&step.identification.draws, &place.join("chain.csv"))?;
         let name = if k == 0 {
             "model.json".to_string()
         } else {
@@ -72,13 +72,19 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
         };
         folder.write_json(&name, &resolved(&step.model)?)?;
     }
-    let last = &closed.steps[closed.steps.len() - 1];
+    let last = &closed.rounds[closed.rounds.len() - 1];
     folder.write_json("model.extended.json", &resolved(&last.model)?)?;
     let report = traced::report(closed, seed);
     folder.write_json("report.json", &report)?;
-    let files = &closed.steps[0].round.prepared.observation.field.files;
+    let files = &closed.rounds[0]
+        .identification
+        .inverse
+        .prepared
+        .observation
+        .field
+        .files;
     let manifest = folder.write_manifest(model, files, seed)?;
-    let rounds: Vec<_> = closed.steps.iter().map(|s| &s.round).collect();
+    let rounds: Vec<_> = closed.rounds.iter().map(|s| &s.identification).collect();
     Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }
 

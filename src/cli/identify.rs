@@ -11,7 +11,7 @@ use super::running::Running;
 use super::{Global, print};
 use crate::chain::write_csv;
 use crate::error::{Error, Result};
-use crate::identify::{self, Round};
+use crate::identify::{self, Identification};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::{Page, numbers, terminal};
@@ -71,7 +71,7 @@ pub fn resolved(model: &Model) -> Result<Value> {
 }
 
 /// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
-pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Result<Page> {
+pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u64) -> Result<Page> {
     if let Some(round) = rounds.last() {
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
@@ -80,9 +80,9 @@ pub fn write(model: &Model, rounds: &[Round], folder: &Folder, seed: u64) -> Res
     folder.write_json("report.json", &report)?;
     let files = rounds
         .last()
-        .map(|r| &r.prepared.observation.field.files[..])
+        .map(|r| &r.inverse.prepared.observation.field.files[..])
         .unwrap_or_default();
     let manifest = folder.write_manifest(model, files, seed)?;
-    let rounds: Vec<&Round> = rounds.iter().collect();
+    let rounds: Vec<&Identification> = rounds.iter().collect();
     Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }

@@ -15,7 +15,7 @@ use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::identify::{self, Identified, InverseProblem, Options, Prepared, SurrogateError};
+use crate::identify::{self, Identification, InverseProblem, Options, Prepared, SurrogateError};
 use crate::infer::{LogDensity, Model, Posterior};
 use crate::report::calibration::{article_numbers, article_text};
 use crate::report::validation::Validation;
@@ -102,36 +102,21 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         discrepancy: [None, None],
         deadline: None,
     };
-    let round = identify::identify(&model, &options, console)?;
-    let rounds = [round];
-    write(&model, &rounds, &folder, global.seed)?.write(folder.path(), false)?;
-    let [round] = rounds;
-    let inverse = InverseProblem {
-        prepared: round.prepared,
-        columns: round.columns,
-        noise: round.noise,
-        statistics: round.statistics,
-        posterior: round.posterior,
-    };
-    let found = Found {
-        model: &model,
-        inverse,
-        draws: round.draws,
-        truth: Some(round.surrogate),
-        refinements: 0,
-    };
-    validate(arguments, found, &folder, global, console)?;
+    let found = [identify::identify(&model, &options, console)?];
+    write(&model, &found, &folder, global.seed)?.write(folder.path(), false)?;
+    let [
+        Identification {
+            inverse,
+            draws,
+            surrogate,
+            ..
+        },
+    ] = &found;
+    let place = (&folder, global.seed);
+    let numbers = validate(arguments, inverse, draws, (surrogate, 0), place, console)?;
+    finish(arguments, numbers, &model, place, console)?;
     folder.keep();
     Ok(())
-}
-
-/// A posterior and its chain.
-struct Found<'a> {
-    model: &'a Model,
-    inverse: InverseProblem,
-    draws: Draws,
-    truth: Option<SurrogateError>,
-    refinements: usize,
 }
 
 fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
@@ -172,14 +157,11 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
             Error::input(path.join("chain.zarr").display(), "a chain with draws").found("none"),
         );
     }
-    let found = Found {
-        model: &model,
-        inverse,
-        draws,
-        truth: None,
-        refinements,
-    };
-    validate(arguments, found, &folder, global, console)
+    let surrogate = SurrogateError::measure(&inverse, &draws, console)?;
+    let error = (&surrogate, refinements);
+    let place = (&folder, global.seed);
+    let numbers = validate(arguments, &inverse, &draws, error, place, console)?;
+    finish(arguments, numbers, &model, place, console)
 }
 
 /// The measurement with the reduced model that the run's chain was drawn with: the first one, or what it was refined to.
@@ -209,15 +191,18 @@ fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared
     Ok((prepared, before.len()))
 }
 
+/// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it. The
+/// reduced model's error comes with how often it had been refined.
 fn validate(
     arguments: &Arguments,
-    found: Found<'_>,
-    folder: &Folder,
-    global: &Global,
+    inverse: &InverseProblem,
+    draws: &Draws,
+    (error, refinements): (&SurrogateError, usize),
+    (folder, seed): (&Folder, u64),
     console: &Console,
-) -> Result<()> {
-    let posterior = &found.inverse.posterior;
-    let chain = diagnose(&found.draws, &Rule::default()).rows;
+) -> Result<Value> {
+    let posterior = &inverse.posterior;
+    let chain = diagnose(draws, &Rule::default()).rows;
     let mode = identify::start(posterior)?;
     let bounds = bounds(arguments, posterior, &chain)?;
     let small = is_small(arguments.nodes, posterior.structural());
@@ -234,14 +219,13 @@ fn validate(
         &bounds,
         posterior.scale(&mode.mode),
         [arguments.monte_carlo, thickness::SAMPLES],
-        global.seed,
+        seed,
         console,
     );
-    let published = found.model.file.reduced_model.reference.is_some();
+    let published = inverse.prepared.problem.spec.reference.is_some();
     let priors = small
-        .then(|| priors::compare(posterior, arguments.nodes, published, Some(&found.draws)))
+        .then(|| priors::compare(posterior, arguments.nodes, published, Some(draws)))
         .transpose()?;
-    let truth = found.finite_elements(console)?;
     let preview = quadrature::preview(posterior, &mode);
     let validation = Validation {
         chain: &chain,
@@ -249,18 +233,11 @@ fn validate(
         preview: preview.as_ref(),
         thickness: compared.as_ref(),
         priors: priors.as_ref(),
-        truth: &truth,
-        refinements: found.refinements,
+        truth: error,
+        refinements,
     };
     print(&validation.text(&arguments.target.display().to_string()))?;
-    finish(
-        arguments,
-        validation.numbers(),
-        found.model,
-        folder,
-        global,
-        console,
-    )
+    Ok(validation.numbers())
 }
 
 /// Draws of the grid in a folder with the chain files of a run.
@@ -295,38 +272,16 @@ fn is_small(nodes: usize, d: usize) -> bool {
     d <= 4 || nodes.checked_pow(d as u32).is_some_and(|n| n <= 2_000_000)
 }
 
-impl Found<'_> {
-    /// The finite elements at draws, unless the identification has solved them already.
-    fn finite_elements(&self, console: &Console) -> Result<SurrogateError> {
-        if let Some(truth) = &self.truth {
-            return Ok(truth.clone());
-        }
-        let inverse = &self.inverse;
-        SurrogateError::measure(
-            &Identified {
-                prepared: &inverse.prepared,
-                columns: &inverse.columns,
-                noise: &inverse.noise,
-                statistics: &inverse.statistics,
-                posterior: &inverse.posterior,
-                draws: &self.draws,
-            },
-            console,
-        )
-    }
-}
-
 /// Add the article's setting if it is asked for, and write `validation.json`.
 fn finish(
     arguments: &Arguments,
     mut numbers: Value,
     model: &Model,
-    folder: &Folder,
-    global: &Global,
+    (folder, seed): (&Folder, u64),
     console: &Console,
 ) -> Result<()> {
     if arguments.article {
-        let moments = article_twin(model, global.seed, arguments.nodes, console)?;
+        let moments = article_twin(model, seed, arguments.nodes, console)?;
         numbers["article"] = article_numbers(&moments);
         print(&article_text(&moments))?;
     }

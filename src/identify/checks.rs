@@ -2,13 +2,12 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::identification::Identification;
 use super::inverse::Prepared;
-use super::residual::Residual;
-use super::surrogate::{SurrogateError, TOLERANCE};
+use super::surrogate::TOLERANCE;
 use crate::error::{Error, Result};
 use crate::field::rigid;
-use crate::infer::{Columns, Posterior};
-use crate::noise::Noise;
+use crate::infer::{Columns, Model};
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
 use crate::reduce::remove_rigid_motion;
 
@@ -67,26 +66,6 @@ pub fn check_size(prepared: &Prepared, columns: &Columns, nominal: &[f64]) -> Re
     Ok(())
 }
 
-/// What one identification is judged by.
-pub struct Judged<'a> {
-    /// Problem, reduced model, points.
-    pub prepared: &'a Prepared,
-    /// The sampled density.
-    pub posterior: &'a Posterior,
-    /// Noise of the measurement.
-    pub noise: &'a Noise,
-    /// What is left.
-    pub residual: &'a Residual,
-    /// Posterior means of all parameters.
-    pub mean: &'a [f64],
-    /// Share of the draws outside the DoE box.
-    pub outside_doe: f64,
-    /// The reduced model against the finite elements.
-    pub surrogate: &'a SurrogateError,
-    /// The noise sd that the model declares, nm.
-    pub declared_noise_nm: Option<f64>,
-}
-
 /// Structure is spoken of where the residual's chi^2 exceeds 1 by this many standard errors of chi^2.
 const CHI2_ERRORS: f64 = 4.0;
 
@@ -94,12 +73,15 @@ const CHI2_ERRORS: f64 = 4.0;
 pub const PRIOR_SDS: f64 = 4.0;
 
 /// Sentences about results that should not be trusted as they stand; none if nothing is wrong.
-pub fn warnings(judged: &Judged<'_>) -> Vec<String> {
+pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     let mut said = Vec::new();
-    structure(judged, &mut said);
-    let theta = &judged.mean[..judged.posterior.structural()];
-    let scale = judged.posterior.scale(judged.mean);
-    let likelihood = judged.posterior.likelihood();
+    structure(of, &mut said);
+    let posterior = &of.inverse.posterior;
+    let declared_noise_nm = model.file.likelihood.noise_nm;
+    let mean: Vec<f64> = of.verdict.rows.iter().map(|row| row.mean).collect();
+    let theta = &mean[..posterior.structural()];
+    let scale = posterior.scale(&mean);
+    let likelihood = posterior.likelihood();
     let (misfit, coordinates) = likelihood.misfit(theta, scale);
     let freedom = coordinates.saturating_sub(theta.len()).max(1);
     let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
@@ -108,27 +90,26 @@ pub fn warnings(judged: &Judged<'_>) -> Vec<String> {
             "No constants within the priors fit the measured modes: their misfit is {misfit:.1} with {freedom} degrees of freedom."
         ));
     }
-    if scale > 1.3 && judged.declared_noise_nm.is_none() {
+    if scale > 1.3 && declared_noise_nm.is_none() {
         said.push(format!("The fit calls for {scale:.1} times the noise that the data show: the model cannot follow the data."));
     }
-    if let Some(declared) = judged.declared_noise_nm {
-        let seen = judged.noise.reference_nm();
+    if let Some(declared) = declared_noise_nm {
+        let seen = of.inverse.noise.reference_nm();
         if !(0.7..1.4).contains(&(declared / seen)) {
             said.push(format!("The declared noise of {declared} nm a point is {:.2} times what the data show ({seen:.3} nm).", declared / seen));
         }
     }
-    for (m, (x, name)) in judged
-        .posterior
+    for (m, (x, name)) in posterior
         .marginals()
         .iter()
-        .zip(theta.iter().zip(judged.posterior.parameter_names()))
+        .zip(theta.iter().zip(posterior.parameter_names()))
     {
         let z = (x - m.mean) / m.sd;
         if z.abs() > PRIOR_SDS {
             said.push(format!("{name} lies {z:+.1} prior sd from its prior's mean: data and prior contradict each other."));
         }
     }
-    let error = judged.surrogate.max_sd();
+    let error = of.surrogate.max_sd();
     if error > TOLERANCE {
         said.push(format!(
             "The reduced model's own error moves a constant by {:.1} % of its posterior sd, more than {} %. Use --refine, or raise modes and snapshots.",
@@ -136,23 +117,23 @@ pub fn warnings(judged: &Judged<'_>) -> Vec<String> {
             100.0 * TOLERANCE
         ));
     }
-    if judged.outside_doe > 0.01 {
+    if of.outside_doe > 0.01 {
         said.push(format!(
             "{:.1} % of the draws lie outside the box in which the reduced model was built: it extrapolates there. Use --refine, or widen the priors if the data are right.",
-            100.0 * judged.outside_doe
+            100.0 * of.outside_doe
         ));
     }
     said
 }
 
-fn structure(judged: &Judged<'_>, said: &mut Vec<String>) {
-    let r = judged.residual;
-    let limit = 1.0 + CHI2_ERRORS * (2.0 / (2 * judged.noise.blocks.len()) as f64).sqrt();
+fn structure(of: &Identification, said: &mut Vec<String>) {
+    let r = &of.residual;
+    let limit = 1.0 + CHI2_ERRORS * (2.0 / (2 * of.inverse.noise.blocks.len()) as f64).sqrt();
     if r.chi2_reduced <= limit {
         return;
     }
     said.push("The model leaves structure that is not noise: the intervals of the model alone do not include what it does to the constants.".into());
-    let points = &judged.prepared.observation.field.points;
+    let points = &of.inverse.prepared.observation.field.points;
     let motion = rigid::fit(points, &r.field);
     let square = |f: &dyn Fn(usize) -> [f64; 2]| {
         (0..points.len())
@@ -161,7 +142,7 @@ fn structure(judged: &Judged<'_>, said: &mut Vec<String>) {
     };
     let share = square(&|i| motion.at(points[i])) / square(&|i| r.field[i]);
     if share > 0.5 {
-        let handedness = judged.prepared.observation.field.frame.handedness();
+        let handedness = of.inverse.prepared.observation.field.frame.handedness();
         said.push(format!(
             "{:.0} % of the residual is a rigid motion (rotation {:.3} urad, translation {:.1} and {:.1} nm): declare rigid_translation and rigid_rotation.",
             100.0 * share,

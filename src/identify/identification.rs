@@ -3,20 +3,18 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use nalgebra::{DMatrix, DVector};
-
-use super::checks::{Judged, warnings};
+use super::checks::warnings;
 use super::inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, prepare, start};
 use super::patterns::Patterns;
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
 use super::structure::Structure;
-use super::surrogate::{Identified, SurrogateError};
+use super::surrogate::SurrogateError;
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
-use crate::infer::{Columns, LogDensity, Model, Posterior, Statistics};
-use crate::noise::{Discrepancy, Noise};
+use crate::infer::{LogDensity, Model, Posterior};
+use crate::noise::Discrepancy;
 use crate::progress::Progress;
 use crate::sample::{self, Keeping, Monitor, Phase, Report, Sampler, Schedule, Start, Stopped};
 
@@ -40,35 +38,27 @@ pub struct Options<'a> {
     pub deadline: Option<Instant>,
 }
 
-/// Everything one identification found.
-pub struct Round {
-    /// What was solved.
-    pub prepared: Prepared,
-    /// Columns at the measured points.
-    pub columns: Columns,
-    /// Noise of the measurement.
-    pub noise: Noise,
-    /// What the data say.
-    pub statistics: Statistics,
-    /// The sampled density.
-    pub posterior: Posterior,
+/// One identification: the inverse problem, its draws and what they are worth.
+pub struct Identification {
+    /// Reduced model, columns, noise, statistics of the data and the sampled density.
+    pub inverse: InverseProblem,
     /// The draws.
     pub draws: Draws,
     /// Why sampling ended.
     pub stopped: Stopped,
-    /// What the draws are worth.
+    /// Convergence of the chains, and moments of every parameter.
     pub verdict: Verdict,
     /// Draws whose constants lie outside the DoE box, as a fraction.
     pub outside_doe: f64,
     /// The reduced model against the finite elements at draws of the posterior.
     pub surrogate: SurrogateError,
-    /// The reduced models used, the first and every refinement; the last is this round's.
+    /// The reduced models used, the first and every refinement; the last is this identification's.
     pub refinements: Vec<Refinement>,
     /// Mean and sd of each declared closed-form effect's amplitude, border units.
     pub effect_amplitudes: Vec<(String, f64, f64)>,
     /// What the posterior mean leaves unexplained.
     pub residual: Residual,
-    /// Whether that has structure beyond the noise, and where.
+    /// Autocorrelation of the residual, and where it lies.
     pub structure: Structure,
     /// What stationary noise does not do.
     pub patterns: Patterns,
@@ -76,7 +66,7 @@ pub struct Round {
     pub warnings: Vec<String>,
 }
 
-impl Round {
+impl Identification {
     /// Posterior mean and sd of a constant or an amplitude, border units.
     pub fn moments(&self, name: &str) -> Option<(f64, f64)> {
         let sampled = self.verdict.rows.iter().find(|r| r.name == name);
@@ -89,11 +79,15 @@ impl Round {
 
 /// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
 /// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
-pub fn identify(model: &Model, options: &Options<'_>, progress: &dyn Progress) -> Result<Round> {
+pub fn identify(
+    model: &Model,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<Identification> {
     let mut prepared = prepare(model, &options.cache, progress)?;
     prepared.discrepancy = options.discrepancy;
-    let mut round = identify_prepared(model, prepared, options, progress)?;
-    let mut history = vec![Refinement::of(&round)];
+    let mut found = identify_prepared(model, prepared, options, progress)?;
+    let mut history = vec![Refinement::of(&found)];
     for k in 1..=options.refinements {
         if history.last().is_some_and(Refinement::is_enough) {
             break;
@@ -102,15 +96,15 @@ pub fn identify(model: &Model, options: &Options<'_>, progress: &dyn Progress) -
         let what = format!("refinement {k} of at most {most}: a box about the posterior");
         progress.begin(&what, None);
         progress.end();
-        let prepared = enrich(round, &options.cache, progress)?;
+        let prepared = enrich(found, &options.cache, progress)?;
         if let Some(keeping) = &options.keeping {
             keeping.clear()?;
         }
-        round = identify_prepared(model, prepared, options, progress)?;
-        history.push(Refinement::of(&round));
+        found = identify_prepared(model, prepared, options, progress)?;
+        history.push(Refinement::of(&found));
     }
-    round.refinements = history;
-    Ok(round)
+    found.refinements = history;
+    Ok(found)
 }
 
 /// Identify with a given reduced model.
@@ -119,81 +113,30 @@ fn identify_prepared(
     prepared: Prepared,
     options: &Options<'_>,
     progress: &dyn Progress,
-) -> Result<Round> {
-    let InverseProblem {
-        prepared,
-        columns,
-        noise,
-        statistics,
-        posterior,
-    } = inverse_problem(model, prepared, progress)?;
-    let (draws, stopped) = draw(&posterior, options, progress)?;
+) -> Result<Identification> {
+    let inverse = inverse_problem(model, prepared, progress)?;
+    let (draws, stopped) = draw(&inverse.posterior, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
-    let theta = &mean[..posterior.structural()];
-    let likelihood = posterior.likelihood();
-    let alpha = likelihood.expected(theta, posterior.scale(&mean));
-    let (beta, covariance) = amplitudes(&posterior, &statistics, &draws);
-    let at_mean = &statistics.effect_offset - &statistics.effect_slope * &alpha;
-    let residual = Residual::new(
-        &prepared.observation,
-        &columns,
-        &noise,
-        &statistics,
-        &alpha,
-        &at_mean,
-    );
-    let recorded = &prepared.observation.recorded;
-    let effect_amplitudes = columns
-        .names
-        .iter()
-        .enumerate()
-        .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
-        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
-        .collect();
-    let outside_doe = outside(&prepared, &posterior, &draws);
-    let surrogate = SurrogateError::measure(
-        &Identified {
-            prepared: &prepared,
-            columns: &columns,
-            noise: &noise,
-            statistics: &statistics,
-            posterior: &posterior,
-            draws: &draws,
-        },
-        progress,
-    )?;
-    let field = &prepared.observation.field;
-    let patterns = Patterns::of(field, &residual.field, &noise, clear_mm(model));
-    let structure = Structure::of(&residual.field, &noise, options.schedule.seed);
-    let warnings = warnings(&Judged {
-        prepared: &prepared,
-        posterior: &posterior,
-        noise: &noise,
-        residual: &residual,
-        mean: &mean,
-        outside_doe,
-        surrogate: &surrogate,
-        declared_noise_nm: model.file.likelihood.noise_nm,
-    });
-    Ok(Round {
-        structure,
-        patterns,
-        warnings,
-        prepared,
-        columns,
-        noise,
-        statistics,
-        posterior,
+    let residual = Residual::at(&inverse, &mean);
+    let surrogate = SurrogateError::measure(&inverse, &draws, progress)?;
+    let field = &inverse.prepared.observation.field;
+    let mut found = Identification {
+        outside_doe: outside(&inverse, &draws),
+        effect_amplitudes: amplitudes(&inverse, &draws),
+        patterns: Patterns::of(field, &residual.field, &inverse.noise, clear_mm(model)),
+        structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
+        warnings: Vec::new(),
+        refinements: Vec::new(),
+        inverse,
         draws,
         stopped,
         verdict,
-        outside_doe,
         surrogate,
-        refinements: Vec::new(),
-        effect_amplitudes,
         residual,
-    })
+    };
+    found.warnings = warnings(model, &found);
+    Ok(found)
 }
 
 /// Draws of each chain below which nothing can be said, not even how uncertain it is.
@@ -274,11 +217,10 @@ impl Monitor for Reporting<'_> {
 /// Draws used for the amplitudes of closed-form effects.
 const AMPLITUDE_DRAWS: usize = 1000;
 
-fn amplitudes(
-    posterior: &Posterior,
-    statistics: &Statistics,
-    draws: &Draws,
-) -> (DVector<f64>, DMatrix<f64>) {
+/// Name, mean and sd of the amplitude of each closed-form effect: given the coefficients of every draw, and as estimated
+/// from the recording.
+fn amplitudes(inverse: &InverseProblem, draws: &Draws) -> Vec<(String, f64, f64)> {
+    let posterior = &inverse.posterior;
     let stride = (draws.len() / AMPLITUDE_DRAWS).max(1);
     let expected: Vec<_> = draws
         .points()
@@ -292,16 +234,24 @@ fn amplitudes(
             (alpha, covariance, scale)
         })
         .collect();
-    effect_amplitudes(statistics, &expected)
+    let (beta, covariance) = effect_amplitudes(&inverse.statistics, &expected);
+    let names = inverse.columns.names.iter().enumerate();
+    let recorded = &inverse.prepared.observation.recorded;
+    names
+        .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
+        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
+        .collect()
 }
 
-fn outside(prepared: &Prepared, posterior: &Posterior, draws: &Draws) -> f64 {
+/// Share of the draws outside the box in which the reduced model was built.
+fn outside(inverse: &InverseProblem, draws: &Draws) -> f64 {
+    let prepared = &inverse.prepared;
     let constants = prepared.problem.constants();
     let thickness = usize::from(prepared.problem.thickness_index().is_some());
     let mut count = 0;
     for x in draws.points() {
         let constants_out = (0..constants).any(|k| !prepared.reduced.dimensions[k].contains(x[k]));
-        let amplitudes_out = (constants..posterior.structural())
+        let amplitudes_out = (constants..inverse.posterior.structural())
             .any(|k| !prepared.reduced.dimensions[k + thickness].contains(x[k]));
         count += usize::from(constants_out || amplitudes_out);
     }

@@ -14,11 +14,11 @@ mod surrogate;
 mod waves;
 
 pub use checks::PRIOR_SDS;
-pub use identification::{Options, Round, identify};
+pub use identification::{Identification, Options, identify};
 pub use inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::{Refinement, refined};
 pub use residual::Residual;
 pub use structure::Structure;
-pub use surrogate::{Identified, Reweighted, SurrogateError, TOLERANCE, TRUTH_DRAWS};
+pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
 pub use waves::Wave;

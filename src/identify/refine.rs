@@ -1,6 +1,6 @@
 //! Refinement of the reduced model where the posterior is.
 
-use super::identification::Round;
+use super::identification::Identification;
 use super::inverse::Prepared;
 use super::surrogate::TOLERANCE;
 use crate::chain::Draws;
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::reduce::{Dimension, Modes, Problem, cache};
 
-/// What one refinement round worked with and how far it got.
+/// What one refinement worked with and how far it got.
 #[derive(Debug, Clone)]
 pub struct Refinement {
     /// The DoE box.
@@ -26,15 +26,16 @@ pub struct Refinement {
 }
 
 impl Refinement {
-    /// Where a round stands.
-    pub fn of(round: &Round) -> Self {
+    /// Where an identification stands.
+    pub fn of(found: &Identification) -> Self {
+        let reduced = &found.inverse.prepared.reduced;
         Self {
-            dimensions: round.prepared.reduced.dimensions.clone(),
-            snapshots: round.prepared.reduced.snapshots,
-            modes: round.prepared.reduced.modes_per_component(),
-            max_error_sd: round.surrogate.max_sd(),
-            max_field_nm: round.surrogate.max_field_nm,
-            outside_doe: round.outside_doe,
+            dimensions: reduced.dimensions.clone(),
+            snapshots: reduced.snapshots,
+            modes: reduced.modes_per_component(),
+            max_error_sd: found.surrogate.max_sd(),
+            max_field_nm: found.surrogate.max_field_nm,
+            outside_doe: found.outside_doe,
         }
     }
 
@@ -58,21 +59,18 @@ const MARGIN_SDS: f64 = 0.5;
 /// with 32 draws added to them, 0.034 with 200 points of the new box added, and 0.020 with those 200 alone. Draws among
 /// the snapshots gain a tenth at most, so that they are left as points to check against.
 pub fn enrich(
-    round: Round,
+    found: Identification,
     cache_dir: &std::path::Path,
     progress: &dyn Progress,
 ) -> Result<Prepared> {
-    let families = round.prepared.problem.families();
-    let modes = round
-        .prepared
-        .reduced
-        .modes_per_component()
-        .div_ceil(families);
-    let within = round.surrogate.max_sd() <= TOLERANCE;
+    let prepared = found.inverse.prepared;
+    let modes = prepared.reduced.modes_per_component();
+    let modes = modes.div_ceil(prepared.problem.families());
+    let within = found.surrogate.max_sd() <= TOLERANCE;
     let modes = if within { modes } else { modes + 1 };
-    let problem = &round.prepared.problem;
-    let dimensions = around(problem, &round.draws, round.posterior.structural());
-    rebuilt(round.prepared, dimensions, modes, cache_dir, progress)
+    let structural = found.inverse.posterior.structural();
+    let dimensions = around(&prepared.problem, &found.draws, structural);
+    rebuilt(prepared, dimensions, modes, cache_dir, progress)
 }
 
 /// The reduced model that a run was refined to, as its report has it: sides of the DoE box by name, and the modes kept.

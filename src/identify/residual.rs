@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::inverse::InverseProblem;
 use crate::infer::{Columns, Observation, Statistics};
 use crate::noise::Noise;
 use crate::quantity::NM_PER_MM;
@@ -26,6 +27,24 @@ pub struct Residual {
 }
 
 impl Residual {
+    /// What the expected coefficients and amplitudes leave at a point of the posterior's parameters.
+    pub fn at(inverse: &InverseProblem, parameters: &[f64]) -> Self {
+        let posterior = &inverse.posterior;
+        let theta = &parameters[..posterior.structural()];
+        let scale = posterior.scale(parameters);
+        let alpha = posterior.likelihood().expected(theta, scale);
+        let statistics = &inverse.statistics;
+        let beta = &statistics.effect_offset - &statistics.effect_slope * &alpha;
+        Self::new(
+            &inverse.prepared.observation,
+            &inverse.columns,
+            &inverse.noise,
+            statistics,
+            &alpha,
+            &beta,
+        )
+    }
+
     /// Residual of a prediction with POD coefficients `alpha` (mm) and effect amplitudes `beta` (border units).
     pub fn new(
         observation: &Observation,

@@ -2,11 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::inverse::Prepared;
+use super::inverse::InverseProblem;
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::infer::{Columns, LogDensity, Posterior, Statistics, Whitened};
-use crate::noise::Noise;
+use crate::infer::{LogDensity, Posterior, Whitened};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Gauge, Snapshots, remove_rigid_motion_over};
@@ -43,26 +42,10 @@ pub struct Reweighted {
 }
 
 /// Draws at which the finite elements are solved.
-pub const TRUTH_DRAWS: usize = 32;
+pub const CHECKED_DRAWS: usize = 32;
 
 /// Largest error of a reduced model that needs no refinement, in posterior standard deviations.
 pub const TOLERANCE: f64 = 0.01;
-
-/// Everything the comparison needs of one identification.
-pub struct Identified<'a> {
-    /// Problem, plate, reduced model, measured points.
-    pub prepared: &'a Prepared,
-    /// Columns at the measured points.
-    pub columns: &'a Columns,
-    /// Noise of the measurement.
-    pub noise: &'a Noise,
-    /// What the data say.
-    pub statistics: &'a Statistics,
-    /// The sampled density.
-    pub posterior: &'a Posterior,
-    /// Its draws.
-    pub draws: &'a Draws,
-}
 
 impl SurrogateError {
     /// The largest shift of any constant, in posterior standard deviations.
@@ -76,15 +59,15 @@ impl SurrogateError {
         1.0 / weights.iter().map(|w| w * w).sum::<f64>()
     }
 
-    /// Solve at [`TRUTH_DRAWS`] draws, spread over all chains, the same for the same draws.
+    /// Solve at [`CHECKED_DRAWS`] draws, spread over all chains, the same for the same draws.
     ///
     /// With an error d of the predicted field, the posterior's gradient changes by g = grad (log L(d) - log L) and its
     /// mode by one Newton step, Sigma g, with Sigma the covariance of the draws.
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    pub fn measure(run: &Identified<'_>, progress: &dyn Progress) -> Result<Self> {
-        let chosen = spread(run.draws, TRUTH_DRAWS);
+    pub fn measure(run: &InverseProblem, draws: &Draws, progress: &dyn Progress) -> Result<Self> {
+        let chosen = spread(draws, CHECKED_DRAWS);
         progress.begin(
             "finite elements at posterior draws",
             Some(chosen.len() as u64),
@@ -97,8 +80,8 @@ impl SurrogateError {
         let truth = Snapshots::at(&run.prepared.problem, &run.prepared.plate, points, &|| {
             progress.step();
         })?;
-        let whitened = Whitened::new(run.columns, run.noise);
-        let covariance = covariance(run.draws, d);
+        let whitened = Whitened::new(&run.columns, &run.noise);
+        let covariance = covariance(draws, d);
         let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
         let mut largest = vec![0.0_f64; d];
         let mut bias = vec![0.0; d];
@@ -111,13 +94,13 @@ impl SurrogateError {
                 sum += u * u;
                 count += 1;
             }
-            let weighted = run.statistics.weighted_of(&whitened, run.noise, &error);
+            let weighted = run.statistics.weighted_of(&whitened, &run.noise, &error);
             log_weights.push(run.posterior.likelihood().log_likelihood_change(
                 &x[..d],
                 run.posterior.scale(x),
                 &weighted,
             ));
-            let shift = &covariance * gradient(run.posterior, x, &sd, &weighted);
+            let shift = &covariance * gradient(&run.posterior, x, &sd, &weighted);
             for k in 0..d {
                 largest[k] = largest[k].max((shift[k] / sd[k]).abs());
                 bias[k] += shift[k] / sd[k] / chosen.len() as f64;
@@ -182,8 +165,8 @@ fn spread(draws: &Draws, count: usize) -> Vec<Vec<f64>> {
 }
 
 /// Finite elements minus reduced model at the measured points, mm.
-fn field_error(run: &Identified<'_>, truth: &Snapshots, j: usize, theta: &[f64]) -> Vec<[f64; 2]> {
-    let prepared = run.prepared;
+fn field_error(run: &InverseProblem, truth: &Snapshots, j: usize, theta: &[f64]) -> Vec<[f64; 2]> {
+    let prepared = &run.prepared;
     let mut nodal = vec![0.0; prepared.plate.mesh.unknowns()];
     for (i, &node) in truth.nodes.iter().enumerate() {
         for c in 0..2 {

@@ -7,12 +7,12 @@ use super::sheet::{Sheet, exact, rounded};
 use super::tables;
 use crate::chain::Draws;
 use crate::diagnose::autocorrelation;
-use crate::identify::Round;
+use crate::identify::Identification;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
 
 /// The sheets of a run: those of each round, numbered from 0, as the folder's. `truth` is what `truth.json` beside the data says.
-pub fn sheets(rounds: &[&Round], truth: Option<&Value>) -> Vec<Sheet> {
-    let one = |(k, round): (usize, &&Round)| {
+pub fn sheets(rounds: &[&Identification], truth: Option<&Value>) -> Vec<Sheet> {
+    let one = |(k, round): (usize, &&Identification)| {
         let draws = &round.draws;
         vec![
             maps(round, k),
@@ -30,8 +30,8 @@ pub fn sheets(rounds: &[&Round], truth: Option<&Value>) -> Vec<Sheet> {
 }
 
 /// Cell means of both components: measured and predicted (um), and their difference (nm), in the data's frame.
-fn maps(round: &Round, k: usize) -> Sheet {
-    let field = &round.prepared.observation.field;
+fn maps(round: &Identification, k: usize) -> Sheet {
+    let field = &round.inverse.prepared.observation.field;
     let residual = &round.residual.field;
     let points: Vec<[f64; 2]> = field
         .points
@@ -65,7 +65,7 @@ fn maps(round: &Round, k: usize) -> Sheet {
 }
 
 /// Posterior summary, prior, cut and truth of each sampled parameter.
-fn parameters(round: &Round, k: usize, truth: Option<&Value>) -> Sheet {
+fn parameters(round: &Identification, k: usize, truth: Option<&Value>) -> Sheet {
     let mut sheet = Sheet::new(
         format!("parameters-{k}"),
         &[
@@ -83,7 +83,7 @@ fn parameters(round: &Round, k: usize, truth: Option<&Value>) -> Sheet {
         ],
     );
     for (row, i) in round.verdict.rows.iter().zip(0..) {
-        let prior = round.posterior.marginals().get(i);
+        let prior = round.inverse.posterior.marginals().get(i);
         let cut = prior.and_then(|p| p.truncate);
         let known = truth.and_then(|t| known(t, &row.name));
         let mut cells = vec![row.name.clone()];
@@ -284,8 +284,8 @@ fn autocorrelations(draws: &Draws, k: usize) -> Sheet {
 }
 
 /// Truncation error and leave-one-out error for each number of modes.
-fn truncation(round: &Round, k: usize) -> Sheet {
-    let numbers = tables::numbers(&round.prepared.reduced);
+fn truncation(round: &Identification, k: usize) -> Sheet {
+    let numbers = tables::numbers(&round.inverse.prepared.reduced);
     let mut sheet = Sheet::new(
         format!("truncation-{k}"),
         &["modes", "component", "eps", "cv_rms_mm", "cv_rms_percent"],
@@ -310,8 +310,8 @@ fn truncation(round: &Round, k: usize) -> Sheet {
 }
 
 /// Error tables of the response surfaces.
-fn surfaces(round: &Round, k: usize) -> Sheet {
-    let numbers = tables::numbers(&round.prepared.reduced);
+fn surfaces(round: &Identification, k: usize) -> Sheet {
+    let numbers = tables::numbers(&round.inverse.prepared.reduced);
     let measures = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
     let header: Vec<&str> = std::iter::once("coefficient").chain(measures).collect();
     let mut sheet = Sheet::new(format!("surfaces-{k}"), &header);

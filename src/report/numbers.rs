@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::diagnose::Row;
-use crate::identify::{Refinement, Round};
+use crate::identify::{Identification, Refinement};
 use crate::infer::Model;
 use crate::reduce::Dimension;
 use crate::sample::Stopped;
@@ -12,7 +12,7 @@ use crate::sample::Stopped;
 pub const SCHEMA: &str = "plychain-report/1";
 
 /// `report.json` of one model's rounds.
-pub fn report(model: &Model, rounds: &[Round], seed: u64) -> Value {
+pub fn report(model: &Model, rounds: &[Identification], seed: u64) -> Value {
     json!({
         "schema": SCHEMA,
         "model": model.file.name,
@@ -22,7 +22,7 @@ pub fn report(model: &Model, rounds: &[Round], seed: u64) -> Value {
 }
 
 /// One round.
-pub fn round_numbers(model: &Model, round: &Round) -> Value {
+pub fn round_numbers(model: &Model, round: &Identification) -> Value {
     let verdict = &round.verdict;
     let rows = &verdict.rows;
     let effects: Vec<_> = model.effects.iter().map(|e| e.name()).collect();
@@ -54,8 +54,8 @@ pub fn round_numbers(model: &Model, round: &Round) -> Value {
 }
 
 /// The reduced model's own error, measured by the finite elements at draws of the posterior.
-fn surrogate(round: &Round) -> Value {
-    let reduced = &round.prepared.reduced;
+fn surrogate(round: &Identification) -> Value {
+    let reduced = &round.inverse.prepared.reduced;
     let error = &round.surrogate;
     json!({
         "max_error_in_posterior_sd": error.max_sd(),
@@ -68,7 +68,7 @@ fn surrogate(round: &Round) -> Value {
         "modes": reduced.modes_per_component(),
         "doe": doe(&reduced.dimensions),
         "press_mm": reduced.surface.quality.iter().map(|q| q.press).collect::<Vec<_>>(),
-        "cached": round.prepared.cached,
+        "cached": round.inverse.prepared.cached,
         "refinement": round.refinements.iter().map(refinement).collect::<Vec<_>>(),
     })
 }
@@ -109,7 +109,7 @@ fn posterior(row: &Row) -> Value {
 }
 
 /// Amplitudes of all declared effects: closed-form ones, and mechanical ones, which are sampled.
-fn amplitudes(round: &Round) -> Map<String, Value> {
+fn amplitudes(round: &Identification) -> Map<String, Value> {
     let closed = round
         .effect_amplitudes
         .iter()
@@ -123,7 +123,7 @@ fn amplitudes(round: &Round) -> Map<String, Value> {
     closed.chain(sampled).collect()
 }
 
-fn residual(round: &Round) -> Value {
+fn residual(round: &Identification) -> Value {
     let r = &round.residual;
     let both = |v: [f64; 2]| json!({ "u1": v[0], "u2": v[1] });
     json!({
@@ -143,8 +143,8 @@ fn residual(round: &Round) -> Value {
 }
 
 /// What stationary noise does not do, in the data's directions.
-fn patterns(round: &Round) -> Value {
-    let frame = &round.prepared.observation.field.frame;
+fn patterns(round: &Identification) -> Value {
+    let frame = &round.inverse.prepared.observation.field.frame;
     let name = |component: usize| ["u1", "u2"][component];
     json!({
         "breakout": round.patterns.exceedance.map(|b| json!({
@@ -158,20 +158,20 @@ fn patterns(round: &Round) -> Value {
     })
 }
 
-fn noise(round: &Round) -> Value {
+fn noise(round: &Identification) -> Value {
     let component = |c: usize| {
-        let reml = &round.noise.reml[c];
+        let reml = &round.inverse.noise.reml[c];
         json!({
-            "white_nm": round.noise.white_mm[c] * crate::quantity::NM_PER_MM,
+            "white_nm": round.inverse.noise.white_mm[c] * crate::quantity::NM_PER_MM,
             "block_white_nm": reml.white_sd() * crate::quantity::NM_PER_MM,
             "correlated_nm": reml.correlated_sd() * crate::quantity::NM_PER_MM,
             "length_mm": reml.best.length_mm,
         })
     };
-    let rejected = round.prepared.observation.field.rejected;
+    let rejected = round.inverse.prepared.observation.field.rejected;
     json!({
         "u1": component(0), "u2": component(1),
-        "block_mm": round.noise.blocks.size_mm, "blocks": round.noise.blocks.len(),
+        "block_mm": round.inverse.noise.blocks.size_mm, "blocks": round.inverse.noise.blocks.len(),
         "points_dropped": {
             "missing": rejected.missing, "outside_window": rejected.outside_window,
             "outliers": rejected.outliers, "outside_plate": rejected.outside_plate,
@@ -180,7 +180,7 @@ fn noise(round: &Round) -> Value {
 }
 
 /// Correlation matrix of the draws.
-pub fn correlation(round: &Round) -> Vec<Vec<f64>> {
+pub fn correlation(round: &Identification) -> Vec<Vec<f64>> {
     let draws = &round.draws;
     let d = draws.dim();
     let n = draws.len() as f64;

@@ -11,7 +11,7 @@ use super::html;
 use super::sheet::{Sheet, exact};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::identify::Round;
+use crate::identify::Identification;
 
 /// What a report shows.
 #[derive(Debug, Clone)]
@@ -32,7 +32,12 @@ pub const FIGURES: &str = "figures";
 impl Page {
     /// A page of rounds. `report` is what `report.json` says of them, `manifest` what `run.json` says, `truth` what
     /// `truth.json` beside the data says, if they are simulated.
-    pub fn gather(rounds: &[&Round], report: Value, manifest: Value, truth: Option<Value>) -> Self {
+    pub fn gather(
+        rounds: &[&Identification],
+        report: Value,
+        manifest: Value,
+        truth: Option<Value>,
+    ) -> Self {
         let sheets = sheets(rounds, truth.as_ref());
         Self::complete(report, manifest, truth, sheets)
     }

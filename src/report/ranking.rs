@@ -170,11 +170,11 @@ impl std::fmt::Display for Short {
 pub fn closed(closed: &Closed) -> String {
     let mut text = String::from("\nbefore and after\n\n");
     let rows: Vec<Vec<String>> = closed
-        .steps
+        .rounds
         .iter()
         .enumerate()
         .map(|(k, s)| {
-            let r = &s.round.residual;
+            let r = &s.identification.residual;
             vec![
                 format!("round {k}"),
                 s.model
@@ -223,7 +223,7 @@ pub fn closed(closed: &Closed) -> String {
             .collect();
         text += &table(&["", "mean", "sd"], &rows);
     }
-    let last = &closed.steps[closed.steps.len() - 1];
+    let last = &closed.rounds[closed.rounds.len() - 1];
     text += &averaged(&last.tracing, &traced::alone(last));
     let verdict = format!(
         "VERDICT: {}. {}",
@@ -238,26 +238,26 @@ pub fn closed(closed: &Closed) -> String {
 
 /// The constants round by round, with what contradicts its prior.
 fn constants(closed: &Closed) -> String {
-    let last = &closed.steps[closed.steps.len() - 1];
+    let last = &closed.rounds[closed.rounds.len() - 1];
     let names = last.model.constants();
     let rows: Vec<Vec<String>> = names
         .iter()
         .map(|name| {
-            let cells = closed.steps.iter().map(|s| {
-                let moments = s.round.moments(name);
+            let cells = closed.rounds.iter().map(|s| {
+                let moments = s.identification.moments(name);
                 moments.map_or_else(|| "-".to_string(), |(mean, sd)| plus_minus(mean, sd))
             });
             std::iter::once((*name).to_string()).chain(cells).collect()
         })
         .collect();
-    let rounds: Vec<String> = (0..closed.steps.len())
+    let rounds: Vec<String> = (0..closed.rounds.len())
         .map(|k| format!("round {k}"))
         .collect();
     let header: Vec<&str> = std::iter::once("")
         .chain(rounds.iter().map(String::as_str))
         .collect();
     let mut text = table(&header, &rows);
-    for (round, step) in rounds.iter().zip(&closed.steps) {
+    for (round, step) in rounds.iter().zip(&closed.rounds) {
         let far = names.iter().filter_map(|name| {
             let said = traced::contradiction(traced::from_prior(step, name)?)?;
             Some(format!("{name} {said}"))

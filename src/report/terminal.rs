@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::numbers::correlation;
-use crate::identify::Round;
+use crate::identify::Identification;
 use crate::infer::Model;
 pub use crate::quantity::significant;
 
@@ -37,7 +37,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
 }
 
 /// The constants, their uncertainty and correlation, and the residual against the noise.
-pub fn identification(model: &Model, round: &Round) -> String {
+pub fn identification(model: &Model, round: &Identification) -> String {
     let mut text = format!(
         "\n{}: posterior of {} draws\n\n",
         model.file.name,
@@ -106,7 +106,7 @@ pub fn identification(model: &Model, round: &Round) -> String {
 }
 
 /// What the finite elements say of the reduced model, and how refinement went.
-fn surrogate(round: &Round) -> String {
+fn surrogate(round: &Identification) -> String {
     let error = &round.surrogate;
     let mut text = format!(
         "reduced model against the finite elements at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field\n",
@@ -147,9 +147,9 @@ fn surrogate(round: &Round) -> String {
     text
 }
 
-fn residual(round: &Round) -> String {
+fn residual(round: &Identification) -> String {
     let r = &round.residual;
-    let rejected = round.prepared.observation.field.rejected;
+    let rejected = round.inverse.prepared.observation.field.rejected;
     let mut text = String::from("\nresidual against the noise\n\n");
     let rows: Vec<Vec<String>> = [0, 1]
         .map(|c| {

@@ -6,12 +6,12 @@ use super::numbers::{SCHEMA, round_numbers};
 use super::widening::{self, Alone};
 use crate::identify::PRIOR_SDS;
 use crate::trace::{
-    Averaged, BlindSpot, Closed, Confirming, Found, Named, Resembling, Status, Step, Tracing,
+    Averaged, BlindSpot, Closed, Confirming, Found, Named, Resembling, Round, Status, Tracing,
 };
 
 /// `report.json` of a loop.
 pub fn report(closed: &Closed, seed: u64) -> Value {
-    let steps = &closed.steps;
+    let steps = &closed.rounds;
     let last = &steps[steps.len() - 1];
     let conclusion = &closed.conclusion;
     json!({
@@ -36,10 +36,10 @@ pub fn report(closed: &Closed, seed: u64) -> Value {
 }
 
 /// Mean and sd of each constant by a round's model alone.
-pub fn alone(step: &Step) -> Alone {
+pub fn alone(step: &Round) -> Alone {
     let constants = step.model.constants().iter();
     constants
-        .filter_map(|name| Some(((*name).to_string(), step.round.moments(name)?)))
+        .filter_map(|name| Some(((*name).to_string(), step.identification.moments(name)?)))
         .collect()
 }
 
@@ -65,9 +65,9 @@ pub fn traced(tracing: &Tracing) -> Value {
     })
 }
 
-fn step(step: &Step) -> Value {
+fn step(step: &Round) -> Value {
     let tracing = &step.tracing;
-    let mut round = round_numbers(&step.model, &step.round);
+    let mut round = round_numbers(&step.model, &step.identification);
     if let Some(residual) = round.get_mut("residual").and_then(Value::as_object_mut) {
         residual.insert("holdout_rms_nm".into(), number(tracing.holdout_rms_nm));
     }
@@ -228,23 +228,23 @@ fn left_out(tracing: &Tracing) -> Value {
         .collect()
 }
 
-fn before_after(steps: &[Step]) -> Value {
+fn before_after(steps: &[Round]) -> Value {
     let [first, last] = [&steps[0], &steps[steps.len() - 1]];
-    let pair = |f: &dyn Fn(&Step) -> f64| json!([number(f(first)), number(f(last))]);
-    let residual = |c: usize| move |s: &Step| s.round.residual.rms_nm[c];
+    let pair = |f: &dyn Fn(&Round) -> f64| json!([number(f(first)), number(f(last))]);
+    let residual = |c: usize| move |s: &Round| s.identification.residual.rms_nm[c];
     json!({
-        "residual_rms_nm": pair(&|s| s.round.residual.rms_all_nm()),
+        "residual_rms_nm": pair(&|s| s.identification.residual.rms_all_nm()),
         "residual_rms_u1_nm": pair(&residual(0)),
         "residual_rms_u2_nm": pair(&residual(1)),
-        "chi2_reduced": pair(&|s| s.round.residual.chi2_reduced),
+        "chi2_reduced": pair(&|s| s.identification.residual.chi2_reduced),
         "holdout_rms_nm": pair(&|s| s.tracing.holdout_rms_nm),
         "posterior": constants(first, last),
     })
 }
 
 /// Mean and sd of every constant before and after, the shift in sds before, and how far from the prior's mean both are.
-fn constants(first: &Step, last: &Step) -> Map<String, Value> {
-    let rows = |s: &'_ Step| s.round.verdict.rows.clone();
+fn constants(first: &Round, last: &Round) -> Map<String, Value> {
+    let rows = |s: &'_ Round| s.identification.verdict.rows.clone();
     let after = rows(last);
     rows(first)
         .iter()
@@ -261,10 +261,10 @@ fn constants(first: &Step, last: &Step) -> Map<String, Value> {
 }
 
 /// How far a constant's posterior mean lies from its prior's, prior sds.
-pub fn from_prior(step: &Step, name: &str) -> Option<f64> {
+pub fn from_prior(step: &Round, name: &str) -> Option<f64> {
     let k = step.model.constants().iter().position(|n| *n == name)?;
     let prior = step.model.marginals()[k];
-    Some((step.round.moments(name)?.0 - prior.mean) / prior.sd)
+    Some((step.identification.moments(name)?.0 - prior.mean) / prior.sd)
 }
 
 /// What is said of a constant that lies `sds` prior sds from its prior's mean, if it is too far.

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use super::alias::groups;
 use super::averaged::{Averaged, BlindSpot};
-use super::conclude::Evidence;
+use super::evidence::Evidence;
 use super::recording;
 use super::sensitivities::{LOAD_SCALE, Linearised, Sensitivities};
 use super::state::State;
@@ -245,7 +245,7 @@ pub fn attribute(
         weighing: &weighing,
         subsets: &subsets,
     };
-    let mut tracing = evidence.conclude(&state)?;
+    let mut tracing = evidence.tracing(&state)?;
     tracing.left_out = left_out;
     let phase = recording::find_phase(model, field, &view(&state)?.field)?;
     tracing.add_recorded(jumps, phase);

@@ -4,20 +4,20 @@ use std::time::Instant;
 
 use super::attribute::{Tracing, attribute};
 use super::averaged::Averaged;
+use super::conclusion::{Conclusion, Status, conclude};
 use super::state::State;
-use super::verdict::{Conclusion, Status, conclude};
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
-use crate::identify::{Options, Round, identify};
+use crate::identify::{Identification, Options, identify};
 use crate::infer::Model;
 use crate::progress::Progress;
 
-/// One identification and what tracing made of its residual.
-pub struct Step {
+/// One turn of the loop: an identification and what tracing made of its residual.
+pub struct Round {
     /// The model that was identified.
     pub model: Model,
     /// The identification.
-    pub round: Round,
+    pub identification: Identification,
     /// What its residual says.
     pub tracing: Tracing,
 }
@@ -25,9 +25,9 @@ pub struct Step {
 /// All rounds and the conclusion.
 pub struct Closed {
     /// Rounds, the first the model as it was given.
-    pub steps: Vec<Step>,
+    pub rounds: Vec<Round>,
     /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
-    pub with_discrepancy: Option<Round>,
+    pub with_discrepancy: Option<Identification>,
     /// The conclusion.
     pub conclusion: Conclusion,
 }
@@ -43,39 +43,39 @@ pub fn close<'a>(
     options: &dyn Fn(usize) -> Options<'a>,
     progress: &dyn Progress,
 ) -> Result<Closed> {
-    let mut steps: Vec<Step> = Vec::new();
+    let mut rounds: Vec<Round> = Vec::new();
     let mut model = model.clone();
     loop {
-        let deadline = options(steps.len()).deadline;
+        let deadline = options(rounds.len()).deadline;
         let is_over = || deadline.is_some_and(|end| Instant::now() >= end);
-        let round = match identify(&model, &options(steps.len()), progress) {
-            Err(e) if !steps.is_empty() && e.blame() == Blame::Limit => break,
+        let identification = match identify(&model, &options(rounds.len()), progress) {
+            Err(e) if !rounds.is_empty() && e.blame() == Blame::Limit => break,
             other => other?,
         };
-        let start = State::of(&model, &round);
-        let tracing = attribute(&model, &round.prepared, start, progress)?;
-        let go_on = steps.len() < most && !is_over();
+        let start = State::of(&model, &identification);
+        let tracing = attribute(&model, &identification.inverse.prepared, start, progress)?;
+        let go_on = rounds.len() < most && !is_over();
         let accepted = tracing.accepted.filter(|_| go_on);
         let amplitude = tracing.accepted_amplitude.clone();
         let averaged = tracing.averaged.clone();
-        steps.push(Step {
+        rounds.push(Round {
             model: model.clone(),
-            round,
+            identification,
             tracing,
         });
         let Some(effect) = accepted else { break };
         model = extended(&model, effect, &amplitude, &averaged);
     }
-    let conclusion = conclude(&steps);
-    let structure = steps[steps.len() - 1].tracing.structure;
+    let conclusion = conclude(&rounds);
+    let structure = rounds[rounds.len() - 1].tracing.structure;
     let options = Options {
         discrepancy: structure,
-        ..options(steps.len())
+        ..options(rounds.len())
     };
     let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
     let over = || options.deadline.is_some_and(|end| Instant::now() >= end);
     let with_discrepancy = if wanted && !over() {
-        match identify(&steps[steps.len() - 1].model, &options, progress) {
+        match identify(&rounds[rounds.len() - 1].model, &options, progress) {
             Err(e) if e.blame() == Blame::Limit => None,
             other => Some(other?),
         }
@@ -83,7 +83,7 @@ pub fn close<'a>(
         None
     };
     Ok(Closed {
-        steps,
+        rounds,
         with_discrepancy,
         conclusion,
     })

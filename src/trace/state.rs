@@ -1,7 +1,7 @@
 //! A point of the parameter space of everything that may act, about which a test is linearised.
 
 use crate::effect::{Acting, Effect, amplitude_name};
-use crate::identify::Round;
+use crate::identify::Identification;
 use crate::infer::Model;
 
 /// A point of the parameter space of everything that may act.
@@ -33,9 +33,9 @@ impl State {
         self.acting.sort_by_key(|a| place(a.effect.name()));
     }
 
-    /// Posterior means of a round.
-    pub fn of(model: &Model, round: &Round) -> Self {
-        let mean = |name: &str| round.moments(name).map(|(mean, _)| mean);
+    /// Posterior means of an identification.
+    pub fn of(model: &Model, found: &Identification) -> Self {
+        let mean = |name: &str| found.moments(name).map(|(mean, _)| mean);
         Self::at(model, &mean)
     }
 

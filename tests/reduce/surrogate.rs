@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::Rule;
 use plychain::field::matrices::write_matrices;
-use plychain::identify::{Options, TOLERANCE, TRUTH_DRAWS, identify};
+use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
 use plychain::infer::simulate::{Truth, simulate};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
 use plychain::laminate::Material;
@@ -175,7 +175,7 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
     let round = identify(&model, &options, &Silent).unwrap();
     let steps = &round.refinements;
     let (first, last) = (&steps[0], &steps[steps.len() - 1]);
-    assert_eq!(round.surrogate.draws, TRUTH_DRAWS);
+    assert_eq!(round.surrogate.draws, CHECKED_DRAWS);
     assert!(
         first.max_error_sd > TOLERANCE && first.outside_doe > 0.5,
         "{first:?}"

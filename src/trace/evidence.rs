@@ -1,4 +1,4 @@
-//! From the evidence to conclusions: ranking, alias groups, acceptance, averaged posterior, blind spots.
+//! What the evidence says: ranking, alias groups, acceptance, averaged posterior, blind spots.
 
 use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::attribute::{Found, Named, Resembling, Tracing};
@@ -46,7 +46,7 @@ impl Evidence<'_> {
     ///
     /// # Errors
     /// Of the program, for columns that are not finite.
-    pub fn conclude(&self, state: &State) -> Result<Tracing> {
+    pub fn tracing(&self, state: &State) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
         let settings = [0, 1].map(|c| &self.weighing.settings[c][pair.of[c]]);
         let holdout = Holdout::new(

@@ -1,9 +1,9 @@
 //! How a loop ended, in words: which effects the residual is consistent with, what is left, and what would confirm it.
 
 use super::attribute::{Named, Resembling};
-use super::close::Step;
+use super::close::Round;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
-use crate::identify::Round;
+use crate::identify::Identification;
 use crate::quantity::{plus_minus, significant};
 
 /// How the loop ended.
@@ -54,13 +54,13 @@ pub struct Confirming {
 }
 
 /// The conclusion of all rounds.
-pub fn conclude(steps: &[Step]) -> Conclusion {
-    let last = &steps[steps.len() - 1];
-    let mut groups: Vec<&Named> = steps.iter().filter_map(accepted).collect();
+pub fn conclude(rounds: &[Round]) -> Conclusion {
+    let last = &rounds[rounds.len() - 1];
+    let mut groups: Vec<&Named> = rounds.iter().filter_map(accepted).collect();
     // the last round's is called for, but there was no round to add it
     let wanted = accepted(last).and_then(|_| groups.pop());
     let structure = last.tracing.leaves_structure();
-    let patterns = last.round.patterns.any();
+    let patterns = last.identification.patterns.any();
     let status = match (structure || patterns || wanted.is_some(), groups.is_empty()) {
         (true, _) => Status::Unexplained,
         (false, true) => Status::NothingMissing,
@@ -83,15 +83,15 @@ pub fn conclude(steps: &[Step]) -> Conclusion {
             .filter(|g| g.members.len() > 1)
             .map(|g| g.members.clone())
             .collect(),
-        text: words(steps, &groups, wanted, structure),
+        text: words(rounds, &groups, wanted, structure),
         confirm,
     }
 }
 
 /// The group of the effect that a round's tracing accepted.
-fn accepted(step: &Step) -> Option<&Named> {
-    let effect = step.tracing.accepted?;
-    let groups = &step.tracing.groups;
+fn accepted(round: &Round) -> Option<&Named> {
+    let effect = round.tracing.accepted?;
+    let groups = &round.tracing.groups;
     groups.iter().find(|g| g.leader == effect.name())
 }
 
@@ -116,12 +116,12 @@ fn confirming(group: &Named, added: bool) -> Confirming {
 }
 
 /// The amplitudes of an effect by the last round, or by the tracing that called for it.
-fn amplitude(steps: &[Step], name: &str) -> String {
+fn amplitude(rounds: &[Round], name: &str) -> String {
     let Some(effect) = effect(name) else {
         return String::new();
     };
-    let last = &steps[steps.len() - 1].round;
-    let traced = steps
+    let last = &rounds[rounds.len() - 1].identification;
+    let traced = rounds
         .iter()
         .find(|s| s.tracing.accepted.is_some_and(|e| e.name() == name))
         .map_or(&[][..], |s| &s.tracing.accepted_amplitude);
@@ -140,9 +140,9 @@ fn amplitude(steps: &[Step], name: &str) -> String {
 }
 
 /// An effect with its amplitude, and what could stand in for it.
-fn consistent(steps: &[Step], group: &Named) -> String {
+fn consistent(rounds: &[Round], group: &Named) -> String {
     let mut text = group.leader.to_string();
-    let amplitude = amplitude(steps, group.leader);
+    let amplitude = amplitude(rounds, group.leader);
     if !amplitude.is_empty() {
         text += &format!(" ({amplitude})");
     }
@@ -210,7 +210,7 @@ fn resembling(group: &Named) -> impl Iterator<Item = &Resembling> {
     group.resembling.iter().filter(near).take(WORTH_NAMING)
 }
 
-fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bool) -> String {
+fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: bool) -> String {
     let mut said: Vec<String> = Vec::new();
     for group in added {
         let begin = if said.is_empty() {
@@ -218,23 +218,23 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
         } else {
             "With that in the model it is consistent with"
         };
-        said.push(format!("{begin} {}.", consistent(steps, group)));
+        said.push(format!("{begin} {}.", consistent(rounds, group)));
     }
     if let Some(group) = wanted {
         said.push(format!(
             "{} with {}; the limit of rounds or of time kept it out of the model, and the constants lack what it does to them.",
             if said.is_empty() { "The residual is consistent" } else { "What is left is consistent" },
-            consistent(steps, group)
+            consistent(rounds, group)
         ));
     }
     if structure {
         said.push("Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy.".into());
     }
-    let patterns = pattern_words(&steps[steps.len() - 1].round, structure);
+    let patterns = pattern_words(&rounds[rounds.len() - 1].identification, structure);
     let nothing = !structure && patterns.is_empty() && wanted.is_none();
     // what an effect makes that was not added is no pattern of its own
     said.extend(patterns.into_iter().filter(|_| wanted.is_none()));
-    let undecided = &steps[steps.len() - 1].tracing.undecided;
+    let undecided = &rounds[rounds.len() - 1].tracing.undecided;
     if nothing && added.is_empty() && undecided.is_empty() {
         said.push(
             "The residual is what the measured noise explains: nothing asks for another effect."
@@ -259,8 +259,8 @@ fn words(steps: &[Step], added: &[&Named], wanted: Option<&Named>, structure: bo
 const EVERYWHERE: f64 = 0.8;
 
 /// Sentences about what stationary noise does not do.
-fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
-    let frame = &round.prepared.observation.field.frame;
+fn pattern_words(round: &Identification, structure: bool) -> Vec<String> {
+    let frame = &round.inverse.prepared.observation.field.frame;
     let place = |p: [f64; 2]| {
         let [x, y] = frame.data_point(p);
         format!("({x:.1}, {y:.1}) mm of the data")
@@ -268,7 +268,7 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
     let exceedance = round.patterns.exceedance.map(|b| {
         let begin = format!(
             "In u{} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
-            b.component + 1, b.blocks, b.of, round.noise.blocks.size_mm, b.expected
+            b.component + 1, b.blocks, b.of, round.inverse.noise.blocks.size_mm, b.expected
         );
         if b.blocks > b.of / 10 {
             return format!("{begin}, all over the field: the model as it is does not describe it.");
