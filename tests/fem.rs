@@ -206,6 +206,31 @@ fn stiffness_times_solution_is_the_load() {
     }
 }
 
+/// A work space is used again whatever it holds, by any thread: no bit of a solution depends on it.
+#[test]
+fn solutions_do_not_depend_on_the_work_space() {
+    use rayon::prelude::*;
+    let plate = Plate::new(setup().outline, Density::DEFAULT.scaled(0.25)).unwrap();
+    let ply = |k: usize| Ply {
+        e2: NOMINAL.e2 * (1.0 + 0.1 * k as f64),
+        ..NOMINAL
+    };
+    let nodal = |plate: &Plate, k: usize| plate.solve(&setup(), &ply(k)).unwrap().nodal;
+    let fresh: Vec<Vec<f64>> = (0..3)
+        .map(|k| {
+            let own = Plate::new(setup().outline, Density::DEFAULT.scaled(0.25)).unwrap();
+            nodal(&own, k)
+        })
+        .collect();
+    let shared: Vec<Vec<f64>> = (0..12_usize)
+        .into_par_iter()
+        .map(|k| nodal(&plate, k % 3))
+        .collect();
+    for (k, u) in shared.iter().enumerate() {
+        assert_eq!(*u, fresh[k % 3]);
+    }
+}
+
 #[test]
 fn what_cannot_work_is_an_error() {
     for bad in [
@@ -265,7 +290,7 @@ fn assert_reference(case: &str, setup: &Setup) {
     let points: Vec<[f64; 2]> = kept.iter().map(|&k| [y[k], x[k]]).collect();
     let reference: Vec<[f64; 2]> = kept.iter().map(|&k| [1e-3 * u[k], 1e-3 * v[k]]).collect();
     let plate = Plate::new(setup.outline, Density::DEFAULT).unwrap();
-    let nodal = plychain::fem::Forward::displacement(&plate, setup, &NOMINAL).unwrap();
+    let nodal = plate.solve(setup, &NOMINAL).unwrap().nodal;
     let (observer, inside) = Locator::new(&plate.mesh).observe(&points);
     assert!(inside.iter().all(|x| *x));
     let error = verify::difference(&points, &observer.displacement(&nodal), &reference);

@@ -48,7 +48,7 @@ fn mechanical() -> impl Iterator<Item = &'static dyn Effect> {
 }
 
 fn solve(plate: &Plate, setup: &Setup, points: &[[f64; 2]]) -> Field {
-    let solution = plate.solve(setup, &PLY, &mut plate.factor()).unwrap();
+    let solution = plate.solve(setup, &PLY).unwrap();
     let (observer, inside) = Locator::new(&solution.mesh).observe(points);
     assert!(inside.iter().all(|x| *x));
     observer.displacement(&solution.nodal)
@@ -137,7 +137,7 @@ fn unnotched() -> (Setup, Plate) {
 
 /// Strains 11, 22, 12 at points.
 fn strains(plate: &Plate, setup: &Setup, points: &[[f64; 2]]) -> Vec<Vector3<f64>> {
-    let solution = plate.solve(setup, &PLY, &mut plate.factor()).unwrap();
+    let solution = plate.solve(setup, &PLY).unwrap();
     let (observer, _) = Locator::new(&solution.mesh).observe(points);
     let strain = |g: &[[f64; 2]; 2]| Vector3::new(g[0][0], g[1][1], g[0][1] + g[1][0]);
     observer
@@ -202,7 +202,7 @@ fn damage_of_nothing_is_the_nominal_plate_and_loss_makes_it_compliant() {
     assert!(difference(&points, &none, &healthy) < 1e-5);
     let work = |loss: f64| {
         let setup = with("hole_edge_damage", &[loss]);
-        let solution = plate.solve(&setup, &PLY, &mut plate.factor()).unwrap();
+        let solution = plate.solve(&setup, &PLY).unwrap();
         let force = solution.mesh.end_forces(&setup.load);
         force
             .iter()
@@ -489,7 +489,7 @@ fn snapshots_see_the_altered_plate_through_the_optics() {
         let point = vec![160.0, 7.5, 0.34, 4.5, 0.78, size, shift];
         let snapshots = Snapshots::at(&problem, &nominal, vec![point.clone()], &|| ()).unwrap();
         let (setup, ply) = problem.test_at(&point);
-        let solution = nominal.solve(&setup, &ply, &mut nominal.factor()).unwrap();
+        let solution = nominal.solve(&setup, &ply).unwrap();
         let node = |&n: &u32| nominal.mesh.nodes[n as usize];
         let reported: Vec<[f64; 2]> = snapshots.nodes.iter().map(node).collect();
         let places: Vec<[f64; 2]> = reported.iter().map(|p| [p[0] - shift, p[1]]).collect();

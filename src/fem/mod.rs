@@ -20,7 +20,7 @@ pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use mesh::{Density, Mesh, Outline};
 pub use observe::{Locator, Nodal, Observer};
-pub use plate::{Forward, Plate, Solution};
+pub use plate::{Plate, Solution};
 pub use profile::{Annulus, Profile};
 pub use setup::Setup;
 pub use solve::Factor;

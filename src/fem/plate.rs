@@ -6,15 +6,9 @@ use super::assemble::Assembly;
 use super::mesh::{Density, Mesh, Outline};
 use super::setup::Setup;
 use super::shear::ShearLaw;
-use super::solve::{Factor, Symbolic};
-use crate::error::{Error, Result};
+use super::solve::{Factor, Pool, Symbolic};
+use crate::error::Result;
 use crate::laminate::Ply;
-
-/// A forward model: from a set-up and a ply to nodal displacements.
-pub trait Forward: Sync {
-    /// Nodal displacements (mm, two a node, rigid motion arbitrary) of the plate.
-    fn displacement(&self, setup: &Setup, ply: &Ply) -> Result<Vec<f64>>;
-}
 
 /// Nodal displacements and the mesh they live on.
 pub struct Solution<'a> {
@@ -38,6 +32,7 @@ pub struct Plate {
     /// The stiffness integrals.
     pub assembly: Assembly,
     symbolic: Symbolic,
+    pool: Pool,
 }
 
 impl Plate {
@@ -54,16 +49,17 @@ impl Plate {
             mesh,
             assembly,
             symbolic,
+            pool: Pool::default(),
         })
     }
 
-    /// Solve a test, in the work space `factor` of [`Plate::factor`]. A test with another outline, or with a ring about
-    /// the hole, gets a mesh of its own with this one's connectivity; a stiffness that varies gets integrals of its own.
+    /// Solve a test; any number of threads may at once. A test with another outline, or with a ring about the hole, gets
+    /// a mesh of its own with this one's connectivity; a stiffness that varies gets integrals of its own.
     ///
     /// # Errors
     /// A test that cannot be meshed, a stiffness that is not positive definite, an iteration for the shear law that
     /// does not converge.
-    pub fn solve(&self, setup: &Setup, ply: &Ply, factor: &mut Factor<'_>) -> Result<Solution<'_>> {
+    pub fn solve(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
         let ring = setup.profile.ring(&setup.outline);
         let mesh = if setup.outline == self.mesh.outline && ring.is_none() {
             Cow::Borrowed(&self.mesh)
@@ -73,6 +69,7 @@ impl Plate {
         };
         let scale = |p: [f64; 2]| setup.profile.factor(&setup.outline, p);
         let a = setup.membrane(ply);
+        let mut factor = self.factor();
         if matches!(mesh, Cow::Borrowed(_)) && setup.profile.is_uniform() {
             factor.factorise(&a)?;
         } else {
@@ -83,32 +80,19 @@ impl Plate {
         let mut nodal = load.clone();
         factor.solve(&mut nodal);
         if let Some(law) = ShearLaw::new(setup, ply) {
-            law.iterate(&mesh, &scale, &load, factor, &mut nodal)?;
+            law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
         }
         Ok(Solution { mesh, nodal })
     }
 
-    /// Work space for numeric factorisations, one a thread.
+    /// A numeric factorisation of the plate's stiffness, for loads that are no [`Setup`]'s.
     pub fn factor(&self) -> Factor<'_> {
-        Factor::new(&self.symbolic, &self.assembly)
+        Factor::new(&self.symbolic, &self.assembly, &self.pool)
     }
 
     /// Stored entries of the Cholesky factor.
     pub fn factor_entries(&self) -> usize {
         self.symbolic.factor_entries()
-    }
-}
-
-impl Forward for Plate {
-    fn displacement(&self, setup: &Setup, ply: &Ply) -> Result<Vec<f64>> {
-        let solution = self.solve(setup, ply, &mut self.factor())?;
-        if solution.is_nominal() {
-            return Ok(solution.nodal);
-        }
-        Err(Error::program(
-            "displacement on the plate's own mesh",
-            "a test with the outline that was meshed",
-        ))
     }
 }
 

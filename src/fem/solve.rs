@@ -1,7 +1,9 @@
 //! Sparse Cholesky of the plate: symbolic once a mesh, numeric for every membrane stiffness.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use faer::Par;
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{LltParams, LltRegularization};
 use faer::prelude::default;
 use faer::sparse::linalg::SupernodalThreshold;
@@ -41,18 +43,19 @@ impl Symbolic {
     }
 }
 
-/// Work space of one thread: K's values, the factor, scratch.
-pub struct Factor<'a> {
-    symbolic: &'a Symbolic,
-    assembly: &'a Assembly,
+/// Work spaces that wait for the next factorisation; there are as many as have been in use at once.
+#[derive(Default)]
+pub struct Pool(Mutex<Vec<Workspace>>);
+
+/// What one numeric factorisation works in: K's values, the factor, scratch.
+struct Workspace {
     values: Vec<f64>,
     factor: Vec<f64>,
     scratch: MemBuffer,
 }
 
-impl<'a> Factor<'a> {
-    /// Allocate; nothing is factorised yet.
-    pub fn new(symbolic: &'a Symbolic, assembly: &'a Assembly) -> Self {
+impl Workspace {
+    fn new(symbolic: &Symbolic, assembly: &Assembly) -> Self {
         let params = Spec::<LltParams, f64>::default();
         let factorise = symbolic
             .0
@@ -61,11 +64,52 @@ impl<'a> Factor<'a> {
             .0
             .solve_in_place_scratch::<f64>(MAX_COLUMNS, Par::Seq);
         Self {
-            symbolic,
-            assembly,
             values: vec![0.0; assembly.stored()],
             factor: vec![0.0; symbolic.0.len_val()],
             scratch: MemBuffer::new(factorise.or(solve)),
+        }
+    }
+
+    fn empty() -> Self {
+        Self {
+            values: Vec::new(),
+            factor: Vec::new(),
+            scratch: MemBuffer::new(StackReq::EMPTY),
+        }
+    }
+}
+
+/// A numeric factorisation, in a work space that goes back to the plate's pool when it is dropped. Nothing that an earlier
+/// one left there is read.
+pub struct Factor<'a> {
+    symbolic: &'a Symbolic,
+    assembly: &'a Assembly,
+    pool: &'a Pool,
+    space: Workspace,
+}
+
+impl Drop for Factor<'_> {
+    fn drop(&mut self) {
+        let space = std::mem::replace(&mut self.space, Workspace::empty());
+        self.pool.lock().push(space);
+    }
+}
+
+impl Pool {
+    fn lock(&self) -> MutexGuard<'_, Vec<Workspace>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<'a> Factor<'a> {
+    /// Take a work space from the pool, or allocate one; nothing is factorised yet.
+    pub fn new(symbolic: &'a Symbolic, assembly: &'a Assembly, pool: &'a Pool) -> Self {
+        let waiting = pool.lock().pop();
+        Self {
+            symbolic,
+            assembly,
+            pool,
+            space: waiting.unwrap_or_else(|| Workspace::new(symbolic, assembly)),
         }
     }
 
@@ -76,17 +120,18 @@ impl<'a> Factor<'a> {
 
     /// The same with the integrals of another mesh of the same connectivity, from the plate's assembly.
     pub fn factorise_with(&mut self, integrals: &[[f64; 4]], a: &Membrane) -> Result<()> {
-        self.assembly.refill(integrals, a, &mut self.values);
-        let k = SparseColMatRef::new(self.assembly.pattern(), &self.values);
+        let space = &mut self.space;
+        self.assembly.refill(integrals, a, &mut space.values);
+        let k = SparseColMatRef::new(self.assembly.pattern(), &space.values);
         self.symbolic
             .0
             .factorize_numeric_llt(
-                &mut self.factor,
+                &mut space.factor,
                 k,
                 Side::Lower,
                 LltRegularization::default(),
                 Par::Seq,
-                MemStack::new(&mut self.scratch),
+                MemStack::new(&mut space.scratch),
                 default(),
             )
             .map(|_| ())
@@ -105,11 +150,11 @@ impl<'a> Factor<'a> {
                 self.assembly.pin_load(load);
             }
             let columns = batch.len() / n;
-            LltRef::new(&self.symbolic.0, &self.factor).solve_in_place_with_conj(
+            LltRef::new(&self.symbolic.0, &self.space.factor).solve_in_place_with_conj(
                 Conj::No,
                 MatMut::from_column_major_slice_mut(batch, n, columns),
                 Par::Seq,
-                MemStack::new(&mut self.scratch),
+                MemStack::new(&mut self.space.scratch),
             );
         }
     }

@@ -7,7 +7,7 @@ use super::lekhnitskii::HoleSolution;
 use super::load::EndLoad;
 use super::mesh::{Density, Mesh, Outline};
 use super::observe::Locator;
-use super::plate::{Forward, Plate};
+use super::plate::Plate;
 use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::field::rigid;
@@ -179,7 +179,7 @@ pub fn concentration(a: &Membrane, what: &str) -> Result<Check> {
 /// A set-up that cannot be meshed or solved.
 pub fn section_forces(setup: &Setup, ply: &Ply) -> Result<Check> {
     let plate = Plate::new(setup.outline, Density::DEFAULT)?;
-    let u = plate.displacement(setup, ply)?;
+    let u = plate.solve(setup, ply)?.nodal;
     let a = setup.membrane(ply).matrix();
     let locator = Locator::new(&plate.mesh);
     let (r, [low, high]) = (setup.outline.radius, setup.outline.t);
@@ -309,7 +309,7 @@ pub fn window_points(outline: &Outline, half: f64) -> Vec<[f64; 2]> {
 }
 
 fn observe(plate: &Plate, setup: &Setup, ply: &Ply, points: &[[f64; 2]]) -> Result<Vec<[f64; 2]>> {
-    let nodal = plate.displacement(setup, ply)?;
+    let nodal = plate.solve(setup, ply)?.nodal;
     let (observer, inside) = Locator::new(&plate.mesh).observe(points);
     if inside.contains(&false) {
         return Err(Error::program(

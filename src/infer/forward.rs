@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::model::Model;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Factor, Locator, Mesh, Observer, Plate, Solution};
+use crate::fem::{Locator, Mesh, Observer, Plate, Solution};
 use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion_over, settle};
 
 /// A predicted field at points (s, t).
@@ -38,16 +38,11 @@ pub struct Test<'a> {
     pub observer: Option<&'a Observer>,
 }
 
-/// Predict for elastic constants in border units and acting effects, in the work space of the plate.
+/// Predict for elastic constants in border units and acting effects.
 ///
 /// # Errors
 /// Those of a finite-element solution; constants that are not admissible.
-pub fn view(
-    test: &Test<'_>,
-    factor: &mut Factor<'_>,
-    constants: &[f64],
-    acting: &[Acting],
-) -> Result<View> {
+pub fn view(test: &Test<'_>, constants: &[f64], acting: &[Acting]) -> Result<View> {
     let Test {
         model,
         scene,
@@ -70,7 +65,7 @@ pub fn view(
         .material
         .ply(constants)
         .admissible("elastic constants")?;
-    let mut solution = plate.solve(&setup, &ply, factor)?;
+    let mut solution = plate.solve(&setup, &ply)?;
     match ZeroAt::new(model.file.gauge, &scene.frame, plate)? {
         Some(zero) => zero.apply(&mut solution),
         None => settle(&mut solution, window),

@@ -56,7 +56,7 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
         .material
         .ply(&truth.constants)
         .admissible("--set")?;
-    let mut solution = nominal.solve(&setup, &ply, &mut nominal.factor())?;
+    let mut solution = nominal.solve(&setup, &ply)?;
     let half = 0.5 * WINDOW * model.file.specimen.width_mm;
     match ZeroAt::new(model.file.gauge, &frame, &nominal)? {
         Some(zero) => zero.apply(&mut solution),

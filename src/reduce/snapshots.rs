@@ -10,7 +10,7 @@ use super::gauge::{ZeroAt, remove_rigid_motion, remove_rigid_motion_of_nodes, se
 use super::problem::Problem;
 use crate::effect::Seen;
 use crate::error::{Error, Result};
-use crate::fem::{Factor, Locator, Mesh, Plate};
+use crate::fem::{Locator, Mesh, Plate};
 
 /// Snapshots of both displacement components.
 pub struct Snapshots {
@@ -78,14 +78,11 @@ impl Snapshots {
         };
         let solutions: Vec<Vec<[f64; 2]>> = points
             .par_iter()
-            .map_init(
-                || plate.factor(),
-                |factor, point| {
-                    let seen = window.seen(factor, point)?;
-                    step();
-                    Ok(seen)
-                },
-            )
+            .map(|point| {
+                let seen = window.seen(point)?;
+                step();
+                Ok(seen)
+            })
             .collect::<Result<_>>()?;
         let fields =
             [0, 1].map(|c| Mat::from_fn(nodes.len(), points.len(), |i, j| solutions[j][i][c]));
@@ -108,9 +105,9 @@ struct Window<'a> {
 impl Window<'_> {
     /// Gauged displacements reported at the nodes, with the constants and amplitudes of a point of the DoE. Where an effect
     /// moves nodes into the hole or past an edge, the field is continued.
-    fn seen(&self, factor: &mut Factor<'_>, point: &[f64]) -> Result<Vec<[f64; 2]>> {
+    fn seen(&self, point: &[f64]) -> Result<Vec<[f64; 2]>> {
         let (setup, ply) = self.problem.test_at(point);
-        let mut solution = self.plate.solve(&setup, &ply, factor)?;
+        let mut solution = self.plate.solve(&setup, &ply)?;
         let acting = self.problem.acting(point);
         let seen = Seen::new(&acting, &self.problem.scene);
         match &self.zero {

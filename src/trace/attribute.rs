@@ -174,12 +174,7 @@ pub fn attribute(
             window: prepared.problem.window,
             observer: Some(&prepared.observation.observer),
         };
-        forward::view(
-            &test,
-            &mut prepared.plate.factor(),
-            &state.constants,
-            &state.acting,
-        )
+        forward::view(&test, &state.constants, &state.acting)
     };
     progress.begin("the field at the constants found", None);
     let (corrected, jumps) = recording::find_jumps(model, &tested_field, &view(&start)?.field)?;

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use super::state::State;
 use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
-use crate::fem::Factor;
 use crate::field::Blocks;
 use crate::identify::Prepared;
 use crate::infer::{Model, forward};
@@ -147,20 +146,17 @@ impl Linearised<'_> {
         at: &State,
         candidates: &[&'static dyn Effect],
     ) -> Result<Sensitivities> {
-        let here = self.look(&mut self.prepared.plate.factor(), at)?;
+        let here = self.look(at)?;
         let mut directions = self.base();
         let declared = directions.len();
         directions.extend(candidates.iter().flat_map(amplitudes));
         let columns: Vec<Column> = directions
             .par_iter()
-            .map_init(
-                || self.prepared.plate.factor(),
-                |factor, &direction| {
-                    let column = self.column(factor, at, &here, direction);
-                    (self.step)();
-                    column
-                },
-            )
+            .map(|&direction| {
+                let column = self.column(at, &here, direction);
+                (self.step)();
+                column
+            })
             .collect::<Result<_>>()?;
         let residual: Vec<[f64; 2]> = self
             .measured
@@ -243,13 +239,12 @@ impl Linearised<'_> {
         }
     }
 
-    fn look(&self, factor: &mut Factor<'_>, at: &State) -> Result<forward::View> {
-        forward::view(&self.test(), factor, &at.constants, &at.acting)
+    fn look(&self, at: &State) -> Result<forward::View> {
+        forward::view(&self.test(), &at.constants, &at.acting)
     }
 
     fn column(
         &self,
-        factor: &mut Factor<'_>,
         at: &State,
         here: &forward::View,
         direction: Direction,
@@ -264,7 +259,7 @@ impl Linearised<'_> {
                     state
                 };
                 let field =
-                    self.difference(factor, &moved(step), &moved(-step), 2.0 * step / prior.sd)?;
+                    self.difference(&moved(step), &moved(-step), 2.0 * step / prior.sd)?;
                 Ok(Column {
                     name: self.model.constants()[k].into(),
                     mean: prior.mean,
@@ -291,7 +286,7 @@ impl Linearised<'_> {
                 })
             }
             Direction::Load => self.load(here),
-            Direction::Amplitude(effect, k) => self.amplitude(factor, at, here, effect, k),
+            Direction::Amplitude(effect, k) => self.amplitude(at, here, effect, k),
         }
     }
 
@@ -312,7 +307,6 @@ impl Linearised<'_> {
 
     fn amplitude(
         &self,
-        factor: &mut Factor<'_>,
         at: &State,
         here: &forward::View,
         effect: &'static dyn Effect,
@@ -351,7 +345,6 @@ impl Linearised<'_> {
                     state
                 };
                 self.difference(
-                    factor,
                     &state(AMPLITUDE_STEP),
                     &state(-AMPLITUDE_STEP),
                     2.0 * AMPLITUDE_STEP,
@@ -379,14 +372,13 @@ impl Linearised<'_> {
 
     fn difference(
         &self,
-        factor: &mut Factor<'_>,
         high: &State,
         low: &State,
         span: f64,
     ) -> Result<Vec<[f64; 2]>> {
         let (high, low) = (
-            self.look(factor, high)?.field,
-            self.look(factor, low)?.field,
+            self.look(high)?.field,
+            self.look(low)?.field,
         );
         Ok(high
             .iter()
