@@ -81,6 +81,13 @@ impl Error {
         self
     }
 
+    /// The same error with its place as a key of the object `outer`, which ends in a dot or is empty.
+    #[must_use]
+    pub fn below(mut self, outer: impl fmt::Display) -> Self {
+        self.0.place = format!("{outer}{}", self.0.place);
+        self
+    }
+
     /// Whose fault it is.
     pub fn blame(&self) -> Blame {
         self.0.blame

@@ -1,6 +1,9 @@
-//! Files written in one step.
+//! Files written in one step, and JSON read with errors that name file, line and key.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+
+use serde::Deserialize;
 
 use crate::error::{Error, Result};
 
@@ -14,4 +17,88 @@ pub fn replace(path: &Path, contents: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(&beside, contents)
         .and_then(|()| std::fs::rename(&beside, path))
         .map_err(|e| Error::input(path.display(), "a file that can be written").found(e))
+}
+
+/// Parse the JSON text of `file`.
+///
+/// # Errors
+/// The input's fault, with file, line, key path, what was found and what was expected.
+pub fn parse_json<T: serde::de::DeserializeOwned>(text: &str, file: &str) -> Result<T> {
+    let mut reader = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut reader)
+        .map_err(|e| json_error(file, &e.path().to_string(), e.inner()))?;
+    reader.end().map_err(|e| json_error(file, ".", &e))?;
+    Ok(value)
+}
+
+fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
+    let text = error.to_string();
+    let text = text.split(" at line ").next().unwrap_or_default();
+    let place = format!("{file}:{}:{}", error.line(), error.column());
+    let place = if key == "." {
+        place
+    } else {
+        format!("{place}: {key}")
+    };
+    if let Some((found, expected)) = text.split_once(", expected ") {
+        return Error::input(place, expected).found(found);
+    }
+    if let Some((place_in, expected)) = text.split_once(": expected ") {
+        return Error::input(format!("{place}: {place_in}"), expected);
+    }
+    if let Some(expected) = text.strip_prefix("expected ") {
+        return Error::input(place, format!("{expected} in JSON"))
+            .found("something else")
+            .hint("a value is missing here, or stands where none belongs: only one key is allowed within \"prior\", and \"truncate\" stands beside it");
+    }
+    let expected = match error.classify() {
+        serde_json::error::Category::Syntax | serde_json::error::Category::Eof => "valid JSON",
+        _ => "the keys of a model file",
+    };
+    Error::input(place, expected).found(text)
+}
+
+/// A map whose keys are all different: of two entries with one name, neither is likely to be the one that is meant.
+pub fn unique<'de, D, T>(deserializer: D) -> std::result::Result<BTreeMap<String, T>, D::Error>
+where
+    D: serde::Deserializer<'de>,
+    T: Deserialize<'de>,
+{
+    struct Unique<T>(std::marker::PhantomData<T>);
+    impl<'de, T: Deserialize<'de>> serde::de::Visitor<'de> for Unique<T> {
+        type Value = BTreeMap<String, T>;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("an object of values by parameter name")
+        }
+
+        fn visit_map<A: serde::de::MapAccess<'de>>(
+            self,
+            mut map: A,
+        ) -> std::result::Result<Self::Value, A::Error> {
+            let mut entries = BTreeMap::new();
+            while let Some((name, value)) = map.next_entry::<String, T>()? {
+                if entries.contains_key(&name) {
+                    return Err(serde::de::Error::custom(format!(
+                        "a second {name}, expected every name once"
+                    )));
+                }
+                entries.insert(name, value);
+            }
+            Ok(entries)
+        }
+    }
+    deserializer.deserialize_map(Unique(std::marker::PhantomData))
+}
+
+/// The place of a key whose meaning is fixed but not built: a file that has it is refused.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct NotYet;
+
+impl<'de> Deserialize<'de> for NotYet {
+    fn deserialize<D: serde::Deserializer<'de>>(_: D) -> std::result::Result<Self, D::Error> {
+        Err(serde::de::Error::custom(
+            "a key that this version cannot honour yet, expected no such key",
+        ))
+    }
 }

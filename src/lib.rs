@@ -11,6 +11,7 @@ pub mod cli;
 pub mod diagnose;
 pub mod effect;
 pub mod error;
+pub mod experiment;
 pub mod fem;
 pub mod field;
 pub mod files;

@@ -81,7 +81,7 @@ fn a_broken_model_is_named_with_file_key_value_and_expectation() {
             &["broken.json", "specimen.hole", "11"],
         ),
         (
-            "plychain-model/1",
+            "plychain-model/2",
             "plychain-model/7",
             &["broken.json", "schema", "plychain-model/7"],
         ),
@@ -119,7 +119,7 @@ fn a_broken_model_is_named_with_file_key_value_and_expectation() {
             "\"gauge\": \"window\"",
             "\"gauge\": \"window\", \"window_mm\": [[10, 10], [2, 20]]",
             &[
-                "broken.json: window_mm",
+                "broken.json: experiments[0].window_mm",
                 "[[10.0, 10.0], [2.0, 20.0]]",
                 "x0 < x1",
             ],
@@ -259,7 +259,7 @@ fn runs_that_cannot_be_traced_are_refused_at_once() {
     let effects = serde_json::json!(["rigid_translation", "rigid_rotation"]);
     traced(
         "model.json",
-        "/effects",
+        "/experiments/0/effects",
         effects,
         &["report.json", "rigid_rotation", "belong"],
     );

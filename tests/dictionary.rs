@@ -54,7 +54,7 @@ fn plausible_sizes_of_a_model_are_checked() {
         ("magnification.percent", -1.0, &["-1", "above 0"]),
     ] {
         let file = changed("openhole.json", |m| {
-            m["plausible"][name] = value.into();
+            m["experiments"][0]["plausible"][name] = value.into();
         });
         refused(&["effects", &file], words);
     }
@@ -79,15 +79,15 @@ fn plausible_sizes_of_a_model_are_checked() {
 #[test]
 fn declared_effects_must_be_able_to_act() {
     let imaged = changed("steel-s235.json", |m| {
-        m["effects"] = serde_json::json!(["phase_shift_error"]);
+        m["experiments"][0]["effects"] = serde_json::json!(["phase_shift_error"]);
     });
     refused(
         &["identify", &imaged],
         &["phase_shift_error", "fringe_frequency"],
     );
     let cold = changed("steel-s235.json", |m| {
-        m["effects"] = serde_json::json!(["thermal_strain"]);
-        m["specimen"]
+        m["experiments"][0]["effects"] = serde_json::json!(["thermal_strain"]);
+        m["material"]
             .as_object_mut()
             .unwrap()
             .remove("expansion_per_K");
@@ -116,8 +116,8 @@ fn the_dictionary_shows_every_effect_within_a_hundred_columns() {
 #[test]
 fn the_dictionary_of_a_model_has_its_sizes_and_obstacles() {
     let file = changed("openhole.json", |m| {
-        m["plausible"]["uniform_strain.eyy_microstrain"] = 44.0.into();
-        m["candidates"] = serde_json::json!(["uniform_strain"]);
+        m["experiments"][0]["plausible"]["uniform_strain.eyy_microstrain"] = 44.0.into();
+        m["experiments"][0]["candidates"] = serde_json::json!(["uniform_strain"]);
     });
     let moire = dictionary(&file);
     let strain = entry(&moire, "uniform_strain");

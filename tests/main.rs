@@ -18,6 +18,7 @@ mod marginal;
 mod measure;
 mod mechanics;
 mod memory;
+mod model;
 mod newcomer;
 mod optics;
 mod patterns;

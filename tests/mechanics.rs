@@ -3,12 +3,13 @@
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, Kind, Parameter, Scene};
+use plychain::experiment::remove_rigid_motion;
 use plychain::fem::verify::{difference, window_points, without_rigid_motion};
 use plychain::fem::{Density, Locator, Outline, Plate, Setup};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec, strain_rotation};
-use plychain::reduce::{Dimension, Snapshots, remove_rigid_motion};
+use plychain::reduce::{Dimension, Snapshots};
 
 use crate::program;
 use crate::reduce::{plate, small_problem};

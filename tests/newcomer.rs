@@ -37,7 +37,7 @@ fn init_writes_a_model_that_runs_and_never_overwrites() {
         "{said}"
     );
     let written = json(&folder.path().join("strip.json"));
-    let measurement = &written["measurement"];
+    let measurement = &written["experiments"][0]["measurement"];
     assert_eq!(measurement["loading_axis"], "y");
     assert_eq!(
         measurement["columns"]["ux"],
@@ -47,7 +47,9 @@ fn init_writes_a_model_that_runs_and_never_overwrites() {
         let centre = measurement["hole_center_in_data_mm"][k].as_f64().unwrap();
         assert!((centre - known).abs() < 0.1, "{centre}");
     }
-    let diameter = written["specimen"]["hole"]["diameter_mm"].as_f64().unwrap();
+    let diameter = written["experiments"][0]["specimen"]["hole"]["diameter_mm"]
+        .as_f64()
+        .unwrap();
     // the points nearest to the rim lie up to a spacing of 0.5 mm outside of it, on either side
     assert!((6.0..7.0).contains(&diameter), "{diameter}");
     let again = here(&["init", "strip"]);
@@ -86,7 +88,10 @@ fn init_takes_the_units_from_the_header() {
         let output = command.current_dir(folder.path()).args(init).output();
         let output = output.unwrap();
         match output.status.success() {
-            true => Ok(json(&folder.path().join(format!("{name}.json")))["measurement"].clone()),
+            true => Ok(
+                json(&folder.path().join(format!("{name}.json")))["experiments"][0]["measurement"]
+                    .clone(),
+            ),
             false => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
         }
     };

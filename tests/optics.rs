@@ -4,9 +4,7 @@
 use plychain::effect::{EFFECTS, Effect, Kind, Scene, amplitude_name, find, recorded_column};
 use plychain::fem::Setup;
 use plychain::field::{Axis, Frame};
-use plychain::laminate::{
-    HoleSpec, LoadSpec, Material, Ply, SpecimenSpec, ThicknessSpec, abd, free_expansion,
-};
+use plychain::laminate::{HoleSpec, LoadSpec, MeanSd, Ply, SpecimenSpec, abd, free_expansion};
 
 const FRINGES: Option<f64> = Some(2400.0);
 const EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
@@ -36,14 +34,12 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
             diameter_mm: 4.0,
             center_mm: [0.0, 0.0],
         },
-        material: Material::Laminate,
         layup_deg: Some(layup.to_vec()),
-        thickness_mm: ThicknessSpec {
+        thickness_mm: MeanSd {
             mean: 0.78,
             sd: 0.0,
         },
         clamp: None,
-        expansion_per_k: Some(EXPANSION),
         note: None,
     };
     Scene {

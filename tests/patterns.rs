@@ -50,7 +50,7 @@ fn with(noise: Noise, seed: u64, added: impl Fn([f64; 2]) -> [f64; 2]) -> Model 
     let folder = fresh("added");
     std::fs::create_dir_all(&folder).unwrap();
     write_matrices(&folder, &grid).unwrap();
-    model.file.measurement = model.file.measurement.with_path(folder);
+    model.experiment_mut().measurement = model.experiment().measurement.clone().with_path(folder);
     model
 }
 
@@ -145,7 +145,7 @@ fn effects_of_the_recording_that_no_dictionary_has_do_not_go_unsaid() {
         let others = EFFECTS.iter().map(|e| e.name()).filter(|n| *n != name);
         let text = std::fs::read_to_string(crate::program::model("openhole.json")).unwrap();
         let mut file: Value = serde_json::from_str(&text).unwrap();
-        file["candidates"] = others.collect::<Vec<_>>().into();
+        file["experiments"][0]["candidates"] = others.collect::<Vec<_>>().into();
         let (path, out) = (fresh("model.json"), fresh("out"));
         std::fs::write(&path, file.to_string()).unwrap();
         let data = model.read_field().unwrap().files[0]

@@ -5,14 +5,15 @@ mod surrogate;
 
 use faer::Mat;
 use plychain::effect::Scene;
+use plychain::experiment::Gauge;
 use plychain::fem::{Density, Plate, Setup};
 use plychain::field::{Axis, Frame};
-use plychain::laminate::{LoadSpec, SpecimenSpec};
+use plychain::laminate::{LoadSpec, Material, SpecimenSpec};
 use plychain::progress::Silent;
 use plychain::reduce::{
-    Choice, CrossValidation, Dimension, GOGU_2013, Gauge, Modes, Pod, Problem, ReducedModel,
-    ReducedSpec, Reference, Snapshots, Surface, THICKNESS, TRUNCATIONS, Variables, cache,
-    decompose, exponents, latin_hypercube, leave_one_out, monomial,
+    Choice, CrossValidation, Dimension, GOGU_2013, Modes, Pod, Problem, ReducedModel, ReducedSpec,
+    Reference, Snapshots, Surface, THICKNESS, TRUNCATIONS, Variables, cache, decompose, exponents,
+    latin_hypercube, leave_one_out, monomial,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -38,12 +39,13 @@ pub fn small_problem() -> Problem {
         scene: Scene {
             frame,
             setup: Setup::nominal(&specimen, &load, frame.handedness()),
-            ply: specimen.material.ply(&[160.0, 7.5, 0.34, 4.5]),
+            ply: Material::Ply.ply(&[160.0, 7.5, 0.34, 4.5]),
             fringe_frequency_per_mm: Some(2400.0),
             expansion_per_k: None,
             isotropic: false,
         },
         specimen,
+        material: Material::Ply,
         load,
         frame,
         gauge: Gauge::Window,

@@ -48,7 +48,7 @@ fn model() -> String {
     let text = std::fs::read_to_string("models/openhole.json").unwrap();
     let mut model: serde_json::Value = serde_json::from_str(&text).unwrap();
     model["reduced_model"]["snapshots"] = 60.into();
-    model["measurement"]["dir"] = "data".into();
+    model["experiments"][0]["measurement"]["dir"] = "data".into();
     let path = std::env::temp_dir().join(format!("plychain-model-{}.json", std::process::id()));
     std::fs::write(&path, model.to_string()).unwrap();
     path.display().to_string()

@@ -71,7 +71,7 @@ pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
     std::fs::create_dir_all(&folder).unwrap();
     write_matrices(&folder, &grid).unwrap();
     let mut model = nominal;
-    model.file.measurement = model.file.measurement.with_path(folder);
+    model.experiment_mut().measurement = model.experiment().measurement.clone().with_path(folder);
     model
 }
 
@@ -287,7 +287,7 @@ fn an_effect_that_no_round_could_add_is_called_for() {
 #[test]
 fn what_cannot_be_seen_is_said_to_be() {
     let mut model = measured(&[], Noise::White, 500);
-    model.file.specimen.expansion_per_k = Some([1e-19, 1e-19]);
+    model.file.material.expansion_per_k = Some([1e-19, 1e-19]);
     let (_, tracing) = traced(&model);
     let spot = |name: &str| {
         let found = tracing
@@ -458,7 +458,7 @@ fn survey() {
                 // the true effects are taken out of the dictionary
                 let names = EFFECTS.iter().map(|e| e.name().to_string());
                 let missing = |name: &String| !case.contains(name.as_str());
-                model.file.candidates = Some(names.filter(missing).collect());
+                model.experiment_mut().candidates = Some(names.filter(missing).collect());
             }
             let (accepted, tracing) = traced(&model);
             println!(

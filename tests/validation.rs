@@ -272,7 +272,8 @@ fn a_run_is_validated_and_what_is_not_one_is_refused() {
 fn coarse() -> String {
     let text = std::fs::read_to_string(model("openhole.json")).unwrap();
     let mut file: Value = serde_json::from_str(&text).unwrap();
-    file["measurement"]["dir"] = root().join("models/openhole").display().to_string().into();
+    file["experiments"][0]["measurement"]["dir"] =
+        root().join("models/openhole").display().to_string().into();
     file["reduced_model"] = serde_json::json!({
         "snapshots": 60, "modes": 3, "degree": 3, "doe": { "E1_GPa": [150.0, 210.0] },
     });

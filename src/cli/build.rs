@@ -74,10 +74,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
 fn verify_plate(model: &Model, prepared: &Prepared, console: &Console) -> Result<Vec<Check>> {
     console.begin("verifying the finite elements", None);
     let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
-    let ply = model.file.specimen.material.ply(&means);
+    let ply = model.material().ply(&means);
     let setup = Setup::nominal(
-        &model.file.specimen,
-        &model.file.load,
+        &model.experiment().specimen,
+        &model.experiment().load,
         prepared.problem.frame.handedness(),
     );
     let [low, high] = prepared.problem.window;

@@ -40,7 +40,7 @@ pub fn article_twin(
     let twin = Twin::new(model, prepared, TWIN_GRID)?;
     let truth = Truth {
         theta: article::MEAN.to_vec(),
-        thickness_mm: model.file.specimen.thickness_mm.mean,
+        thickness_mm: model.experiment().specimen.thickness_mm.mean,
         additive: vec![0.0; twin.columns.effects.len()],
         noise_nm: TWIN_NOISE_NM,
     };

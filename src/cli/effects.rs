@@ -66,8 +66,8 @@ fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> Entry {
             })
             .collect(),
         obstacle: model.and_then(|m| effect.obstacle(&m.scene())),
-        declared: model.is_some_and(|m| named(&m.file.effects)),
-        candidate: model.is_none_or(|m| m.file.candidates.as_deref().is_none_or(named)),
+        declared: model.is_some_and(|m| named(&m.experiment().effects)),
+        candidate: model.is_none_or(|m| m.experiment().candidates.as_deref().is_none_or(named)),
     }
 }
 

@@ -64,9 +64,13 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<Value>> {
 
 /// The model with its measurement's absolute path, so that it can be read from a run's folder.
 pub fn resolved(model: &Model) -> Result<Value> {
-    let mut resolved = model.file.clone();
-    resolved.measurement = resolved.measurement.below(model.base_dir())?;
-    serde_json::to_value(&resolved)
+    let mut resolved = model.clone();
+    resolved.experiment_mut().measurement = model
+        .experiment()
+        .measurement
+        .clone()
+        .below(model.base_dir())?;
+    serde_json::to_value(&resolved.file)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
 }
 

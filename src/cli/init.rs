@@ -69,22 +69,23 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .map_err(|e| Error::program("the shipped model", "valid JSON").found(e))?;
     model["name"] = json!(arguments.name);
     model["note"] = json!(NOTE);
-    model["effects"] = json!(["rigid_translation", "rigid_rotation"]);
-    model["gauge"] = json!("window");
-    model["specimen"]["note"] =
+    let experiment = &mut model["experiments"][0];
+    experiment["effects"] = json!(["rigid_translation", "rigid_rotation"]);
+    experiment["gauge"] = json!("window");
+    experiment["specimen"]["note"] =
         json!("dimensions in mm; hole.center_mm from the plate's centre, (along the load, across)");
-    if let Some(specimen) = model["specimen"].as_object_mut() {
+    if let Some(specimen) = experiment["specimen"].as_object_mut() {
         // The clamp is the rig's of that test, and no part of another.
         specimen.remove("clamp");
     }
+    let (measurement, said) = match &arguments.csv {
+        Some(csv) => propose(csv, &mut experiment["specimen"])?,
+        None => (unread(), String::new()),
+    };
+    experiment["measurement"] = measurement;
     if let Some(reduced) = model["reduced_model"].as_object_mut() {
         reduced.remove("reference");
     }
-    let (measurement, said) = match &arguments.csv {
-        Some(csv) => propose(csv, &mut model)?,
-        None => (unread(), String::new()),
-    };
-    model["measurement"] = measurement;
     let mut text = serde_json::to_string_pretty(&model)
         .map_err(|e| Error::program("model", "values that JSON can hold").found(e))?;
     text.push('\n');
@@ -116,11 +117,12 @@ fn unread() -> Value {
 fn next(path: &Path) -> String {
     format!(
         "\nto be edited before the first run, because no file of displacements says it:
+  material.parameters               priors: what is known of the constants beforehand
+and of the experiment
   specimen.length_mm, width_mm      the plate between the grips
   specimen.hole                     diameter, and place from the plate's centre
   specimen.layup_deg, thickness_mm  (laminate)
   load.force_N                      between the reference and this image
-  parameters                        priors: what is known of the constants beforehand
 then
   plychain loop {}\n",
         path.display()
@@ -128,7 +130,7 @@ then
 }
 
 /// The measurement of a DIC export, with what was assumed about it.
-fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
+fn propose(csv: &Path, specimen: &mut Value) -> Result<(Value, String)> {
     let header = table::header(csv)?;
     let known: Vec<&str> = MAPPINGS.iter().map(|m| m.program).collect();
     let in_pixels = |columns: &str| {
@@ -186,7 +188,7 @@ fn propose(csv: &Path, model: &mut Value) -> Result<(Value, String)> {
                 "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (a circle about the largest gap in the points; the true hole is a little smaller)",
                 centre[0], centre[1]
             );
-            model["specimen"]["hole"]["diameter_mm"] = json!(round(diameter, 1));
+            specimen["hole"]["diameter_mm"] = json!(round(diameter, 1));
             centre
         }
         None => {

@@ -174,7 +174,8 @@ pub fn load(path: &Path, data: Option<&PathBuf>) -> Result<Model> {
         // Joined to the model's directory later, an absolute path stays as it is.
         let absolute = std::path::absolute(data)
             .map_err(|e| Error::input(format!("--data {}", data.display()), "a path").found(e))?;
-        model.file.measurement = model.file.measurement.with_path(absolute);
+        model.experiment_mut().measurement =
+            model.experiment().measurement.clone().with_path(absolute);
     }
     Ok(model)
 }

@@ -84,7 +84,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
 fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
     let mut truth = Truth {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
-        thickness_mm: model.file.specimen.thickness_mm.mean,
+        thickness_mm: model.experiment().specimen.thickness_mm.mean,
         effects: Vec::new(),
         noise_nm: not_negative("--noise-nm", arguments.noise_nm)?,
         correlation_mm: not_negative("--correlation-mm", arguments.correlation_mm)?,
@@ -153,9 +153,9 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
 
 /// The model with the simulated matrices as its measurement: `plychain identify DIR/model.json`.
 fn model_json(model: &Model) -> Result<serde_json::Value> {
-    let mut file = model.file.clone();
-    file.measurement.source = Source::Matrices { dir: ".".into() };
-    serde_json::to_value(&file)
+    let mut model = model.clone();
+    model.experiment_mut().measurement.source = Source::Matrices { dir: ".".into() };
+    serde_json::to_value(&model.file)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
 }
 

@@ -44,6 +44,6 @@ impl Effect for ThermalStrain {
         scene
             .expansion_per_k
             .is_none()
-            .then_some("the material's thermal expansion is unknown: give specimen.expansion_per_K")
+            .then_some("the material's thermal expansion is unknown: give expansion_per_K")
     }
 }

@@ -9,6 +9,7 @@ use super::measured::Field;
 use super::outliers;
 use super::{matrices, table};
 use crate::error::{Error, Result};
+use crate::files::NotYet;
 use crate::quantity::Length;
 
 /// A declared measurement. In JSON its fields lie flat beside `format`; an unknown key is an error.
@@ -105,6 +106,8 @@ struct Keys {
     hole_center_in_data_mm: Option<[f64; 2]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     fringe_frequency_per_mm: Option<f64>,
+    #[serde(default, rename = "image_correlation", skip_serializing)]
+    _image_correlation: NotYet,
     #[serde(default)]
     outliers: OutlierRule,
 }
@@ -194,6 +197,7 @@ impl From<MeasurementSpec> for Keys {
             loading_axis: spec.frame.loading_axis,
             hole_center_in_data_mm: Some(spec.frame.hole_center_mm),
             fringe_frequency_per_mm: spec.fringe_frequency_per_mm,
+            _image_correlation: NotYet,
             outliers: spec.outliers,
         }
     }

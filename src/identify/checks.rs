@@ -6,10 +6,10 @@ use super::identification::Identification;
 use super::inverse::Prepared;
 use super::surrogate::TOLERANCE;
 use crate::error::{Error, Result};
+use crate::experiment::remove_rigid_motion;
 use crate::field::rigid;
 use crate::infer::{Columns, Model};
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
-use crate::reduce::remove_rigid_motion;
 
 /// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
 const MOST_RATIO: f64 = 5.0;

@@ -41,6 +41,6 @@ pub fn correct_jumps(
 
 /// One fringe order, mm, where displacements are read from fringes.
 pub fn order_mm(model: &Model) -> Option<f64> {
-    let frequency = model.file.measurement.fringe_frequency_per_mm;
+    let frequency = model.experiment().measurement.fringe_frequency_per_mm;
     frequency.map(|f| 1.0 / f)
 }

@@ -60,7 +60,7 @@ pub fn prepare(
     let mut observation = Observation::new(field, &plate.mesh)?;
     let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, progress)?;
     correct_jumps(model, &mut observation, &reduced, &plate.mesh, &nominal);
-    if model.file.measurement.outliers == OutlierRule::Reject {
+    if model.experiment().measurement.outliers == OutlierRule::Reject {
         observation.drop_strays(&reduced, &plate.mesh);
     }
     observation.take_out_recorded(&reduced, &plate.mesh, model)?;
@@ -80,14 +80,14 @@ const CLEAR_RADII: f64 = 1.2;
 
 /// Distance from the hole's centre, mm, from which on residuals are looked at.
 pub fn clear_mm(model: &Model) -> f64 {
-    CLEAR_RADII * 0.5 * model.file.specimen.hole.diameter_mm
+    CLEAR_RADII * 0.5 * model.experiment().specimen.hole.diameter_mm
 }
 
 /// Prior means, mean thickness, no effect.
 fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
     let mut point: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
     if problem.thickness_index().is_some() {
-        point.push(model.file.specimen.thickness_mm.mean);
+        point.push(model.experiment().specimen.thickness_mm.mean);
     }
     point.resize(problem.dimensions.len(), 0.0);
     point
@@ -145,7 +145,7 @@ pub fn posterior(
     statistics: &Statistics,
     noise: &Noise,
 ) -> Result<Posterior> {
-    let thickness = model.file.specimen.thickness_mm;
+    let thickness = model.experiment().specimen.thickness_mm;
     let likelihood = Likelihood::new(
         statistics,
         reduced,
@@ -167,7 +167,7 @@ pub fn posterior(
     }
     Ok(Posterior::new(
         names,
-        model.file.specimen.material,
+        model.material(),
         marginals,
         likelihood,
         noise.reference_nm(),

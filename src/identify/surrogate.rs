@@ -5,10 +5,11 @@ use nalgebra::{DMatrix, DVector};
 use super::inverse::InverseProblem;
 use crate::chain::Draws;
 use crate::error::Result;
+use crate::experiment::{Gauge, remove_rigid_motion_over};
 use crate::infer::{LogDensity, Posterior, Whitened};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Gauge, Snapshots, remove_rigid_motion_over};
+use crate::reduce::Snapshots;
 
 /// What the reduced model's error does to the posterior, measured where the posterior is.
 #[derive(Debug, Clone)]

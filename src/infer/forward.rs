@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use super::model::Model;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
+use crate::experiment::{Gauge, ZeroAt, remove_rigid_motion_over, settle};
 use crate::fem::{Locator, Mesh, Observer, Plate, Solution};
-use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion_over, settle};
 
 /// A predicted field at points (s, t).
 pub struct View {
@@ -60,13 +60,11 @@ pub fn view(test: &Test<'_>, constants: &[f64], acting: &[Acting]) -> Result<Vie
         a.effect.alter(&a.amplitude, &mut setup);
     }
     let ply = model
-        .file
-        .specimen
-        .material
+        .material()
         .ply(constants)
         .admissible("elastic constants")?;
     let mut solution = plate.solve(&setup, &ply)?;
-    match ZeroAt::new(model.file.gauge, &scene.frame, plate)? {
+    match ZeroAt::new(model.experiment().gauge, &scene.frame, plate)? {
         Some(zero) => zero.apply(&mut solution),
         None => settle(&mut solution, window),
     }
@@ -89,7 +87,7 @@ pub fn view(test: &Test<'_>, constants: &[f64], acting: &[Acting]) -> Result<Vie
         [] => (Vec::new(), Vec::new()),
         _ => reported(&locate(outlying, &mesh, &seen), outlying),
     };
-    if model.file.gauge == Gauge::Window {
+    if model.experiment().gauge == Gauge::Window {
         remove_rigid_motion_over(points, &mut mechanical, outlying, &mut further);
     }
     let mut field = mechanical.clone();

@@ -1,87 +1,16 @@
 //! The model file: everything an analyst declares about a test.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
 use super::prior::{Marginal, PriorSpec};
-use super::validate::{json_error, unique, validate, validate_effects};
+use super::schema::{self, ModelFile};
 use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::{Error, Result};
-use crate::fem::{Density, Setup};
-use crate::field::{Field, MeasurementSpec};
-use crate::laminate::{LoadSpec, Material, SpecimenSpec};
-use crate::reduce::{Dimension, Gauge, Problem, ReducedSpec, THICKNESS, check_gauge, exponents};
-
-/// The schema that this program reads and writes.
-pub const SCHEMA: &str = "plychain-model/1";
-
-/// A model file. Unknown keys are errors.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ModelFile {
-    /// Always [`SCHEMA`].
-    pub schema: String,
-    /// Name, which also names run folders.
-    pub name: String,
-    /// Free text.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub note: Option<String>,
-    /// The specimen.
-    pub specimen: SpecimenSpec,
-    /// The load.
-    pub load: LoadSpec,
-    /// How the rigid motion of predictions is fixed.
-    #[serde(default)]
-    pub gauge: Gauge,
-    /// Elastic constants and their priors.
-    #[serde(deserialize_with = "unique")]
-    pub parameters: BTreeMap<String, ParameterSpec>,
-    /// The measured field.
-    pub measurement: MeasurementSpec,
-    /// Restriction of the points used, `[[x0, y0], [x1, y1]]` in the data's frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub window_mm: Option<[[f64; 2]; 2]>,
-    /// Sizes of the reduced model.
-    pub reduced_model: ReducedSpec,
-    /// Constants of the likelihood.
-    pub likelihood: LikelihoodSpec,
-    /// Effects that the model declares.
-    pub effects: Vec<String>,
-    /// Effects that tracing may consider, in place of the whole dictionary.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub candidates: Option<Vec<String>>,
-    /// Standard deviations of effects' amplitudes by `effect.parameter`, in its unit, in place of the dictionary's.
-    #[serde(
-        default,
-        deserialize_with = "unique",
-        skip_serializing_if = "BTreeMap::is_empty"
-    )]
-    pub plausible: BTreeMap<String, f64>,
-}
-
-/// One entry of `parameters`.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ParameterSpec {
-    /// The prior.
-    pub prior: PriorSpec,
-    /// Bounds at which the prior is cut, as in the article's Table 5; none by default.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub truncate: Option<[f64; 2]>,
-}
-
-/// The `likelihood` object.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LikelihoodSpec {
-    /// Standard deviation of unnamed model errors, as a fraction of each POD coefficient's mean size.
-    pub model_error_fraction: f64,
-    /// Noise sd of a point in nm, where it is known; it is sampled otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise_nm: Option<f64>,
-}
+use crate::experiment::{ExperimentSpec, check_gauge};
+use crate::fem::Setup;
+use crate::field::Field;
+use crate::laminate::Material;
+use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
 
 /// A validated model and where it came from.
 #[derive(Clone)]
@@ -118,21 +47,41 @@ impl Model {
     /// Parse and validate the text of a model file at `path`.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let mut reader = serde_json::Deserializer::from_str(text);
-        let file: ModelFile = serde_path_to_error::deserialize(&mut reader)
-            .map_err(|e| json_error(&place, &e.path().to_string(), e.inner()))?;
-        reader.end().map_err(|e| json_error(&place, ".", &e))?;
-        let effects = validate(&file).map_err(|e| e.within(&place))?;
+        let (file, effects) = schema::parse(text, &place)?;
         let model = Self {
             file,
             path: path.to_path_buf(),
             effects,
         };
-        let scene = model.scene();
-        validate_effects(&model.effects, &scene)
-            .and_then(|()| check_gauge(model.file.gauge, &scene.frame, &scene.setup.outline))
-            .map_err(|e| e.within(&place))?;
+        model.validate_scene().map_err(|e| e.within(&place))?;
         Ok(model)
+    }
+
+    /// Declared effects must be able to act, and a declared point must be one of the plate.
+    fn validate_scene(&self) -> Result<()> {
+        let scene = self.scene();
+        for effect in &self.effects {
+            if let Some(reason) = effect.obstacle(&scene) {
+                let expected = format!("effects that can act, which this one cannot: {reason}");
+                return Err(Error::input("effects", expected).found(effect.name()));
+            }
+        }
+        check_gauge(self.experiment().gauge, &scene.frame, &scene.setup.outline)
+    }
+
+    /// The experiment that was made.
+    pub fn experiment(&self) -> &ExperimentSpec {
+        &self.file.experiments[0]
+    }
+
+    /// The experiment, to change it.
+    pub fn experiment_mut(&mut self) -> &mut ExperimentSpec {
+        &mut self.file.experiments[0]
+    }
+
+    /// How the material's stiffness is parameterised.
+    pub fn material(&self) -> Material {
+        self.file.material.kind
     }
 
     /// The directory that relative paths of the model start from.
@@ -142,12 +91,12 @@ impl Model {
 
     /// Read the measured field and drop nothing but what the measurement's own rules drop.
     pub fn read_field(&self) -> Result<Field> {
-        let field = self
-            .file
+        let experiment = self.experiment();
+        let field = experiment
             .measurement
-            .read(self.base_dir(), self.file.window_mm)?;
+            .read(self.base_dir(), experiment.window_mm)?;
         field
-            .check_hole(0.5 * self.file.specimen.hole.diameter_mm)
+            .check_hole(0.5 * experiment.specimen.hole.diameter_mm)
             .map_err(|e| e.within(self.path.display()))?;
         Ok(field)
     }
@@ -157,7 +106,7 @@ impl Model {
         self.constants()
             .iter()
             .map(|name| {
-                let spec = &self.file.parameters[*name];
+                let spec = &self.file.material.parameters[*name];
                 let PriorSpec::Normal { mean, sd } = spec.prior;
                 Marginal {
                     mean,
@@ -170,7 +119,7 @@ impl Model {
 
     /// Names of the elastic constants.
     pub fn constants(&self) -> &'static [&'static str] {
-        self.file.specimen.material.constants()
+        self.material().constants()
     }
 
     /// Declared effects that need fields of their own, from the finite elements: mechanical and optical ones.
@@ -195,22 +144,26 @@ impl Model {
     /// dictionary's; `None` where nothing bounds it.
     pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
         let parameter = &effect.parameters()[k];
-        let own = self.file.plausible.get(&amplitude_name(effect, parameter));
+        let own = self
+            .experiment()
+            .plausible
+            .get(&amplitude_name(effect, parameter));
         own.copied().or(parameter.prior_sd)
     }
 
     /// What effects may need to know of the nominal test: prior means, mean thickness.
     pub fn scene(&self) -> Scene {
-        let frame = self.file.measurement.frame;
-        let specimen = &self.file.specimen;
+        let experiment = self.experiment();
+        let frame = experiment.measurement.frame;
         let means: Vec<f64> = self.marginals().iter().map(|m| m.mean).collect();
-        let isotropic = specimen.material == Material::Isotropic;
+        let material = &self.file.material;
+        let isotropic = material.kind == Material::Isotropic;
         Scene {
             frame,
-            setup: Setup::nominal(specimen, &self.file.load, frame.handedness()),
-            ply: specimen.material.ply(&means),
-            fringe_frequency_per_mm: self.file.measurement.fringe_frequency_per_mm,
-            expansion_per_k: specimen
+            setup: Setup::nominal(&experiment.specimen, &experiment.load, frame.handedness()),
+            ply: material.kind.ply(&means),
+            fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,
+            expansion_per_k: material
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
             isotropic,
@@ -219,17 +172,19 @@ impl Model {
 
     /// The reduced model's problem for a measured field.
     pub fn problem(&self, field: &Field) -> Result<Problem> {
+        let experiment = self.experiment();
         let problem = Problem {
-            specimen: self.file.specimen.clone(),
-            load: self.file.load,
+            specimen: experiment.specimen.clone(),
+            material: self.material(),
+            load: experiment.load,
             frame: field.frame,
-            gauge: self.file.gauge,
+            gauge: experiment.gauge,
             scene: self.scene(),
             effects: self.sampled(),
             dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),
             window: field.measured_bounds(),
-            density: Density::DEFAULT,
+            density: experiment.density(),
         };
         problem
             .validate()
@@ -263,7 +218,7 @@ impl Model {
     pub fn ask_for_snapshots(&mut self) {
         let effects = self.sampled();
         let amplitudes: usize = effects.iter().map(|e| e.parameters().len()).sum();
-        let thickness = usize::from(self.file.specimen.thickness_mm.sd > 0.0);
+        let thickness = usize::from(self.experiment().specimen.thickness_mm.sd > 0.0);
         let reduced = &self.file.reduced_model;
         let variables = self.constants().len() + thickness + amplitudes;
         let wanted = 3 * exponents(variables, reduced.degree).len() / 2;
@@ -273,7 +228,7 @@ impl Model {
     /// The DoE box: declared bounds, or [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
     fn dimensions(&self) -> Result<Vec<Dimension>> {
         let mut dimensions = self.prior_box();
-        let thickness = self.file.specimen.thickness_mm;
+        let thickness = self.experiment().specimen.thickness_mm;
         if thickness.sd > 0.0 {
             dimensions.push(Dimension {
                 name: THICKNESS.into(),

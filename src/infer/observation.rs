@@ -6,11 +6,12 @@ use super::model::Model;
 use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
+use crate::experiment::{Gauge, remove_rigid_motion_over};
 use crate::fem::{Locator, Mesh, Observer};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason};
 use crate::noise::residual_of_fit;
-use crate::reduce::{Gauge, ReducedModel, remove_rigid_motion_over};
+use crate::reduce::ReducedModel;
 
 /// The measured points on the plate.
 pub struct Observation {
@@ -81,7 +82,7 @@ impl Observation {
     /// Evaluate modes and the model's additive effects at the points, under its gauge.
     pub fn columns(&self, reduced: &ReducedModel, mesh: &Mesh, model: &Model) -> Columns {
         let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
-        if model.file.gauge == Gauge::Window {
+        if model.experiment().gauge == Gauge::Window {
             let (points, further) = (&self.field.points, &self.field.outlying);
             let mut there = match self.outlying(mesh) {
                 Some(observer) => reduced.columns(&observer, mesh.nodes.len()),

@@ -135,7 +135,7 @@ impl Posterior {
     fn admissible<S: pulp::Simd>(&self, simd: S, x: &impl Parameters<S>) -> S::m64s {
         let zero = simd.splat_f64s(0.0);
         match self.material {
-            Material::Laminate => {
+            Material::Ply => {
                 let [e1, e2] = [x.get(simd, 0), x.get(simd, 1)];
                 let [nu12, g12] = [x.get(simd, 2), x.get(simd, 3)];
                 let young =

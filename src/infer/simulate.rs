@@ -9,11 +9,11 @@ use super::model::Model;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Kind, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Density, Locator, Plate, Setup};
+use crate::experiment::{Gauge, ZeroAt, remove_rigid_motion, settle};
+use crate::fem::{Locator, Plate, Setup};
 use crate::field::Grid;
 use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Gauge, ZeroAt, remove_rigid_motion, settle};
 
 /// What to simulate.
 #[derive(Clone)]
@@ -45,20 +45,16 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
     let scene = model.scene();
     let frame = scene.frame;
     refuse_obstacles(&truth.effects, &scene)?;
-    let mut setup = Setup::nominal(&model.file.specimen, &model.file.load, frame.handedness());
+    let experiment = model.experiment();
+    let mut setup = Setup::nominal(&experiment.specimen, &experiment.load, frame.handedness());
     // The gauge's point belongs to the nominal plate.
-    let nominal = Plate::new(setup.outline, Density::DEFAULT.scaled(FINER))?;
+    let nominal = Plate::new(setup.outline, experiment.density().scaled(FINER))?;
     setup.thickness = truth.thickness_mm;
     alter_checked("--effect", &truth.effects, &mut setup)?;
-    let ply = model
-        .file
-        .specimen
-        .material
-        .ply(&truth.constants)
-        .admissible("--set")?;
+    let ply = model.material().ply(&truth.constants).admissible("--set")?;
     let mut solution = nominal.solve(&setup, &ply)?;
-    let half = 0.5 * WINDOW * model.file.specimen.width_mm;
-    match ZeroAt::new(model.file.gauge, &frame, &nominal)? {
+    let half = 0.5 * WINDOW * experiment.specimen.width_mm;
+    match ZeroAt::new(experiment.gauge, &frame, &nominal)? {
         Some(zero) => zero.apply(&mut solution),
         None => settle(&mut solution, [[-half; 2], [half; 2]]),
     }
@@ -82,7 +78,7 @@ pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
     for (u, &p) in u.iter_mut().zip(&reported) {
         *u = seen.components(p, *u);
     }
-    if model.file.gauge == Gauge::Window {
+    if experiment.gauge == Gauge::Window {
         remove_rigid_motion(&reported, &mut u);
     }
     add_and_record(&truth.effects, &scene, &reported, &mut u);

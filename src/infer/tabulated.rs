@@ -99,7 +99,7 @@ impl Tabulated {
             [48.0, 2.25, 0.09, 1.5, 0.02],
         );
         let scaling: Vec<[f64; 2]> = mid.iter().zip(half).map(|(m, h)| [*m, h]).collect();
-        let variables = Variables::plain(Material::Laminate, scaling, Some(4), 0.13);
+        let variables = Variables::plain(Material::Ply, scaling, Some(4), 0.13);
         // An additive-recurrence (Kronecker) design: even, and without random numbers.
         let points: Vec<Vec<f64>> = (0..250)
             .map(|i| {
@@ -210,7 +210,7 @@ impl Tabulated {
         let k = self.alpha_measured.len();
         let (exponents, coefficients) = self.complete();
         let surface = Surface {
-            variables: Variables::plain(Material::Laminate, scaling, Some(4), self.h0),
+            variables: Variables::plain(Material::Ply, scaling, Some(4), self.h0),
             exponents,
             coefficients: (0..k)
                 .map(|k| coefficients.iter().map(|c| c[k]).collect())
@@ -233,7 +233,7 @@ impl Tabulated {
         let tau = 2.0 * std::f64::consts::PI;
         Posterior::new(
             NAMES.map(String::from).to_vec(),
-            Material::Laminate,
+            Material::Ply,
             marginals.collect(),
             likelihood,
             1.0,

@@ -16,24 +16,15 @@ pub struct SpecimenSpec {
     pub width_mm: f64,
     /// The hole.
     pub hole: HoleSpec,
-    /// `"laminate"` (the default) or `"isotropic"`.
-    #[serde(default, skip_serializing_if = "Material::is_laminate")]
-    pub material: Material,
-    /// Ply angles from the loading axis, degrees, counter-clockwise in the data's x-y plane, from one face to the other.
+    /// Ply angles from the loading axis, degrees, counter-clockwise in the data's x-y plane, from one face to the other; none
+    /// of an isotropic material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layup_deg: Option<Vec<f64>>,
-    /// Total thickness.
-    pub thickness_mm: ThicknessSpec,
+    /// Total thickness: mean and sd of its spatial average.
+    pub thickness_mm: MeanSd,
     /// A clamped end; without one, both ends carry tractions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clamp: Option<ClampSpec>,
-    /// Thermal expansion of a ply along and across its fibres, 1/K; (-0.2, 32) e-6/K for a laminate that does not say.
-    #[serde(
-        rename = "expansion_per_K",
-        default,
-        skip_serializing_if = "Option::is_none"
-    )]
-    pub expansion_per_k: Option<[f64; 2]>,
     /// Free text, for example which dimensions are assumed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
@@ -49,14 +40,28 @@ pub struct HoleSpec {
     pub center_mm: [f64; 2],
 }
 
-/// Total thickness: mean and standard deviation of its spatial average.
+/// A quantity that is known with some uncertainty, in the unit of its key.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ThicknessSpec {
-    /// Mean, mm.
+pub struct MeanSd {
+    /// Mean.
     pub mean: f64,
-    /// Standard deviation, mm.
+    /// Standard deviation; 0 if it is known exactly.
     pub sd: f64,
+}
+
+impl MeanSd {
+    /// Refuse a mean that is not above 0, and a negative sd; `place` is the quantity's key.
+    ///
+    /// # Errors
+    /// The input's fault.
+    pub fn validate(&self, place: &str) -> Result<()> {
+        positive(&format!("{place}.mean"), self.mean)?;
+        if self.sd.is_finite() && self.sd >= 0.0 {
+            return Ok(());
+        }
+        Err(Error::input(format!("{place}.sd"), "a number of at least 0").found(self.sd))
+    }
 }
 
 /// A clamped end: both displacements are zero along it.
@@ -93,25 +98,20 @@ pub struct LoadSpec {
 }
 
 /// How the ply's stiffness is parameterised.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Material {
     /// Plies with E1, E2, nu12, G12.
-    #[default]
-    Laminate,
+    Ply,
     /// One isotropic sheet with E, nu.
     Isotropic,
 }
 
 impl Material {
-    fn is_laminate(&self) -> bool {
-        *self == Material::Laminate
-    }
-
     /// Names of the elastic constants at the border.
     pub fn constants(self) -> &'static [&'static str] {
         match self {
-            Material::Laminate => &["E1_GPa", "E2_GPa", "nu12", "G12_GPa"],
+            Material::Ply => &["E1_GPa", "E2_GPa", "nu12", "G12_GPa"],
             Material::Isotropic => &["E_GPa", "nu"],
         }
     }
@@ -121,7 +121,7 @@ impl Material {
     pub fn ply(self, constants: &[f64]) -> Ply {
         let mpa = quantity::MPA_PER_GPA;
         match self {
-            Material::Laminate => Ply {
+            Material::Ply => Ply {
                 e1: constants[0] * mpa,
                 e2: constants[1] * mpa,
                 nu12: constants[2],
@@ -135,19 +135,15 @@ impl Material {
 impl SpecimenSpec {
     /// Ply angles in degrees; an isotropic sheet is one ply at 0.
     pub fn angles_deg(&self) -> &[f64] {
-        match self.material {
-            Material::Laminate => self.layup_deg.as_deref().unwrap_or(&[]),
-            Material::Isotropic => &[0.0],
-        }
+        self.layup_deg.as_deref().unwrap_or(&[0.0])
     }
 
     /// Check every dimension; errors name the key.
-    pub fn validate(&self) -> Result<()> {
+    pub fn validate(&self, material: Material) -> Result<()> {
         positive("specimen.length_mm", self.length_mm)?;
         positive("specimen.width_mm", self.width_mm)?;
         positive("specimen.hole.diameter_mm", self.hole.diameter_mm)?;
-        positive("specimen.thickness_mm.mean", self.thickness_mm.mean)?;
-        not_negative("specimen.thickness_mm.sd", self.thickness_mm.sd)?;
+        self.thickness_mm.validate("specimen.thickness_mm")?;
         if self.thickness_mm.sd > 0.1 * self.thickness_mm.mean {
             return Err(Error::input("specimen.thickness_mm.sd", "at most a tenth of the mean")
                 .found(self.thickness_mm.sd)
@@ -158,7 +154,7 @@ impl SpecimenSpec {
         }
         self.validate_hole_inside()?;
         self.validate_clamp()?;
-        self.validate_layup()
+        self.validate_layup(material)
     }
 
     fn validate_hole_inside(&self) -> Result<()> {
@@ -218,13 +214,13 @@ impl SpecimenSpec {
         Ok(())
     }
 
-    fn validate_layup(&self) -> Result<()> {
+    fn validate_layup(&self, material: Material) -> Result<()> {
         const PLACE: &str = "specimen.layup_deg";
-        match (self.material, &self.layup_deg) {
-            (Material::Laminate, None) => {
+        match (material, &self.layup_deg) {
+            (Material::Ply, None) => {
                 Err(Error::input(PLACE, "the ply angles in degrees").found("no such key"))
             }
-            (Material::Laminate, Some(angles)) if angles.is_empty() => {
+            (Material::Ply, Some(angles)) if angles.is_empty() => {
                 Err(Error::input(PLACE, "at least one ply angle").found("[]"))
             }
             (Material::Isotropic, Some(angles)) => Err(Error::input(
@@ -232,7 +228,7 @@ impl SpecimenSpec {
                 "no layup, because the material is isotropic",
             )
             .found(format!("{angles:?}"))),
-            (Material::Laminate, Some(angles)) => {
+            (Material::Ply, Some(angles)) => {
                 angles.iter().try_for_each(|&angle| finite(PLACE, angle))
             }
             (Material::Isotropic, None) => Ok(()),
@@ -259,11 +255,4 @@ fn positive(place: &str, value: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(place, "a number above 0").found(value))
-}
-
-fn not_negative(place: &str, value: f64) -> Result<()> {
-    if value.is_finite() && value >= 0.0 {
-        return Ok(());
-    }
-    Err(Error::input(place, "a number of at least 0").found(value))
 }

@@ -35,6 +35,7 @@ pub fn key(problem: &Problem) -> String {
         FORMAT,
         env!("CARGO_PKG_VERSION"),
         problem.specimen,
+        problem.material,
         problem.load,
         problem.frame.handedness(),
         problem.frame.hole_center_mm,

@@ -3,7 +3,6 @@
 pub mod cache;
 mod cross;
 mod design;
-mod gauge;
 mod model;
 mod modes;
 mod pod;
@@ -15,9 +14,6 @@ mod variables;
 
 pub use cross::{CrossValidation, leave_one_out};
 pub use design::{Dimension, latin_hypercube};
-pub use gauge::{
-    Gauge, ZeroAt, check as check_gauge, remove_rigid_motion, remove_rigid_motion_over, settle,
-};
 pub use model::ReducedModel;
 pub use modes::{AUTO_MM, Modes};
 pub use pod::{Pod, decompose};

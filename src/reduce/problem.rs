@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::design::Dimension;
-use super::gauge::Gauge;
 use super::modes::Modes;
 use super::reference::Reference;
 use super::surface::enough_samples;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Effect, Kind, Scene};
 use crate::error::{Error, Result};
+use crate::experiment::Gauge;
 use crate::fem::{Density, Setup};
 use crate::field::Frame;
 use crate::laminate::{LoadSpec, Material, Ply, SpecimenSpec};
@@ -58,6 +58,8 @@ impl ReducedSpec {
 pub struct Problem {
     /// The specimen.
     pub specimen: SpecimenSpec,
+    /// How the stiffness is parameterised.
+    pub material: Material,
     /// The load.
     pub load: LoadSpec,
     /// The data's frame.
@@ -87,7 +89,7 @@ pub const THICKNESS: &str = "thickness_mm";
 impl Problem {
     /// Number of elastic constants.
     pub fn constants(&self) -> usize {
-        self.specimen.material.constants().len()
+        self.material.constants().len()
     }
 
     /// Families of fields that vary with the constants: the plate under its nominal load, and one for every amplitude
@@ -140,7 +142,7 @@ impl Problem {
                 a.effect.alter(&a.amplitude, &mut setup);
             }
         }
-        (setup, self.specimen.material.ply(point))
+        (setup, self.material.ply(point))
     }
 
     fn nominal(&self) -> Setup {
@@ -174,7 +176,7 @@ impl Problem {
     /// and that the snapshots determine the response surfaces.
     pub fn validate(&self) -> Result<()> {
         enough_samples(self.spec.snapshots, self.spec.degree, self.dimensions.len())?;
-        if self.spec.reference.is_some() && self.specimen.material != Material::Laminate {
+        if self.spec.reference.is_some() && self.material != Material::Ply {
             return Err(Error::input(
                 "reduced_model.reference",
                 "a laminate, as the published one",
@@ -206,7 +208,7 @@ impl Problem {
                     if corner >> k & 1 == 1 { d.high } else { d.low }
                 })
                 .collect();
-            self.specimen.material.ply(&point).admissible("a corner of the DoE box").map_err(|e| {
+            self.material.ply(&point).admissible("a corner of the DoE box").map_err(|e| {
                 e.hint("narrow the priors or give reduced_model.doe bounds whose corners keep E, G > 0 and nu12^2 < E1/E2")
             })?;
         }

@@ -91,7 +91,7 @@ impl Reference {
     pub fn problem(self, problem: &Problem) -> Problem {
         let published = self.published();
         let plies = problem.specimen.angles_deg().len() as f64;
-        let names = problem.specimen.material.constants().iter().copied();
+        let names = problem.material.constants().iter().copied();
         let dimensions = names
             .chain([THICKNESS])
             .zip(published.bounds)

@@ -6,10 +6,10 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::design::{Dimension, latin_hypercube};
-use super::gauge::{ZeroAt, remove_rigid_motion, remove_rigid_motion_of_nodes, settle};
 use super::problem::Problem;
 use crate::effect::Seen;
 use crate::error::{Error, Result};
+use crate::experiment::{ZeroAt, remove_rigid_motion, remove_rigid_motion_of_nodes, settle};
 use crate::fem::{Locator, Mesh, Plate};
 
 /// Snapshots of both displacement components.

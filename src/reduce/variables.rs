@@ -36,7 +36,7 @@ impl Variables {
     pub fn new(choice: Choice, problem: &Problem, points: &[Vec<f64>]) -> Self {
         let mut variables = Self {
             choice,
-            material: problem.specimen.material,
+            material: problem.material,
             constants: problem.constants(),
             thickness: problem.dimensions.iter().position(|d| d.name == THICKNESS),
             scaling: Vec::new(),
@@ -101,7 +101,7 @@ impl Variables {
         let after = self.constants + usize::from(self.thickness.is_some());
         let mut terms = match (self.choice, self.material) {
             (Choice::Plain, _) => return (0..self.count()).map(|k| (k, false)).collect(),
-            (Choice::Ratios, Material::Laminate) => vec![(1, true), (2, false), (3, true)],
+            (Choice::Ratios, Material::Ply) => vec![(1, true), (2, false), (3, true)],
             (Choice::Ratios, Material::Isotropic) => vec![(1, false)],
         };
         terms.extend(
@@ -176,7 +176,7 @@ impl Variables {
         let after = self.constants + usize::from(self.thickness.is_some());
         let mut z = match (self.choice, self.material) {
             (Choice::Plain, _) => return point.to_vec(),
-            (Choice::Ratios, Material::Laminate) => {
+            (Choice::Ratios, Material::Ply) => {
                 vec![point[1] / point[0], point[2], point[3] / point[0]]
             }
             (Choice::Ratios, Material::Isotropic) => vec![point[1]],

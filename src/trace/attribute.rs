@@ -131,7 +131,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             continue;
         }
         let listed = model
-            .file
+            .experiment()
             .candidates
             .as_ref()
             .is_none_or(|list| list.iter().any(|n| n == name));

@@ -102,10 +102,19 @@ pub fn extended(
 ) -> Model {
     let mut model = model.clone();
     narrow(&mut model, averaged);
-    model.file.effects.push(effect.name().to_string());
+    model
+        .experiment_mut()
+        .effects
+        .push(effect.name().to_string());
     model.effects = crate::effect::EFFECTS
         .iter()
-        .filter(|e| model.file.effects.iter().any(|name| name == e.name()))
+        .filter(|e| {
+            model
+                .experiment()
+                .effects
+                .iter()
+                .any(|name| name == e.name())
+        })
         .copied()
         .collect();
     if !matches!(effect.kind(), Kind::Additive | Kind::Recorded) {

@@ -20,7 +20,7 @@ const PHASE_LOG_BAYES_FACTOR: f64 = 4.0;
 fn sought(model: &Model, name: &str) -> bool {
     let declared = model.effects.iter().any(|e| e.name() == name);
     let listed = |list: &Vec<String>| list.iter().any(|n| n == name);
-    !declared && model.file.candidates.as_ref().is_none_or(listed)
+    !declared && model.experiment().candidates.as_ref().is_none_or(listed)
 }
 
 /// Jumps of a field relative to a prediction, and what they are called; the field is returned corrected.
@@ -63,7 +63,7 @@ fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: 
     let log_bayes_factor = 0.5 * points as f64 * (jumps.order_mm / noise).powi(2);
     let smallest = jumps.order_mm
         * model
-            .file
+            .experiment()
             .measurement
             .fringe_frequency_per_mm
             .unwrap_or(1.0);

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::state::State;
 use crate::effect::{Effect, Kind, Scene, amplitude_name};
 use crate::error::Result;
+use crate::experiment::{Gauge, remove_rigid_motion_over};
 use crate::field::Blocks;
 use crate::identify::Prepared;
 use crate::infer::{Model, forward};
-use crate::reduce::{Gauge, remove_rigid_motion_over};
 
 /// One parameter and what it does.
 #[derive(Debug, Clone)]
@@ -198,7 +198,7 @@ impl Linearised<'_> {
     fn base(&self) -> Vec<Direction> {
         let constants = self.model.constants().len();
         let mut directions: Vec<Direction> = (0..constants).map(Direction::Constant).collect();
-        if self.model.file.specimen.thickness_mm.sd > 0.0 {
+        if self.model.experiment().specimen.thickness_mm.sd > 0.0 {
             directions.push(Direction::Thickness);
         }
         if !self.model.effects.iter().any(|e| e.name() == LOAD_SCALE) {
@@ -243,12 +243,7 @@ impl Linearised<'_> {
         forward::view(&self.test(), &at.constants, &at.acting)
     }
 
-    fn column(
-        &self,
-        at: &State,
-        here: &forward::View,
-        direction: Direction,
-    ) -> Result<Column> {
+    fn column(&self, at: &State, here: &forward::View, direction: Direction) -> Result<Column> {
         match direction {
             Direction::Constant(k) => {
                 let prior = self.model.marginals()[k];
@@ -258,8 +253,7 @@ impl Linearised<'_> {
                     state.constants[k] += by;
                     state
                 };
-                let field =
-                    self.difference(&moved(step), &moved(-step), 2.0 * step / prior.sd)?;
+                let field = self.difference(&moved(step), &moved(-step), 2.0 * step / prior.sd)?;
                 Ok(Column {
                     name: self.model.constants()[k].into(),
                     mean: prior.mean,
@@ -270,7 +264,7 @@ impl Linearised<'_> {
             }
             Direction::Thickness => {
                 // a force-driven field is proportional to 1/h
-                let thickness = self.model.file.specimen.thickness_mm;
+                let thickness = self.model.experiment().specimen.thickness_mm;
                 let factor = -thickness.sd / thickness.mean;
                 let field: Vec<[f64; 2]> = here
                     .mechanical
@@ -370,16 +364,8 @@ impl Linearised<'_> {
         })
     }
 
-    fn difference(
-        &self,
-        high: &State,
-        low: &State,
-        span: f64,
-    ) -> Result<Vec<[f64; 2]>> {
-        let (high, low) = (
-            self.look(high)?.field,
-            self.look(low)?.field,
-        );
+    fn difference(&self, high: &State, low: &State, span: f64) -> Result<Vec<[f64; 2]>> {
+        let (high, low) = (self.look(high)?.field, self.look(low)?.field);
         Ok(high
             .iter()
             .zip(&low)
@@ -414,7 +400,7 @@ impl Linearised<'_> {
             places.map(|((&p, &u), &g)| change(p, u, g)).collect()
         };
         let mut field = at(&measured.points, &here.mechanical, &here.gradient);
-        if self.model.file.gauge == Gauge::Window {
+        if self.model.experiment().gauge == Gauge::Window {
             let (u, g) = &here.outlying;
             let mut there = at(&measured.outlying, u, g);
             remove_rigid_motion_over(&measured.points, &mut field, &measured.outlying, &mut there);

@@ -216,14 +216,14 @@ fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
     loop {
         theta = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
         let cut = marginals.iter().zip(&theta).all(|(m, x)| inside(m, *x));
-        if cut && model.file.specimen.material.ply(&theta).is_admissible() {
+        if cut && model.material().ply(&theta).is_admissible() {
             break;
         }
     }
     for parameter in model.sampled().iter().flat_map(|e| e.parameters()) {
         theta.push(parameter.prior_sd.unwrap_or(parameter.bound) * normal());
     }
-    let thickness = model.file.specimen.thickness_mm;
+    let thickness = model.experiment().specimen.thickness_mm;
     let additive = model.additive();
     let additive = additive.iter().flat_map(|e| e.parameters());
     // an amplitude with a flat prior is as good as any other

@@ -5,12 +5,13 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
 use crate::error::{Error, Result};
+use crate::experiment::{Gauge, remove_rigid_motion};
 use crate::field::{Field, Rejected};
 use crate::identify::Prepared;
 use crate::infer::{Columns, Model, Observation};
 use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Gauge, Snapshots, remove_rigid_motion};
+use crate::reduce::Snapshots;
 
 /// What is true of one simulated measurement.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +69,7 @@ impl Twin {
         };
         let observation = Observation::new(field, &prepared.plate.mesh)?;
         let columns = observation.columns(&prepared.reduced, &prepared.plate.mesh, model);
-        let thickness = model.file.specimen.thickness_mm;
+        let thickness = model.experiment().specimen.thickness_mm;
         Ok(Self {
             prepared: Prepared {
                 observation,

@@ -125,6 +125,6 @@ fn a_reference_needs_a_laminate() {
     let published = problem.spec.reference.unwrap().problem(&problem);
     assert_eq!(published.dimensions[4].low, 6.0 * 0.12);
     published.validate().unwrap();
-    problem.specimen.material = plychain::laminate::Material::Isotropic;
+    problem.material = plychain::laminate::Material::Isotropic;
     assert!(told(&problem.validate().unwrap_err()).contains("reduced_model.reference"));
 }

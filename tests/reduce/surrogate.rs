@@ -90,7 +90,7 @@ fn one_newton_step_finds_the_mode_that_another_surface_has() {
             ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"]
                 .map(String::from)
                 .to_vec(),
-            Material::Laminate,
+            Material::Ply,
             [162.0, 7.58, 0.34, 4.41]
                 .iter()
                 .zip(&sds)

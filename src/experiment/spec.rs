@@ -1,0 +1,165 @@
+//! One experiment as a model file declares it: specimen, load, measurement, and the effects that may act in it.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::gauge::Gauge;
+use crate::effect::{self, Effect};
+use crate::error::{Error, Result};
+use crate::fem::Density;
+use crate::field::MeasurementSpec;
+use crate::field::spec::check_window;
+use crate::files::{NotYet, unique};
+use crate::laminate::{LoadSpec, Material, SpecimenSpec};
+
+/// An entry of `experiments`. Unknown keys are errors.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentSpec {
+    /// Its name, which marks the parameters that are its own.
+    pub name: String,
+    /// What was observed.
+    pub kind: ExperimentKind,
+    /// The specimen.
+    pub specimen: SpecimenSpec,
+    /// An imported mesh in place of the strip.
+    #[serde(default, skip_serializing)]
+    pub mesh: NotYet,
+    /// The load.
+    pub load: LoadSpec,
+    /// How the rigid motion of predictions is fixed.
+    #[serde(default)]
+    pub gauge: Gauge,
+    /// The measured field.
+    pub measurement: MeasurementSpec,
+    /// A series of loads in place of one.
+    #[serde(default, skip_serializing)]
+    pub steps: NotYet,
+    /// Restriction of the points used, `[[x0, y0], [x1, y1]]` in the data's frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub window_mm: Option<[[f64; 2]; 2]>,
+    /// Effects that the model declares.
+    pub effects: Vec<String>,
+    /// Effects that tracing may consider, in place of the whole dictionary.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub candidates: Option<Vec<String>>,
+    /// Standard deviations of effects' amplitudes by `effect.parameter`, in its unit, in place of the dictionary's.
+    #[serde(
+        default,
+        deserialize_with = "unique",
+        skip_serializing_if = "BTreeMap::is_empty"
+    )]
+    pub plausible: BTreeMap<String, f64>,
+    /// Factor on the numbers of elements along each direction of the default mesh.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub mesh_density: f64,
+}
+
+/// What an experiment observes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", try_from = "String")]
+pub enum ExperimentKind {
+    /// The displacement field of a plate under one load.
+    Field,
+}
+
+impl TryFrom<String> for ExperimentKind {
+    type Error = String;
+
+    fn try_from(name: String) -> std::result::Result<Self, String> {
+        match name.as_str() {
+            "field" => Ok(Self::Field),
+            _ => Err(format!(
+                "\"{name}\", expected \"field\": this version cannot predict another kind of experiment yet"
+            )),
+        }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde's signature
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
+}
+
+/// Smallest and largest `mesh_density`: below, the hole's edge is a polygon; above, a solution takes minutes.
+const DENSITIES: [f64; 2] = [0.1, 4.0];
+
+/// A name that may stand in a file's or a parameter's name.
+///
+/// # Errors
+/// The input's fault, at `name`.
+pub fn check_name(name: &str, purpose: &str) -> Result<()> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    if !name.is_empty() && !name.starts_with('.') && name.chars().all(plain) {
+        return Ok(());
+    }
+    let expected = format!("letters, digits, '-', '_' and '.', because it names {purpose}");
+    Err(Error::input("name", expected).found(name))
+}
+
+impl ExperimentSpec {
+    /// Check everything that the types cannot, and resolve the declared effects, which are returned in the order of the
+    /// dictionary.
+    ///
+    /// # Errors
+    /// The input's fault; the place is the key within this experiment.
+    pub fn validate(&self, material: Material) -> Result<Vec<&'static dyn Effect>> {
+        check_name(&self.name, "the experiment's own parameters")?;
+        self.specimen.validate(material)?;
+        self.load.validate()?;
+        check_window(self.window_mm)?;
+        let [low, high] = DENSITIES;
+        if !(low..=high).contains(&self.mesh_density) {
+            let expected =
+                format!("a factor from {low} to {high} on the mesh's numbers of elements");
+            return Err(Error::input("mesh_density", expected).found(self.mesh_density));
+        }
+        self.validate_plausible()?;
+        for name in self.candidates.iter().flatten() {
+            effect::find("candidates", name)?;
+        }
+        for (k, name) in self.effects.iter().enumerate() {
+            effect::find("effects", name)?;
+            if self.effects[..k].contains(name) {
+                return Err(Error::input("effects", "every effect at most once").found(name));
+            }
+        }
+        Ok(effect::EFFECTS
+            .iter()
+            .filter(|e| self.effects.iter().any(|name| name == e.name()))
+            .copied()
+            .collect())
+    }
+
+    /// Every name is that of an effect's parameter, and every size can be a standard deviation.
+    fn validate_plausible(&self) -> Result<()> {
+        let known: Vec<String> = effect::EFFECTS
+            .iter()
+            .flat_map(|e| e.parameters().iter().map(|p| effect::amplitude_name(*e, p)))
+            .collect();
+        for (name, &sd) in &self.plausible {
+            if !known.contains(name) {
+                let expected = format!("one of {}", known.join(", "));
+                return Err(Error::input("plausible", expected).found(name));
+            }
+            if !(sd.is_finite() && sd > 0.0) {
+                return Err(Error::input(
+                    format!("plausible.{name}"),
+                    "a finite standard deviation above 0, in the parameter's unit",
+                )
+                .found(sd));
+            }
+        }
+        Ok(())
+    }
+
+    /// The mesh of predictions.
+    pub fn density(&self) -> Density {
+        Density::DEFAULT.scaled(self.mesh_density)
+    }
+}

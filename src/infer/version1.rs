@@ -1,0 +1,115 @@
+//! Model files of version 1, read as the one experiment that they declare.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::schema::{self, LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec};
+use crate::error::Result;
+use crate::experiment::{ExperimentKind, ExperimentSpec, Gauge};
+use crate::field::MeasurementSpec;
+use crate::files::{NotYet, parse_json, unique};
+use crate::laminate::{ClampSpec, HoleSpec, LoadSpec, Material, MeanSd, SpecimenSpec};
+use crate::reduce::ReducedSpec;
+
+/// The schema of these files.
+pub const SCHEMA: &str = "plychain-model/1";
+
+/// Name of the experiment: all of version 1 are tensile tests.
+const NAME: &str = "tension";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(rename = "schema")]
+    _schema: String,
+    name: String,
+    note: Option<String>,
+    specimen: Specimen,
+    load: LoadSpec,
+    #[serde(default)]
+    gauge: Gauge,
+    #[serde(deserialize_with = "unique")]
+    parameters: BTreeMap<String, ParameterSpec>,
+    measurement: MeasurementSpec,
+    window_mm: Option<[[f64; 2]; 2]>,
+    reduced_model: ReducedSpec,
+    likelihood: LikelihoodSpec,
+    effects: Vec<String>,
+    candidates: Option<Vec<String>>,
+    #[serde(default, deserialize_with = "unique")]
+    plausible: BTreeMap<String, f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Specimen {
+    length_mm: f64,
+    width_mm: f64,
+    hole: HoleSpec,
+    #[serde(default)]
+    material: Kind1,
+    layup_deg: Option<Vec<f64>>,
+    thickness_mm: MeanSd,
+    clamp: Option<ClampSpec>,
+    #[serde(rename = "expansion_per_K")]
+    expansion_per_k: Option<[f64; 2]>,
+    note: Option<String>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind1 {
+    #[default]
+    Laminate,
+    Isotropic,
+}
+
+/// Parse the text of `place`.
+///
+/// # Errors
+/// The input's fault, with line and key.
+pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
+    let file: File = parse_json(text, place)?;
+    let specimen = file.specimen;
+    let experiment = ExperimentSpec {
+        name: NAME.into(),
+        kind: ExperimentKind::Field,
+        specimen: SpecimenSpec {
+            length_mm: specimen.length_mm,
+            width_mm: specimen.width_mm,
+            hole: specimen.hole,
+            layup_deg: specimen.layup_deg,
+            thickness_mm: specimen.thickness_mm,
+            clamp: specimen.clamp,
+            note: specimen.note,
+        },
+        mesh: NotYet,
+        load: file.load,
+        gauge: file.gauge,
+        measurement: file.measurement,
+        steps: NotYet,
+        window_mm: file.window_mm,
+        effects: file.effects,
+        candidates: file.candidates,
+        plausible: file.plausible,
+        mesh_density: 1.0,
+    };
+    Ok(ModelFile {
+        schema: schema::SCHEMA.into(),
+        name: file.name,
+        note: file.note,
+        material: MaterialSpec {
+            kind: match specimen.material {
+                Kind1::Laminate => Material::Ply,
+                Kind1::Isotropic => Material::Isotropic,
+            },
+            parameters: file.parameters,
+            expansion_per_k: specimen.expansion_per_k,
+            yield_mpa: None,
+        },
+        experiments: vec![experiment],
+        reduced_model: file.reduced_model,
+        likelihood: file.likelihood,
+    })
+}
