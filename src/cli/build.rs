@@ -9,11 +9,10 @@ use super::console::Console;
 use super::folder::Folder;
 use super::running::load;
 use super::{DEFAULT_MODEL, cache, print};
+use crate::effect::Scene;
 use crate::error::{Error, Result};
-use crate::fem::Setup;
 use crate::fem::verify::{Check, checks};
 use crate::identify::{self, Prepared};
-use crate::infer::Model;
 use crate::progress::Progress;
 use crate::reduce::cache as reduced_models;
 use crate::report::tables;
@@ -53,12 +52,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let mut value = json!({ "schema": SCHEMA, "tables": tables::numbers(&prepared.reduced) });
     if let Some(reference) = model.file.reduced_model.reference {
         let problem = reference.problem(&prepared.problem);
-        let (built, _) = reduced_models::obtain(&problem, &prepared.plate, &cache(), console)?;
+        let (built, _) = reduced_models::obtain(&problem, &cache(), console)?;
         print(&tables::comparison_text(reference, &built))?;
         value["comparison"] = tables::comparison_numbers(reference, &built);
     }
     if arguments.verify {
-        let checks = verify_plate(&model, &prepared, console)?;
+        let checks = verify_plate(&prepared, console)?;
         print(&tables::verification_text(&checks))?;
         value["verification"] = tables::verification_numbers(&checks);
     }
@@ -71,20 +70,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
 }
 
 /// Verification figures at the prior means, over the window that was measured.
-fn verify_plate(model: &Model, prepared: &Prepared, console: &Console) -> Result<Vec<Check>> {
+fn verify_plate(prepared: &Prepared, console: &Console) -> Result<Vec<Check>> {
     console.begin("verifying the finite elements", None);
-    let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
-    let ply = model.material().ply(&means);
-    let setup = Setup::nominal(
-        &model.experiment().specimen,
-        &model.experiment().load,
-        prepared.problem.frame.handedness(),
-    );
-    let [low, high] = prepared.problem.window;
+    let experiment = &prepared.problem.experiment;
+    let Scene { setup, ply, .. } = experiment.scene();
+    let [low, high] = experiment.window();
     let half = (0..2)
         .map(|k| low[k].abs().max(high[k].abs()))
         .fold(0.0, f64::max);
-    let checks = checks(&setup, &ply, half)?;
+    let checks = checks(setup, ply, half)?;
     console.end();
     Ok(checks)
 }

@@ -12,11 +12,12 @@ use super::running::Running;
 use super::{Global, cache, print};
 use crate::chain::write_csv;
 use crate::error::{Error, Result};
+use crate::experiment::State;
 use crate::files;
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::{Alone, Page, numbers, ranking, terminal, traced};
-use crate::trace::{self, Closed, State};
+use crate::trace::{self, Closed};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
@@ -168,5 +169,5 @@ fn state(run: &Path, model: &Model) -> Result<(State, Alone)> {
             return Err(mismatch(format!("no posterior of {name}")));
         }
     }
-    Ok((State::at(model, &mean), alone))
+    Ok((model.state(&mean), alone))
 }

@@ -9,10 +9,10 @@ use super::folder::Folder;
 use super::{DEFAULT_MODEL, Global, print};
 use crate::effect::{Acting, EFFECTS};
 use crate::error::{Error, Result};
+use crate::experiment::simulate::Truth;
 use crate::field::matrices::write_matrices;
 use crate::field::spec::Source;
 use crate::infer::Model;
-use crate::infer::simulate::{Truth, simulate};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -67,7 +67,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let model = Model::load(&arguments.model)?;
     let truth = plan(arguments, &model, global.seed)?;
     let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
-    let grid = simulate(&model, &truth)?;
+    let grid = model.simulate(&truth)?;
     write_matrices(folder.path(), &grid)?;
     folder.write_json("truth.json", &truth_json(&model, &truth))?;
     folder.write_json("model.json", &model_json(&model)?)?;

@@ -30,7 +30,7 @@ mod uniform_strain;
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
-use crate::laminate::Ply;
+use crate::laminate::{Material, Ply};
 
 pub use seen::Seen;
 
@@ -58,6 +58,9 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &shear_nonlinearity::ShearNonlinearity,
     &load_scale::LoadScale,
 ];
+
+/// The effect that no field can tell from a common factor of all moduli: it takes part in every model with its prior.
+pub static LOAD_SCALE: &dyn Effect = &load_scale::LoadScale;
 
 /// Obstacle of the effects that act on fringes.
 const NEEDS_FRINGES: &str =
@@ -125,8 +128,8 @@ pub struct Scene {
     pub fringe_frequency_per_mm: Option<f64>,
     /// Thermal expansion of a ply along and across its fibres, 1/K, where it is known.
     pub expansion_per_k: Option<[f64; 2]>,
-    /// Whether the material is isotropic.
-    pub isotropic: bool,
+    /// How the stiffness is parameterised.
+    pub material: Material,
 }
 
 /// A physical effect that a model may lack. Points are (s, t) and displacements (u1, u2), both in mm, in the model's
@@ -180,6 +183,11 @@ pub trait Effect: Sync {
         u: [f64; 2],
     ) -> [f64; 2] {
         u
+    }
+
+    /// Whether a field under a prescribed force stays 1 / (h E1) times a function of the moduli's ratios where this acts.
+    fn scales(&self) -> bool {
+        true
     }
 
     /// What amplitudes within the parameters' bounds should have been, where these cannot be.

@@ -2,6 +2,7 @@
 
 use super::{Effect, Kind, Parameter, Scene};
 use crate::fem::Setup;
+use crate::laminate::Material;
 
 pub struct PlyMisorientation;
 
@@ -38,8 +39,6 @@ impl Effect for PlyMisorientation {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        scene
-            .isotropic
-            .then_some("an isotropic plate has no ply angles")
+        (scene.material == Material::Isotropic).then_some("an isotropic plate has no ply angles")
     }
 }

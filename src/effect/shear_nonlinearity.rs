@@ -2,6 +2,7 @@
 
 use super::{Effect, Kind, Parameter, Scene};
 use crate::fem::Setup;
+use crate::laminate::Material;
 
 pub struct ShearNonlinearity;
 
@@ -34,9 +35,13 @@ impl Effect for ShearNonlinearity {
         setup.shear_cubic += amplitude[0];
     }
 
+    /// The stress at which a ply softens does not scale with its moduli.
+    fn scales(&self) -> bool {
+        false
+    }
+
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        scene
-            .isotropic
+        (scene.material == Material::Isotropic)
             .then_some("an isotropic plate has no plies that shear along fibres")
     }
 }

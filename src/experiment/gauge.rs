@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Sight;
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Mesh, Observer, Outline, Plate, Solution};
 use crate::field::{Frame, rigid};
@@ -130,7 +131,7 @@ const STEPS: u32 = 40;
 
 /// Subtract from a solution its least-squares rigid motion over a window, low and high corner (s, t) in mm. Optics see the
 /// specimen so: what a lens makes of a rotation depends on the rotation.
-pub fn settle(solution: &mut Solution<'_>, [low, high]: [[f64; 2]; 2]) {
+pub(super) fn hold_window(solution: &mut Solution<'_>, [low, high]: [[f64; 2]; 2]) {
     let step = |k: usize, i: u32| low[k] + (high[k] - low[k]) * f64::from(i) / f64::from(STEPS);
     let points: Vec<[f64; 2]> = (0..=STEPS)
         .flat_map(|i| (0..=STEPS).map(move |j| [step(0, i), step(1, j)]))
@@ -142,17 +143,6 @@ pub fn settle(solution: &mut Solution<'_>, [low, high]: [[f64; 2]; 2]) {
     subtract(&solution.mesh, &motion, &mut solution.nodal);
 }
 
-/// Subtract the least-squares rigid motion over some nodes. It keeps snapshots small; the exact gauge, over the
-/// measured points, follows when the modes are evaluated there.
-pub fn remove_rigid_motion_of_nodes(mesh: &Mesh, nodes: &[u32], u: &mut [f64]) {
-    let places: Vec<_> = nodes.iter().map(|&n| mesh.nodes[n as usize]).collect();
-    let values: Vec<_> = nodes
-        .iter()
-        .map(|&n| [u[2 * n as usize], u[2 * n as usize + 1]])
-        .collect();
-    subtract(mesh, &rigid::fit(&places, &values), u);
-}
-
 fn subtract(mesh: &Mesh, motion: &rigid::RigidMotion, u: &mut [f64]) {
     for (node, &p) in mesh.nodes.iter().enumerate() {
         let [u1, u2] = motion.at(p);
@@ -161,27 +151,18 @@ fn subtract(mesh: &Mesh, motion: &rigid::RigidMotion, u: &mut [f64]) {
     }
 }
 
-/// Remove from a field its least-squares rigid motion over the points.
-pub fn remove_rigid_motion(points: &[[f64; 2]], field: &mut [[f64; 2]]) {
-    remove_rigid_motion_over(points, field, &[], &mut []);
-}
-
-/// Remove from a field its least-squares rigid motion over the points and further ones, where it is `there`.
-pub fn remove_rigid_motion_over(
-    points: &[[f64; 2]],
-    field: &mut [[f64; 2]],
-    further: &[[f64; 2]],
-    there: &mut [[f64; 2]],
-) {
-    let motion = if further.is_empty() {
-        rigid::fit(points, field)
-    } else {
-        rigid::fit(&[points, further].concat(), &[&*field, &*there].concat())
-    };
-    let places = points.iter().chain(further);
-    for (&p, u) in places.zip(field.iter_mut().chain(there)) {
-        let [u1, u2] = motion.at(p);
-        u[0] -= u1;
-        u[1] -= u2;
+/// A field under the gauge, at a sight's points, from its values at all of them, further ones included: the projection that
+/// data, modes and sensitivities have in common. Under [`Gauge::Window`] it is free of the least-squares rigid motion over
+/// all of them; under [`Gauge::ZeroAtMm`] the specimen was held before it was looked at.
+pub fn gauged(gauge: Gauge, sight: &Sight, all: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let points = sight.points();
+    if gauge != Gauge::Window {
+        return all[..points.len()].to_vec();
     }
+    let motion = rigid::fit(sight.all(), all);
+    let rest = |(&p, u): (&[f64; 2], &[f64; 2])| {
+        let m = motion.at(p);
+        [u[0] - m[0], u[1] - m[1]]
+    };
+    points.iter().zip(all).map(rest).collect()
 }

@@ -1,10 +1,147 @@
-//! What was done with a specimen and how it was observed.
+//! Experiments: the one forward model. Reduction, tracing, simulation and the check against the finite elements call
+//! [`predict`]; nobody else solves, gauges, images or observes.
+//!
+//! A field is observed in stages, each one function: mechanics and camera ([`Experiment::look`]), gauge ([`gauged`]), added
+//! displacements and recording.
 
+mod field;
 mod gauge;
+mod mock;
+mod sensitivity;
+mod sight;
+pub mod simulate;
 mod spec;
+mod state;
 
-pub use gauge::{
-    Gauge, ZeroAt, check as check_gauge, remove_rigid_motion, remove_rigid_motion_of_nodes,
-    remove_rigid_motion_over, settle,
-};
+pub use field::{FieldExperiment, FieldTest};
+pub use gauge::{Gauge, check as check_gauge, gauged};
+pub use mock::MockExperiment;
+pub use sensitivity::{Direction, sensitivity};
+pub use sight::Sight;
 pub use spec::{ExperimentKind, ExperimentSpec, check_name};
+pub use state::State;
+
+use crate::effect::{Acting, Kind, Scene};
+use crate::error::Result;
+
+/// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
+/// (u1, u2), both in mm, direction 1 along the load, origin at the hole's centre or the declared origin.
+pub trait Experiment: Send + Sync {
+    /// What effects need to know of the nominal test.
+    fn scene(&self) -> &Scene;
+
+    /// How the rigid motion of predicted fields is fixed.
+    fn gauge(&self) -> Gauge;
+
+    /// Bounding box of the measured points, low and high corner, mm.
+    fn window(&self) -> [[f64; 2]; 2];
+
+    /// Everything that determines the prediction, for the key under which a reduced model is kept.
+    fn serialisation(&self) -> serde_json::Value;
+
+    /// Elements and unknowns of the mesh; zeros without one.
+    fn mesh_size(&self) -> [usize; 2];
+
+    /// Points at which a field is known well enough to be continued over the window: where reduced models keep it.
+    fn support(&self) -> &Sight;
+
+    /// A field on the points of a sight, `further` ones included, from its values at [`Experiment::support`].
+    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]>;
+
+    /// The points of the nominal specimen among `points` and `further`, and which of `points` those are.
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>);
+
+    /// Which reported points show the specimen, as the effects of a state leave it.
+    ///
+    /// # Errors
+    /// A state in which the specimen cannot be.
+    fn shows(&self, state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>>;
+
+    /// What the camera reports of the loaded specimen at a sight's points, with its gradient where that is asked for.
+    ///
+    /// # Errors
+    /// Those of the mechanics; constants that are not admissible.
+    fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
+}
+
+/// A field as the camera reports it, before the gauge. One entry a point of the sight, `further` ones included.
+pub struct Look {
+    /// Displacement (u1, u2), mm.
+    pub displacement: Vec<[f64; 2]>,
+    /// Gradient of the specimen's displacement, `g[i][k]` = d u_i / d x_k; empty where it was not asked for.
+    pub gradient: Vec<[[f64; 2]; 2]>,
+}
+
+/// A predicted field at a sight's points, without `further` ones.
+pub struct Prediction {
+    /// Displacement (u1, u2), mm, with everything that acts but what the instrument records.
+    pub field: Vec<[f64; 2]>,
+    /// The part that the load causes, under the gauge, mm.
+    pub loaded: Vec<[f64; 2]>,
+    /// The same before the gauge.
+    pub look: Look,
+}
+
+/// Predict what a state shows.
+///
+/// # Errors
+/// Those of [`Experiment::look`].
+pub fn predict(experiment: &dyn Experiment, state: &State, sight: &Sight) -> Result<Prediction> {
+    let look = experiment.look(state, sight, false)?;
+    Ok(observe(experiment, state, sight, look))
+}
+
+/// The same with the gradient, about which [`sensitivity`] linearises.
+///
+/// # Errors
+/// Those of [`Experiment::look`].
+pub fn predict_with_gradient(
+    experiment: &dyn Experiment,
+    state: &State,
+    sight: &Sight,
+) -> Result<Prediction> {
+    let look = experiment.look(state, sight, true)?;
+    Ok(observe(experiment, state, sight, look))
+}
+
+/// What follows the camera: gauge and added displacements.
+fn observe(experiment: &dyn Experiment, state: &State, sight: &Sight, look: Look) -> Prediction {
+    let loaded = gauged(experiment.gauge(), sight, &look.displacement);
+    let mut field = loaded.clone();
+    add(
+        state.acting(),
+        experiment.scene(),
+        sight.points(),
+        &mut field,
+    );
+    Prediction {
+        field,
+        loaded,
+        look,
+    }
+}
+
+/// Add the displacements of additive effects.
+fn add(acting: &[Acting], scene: &Scene, points: &[[f64; 2]], field: &mut [[f64; 2]]) {
+    for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
+        for (u, &p) in field.iter_mut().zip(points) {
+            let added = a.effect.displacement(&a.amplitude, scene, p);
+            *u = [u[0] + added[0], u[1] + added[1]];
+        }
+    }
+}
+
+/// What the instrument records of a field (mm, rigid motion included).
+pub fn record(acting: &[Acting], scene: &Scene, points: &[[f64; 2]], field: &mut [[f64; 2]]) {
+    for a in acting.iter().filter(|a| a.effect.kind() == Kind::Recorded) {
+        for (u, &p) in field.iter_mut().zip(points) {
+            *u = a.effect.recorded(&a.amplitude, scene, p, *u);
+        }
+    }
+}
+
+/// By which a field under a prescribed force changes with a common factor of all moduli and with the thickness h: it is
+/// 1 / (h E1) times a function of the moduli's ratios. Effects that break this say so ([`crate::effect::Effect::scales`]).
+pub fn load_response(e1: f64, thickness: f64) -> f64 {
+    1.0 / (e1 * thickness)
+}

@@ -62,6 +62,8 @@ pub struct ExperimentSpec {
 pub enum ExperimentKind {
     /// The displacement field of a plate under one load.
     Field,
+    /// A field in closed form ([`super::MockExperiment`]), for tests of everything that is not physics.
+    Mock,
 }
 
 impl TryFrom<String> for ExperimentKind {
@@ -70,6 +72,7 @@ impl TryFrom<String> for ExperimentKind {
     fn try_from(name: String) -> std::result::Result<Self, String> {
         match name.as_str() {
             "field" => Ok(Self::Field),
+            "mock" => Ok(Self::Mock),
             _ => Err(format!(
                 "\"{name}\", expected \"field\": this version cannot predict another kind of experiment yet"
             )),

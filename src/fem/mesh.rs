@@ -60,7 +60,7 @@ impl Outline {
 }
 
 /// Numbers of elements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Density {
     /// Along each of the four sides of the box about the hole, on average.
     pub per_side: usize,

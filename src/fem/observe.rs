@@ -196,13 +196,9 @@ impl Observer {
         self.places.is_empty()
     }
 
-    /// Keep the points for which `keep(index)` holds.
-    pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        let mut index = 0;
-        self.places.retain(|_| {
-            index += 1;
-            keep(index - 1)
-        });
+    /// Put the points into another order: point k is from now on what point `order[k]` was.
+    pub fn reorder(&mut self, order: &[usize]) {
+        self.places = order.iter().map(|&k| self.places[k]).collect();
     }
 
     /// Displacement (u1, u2) at every point, mm.

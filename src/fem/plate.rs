@@ -60,13 +60,7 @@ impl Plate {
     /// A test that cannot be meshed, a stiffness that is not positive definite, an iteration for the shear law that
     /// does not converge.
     pub fn solve(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
-        let ring = setup.profile.ring(&setup.outline);
-        let mesh = if setup.outline == self.mesh.outline && ring.is_none() {
-            Cow::Borrowed(&self.mesh)
-        } else {
-            setup.validate()?;
-            Cow::Owned(self.mesh.remade(setup.outline, ring))
-        };
+        let mesh = self.mesh_of(setup)?;
         let scale = |p: [f64; 2]| setup.profile.factor(&setup.outline, p);
         let a = setup.membrane(ply);
         let mut factor = self.factor();
@@ -83,6 +77,20 @@ impl Plate {
             law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
         }
         Ok(Solution { mesh, nodal })
+    }
+
+    /// The mesh of a test: this one's, or one of the same connectivity where the test has another outline or a ring about
+    /// the hole.
+    ///
+    /// # Errors
+    /// A test that cannot be meshed.
+    pub fn mesh_of(&self, setup: &Setup) -> Result<Cow<'_, Mesh>> {
+        let ring = setup.profile.ring(&setup.outline);
+        if setup.outline == self.mesh.outline && ring.is_none() {
+            return Ok(Cow::Borrowed(&self.mesh));
+        }
+        setup.validate()?;
+        Ok(Cow::Owned(self.mesh.remade(setup.outline, ring)))
     }
 
     /// A numeric factorisation of the plate's stiffness, for loads that are no [`Setup`]'s.

@@ -14,7 +14,7 @@ pub enum Axis {
 
 /// From the data's axes to the model's: direction 1 is the positive loading axis, direction 2 the other axis, both
 /// as the data count them, and the origin is the hole's centre.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Frame {
     /// The axis of the data along which the load acts.
     pub loading_axis: Axis,

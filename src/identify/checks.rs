@@ -6,7 +6,7 @@ use super::identification::Identification;
 use super::inverse::Prepared;
 use super::surrogate::TOLERANCE;
 use crate::error::{Error, Result};
-use crate::experiment::remove_rigid_motion;
+use crate::experiment::{Gauge, Sight, gauged};
 use crate::field::rigid;
 use crate::infer::{Columns, Model};
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
@@ -20,17 +20,11 @@ const MOST_RATIO: f64 = 5.0;
 /// # Errors
 /// Of the input, naming the component and its ratio to the model's.
 pub fn check_size(prepared: &Prepared, columns: &Columns, nominal: &[f64]) -> Result<()> {
-    let alpha = prepared.reduced.surface.evaluate(nominal);
     let field = &prepared.observation.field;
-    let mut predicted = vec![[0.0; 2]; field.len()];
-    for (column, a) in columns.modes.iter().zip(&alpha) {
-        for (sum, u) in predicted.iter_mut().zip(column) {
-            *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
-        }
-    }
-    let mut measured = field.displacement.clone();
-    remove_rigid_motion(&field.points, &mut predicted);
-    remove_rigid_motion(&field.points, &mut measured);
+    let points = Sight::anywhere(&field.points, &[]);
+    let predicted = prepared.reduced.field(&columns.modes, nominal);
+    let [predicted, measured] =
+        [&predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
     for (c, direction) in ["u1, along the load", "u2, across it"].iter().enumerate() {
         let dot = |a: &[[f64; 2]]| {
             a.iter()

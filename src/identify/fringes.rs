@@ -1,7 +1,7 @@
 //! Miscounted fringe orders of an observation, corrected where a model declares them.
 
 use super::jumps;
-use crate::field::Reason;
+use crate::experiment::Experiment;
 use crate::infer::{Model, Observation};
 use crate::reduce::ReducedModel;
 
@@ -15,7 +15,7 @@ pub fn correct_jumps(
     model: &Model,
     observation: &mut Observation,
     reduced: &ReducedModel,
-    mesh: &crate::fem::Mesh,
+    experiment: &dyn Experiment,
     nominal: &[f64],
 ) {
     let Some(order_mm) = order_mm(model) else {
@@ -24,19 +24,12 @@ pub fn correct_jumps(
     if !model.effects.iter().any(|e| e.name() == JUMP) {
         return;
     }
-    let columns = reduced.columns(&observation.observer, mesh.nodes.len());
-    let alpha = reduced.surface.evaluate(nominal);
-    let mut predicted = vec![[0.0; 2]; observation.field.len()];
-    for (column, a) in columns.iter().zip(&alpha) {
-        for (sum, u) in predicted.iter_mut().zip(column) {
-            *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
-        }
-    }
+    let columns = reduced.columns(experiment, &observation.sight);
+    let predicted = reduced.field(&columns, nominal);
     let jumps = jumps::find(&observation.field, &predicted, order_mm);
     jumps.correct(&mut observation.field);
     let smeared = |i: usize| jumps.smeared.binary_search(&i).is_ok();
-    observation.observer.retain(|i| !smeared(i));
-    observation.field.retain(Reason::Outlier, |i| !smeared(i));
+    observation.drop_outliers(|i| !smeared(i));
 }
 
 /// One fringe order, mm, where displacements are read from fringes.

@@ -245,15 +245,8 @@ fn amplitudes(inverse: &InverseProblem, draws: &Draws) -> Vec<(String, f64, f64)
 
 /// Share of the draws outside the box in which the reduced model was built.
 fn outside(inverse: &InverseProblem, draws: &Draws) -> f64 {
-    let prepared = &inverse.prepared;
-    let constants = prepared.problem.constants();
-    let thickness = usize::from(prepared.problem.thickness_index().is_some());
-    let mut count = 0;
-    for x in draws.points() {
-        let constants_out = (0..constants).any(|k| !prepared.reduced.dimensions[k].contains(x[k]));
-        let amplitudes_out = (constants..inverse.posterior.structural())
-            .any(|k| !prepared.reduced.dimensions[k + thickness].contains(x[k]));
-        count += usize::from(constants_out || amplitudes_out);
-    }
+    let sides = &inverse.prepared.reduced.dimensions[..inverse.posterior.structural()];
+    let is_out = |x: &&[f64]| !sides.iter().zip(*x).all(|(side, &x)| side.contains(x));
+    let count = draws.points().filter(is_out).count();
     count as f64 / draws.len().max(1) as f64
 }

@@ -2,7 +2,6 @@
 
 use crate::effect::amplitude_name;
 use crate::error::Result;
-use crate::fem::Plate;
 use crate::field::spec::OutlierRule;
 use crate::infer::{
     Columns, Laplace, Likelihood, Marginal, Model, Observation, Posterior, Statistics, laplace,
@@ -14,12 +13,10 @@ use crate::reduce::{Problem, ReducedModel, cache};
 use super::checks::check_size;
 use super::fringes::correct_jumps;
 
-/// A reduced model with the plate it was made on.
+/// A reduced model and the measurement it is held against.
 pub struct Prepared {
     /// The problem it solves.
     pub problem: Problem,
-    /// The meshed plate.
-    pub plate: Plate,
     /// The reduced model.
     pub reduced: ReducedModel,
     /// Whether it came from the cache.
@@ -54,19 +51,18 @@ pub fn prepare(
     let field = model.read_field()?;
     progress.say(&format!("{} points", field.len()));
     progress.end();
-    let problem = model.problem(&field)?;
+    let problem = model.problem(field.measured_bounds())?;
+    let experiment = &*problem.experiment;
+    let mut observation = Observation::new(field, experiment)?;
+    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
     let nominal = nominal_point(&problem, model);
-    let plate = Plate::new(problem.test_at(&nominal).0.outline, problem.density)?;
-    let mut observation = Observation::new(field, &plate.mesh)?;
-    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, progress)?;
-    correct_jumps(model, &mut observation, &reduced, &plate.mesh, &nominal);
+    correct_jumps(model, &mut observation, &reduced, experiment, &nominal);
     if model.experiment().measurement.outliers == OutlierRule::Reject {
-        observation.drop_strays(&reduced, &plate.mesh);
+        observation.drop_deviant_points(&reduced, experiment);
     }
-    observation.take_out_recorded(&reduced, &plate.mesh, model)?;
+    observation.take_out_recorded(&reduced, experiment, model)?;
     Ok(Prepared {
         problem,
-        plate,
         reduced,
         cached,
         observation,
@@ -85,12 +81,8 @@ pub fn clear_mm(model: &Model) -> f64 {
 
 /// Prior means, mean thickness, no effect.
 fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
-    let mut point: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
-    if problem.thickness_index().is_some() {
-        point.push(model.experiment().specimen.thickness_mm.mean);
-    }
-    point.resize(problem.dimensions.len(), 0.0);
-    point
+    let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
+    problem.point(&means, problem.thickness_mm())
 }
 
 /// Reduce the measurement to a posterior.
@@ -102,9 +94,10 @@ pub fn inverse_problem(
     prepared: Prepared,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
-    let columns = prepared
-        .observation
-        .columns(&prepared.reduced, &prepared.plate.mesh, model);
+    let columns =
+        prepared
+            .observation
+            .columns(&prepared.reduced, &*prepared.problem.experiment, model);
     check_size(
         &prepared,
         &columns,

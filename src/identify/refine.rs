@@ -107,7 +107,6 @@ fn rebuilt(
 ) -> Result<Prepared> {
     let Prepared {
         mut problem,
-        plate,
         observation,
         discrepancy,
         ..
@@ -115,10 +114,9 @@ fn rebuilt(
     problem.dimensions = dimensions;
     problem.spec.modes = Modes::Count(modes);
     problem.validate()?;
-    let (reduced, cached) = cache::obtain(&problem, &plate, cache_dir, progress)?;
+    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
     Ok(Prepared {
         problem,
-        plate,
         reduced,
         cached,
         observation,
@@ -128,7 +126,6 @@ fn rebuilt(
 
 /// The box about the draws of the first `d` parameters; the thickness, which is not drawn, keeps its side.
 fn around(problem: &Problem, draws: &Draws, d: usize) -> Vec<Dimension> {
-    let thickness = problem.thickness_index();
     let n = draws.len() as f64;
     let mut dimensions = problem.dimensions.clone();
     for k in 0..d {
@@ -136,7 +133,7 @@ fn around(problem: &Problem, draws: &Draws, d: usize) -> Vec<Dimension> {
         let mean = values().sum::<f64>() / n;
         let sd = (values().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
         let (low, high) = values().fold((mean, mean), |(a, b), x| (a.min(x), b.max(x)));
-        let side = &mut dimensions[k + usize::from(thickness.is_some_and(|t| t <= k))];
+        let side = &mut dimensions[k];
         side.low = (mean - REACH_SDS * sd).min(low - MARGIN_SDS * sd);
         side.high = (mean + REACH_SDS * sd).max(high + MARGIN_SDS * sd);
         if side.name.ends_with("_GPa") {

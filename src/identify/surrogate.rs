@@ -1,15 +1,15 @@
 //! The finite elements against the reduced model at draws of the posterior.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
-use super::inverse::InverseProblem;
+use super::inverse::{InverseProblem, Prepared};
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::experiment::{Gauge, remove_rigid_motion_over};
+use crate::experiment::predict;
 use crate::infer::{LogDensity, Posterior, Whitened};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::Snapshots;
 
 /// What the reduced model's error does to the posterior, measured where the posterior is.
 #[derive(Debug, Clone)]
@@ -74,34 +74,30 @@ impl SurrogateError {
             Some(chosen.len() as u64),
         );
         let d = run.posterior.structural();
-        let points = chosen
-            .iter()
-            .map(|x| run.prepared.problem.point(&x[..d]))
-            .collect();
-        let truth = Snapshots::at(&run.prepared.problem, &run.prepared.plate, points, &|| {
-            progress.step();
-        })?;
         let whitened = Whitened::new(&run.columns, &run.noise);
+        let errors: Vec<FieldError> = chosen
+            .par_iter()
+            .map(|x| {
+                let error = field_error(run, &whitened, &x[..d])?;
+                progress.step();
+                Ok(error)
+            })
+            .collect::<Result<_>>()?;
         let covariance = covariance(draws, d);
         let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
         let mut largest = vec![0.0_f64; d];
         let mut bias = vec![0.0; d];
         let mut log_weights = Vec::new();
-        let (mut max_field, mut sum, mut count) = (0.0_f64, 0.0, 0);
-        for (j, x) in chosen.iter().enumerate() {
-            let error = field_error(run, &truth, j, &x[..d]);
-            for u in error.iter().flatten() {
-                max_field = max_field.max(u.abs());
-                sum += u * u;
-                count += 1;
-            }
-            let weighted = run.statistics.weighted_of(&whitened, &run.noise, &error);
+        let (mut max_field, mut sum) = (0.0_f64, 0.0);
+        for (x, error) in chosen.iter().zip(&errors) {
+            max_field = max_field.max(error.largest);
+            sum += error.mean_square / errors.len() as f64;
             log_weights.push(run.posterior.likelihood().log_likelihood_change(
                 &x[..d],
                 run.posterior.scale(x),
-                &weighted,
+                &error.weighted,
             ));
-            let shift = &covariance * gradient(&run.posterior, x, &sd, &weighted);
+            let shift = &covariance * gradient(&run.posterior, x, &sd, &error.weighted);
             for k in 0..d {
                 largest[k] = largest[k].max((shift[k] / sd[k]).abs());
                 bias[k] += shift[k] / sd[k] / chosen.len() as f64;
@@ -114,7 +110,7 @@ impl SurrogateError {
             moments: reweighted(run.posterior.names(), &chosen, &log_weights),
             log_weights,
             max_field_nm: max_field * NM_PER_MM,
-            rms_field_nm: (sum / f64::from(count.max(1))).sqrt() * NM_PER_MM,
+            rms_field_nm: sum.sqrt() * NM_PER_MM,
         };
         progress.say(&format!(
             "{:.3} % of a posterior sd",
@@ -165,22 +161,24 @@ fn spread(draws: &Draws, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Finite elements minus reduced model at the measured points, mm.
-fn field_error(run: &InverseProblem, truth: &Snapshots, j: usize, theta: &[f64]) -> Vec<[f64; 2]> {
-    let prepared = &run.prepared;
-    let mut nodal = vec![0.0; prepared.plate.mesh.unknowns()];
-    for (i, &node) in truth.nodes.iter().enumerate() {
-        for c in 0..2 {
-            nodal[2 * node as usize + c] = truth.fields[c][(i, j)];
-        }
-    }
-    let mut error = prepared.observation.observer.displacement(&nodal);
-    if prepared.problem.gauge == Gauge::Window {
-        let field = &prepared.observation.field;
-        let outlying = prepared.observation.outlying(&prepared.plate.mesh);
-        let mut there = outlying.map_or_else(Vec::new, |o| o.displacement(&nodal));
-        remove_rigid_motion_over(&field.points, &mut error, &field.outlying, &mut there);
-    }
+/// Finite elements minus reduced model at the measured points.
+struct FieldError {
+    /// Largest component at a point, mm.
+    largest: f64,
+    /// Mean square of the components, mm^2.
+    mean_square: f64,
+    /// What it adds to the data's weighted coefficients, 1/mm.
+    weighted: DVector<f64>,
+}
+
+fn field_error(run: &InverseProblem, whitened: &Whitened, theta: &[f64]) -> Result<FieldError> {
+    let Prepared {
+        problem,
+        observation,
+        ..
+    } = &run.prepared;
+    let state = problem.state(theta);
+    let mut error = predict(&*problem.experiment, &state, &observation.sight)?.loaded;
     let alpha = run.posterior.likelihood().surface_prediction(theta);
     for (column, a) in run.columns.modes.iter().zip(alpha) {
         for (e, u) in error.iter_mut().zip(column) {
@@ -188,7 +186,12 @@ fn field_error(run: &InverseProblem, truth: &Snapshots, j: usize, theta: &[f64])
             e[1] -= a * u[1];
         }
     }
-    error
+    let all = || error.iter().flatten();
+    Ok(FieldError {
+        largest: all().fold(0.0, |m, u| m.max(u.abs())),
+        mean_square: all().map(|u| u * u).sum::<f64>() / (2 * error.len()).max(1) as f64,
+        weighted: run.statistics.weighted_of(whitened, &run.noise, &error),
+    })
 }
 
 /// Covariance of the first `d` parameters of the draws.

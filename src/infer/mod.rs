@@ -2,7 +2,6 @@
 
 mod density;
 mod forms;
-pub mod forward;
 mod horner;
 mod kernel;
 pub(crate) mod lanes;
@@ -16,7 +15,6 @@ mod posterior;
 mod prior;
 mod recorded;
 mod schema;
-pub mod simulate;
 mod statistics;
 mod sums;
 mod tabulated;

@@ -1,14 +1,19 @@
 //! The model file: everything an analyst declares about a test.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
-use crate::effect::{Effect, Kind, Scene, amplitude_name};
+use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name};
 use crate::error::{Error, Result};
-use crate::experiment::{ExperimentSpec, check_gauge};
+use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
+use crate::experiment::{
+    Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, MockExperiment, State,
+    check_gauge,
+};
 use crate::fem::Setup;
-use crate::field::Field;
+use crate::field::{Field, Grid};
 use crate::laminate::Material;
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
 
@@ -166,25 +171,76 @@ impl Model {
             expansion_per_k: material
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
-            isotropic,
+            material: material.kind,
         }
     }
 
-    /// The reduced model's problem for a measured field.
-    pub fn problem(&self, field: &Field) -> Result<Problem> {
-        let experiment = self.experiment();
+    /// The experiment seen over a window (low and high corner, (s, t) mm), ready to be predicted, on the model's mesh with
+    /// its counts of elements multiplied by `finer`.
+    ///
+    /// # Errors
+    /// A specimen that cannot be meshed.
+    pub fn experiment_over(
+        &self,
+        window: [[f64; 2]; 2],
+        finer: f64,
+    ) -> Result<Arc<dyn Experiment>> {
+        let scene = self.scene();
+        let spec = self.experiment();
+        if spec.kind == ExperimentKind::Mock {
+            return Ok(Arc::new(MockExperiment::new(scene, spec.gauge, window)));
+        }
+        let test = FieldTest {
+            specimen: spec.specimen.clone(),
+            load: spec.load,
+            frame: scene.frame,
+            gauge: spec.gauge,
+            fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
+            window,
+            density: spec.density().scaled(finer),
+        };
+        Ok(Arc::new(FieldExperiment::new(test, scene)?))
+    }
+
+    /// Simulate a measurement of this model on a finer mesh, over a square about the hole that is nearly as wide as the plate.
+    ///
+    /// # Errors
+    /// Those of [`simulate`].
+    pub fn simulate(&self, truth: &Truth) -> Result<Grid> {
+        let half = HALF_WINDOW * self.experiment().specimen.width_mm;
+        let experiment = self.experiment_over([[-half; 2], [half; 2]], FINER)?;
+        simulate(&*experiment, truth, half)
+    }
+
+    /// The state in which everything has the values that `value` gives by name (`E1_GPa`, `load_misalignment.angle_deg`),
+    /// border units; the prior's mean, or no amplitude, where it gives none.
+    pub fn state(&self, value: &dyn Fn(&str) -> Option<f64>) -> State {
+        let constants = self.constants().iter().zip(self.marginals());
+        let constants: Vec<f64> = constants
+            .map(|(name, prior)| value(name).unwrap_or(prior.mean))
+            .collect();
+        let acting = self.effects.iter().map(|effect| Acting {
+            effect: *effect,
+            amplitude: effect
+                .parameters()
+                .iter()
+                .map(|p| value(&amplitude_name(*effect, p)).unwrap_or(0.0))
+                .collect(),
+        });
+        let thickness = self.experiment().specimen.thickness_mm.mean;
+        State::new(&constants, thickness).with(acting)
+    }
+
+    /// The reduced model's problem for a window of measured points.
+    ///
+    /// # Errors
+    /// Those of [`Problem::validate`]; a specimen that cannot be meshed.
+    pub fn problem(&self, window: [[f64; 2]; 2]) -> Result<Problem> {
         let problem = Problem {
-            specimen: experiment.specimen.clone(),
-            material: self.material(),
-            load: experiment.load,
-            frame: field.frame,
-            gauge: experiment.gauge,
-            scene: self.scene(),
+            experiment: self.experiment_over(window, 1.0)?,
             effects: self.sampled(),
             dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),
-            window: field.measured_bounds(),
-            density: experiment.density(),
         };
         problem
             .validate()
@@ -228,14 +284,6 @@ impl Model {
     /// The DoE box: declared bounds, or [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
     fn dimensions(&self) -> Result<Vec<Dimension>> {
         let mut dimensions = self.prior_box();
-        let thickness = self.experiment().specimen.thickness_mm;
-        if thickness.sd > 0.0 {
-            dimensions.push(Dimension {
-                name: THICKNESS.into(),
-                low: thickness.mean - 4.0 * thickness.sd,
-                high: thickness.mean + 4.0 * thickness.sd,
-            });
-        }
         for effect in self.sampled() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
                 let reach = self
@@ -247,6 +295,14 @@ impl Model {
                     high: reach,
                 });
             }
+        }
+        let thickness = self.experiment().specimen.thickness_mm;
+        if thickness.sd > 0.0 {
+            dimensions.push(Dimension {
+                name: THICKNESS.into(),
+                low: thickness.mean - 4.0 * thickness.sd,
+                high: thickness.mean + 4.0 * thickness.sd,
+            });
         }
         for (name, [low, high]) in self.file.reduced_model.doe.iter().flatten() {
             let known: Vec<_> = dimensions.iter().map(|d| d.name.clone()).collect();

@@ -6,8 +6,7 @@ use super::model::Model;
 use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
-use crate::experiment::{Gauge, remove_rigid_motion_over};
-use crate::fem::{Locator, Mesh, Observer};
+use crate::experiment::{Experiment, Sight};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason};
 use crate::noise::residual_of_fit;
@@ -17,8 +16,8 @@ use crate::reduce::ReducedModel;
 pub struct Observation {
     /// The field, without points outside the plate.
     pub field: Field,
-    /// Where its points lie in the mesh.
-    pub observer: Observer,
+    /// Its points, and the outliers' places that the gauge counts.
+    pub sight: Sight,
     /// Declared effects of the recording, which have been taken out of the field.
     pub recorded: Vec<RecordedAmplitude>,
 }
@@ -40,68 +39,67 @@ const MOST_OUTSIDE: f64 = 0.2;
 
 impl Observation {
     /// Locate the points of a field; those outside the plate or in the hole are dropped and counted.
-    pub fn new(mut field: Field, mesh: &Mesh) -> Result<Self> {
+    ///
+    /// # Errors
+    /// Of the input: a field of which much lies beside the plate.
+    pub fn new(mut field: Field, experiment: &dyn Experiment) -> Result<Self> {
         let count = field.len();
-        let locator = Locator::new(mesh);
-        let (observer, inside) = locator.observe(&field.points);
-        let (_, on_plate) = locator.observe(&field.outlying);
-        let mut on_plate = on_plate.into_iter();
-        field.outlying.retain(|_| on_plate.next() == Some(true));
+        let (sight, inside) = experiment.locate(&field.points, &field.outlying);
         let dropped = field.retain(Reason::OutsidePlate, |i| inside[i]);
+        field.outlying = sight.all()[field.len()..].to_vec();
         if dropped as f64 > MOST_OUTSIDE * count as f64 {
+            let outline = experiment.scene().setup.outline;
             return Err(Error::input("measurement", "points on the plate")
                 .found(format!("{dropped} of {count} points outside the plate or in the hole"))
                 .hint(format!(
                     "the plate spans {:?} mm along the load and {:?} mm across it, from the hole's centre; check loading_axis, hole_center_in_data_mm, the units and the specimen's dimensions",
-                    mesh.outline.s, mesh.outline.t
+                    outline.s, outline.t
                 )));
         }
         Ok(Self {
             field,
-            observer,
+            sight,
             recorded: Vec::new(),
         })
     }
 
+    /// Drop points as outliers and count them. Returns how many went.
+    pub fn drop_outliers(&mut self, keep: impl Fn(usize) -> bool) -> usize {
+        self.sight.set_aside(&keep);
+        self.field.retain(Reason::Outlier, &keep)
+    }
+
     /// Drop points whose residual from a least-squares fit of the modes and any affine displacement contradicts the
-    /// residuals around them, and count them as outliers. Returns how many went.
-    pub fn drop_strays(&mut self, reduced: &ReducedModel, mesh: &Mesh) -> usize {
-        let modes = reduced.columns(&self.observer, mesh.nodes.len());
+    /// residuals around them. Returns how many went.
+    pub fn drop_deviant_points(
+        &mut self,
+        reduced: &ReducedModel,
+        experiment: &dyn Experiment,
+    ) -> usize {
+        let modes = reduced.columns(experiment, &self.sight);
         let residual = residual_of_fit(&self.field, &modes);
         let deviant = deviant_points(&self.field.points, &residual);
-        self.observer.retain(|i| !deviant[i]);
-        self.field.retain(Reason::Outlier, |i| !deviant[i])
+        self.drop_outliers(|i| !deviant[i])
     }
 
-    /// Where the outliers lie in the mesh, if there are any: the gauge over the measured points counts them.
-    pub fn outlying(&self, mesh: &Mesh) -> Option<Observer> {
-        let outlying = &self.field.outlying;
-        (!outlying.is_empty()).then(|| Locator::new(mesh).observe(outlying).0)
-    }
-
-    /// Evaluate modes and the model's additive effects at the points, under its gauge.
-    pub fn columns(&self, reduced: &ReducedModel, mesh: &Mesh, model: &Model) -> Columns {
-        let mut modes = reduced.columns(&self.observer, mesh.nodes.len());
-        if model.experiment().gauge == Gauge::Window {
-            let (points, further) = (&self.field.points, &self.field.outlying);
-            let mut there = match self.outlying(mesh) {
-                Some(observer) => reduced.columns(&observer, mesh.nodes.len()),
-                None => vec![Vec::new(); modes.len()],
-            };
-            for (column, there) in modes.iter_mut().zip(&mut there) {
-                remove_rigid_motion_over(points, column, further, there);
-            }
-        }
+    /// Evaluate modes and the model's additive effects at the points, under the gauge.
+    pub fn columns(
+        &self,
+        reduced: &ReducedModel,
+        experiment: &dyn Experiment,
+        model: &Model,
+    ) -> Columns {
         let mut columns = Columns {
-            modes,
+            modes: reduced.columns(experiment, &self.sight),
             effects: Vec::new(),
             names: Vec::new(),
             prior_sd: Vec::new(),
         };
-        let scene = model.scene();
         for effect in model.additive() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
-                columns.effects.push(self.additive(effect, k, &scene));
+                columns
+                    .effects
+                    .push(self.additive(effect, k, experiment.scene()));
                 columns.names.push(amplitude_name(effect, parameter));
                 columns.prior_sd.push(model.prior_sd(effect, k));
             }
@@ -110,7 +108,7 @@ impl Observation {
     }
 
     /// Field of one border unit of an additive effect's parameter `k`.
-    pub fn additive(&self, effect: &dyn Effect, k: usize, scene: &Scene) -> Vec<[f64; 2]> {
+    fn additive(&self, effect: &dyn Effect, k: usize, scene: &Scene) -> Vec<[f64; 2]> {
         let mut unit = vec![0.0; effect.parameters().len()];
         unit[k] = 1.0;
         self.field

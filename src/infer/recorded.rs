@@ -10,7 +10,7 @@ use super::model::Model;
 use super::observation::Observation;
 use crate::effect::{Effect, Kind, Scene, amplitude_name, recorded_column};
 use crate::error::Result;
-use crate::fem::Mesh;
+use crate::experiment::Experiment;
 use crate::field::{Blocks, Field};
 use crate::noise::{invert, residual_of_fit, solve};
 use crate::reduce::ReducedModel;
@@ -40,7 +40,7 @@ impl Observation {
     pub fn take_out_recorded(
         &mut self,
         reduced: &ReducedModel,
-        mesh: &Mesh,
+        experiment: &dyn Experiment,
         model: &Model,
     ) -> Result<()> {
         let effects: Vec<_> = model
@@ -53,13 +53,13 @@ impl Observation {
         if effects.is_empty() {
             return Ok(());
         }
-        let modes = reduced.columns(&self.observer, mesh.nodes.len());
+        let modes = reduced.columns(experiment, &self.sight);
         let tiles = Tiles::new(&self.field);
-        let scene = model.scene();
+        let scene = experiment.scene();
         let measured = self.field.displacement.clone();
         for _ in 0..PASSES {
             let smooth = smooth_field(&self.field, &modes, &tiles);
-            let columns = recorded_columns(&effects, &scene, &self.field.points, &smooth);
+            let columns = recorded_columns(&effects, scene, &self.field.points, &smooth);
             let prior_sd: Vec<Option<f64>> = effects
                 .iter()
                 .flat_map(|e| (0..e.parameters().len()).map(|k| model.prior_sd(*e, k)))

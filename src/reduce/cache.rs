@@ -10,11 +10,10 @@ use super::model::ReducedModel;
 use super::problem::{Problem, ReducedSpec};
 use super::snapshots::Snapshots;
 use crate::error::{Error, Result};
-use crate::fem::Plate;
 use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 
 /// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]
@@ -34,22 +33,10 @@ pub fn key(problem: &Problem) -> String {
     let text = serde_json::json!([
         FORMAT,
         env!("CARGO_PKG_VERSION"),
-        problem.specimen,
-        problem.material,
-        problem.load,
-        problem.frame.handedness(),
-        problem.frame.hole_center_mm,
-        problem.gauge,
+        problem.experiment.serialisation(),
         effects,
-        problem.scene.fringe_frequency_per_mm,
         problem.dimensions,
         spec,
-        problem.window,
-        [
-            problem.density.per_side,
-            problem.density.radial,
-            problem.density.along
-        ],
     ]);
     hex(&Sha256::digest(text.to_string()))
 }
@@ -63,7 +50,6 @@ pub fn hex(bytes: &[u8]) -> String {
 /// whether it was there. A stored model that cannot be read is solved anew.
 pub fn obtain(
     problem: &Problem,
-    plate: &Plate,
     directory: &Path,
     progress: &dyn Progress,
 ) -> Result<(ReducedModel, bool)> {
@@ -78,10 +64,10 @@ pub fn obtain(
         "finite-element snapshots",
         Some(problem.spec.snapshots as u64),
     );
-    let snapshots = Snapshots::compute(problem, plate, &|| progress.step())?;
+    let snapshots = Snapshots::compute(problem, &|| progress.step())?;
     progress.end();
     progress.begin("modes and response surfaces", None);
-    let model = ReducedModel::build(problem, plate, &snapshots)?;
+    let model = ReducedModel::build(problem, &snapshots)?;
     let stored = Stored { key, model };
     // A cache that cannot be written costs time, not correctness.
     if let Err(e) = write(&path, &stored) {

@@ -10,16 +10,14 @@ use super::snapshots::Snapshots;
 use super::surface::Surface;
 use super::variables::{Choice, Variables};
 use crate::error::Result;
-use crate::fem::{Observer, Plate};
+use crate::experiment::{Experiment, Sight, gauged};
 
 /// A reduced model, as it is saved.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ReducedModel {
     /// The DoE box.
     pub dimensions: Vec<Dimension>,
-    /// Nodes on which the modes are given.
-    pub nodes: Vec<u32>,
-    /// `modes[c][k][i]`: mode k of component c at node i; orthonormal over the nodes.
+    /// `modes[c][k][i]`: mode k of component c at point i of the experiment's support; orthonormal over it.
     pub modes: [Vec<Vec<f64>>; 2],
     /// Surfaces of the coefficients: those of u1, then those of u2.
     pub surface: Surface,
@@ -40,7 +38,7 @@ const TABLED: usize = 12;
 
 impl ReducedModel {
     /// Build from snapshots: POD of each component, then the response surface with the smaller held-out error.
-    pub fn build(problem: &Problem, plate: &Plate, snapshots: &Snapshots) -> Result<Self> {
+    pub fn build(problem: &Problem, snapshots: &Snapshots) -> Result<Self> {
         let (first, second) = rayon::join(
             || pod::decompose(&snapshots.fields[0]),
             || pod::decompose(&snapshots.fields[1]),
@@ -69,7 +67,6 @@ impl ReducedModel {
         let surface = best_surface(problem, &plain, &snapshots.points, &values)?;
         Ok(Self {
             dimensions: problem.dimensions.clone(),
-            nodes: snapshots.nodes.clone(),
             modes: [0, 1].map(|c| {
                 (0..k)
                     .map(|j| pods[c].modes.col(j).iter().copied().collect())
@@ -80,8 +77,13 @@ impl ReducedModel {
             truncation: [0, 1].map(|c| (1..=TABLED).map(|k| pods[c].truncation_error(k)).collect()),
             cross_validation,
             snapshots: snapshots.points.len(),
-            mesh_size: [plate.mesh.elements.len(), plate.mesh.unknowns()],
+            mesh_size: problem.experiment.mesh_size(),
         })
+    }
+
+    /// Points of the support on which the modes are given.
+    pub fn points(&self) -> usize {
+        self.modes[0].first().map_or(0, Vec::len)
     }
 
     /// Modes kept for each component.
@@ -89,32 +91,43 @@ impl ReducedModel {
         self.modes[0].len()
     }
 
-    /// The modes as columns over the observer's points: `columns[k][i]` = (u1, u2) of column k at point i, mm a mm
-    /// of coefficient; columns of u1's modes, then of u2's.
-    pub fn columns(&self, observer: &Observer, nodes_of_mesh: usize) -> Vec<Vec<[f64; 2]>> {
+    /// The modes as columns at a sight's points, under the experiment's gauge: `columns[k][i]` = (u1, u2) of column k at
+    /// point i, mm a mm of coefficient; columns of u1's modes, then of u2's.
+    pub fn columns(&self, experiment: &dyn Experiment, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
         let mut columns = [Vec::new(), Vec::new()];
-        for k in 0..self.modes_per_component() {
-            let mut nodal = vec![0.0; 2 * nodes_of_mesh];
-            for (i, &node) in self.nodes.iter().enumerate() {
-                nodal[2 * node as usize] = self.modes[0][k][i];
-                nodal[2 * node as usize + 1] = self.modes[1][k][i];
+        for (first, second) in self.modes[0].iter().zip(&self.modes[1]) {
+            let both: Vec<[f64; 2]> = first.iter().zip(second).map(|(&a, &b)| [a, b]).collect();
+            let all = experiment.spread(&both, sight);
+            for (c, columns) in columns.iter_mut().enumerate() {
+                let mut own = vec![[0.0; 2]; all.len()];
+                for (own, u) in own.iter_mut().zip(&all) {
+                    own[c] = u[c];
+                }
+                columns.push(gauged(experiment.gauge(), sight, &own));
             }
-            let both = observer.displacement(&nodal);
-            columns[0].push(both.iter().map(|u| [u[0], 0.0]).collect());
-            columns[1].push(both.iter().map(|u| [0.0, u[1]]).collect());
         }
-        let [first, second] = columns;
-        first.into_iter().chain(second).collect()
+        columns.concat()
+    }
+
+    /// The surfaces' prediction of the field from [`ReducedModel::columns`] at a point of the design, mm.
+    pub fn field(&self, columns: &[Vec<[f64; 2]>], point: &[f64]) -> Vec<[f64; 2]> {
+        let mut field = vec![[0.0; 2]; columns.first().map_or(0, Vec::len)];
+        for (column, a) in columns.iter().zip(self.surface.evaluate(point)) {
+            for (sum, u) in field.iter_mut().zip(column) {
+                *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
+            }
+        }
+        field
     }
 
     /// Whether the sizes of a model read from a file fit together.
     pub fn is_consistent(&self) -> bool {
-        let nodes = self.nodes.len();
+        let points = self.points();
         let k = self.modes_per_component();
         let surface = &self.surface;
         self.modes
             .iter()
-            .all(|m| m.len() == k && m.iter().all(|mode| mode.len() == nodes))
+            .all(|m| m.len() == k && m.iter().all(|mode| mode.len() == points))
             && surface.coefficients.len() == 2 * k
             && surface.quality.len() == 2 * k
             && surface
@@ -145,7 +158,8 @@ fn fit(
 
 /// The surface with the smallest held-out error: the plain one, or one in the ratios of the declared degree or
 /// up to three degrees above it, as long as three snapshots stand behind each monomial. The ratios are fewer than
-/// the parameters, so that a quintic in three ratios has no more monomials than a cubic in five parameters.
+/// the parameters, so that a quintic in three ratios has no more monomials than a cubic in five parameters. Where an
+/// effect breaks the law behind the ratios there are none.
 fn best_surface(
     problem: &Problem,
     plain: &Surface,
@@ -153,6 +167,9 @@ fn best_surface(
     values: &[Vec<f64>],
 ) -> Result<Surface> {
     let mut best = plain.clone();
+    if !problem.effects.iter().all(|e| e.scales()) {
+        return Ok(best);
+    }
     for degree in problem.spec.degree..=problem.spec.degree + 3 {
         let dims = Variables::new(Choice::Ratios, problem, points).count();
         if 3 * super::surface::exponents(dims, degree).len() > points.len() {

@@ -1,5 +1,7 @@
 //! What a reduced model is built for: the test, the parameters that vary, and where the field is seen.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::design::Dimension;
@@ -7,12 +9,10 @@ use super::modes::Modes;
 use super::reference::Reference;
 use super::surface::enough_samples;
 use crate::effect::limit::alter_checked;
-use crate::effect::{Acting, Effect, Kind, Scene};
+use crate::effect::{Acting, Effect};
 use crate::error::{Error, Result};
-use crate::experiment::Gauge;
-use crate::fem::{Density, Setup};
-use crate::field::Frame;
-use crate::laminate::{LoadSpec, Material, Ply, SpecimenSpec};
+use crate::experiment::{Experiment, State};
+use crate::laminate::Material;
 
 /// The `reduced_model` object of a model file.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -56,28 +56,15 @@ impl ReducedSpec {
 /// Everything that determines the snapshots.
 #[derive(Clone)]
 pub struct Problem {
-    /// The specimen.
-    pub specimen: SpecimenSpec,
-    /// How the stiffness is parameterised.
-    pub material: Material,
-    /// The load.
-    pub load: LoadSpec,
-    /// The data's frame.
-    pub frame: Frame,
-    /// The gauge.
-    pub gauge: Gauge,
-    /// What effects may need to know of the nominal test.
-    pub scene: Scene,
+    /// What is predicted.
+    pub experiment: Arc<dyn Experiment>,
     /// Effects whose amplitudes vary with the constants: mechanical and optical ones.
     pub effects: Vec<&'static dyn Effect>,
-    /// The DoE box: elastic constants, the thickness if it is uncertain, the effects' amplitudes.
+    /// The DoE box: elastic constants, the effects' amplitudes, and last the thickness if it is uncertain. What is sampled
+    /// stands first, so that a point of the posterior is the beginning of one of the design.
     pub dimensions: Vec<Dimension>,
     /// Sizes.
     pub spec: ReducedSpec,
-    /// Bounding box of the measured points, (s, t) mm, low and high corner.
-    pub window: [[f64; 2]; 2],
-    /// Mesh density.
-    pub density: Density,
 }
 
 /// Amplitudes whose corners are all checked.
@@ -87,38 +74,65 @@ const MOST_CORNERS: usize = 12;
 pub const THICKNESS: &str = "thickness_mm";
 
 impl Problem {
+    /// How the stiffness is parameterised.
+    pub fn material(&self) -> Material {
+        self.experiment.scene().material
+    }
+
     /// Number of elastic constants.
     pub fn constants(&self) -> usize {
-        self.material.constants().len()
+        self.material().constants().len()
     }
 
     /// Families of fields that vary with the constants: the plate under its nominal load, and one for every amplitude
     /// of an effect. A declared number of modes is kept for each family.
     pub fn families(&self) -> usize {
-        1 + self
-            .effects
-            .iter()
-            .map(|e| e.parameters().len())
-            .sum::<usize>()
+        1 + self.amplitudes()
     }
 
-    /// Index of the thickness among the dimensions, if it varies.
-    pub fn thickness_index(&self) -> Option<usize> {
-        self.dimensions.iter().position(|d| d.name == THICKNESS)
+    /// Number of the effects' amplitudes.
+    fn amplitudes(&self) -> usize {
+        self.effects.iter().map(|e| e.parameters().len()).sum()
     }
 
-    /// The point of the DoE with elastic constants and amplitudes `theta`, at the mean thickness.
-    pub fn point(&self, theta: &[f64]) -> Vec<f64> {
+    /// Number of parameters that are sampled: constants and amplitudes.
+    pub fn structural(&self) -> usize {
+        self.constants() + self.amplitudes()
+    }
+
+    /// Whether the thickness is a parameter of the design: its last.
+    pub fn varies_thickness(&self) -> bool {
+        self.dimensions.len() > self.structural()
+    }
+
+    /// The point of the design with elastic constants and amplitudes `theta`, at a thickness of `h` mm.
+    pub fn point(&self, theta: &[f64], h: f64) -> Vec<f64> {
         let mut point = theta.to_vec();
-        if let Some(k) = self.thickness_index() {
-            point.insert(k, self.specimen.thickness_mm.mean);
+        point.resize(self.structural(), 0.0);
+        if self.varies_thickness() {
+            point.push(h);
         }
         point
     }
 
-    /// The effects at a point of the DoE.
-    pub fn acting(&self, point: &[f64]) -> Vec<Acting> {
-        let mut next = self.constants() + usize::from(self.thickness_index().is_some());
+    /// The nominal thickness, mm.
+    pub fn thickness_mm(&self) -> f64 {
+        self.experiment.scene().setup.thickness
+    }
+
+    /// The state of the experiment at a point of the design, or at constants and amplitudes alone with the nominal thickness.
+    pub fn state(&self, point: &[f64]) -> State {
+        let thickness = point.get(self.structural()).copied();
+        State::new(
+            &point[..self.constants()],
+            thickness.unwrap_or(self.thickness_mm()),
+        )
+        .with(self.acting(point))
+    }
+
+    /// The effects at a point of the design.
+    fn acting(&self, point: &[f64]) -> Vec<Acting> {
+        let mut next = self.constants();
         let mut acting = Vec::with_capacity(self.effects.len());
         for &effect in &self.effects {
             let count = effect.parameters().len();
@@ -131,32 +145,10 @@ impl Problem {
         acting
     }
 
-    /// The test and the ply at a point of the DoE, in border units.
-    pub fn test_at(&self, point: &[f64]) -> (Setup, Ply) {
-        let mut setup = self.nominal();
-        if let Some(k) = self.thickness_index() {
-            setup.thickness = point[k];
-        }
-        for a in self.acting(point) {
-            if a.effect.kind() == Kind::Mechanical {
-                a.effect.alter(&a.amplitude, &mut setup);
-            }
-        }
-        (setup, self.material.ply(point))
-    }
-
-    fn nominal(&self) -> Setup {
-        Setup::nominal(&self.specimen, &self.load, self.frame.handedness())
-    }
-
     /// Check that the plate exists at every corner of the amplitudes' box.
     fn validate_amplitudes(&self) -> Result<()> {
-        let first = self.constants() + usize::from(self.thickness_index().is_some());
-        let count = self
-            .dimensions
-            .len()
-            .saturating_sub(first)
-            .min(MOST_CORNERS);
+        let first = self.constants();
+        let count = self.amplitudes().min(MOST_CORNERS);
         for corner in 0..1usize << count {
             let mut point = vec![0.0; self.dimensions.len()];
             for k in 0..count {
@@ -166,7 +158,7 @@ impl Problem {
             alter_checked(
                 "a corner of the DoE box",
                 &self.acting(&point),
-                &mut self.nominal(),
+                &mut self.experiment.scene().setup.clone(),
             )?;
         }
         Ok(())
@@ -176,7 +168,7 @@ impl Problem {
     /// and that the snapshots determine the response surfaces.
     pub fn validate(&self) -> Result<()> {
         enough_samples(self.spec.snapshots, self.spec.degree, self.dimensions.len())?;
-        if self.spec.reference.is_some() && self.material != Material::Ply {
+        if self.spec.reference.is_some() && self.material() != Material::Ply {
             return Err(Error::input(
                 "reduced_model.reference",
                 "a laminate, as the published one",
@@ -192,13 +184,10 @@ impl Problem {
                 .found(format!("[{}, {}]", d.low, d.high)));
             }
         }
-        if let Some(k) = self.thickness_index()
-            && self.dimensions[k].low <= 0.0
-        {
-            return Err(
-                Error::input("reduced_model.doe.thickness_mm", "a thickness above 0")
-                    .found(self.dimensions[k].low),
-            );
+        let thickness = self.dimensions.get(self.structural());
+        if let Some(low) = thickness.map(|d| d.low).filter(|low| *low <= 0.0) {
+            let expected = "a thickness above 0";
+            return Err(Error::input("reduced_model.doe.thickness_mm", expected).found(low));
         }
         let constants = self.constants();
         for corner in 0..1usize << constants {
@@ -208,7 +197,7 @@ impl Problem {
                     if corner >> k & 1 == 1 { d.high } else { d.low }
                 })
                 .collect();
-            self.material.ply(&point).admissible("a corner of the DoE box").map_err(|e| {
+            self.material().ply(&point).admissible("a corner of the DoE box").map_err(|e| {
                 e.hint("narrow the priors or give reduced_model.doe bounds whose corners keep E, G > 0 and nu12^2 < E1/E2")
             })?;
         }

@@ -90,8 +90,8 @@ impl Reference {
     /// modes. The total thickness is that of all plies.
     pub fn problem(self, problem: &Problem) -> Problem {
         let published = self.published();
-        let plies = problem.specimen.angles_deg().len() as f64;
-        let names = problem.material.constants().iter().copied();
+        let plies = problem.experiment.scene().setup.angles.len() as f64;
+        let names = problem.material().constants().iter().copied();
         let dimensions = names
             .chain([THICKNESS])
             .zip(published.bounds)

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::problem::{Problem, THICKNESS};
+use crate::experiment::load_response;
 use crate::laminate::Material;
 
 /// Which variables a surface is a polynomial of.
@@ -36,12 +37,12 @@ impl Variables {
     pub fn new(choice: Choice, problem: &Problem, points: &[Vec<f64>]) -> Self {
         let mut variables = Self {
             choice,
-            material: problem.material,
+            material: problem.material(),
             constants: problem.constants(),
             thickness: problem.dimensions.iter().position(|d| d.name == THICKNESS),
             scaling: Vec::new(),
             reference: 1.0,
-            nominal_thickness: problem.specimen.thickness_mm.mean,
+            nominal_thickness: problem.thickness_mm(),
         };
         let raw: Vec<Vec<f64>> = points.iter().map(|p| variables.raw(p)).collect();
         let count = raw.first().map_or(0, Vec::len);
@@ -86,7 +87,7 @@ impl Variables {
     pub fn factor(&self, point: &[f64]) -> f64 {
         match self.choice {
             Choice::Plain => 1.0,
-            Choice::Ratios => self.reference / (self.thickness_of(point) * point[0]),
+            Choice::Ratios => self.reference * load_response(point[0], self.thickness_of(point)),
         }
     }
 
@@ -98,7 +99,6 @@ impl Variables {
     /// Every variable before scaling: the index of a parameter (the thickness among them), and whether it is divided by
     /// the first parameter.
     pub fn terms(&self) -> Vec<(usize, bool)> {
-        let after = self.constants + usize::from(self.thickness.is_some());
         let mut terms = match (self.choice, self.material) {
             (Choice::Plain, _) => return (0..self.count()).map(|k| (k, false)).collect(),
             (Choice::Ratios, Material::Ply) => vec![(1, true), (2, false), (3, true)],
@@ -107,7 +107,7 @@ impl Variables {
         terms.extend(
             (terms.len()..self.count())
                 .enumerate()
-                .map(|(k, _)| (after + k, false)),
+                .map(|(k, _)| (self.constants + k, false)),
         );
         terms
     }
@@ -173,7 +173,6 @@ impl Variables {
     }
 
     fn raw(&self, point: &[f64]) -> Vec<f64> {
-        let after = self.constants + usize::from(self.thickness.is_some());
         let mut z = match (self.choice, self.material) {
             (Choice::Plain, _) => return point.to_vec(),
             (Choice::Ratios, Material::Ply) => {
@@ -181,7 +180,9 @@ impl Variables {
             }
             (Choice::Ratios, Material::Isotropic) => vec![point[1]],
         };
-        z.extend_from_slice(&point[after..]);
+        // the thickness stands last, and is in the factor
+        let amplitudes = self.constants..self.thickness.unwrap_or(point.len());
+        z.extend_from_slice(&point[amplitudes]);
         z
     }
 }

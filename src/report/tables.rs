@@ -27,7 +27,7 @@ pub fn numbers(reduced: &ReducedModel) -> Value {
         "snapshots": reduced.snapshots,
         "elements": reduced.mesh_size[0],
         "unknowns": reduced.mesh_size[1],
-        "nodes_in_window": reduced.nodes.len(),
+        "nodes_in_window": reduced.points(),
         "modes": reduced.modes_per_component(),
         "doe": reduced.dimensions.iter().map(|d| (d.name.clone(), json!([d.low, d.high]))).collect::<Map<_, _>>(),
         "table_3_truncation_error_K_1_up": by_component(&|c| json!(reduced.truncation[c])),
@@ -207,7 +207,7 @@ fn pairs(built: &ReducedModel, published: &Published) -> Vec<Pair> {
 
 /// Factor that takes POD coefficients from this model's number of nodes to the published one's.
 fn node_factor(built: &ReducedModel, published: &Published) -> f64 {
-    (published.nodes as f64 / built.nodes.len() as f64).sqrt()
+    (published.nodes as f64 / built.points() as f64).sqrt()
 }
 
 /// Figures here beside those published, with their ratio.
@@ -228,7 +228,7 @@ pub fn comparison_numbers(reference: Reference, built: &ReducedModel) -> Value {
     }
     json!({
         "reference": reference,
-        "nodes": { "here": built.nodes.len(), "published": published.nodes },
+        "nodes": { "here": built.points(), "published": published.nodes },
         "node_factor": node_factor(built, published),
         "tables": tables,
         "remarks": REMARKS,
@@ -251,7 +251,7 @@ pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
     let pairs = pairs(built, published);
     let mut text = format!(
         "\nGogu et al. 2013, Tables 3, 8, 9 and 10, in the article's box (Table 2): here / published = ratio\n{} nodes here, {} there: POD coefficients grow with the square root, so the ratios of their figures are to be multiplied by {:.3}\n\n",
-        built.nodes.len(),
+        built.points(),
         published.nodes,
         node_factor(built, published)
     );

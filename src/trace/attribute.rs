@@ -7,15 +7,15 @@ use super::alias::groups;
 use super::averaged::{Averaged, BlindSpot};
 use super::evidence::Evidence;
 use super::recording;
-use super::sensitivities::{LOAD_SCALE, Linearised, Sensitivities};
-use super::state::State;
+use super::sensitivities::{Linearised, Sensitivities};
 use super::subsets::Subsets;
 use super::weighing::Weighing;
-use crate::effect::{EFFECTS, Effect, Kind};
+use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE};
 use crate::error::Result;
+use crate::experiment::{State, predict};
 use crate::field::Blocks;
 use crate::identify::{Prepared, clear_mm};
-use crate::infer::{Model, forward};
+use crate::infer::Model;
 use crate::noise::Discrepancy;
 use crate::progress::Progress;
 
@@ -139,7 +139,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             left_out.push((name, "not among the model's candidates".to_string()));
         } else if let Some(reason) = effect.obstacle(&scene) {
             left_out.push((name, reason.to_string()));
-        } else if name == LOAD_SCALE {
+        } else if name == LOAD_SCALE.name() {
             left_out.push((
                 name,
                 "a scale of the load cannot be told from a common factor of all moduli".to_string(),
@@ -163,19 +163,8 @@ pub fn attribute(
 ) -> Result<Tracing> {
     let (effects, left_out) = candidates(model);
     let mut tested_field = Cow::Borrowed(&prepared.observation.field);
-    let scene = model.scene();
-    let view = |state: &State| {
-        let test = forward::Test {
-            model,
-            scene: &scene,
-            plate: &prepared.plate,
-            points: &prepared.observation.field.points,
-            outlying: &prepared.observation.field.outlying,
-            window: prepared.problem.window,
-            observer: Some(&prepared.observation.observer),
-        };
-        forward::view(&test, &state.constants, &state.acting)
-    };
+    let sight = &prepared.observation.sight;
+    let view = |state: &State| predict(&*prepared.problem.experiment, state, sight);
     progress.begin("the field at the constants found", None);
     let (corrected, jumps) = recording::find_jumps(model, &tested_field, &view(&start)?.field)?;
     progress.end();
@@ -190,7 +179,6 @@ pub fn attribute(
         model,
         prepared,
         measured: &field.displacement,
-        scene: model.scene(),
         blocks: &blocks,
         step: &|| progress.step(),
     };
@@ -371,7 +359,7 @@ fn ridge_step(
     let mut moved = 0.0_f64;
     for (k, value) in state.constants.iter_mut().enumerate() {
         let column = &sensitivities.base[k];
-        // a prior sd a step keeps the constants admissible and the linearisation with_discrepancy
+        // a prior sd a step keeps the constants admissible and the linearisation valid
         let wanted = column.mean + column.sd * solution[k];
         let step = (wanted - *value).clamp(-column.sd, column.sd);
         *value += step;

@@ -5,7 +5,6 @@ use std::time::Instant;
 use super::attribute::{Tracing, attribute};
 use super::averaged::Averaged;
 use super::conclusion::{Conclusion, Status, conclude};
-use super::state::State;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
 use crate::identify::{Identification, Options, identify};
@@ -52,7 +51,7 @@ pub fn close<'a>(
             Err(e) if !rounds.is_empty() && e.blame() == Blame::Limit => break,
             other => other?,
         };
-        let start = State::of(&model, &identification);
+        let start = model.state(&|name| identification.moments(name).map(|(mean, _)| mean));
         let tracing = attribute(&model, &identification.inverse.prepared, start, progress)?;
         let go_on = rounds.len() < most && !is_over();
         let accepted = tracing.accepted.filter(|_| go_on);

@@ -4,11 +4,12 @@ use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::attribute::{Found, Named, Resembling, Tracing};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains, rms_nm};
-use super::sensitivities::{LOAD_SCALE, Sensitivities};
-use super::state::State;
+use super::sensitivities::Sensitivities;
 use super::subsets::{Subset, Subsets};
 use super::weighing::Weighing;
+use crate::effect::LOAD_SCALE;
 use crate::error::Result;
+use crate::experiment::State;
 use crate::field::Blocks;
 use crate::noise::Discrepancy;
 
@@ -105,7 +106,7 @@ impl Evidence<'_> {
             blind_spots: self
                 .load_scale()
                 .into_iter()
-                .map(|s| (LOAD_SCALE, s))
+                .map(|s| (LOAD_SCALE.name(), s))
                 .chain(spots.into_iter().map(|s| (self.name(s.candidate), s)))
                 .collect(),
             holdout_rms_nm: rms_nm(&holdout.errors(&Vec::new())),
@@ -132,7 +133,7 @@ impl Evidence<'_> {
             .sensitivities
             .base
             .iter()
-            .find(|c| c.name.starts_with(LOAD_SCALE))?;
+            .find(|c| c.name.starts_with(LOAD_SCALE.name()))?;
         let constants = self.sensitivities.base[..self.sensitivities.constants].iter();
         Some(BlindSpot {
             candidate: usize::MAX,

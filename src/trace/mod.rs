@@ -9,7 +9,6 @@ mod evidence;
 mod holdout;
 mod recording;
 mod sensitivities;
-mod state;
 mod subsets;
 mod weighing;
 
@@ -17,4 +16,3 @@ pub use attribute::{Found, Named, Resembling, Tracing, attribute, candidates};
 pub use averaged::{Averaged, BlindSpot};
 pub use close::{Closed, Round, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status};
-pub use state::State;

@@ -4,13 +4,14 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::state::State;
-use crate::effect::{Effect, Kind, Scene, amplitude_name};
+use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
-use crate::experiment::{Gauge, remove_rigid_motion_over};
+use crate::experiment::{Direction, Prediction, State, predict_with_gradient, sensitivity};
 use crate::field::Blocks;
 use crate::identify::Prepared;
-use crate::infer::{Model, forward};
+use crate::infer::Model;
+use crate::laminate::MeanSd;
+use crate::reduce::THICKNESS;
 
 /// One parameter and what it does.
 #[derive(Debug, Clone)]
@@ -101,21 +102,10 @@ pub struct Linearised<'a> {
     pub prepared: &'a Prepared,
     /// Measured displacements at the points, corrected for miscounted fringes, mm.
     pub measured: &'a [[f64; 2]],
-    /// What effects need to know.
-    pub scene: Scene,
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
     /// Called after each column.
     pub step: &'a (dyn Fn() + Sync),
-}
-
-/// What varies in one column.
-#[derive(Clone, Copy)]
-enum Direction {
-    Constant(usize),
-    Thickness,
-    Load,
-    Amplitude(&'static dyn Effect, usize),
 }
 
 /// One direction a parameter.
@@ -123,9 +113,6 @@ fn amplitudes(effect: &&'static dyn Effect) -> impl Iterator<Item = Direction> +
     let effect = *effect;
     (0..effect.parameters().len()).map(move |k| Direction::Amplitude(effect, k))
 }
-
-/// The effect that is exactly a common factor of the moduli.
-pub const LOAD_SCALE: &str = "load_scale";
 
 /// Step of an elastic constant's central difference, as a fraction of its value.
 const CONSTANT_STEP: f64 = 0.01;
@@ -146,7 +133,8 @@ impl Linearised<'_> {
         at: &State,
         candidates: &[&'static dyn Effect],
     ) -> Result<Sensitivities> {
-        let here = self.look(at)?;
+        let experiment = &*self.prepared.problem.experiment;
+        let here = predict_with_gradient(experiment, at, &self.prepared.observation.sight)?;
         let mut directions = self.base();
         let declared = directions.len();
         directions.extend(candidates.iter().flat_map(amplitudes));
@@ -201,7 +189,13 @@ impl Linearised<'_> {
         if self.model.experiment().specimen.thickness_mm.sd > 0.0 {
             directions.push(Direction::Thickness);
         }
-        if !self.model.effects.iter().any(|e| e.name() == LOAD_SCALE) {
+        if !self
+            .model
+            .effects
+            .iter()
+            .any(|e| e.name() == LOAD_SCALE.name())
+        {
+            // it cannot be told from a common factor of all moduli: it takes part in every model with its prior
             directions.push(Direction::Load);
         }
         // what the recording adds is corrected in the field, not fitted
@@ -227,130 +221,53 @@ impl Linearised<'_> {
         Ok(sensitivities)
     }
 
-    fn test(&self) -> forward::Test<'_> {
-        forward::Test {
-            model: self.model,
-            scene: &self.scene,
-            plate: &self.prepared.plate,
-            points: &self.prepared.observation.field.points,
-            outlying: &self.prepared.observation.field.outlying,
-            window: self.prepared.problem.window,
-            observer: Some(&self.prepared.observation.observer),
-        }
-    }
-
-    fn look(&self, at: &State) -> Result<forward::View> {
-        forward::view(&self.test(), &at.constants, &at.acting)
-    }
-
-    fn column(&self, at: &State, here: &forward::View, direction: Direction) -> Result<Column> {
-        match direction {
+    fn column(&self, at: &State, here: &Prediction, direction: Direction) -> Result<Column> {
+        let (name, mean, sd, value, step) = match direction {
             Direction::Constant(k) => {
                 let prior = self.model.marginals()[k];
                 let step = CONSTANT_STEP * prior.mean.abs();
-                let moved = |by: f64| {
-                    let mut state = at.clone();
-                    state.constants[k] += by;
-                    state
-                };
-                let field = self.difference(&moved(step), &moved(-step), 2.0 * step / prior.sd)?;
-                Ok(Column {
-                    name: self.model.constants()[k].into(),
-                    mean: prior.mean,
-                    sd: prior.sd,
-                    at: at.constants[k],
-                    values: self.average(&field),
-                })
+                let name = self.model.constants()[k].to_string();
+                (name, prior.mean, prior.sd, at.constants[k], step)
             }
             Direction::Thickness => {
-                // a force-driven field is proportional to 1/h
-                let thickness = self.model.experiment().specimen.thickness_mm;
-                let factor = -thickness.sd / thickness.mean;
-                let field: Vec<[f64; 2]> = here
-                    .mechanical
-                    .iter()
-                    .map(|u| u.map(|u| factor * u))
-                    .collect();
-                Ok(Column {
-                    name: crate::reduce::THICKNESS.into(),
-                    mean: thickness.mean,
-                    sd: thickness.sd,
-                    at: thickness.mean,
-                    values: self.average(&field),
-                })
+                let MeanSd { mean, sd } = self.model.experiment().specimen.thickness_mm;
+                (THICKNESS.to_string(), mean, sd, at.thickness_mm, sd)
             }
-            Direction::Load => self.load(here),
-            Direction::Amplitude(effect, k) => self.amplitude(at, here, effect, k),
-        }
-    }
-
-    /// A scale of the load cannot be told from a common factor of all moduli: it takes part in every model with its prior.
-    fn load(&self, here: &forward::View) -> Result<Column> {
-        let effect = crate::effect::find("dictionary", LOAD_SCALE)?;
-        let sd = self.prior_sd(effect, 0);
-        let percent = |u: &[f64; 2]| u.map(|u| 0.01 * sd * u);
-        let field: Vec<[f64; 2]> = here.mechanical.iter().map(percent).collect();
-        Ok(Column {
-            name: amplitude_name(effect, &effect.parameters()[0]),
-            mean: 0.0,
-            sd,
-            at: 0.0,
-            values: self.average(&field),
-        })
-    }
-
-    fn amplitude(
-        &self,
-        at: &State,
-        here: &forward::View,
-        effect: &'static dyn Effect,
-        k: usize,
-    ) -> Result<Column> {
-        let sd = self.prior_sd(effect, k);
-        let amplitude = at.amplitude(effect);
-        let moved = |by: f64| {
-            let mut changed = amplitude.clone();
-            changed[k] += by * sd;
-            changed
-        };
-        let field = match effect.kind() {
-            Kind::Additive => {
-                let (there, zero) = (moved(1.0), amplitude.clone());
-                let points = &self.prepared.observation.field.points;
-                points
-                    .iter()
-                    .map(|&p| {
-                        let a = effect.displacement(&there, &self.scene, p);
-                        let b = effect.displacement(&zero, &self.scene, p);
-                        [a[0] - b[0], a[1] - b[1]]
-                    })
-                    .collect()
+            Direction::Load => {
+                let sd = self.prior_sd(LOAD_SCALE, 0);
+                (
+                    amplitude_name(LOAD_SCALE, &LOAD_SCALE.parameters()[0]),
+                    0.0,
+                    sd,
+                    0.0,
+                    sd,
+                )
             }
-            Kind::Optical => self.optical(
-                here,
-                effect,
-                &moved(AMPLITUDE_STEP),
-                &moved(-AMPLITUDE_STEP),
-            ),
-            Kind::Mechanical | Kind::Recorded => {
-                let state = |by: f64| {
-                    let mut state = at.clone();
-                    state.set(effect, moved(by));
-                    state
-                };
-                self.difference(
-                    &state(AMPLITUDE_STEP),
-                    &state(-AMPLITUDE_STEP),
-                    2.0 * AMPLITUDE_STEP,
-                )?
+            Direction::Amplitude(effect, k) => {
+                let sd = self.prior_sd(effect, k);
+                let name = amplitude_name(effect, &effect.parameters()[k]);
+                (name, 0.0, sd, at.amplitude(effect)[k], AMPLITUDE_STEP * sd)
             }
         };
+        let Prepared {
+            problem,
+            observation,
+            ..
+        } = self.prepared;
+        let slope = sensitivity(
+            &*problem.experiment,
+            at,
+            here,
+            &observation.sight,
+            direction,
+            step,
+        )?;
         Ok(Column {
-            name: amplitude_name(effect, &effect.parameters()[k]),
-            mean: 0.0,
+            name,
+            mean,
             sd,
-            at: amplitude[k],
-            values: self.average(&field),
+            at: value,
+            values: self.average(&slope).map(|values| values * sd),
         })
     }
 
@@ -362,50 +279,6 @@ impl Linearised<'_> {
             let square: f64 = field.iter().flatten().map(|u| u * u).sum();
             FREE * (square / field.len().max(1) as f64).sqrt() * crate::quantity::UM_PER_MM
         })
-    }
-
-    fn difference(&self, high: &State, low: &State, span: f64) -> Result<Vec<[f64; 2]>> {
-        let (high, low) = (self.look(high)?.field, self.look(low)?.field);
-        Ok(high
-            .iter()
-            .zip(&low)
-            .map(|(a, b)| [(a[0] - b[0]) / span, (a[1] - b[1]) / span])
-            .collect())
-    }
-
-    /// What an optical effect changes: the field's gradient times the shift of the true points, and the components.
-    fn optical(
-        &self,
-        here: &forward::View,
-        effect: &'static dyn Effect,
-        high: &[f64],
-        low: &[f64],
-    ) -> Vec<[f64; 2]> {
-        let measured = &self.prepared.observation.field;
-        let change = |p: [f64; 2], u: [f64; 2], g: [[f64; 2]; 2]| {
-            let (a, b) = (
-                effect.true_point(high, &self.scene, p),
-                effect.true_point(low, &self.scene, p),
-            );
-            let shift = [a[0] - b[0], a[1] - b[1]];
-            let (ua, ub) = (
-                effect.components(high, &self.scene, p, u),
-                effect.components(low, &self.scene, p, u),
-            );
-            let span = 2.0 * AMPLITUDE_STEP;
-            [0, 1].map(|i| (g[i][0] * shift[0] + g[i][1] * shift[1] + ua[i] - ub[i]) / span)
-        };
-        let at = |points: &[[f64; 2]], u: &[[f64; 2]], g: &[[[f64; 2]; 2]]| -> Vec<[f64; 2]> {
-            let places = points.iter().zip(u).zip(g);
-            places.map(|((&p, &u), &g)| change(p, u, g)).collect()
-        };
-        let mut field = at(&measured.points, &here.mechanical, &here.gradient);
-        if self.model.experiment().gauge == Gauge::Window {
-            let (u, g) = &here.outlying;
-            let mut there = at(&measured.outlying, u, g);
-            remove_rigid_motion_over(&measured.points, &mut field, &measured.outlying, &mut there);
-        }
-        field
     }
 
     fn average(&self, field: &[[f64; 2]]) -> [DVector<f64>; 2] {

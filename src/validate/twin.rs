@@ -3,15 +3,15 @@
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::experiment::{Gauge, remove_rigid_motion};
+use crate::experiment::{load_response, predict};
 use crate::field::{Field, Rejected};
 use crate::identify::Prepared;
 use crate::infer::{Columns, Model, Observation};
 use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::Snapshots;
 
 /// What is true of one simulated measurement.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,11 +28,11 @@ pub struct Truth {
 
 /// A model with a lattice of points in place of its measurement.
 pub struct Twin {
-    /// Problem, plate, reduced model; the observation has the lattice's points and no displacement.
+    /// Problem, reduced model; the observation has the lattice's points and no displacement.
     pub prepared: Prepared,
     /// Columns at the points.
     pub columns: Columns,
-    thickness: (f64, f64),
+    nominal_mm: f64,
     shape: [usize; 2],
     spacing: [f64; 2],
     /// Place of each point in the lattice.
@@ -48,35 +48,35 @@ impl Twin {
         if !(8..=1000).contains(&side) {
             return Err(Error::input("--grid", "8 to 1000 points along a side").found(side));
         }
-        let [low, high] = prepared.problem.window;
+        let [low, high] = prepared.problem.experiment.window();
         let spacing = [0, 1].map(|k| (high[k] - low[k]) / (side - 1) as f64);
         let at = |i: usize| [i / side, i % side];
         let points: Vec<[f64; 2]> = (0..side * side)
             .map(|i| [0, 1].map(|k| low[k] + spacing[k] * at(i)[k] as f64))
             .collect();
-        let (_, inside) = crate::fem::Locator::new(&prepared.plate.mesh).observe(&points);
+        let experiment = prepared.problem.experiment.clone();
+        let (sight, inside) = experiment.locate(&points, &[]);
         let index: Vec<usize> = (0..points.len()).filter(|&i| inside[i]).collect();
-        let points: Vec<[f64; 2]> = index.iter().map(|&i| points[i]).collect();
+        let points = sight.points().to_vec();
         let field = Field {
             displacement: vec![[0.0; 2]; points.len()],
             points,
-            frame: prepared.problem.frame,
+            frame: experiment.scene().frame,
             grid: None,
             rejected: Rejected::default(),
             outlying: Vec::new(),
             fringe_frequency_per_mm: None,
             files: Vec::new(),
         };
-        let observation = Observation::new(field, &prepared.plate.mesh)?;
-        let columns = observation.columns(&prepared.reduced, &prepared.plate.mesh, model);
-        let thickness = model.experiment().specimen.thickness_mm;
+        let observation = Observation::new(field, &*experiment)?;
+        let columns = observation.columns(&prepared.reduced, &*experiment, model);
         Ok(Self {
             prepared: Prepared {
                 observation,
                 ..prepared
             },
             columns,
-            thickness: (thickness.mean, thickness.sd),
+            nominal_mm: experiment.scene().setup.thickness,
             shape: [side, side],
             spacing,
             index,
@@ -87,7 +87,7 @@ impl Twin {
     pub fn observed(&self, u: Vec<[f64; 2]>) -> Observation {
         let Observation {
             field,
-            observer,
+            sight,
             recorded,
         } = &self.prepared.observation;
         Observation {
@@ -96,7 +96,7 @@ impl Twin {
                 ..field.clone()
             },
             recorded: recorded.clone(),
-            observer: observer.clone(),
+            sight: sight.clone(),
         }
     }
 
@@ -109,8 +109,9 @@ impl Twin {
     pub fn reduced(&self, truth: &Truth) -> Vec<[f64; 2]> {
         let point = self.point(truth);
         let mut alpha = self.prepared.reduced.surface.evaluate(&point);
-        if self.prepared.problem.thickness_index().is_none() {
-            let ratio = self.thickness.0 / truth.thickness_mm;
+        if !self.prepared.problem.varies_thickness() {
+            let ratio =
+                load_response(1.0, truth.thickness_mm) / load_response(1.0, self.nominal_mm);
             alpha.iter_mut().for_each(|a| *a *= ratio);
         }
         self.combine(&alpha, truth)
@@ -127,39 +128,26 @@ impl Twin {
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         let Prepared {
             problem,
-            plate,
             observation,
             ..
         } = &self.prepared;
-        let points = truths.iter().map(|t| self.point(t)).collect();
-        let solved = Snapshots::at(problem, plate, points, step)?;
-        let field = |(j, truth): (usize, &Truth)| {
-            let mut nodal = vec![0.0; plate.mesh.unknowns()];
-            for (i, &node) in solved.nodes.iter().enumerate() {
-                for c in 0..2 {
-                    nodal[2 * node as usize + c] = solved.fields[c][(i, j)];
-                }
-            }
-            let mut u = observation.observer.displacement(&nodal);
-            if problem.gauge == Gauge::Window {
-                remove_rigid_motion(&observation.field.points, &mut u);
-            }
+        let field = |truth: &Truth| {
+            let state = problem.state(&self.point(truth));
+            let mut u = predict(&*problem.experiment, &state, &observation.sight)?.field;
             for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
                 add(&mut u, column, *a);
             }
-            u
+            step();
+            Ok(u)
         };
-        Ok(truths.iter().enumerate().map(field).collect())
+        truths.par_iter().map(field).collect()
     }
 
     /// A point of the reduced model's parameters.
     fn point(&self, truth: &Truth) -> Vec<f64> {
-        let problem = &self.prepared.problem;
-        let mut point = problem.point(&truth.theta);
-        if let Some(k) = problem.thickness_index() {
-            point[k] = truth.thickness_mm;
-        }
-        point
+        self.prepared
+            .problem
+            .point(&truth.theta, truth.thickness_mm)
     }
 
     fn combine(&self, alpha: &[f64], truth: &Truth) -> Vec<[f64; 2]> {

@@ -5,12 +5,10 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use super::model::Model;
+use super::{Experiment, Sight, State, predict, record};
 use crate::effect::limit::alter_checked;
-use crate::effect::{Acting, Kind, Scene, Seen};
+use crate::effect::{Acting, Scene};
 use crate::error::{Error, Result};
-use crate::experiment::{Gauge, ZeroAt, remove_rigid_motion, settle};
-use crate::fem::{Locator, Plate, Setup};
 use crate::field::Grid;
 use crate::noise::matern_pair;
 use crate::quantity::NM_PER_MM;
@@ -34,62 +32,42 @@ pub struct Truth {
     pub seed: u64,
 }
 
-/// Refinement against the reduced model's mesh.
-const FINER: f64 = 1.5;
+/// Refinement of a simulating experiment's mesh against that of reduced models: beside the noise, all that distinguishes
+/// simulated data from the analyst's model.
+pub const FINER: f64 = 1.5;
 
-/// Side of the default window as a fraction of the plate's width: the article's 24.3 mm of 25 mm.
-const WINDOW: f64 = 24.3 / 25.0;
+/// Half the side of the default window over the plate's width: the article's 24.3 mm of 25 mm.
+pub const HALF_WINDOW: f64 = 0.5 * 24.3 / 25.0;
 
-/// Simulate a field in the model's frame, with NaN where the hole is.
-pub fn simulate(model: &Model, truth: &Truth) -> Result<Grid> {
-    let scene = model.scene();
+/// Simulate a field in the model's frame over the square of half-side `half` (mm) about the origin, with NaN where the
+/// specimen is not.
+///
+/// # Errors
+/// Effects that cannot act, amplitudes or constants that cannot be; a grid without a point on the specimen.
+pub fn simulate(experiment: &dyn Experiment, truth: &Truth, half: f64) -> Result<Grid> {
+    let scene = experiment.scene();
     let frame = scene.frame;
-    refuse_obstacles(&truth.effects, &scene)?;
-    let experiment = model.experiment();
-    let mut setup = Setup::nominal(&experiment.specimen, &experiment.load, frame.handedness());
-    // The gauge's point belongs to the nominal plate.
-    let nominal = Plate::new(setup.outline, experiment.density().scaled(FINER))?;
-    setup.thickness = truth.thickness_mm;
-    alter_checked("--effect", &truth.effects, &mut setup)?;
-    let ply = model.material().ply(&truth.constants).admissible("--set")?;
-    let mut solution = nominal.solve(&setup, &ply)?;
-    let half = 0.5 * WINDOW * experiment.specimen.width_mm;
-    match ZeroAt::new(experiment.gauge, &frame, &nominal)? {
-        Some(zero) => zero.apply(&mut solution),
-        None => settle(&mut solution, [[-half; 2], [half; 2]]),
-    }
-    let seen = Seen::new(&truth.effects, &scene);
+    refuse_obstacles(&truth.effects, scene)?;
+    alter_checked("--effect", &truth.effects, &mut scene.setup.clone())?;
+    scene.material.ply(&truth.constants).admissible("--set")?;
+    let state = State::new(&truth.constants, truth.thickness_mm).with(truth.effects.clone());
     let [cx, cy] = frame.hole_center_mm;
     let corners = [[cx - half, cy - half], [cx + half, cy + half]];
     let mut grid = Grid::regular(corners, truth.grid, truth.grid);
     let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
-    let places: Vec<[f64; 2]> = points.iter().map(|&p| seen.true_point(p)).collect();
-    let (observer, inside) = Locator::new(&solution.mesh).observe(&places);
-    let reported: Vec<[f64; 2]> = points
-        .iter()
-        .zip(&inside)
-        .filter(|(_, inside)| **inside)
-        .map(|(p, _)| *p)
-        .collect();
-    if reported.is_empty() {
+    let inside = experiment.shows(&state, &points)?;
+    let shown = points.iter().zip(&inside).filter(|(_, inside)| **inside);
+    let shown: Vec<[f64; 2]> = shown.map(|(p, _)| *p).collect();
+    if shown.is_empty() {
         return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
     }
-    let mut u = observer.displacement(&solution.nodal);
-    for (u, &p) in u.iter_mut().zip(&reported) {
-        *u = seen.components(p, *u);
-    }
-    if experiment.gauge == Gauge::Window {
-        remove_rigid_motion(&reported, &mut u);
-    }
-    add_and_record(&truth.effects, &scene, &reported, &mut u);
+    let mut u = predict(experiment, &state, &Sight::anywhere(&shown, &[]))?.field;
+    record(state.acting(), scene, &shown, &mut u);
     add_noise(&grid, &inside, &mut u, truth);
     let mut measured = u.into_iter();
     for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {
-        *slot = if *inside {
-            measured.next().unwrap_or([f64::NAN; 2])
-        } else {
-            [f64::NAN; 2]
-        };
+        let u = if *inside { measured.next() } else { None };
+        *slot = u.unwrap_or([f64::NAN; 2]);
     }
     Ok(grid)
 }
@@ -106,23 +84,6 @@ fn refuse_obstacles(effects: &[Acting], scene: &Scene) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Add the additive effects, then let the instrument record what is there.
-fn add_and_record(effects: &[Acting], scene: &Scene, points: &[[f64; 2]], u: &mut [[f64; 2]]) {
-    let of = |kind: Kind| effects.iter().filter(move |a| a.effect.kind() == kind);
-    for acting in of(Kind::Additive) {
-        for (u, &p) in u.iter_mut().zip(points) {
-            let added = acting.effect.displacement(&acting.amplitude, scene, p);
-            u[0] += added[0];
-            u[1] += added[1];
-        }
-    }
-    for acting in of(Kind::Recorded) {
-        for (u, &p) in u.iter_mut().zip(points) {
-            *u = acting.effect.recorded(&acting.amplitude, scene, p, *u);
-        }
-    }
 }
 
 fn add_noise(grid: &Grid, inside: &[bool], u: &mut [[f64; 2]], truth: &Truth) {

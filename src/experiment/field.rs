@@ -1,0 +1,216 @@
+//! A field experiment: a flat specimen under load, solved by finite elements and seen by a camera.
+
+use std::collections::BTreeSet;
+
+use serde::Serialize;
+
+use super::gauge::{Gauge, ZeroAt, hold_window};
+use super::{Experiment, Look, Sight, State};
+use crate::effect::limit::alter_checked;
+use crate::effect::{Scene, Seen};
+use crate::error::{Error, Result};
+use crate::fem::{Density, Locator, Mesh, Plate, Setup, Solution};
+use crate::field::Frame;
+use crate::laminate::{LoadSpec, SpecimenSpec};
+
+/// Everything that determines what a field experiment predicts.
+#[derive(Debug, Clone, Serialize)]
+pub struct FieldTest {
+    /// The specimen.
+    pub specimen: SpecimenSpec,
+    /// The load.
+    pub load: LoadSpec,
+    /// The data's frame.
+    pub frame: Frame,
+    /// How the rigid motion of predictions is fixed.
+    pub gauge: Gauge,
+    /// Frequency of the fringes a mm of displacement, where displacements are read from fringes.
+    pub fringe_frequency_per_mm: Option<f64>,
+    /// Bounding box of the measured points, (s, t) mm, low and high corner.
+    pub window: [[f64; 2]; 2],
+    /// Mesh density.
+    pub density: Density,
+}
+
+/// A meshed specimen, ready to be solved.
+pub struct FieldExperiment {
+    test: FieldTest,
+    scene: Scene,
+    plate: Plate,
+    zero: Option<ZeroAt>,
+    /// Nodes of the elements that touch the window.
+    nodes: Vec<u32>,
+    support: Sight,
+}
+
+impl FieldExperiment {
+    /// Mesh the specimen; `scene` holds what effects need to know of the same test.
+    ///
+    /// # Errors
+    /// A specimen that cannot be meshed, a gauge's point beside it, a window beside it.
+    pub fn new(test: FieldTest, scene: Scene) -> Result<Self> {
+        let plate = Plate::new(scene.setup.outline, test.density)?;
+        let zero = ZeroAt::new(test.gauge, &test.frame, &plate)?;
+        let nodes = window_nodes(&plate.mesh, test.window);
+        if nodes.is_empty() {
+            return Err(Error::input("measurement", "points on the plate")
+                .found(format!("{:?}", test.window)));
+        }
+        let points: Vec<[f64; 2]> = nodes
+            .iter()
+            .map(|&n| plate.mesh.nodes[n as usize])
+            .collect();
+        let observer = Locator::new(&plate.mesh).observe_extended(&points);
+        Ok(Self {
+            support: Sight::anywhere(&points, &[]).with_observer(observer),
+            test,
+            scene,
+            plate,
+            zero,
+            nodes,
+        })
+    }
+
+    /// The plate that is solved.
+    pub fn plate(&self) -> &Plate {
+        &self.plate
+    }
+
+    /// The specimen and the load as a state leaves them.
+    fn setup(&self, state: &State) -> Result<Setup> {
+        let mut setup = self.scene.setup.clone();
+        setup.thickness = state.thickness_mm;
+        alter_checked("effects", state.acting(), &mut setup)?;
+        Ok(setup)
+    }
+
+    /// Stages 1 and 2: the loaded specimen, with its rigid motion as the gauge leaves it before the camera sees it.
+    fn loaded(&self, state: &State, camera: &Seen<'_>) -> Result<Solution<'_>> {
+        let ply = self.scene.material.ply(&state.constants);
+        let ply = ply.admissible("elastic constants")?;
+        let setup = self.setup(state)?;
+        let mut solution = self.plate.solve(&setup, &ply)?;
+        match &self.zero {
+            Some(zero) => zero.apply(&mut solution),
+            // a plain camera reports a rigid motion as it is, and the gauge removes it
+            None if camera.is_plain() => {}
+            None => hold_window(&mut solution, self.test.window),
+        }
+        Ok(solution)
+    }
+}
+
+impl Experiment for FieldExperiment {
+    fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    fn gauge(&self) -> Gauge {
+        self.test.gauge
+    }
+
+    fn window(&self) -> [[f64; 2]; 2] {
+        self.test.window
+    }
+
+    fn serialisation(&self) -> serde_json::Value {
+        serde_json::json!([self.test, self.scene.material])
+    }
+
+    fn mesh_size(&self) -> [usize; 2] {
+        [self.plate.mesh.elements.len(), self.plate.mesh.unknowns()]
+    }
+
+    fn support(&self) -> &Sight {
+        &self.support
+    }
+
+    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+        let mut nodal = vec![0.0; self.plate.mesh.unknowns()];
+        for (&node, u) in self.nodes.iter().zip(at_support) {
+            nodal[2 * node as usize] = u[0];
+            nodal[2 * node as usize + 1] = u[1];
+        }
+        match sight.observer() {
+            Some(observer) => observer.displacement(&nodal),
+            None => Locator::new(&self.plate.mesh)
+                .observe_extended(sight.all())
+                .displacement(&nodal),
+        }
+    }
+
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
+        let locator = Locator::new(&self.plate.mesh);
+        let (observer, mut inside) = locator.observe(&[points, further].concat());
+        let on_plate = |points: &[[f64; 2]], inside: &[bool]| -> Vec<[f64; 2]> {
+            let kept = points.iter().zip(inside).filter(|(_, inside)| **inside);
+            kept.map(|(p, _)| *p).collect()
+        };
+        let further = on_plate(further, &inside[points.len()..]);
+        inside.truncate(points.len());
+        let sight = Sight::anywhere(&on_plate(points, &inside), &further);
+        (sight.with_observer(observer), inside)
+    }
+
+    fn shows(&self, state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>> {
+        let camera = Seen::new(state.acting(), &self.scene);
+        let places: Vec<[f64; 2]> = points.iter().map(|&p| camera.true_point(p)).collect();
+        let mesh = self.plate.mesh_of(&self.setup(state)?)?;
+        Ok(Locator::new(&mesh).observe(&places).1)
+    }
+
+    fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
+        let camera = Seen::new(state.acting(), &self.scene);
+        let solution = self.loaded(state, &camera)?;
+        let own = sight
+            .observer()
+            .filter(|_| solution.is_nominal() && camera.is_plain());
+        let located;
+        let observer = match own {
+            Some(observer) => observer,
+            None => {
+                let places: Vec<[f64; 2]> =
+                    sight.all().iter().map(|&p| camera.true_point(p)).collect();
+                // where an effect moves points into the hole or past an edge, the field is continued
+                located = Locator::new(&solution.mesh).observe_extended(&places);
+                &located
+            }
+        };
+        let mut displacement = observer.displacement(&solution.nodal);
+        if !camera.is_plain() {
+            for (u, &p) in displacement.iter_mut().zip(sight.all()) {
+                *u = camera.components(p, *u);
+            }
+        }
+        let gradient = if gradient {
+            observer.gradient(&solution.nodal)
+        } else {
+            Vec::new()
+        };
+        Ok(Look {
+            displacement,
+            gradient,
+        })
+    }
+}
+
+/// Nodes of all elements whose bounding box meets the window, in increasing order.
+fn window_nodes(mesh: &Mesh, [low, high]: [[f64; 2]; 2]) -> Vec<u32> {
+    let mut nodes = BTreeSet::new();
+    for (e, element) in mesh.elements.iter().enumerate() {
+        let x = mesh.corners(e);
+        let outside = (0..2).any(|k| {
+            let (min, max) = x
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
+                    (a.min(p[k]), b.max(p[k]))
+                });
+            let margin = 0.125 * (max - min) + 1e-6;
+            max + margin < low[k] || min - margin > high[k]
+        });
+        if !outside {
+            nodes.extend(element);
+        }
+    }
+    nodes.into_iter().collect()
+}

@@ -1,0 +1,63 @@
+//! Where a field is looked at.
+
+use crate::fem::Observer;
+
+/// Reported points, and further ones that only the gauge counts: places of outliers, which were measured all the same.
+#[derive(Clone)]
+pub struct Sight {
+    /// Points, then further ones, (s, t) mm.
+    all: Vec<[f64; 2]>,
+    seen: usize,
+    /// Where all of them lie on the nominal specimen's mesh, if that is known.
+    observer: Option<Observer>,
+}
+
+impl Sight {
+    /// Points whose place on a mesh is not known beforehand.
+    pub fn anywhere(points: &[[f64; 2]], further: &[[f64; 2]]) -> Self {
+        Self {
+            all: [points, further].concat(),
+            seen: points.len(),
+            observer: None,
+        }
+    }
+
+    /// The same points with their places on the nominal mesh, in the order of [`Sight::all`].
+    pub(super) fn with_observer(mut self, observer: Observer) -> Self {
+        self.observer = Some(observer);
+        self
+    }
+
+    /// Places on the nominal mesh.
+    pub(super) fn observer(&self) -> Option<&Observer> {
+        self.observer.as_ref()
+    }
+
+    /// The points that are looked at, mm.
+    pub fn points(&self) -> &[[f64; 2]] {
+        &self.all[..self.seen]
+    }
+
+    /// Those points, then the further ones, mm.
+    pub fn all(&self) -> &[[f64; 2]] {
+        &self.all
+    }
+
+    /// Count the points for which `keep(index)` does not hold as further ones from now on.
+    pub fn set_aside(&mut self, keep: impl Fn(usize) -> bool) {
+        let (kept, gone): (Vec<usize>, Vec<usize>) = (0..self.seen).partition(|&i| keep(i));
+        self.seen = kept.len();
+        if gone.is_empty() {
+            return;
+        }
+        let order: Vec<usize> = kept
+            .into_iter()
+            .chain(self.seen + gone.len()..self.all.len())
+            .chain(gone)
+            .collect();
+        self.all = order.iter().map(|&i| self.all[i]).collect();
+        if let Some(observer) = &mut self.observer {
+            observer.reorder(&order);
+        }
+    }
+}
