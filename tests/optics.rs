@@ -4,7 +4,9 @@
 use plychain::effect::{EFFECTS, Effect, Kind, Scene, amplitude_name, find, recorded_column};
 use plychain::fem::Setup;
 use plychain::field::{Axis, Frame};
-use plychain::laminate::{HoleSpec, LoadSpec, MeanSd, Ply, SpecimenSpec, abd, free_expansion};
+use plychain::laminate::{
+    HoleSpec, LoadSpec, Material, MeanSd, Ply, SpecimenSpec, abd, free_expansion,
+};
 
 const FRINGES: Option<f64> = Some(2400.0);
 const EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
@@ -53,7 +55,7 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
         },
         fringe_frequency_per_mm: fringes,
         expansion_per_k: Some(EXPANSION),
-        isotropic: false,
+        material: Material::Ply,
     }
 }
 

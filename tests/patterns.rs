@@ -190,7 +190,7 @@ fn outliers_do_not_turn_the_gauge() {
     );
     let columns = |p: &plychain::identify::Prepared| {
         p.observation
-            .columns(&p.reduced, &p.plate.mesh, &clean)
+            .columns(&p.reduced, &*p.problem.experiment, &clean)
             .modes
     };
     let at =

@@ -3,10 +3,12 @@
 mod inputs;
 mod surrogate;
 
+use std::sync::Arc;
+
 use faer::Mat;
 use plychain::effect::Scene;
-use plychain::experiment::Gauge;
-use plychain::fem::{Density, Plate, Setup};
+use plychain::experiment::{FieldExperiment, FieldTest, Gauge};
+use plychain::fem::{Density, Setup};
 use plychain::field::{Axis, Frame};
 use plychain::laminate::{LoadSpec, Material, SpecimenSpec};
 use plychain::progress::Silent;
@@ -19,36 +21,52 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// The open-hole laminate on a coarse mesh.
-pub fn small_problem() -> Problem {
-    let side = |name: &str, low: f64, high: f64| Dimension {
-        name: name.into(),
-        low,
-        high,
-    };
+pub fn small_test() -> FieldTest {
     let specimen: SpecimenSpec = serde_json::from_str(
         r#"{ "length_mm": 60.0, "width_mm": 25.0, "hole": { "diameter_mm": 4.0, "center_mm": [0.0, 0.0] },
              "layup_deg": [45, -45, 0, 0, -45, 45], "thickness_mm": { "mean": 0.78, "sd": 0.005 } }"#,
     )
     .unwrap();
-    let load = LoadSpec { force_n: 700.0 };
-    let frame = Frame {
-        loading_axis: Axis::X,
-        hole_center_mm: [0.0; 2],
-    };
-    Problem {
-        scene: Scene {
-            frame,
-            setup: Setup::nominal(&specimen, &load, frame.handedness()),
-            ply: Material::Ply.ply(&[160.0, 7.5, 0.34, 4.5]),
-            fringe_frequency_per_mm: Some(2400.0),
-            expansion_per_k: None,
-            isotropic: false,
-        },
+    FieldTest {
         specimen,
-        material: Material::Ply,
-        load,
-        frame,
+        load: LoadSpec { force_n: 700.0 },
+        frame: Frame {
+            loading_axis: Axis::X,
+            hole_center_mm: [0.0; 2],
+        },
         gauge: Gauge::Window,
+        fringe_frequency_per_mm: Some(2400.0),
+        window: [[-8.0, -8.0], [8.0, 8.0]],
+        density: Density {
+            per_side: 6,
+            radial: 8,
+            along: 12,
+        },
+    }
+}
+
+/// What effects need to know of a test.
+pub fn scene(test: &FieldTest) -> Scene {
+    Scene {
+        frame: test.frame,
+        setup: Setup::nominal(&test.specimen, &test.load, test.frame.handedness()),
+        ply: Material::Ply.ply(&[160.0, 7.5, 0.34, 4.5]),
+        fringe_frequency_per_mm: test.fringe_frequency_per_mm,
+        expansion_per_k: None,
+        material: Material::Ply,
+    }
+}
+
+/// The reduced model's problem of a test.
+pub fn problem_of(test: FieldTest) -> Problem {
+    let side = |name: &str, low: f64, high: f64| Dimension {
+        name: name.into(),
+        low,
+        high,
+    };
+    let scene = scene(&test);
+    Problem {
+        experiment: Arc::new(FieldExperiment::new(test, scene).unwrap()),
         effects: Vec::new(),
         dimensions: vec![
             side("E1_GPa", 120.0, 200.0),
@@ -64,19 +82,12 @@ pub fn small_problem() -> Problem {
             doe: None,
             reference: None,
         },
-        window: [[-8.0, -8.0], [8.0, 8.0]],
-        density: Density {
-            per_side: 6,
-            radial: 8,
-            along: 12,
-        },
     }
 }
 
-pub fn plate(problem: &Problem) -> Plate {
-    let mut nominal = problem.point(&[160.0, 7.5, 0.34, 4.5]);
-    nominal.resize(problem.dimensions.len(), 0.0);
-    Plate::new(problem.test_at(&nominal).0.outline, problem.density).unwrap()
+/// The open-hole laminate on a coarse mesh.
+pub fn small_problem() -> Problem {
+    problem_of(small_test())
 }
 
 /// A random matrix whose singular values fall by about a decade from one to the next.
@@ -270,10 +281,9 @@ fn a_ratios_surface_is_exact_in_a_common_factor_and_in_the_thickness() {
 #[test]
 fn finite_elements_held_out_lie_within_the_stated_error() {
     let problem = small_problem();
-    let plate = plate(&problem);
-    let snapshots = Snapshots::compute(&problem, &plate, &|| ()).unwrap();
-    let model = ReducedModel::build(&problem, &plate, &snapshots).unwrap();
-    let held_out = Snapshots::at(&problem, &plate, points(&problem, 40, 99), &|| ()).unwrap();
+    let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
+    let model = ReducedModel::build(&problem, &snapshots).unwrap();
+    let held_out = Snapshots::at(&problem, points(&problem, 40, 99), &|| ()).unwrap();
     let count = held_out.points.len();
     for surface in [&model.surface, &model.plain] {
         for k in 0..8 {
@@ -323,18 +333,17 @@ fn finite_elements_held_out_lie_within_the_stated_error() {
 
 #[test]
 fn the_article_s_box_gives_its_tables_in_figures_without_a_length() {
-    let mut problem = small_problem();
-    problem.specimen.length_mm = 200.0;
-    problem.window = [[-12.15; 2], [12.15; 2]];
-    problem.density = Density {
+    let mut test = small_test();
+    test.specimen.length_mm = 200.0;
+    test.window = [[-12.15; 2], [12.15; 2]];
+    test.density = Density {
         per_side: 10,
         radial: 12,
         along: 24,
     };
-    let problem = Reference::Gogu2013.problem(&problem);
-    let plate = plate(&problem);
-    let snapshots = Snapshots::compute(&problem, &plate, &|| ()).unwrap();
-    let model = ReducedModel::build(&problem, &plate, &snapshots).unwrap();
+    let problem = Reference::Gogu2013.problem(&problem_of(test));
+    let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
+    let model = ReducedModel::build(&problem, &snapshots).unwrap();
     for c in 0..2 {
         for (i, k) in TRUNCATIONS.into_iter().enumerate() {
             let (eps, cv) = (
@@ -388,9 +397,7 @@ fn a_cached_model_is_the_same_and_a_damaged_one_is_rebuilt() {
     let directory = tempfile::tempdir().unwrap();
     let mut problem = small_problem();
     problem.spec.snapshots = 60;
-    let plate = plate(&problem);
-    let obtain =
-        |problem: &Problem| cache::obtain(problem, &plate, directory.path(), &Silent).unwrap();
+    let obtain = |problem: &Problem| cache::obtain(problem, directory.path(), &Silent).unwrap();
     let text = |model: &ReducedModel| serde_json::to_string(model).unwrap();
     let (first, cached) = obtain(&problem);
     assert!(!cached);

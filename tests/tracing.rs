@@ -7,12 +7,12 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
 use plychain::effect::{Acting, EFFECTS, Kind};
+use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::Model;
-use plychain::infer::simulate::{Truth, simulate};
 use plychain::progress::Silent;
-use plychain::trace::{State, Tracing, attribute, extended};
+use plychain::trace::{Tracing, attribute, extended};
 
 use serde_json::Value;
 
@@ -47,9 +47,8 @@ pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
         Noise::Correlated(length) => (10.0, length),
         Noise::Field(sd, length) => (sd, length),
     };
-    let mut grid = simulate(
-        &nominal,
-        &Truth {
+    let mut grid = nominal
+        .simulate(&Truth {
             constants: TRUTH.to_vec(),
             thickness_mm: 0.78,
             effects: acting,
@@ -57,9 +56,8 @@ pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
             correlation_mm,
             grid: 121,
             seed,
-        },
-    )
-    .unwrap();
+        })
+        .unwrap();
     if let Noise::Field(..) = noise {
         let mut rng = Pcg64Dxsm::seed_from_u64(1000 + seed);
         for u in grid.displacement.iter_mut().flatten() {
@@ -80,10 +78,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
     let cache = workplace().join("runs/.cache");
     let mut prepared = prepare(model, &cache, &Silent).unwrap();
     let mut model = model.clone();
-    let mut state = State {
-        constants: model.marginals().iter().map(|m| m.mean).collect(),
-        acting: Vec::new(),
-    };
+    let mut state = model.state(&|_| None);
     let mut accepted = Vec::new();
     loop {
         let tracing = attribute(&model, &prepared, state.clone(), &Silent).unwrap();
@@ -368,10 +363,7 @@ fn what_cannot_be_seen_is_said_to_be() {
 fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
-    let state = State {
-        constants: model.marginals().iter().map(|m| m.mean).collect(),
-        acting: Vec::new(),
-    };
+    let state = model.state(&|_| None);
     let tracing = attribute(&model, &prepared, state, &Silent).unwrap();
     let group = &tracing.groups[0];
     assert_eq!(group.leader, "in_plane_bending");

@@ -1,12 +1,14 @@
 //! Inputs of which no reduced model can be made end in an error that says what to change.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use plychain::error::Error;
+use plychain::experiment::FieldExperiment;
 use plychain::infer::Model;
 use plychain::reduce::{Choice, Modes, ReducedSpec, Surface, Variables};
 
-use super::{points, small_problem};
+use super::{points, scene, small_problem, small_test};
 
 /// The error's text and hint, which must be the input's fault.
 fn told(error: &Error) -> String {
@@ -125,6 +127,9 @@ fn a_reference_needs_a_laminate() {
     let published = problem.spec.reference.unwrap().problem(&problem);
     assert_eq!(published.dimensions[4].low, 6.0 * 0.12);
     published.validate().unwrap();
-    problem.material = plychain::laminate::Material::Isotropic;
+    let test = small_test();
+    let mut scene = scene(&test);
+    scene.material = plychain::laminate::Material::Isotropic;
+    problem.experiment = Arc::new(FieldExperiment::new(test, scene).unwrap());
     assert!(told(&problem.validate().unwrap_err()).contains("reduced_model.reference"));
 }

@@ -4,24 +4,23 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::Rule;
+use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
-use plychain::infer::simulate::{Truth, simulate};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
 use plychain::laminate::Material;
 use plychain::progress::Silent;
 use plychain::reduce::{Problem, ReducedModel, Snapshots};
 use plychain::sample::{SAMPLERS, Schedule};
 
-use super::{plate, small_problem};
+use super::small_problem;
 
 /// A reduced model on the coarse mesh.
 fn reduced_model() -> (Problem, ReducedModel) {
     let mut problem = small_problem();
     problem.spec.snapshots = 60;
-    let plate = plate(&problem);
-    let snapshots = Snapshots::compute(&problem, &plate, &|| ()).unwrap();
-    let reduced = ReducedModel::build(&problem, &plate, &snapshots).unwrap();
+    let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
+    let reduced = ReducedModel::build(&problem, &snapshots).unwrap();
     (problem, reduced)
 }
 
@@ -50,7 +49,7 @@ fn likelihood(statistics: &Statistics, reduced: &ReducedModel) -> Likelihood {
 #[test]
 fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
     let (problem, reduced) = reduced_model();
-    let statistics = statistics(reduced.surface.evaluate(&problem.point(&TRUTH)));
+    let statistics = statistics(reduced.surface.evaluate(&problem.point(&TRUTH, 0.78)));
     let error = DVector::from_fn(8, |k, _| 1e-5 * (k as f64 - 3.0));
     let weighted = &statistics.precision * &error;
     let mut shifted = statistics.clone();
@@ -74,7 +73,7 @@ fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
 #[test]
 fn one_newton_step_finds_the_mode_that_another_surface_has() {
     let (problem, reduced) = reduced_model();
-    let statistics = statistics(reduced.surface.evaluate(&problem.point(&TRUTH)));
+    let statistics = statistics(reduced.surface.evaluate(&problem.point(&TRUTH, 0.78)));
     let mut other = reduced.clone();
     for (k, c) in other.surface.coefficients.iter_mut().enumerate() {
         c[0] += 1e-8 * (k as f64 - 2.5);
@@ -103,7 +102,7 @@ fn one_newton_step_finds_the_mode_that_another_surface_has() {
         laplace(&posterior, &TRUTH, &sds).unwrap()
     };
     let (here, there) = (mode(&reduced), mode(&other));
-    let point = problem.point(&here.mode);
+    let point = problem.point(&here.mode, 0.78);
     let predictions = [&other, &reduced].map(|r| DVector::from_vec(r.surface.evaluate(&point)));
     let weighted = &statistics.precision * (&predictions[0] - &predictions[1]);
     let covariance = DMatrix::from_row_slice(4, 4, &here.covariance);
@@ -146,7 +145,7 @@ fn coarse_model(directory: &Path, modes: usize, e1: [f64; 2]) -> Model {
     };
     write_matrices(
         &directory.join("openhole"),
-        &simulate(&model, &truth).unwrap(),
+        &model.simulate(&truth).unwrap(),
     )
     .unwrap();
     model
@@ -193,70 +192,4 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
         e1.mean,
         e1.sd
     );
-}
-
-/// How refined designs compare near a posterior; printed: `cargo test --release designs -- --ignored --nocapture`.
-#[test]
-#[ignore]
-fn measure_designs_of_a_refinement() {
-    let mut problem = small_problem();
-    problem.spec.snapshots = 200;
-    problem.density = plychain::fem::Density {
-        per_side: 12,
-        radial: 16,
-        along: 24,
-    };
-    let plate = plate(&problem);
-    let mut near = problem.clone();
-    let posterior = [(140.0, 1.1), (7.71, 0.36), (0.328, 0.026), (4.996, 0.088)];
-    for (side, (mean, sd)) in near.dimensions.iter_mut().zip(posterior) {
-        (side.low, side.high) = (mean - 5.5 * sd, mean + 5.5 * sd);
-    }
-    let draws = |n: usize, seed: u64| -> Vec<Vec<f64>> {
-        let wide = super::points(&near, n, seed);
-        // Two standard deviations to either side of 5.5.
-        let shrink = |p: &Vec<f64>| {
-            let mid = near.dimensions.iter().map(|d| d.at(0.5));
-            p.iter()
-                .zip(mid)
-                .map(|(x, m)| m + (x - m) * 2.0 / 5.5)
-                .collect()
-        };
-        wide.iter().map(shrink).collect()
-    };
-    let truth = Snapshots::at(&near, &plate, draws(32, 7), &|| ()).unwrap();
-    let far = super::points(&problem, 200, 2013);
-    let close = super::points(&near, 200, 2013);
-    let join = |parts: &[&[Vec<f64>]]| parts.concat();
-    for (name, design) in [
-        ("prior box, 200", far.clone()),
-        ("prior box 200 + draws 32", join(&[&far, &draws(32, 8)])),
-        ("prior box 200 + box 200", join(&[&far, &close])),
-        ("box 200", close.clone()),
-        ("box 100", super::points(&near, 100, 2013)),
-        ("box 168 + draws 32", join(&[&close[..168], &draws(32, 8)])),
-    ] {
-        let snapshots = Snapshots::at(&near, &plate, design, &|| ()).unwrap();
-        for k in [4, 6] {
-            problem.spec.modes = plychain::reduce::Modes::Count(k);
-            let model = ReducedModel::build(&problem, &plate, &snapshots).unwrap();
-            let mut worst = [0.0_f64; 2];
-            for (j, p) in truth.points.iter().enumerate() {
-                let alpha = model.surface.evaluate(p);
-                for c in 0..2 {
-                    for i in 0..model.nodes.len() {
-                        let sum: f64 = (0..k)
-                            .map(|m| alpha[c * k + m] * model.modes[c][m][i])
-                            .sum();
-                        worst[c] = worst[c].max((truth.fields[c][(i, j)] - sum).abs());
-                    }
-                }
-            }
-            println!(
-                "{name:26} K {k}: {:.5} and {:.5} nm",
-                1e6 * worst[0],
-                1e6 * worst[1]
-            );
-        }
-    }
 }
