@@ -59,7 +59,7 @@ enum Verb {
     Trace(closing::TraceArguments),
     /// Build the reduced model and print its error tables
     Build(build::Arguments),
-    /// Measure the speed of log posterior and samplers on a tabulated posterior
+    /// Measure the speed of log posterior and samplers, of the default model or on a tabulated posterior
     Bench(bench::Arguments),
     /// Print what chains are worth: R-hat, effective draws, standard errors, and a verdict
     Diagnose(diagnose::Arguments),
@@ -120,7 +120,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Trace(arguments) => closing::trace(&arguments, &console),
         Verb::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
         Verb::Build(arguments) => build::run(&arguments, &console),
-        Verb::Bench(arguments) => bench::run(&arguments, &cli.global),
+        Verb::Bench(arguments) => bench::run(&arguments, &cli.global, &console),
         Verb::Diagnose(arguments) => diagnose::run(&arguments),
         Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Report(arguments) => report::run(&arguments),

@@ -4,7 +4,7 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `error, files, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
+//! `error, files, numeric, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
 
 pub mod chain;
 pub mod cli;
@@ -19,6 +19,7 @@ pub mod identify;
 pub mod infer;
 pub mod laminate;
 pub mod noise;
+pub mod numeric;
 pub mod progress;
 pub mod quantity;
 pub mod reduce;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
 const ORDER: [&[&str]; 19] = [
-    &["error", "files", "quantity", "progress"],
+    &["error", "files", "numeric", "quantity", "progress"],
     &["field", "laminate"],
     &["noise"],
     &["geometry"],

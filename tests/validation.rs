@@ -1,19 +1,21 @@
 //! Other ways to a posterior agree with it, bad input is refused, and simulated measurements of known truth are covered.
 
-use plychain::infer::{Laplace, LogDensity, Posterior, Tabulated, laplace};
+use plychain::infer::{Laplace, LogDensity, Posterior, laplace};
 use plychain::noise::matern_pair;
+use plychain::numeric::{hermite, legendre};
 use plychain::validate::calibration::{band, kolmogorov};
 use plychain::validate::grid::{Grid, automatic, check_bounds};
-use plychain::validate::quadrature::{FIVE, SEVEN, preview};
+use plychain::validate::quadrature::preview;
 use plychain::validate::thickness;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Dxsm;
 use serde_json::Value;
 
+use crate::kernel::table;
 use crate::program::{fresh, model, plychain, root, succeed};
 
 fn posterior() -> (Posterior, Laplace, Vec<[f64; 2]>) {
-    let posterior = Tabulated::synthetic().unwrap().posterior();
+    let posterior = table().posterior();
     let (centre, sd) = posterior.start();
     let mode = laplace(&posterior, &centre, &sd).unwrap();
     let d = posterior.dim();
@@ -24,7 +26,8 @@ fn posterior() -> (Posterior, Laplace, Vec<[f64; 2]>) {
 
 #[test]
 fn gauss_hermite_rules_have_the_moments_of_the_normal() {
-    for rule in [&FIVE[..], &SEVEN[..]] {
+    for nodes in [5, 7] {
+        let rule = hermite(nodes);
         let mut expected = 1.0;
         for power in 0..2 * rule.len() as i32 {
             let moment: f64 = rule.iter().map(|(z, w)| w * z.powi(power)).sum();
@@ -36,6 +39,16 @@ fn gauss_hermite_rules_have_the_moments_of_the_normal() {
             if power % 2 == 0 {
                 expected *= f64::from(power + 1);
             }
+        }
+    }
+}
+
+#[test]
+fn gauss_legendre_rules_integrate_powers() {
+    for nodes in 1..8 {
+        for power in 0..2 * nodes as i32 {
+            let moment: f64 = legendre(nodes).iter().map(|(x, w)| w * x.powi(power)).sum();
+            assert!((moment * f64::from(power + 1) - 1.0).abs() < 1e-13);
         }
     }
 }

@@ -1,26 +1,34 @@
-//! `plychain bench`: what one log posterior costs, and what the samplers make of it.
+//! `plychain bench`: what one log posterior costs, and what the samplers make of it; of the default model, or of a
+//! tabulated posterior with known answers.
 
 use std::cell::Cell;
+use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 
-use super::{Global, print};
+use super::console::Console;
+use super::running::load;
+use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::infer::{LogDensity, Moments, Posterior, Tabulated, laplace};
+use crate::identify::{inverse_problem, prepare, start};
+use crate::infer::{
+    Laplace, LogDensity, Posterior, Tabulated, TabulatedMoments, TestPoint, laplace,
+};
 use crate::sample::{
-    De, Ensemble, Mixture, Monitor, Outcome, Phase, Report, Sampler, Schedule, Start, Stop, Stretch,
+    Ensemble, MOVES, Mixture, Monitor, Outcome, Phase, Report, Sampler, Schedule, Start, Stop,
 };
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
+#[command(after_help = "Examples:
+  plychain bench
   plychain bench --draws 500000 --repeat 1")]
 pub struct Arguments {
-    /// Tabulated posterior (default: a small synthetic one)
+    /// Tabulated posterior (default: the posterior of models/openhole.json)
     file: Option<PathBuf>,
     /// Draws of each sampler (of fewer, the first touch of memory is a larger part of the time)
     #[arg(long, default_value_t = 2_000_000)]
@@ -31,25 +39,28 @@ pub struct Arguments {
 }
 
 /// Run the verb.
-pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
-    let table = match &arguments.file {
-        Some(path) => Tabulated::load(path)?,
-        None => Tabulated::synthetic()?,
+pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+    let (posterior, normal, known) = match &arguments.file {
+        Some(path) => tabulated(&Tabulated::load(path)?)?,
+        None => {
+            let model = load(DEFAULT_MODEL.as_ref(), None)?;
+            let prepared = prepare(&model, &cache(), console)?;
+            let posterior = inverse_problem(&model, prepared, console)?.posterior;
+            let normal = start(&posterior)?;
+            (posterior, normal, None)
+        }
     };
-    let posterior = table.posterior();
-    let start = Point::of(&posterior)?;
-    agreement(&table, &posterior, &start)?;
-    cost(&posterior, &start)?;
+    cost(&posterior, &cloud(&normal, 64))?;
     print(&format!(
         "min ESS/s: of the bulk over all parameters, a second of sampling without warm-up that holds {} draws at most\n",
         Schedule::default().memory
     ))?;
     for (name, sampler) in samplers() {
-        let known = table.reference.as_ref().filter(|_| name == DEFAULT);
+        let known = known.as_ref().filter(|_| name == DEFAULT);
         let runs = (0..arguments.repeat.max(1) as u64)
             .map(|k| {
                 let seed = global.seed + k;
-                measure(&posterior, &*sampler, &start, arguments.draws, seed)
+                measure(&posterior, &*sampler, &normal, arguments.draws, seed)
             })
             .collect::<Result<Vec<_>>>()?;
         show(name, &runs, known)?;
@@ -57,100 +68,55 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     Ok(())
 }
 
-const DEFAULT: &str = "default mixture";
-
-fn samplers() -> Vec<(&'static str, Box<dyn Sampler>)> {
-    let stretch = |walkers| Ensemble {
-        mixture: Mixture::only(Box::new(Stretch::default())),
-        walkers: Some(walkers),
-    };
-    vec![
-        (DEFAULT, Box::new(Ensemble::default())),
-        ("stretch, 32 walkers", Box::new(stretch(32))),
-        ("stretch, 64 walkers", Box::new(stretch(64))),
-        (
-            "DE",
-            Box::new(Ensemble::with(Mixture::only(Box::new(De::default())))),
-        ),
-    ]
-}
-
-/// Where chains start.
-struct Point {
-    mode: Vec<f64>,
-    covariance: Vec<f64>,
-    sd: Vec<f64>,
-}
-
-impl Point {
-    fn of(posterior: &Posterior) -> Result<Self> {
-        let (centre, sd) = posterior.start();
-        let normal = laplace(posterior, &centre, &sd)?;
-        let dim = centre.len();
-        Ok(Self {
-            sd: (0..dim)
-                .map(|k| normal.covariance[k * dim + k].sqrt())
-                .collect(),
-            mode: normal.mode,
-            covariance: normal.covariance,
-        })
-    }
-
-    /// Points about the mode, row by row.
-    fn cloud(&self, count: usize) -> Vec<f64> {
-        let mut points = Vec::with_capacity(count * self.mode.len());
-        for i in 0..count {
-            for (k, (m, s)) in self.mode.iter().zip(&self.sd).enumerate() {
-                let phase = ((i * 7 + k * 3) % 29) as f64 / 29.0 - 0.5;
-                points.push(m + 3.0 * s * phase);
-            }
-        }
-        points
-    }
-}
-
-/// Points row by row, parameter by parameter.
-fn columns(points: &[f64], dim: usize) -> Vec<f64> {
-    let column = |k: usize| points.iter().skip(k).step_by(dim).copied();
-    (0..dim).flat_map(column).collect()
-}
-
-fn agreement(table: &Tabulated, posterior: &Posterior, start: &Point) -> Result<()> {
-    let worst = |points: &mut dyn Iterator<Item = (f64, f64)>| {
-        points.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    };
-    if !table.test_points.is_empty() {
-        let known = &table.test_points;
-        let largest = worst(&mut known.iter().map(|t| (posterior.log_density(&t.p), t.logp)));
+/// The posterior of a table, its normal approximation, and its moments where they are known, after a comparison with the
+/// table's own points.
+fn tabulated(table: &Tabulated) -> Result<(Posterior, Laplace, Option<TabulatedMoments>)> {
+    let posterior = table.posterior();
+    let (centre, sd) = posterior.start();
+    let normal = laplace(&posterior, &centre, &sd)?;
+    let known = &table.test_points;
+    let deviation = |t: &TestPoint| (posterior.log_density(&t.p) - t.logp).abs();
+    let largest = known.iter().map(deviation).fold(0.0, f64::max);
+    if !known.is_empty() {
         print(&format!(
             "log posterior at {} test points: largest deviation {largest:.1e}\n",
             known.len()
         ))?;
     }
-    let cloud = start.cloud(64);
-    let points = cloud.chunks_exact(posterior.dim());
-    let dense = worst(
-        &mut points
-            .clone()
-            .map(|x| (posterior.log_density(x), table.dense(x))),
-    );
-    let mut batch = vec![0.0; 64];
-    posterior.log_density_batch(&columns(&cloud, posterior.dim()), &mut batch);
-    let same = points
-        .zip(&batch)
-        .all(|(x, v)| posterior.log_density(x).to_bits() == v.to_bits());
-    print(&format!(
-        "against the formula with a dense covariance: {dense:.1e}; batch and single to the same bits: {}\n",
-        if same { "yes" } else { "NO" }
-    ))
+    Ok((posterior, normal, table.reference.clone()))
 }
 
-fn cost(posterior: &Posterior, start: &Point) -> Result<()> {
-    let (count, dim) = (64, posterior.dim());
-    let cloud = start.cloud(count);
-    let whole = columns(&cloud, dim);
-    let halves: Vec<Vec<f64>> = cloud.chunks(32 * dim).map(|c| columns(c, dim)).collect();
-    let mut out = vec![0.0; count];
+const DEFAULT: &str = "default mixture";
+
+/// The default mixture, and every move alone.
+fn samplers() -> Vec<(&'static str, Box<dyn Sampler>)> {
+    let mut all: Vec<(&str, Box<dyn Sampler>)> = vec![(DEFAULT, Box::new(Ensemble::default()))];
+    for entry in MOVES {
+        let alone = Ensemble::with(Mixture::only((entry.build)()));
+        all.push((entry.name, Box::new(alone)));
+    }
+    all
+}
+
+/// Points about the mode, parameter by parameter.
+fn cloud(normal: &Laplace, count: usize) -> Vec<f64> {
+    let dim = normal.mode.len();
+    let at = |k: usize, i: usize| {
+        let phase = ((i * 7 + k * 3) % 29) as f64 / 29.0 - 0.5;
+        normal.mode[k] + 3.0 * normal.covariance[k * dim + k].sqrt() * phase
+    };
+    (0..dim)
+        .flat_map(|k| (0..count).map(move |i| at(k, i)))
+        .collect()
+}
+
+fn cost(posterior: &Posterior, whole: &[f64]) -> Result<()> {
+    let dim = posterior.dim();
+    let count = whole.len() / dim;
+    let points: Vec<f64> = (0..count)
+        .flat_map(|i| whole.iter().skip(i).step_by(count).copied())
+        .collect();
+    let (mut together, mut alone) = (vec![0.0; count], vec![0.0; count]);
     let time = |work: &mut dyn FnMut()| {
         let times = (0..25).map(|_| {
             let start = Instant::now();
@@ -160,23 +126,22 @@ fn cost(posterior: &Posterior, start: &Point) -> Result<()> {
         // Others may be at work on the machine: the fastest run is the least disturbed.
         times.fold(f64::INFINITY, f64::min)
     };
-    let batched = time(&mut || {
-        posterior.log_density_batch(std::hint::black_box(&whole), std::hint::black_box(&mut out));
-    });
-    let half = time(&mut || {
-        for (xs, out) in halves.iter().zip(out.chunks_mut(32)) {
-            posterior.log_density_batch(std::hint::black_box(xs), std::hint::black_box(out));
-        }
-    });
+    let batched =
+        time(&mut || posterior.log_density_batch(black_box(whole), black_box(&mut together)));
     let single = time(&mut || {
-        for (x, out) in cloud.chunks_exact(dim).zip(&mut out) {
-            *out = posterior.log_density(std::hint::black_box(x));
+        for (x, out) in points.chunks_exact(dim).zip(&mut alone) {
+            *out = posterior.log_density(black_box(x));
         }
-        std::hint::black_box(&out);
+        black_box(&alone);
     });
+    let same = together
+        .iter()
+        .zip(&alone)
+        .all(|(a, b)| a.to_bits() == b.to_bits());
     print(&format!(
-        "one log posterior: {batched:.1} ns in batches of 64, {half:.1} ns of 32, {single:.1} ns alone ({})\n",
-        vectors()
+        "one log posterior of {dim} parameters: {batched:.1} ns in batches of {count}, {single:.1} ns alone ({}), {}\n",
+        vectors(),
+        if same { "the same bits" } else { "OTHER BITS" }
     ))
 }
 
@@ -201,7 +166,7 @@ struct Measured {
 }
 
 impl Measured {
-    fn deviation(&self, known: &Moments) -> f64 {
+    fn deviation(&self, known: &TabulatedMoments) -> f64 {
         let rows = self.rows.iter().zip(known.mean.iter().zip(&known.sd));
         rows.map(|(row, (mean, sd))| {
             let mean = (row.mean - mean).abs() / row.mcse_mean;
@@ -212,7 +177,7 @@ impl Measured {
 }
 
 /// Others may be at work on the machine: the fastest run is the least disturbed.
-fn show(name: &str, runs: &[Measured], known: Option<&Moments>) -> Result<()> {
+fn show(name: &str, runs: &[Measured], known: Option<&TabulatedMoments>) -> Result<()> {
     let least = |threads: usize| {
         let seconds = runs.iter().map(|m| m.seconds[threads]);
         seconds.fold(f64::INFINITY, f64::min)
@@ -249,11 +214,11 @@ const WARMUP: usize = 1000;
 fn measure(
     posterior: &Posterior,
     sampler: &dyn Sampler,
-    start: &Point,
+    normal: &Laplace,
     draws: usize,
     seed: u64,
 ) -> Result<Measured> {
-    let run = |threads, memory| timed(posterior, sampler, start, draws, seed, threads, memory);
+    let run = |threads, memory| timed(posterior, sampler, normal, draws, seed, threads, memory);
     // As every run holds them; one after the other, so that what else the machine does meets both. They take a
     // twentieth of the time of the diagnosis: several find a quiet moment.
     let usual = Schedule::default().memory;
@@ -279,7 +244,7 @@ fn measure(
 fn timed(
     posterior: &Posterior,
     sampler: &dyn Sampler,
-    start: &Point,
+    normal: &Laplace,
     draws: usize,
     seed: u64,
     threads: usize,
@@ -295,8 +260,8 @@ fn timed(
         ..Schedule::default()
     };
     let start = Start::Ball {
-        centre: &start.mode,
-        covariance: &start.covariance,
+        centre: &normal.mode,
+        covariance: &normal.covariance,
         spread: 1.0,
     };
     let pool = rayon::ThreadPoolBuilder::new()

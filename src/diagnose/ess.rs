@@ -4,9 +4,10 @@
 //! shows: so the ESS is never above that of the ensembles' mean values over time. For single chains the two are one.
 
 use super::autocov::mean_autocovariance;
-use super::transform::{map, mean, normal_scores, quantile, sorted, split, variance};
+use super::transform::{map, mean, normal_scores, sorted, split, variance};
 use super::usable;
 use crate::chain::Series;
+use crate::numeric::quantile;
 
 /// Effective number of draws for the bulk: of the rank-normalised split chains.
 pub fn ess_bulk(series: &Series) -> f64 {

@@ -6,6 +6,7 @@ use super::ess::{ess_mean, ess_quantile};
 use super::transform::{map, mean, sd, sorted};
 use super::usable;
 use crate::chain::Series;
+use crate::numeric::bisect;
 
 /// Standard error of the mean: sd / sqrt(ESS of the mean).
 pub fn mcse_mean(series: &Series) -> f64 {
@@ -49,14 +50,5 @@ fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
         let sd = (centre * (1.0 - centre) / (a + b + 1.0)).sqrt();
         return centre + if probability < 0.5 { -sd } else { sd };
     }
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if beta_reg(a, b, middle) < probability {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    0.5 * (low + high)
+    bisect(0.0, 1.0, |x| beta_reg(a, b, x) < probability)
 }

@@ -17,7 +17,7 @@ pub use ess::{ess_bulk, ess_mean, ess_quantile, ess_tail};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rhat::rhat;
 pub use tau::{autocorrelation, tau};
-pub use transform::{mean, quantile, sd};
+pub use transform::{mean, sd};
 pub use verdict::{Row, Rule, Verdict, diagnose};
 
 use crate::chain::Series;

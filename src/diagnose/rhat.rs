@@ -1,9 +1,10 @@
 //! R-hat, rank-normalised, split and folded: Vehtari, Gelman, Simpson, Carpenter & Buerkner (2021), Bayesian Analysis
 //! 16, 667, section 3.1 and 3.2.
 
-use super::transform::{map, mean, normal_scores, quantile, sorted, split, variance};
+use super::transform::{map, mean, normal_scores, sorted, split, variance};
 use super::usable;
 use crate::chain::Series;
+use crate::numeric::quantile;
 
 /// The larger of the rank-normalised split R-hat and that of the folded draws, across *independent ensembles*: the
 /// walkers of an ensemble depend on each other, so each ensemble's walkers are pooled into one group for each half in

@@ -19,17 +19,6 @@ pub(super) fn variance(values: &[f64]) -> f64 {
     sum / (values.len() as f64 - 1.0)
 }
 
-/// Quantile at `p` in [0, 1] of values sorted in increasing order, by linear interpolation (R's type 7). NaN if empty.
-pub fn quantile(sorted: &[f64], p: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else {
-        return f64::NAN;
-    };
-    let place = p.clamp(0.0, 1.0) * last as f64;
-    let below = place.floor() as usize;
-    let above = (below + 1).min(last);
-    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
-}
-
 /// The values in increasing order.
 pub(super) fn sorted(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();

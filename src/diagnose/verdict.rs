@@ -8,8 +8,9 @@ use super::ess::{ess_bulk, ess_tail};
 use super::mcse::{mcse_mean, mcse_quantile, mcse_sd};
 use super::rhat::rhat;
 use super::tau::tau;
-use super::transform::{mean, quantile, sd, sorted};
+use super::transform::{mean, sd, sorted};
 use crate::chain::{Draws, Series};
+use crate::numeric::quantile;
 use crate::sample::Stop;
 
 /// Acceptance rate below which a chain counts as stuck.

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
-use super::local::{mad, median};
+use super::local::mad;
+use crate::numeric::median;
 
 /// Neighbours that a residual is compared with.
 const NEIGHBOURS: usize = 24;

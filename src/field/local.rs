@@ -4,6 +4,8 @@ use nalgebra::{Cholesky, Const, SMatrix, SVector};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
+use crate::numeric::median;
+
 /// Neighbours of a fit: three to four times the six coefficients of a quadratic.
 pub(crate) const NEIGHBOURS: usize = 20;
 
@@ -208,16 +210,6 @@ fn factorize(basis: &[Coefficients], weights: &[f64]) -> Option<Factor> {
     let ridge = 1e-9 * normal.trace();
     (0..6).for_each(|k| normal[(k, k)] += ridge);
     normal.cholesky()
-}
-
-/// The median; sorts `values`. Zero if there are none.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    *median
 }
 
 /// Normal-consistent scale from the median absolute value.

@@ -6,6 +6,7 @@ use rstar::RTree;
 
 use super::frame::Frame;
 use crate::error::{Error, Result};
+use crate::numeric::median;
 
 /// Coordinates and displacements beyond this are taken for a mistake in the units, mm.
 pub(super) const FARTHEST_MM: f64 = 1e5;
@@ -195,7 +196,7 @@ impl Field {
             })
             .map(f64::sqrt)
             .collect();
-        super::local::median(&mut nearest)
+        median(&mut nearest)
     }
 
     /// Check that the declared centre lies in the hole: nothing is measured well inside it (r < 0.8 `radius_mm`).

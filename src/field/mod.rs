@@ -17,7 +17,6 @@ pub mod table;
 
 pub use blocks::Blocks;
 pub use frame::{Axis, Frame};
-pub(crate) use local::median;
 pub use matrices::Grid;
 pub use measured::{Field, GridShape, Reason, Rejected};
 pub use spec::MeasurementSpec;

@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::local::{LocalFit, mad, median};
+use super::local::{LocalFit, mad};
 use super::measured::{Field, Reason, bounds};
+use crate::numeric::median;
 
 /// A residual beyond this many standard deviations makes a outlier (6e-7 of good Gaussian points).
 pub const MULTIPLE: f64 = 5.0;

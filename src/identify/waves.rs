@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
 
 use super::patterns::IMPROBABLE;
-use crate::field::{Blocks, Field, median};
+use crate::field::{Blocks, Field};
+use crate::numeric::median;
 use crate::quantity::NM_PER_MM;
 
 /// A wave in one part of one component.

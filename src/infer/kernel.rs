@@ -1,31 +1,37 @@
-//! The likelihood compiled for speed: quadratic form of the residual of polynomials with a diagonal plus rank-one
-//! covariance, for [`WIDTH`] points at once or for one.
+//! The likelihood compiled for speed: the quadratic form of a residual of polynomials with a diagonal plus rank-one
+//! covariance.
 //!
-//! Polynomials are collapsed at the mean thickness, nothing is allocated in the loop. Plain cubics in few variables go
-//! through [`Horner`]; in all others monomials are products of lower ones. Every point undergoes the same operations in
-//! the same order whether it comes alone or in company (fused multiply-adds where the processor has them), so the result
-//! does not depend on how points are grouped.
+//! Polynomials are collapsed at the mean thickness, monomials are products of lower ones, and nothing is allocated in the
+//! loop. A vector holds one number for each of several points; a point alone stands in every lane. One and the same code
+//! evaluates both, so the result does not depend on how points are grouped.
 
 use std::cell::RefCell;
 
+use nalgebra::DMatrix;
 use pulp::Simd;
 
-use super::forms::{Finish, Forms, GROUP, Of};
-use super::horner::{Form, Horner};
-use super::lanes::{Columns, Lanes, WIDTH, each, ln, ln_vector};
-use super::monomials::{Variable, closure, position, variables, without};
-use super::nested::BLOCK;
-use super::sums::{Polynomials, accumulate, accumulate_single, add_group, add_logarithm};
+use super::lanes::{Lanes, Parameters, ln_vector};
+use super::monomials::{Scaled, closure, position, variables, without};
 use crate::reduce::{Choice, Surface};
+
+/// Coordinates that share a division: the inverse of the product of their variances gives each inverse.
+const GROUP: usize = 4;
+
+/// Groups that share a logarithm. More could overflow: a variance may be 1e16, or, at a noise scale of [`LARGEST_SCALE`],
+/// 1e36.
+const SHARED: usize = 2;
+
+/// Noise scale (1: as estimated) from which on the density is taken as zero.
+pub(super) const LARGEST_SCALE: f64 = 1e10;
 
 /// What the kernel needs to know, in coordinates whose covariance is diagonal.
 pub(super) struct Parts<'a> {
     /// The response surface, for its variables and exponents.
     pub surface: &'a Surface,
     /// Coefficient of each monomial of the surface in each coordinate.
-    pub polynomial: &'a nalgebra::DMatrix<f64>,
+    pub polynomial: &'a DMatrix<f64>,
     /// The same of the derivative by the thickness (mm), or none where a factor 1/h carries it.
-    pub slope: Option<&'a nalgebra::DMatrix<f64>>,
+    pub slope: Option<&'a DMatrix<f64>>,
     /// Measured coordinates.
     pub measured: &'a [f64],
     /// Variance of each coordinate is 1 + (noise scale)^2 times this.
@@ -39,50 +45,58 @@ pub(super) struct Parts<'a> {
 /// The compiled likelihood.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Kernel {
-    variables: Vec<Variable>,
+    variables: Vec<Scaled>,
     /// Each monomial after the constant as (lower monomial, variable).
     products: Vec<(usize, usize)>,
-    padded: usize,
-    mean: Polynomials,
-    /// Thickness response times the thickness' sd; over the first monomials only.
-    slope: Option<Polynomials>,
-    /// Without slope: response relative to the mean.
+    /// Coefficients of the mean: [`GROUP`] by group of coordinates, in each monomial by monomial.
+    mean: Vec<f64>,
+    /// The same of the thickness response times the thickness' sd, unless that is proportional to the mean.
+    response: Option<Vec<f64>>,
+    /// Thickness response over the mean where they are proportional, else 1.
     relative: f64,
+    /// Padded with zeros to whole groups, like all coordinates.
     measured: Vec<f64>,
     /// Empty if the noise scale is fixed: the coordinates are then scaled to unit variance.
     spread: Vec<f64>,
-    /// The factor of the polynomials is this over the first parameter.
+    /// What stands before the polynomials is this over the first parameter.
     factor: Option<f64>,
     constant: f64,
-    /// The whole quadratic form, if it is of plain cubics in few variables.
-    horner: Option<Horner>,
 }
 
 /// Room for intermediate values, one a thread, so that an evaluation allocates nothing.
 #[derive(Default)]
-pub(super) struct Scratch {
-    /// Parameters of points that do not fill their sets.
+pub(super) struct Room {
+    /// Parameters of points that do not fill their vectors.
     pub points: Vec<f64>,
-    /// Monomials and scaled variables of [`WIDTH`] points.
+    /// Monomials and scaled variables.
     pub lanes: Vec<Lanes>,
-    single: Vec<f64>,
 }
 
 thread_local! {
-    static SCRATCH: RefCell<Scratch> = RefCell::default();
+    static ROOM: RefCell<Room> = RefCell::default();
 }
 
-/// Lends this thread's scratch. It has to be borrowed outside the dispatch: a closure that runs inside another
+/// Lends this thread's room. It has to be borrowed outside the dispatch: a closure that runs inside another
 /// function's body would not be compiled for the dispatched processor.
-pub(super) fn with_scratch<R>(f: impl FnOnce(&mut Scratch) -> R) -> R {
-    SCRATCH.with_borrow_mut(f)
+pub(super) fn with_room<R>(f: impl FnOnce(&mut Room) -> R) -> R {
+    ROOM.with_borrow_mut(f)
+}
+
+/// r' V^-1 r, w' V^-1 w, w' V^-1 r and det V of the diagonal V, for a vector of points.
+#[derive(Clone, Copy)]
+struct Forms<T> {
+    quad: T,
+    ww: T,
+    wr: T,
+    /// log det V but for `determinant`, the last factors of det V.
+    log_det: T,
+    determinant: T,
 }
 
 impl Kernel {
     pub(super) fn new(parts: &Parts<'_>) -> Self {
         let surface = parts.surface;
         let p = parts.measured.len();
-        let padded = p.next_multiple_of(BLOCK);
         let variance: Vec<f64> = parts
             .spread
             .iter()
@@ -96,7 +110,7 @@ impl Kernel {
             (k, (parts.thickness.0 - middle) / half)
         });
         let (exponents, products) = closure(&surface.exponents, at.map(|(k, _)| k));
-        let collapse = |matrix: &nalgebra::DMatrix<f64>, by: f64| {
+        let collapse = |matrix: &DMatrix<f64>, by: f64| {
             let mut columns = vec![vec![0.0; p]; exponents.len()];
             for (m, e) in surface.exponents.iter().enumerate() {
                 let power = at.map_or(1.0, |(k, z)| z.powi(i32::from(e[k])));
@@ -105,305 +119,213 @@ impl Kernel {
                     *value += by * power * matrix[(k, m)] * weights[k];
                 }
             }
-            columns
+            grouped(&columns, p)
         };
-        let mean = collapse(parts.polynomial, 1.0);
-        let slope = parts.slope.map(|s| {
-            let mut columns = collapse(s, parts.thickness.1);
-            while columns.len() > 1 && columns.last().is_some_and(|c| c.iter().all(|v| *v == 0.0)) {
-                columns.pop();
-            }
-            columns
-        });
-        let pad = |mut values: Vec<f64>| {
-            values.resize(values.len().next_multiple_of(BLOCK), 0.0);
+        let pad = |values: &mut dyn Iterator<Item = f64>| {
+            let mut values: Vec<f64> = values.collect();
+            values.resize(values.len().next_multiple_of(GROUP), 0.0);
             values
         };
-        let measured: Vec<f64> = parts
-            .measured
-            .iter()
-            .zip(&weights)
-            .map(|(m, w)| m * w)
-            .collect();
-        let spread = if parts.scale.is_some() {
-            &[]
-        } else {
-            parts.spread
+        let spread = match parts.scale {
+            Some(_) => Vec::new(),
+            None => pad(&mut parts.spread.iter().copied()),
         };
-        let factor = surface.variables.factor_numerator(parts.thickness.0);
-        let relative = -parts.thickness.1 / parts.thickness.0;
-        let variables = variables(surface, at.map(|(k, _)| k));
-        // The polynomials are those of the residual where no factor stands before them and no variance changes.
-        let plain = slope
-            .as_ref()
-            .filter(|_| factor.is_none() && spread.is_empty());
-        let horner = plain.and_then(|slope| {
-            Horner::new(&Form {
-                exponents: &exponents,
-                mean: &mean,
-                slope,
-                measured: &measured,
-                variables: &variables,
-            })
-        });
         Self {
-            variables,
+            variables: variables(surface, at.map(|(k, _)| k)),
             products,
-            padded,
-            mean: Polynomials::new(&mean, padded),
-            slope: slope.map(|s| Polynomials::new(&s, padded)),
-            relative,
-            measured: pad(measured),
-            spread: pad(spread.to_vec()),
-            factor,
+            mean: collapse(parts.polynomial, 1.0),
+            response: parts.slope.map(|s| collapse(s, parts.thickness.1)),
+            relative: match parts.slope {
+                Some(_) => 1.0,
+                None => -parts.thickness.1 / parts.thickness.0,
+            },
+            measured: pad(&mut parts.measured.iter().zip(&weights).map(|(m, w)| m * w)),
+            spread,
+            factor: surface.variables.factor_numerator(parts.thickness.0),
             constant: -0.5 * variance.iter().map(|v| v.ln()).sum::<f64>(),
-            horner,
         }
     }
 
-    /// The quadratic forms at one point, in every lane, by the operations of [`Kernel::batch`].
+    /// The log likelihood of `N` vectors of points (parameters without the thickness) at their noise scales, by
+    /// Sherman-Morrison and the determinant lemma.
     #[inline(always)]
-    pub(super) fn single<S: Simd>(
+    pub(super) fn log_likelihood<S: Simd, const N: usize>(
         &self,
         simd: S,
-        scratch: &mut Scratch,
-        x: &[f64],
-        scale: f64,
-    ) -> Forms<S::f64s> {
-        match &self.horner {
-            Some(horner) => horner.single(simd, x),
-            None => self.sums_single(simd, scratch, x, scale).splat(simd),
-        }
-    }
-
-    /// What `finish` makes of the quadratic forms at the points (parameters without the thickness), for as many as `out`
-    /// has, a multiple of [`WIDTH`].
-    #[inline(always)]
-    pub(super) fn batch<S: Simd>(
-        &self,
-        simd: S,
-        points: Columns<'_>,
-        finish: &impl Finish,
+        points: &[impl Parameters<S>; N],
+        scale: &[S::f64s; N],
         lanes: &mut Vec<Lanes>,
-        out: &mut [f64],
-    ) {
-        if let Some(horner) = &self.horner {
-            return horner.batch(simd, points, finish, out);
+    ) -> [S::f64s; N] {
+        let count = 1 + self.products.len();
+        let needed = count + self.variables.len();
+        if lanes.len() < needed {
+            lanes.resize(needed, Lanes::splat(0.0));
         }
-        let room = 1 + self.products.len() + self.variables.len();
-        if lanes.len() < room {
-            lanes.resize(room, Lanes::splat(0.0));
+        let (monomials, z) = lanes.split_at_mut(count);
+        self.monomials(simd, points, monomials, z);
+        let forms = self.forms(simd, monomials, scale);
+        let mut out = [simd.splat_f64s(0.0); N];
+        for (out, forms) in out.iter_mut().zip(&forms) {
+            let one = simd.add_f64s(simd.splat_f64s(1.0), forms.ww);
+            let explained = simd.div_f64s(simd.mul_f64s(forms.wr, forms.wr), one);
+            let misfit = simd.sub_f64s(forms.quad, explained);
+            let log = ln_vector(simd, simd.mul_f64s(forms.determinant, one));
+            let sum = simd.add_f64s(misfit, simd.add_f64s(forms.log_det, log));
+            let constant = simd.splat_f64s(self.constant);
+            *out = simd.mul_add_e_f64s(simd.splat_f64s(-0.5), sum, constant);
         }
-        for (set, out) in out.chunks_exact_mut(WIDTH).enumerate() {
-            let points = points.from(set * WIDTH);
-            let mut scale = Lanes::splat(1.0);
-            for (v, scale) in S::as_mut_simd_f64s(&mut scale).0.iter_mut().enumerate() {
-                *scale = finish.scales(simd, &Of(points, v));
-            }
-            let forms = self.sums(simd, points, &scale, lanes);
-            for (v, out) in S::as_mut_simd_f64s(out).0.iter_mut().enumerate() {
-                *out = finish.finish(simd, &Of(points, v), &forms.vector(simd, v));
-            }
-        }
+        out
     }
 
-    /// The sums of monomials at the first [`WIDTH`] points.
+    /// Fills the monomials, with the factor that stands before the polynomials in all of them.
     #[inline(always)]
-    fn sums<S: Simd>(
+    fn monomials<S: Simd, const N: usize>(
         &self,
         simd: S,
-        points: Columns<'_>,
-        scale: &Lanes,
-        lanes: &mut [Lanes],
-    ) -> Forms<Lanes> {
-        let (monomials, z) = lanes.split_at_mut(1 + self.products.len());
-        self.scaled(points, z);
-        monomials[0] = Lanes::splat(1.0);
-        for (m, &(lower, variable)) in self.products.iter().enumerate() {
-            let (before, after) = monomials.split_at_mut(m + 1);
-            let (a, b) = (&before[lower], &z[variable]);
-            after[0] = each(|l| a[l] * b[l]);
-        }
-        self.forms(simd, monomials, points, scale)
-    }
-
-    /// What stands before the polynomials.
-    #[inline(always)]
-    fn factors(&self, x: Columns<'_>) -> Lanes {
-        match self.factor {
-            Some(f) => {
-                let first = x.lanes(0);
-                each(|l| f / first[l])
+        points: &[impl Parameters<S>; N],
+        monomials: &mut [Lanes],
+        z: &mut [Lanes],
+    ) {
+        let one = simd.splat_f64s(1.0);
+        let (mut inverse, mut before) = ([one; N], [one; N]);
+        if let Some(factor) = self.factor {
+            for v in 0..N {
+                inverse[v] = simd.div_f64s(one, points[v].get(simd, 0));
+                before[v] = simd.mul_f64s(simd.splat_f64s(factor), inverse[v]);
             }
-            None => Lanes::splat(1.0),
         }
-    }
-
-    #[inline(always)]
-    fn scaled(&self, x: Columns<'_>, z: &mut [Lanes]) {
-        let first = x.lanes(0);
-        for (z, v) in z.iter_mut().zip(&self.variables) {
-            let x = x.lanes(v.numerator);
-            *z = if v.ratio {
-                each(|l| (x[l] / first[l] - v.middle) * v.per_half)
-            } else {
-                each(|l| (x[l] - v.middle) * v.per_half)
-            };
+        for (z, variable) in z.iter_mut().zip(&self.variables) {
+            let z = S::as_mut_simd_f64s(z).0;
+            let scale = simd.splat_f64s(variable.per_half);
+            let offset = simd.splat_f64s(variable.offset);
+            for v in 0..N {
+                let mut x = points[v].get(simd, variable.numerator);
+                if variable.ratio {
+                    x = simd.mul_f64s(x, inverse[v]);
+                }
+                z[v] = simd.mul_add_e_f64s(x, scale, offset);
+            }
+        }
+        S::as_mut_simd_f64s(&mut monomials[0]).0[..N].copy_from_slice(&before);
+        for (m, &(lower, variable)) in self.products.iter().enumerate() {
+            let (known, next) = monomials.split_at_mut(m + 1);
+            let next = S::as_mut_simd_f64s(&mut next[0]).0;
+            let (a, b) = (
+                S::as_simd_f64s(&known[lower]).0,
+                S::as_simd_f64s(&z[variable]).0,
+            );
+            for v in 0..N {
+                next[v] = simd.mul_f64s(a[v], b[v]);
+            }
         }
     }
 
     /// The quadratic forms of all coordinates.
     #[inline(always)]
-    fn forms<S: Simd>(
+    fn forms<S: Simd, const N: usize>(
         &self,
         simd: S,
         monomials: &[Lanes],
-        x: Columns<'_>,
-        scale: &Lanes,
-    ) -> Forms<Lanes> {
-        let mut sums = Forms::default();
-        let factor = self.factors(x);
-        let variance = each(|l| scale[l] * scale[l]);
-        let zero = simd.splat_f64s(0.0);
-        for pair in (0..WIDTH / S::F64_LANES).step_by(2) {
-            let two = |lanes: &Lanes| {
-                let (v, _) = S::as_simd_f64s(lanes);
-                [v[pair], v[pair + 1]]
+        scale: &[S::f64s; N],
+    ) -> [Forms<S::f64s>; N] {
+        let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+        let start = Forms {
+            quad: zero,
+            ww: zero,
+            wr: zero,
+            log_det: zero,
+            determinant: one,
+        };
+        let mut forms = [start; N];
+        let length = GROUP * monomials.len();
+        for (group, mean) in self.mean.chunks_exact(length).enumerate() {
+            let at = group * GROUP;
+            let mean = accumulate::<S, N>(simd, mean, monomials);
+            let response = match &self.response {
+                Some(all) => accumulate::<S, N>(simd, &all[at * monomials.len()..], monomials),
+                None => mean,
             };
-            let (factor, variance) = (two(&factor), two(&variance));
-            let mut sum = [[zero; 2]; 3];
-            for group in 0..self.padded / GROUP {
-                let mean = self.mean.group(group, self.padded);
-                let mut mean = accumulate(simd, mean, monomials, pair);
-                for mean in &mut mean {
-                    *mean = [0, 1].map(|h| simd.mul_f64s(factor[h], mean[h]));
-                }
-                let response = match &self.slope {
-                    Some(slope) => {
-                        accumulate(simd, slope.group(group, self.padded), monomials, pair)
+            let spread = self.spread.get(at..at + GROUP);
+            for (v, forms) in forms.iter_mut().enumerate() {
+                let mut inverse = [one; GROUP];
+                if let Some(spread) = spread {
+                    if group > 0 && group % SHARED == 0 {
+                        let log = ln_vector(simd, forms.determinant);
+                        forms.log_det = simd.add_f64s(forms.log_det, log);
+                        forms.determinant = one;
                     }
-                    None => {
-                        let relative = simd.splat_f64s(self.relative);
-                        mean.map(|m| [0, 1].map(|h| simd.mul_f64s(relative, m[h])))
-                    }
-                };
-                let at = group * GROUP..(group + 1) * GROUP;
-                let spread = self.spread.get(at.clone());
-                let product = add_group(
-                    simd,
-                    &self.measured[at],
-                    [&mean, &response],
-                    spread.map(|mu| (mu, variance)),
-                    &mut sum,
-                );
-                if spread.is_some() {
-                    add_logarithm(simd, product, pair, &mut sums.log_det);
+                    let product;
+                    (inverse, product) = inverses(simd, spread, scale[v]);
+                    forms.determinant = simd.mul_f64s(forms.determinant, product);
+                }
+                for k in 0..GROUP {
+                    let r = simd.sub_f64s(simd.splat_f64s(self.measured[at + k]), mean[k][v]);
+                    let w = response[k][v];
+                    let (rv, wv) = (simd.mul_f64s(r, inverse[k]), simd.mul_f64s(w, inverse[k]));
+                    forms.quad = simd.mul_add_e_f64s(r, rv, forms.quad);
+                    forms.ww = simd.mul_add_e_f64s(w, wv, forms.ww);
+                    forms.wr = simd.mul_add_e_f64s(w, rv, forms.wr);
                 }
             }
-            for (sums, sum) in [&mut sums.quad, &mut sums.ww, &mut sums.wr]
-                .into_iter()
-                .zip(sum)
-            {
-                let (sums, _) = S::as_mut_simd_f64s(sums);
-                (sums[pair], sums[pair + 1]) = (sum[0], sum[1]);
+        }
+        let relative = simd.splat_f64s(self.relative);
+        for forms in &mut forms {
+            forms.wr = simd.mul_f64s(relative, forms.wr);
+            forms.ww = simd.mul_f64s(simd.mul_f64s(relative, relative), forms.ww);
+        }
+        forms
+    }
+}
+
+/// The coefficients of `p` coordinates, given monomial by monomial, as [`Kernel::mean`] has them.
+fn grouped(columns: &[Vec<f64>], p: usize) -> Vec<f64> {
+    let mut all = Vec::with_capacity(columns.len() * p.next_multiple_of(GROUP));
+    for first in (0..p).step_by(GROUP) {
+        for column in columns {
+            all.extend((first..first + GROUP).map(|k| column.get(k).copied().unwrap_or(0.0)));
+        }
+    }
+    all
+}
+
+/// Sum over m of coefficients[m][k] monomials[m] for a group of coordinates k and `N` vectors of points.
+#[inline(always)]
+fn accumulate<S: Simd, const N: usize>(
+    simd: S,
+    coefficients: &[f64],
+    monomials: &[Lanes],
+) -> [[S::f64s; N]; GROUP] {
+    let mut sum = [[simd.splat_f64s(0.0); N]; GROUP];
+    for (c, monomial) in coefficients.chunks_exact(GROUP).zip(monomials) {
+        let (m, _) = S::as_simd_f64s(monomial);
+        for k in 0..GROUP {
+            let c = simd.splat_f64s(c[k]);
+            for v in 0..N {
+                sum[k][v] = simd.mul_add_e_f64s(c, m[v], sum[k][v]);
             }
         }
-        sums
     }
+    sum
+}
 
-    /// The log likelihood by Sherman-Morrison and the determinant lemma, plus `constant`, minus half of `square` (of a
-    /// prior, where one comes along).
-    #[inline(always)]
-    pub(super) fn log_likelihood<S: Simd>(
-        &self,
-        simd: S,
-        forms: &Forms<S::f64s>,
-        square: S::f64s,
-        constant: S::f64s,
-    ) -> S::f64s {
-        let one = simd.add_f64s(simd.splat_f64s(1.0), forms.ww);
-        let explained = simd.div_f64s(simd.mul_f64s(forms.wr, forms.wr), one);
-        let misfit = simd.sub_f64s(simd.add_f64s(forms.quad, square), explained);
-        let log_det = simd.add_f64s(forms.log_det, ln_vector(simd, one));
-        let sum = simd.add_f64s(misfit, log_det);
-        let constant = simd.add_f64s(constant, simd.splat_f64s(self.constant));
-        simd.mul_add_e_f64s(simd.splat_f64s(-0.5), sum, constant)
+/// Inverses of a group's variances 1 + scale^2 spread, and the product of the variances.
+#[inline(always)]
+fn inverses<S: Simd>(simd: S, spread: &[f64], scale: S::f64s) -> ([S::f64s; GROUP], S::f64s) {
+    let one = simd.splat_f64s(1.0);
+    let square = simd.mul_f64s(scale, scale);
+    let mut v = [one; GROUP];
+    for (v, mu) in v.iter_mut().zip(spread) {
+        *v = simd.mul_add_e_f64s(square, simd.splat_f64s(*mu), one);
     }
-
-    /// The sums of monomials at one point, by the operations of [`Kernel::batch`].
-    #[inline(always)]
-    fn sums_single<S: Simd>(
-        &self,
-        simd: S,
-        scratch: &mut Scratch,
-        x: &[f64],
-        scale: f64,
-    ) -> Forms<f64> {
-        let (count, padded) = (1 + self.products.len(), self.padded);
-        let length = count + self.variables.len() + 2 * padded;
-        let room = &mut scratch.single;
-        if room.len() < length {
-            room.resize(length, 0.0);
-        }
-        let (monomials, rest) = room[..length].split_at_mut(count);
-        let (z, rest) = rest.split_at_mut(self.variables.len());
-        let (mean, response) = rest.split_at_mut(padded);
-        for (z, v) in z.iter_mut().zip(&self.variables) {
-            let raw = x[v.numerator];
-            let raw = if v.ratio { raw / x[0] } else { raw };
-            *z = (raw - v.middle) * v.per_half;
-        }
-        let factor = self.factor.map_or(1.0, |f| f / x[0]);
-        monomials[0] = 1.0;
-        for (m, &(lower, variable)) in self.products.iter().enumerate() {
-            monomials[m + 1] = monomials[lower] * z[variable];
-        }
-        accumulate_single(simd, &self.mean.rows, monomials, mean);
-        if let Some(slope) = &self.slope {
-            accumulate_single(simd, &slope.rows, monomials, response);
-        }
-        self.forms_single(mean, response, factor, scale * scale)
-    }
-
-    #[inline(always)]
-    fn forms_single(
-        &self,
-        mean: &[f64],
-        response: &[f64],
-        factor: f64,
-        variance: f64,
-    ) -> Forms<f64> {
-        let (mut quad, mut ww, mut wr, mut log_det) = (0.0, 0.0, 0.0, 0.0);
-        let mut product = 1.0;
-        for k in 0..self.padded {
-            let mean = factor * mean[k];
-            let response = match &self.slope {
-                Some(_) => response[k],
-                None => self.relative * mean,
-            };
-            let r = self.measured[k] - mean;
-            let (rv, wv) = match self.spread.get(k) {
-                None => (r, response),
-                Some(mu) => {
-                    let v = 1.0 + variance * mu;
-                    product *= v;
-                    let inverse = 1.0 / v;
-                    (r * inverse, response * inverse)
-                }
-            };
-            quad += r * rv;
-            ww += response * wv;
-            wr += response * rv;
-            if k % GROUP == GROUP - 1 && !self.spread.is_empty() {
-                log_det += ln(product);
-                product = 1.0;
-            }
-        }
-        Forms {
-            quad,
-            ww,
-            wr,
-            log_det,
-        }
-    }
+    let (a, b) = (simd.mul_f64s(v[0], v[1]), simd.mul_f64s(v[2], v[3]));
+    let product = simd.mul_f64s(a, b);
+    let inverse = simd.div_f64s(one, product);
+    let (per_a, per_b) = (simd.mul_f64s(inverse, b), simd.mul_f64s(inverse, a));
+    let inverses = [
+        simd.mul_f64s(per_a, v[1]),
+        simd.mul_f64s(per_a, v[0]),
+        simd.mul_f64s(per_b, v[3]),
+        simd.mul_f64s(per_b, v[2]),
+    ];
+    (inverses, product)
 }

@@ -67,36 +67,31 @@ pub(crate) trait Parameters<S: pulp::Simd> {
     fn get(&self, simd: S, k: usize) -> S::f64s;
 }
 
-/// Points whose parameters lie in columns.
+/// A vector of points whose parameters lie parameter by parameter.
 #[derive(Clone, Copy)]
-pub(crate) struct Columns<'a> {
+pub(crate) struct Together<'a> {
     /// Parameter k of point i is number k `stride` + i.
     pub values: &'a [f64],
-    /// From column to column; no less than the number of points.
+    /// From parameter to parameter; no less than the number of points.
     pub stride: usize,
+    /// Which vector of points.
+    pub vector: usize,
 }
 
-impl<'a> Columns<'a> {
-    /// The points from `first` on.
+impl<S: pulp::Simd> Parameters<S> for Together<'_> {
     #[inline(always)]
-    pub(crate) fn from(&self, first: usize) -> Self {
-        Self {
-            values: &self.values[first..],
-            stride: self.stride,
-        }
+    fn get(&self, _simd: S, k: usize) -> S::f64s {
+        S::as_simd_f64s(&self.values[k * self.stride..]).0[self.vector]
     }
+}
 
-    /// A parameter of all points, and what lies behind.
-    #[inline(always)]
-    pub(crate) fn column(&self, parameter: usize) -> &'a [f64] {
-        &self.values[parameter * self.stride..]
-    }
+/// One point, in every lane.
+pub(crate) struct Repeated<'a>(pub &'a [f64]);
 
-    /// A parameter of the first [`WIDTH`] points.
+impl<S: pulp::Simd> Parameters<S> for Repeated<'_> {
     #[inline(always)]
-    pub(crate) fn lanes(&self, parameter: usize) -> &'a [f64; WIDTH] {
-        let column = self.column(parameter).first_chunk();
-        column.unwrap_or(&[1.0; WIDTH])
+    fn get(&self, simd: S, k: usize) -> S::f64s {
+        simd.splat_f64s(self.0[k])
     }
 }
 

@@ -7,8 +7,8 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::kernel::{Kernel, Parts, Scratch, with_scratch};
-use super::lanes::first;
+use super::kernel::{Kernel, Parts, with_room};
+use super::lanes::{Lanes, Repeated, first};
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
 use crate::reduce::{Choice, ReducedModel, Surface, monomial};
@@ -177,10 +177,10 @@ impl Likelihood {
     /// Log likelihood of the parameters `theta` (border units) at noise scale `s` (1: the estimated noise),
     /// without the noise's own contrasts.
     pub fn log_likelihood(&self, theta: &[f64], s: f64) -> f64 {
-        with_scratch(|scratch| {
-            pulp::Arch::new().dispatch(One {
+        with_room(|room| {
+            pulp::Arch::new().dispatch(Alone {
                 kernel: &self.kernel,
-                scratch,
+                lanes: &mut room.lanes,
                 theta,
                 scale: s,
             })
@@ -334,24 +334,23 @@ impl Likelihood {
     }
 }
 
-struct One<'a> {
+struct Alone<'a> {
     kernel: &'a Kernel,
-    scratch: &'a mut Scratch,
+    lanes: &'a mut Vec<Lanes>,
     theta: &'a [f64],
     scale: f64,
 }
 
-impl pulp::WithSimd for One<'_> {
+impl pulp::WithSimd for Alone<'_> {
     type Output = f64;
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        let Self {
-            kernel, scratch, ..
-        } = self;
-        let forms = kernel.single(simd, scratch, self.theta, self.scale);
-        let zero = simd.splat_f64s(0.0);
-        first(simd, kernel.log_likelihood(simd, &forms, zero, zero))
+        let scale = simd.splat_f64s(self.scale);
+        let [value] =
+            self.kernel
+                .log_likelihood(simd, &[Repeated(self.theta)], &[scale], self.lanes);
+        first(simd, value)
     }
 }
 

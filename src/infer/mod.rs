@@ -1,22 +1,18 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod density;
-mod forms;
-mod horner;
 mod kernel;
 pub(crate) mod lanes;
 mod laplace;
 mod likelihood;
 mod model;
 mod monomials;
-mod nested;
 mod observation;
 mod posterior;
 mod prior;
 mod recorded;
 mod schema;
 mod statistics;
-mod sums;
 mod tabulated;
 mod version1;
 
@@ -30,4 +26,4 @@ pub use prior::{Marginal, PriorSpec};
 pub use recorded::{RecordedAmplitude, Tiles, recorded_columns, smooth_field};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
 pub use statistics::{Statistics, Whitened};
-pub use tabulated::{Moments, Tabulated, TestPoint};
+pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};

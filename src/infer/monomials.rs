@@ -2,21 +2,21 @@
 
 use crate::reduce::Surface;
 
-/// A scaled variable: a parameter, or the ratio of one to the first.
+/// A variable of the surface, scaled to [-1, 1]: a parameter, or the ratio of one to the first.
 #[derive(Debug, Clone)]
-pub struct Variable {
+pub struct Scaled {
     /// Index of the parameter.
     pub numerator: usize,
     /// Whether it is divided by the first parameter.
     pub ratio: bool,
-    /// Where it is 0 when scaled.
-    pub middle: f64,
     /// Inverse of its half-width.
     pub per_half: f64,
+    /// What is added to it over its half-width.
+    pub offset: f64,
 }
 
 /// The variables of a surface but for a collapsed one, by index of the sampled parameters.
-pub fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Variable> {
+pub fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Scaled> {
     let thickness = surface.variables.thickness();
     let terms = surface.variables.terms();
     let kept = (0..surface.variables.count()).filter(|k| Some(*k) != collapsed);
@@ -25,11 +25,11 @@ pub fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Variable> {
         let [middle, half] = surface.variables.scaling(k);
         // The sampled parameters leave the thickness out.
         let before = thickness.is_some_and(|t| t < numerator);
-        Variable {
+        Scaled {
             numerator: numerator - usize::from(before),
             ratio,
-            middle,
             per_half: 1.0 / half,
+            offset: -middle / half,
         }
     })
     .collect()

@@ -1,9 +1,8 @@
 //! The posterior of elastic constants, mechanical amplitudes and noise.
 
 use super::density::LogDensity;
-use super::forms::{Alone, Finish, Forms};
-use super::kernel::{Scratch, with_scratch};
-use super::lanes::{Columns, Parameters, WIDTH, first, ln_vector};
+use super::kernel::{LARGEST_SCALE, Room, with_room};
+use super::lanes::{Lanes, Parameters, Repeated, Together, first, ln_vector};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
@@ -17,7 +16,7 @@ pub struct Posterior {
     names: Vec<String>,
     material: Material,
     marginals: Vec<Marginal>,
-    normals: Vec<Normal>,
+    normals: Vec<NormalPrior>,
     likelihood: Likelihood,
     /// The noise in nm at scale 1.
     reference_nm: f64,
@@ -45,7 +44,7 @@ impl Posterior {
             constant: marginals.iter().map(Marginal::log_normalisation).sum(),
             names,
             material,
-            normals: Normal::of(&marginals),
+            normals: NormalPrior::of(&marginals),
             marginals,
             likelihood,
             reference_nm,
@@ -82,7 +81,7 @@ impl Posterior {
         for marginal in &mut whole.marginals {
             marginal.truncate = None;
         }
-        whole.normals = Normal::of(&whole.marginals);
+        whole.normals = NormalPrior::of(&whole.marginals);
         whole
     }
 
@@ -92,7 +91,7 @@ impl Posterior {
         let normalisation = |m: &[Marginal]| m.iter().map(Marginal::log_normalisation).sum::<f64>();
         let mut other = self.clone();
         other.constant += normalisation(&marginals) - normalisation(&self.marginals);
-        other.normals = Normal::of(&marginals);
+        other.normals = NormalPrior::of(&marginals);
         other.marginals = marginals;
         other
     }
@@ -156,24 +155,47 @@ impl Posterior {
     }
 }
 
-impl Finish for Posterior {
+impl Posterior {
+    /// Noise scales of a vector of points.
     #[inline(always)]
     fn scales<S: pulp::Simd>(&self, simd: S, x: &impl Parameters<S>) -> S::f64s {
-        let reference = simd.splat_f64s(self.reference_nm);
         let noise = match self.declared_nm {
             Some(noise) => simd.splat_f64s(noise),
             None => x.get(simd, self.marginals.len()),
         };
-        simd.div_f64s(noise, reference)
+        simd.mul_f64s(noise, simd.splat_f64s(1.0 / self.reference_nm))
     }
 
-    /// Log density, -inf outside the support.
+    /// Log densities of `N` vectors of points, -inf outside the support.
     #[inline(always)]
-    fn finish<S: pulp::Simd>(
+    fn log_densities<S: pulp::Simd, const N: usize>(
+        &self,
+        simd: S,
+        points: &[impl Parameters<S>; N],
+        lanes: &mut Vec<Lanes>,
+    ) -> [S::f64s; N] {
+        let mut scale = [simd.splat_f64s(1.0); N];
+        for (scale, x) in scale.iter_mut().zip(points) {
+            *scale = self.scales(simd, x);
+        }
+        let mut out = self
+            .likelihood
+            .kernel()
+            .log_likelihood(simd, points, &scale, lanes);
+        for ((out, x), scale) in out.iter_mut().zip(points).zip(scale) {
+            *out = self.with_prior(simd, x, scale, *out);
+        }
+        out
+    }
+
+    /// The log density of a vector of points whose log likelihood is known.
+    #[inline(always)]
+    fn with_prior<S: pulp::Simd>(
         &self,
         simd: S,
         x: &impl Parameters<S>,
-        forms: &Forms<S::f64s>,
+        scale: S::f64s,
+        log_likelihood: S::f64s,
     ) -> S::f64s {
         let mut inside = self.admissible(simd, x);
         let mut square = simd.splat_f64s(0.0);
@@ -188,29 +210,28 @@ impl Finish for Posterior {
             let z = simd.mul_add_e_f64s(x, per_sd, simd.splat_f64s(m.offset));
             square = simd.mul_add_e_f64s(z, z, square);
         }
-        let mut constant = simd.splat_f64s(self.constant);
+        let constant = simd.splat_f64s(self.constant);
+        let mut density = simd.mul_add_e_f64s(simd.splat_f64s(-0.5), square, constant);
         if self.declared_nm.is_none() {
-            let scale = self.scales(simd, x);
-            let (least, infinite) = (f64::MIN_POSITIVE, f64::INFINITY);
+            let (least, largest) = (f64::MIN_POSITIVE, LARGEST_SCALE);
             let positive = simd.less_than_or_equal_f64s(simd.splat_f64s(least), scale);
-            let finite = simd.less_than_f64s(scale, simd.splat_f64s(infinite));
+            let finite = simd.less_than_f64s(scale, simd.splat_f64s(largest));
             inside = simd.and_m64s(inside, simd.and_m64s(positive, finite));
             // What contrasts and local differences say, and the prior 1/noise.
             let freedom = self.likelihood.freedom();
             let squared = simd.mul_f64s(scale, scale);
             let contrasts = simd.div_f64s(simd.splat_f64s(0.5 * freedom), squared);
             let log = simd.mul_f64s(simd.splat_f64s(freedom + 1.0), ln_vector(simd, scale));
-            constant = simd.sub_f64s(constant, simd.add_f64s(contrasts, log));
+            density = simd.sub_f64s(density, simd.add_f64s(contrasts, log));
         }
-        let kernel = self.likelihood.kernel();
-        let density = kernel.log_likelihood(simd, forms, square, constant);
+        let density = simd.add_f64s(density, log_likelihood);
         simd.select_f64s(inside, density, simd.splat_f64s(f64::NEG_INFINITY))
     }
 }
 
 /// A marginal ready for evaluation.
 #[derive(Clone, Copy)]
-struct Normal {
+struct NormalPrior {
     per_sd: f64,
     /// What is added to x / sd.
     offset: f64,
@@ -219,7 +240,7 @@ struct Normal {
     high: f64,
 }
 
-impl Normal {
+impl NormalPrior {
     fn of(marginals: &[Marginal]) -> Vec<Self> {
         let normal = |m: &Marginal| {
             let [low, high] = m.bounds();
@@ -241,20 +262,20 @@ impl LogDensity for Posterior {
     }
 
     fn log_density(&self, x: &[f64]) -> f64 {
-        with_scratch(|scratch| {
-            pulp::Arch::new().dispatch(One {
+        with_room(|room| {
+            pulp::Arch::new().dispatch(OnePoint {
                 posterior: self,
-                scratch,
+                room,
                 x,
             })
         })
     }
 
     fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
-        with_scratch(|scratch| {
-            pulp::Arch::new().dispatch(Many {
+        with_room(|room| {
+            pulp::Arch::new().dispatch(Batch {
                 posterior: self,
-                scratch,
+                room,
                 xs,
                 out,
             });
@@ -262,70 +283,78 @@ impl LogDensity for Posterior {
     }
 }
 
-struct One<'a> {
+struct OnePoint<'a> {
     posterior: &'a Posterior,
-    scratch: &'a mut Scratch,
+    room: &'a mut Room,
     x: &'a [f64],
 }
 
-impl pulp::WithSimd for One<'_> {
+impl pulp::WithSimd for OnePoint<'_> {
     type Output = f64;
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
-        let Self {
-            posterior,
-            scratch,
-            x,
-        } = self;
-        let scale = posterior.scale(x);
-        let kernel = posterior.likelihood.kernel();
-        let forms = kernel.single(simd, scratch, x, scale);
-        let density = posterior.finish(simd, &Alone(x), &forms);
+        let lanes = &mut self.room.lanes;
+        let [density] = self
+            .posterior
+            .log_densities(simd, &[Repeated(self.x)], lanes);
         first(simd, density)
     }
 }
 
-struct Many<'a> {
+struct Batch<'a> {
     posterior: &'a Posterior,
-    scratch: &'a mut Scratch,
+    room: &'a mut Room,
     xs: &'a [f64],
     out: &'a mut [f64],
 }
 
-impl pulp::WithSimd for Many<'_> {
+/// Vectors of points that are evaluated together: enough sums to keep the processor busy, few enough for its registers.
+const PAIR: usize = 2;
+
+impl pulp::WithSimd for Batch<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) {
         let Self {
             posterior,
-            scratch,
+            room: Room { points, lanes },
             xs,
             out,
         } = self;
-        let (count, dim) = (out.len(), posterior.dim());
-        let kernel = posterior.likelihood.kernel();
-        let Scratch { points, lanes, .. } = scratch;
-        let (whole, rest) = out.split_at_mut(count - count % WIDTH);
-        let columns = Columns {
-            values: xs,
-            stride: count,
-        };
-        kernel.batch(simd, columns, posterior, lanes, whole);
-        if rest.is_empty() {
-            return;
+        let count = out.len();
+        let (whole, rest) = out.split_at_mut(count - count % (PAIR * S::F64_LANES));
+        let (whole_out, _) = S::as_mut_simd_f64s(whole);
+        for (pair, out) in whole_out.chunks_exact_mut(PAIR).enumerate() {
+            let together = |v| Together {
+                values: xs,
+                stride: count,
+                vector: PAIR * pair + v,
+            };
+            let pair: [_; PAIR] = [together(0), together(1)];
+            out.copy_from_slice(&posterior.log_densities(simd, &pair, lanes));
         }
-        points.resize(dim * WIDTH, 1.0);
-        for (to, from) in points.chunks_exact_mut(WIDTH).zip(xs.chunks_exact(count)) {
-            to[..rest.len()].copy_from_slice(&from[whole.len()..]);
+        // What fills the last vector up is not looked at.
+        let first = count - rest.len();
+        points.resize(posterior.dim() * S::F64_LANES, 1.0);
+        for (k, out) in rest.chunks_mut(S::F64_LANES).enumerate() {
+            for (to, from) in points
+                .chunks_exact_mut(S::F64_LANES)
+                .zip(xs.chunks_exact(count))
+            {
+                let from = &from[first + k * S::F64_LANES..];
+                to[..out.len()].copy_from_slice(&from[..out.len()]);
+            }
+            let vector = [Together {
+                values: points,
+                stride: S::F64_LANES,
+                vector: 0,
+            }];
+            let [densities] = posterior.log_densities(simd, &vector, lanes);
+            let mut values = Lanes::splat(0.0);
+            S::as_mut_simd_f64s(&mut values).0[0] = densities;
+            out.copy_from_slice(&values[..out.len()]);
         }
-        let columns = Columns {
-            values: points,
-            stride: WIDTH,
-        };
-        let mut values = [0.0; WIDTH];
-        kernel.batch(simd, columns, posterior, lanes, &mut values);
-        rest.copy_from_slice(&values[..rest.len()]);
     }
 }

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::field::places::Places;
+use crate::numeric::legendre;
 
 /// Correlation lengths that count as noise, mm.
 pub const NOISE_LENGTHS_MM: [f64; 3] = [0.4, 0.8, 1.5];
@@ -76,14 +77,8 @@ struct BlockKernel<'a> {
 impl<'a> BlockKernel<'a> {
     fn new(blocks: &'a Blocks, length_mm: f64) -> Self {
         // Gauss-Legendre on [0, 1], by halves of the triangle 1 - |d|, whose kink a joint rule would miss
-        const NODES: [(f64, f64); 4] = [
-            (0.069_431_844_202_973_7, 0.173_927_422_568_726_9),
-            (0.330_009_478_207_571_9, 0.326_072_577_431_273_1),
-            (0.669_990_521_792_428_1, 0.326_072_577_431_273_1),
-            (0.930_568_155_797_026_3, 0.173_927_422_568_726_9),
-        ];
         let mut offsets = [(0.0, 0.0); 8];
-        for (k, (node, weight)) in NODES.into_iter().enumerate() {
+        for (k, (node, weight)) in legendre(4).into_iter().enumerate() {
             offsets[2 * k] = (node, weight * (1.0 - node));
             offsets[2 * k + 1] = (-node, weight * (1.0 - node));
         }

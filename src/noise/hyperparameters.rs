@@ -6,12 +6,13 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::covariance::{NOISE_LENGTHS_MM, RATIOS};
-use super::lattice::{FLAT, HERMITE, LEGENDRE, Quadratic};
+use super::lattice::{FLAT, Quadratic};
 use super::reml::{Contrasts, Reml, Setting};
 use super::white::Leftover;
 use super::{BlockCovariance, Matern};
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::numeric::{hermite, legendre};
 
 /// The white noise of points as local differences see it.
 pub(super) struct Local<'a> {
@@ -34,6 +35,9 @@ pub(super) struct Component {
     /// Mode of the logarithm of a point's variance (mm^2), as of an inverse chi^2, and its variance.
     pub log_variance: (f64, f64),
 }
+
+/// Quadrature nodes in each direction.
+const NODES: usize = 5;
 
 /// A correlation length known to this (sd of its logarithm) is summed up by a normal approximation; one less known,
 /// by the table.
@@ -235,18 +239,19 @@ impl Search<'_> {
         let rest = sd[1] * (1.0 - correlation * correlation).sqrt();
         let area: f64 = (0..2).map(|k| HIGH[k] - LOW[k]).product();
         let (mut places, mut logs) = (Vec::new(), Vec::new());
-        for (z, weight) in HERMITE {
+        let legendre = legendre(NODES);
+        for (z, weight) in hermite(NODES) {
             let middle = centre[1] + sd[1] * correlation * z;
             let middle = middle.clamp(LOW[1] + rest, HIGH[1] - rest.min(1.0));
             let low = (middle - REACH * rest).max(LOW[1]);
             let high = (middle + REACH * rest).min(HIGH[1]);
             let volume = weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd[0]).ln() - area.ln();
-            for (x, weight) in LEGENDRE {
+            for &(x, weight) in &legendre {
                 places.push([centre[0] + sd[0] * z, low + x * (high - low)]);
                 logs.push(volume + (weight * (high - low)).ln());
             }
         }
-        let settings = self.settings(&places, LEGENDRE.len())?;
+        let settings = self.settings(&places, NODES)?;
         let mut parts: Vec<(f64, Weighed)> = settings
             .into_iter()
             .zip(logs)
@@ -271,12 +276,13 @@ impl Search<'_> {
         let bend = (2.0 * middle - low - high).max(1.0 / FLAT);
         let centre = start + sd * (0.5 * (high - low) / bend).clamp(-2.0, 2.0);
         let sd = sd / bend.sqrt();
-        let nodes = HERMITE.map(|(z, _)| z);
+        let rule = hermite(NODES);
+        let nodes: Vec<f64> = rule.iter().map(|(z, _)| *z).collect();
         let settings = self.settings(&places(centre, sd, &nodes), 1)?;
         let side = HIGH[0] - LOW[0];
         let log =
             |(z, weight): (f64, f64)| weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd / side).ln();
-        let parts = settings.into_iter().zip(HERMITE);
+        let parts = settings.into_iter().zip(rule);
         Ok(parts
             .map(|(w, node)| (w.log_density + log(node), w))
             .collect())

@@ -1,22 +1,4 @@
-//! Quadrature nodes, and quadratics through a small lattice of values, for densities of two variables.
-
-/// Gauss-Hermite nodes and weights of the mean over a standard normal distribution.
-pub(super) const HERMITE: [(f64, f64); 5] = [
-    (-2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
-    (-1.355_626_179_974_266, 0.222_075_922_005_612_64),
-    (0.0, 0.533_333_333_333_333_3),
-    (1.355_626_179_974_266, 0.222_075_922_005_612_64),
-    (2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
-];
-
-/// Gauss-Legendre nodes and weights of the mean over [0, 1].
-pub(super) const LEGENDRE: [(f64, f64); 5] = [
-    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
-    (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
-    (0.5, 0.284_444_444_444_444_5),
-    (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
-    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
-];
+//! Quadratics through a small lattice of values, for densities of two variables.
 
 /// A quadratic through the nine values of a 3 x 3 lattice, in units of its steps.
 pub(super) struct Quadratic {

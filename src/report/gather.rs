@@ -8,6 +8,7 @@ use super::tables;
 use crate::chain::Draws;
 use crate::diagnose::autocorrelation;
 use crate::identify::Identification;
+use crate::numeric::quantile;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
 
 /// The sheets of a run: those of each round, numbered from 0, as the folder's. `truth` is what `truth.json` beside the data says.
@@ -125,12 +126,10 @@ const JOINT_BINS: usize = 32;
 fn reach(draws: &Draws, k: usize) -> [f64; 2] {
     let mut values: Vec<f64> = draws.points().map(|x| x[k]).collect();
     values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 {
+    if values.is_empty() {
         return [0.0, 1.0];
     }
-    let cut = n / 1000;
-    let (low, high) = (values[cut], values[n - 1 - cut]);
+    let (low, high) = (quantile(&values, 0.001), quantile(&values, 0.999));
     let room = 0.05 * (high - low).max(1e-12 * high.abs().max(1e-300));
     [low - room, high + room]
 }

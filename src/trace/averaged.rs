@@ -6,6 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::subsets::log_sum;
 use super::weighing::Weighing;
 use crate::error::{Error, Result};
+use crate::numeric::bisect;
 
 /// Sizes of the effects that are not declared, as multiples of their plausible amplitudes: which one holds is weighed by
 /// the evidence. Averages over sparse subsets alone are too narrow where many small effects act together.
@@ -121,18 +122,7 @@ fn mixture(name: &str, parts: &[Part], total: f64, k: usize) -> Averaged {
             })
             .sum()
     };
-    let quantile = |q: f64| {
-        let (mut low, mut high) = (mean - 40.0 * sd, mean + 40.0 * sd);
-        for _ in 0..200 {
-            let middle = 0.5 * (low + high);
-            if below(middle) < q {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        0.5 * (low + high)
-    };
+    let quantile = |q: f64| bisect(mean - 40.0 * sd, mean + 40.0 * sd, |x| below(x) < q);
     Averaged {
         name: name.into(),
         mean,

@@ -1,29 +1,10 @@
-//! Gauss-Hermite rules, and the log posterior of the structural parameters with the noise integrated out.
+//! The log posterior of the structural parameters with the noise integrated out.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::infer::{Laplace, LogDensity, Posterior};
-
-/// Five nodes and weights for the standard normal density.
-pub const FIVE: [(f64, f64); 5] = [
-    (-2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
-    (-1.355_626_179_974_266, 0.222_075_922_005_612_63),
-    (0.0, 0.533_333_333_333_333_3),
-    (1.355_626_179_974_266, 0.222_075_922_005_612_63),
-    (2.856_970_013_872_805_6, 0.011_257_411_327_720_69),
-];
-
-/// Seven nodes and weights for the standard normal density.
-pub const SEVEN: [(f64, f64); 7] = [
-    (-3.750_439_717_725_742_3, 0.000_548_268_855_972_217_9),
-    (-2.366_759_410_734_541, 0.030_757_123_967_586_5),
-    (-1.154_405_394_739_968_1, 0.240_123_178_605_012_7),
-    (0.0, 0.457_142_857_142_857_1),
-    (1.154_405_394_739_968_1, 0.240_123_178_605_012_7),
-    (2.366_759_410_734_541, 0.030_757_123_967_586_5),
-    (3.750_439_717_725_742_3, 0.000_548_268_855_972_217_9),
-];
+use crate::numeric::hermite;
 
 /// What is known of a point of the structural parameters once the noise is integrated out.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +22,9 @@ pub struct Marginalised<'a> {
     rule: Vec<(f64, f64)>,
 }
 
+/// Nodes over the noise.
+const NOISE_NODES: usize = 7;
+
 /// Points evaluated by one thread at a time.
 const CHUNK: usize = 256;
 
@@ -53,9 +37,9 @@ impl<'a> Marginalised<'a> {
         } else {
             let centre = mode.mode[d];
             let sd = mode.covariance[d * posterior.dim() + d].sqrt() / centre;
-            SEVEN
-                .iter()
-                .map(|&(z, w)| {
+            hermite(NOISE_NODES)
+                .into_iter()
+                .map(|(z, w)| {
                     let noise = centre * (sd * z).exp();
                     // d noise = noise d ln noise; the rule's own normal density is taken out
                     let log =
@@ -200,11 +184,12 @@ pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<Moments> {
     let covariance = DMatrix::from_fn(d, d, |i, j| mode.covariance[i * dim + j]);
     let lower = covariance.cholesky()?.l();
     let centre = DVector::from_column_slice(&mode.mode[..d]);
-    let count = FIVE.len().pow(d as u32);
+    let five = hermite(5);
+    let count = five.len().pow(d as u32);
     let mut thetas = Vec::with_capacity(count * d);
     let mut logs = Vec::with_capacity(count);
     for i in 0..count {
-        let rule = |k: usize| FIVE[i / FIVE.len().pow(k as u32) % FIVE.len()];
+        let rule = |k: usize| five[i / five.len().pow(k as u32) % five.len()];
         let z = DVector::from_fn(d, |k, _| rule(k).0);
         logs.push(0.5 * z.norm_squared() + (0..d).map(|k| rule(k).1.ln()).sum::<f64>());
         thetas.extend((&centre + &lower * z).iter());

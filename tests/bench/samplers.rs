@@ -1,12 +1,10 @@
 //! Our samplers beside `hammer-and-sample` on one posterior, in one run and on one thread.
 //!
-//! `cargo bench --bench samplers [-- FILE]`: a tabulated posterior; without one the benchmark beside the repository if it
-//! is there, else a small synthetic one. The other program gets the faster of two evaluations of one point: the plain
-//! formula below, with vectors over the eight coordinates, and ours.
+//! `cargo bench --bench samplers`: the tabulated posterior beside this file. The other program gets the faster of two
+//! evaluations of one point: the plain formula below, with vectors over the eight coordinates, and ours.
 
 use std::cell::Cell;
 use std::hint::black_box;
-use std::path::PathBuf;
 use std::time::Instant;
 
 use hammer_and_sample as other;
@@ -22,18 +20,10 @@ use pulp::{Simd, WithSimd};
 const DRAWS: usize = 1_000_000;
 const WARMUP: usize = 1000;
 const REPEAT: u64 = 5;
-const BESIDE: &str = "../shared/bench/openhole_posterior.json";
+const TABLE: &str = "tests/bench/openhole_posterior.json";
 
 fn main() {
-    let file = std::env::args().skip(1).find(|a| !a.starts_with('-'));
-    let file = file.map(PathBuf::from).or_else(|| {
-        let beside = PathBuf::from(BESIDE);
-        beside.exists().then_some(beside)
-    });
-    let table = match &file {
-        Some(path) => Tabulated::load(path).unwrap(),
-        None => Tabulated::synthetic().unwrap(),
-    };
+    let table = Tabulated::load(TABLE.as_ref()).unwrap();
     let posterior = table.posterior();
     let plain = Plain::new(&table);
     let start = starts(&posterior, 64);

@@ -7,6 +7,7 @@ use super::canvas::{
 };
 use super::colour::Palette;
 use crate::error::Result;
+use crate::numeric::quantile;
 use crate::report::sheet::Sheet;
 
 /// What of a round is mapped.
@@ -92,9 +93,8 @@ pub fn residual_scale<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> Scale {
         .map(f64::abs)
         .collect();
     sizes.sort_by(f64::total_cmp);
-    let at = (COVERED * sizes.len() as f64) as usize;
-    let reach = sizes.get(at.min(sizes.len().saturating_sub(1)));
-    let reach = reach.copied().filter(|r| *r > 0.0).unwrap_or(1.0);
+    let reach = Some(quantile(&sizes, COVERED)).filter(|r| *r > 0.0);
+    let reach = reach.unwrap_or(1.0);
     Scale {
         palette: Palette::Difference,
         range: [-reach, reach],

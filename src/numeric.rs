@@ -1,0 +1,69 @@
+//! Quadrature rules, quantiles and roots, each once for the whole program.
+
+use nalgebra::{DMatrix, SymmetricEigen};
+
+/// Gauss-Legendre rule: nodes and weights of the mean over [0, 1].
+pub fn legendre(nodes: usize) -> Vec<(f64, f64)> {
+    let rule = golub_welsch(nodes, |k| k / (4.0 * k * k - 1.0).sqrt());
+    rule.into_iter().map(|(x, w)| (0.5 + 0.5 * x, w)).collect()
+}
+
+/// Gauss-Hermite rule: nodes and weights of the mean over a standard normal distribution.
+pub fn hermite(nodes: usize) -> Vec<(f64, f64)> {
+    golub_welsch(nodes, f64::sqrt)
+}
+
+/// The rule of a symmetric probability density whose orthonormal polynomials obey
+/// x p_k = `off`(k + 1) p_(k+1) + `off`(k) p_(k-1): nodes are the eigenvalues of the Jacobi matrix, weights the squared first
+/// components of its eigenvectors (Golub and Welsch, Math. Comp. 23, 1969).
+fn golub_welsch(nodes: usize, off: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
+    let jacobi = DMatrix::from_fn(nodes, nodes, |i, j| {
+        if i.abs_diff(j) == 1 {
+            off(i.max(j) as f64)
+        } else {
+            0.0
+        }
+    });
+    let eigen = SymmetricEigen::new(jacobi);
+    let weights = eigen.eigenvectors.row(0).map(|v| v * v);
+    let found = eigen.eigenvalues.iter().zip(weights.iter());
+    let mut rule: Vec<(f64, f64)> = found.map(|(x, w)| (*x, *w)).collect();
+    rule.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rule
+}
+
+/// Quantile at `p` in [0, 1] of values sorted in increasing order, by linear interpolation (R's type 7). NaN if empty.
+pub fn quantile(sorted: &[f64], p: f64) -> f64 {
+    if sorted.is_empty() {
+        return f64::NAN;
+    }
+    let place = p.clamp(0.0, 1.0) * (sorted.len() - 1) as f64;
+    let below = place.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
+}
+
+/// The middle value, of an even number the larger of both; reorders `values`. Zero if there are none.
+pub fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    *median
+}
+
+/// Where `is_below` turns from true to false between `low` and `high`, to rounding.
+pub fn bisect(mut low: f64, mut high: f64, is_below: impl Fn(f64) -> bool) -> f64 {
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return middle;
+        }
+        if is_below(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+}
