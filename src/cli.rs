@@ -60,7 +60,7 @@ enum Verb {
     /// Build the reduced model and print its error tables
     Build(build::Arguments),
     /// Measure the speed of log posterior and samplers, of the default model or on a tabulated posterior
-    Bench(bench::Arguments),
+    Bench(bench::BenchArguments),
     /// Print what chains are worth: R-hat, effective draws, standard errors, and a verdict
     Diagnose(diagnose::Arguments),
     /// Write a run's chains in another program's format

@@ -22,12 +22,12 @@ use crate::sample::{
     Ensemble, MOVES, Mixture, Monitor, Outcome, Phase, Report, Sampler, Schedule, Start, Stop,
 };
 
-/// Arguments of `bench`.
+/// BenchArguments of `bench`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain bench
   plychain bench --draws 500000 --repeat 1")]
-pub struct Arguments {
+pub struct BenchArguments {
     /// Tabulated posterior (default: the posterior of models/openhole.json)
     file: Option<PathBuf>,
     /// Draws of each sampler (of fewer, the first touch of memory is a larger part of the time)
@@ -39,7 +39,7 @@ pub struct Arguments {
 }
 
 /// Run the verb.
-pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+pub fn run(arguments: &BenchArguments, global: &Global, console: &Console) -> Result<()> {
     let (posterior, normal, known) = match &arguments.file {
         Some(path) => tabulated(&Tabulated::load(path)?)?,
         None => {

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 use pulp::Simd;
 
 use super::lanes::{Lanes, Parameters, ln_vector};
-use super::monomials::{Scaled, closure, position, variables, without};
+use super::monomials::{ScaledVariable, closure, position, variables, without};
 use crate::reduce::{Choice, Surface};
 
 /// Coordinates that share a division: the inverse of the product of their variances gives each inverse.
@@ -45,7 +45,7 @@ pub(super) struct Parts<'a> {
 /// The compiled likelihood.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Kernel {
-    variables: Vec<Scaled>,
+    variables: Vec<ScaledVariable>,
     /// Each monomial after the constant as (lower monomial, variable).
     products: Vec<(usize, usize)>,
     /// Coefficients of the mean: [`GROUP`] by group of coordinates, in each monomial by monomial.

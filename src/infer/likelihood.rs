@@ -178,7 +178,7 @@ impl Likelihood {
     /// without the noise's own contrasts.
     pub fn log_likelihood(&self, theta: &[f64], s: f64) -> f64 {
         with_room(|room| {
-            pulp::Arch::new().dispatch(Alone {
+            pulp::Arch::new().dispatch(AtOnePoint {
                 kernel: &self.kernel,
                 lanes: &mut room.lanes,
                 theta,
@@ -334,14 +334,14 @@ impl Likelihood {
     }
 }
 
-struct Alone<'a> {
+struct AtOnePoint<'a> {
     kernel: &'a Kernel,
     lanes: &'a mut Vec<Lanes>,
     theta: &'a [f64],
     scale: f64,
 }
 
-impl pulp::WithSimd for Alone<'_> {
+impl pulp::WithSimd for AtOnePoint<'_> {
     type Output = f64;
 
     #[inline(always)]

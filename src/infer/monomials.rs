@@ -4,7 +4,7 @@ use crate::reduce::Surface;
 
 /// A variable of the surface, scaled to [-1, 1]: a parameter, or the ratio of one to the first.
 #[derive(Debug, Clone)]
-pub struct Scaled {
+pub struct ScaledVariable {
     /// Index of the parameter.
     pub numerator: usize,
     /// Whether it is divided by the first parameter.
@@ -16,7 +16,7 @@ pub struct Scaled {
 }
 
 /// The variables of a surface but for a collapsed one, by index of the sampled parameters.
-pub fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Scaled> {
+pub fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<ScaledVariable> {
     let thickness = surface.variables.thickness();
     let terms = surface.variables.terms();
     let kept = (0..surface.variables.count()).filter(|k| Some(*k) != collapsed);
@@ -25,7 +25,7 @@ pub fn variables(surface: &Surface, collapsed: Option<usize>) -> Vec<Scaled> {
         let [middle, half] = surface.variables.scaling(k);
         // The sampled parameters leave the thickness out.
         let before = thickness.is_some_and(|t| t < numerator);
-        Scaled {
+        ScaledVariable {
             numerator: numerator - usize::from(before),
             ratio,
             per_half: 1.0 / half,
