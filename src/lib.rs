@@ -15,6 +15,7 @@ pub mod experiment;
 pub mod fem;
 pub mod field;
 pub mod files;
+pub mod geometry;
 pub mod identify;
 pub mod infer;
 pub mod laminate;

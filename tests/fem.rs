@@ -1,11 +1,11 @@
 //! Finite elements: closed forms, convergence rates, independent reference fields.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use plychain::fem::verify::{self, Check};
-use plychain::fem::{
-    Density, EndLoad, HoleSolution, Locator, Outline, Plate, Profile, Setup, stress_concentration,
-};
+use plychain::fem::{EndLoad, HoleSolution, Locator, Plate, Profile, Setup, stress_concentration};
+use plychain::geometry::{Density, Geometry, Morph, Outline, StripWithHole};
 use plychain::laminate::{Membrane, Ply};
 
 const NOMINAL: Ply = Ply {
@@ -17,7 +17,9 @@ const NOMINAL: Ply = Ply {
 
 fn setup() -> Setup {
     Setup {
-        outline: outline(4.0, [0.0, 0.0]),
+        geometry: strip(4.0, [0.0, 0.0]),
+        morph: Morph::NONE,
+        held: None,
         angles: [45.0, -45.0, 0.0, 0.0, -45.0, 45.0]
             .map(|a: f64| -a.to_radians())
             .to_vec(),
@@ -32,13 +34,19 @@ fn setup() -> Setup {
     }
 }
 
-fn outline(diameter: f64, center: [f64; 2]) -> Outline {
-    Outline {
-        s: [-100.0 - center[0], 100.0 - center[0]],
-        t: [-12.5 - center[1], 12.5 - center[1]],
-        radius: 0.5 * diameter,
-        clamp: None,
-    }
+fn strip(diameter: f64, center: [f64; 2]) -> Arc<dyn Geometry> {
+    let s = [-100.0 - center[0], 100.0 - center[0]];
+    let t = [-12.5 - center[1], 12.5 - center[1]];
+    holed(s, t, 0.5 * diameter)
+}
+
+fn holed(s: [f64; 2], t: [f64; 2], radius: f64) -> Arc<dyn Geometry> {
+    let clamp = None;
+    Arc::new(StripWithHole {
+        outline: Outline { s, t, clamp },
+        radius,
+        ring: None,
+    })
 }
 
 fn assert_passed(rows: &[Check]) {
@@ -61,21 +69,21 @@ fn window_converges_for_extreme_plies_off_centre_holes_and_loads() {
         nu12: 0.189,
         g12: 3.5e3,
     };
-    let with = |outline: Outline, load: EndLoad| Setup {
-        outline,
+    let with = |geometry: Arc<dyn Geometry>, load: EndLoad| Setup {
+        geometry,
         load,
         ..setup()
     };
     let axial = setup().load;
     let cases = [
         (setup(), stiff),
-        (with(outline(4.0, [0.0, 6.0]), axial), NOMINAL),
-        (with(outline(4.0, [60.0, -3.0]), axial), NOMINAL),
-        (with(outline(1.25, [0.0; 2]), axial), NOMINAL),
-        (with(outline(15.0, [0.0; 2]), axial), NOMINAL),
+        (with(strip(4.0, [0.0, 6.0]), axial), NOMINAL),
+        (with(strip(4.0, [60.0, -3.0]), axial), NOMINAL),
+        (with(strip(1.25, [0.0; 2]), axial), NOMINAL),
+        (with(strip(15.0, [0.0; 2]), axial), NOMINAL),
         (
             with(
-                outline(4.0, [0.0; 2]),
+                strip(4.0, [0.0; 2]),
                 EndLoad {
                     shear: 12.0,
                     moment: 140.0,
@@ -95,12 +103,7 @@ fn window_converges_for_extreme_plies_off_centre_holes_and_loads() {
 #[test]
 fn steel_strip_converges() {
     let steel = Setup {
-        outline: Outline {
-            s: [-60.0, 40.0],
-            t: [-10.0, 10.0],
-            radius: 4.0,
-            clamp: None,
-        },
+        geometry: holed([-60.0, 40.0], [-10.0, 10.0], 4.0),
         angles: vec![0.0],
         ..setup()
     };
@@ -166,7 +169,7 @@ fn isotropic_limit_is_kirsch() {
 
 #[test]
 fn observer_finds_nodes_and_reproduces_a_linear_field() {
-    let plate = Plate::new(outline(4.0, [3.0, 2.0]), Density::DEFAULT.scaled(0.25)).unwrap();
+    let plate = Plate::meshed(strip(4.0, [3.0, 2.0]), None, Density::DEFAULT.scaled(0.25)).unwrap();
     let u: Vec<f64> = plate
         .mesh
         .nodes
@@ -194,7 +197,7 @@ fn observer_finds_nodes_and_reproduces_a_linear_field() {
 #[test]
 fn stiffness_times_solution_is_the_load() {
     let setup = setup();
-    let plate = Plate::new(setup.outline, Density::DEFAULT.scaled(0.5)).unwrap();
+    let plate = Plate::new(&setup, Density::DEFAULT.scaled(0.5)).unwrap();
     let a = setup.membrane(&NOMINAL);
     let mut factor = plate.factor();
     factor.factorise(&a).unwrap();
@@ -210,7 +213,7 @@ fn stiffness_times_solution_is_the_load() {
 #[test]
 fn solutions_do_not_depend_on_the_work_space() {
     use rayon::prelude::*;
-    let plate = Plate::new(setup().outline, Density::DEFAULT.scaled(0.25)).unwrap();
+    let plate = Plate::new(&setup(), Density::DEFAULT.scaled(0.25)).unwrap();
     let ply = |k: usize| Ply {
         e2: NOMINAL.e2 * (1.0 + 0.1 * k as f64),
         ..NOMINAL
@@ -218,7 +221,7 @@ fn solutions_do_not_depend_on_the_work_space() {
     let nodal = |plate: &Plate, k: usize| plate.solve(&setup(), &ply(k)).unwrap().nodal;
     let fresh: Vec<Vec<f64>> = (0..3)
         .map(|k| {
-            let own = Plate::new(setup().outline, Density::DEFAULT.scaled(0.25)).unwrap();
+            let own = Plate::new(&setup(), Density::DEFAULT.scaled(0.25)).unwrap();
             nodal(&own, k)
         })
         .collect();
@@ -234,13 +237,13 @@ fn solutions_do_not_depend_on_the_work_space() {
 #[test]
 fn what_cannot_work_is_an_error() {
     for bad in [
-        outline(4.0, [0.0, 11.0]),
-        outline(30.0, [0.0; 2]),
-        outline(f64::NAN, [0.0; 2]),
+        strip(4.0, [0.0, 11.0]),
+        strip(30.0, [0.0; 2]),
+        strip(f64::NAN, [0.0; 2]),
     ] {
-        assert!(Plate::new(bad, Density::DEFAULT.scaled(0.25)).is_err());
+        assert!(Plate::meshed(bad, None, Density::DEFAULT.scaled(0.25)).is_err());
     }
-    let plate = Plate::new(setup().outline, Density::DEFAULT.scaled(0.25)).unwrap();
+    let plate = Plate::new(&setup(), Density::DEFAULT.scaled(0.25)).unwrap();
     let singular = Membrane {
         a11: 1.0,
         a12: 0.0,
@@ -289,7 +292,7 @@ fn assert_reference(case: &str, setup: &Setup) {
     let kept: Vec<usize> = (0..x.len()).filter(|&k| u[k].is_finite()).collect();
     let points: Vec<[f64; 2]> = kept.iter().map(|&k| [y[k], x[k]]).collect();
     let reference: Vec<[f64; 2]> = kept.iter().map(|&k| [1e-3 * u[k], 1e-3 * v[k]]).collect();
-    let plate = Plate::new(setup.outline, Density::DEFAULT).unwrap();
+    let plate = Plate::new(setup, Density::DEFAULT).unwrap();
     let nodal = plate.solve(setup, &NOMINAL).unwrap().nodal;
     let (observer, inside) = Locator::new(&plate.mesh).observe(&points);
     assert!(inside.iter().all(|x| *x));
@@ -319,13 +322,11 @@ fn independent_reference_fields() {
 
 #[test]
 fn a_box_that_reaches_the_ends_needs_no_strips() {
-    let outline = Outline {
-        s: [-8.0, 8.0],
-        t: [-8.0, 8.0],
-        radius: 2.0,
-        clamp: None,
+    let geometry = holed([-8.0, 8.0], [-8.0, 8.0], 2.0);
+    let short = Setup {
+        geometry,
+        ..setup()
     };
-    let short = Setup { outline, ..setup() };
     assert_passed(&[verify::window_convergence(&short, &NOMINAL, Density::DEFAULT, 8.0).unwrap()]);
 }
 

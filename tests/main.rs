@@ -9,6 +9,7 @@ mod fem;
 mod field;
 mod formats;
 mod fuzz;
+mod geometry;
 mod identify;
 mod jumps;
 mod kernel;

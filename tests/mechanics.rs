@@ -1,13 +1,16 @@
 //! Mechanical effects: reference fields, equivalent models, closed forms, symmetry, convergence, refusals.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, Kind, Parameter, Scene};
 use plychain::experiment::{Gauge, Sight, gauged};
 use plychain::fem::verify::{difference, window_points, without_rigid_motion};
-use plychain::fem::{Density, Locator, Outline, Plate, Setup};
+use plychain::fem::{Locator, Plate, Setup};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
+use plychain::geometry::{Density, PlainStrip};
 use plychain::laminate::{LoadSpec, Material, Ply, SpecimenSpec, strain_rotation};
 use plychain::reduce::{Dimension, Snapshots};
 
@@ -25,12 +28,16 @@ type Field = Vec<[f64; 2]>;
 
 /// The article's plate, loaded along y, with a hole of some diameter at some place (direction 1, direction 2).
 fn nominal(diameter: f64, center: [f64; 2]) -> Setup {
-    let specimen: SpecimenSpec = serde_json::from_value(serde_json::json!({
-        "length_mm": 200.0, "width_mm": 25.0, "hole": { "diameter_mm": diameter, "center_mm": center },
+    let specimen = strip(200.0, diameter, center);
+    Setup::nominal(&specimen, &LoadSpec { force_n: 700.0 }, -1.0)
+}
+
+fn strip(length: f64, diameter: f64, center: [f64; 2]) -> SpecimenSpec {
+    serde_json::from_value(serde_json::json!({
+        "length_mm": length, "width_mm": 25.0, "hole": { "diameter_mm": diameter, "center_mm": center },
         "layup_deg": [45, -45, 0, 0, -45, 45], "thickness_mm": { "mean": 0.78, "sd": 0.005 }
     }))
-    .unwrap();
-    Setup::nominal(&specimen, &LoadSpec { force_n: 700.0 }, -1.0)
+    .unwrap()
 }
 
 fn with(name: &str, amplitude: &[f64]) -> Setup {
@@ -57,8 +64,7 @@ fn solve(plate: &Plate, setup: &Setup, points: &[[f64; 2]]) -> Field {
 
 /// Points of the window that stay on the plate whatever effect acts.
 fn points() -> Vec<[f64; 2]> {
-    let outline = nominal(5.2, [0.0; 2]).outline;
-    window_points(&outline, 11.5)
+    window_points(&*nominal(5.2, [0.0; 2]).geometry, 11.5)
 }
 
 fn largest(u: &[[f64; 2]]) -> f64 {
@@ -87,7 +93,7 @@ fn independent_reference_fields_of_effects() {
         };
         let read = matrices::read(&folder, frame).unwrap();
         let setup = with(name, &[amplitude]);
-        let plate = Plate::new(setup.outline, Density::DEFAULT).unwrap();
+        let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
         let error = difference(
             &read.points,
             &solve(&plate, &setup, &read.points),
@@ -100,7 +106,7 @@ fn independent_reference_fields_of_effects() {
 
 #[test]
 fn another_hole_is_the_plate_with_that_hole() {
-    let plate = Plate::new(nominal(4.0, [0.0; 2]).outline, Density::DEFAULT).unwrap();
+    let plate = Plate::new(&nominal(4.0, [0.0; 2]), Density::DEFAULT).unwrap();
     let points = points();
     // Loading along y: dx runs along direction 2, dy along direction 1.
     for (name, amplitude, other) in [
@@ -108,7 +114,7 @@ fn another_hole_is_the_plate_with_that_hole() {
         ("hole_size", vec![-10.0], nominal(3.6, [0.0; 2])),
         ("hole_offset", vec![0.8, -0.5], nominal(4.0, [-0.5, 0.8])),
     ] {
-        let direct = Plate::new(other.outline, Density::DEFAULT).unwrap();
+        let direct = Plate::new(&other, Density::DEFAULT).unwrap();
         let altered = solve(&plate, &with(name, &amplitude), &points);
         let error = difference(&points, &altered, &solve(&direct, &other, &points));
         println!("{name} {amplitude:?}: {error:.1e}");
@@ -120,19 +126,19 @@ fn another_hole_is_the_plate_with_that_hole() {
 fn an_offset_along_x_is_direction_1_where_the_load_is_along_x() {
     let mut setup = nominal(4.0, [0.0; 2]);
     setup.handedness = 1.0;
-    let before = setup.outline;
     effect::find("test", "hole_offset")
         .unwrap()
         .alter(&[2.0, 0.5], &mut setup);
-    assert_eq!(setup.outline.s, before.s.map(|s| s - 2.0));
-    assert_eq!(setup.outline.t, before.t.map(|t| t - 0.5));
+    assert_eq!(setup.morph.hole_offset, [2.0, 0.5]);
+    let moved = setup.geometry.morphed(&setup.morph).unwrap();
+    assert_eq!(moved.extents(), [[-102.0, 98.0], [-13.0, 12.0]]);
 }
 
-/// A plate with a tiny hole far from where it is observed.
+/// A plate without a hole.
 fn unnotched() -> (Setup, Plate) {
-    let mut setup = nominal(0.5, [0.0; 2]);
-    setup.outline.s = [-170.0, 30.0];
-    let plate = Plate::new(setup.outline, Density::DEFAULT).unwrap();
+    let mut setup = nominal(4.0, [0.0; 2]);
+    setup.geometry = Arc::new(PlainStrip::of(&strip(200.0, 4.0, [0.0; 2])));
+    let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
     (setup, plate)
 }
 
@@ -178,7 +184,7 @@ fn sections_of_a_tapered_and_damaged_plate_carry_the_load() {
     effect::find("test", "hole_edge_damage")
         .unwrap()
         .alter(&[30.0], &mut setup);
-    let plate = Plate::new(setup.outline, Density::DEFAULT).unwrap();
+    let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
     let a = setup.membrane(&PLY).matrix();
     for s in [-60.0_f64, -20.0, -3.5, -1.0, 0.0, 2.3, 9.0, 45.0] {
         let (n, mut sum) = (4000, 0.0);
@@ -188,7 +194,7 @@ fn sections_of_a_tapered_and_damaged_plate_carry_the_load() {
             .filter(|p| p[0].hypot(p[1]) > 2.0)
             .collect();
         for (p, strain) in points.iter().zip(strains(&plate, &setup, &points)) {
-            sum += step * setup.profile.factor(&setup.outline, *p) * (a * strain)[0];
+            sum += step * setup.profile.factor(&*setup.geometry, *p) * (a * strain)[0];
         }
         assert!((sum / 700.0 - 1.0).abs() < 3e-3, "s = {s}: {sum}");
     }
@@ -196,7 +202,7 @@ fn sections_of_a_tapered_and_damaged_plate_carry_the_load() {
 
 #[test]
 fn damage_of_nothing_is_the_nominal_plate_and_loss_makes_it_compliant() {
-    let plate = Plate::new(nominal(4.0, [0.0; 2]).outline, Density::DEFAULT).unwrap();
+    let plate = Plate::new(&nominal(4.0, [0.0; 2]), Density::DEFAULT).unwrap();
     let points = points();
     let healthy = solve(&plate, &nominal(4.0, [0.0; 2]), &points);
     let none = solve(&plate, &with("hole_edge_damage", &[0.0]), &points);
@@ -274,7 +280,7 @@ fn nonlinear_plies_strain_as_their_equations_say() {
 
 #[test]
 fn the_shear_law_is_odd_in_beta_to_first_order_and_has_its_linear_limit() {
-    let plate = Plate::new(nominal(4.0, [0.0; 2]).outline, Density::DEFAULT.scaled(0.5)).unwrap();
+    let plate = Plate::new(&nominal(4.0, [0.0; 2]), Density::DEFAULT.scaled(0.5)).unwrap();
     let points = points();
     let zero = solve(&plate, &nominal(4.0, [0.0; 2]), &points);
     let rate = |beta: f64| {
@@ -308,9 +314,9 @@ fn signature(plate: &Plate, effect: &dyn Effect, k: usize, a: f64, points: &[[f6
 
 #[test]
 fn changes_of_the_field_converge_and_are_linear_where_small() {
-    let outline = nominal(4.0, [0.0; 2]).outline;
-    let coarse = Plate::new(outline, Density::DEFAULT).unwrap();
-    let fine = Plate::new(outline, Density::DEFAULT.scaled(1.5)).unwrap();
+    let setup = nominal(4.0, [0.0; 2]);
+    let coarse = Plate::new(&setup, Density::DEFAULT).unwrap();
+    let fine = Plate::new(&setup, Density::DEFAULT.scaled(1.5)).unwrap();
     let points = points();
     for effect in mechanical() {
         for (k, parameter) in effect.parameters().iter().enumerate() {
@@ -339,11 +345,8 @@ fn changes_of_the_field_converge_and_are_linear_where_small() {
 
 #[test]
 fn a_quadratic_field_goes_on_beyond_the_mesh() {
-    let outline = Outline {
-        s: [-60.0, 60.0],
-        ..nominal(4.0, [0.0; 2]).outline
-    };
-    let plate = Plate::new(outline, Density::DEFAULT).unwrap();
+    let geometry = plychain::geometry::declared(&strip(120.0, 4.0, [0.0; 2]));
+    let plate = Plate::meshed(geometry, None, Density::DEFAULT).unwrap();
     let exact = |[x, y]: [f64; 2]| {
         [
             1.0 + 2.0 * x - y + 0.3 * x * x - 0.1 * x * y + 0.05 * y * y,
@@ -405,7 +408,10 @@ fn an_amplitude_that_cannot_be_is_refused_with_its_bound() {
         println!("{error}");
         assert_eq!(error.exit_code(), 1);
         assert!(error.to_string().contains(bound), "{error}");
-        assert_eq!(setup, nominal(4.0, [0.0; 2]));
+        assert_eq!(
+            format!("{setup:?}"),
+            format!("{:?}", nominal(4.0, [0.0; 2]))
+        );
     }
     let mut problem = small_problem();
     problem.spec.snapshots = 200;
@@ -490,7 +496,7 @@ fn snapshots_see_the_altered_plate_through_the_optics() {
     }
     problem.validate().unwrap();
     let test = small_test();
-    let nominal = Plate::new(scene(&test).setup.outline, test.density).unwrap();
+    let nominal = Plate::new(&scene(&test).setup, test.density).unwrap();
     for (size, shift) in [(0.0, 0.0), (-5.0, 0.0), (6.0, 0.0), (0.0, 0.2), (4.0, -0.3)] {
         let point = vec![160.0, 7.5, 0.34, 4.5, size, shift, 0.78];
         let snapshots = Snapshots::at(&problem, vec![point], &|| ()).unwrap();

@@ -32,10 +32,10 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
     let specimen = SpecimenSpec {
         length_mm: 200.0,
         width_mm: 25.0,
-        hole: HoleSpec {
+        hole: Some(HoleSpec {
             diameter_mm: 4.0,
             center_mm: [0.0, 0.0],
-        },
+        }),
         layup_deg: Some(layup.to_vec()),
         thickness_mm: MeanSd {
             mean: 0.78,

@@ -33,7 +33,9 @@ fn patterns(model: &Model) -> Patterns {
         &beta,
     );
     let field = &inverse.prepared.observation.field;
-    Patterns::of(field, &residual.field, &inverse.noise, 2.4)
+    Patterns::of(field, &residual.field, &inverse.noise, &|p| {
+        p[0].hypot(p[1]) >= 2.4
+    })
 }
 
 /// A measurement to which something was added: (x, y) in mm to (U, V) in nm.

@@ -8,8 +8,9 @@ use std::sync::Arc;
 use faer::Mat;
 use plychain::effect::Scene;
 use plychain::experiment::{FieldExperiment, FieldTest, Gauge};
-use plychain::fem::{Density, Setup};
+use plychain::fem::Setup;
 use plychain::field::{Axis, Frame};
+use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Material, SpecimenSpec};
 use plychain::progress::Silent;
 use plychain::reduce::{
@@ -37,11 +38,7 @@ pub fn small_test() -> FieldTest {
         gauge: Gauge::Window,
         fringe_frequency_per_mm: Some(2400.0),
         window: [[-8.0, -8.0], [8.0, 8.0]],
-        density: Density {
-            per_side: 6,
-            radial: 8,
-            along: 12,
-        },
+        density: Density(0.18),
     }
 }
 
@@ -336,11 +333,7 @@ fn the_article_s_box_gives_its_tables_in_figures_without_a_length() {
     let mut test = small_test();
     test.specimen.length_mm = 200.0;
     test.window = [[-12.15; 2], [12.15; 2]];
-    test.density = Density {
-        per_side: 10,
-        radial: 12,
-        along: 24,
-    };
+    test.density = Density(0.28);
     let problem = Reference::Gogu2013.problem(&problem_of(test));
     let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
     let model = ReducedModel::build(&problem, &snapshots).unwrap();

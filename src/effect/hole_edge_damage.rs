@@ -1,7 +1,8 @@
 //! Drilling has damaged the laminate about the hole.
 
-use super::{Effect, Kind, Parameter};
+use super::{Effect, Kind, Parameter, Scene, unless_offered};
 use crate::fem::{Annulus, Setup};
+use crate::geometry::Change;
 
 pub struct HoleEdgeDamage;
 
@@ -38,5 +39,9 @@ impl Effect for HoleEdgeDamage {
             reach: REACH,
             loss: 0.01 * amplitude[0],
         });
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        unless_offered(scene, Change::Ring)
     }
 }

@@ -1,7 +1,8 @@
 //! The hole was drilled beside its place.
 
-use super::{Effect, Kind, Parameter};
+use super::{Effect, Kind, Parameter, Scene, unless_offered};
 use crate::fem::Setup;
+use crate::geometry::Change;
 
 pub struct HoleOffset;
 
@@ -40,14 +41,13 @@ impl Effect for HoleOffset {
         "Measure the distance from the hole's edge to both edges of the specimen with a calliper or a travelling microscope; or remount the specimen turned end for end: the offset changes sides. Along the load it is hardly observable."
     }
 
-    /// Seen from the hole, edges and ends move by the opposite.
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
         let [d1, d2] = setup.vector([amplitude[0], amplitude[1]]);
-        for s in &mut setup.outline.s {
-            *s -= d1;
-        }
-        for t in &mut setup.outline.t {
-            *t -= d2;
-        }
+        setup.morph.hole_offset[0] += d1;
+        setup.morph.hole_offset[1] += d2;
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        unless_offered(scene, Change::HoleOffset)
     }
 }

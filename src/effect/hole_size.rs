@@ -1,7 +1,8 @@
 //! The hole is larger or smaller than nominal.
 
-use super::{Effect, Kind, Parameter};
+use super::{Effect, Kind, Parameter, Scene, unless_offered};
 use crate::fem::Setup;
+use crate::geometry::Change;
 
 pub struct HoleSize;
 
@@ -31,6 +32,10 @@ impl Effect for HoleSize {
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
-        setup.outline.radius *= 1.0 + 0.01 * amplitude[0];
+        setup.morph.hole_size *= 1.0 + 0.01 * amplitude[0];
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        unless_offered(scene, Change::HoleSize)
     }
 }

@@ -30,6 +30,7 @@ mod uniform_strain;
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
+use crate::geometry::Change;
 use crate::laminate::{Material, Ply};
 
 pub use seen::Seen;
@@ -65,6 +66,12 @@ pub static LOAD_SCALE: &dyn Effect = &load_scale::LoadScale;
 /// Obstacle of the effects that act on fringes.
 const NEEDS_FRINGES: &str =
     "displacements are not read from fringes: measurement.fringe_frequency_per_mm is not given";
+
+/// The obstacle of an effect that changes the shape, where the geometry does not offer it.
+fn unless_offered(scene: &Scene, change: Change) -> Option<&'static str> {
+    (!scene.setup.geometry.offers(change))
+        .then_some("the specimen's geometry has no hole that could be changed so")
+}
 
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,8 +9,9 @@ use super::{Experiment, Look, Sight, State};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Density, Locator, Mesh, Plate, Setup, Solution};
+use crate::fem::{Locator, Plate, Setup, Solution};
 use crate::field::Frame;
+use crate::geometry::{Density, Mesh};
 use crate::laminate::{LoadSpec, SpecimenSpec};
 
 /// Everything that determines what a field experiment predicts.
@@ -49,7 +50,7 @@ impl FieldExperiment {
     /// # Errors
     /// A specimen that cannot be meshed, a gauge's point beside it, a window beside it.
     pub fn new(test: FieldTest, scene: Scene) -> Result<Self> {
-        let plate = Plate::new(scene.setup.outline, test.density)?;
+        let plate = Plate::new(&scene.setup, test.density)?;
         let zero = ZeroAt::new(test.gauge, &test.frame, &plate)?;
         let nodes = window_nodes(&plate.mesh, test.window);
         if nodes.is_empty() {

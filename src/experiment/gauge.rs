@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Sight;
 use crate::error::{Error, Result};
-use crate::fem::{Locator, Mesh, Observer, Outline, Plate, Solution};
+use crate::fem::{Locator, Observer, Plate, Solution};
 use crate::field::{Frame, rigid};
+use crate::geometry::{Geometry, HOLE, Mesh};
 
 /// How the rigid motion of a predicted field is fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -21,7 +22,7 @@ pub enum Gauge {
 /// A point of the plate where displacement and local rotation are set to zero.
 pub struct ZeroAt {
     point: [f64; 2],
-    nominal: Outline,
+    nominal: [[f64; 2]; 2],
     observer: Observer,
 }
 
@@ -34,18 +35,17 @@ impl ZeroAt {
         let Gauge::ZeroAtMm(place) = gauge else {
             return Ok(None);
         };
-        let outline = plate.mesh.outline;
-        let [s, t] = frame.point(place);
-        let point = [onto(s, outline.s, outline.s), onto(t, outline.t, outline.t)];
+        let extents = plate.mesh.extents;
+        let point = onto(frame.point(place), extents, extents);
         let (observer, inside) = Locator::new(&plate.mesh).observe(&[point]);
         if inside[0] {
             return Ok(Some(Self {
                 point,
-                nominal: outline,
+                nominal: extents,
                 observer,
             }));
         }
-        Err(refused(place, frame, &outline))
+        Err(refused(place, frame, &*plate.geometry))
     }
 
     /// Subtract from a solution the rigid motion that makes the point stand still. A point on an edge or an end stays
@@ -57,11 +57,7 @@ impl ZeroAt {
             let motion = still(&self.observer, self.point, nodal);
             return subtract(mesh, &motion, nodal);
         }
-        let (from, to) = (&self.nominal, &mesh.outline);
-        let point = [
-            onto(self.point[0], from.s, to.s),
-            onto(self.point[1], from.t, to.t),
-        ];
+        let point = onto(self.point, self.nominal, mesh.extents);
         let observer = Locator::new(mesh).observe_extended(&[point]);
         let motion = still(&observer, point, nodal);
         subtract(mesh, &motion, nodal);
@@ -73,37 +69,34 @@ impl ZeroAt {
 ///
 /// # Errors
 /// The input's fault, at `gauge.zero_at_mm`.
-pub fn check(gauge: Gauge, frame: &Frame, outline: &Outline) -> Result<()> {
+pub fn check(gauge: Gauge, frame: &Frame, geometry: &dyn Geometry) -> Result<()> {
     let Gauge::ZeroAtMm(place) = gauge else {
         return Ok(());
     };
     let [s, t] = frame.point(place);
+    let extents = geometry.extents();
     let along = |[low, high]: [f64; 2], x: f64| (low - ON_EDGE_MM..=high + ON_EDGE_MM).contains(&x);
-    let beyond = !along(outline.s, s) || (outline.clamp.is_none() && !along(outline.t, t));
-    if beyond || distance(place, frame) < outline.radius - ON_EDGE_MM {
-        return Err(refused(place, frame, outline));
+    let beyond = !along(extents[0], s) || (geometry.widening() == 1.0 && !along(extents[1], t));
+    let in_hole = geometry
+        .distance(HOLE, [s, t])
+        .is_some_and(|d| d < -ON_EDGE_MM);
+    if beyond || in_hole {
+        return Err(refused(place, frame, geometry));
     }
     Ok(())
 }
 
-/// Distance from the hole's centre, mm.
-fn distance(place: [f64; 2], frame: &Frame) -> f64 {
-    let [s, t] = frame.point(place);
-    s.hypot(t)
-}
-
-fn refused(place: [f64; 2], frame: &Frame, outline: &Outline) -> Error {
-    let (distance, radius) = (distance(place, frame), outline.radius);
-    let where_it_lies = if distance < radius {
-        format!("in the hole, {distance:.3} mm from its centre (its radius is {radius} mm)")
-    } else {
-        "beyond the plate's edges".into()
+fn refused(place: [f64; 2], frame: &Frame, geometry: &dyn Geometry) -> Error {
+    let where_it_lies = match geometry.distance(HOLE, frame.point(place)) {
+        Some(d) if d < 0.0 => format!("in the hole, {:.3} mm from its edge", -d),
+        _ => "beyond the plate's edges".into(),
     };
+    let [s, t] = geometry.extents();
     Error::input("gauge.zero_at_mm", "a point of the plate, in the data's frame")
         .found(format!("{place:?}, which lies {where_it_lies}"))
         .hint(format!(
-            "the plate spans {:?} mm along the load and {:?} mm across it, measured from the hole's centre, which lies at {:?} mm in the data",
-            outline.s, outline.t, frame.hole_center_mm
+            "the plate spans {s:?} mm along the load and {t:?} mm across it, measured from the hole's centre (the plate's without a hole), which lies at {:?} mm in the data",
+            frame.hole_center_mm
         ))
 }
 
@@ -116,14 +109,13 @@ fn still(observer: &Observer, point: [f64; 2], nodal: &[f64]) -> rigid::RigidMot
     }
 }
 
-/// A coordinate, or the end of the interval `to` if it lies at that end of the interval `from`.
-fn onto(value: f64, from: [f64; 2], to: [f64; 2]) -> f64 {
-    for (from, to) in from.into_iter().zip(to) {
-        if (from - value).abs() < ON_EDGE_MM {
-            return to;
-        }
-    }
-    value
+/// A point, moved with the ends and sides `from` that it lies on to where they lie in `to`.
+fn onto(point: [f64; 2], from: [[f64; 2]; 2], to: [[f64; 2]; 2]) -> [f64; 2] {
+    [0, 1].map(|k| {
+        let mut limits = from[k].into_iter().zip(to[k]);
+        let at = limits.find(|(from, _)| (from - point[k]).abs() < ON_EDGE_MM);
+        at.map_or(point[k], |(_, to)| to)
+    })
 }
 
 /// Steps of the grid over a window on which a solution's rigid motion is fitted.

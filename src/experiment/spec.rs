@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::gauge::Gauge;
 use crate::effect::{self, Effect};
 use crate::error::{Error, Result};
-use crate::fem::Density;
 use crate::field::MeasurementSpec;
 use crate::field::spec::check_window;
 use crate::files::{NotYet, unique};
+use crate::geometry::Density;
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
 
 /// An entry of `experiments`. Unknown keys are errors.

@@ -3,7 +3,7 @@
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 
 use super::element::{self, GAUSS};
-use super::mesh::Mesh;
+use crate::geometry::Mesh;
 use crate::laminate::Membrane;
 
 /// Lower triangle of K, assembled by pairs of nodes. For a pair (a, b) the four integrals of products of shape

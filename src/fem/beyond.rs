@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
-use super::mesh::Mesh;
+use crate::geometry::Mesh;
 
 /// Value and gradient at a point outside the mesh, as weights of nodal values.
 #[derive(Debug, Clone)]

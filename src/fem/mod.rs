@@ -1,12 +1,10 @@
-//! Plane-stress finite elements of the whole plate: mesh, Q8 element, assembly, sparse Cholesky, observation.
+//! Plane-stress finite elements of the whole plate: Q8 element, assembly, sparse Cholesky, observation.
 
 mod assemble;
 mod beyond;
-mod clamp;
 pub mod element;
 mod lekhnitskii;
 mod load;
-mod mesh;
 mod observe;
 mod plate;
 mod profile;
@@ -15,10 +13,8 @@ mod shear;
 mod solve;
 pub mod verify;
 
-pub use clamp::Clamp;
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
-pub use mesh::{Density, Mesh, Outline};
 pub use observe::{Locator, Nodal, Observer};
 pub use plate::{Plate, Solution};
 pub use profile::{Annulus, Profile};

@@ -5,7 +5,7 @@ use rstar::{AABB, RTree, RTreeObject};
 
 use super::beyond::{Nearby, Patch};
 use super::element;
-use super::mesh::Mesh;
+use crate::geometry::Mesh;
 
 /// A nodal field: two components a node, interleaved.
 pub type Nodal = [f64];

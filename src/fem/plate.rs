@@ -1,18 +1,19 @@
 //! A meshed plate that can be solved for any laminate and any end load.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use super::assemble::Assembly;
-use super::mesh::{Density, Mesh, Outline};
 use super::setup::Setup;
 use super::shear::ShearLaw;
 use super::solve::{Factor, Pool, Symbolic};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::geometry::{Density, Geometry, HIGH, LOW, Mesh, Morph};
 use crate::laminate::Ply;
 
 /// Nodal displacements and the mesh they live on.
 pub struct Solution<'a> {
-    /// The plate's own mesh, or one of the same connectivity where the test has another outline.
+    /// The plate's own mesh, or one of the same connectivity where the test has another shape.
     pub mesh: Cow<'a, Mesh>,
     /// Displacements, mm, two a node, rigid motion arbitrary.
     pub nodal: Vec<f64>,
@@ -25,10 +26,14 @@ impl Solution<'_> {
     }
 }
 
-/// Mesh, assembly pattern and symbolic factorisation of one outline.
+/// Mesh, assembly pattern and symbolic factorisation of one geometry.
 pub struct Plate {
+    /// The geometry that was meshed.
+    pub geometry: Arc<dyn Geometry>,
     /// The mesh.
     pub mesh: Mesh,
+    counts: Vec<usize>,
+    held: Option<&'static str>,
     /// The stiffness integrals.
     pub assembly: Assembly,
     symbolic: Symbolic,
@@ -36,38 +41,55 @@ pub struct Plate {
 }
 
 impl Plate {
-    /// Mesh an outline and analyse its stiffness pattern.
+    /// Mesh the declared shape of a test and analyse its stiffness pattern.
     ///
     /// # Errors
-    /// A hole that does not stay clear of the plate's edges.
-    pub fn new(outline: Outline, density: Density) -> Result<Self> {
-        outline.validate()?;
-        let mesh = Mesh::new(outline, density);
-        let assembly = Assembly::new(&mesh, &pinned(&mesh));
+    /// A geometry that cannot be meshed, or has no edge of the name that is held.
+    pub fn new(setup: &Setup, density: Density) -> Result<Self> {
+        Self::meshed(setup.geometry.clone(), setup.held, density)
+    }
+
+    /// The same of a geometry with a named edge that is held still, or none.
+    ///
+    /// # Errors
+    /// Those of [`Plate::new`].
+    pub fn meshed(
+        geometry: Arc<dyn Geometry>,
+        held: Option<&'static str>,
+        density: Density,
+    ) -> Result<Self> {
+        geometry.validate()?;
+        let counts = geometry.counts(density);
+        let mesh = geometry.mesh(&counts);
+        let assembly = Assembly::new(&mesh, &pinned(&mesh, held)?);
         let symbolic = Symbolic::new(assembly.pattern())?;
         Ok(Self {
+            geometry,
             mesh,
+            counts,
+            held,
             assembly,
             symbolic,
             pool: Pool::default(),
         })
     }
 
-    /// Solve a test; any number of threads may at once. A test with another outline, or with a ring about the hole, gets
-    /// a mesh of its own with this one's connectivity; a stiffness that varies gets integrals of its own.
+    /// Solve a test; any number of threads may at once. A test of another shape, or with a ring about the hole, gets a mesh
+    /// of its own with this one's connectivity; a stiffness that varies gets integrals of its own.
     ///
     /// # Errors
-    /// A test that cannot be meshed, a stiffness that is not positive definite, an iteration for the shear law that
-    /// does not converge.
+    /// A test of another geometry or support than the plate's, one that cannot be meshed, a stiffness that is not positive
+    /// definite, an iteration for the shear law that does not converge.
     pub fn solve(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
         let mesh = self.mesh_of(setup)?;
-        let scale = |p: [f64; 2]| setup.profile.factor(&setup.outline, p);
+        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         let a = setup.membrane(ply);
         let mut factor = self.factor();
         if matches!(mesh, Cow::Borrowed(_)) && setup.profile.is_uniform() {
             factor.factorise(&a)?;
         } else {
-            setup.validate()?;
+            setup.profile.validate(&*geometry)?;
             factor.factorise_with(&self.assembly.integrals(&mesh, &scale), &a)?;
         }
         let load = mesh.end_forces(&setup.load);
@@ -79,18 +101,26 @@ impl Plate {
         Ok(Solution { mesh, nodal })
     }
 
-    /// The mesh of a test: this one's, or one of the same connectivity where the test has another outline or a ring about
+    /// The mesh of a test: this one's, or one of the same connectivity where the test has another shape or a ring about
     /// the hole.
     ///
     /// # Errors
-    /// A test that cannot be meshed.
+    /// Of the program, for a test of another geometry or support than the plate's; a shape that cannot be meshed.
     pub fn mesh_of(&self, setup: &Setup) -> Result<Cow<'_, Mesh>> {
-        let ring = setup.profile.ring(&setup.outline);
-        if setup.outline == self.mesh.outline && ring.is_none() {
+        if *setup.geometry != *self.geometry || setup.held != self.held {
+            return Err(Error::program(
+                "Plate::mesh_of",
+                "a test of the plate's own geometry and support",
+            )
+            .found(format!("{:?}, held at {:?}", setup.geometry, setup.held)));
+        }
+        let morph = setup.whole_morph();
+        if morph == Morph::NONE {
             return Ok(Cow::Borrowed(&self.mesh));
         }
-        setup.validate()?;
-        Ok(Cow::Owned(self.mesh.remade(setup.outline, ring)))
+        Ok(Cow::Owned(
+            self.geometry.morphed(&morph)?.mesh(&self.counts),
+        ))
     }
 
     /// A numeric factorisation of the plate's stiffness, for loads that are no [`Setup`]'s.
@@ -104,21 +134,21 @@ impl Plate {
     }
 }
 
-/// The unknowns held at zero: those of a clamped end, or else three that fix the rigid motion without stress: both
+/// The unknowns held at zero: those of the held edge, or else three that fix the rigid motion without stress: both
 /// components at the middle of the low end and the transverse one at the middle of the high end.
-fn pinned(mesh: &Mesh) -> Vec<usize> {
-    if let Some(clamp) = mesh.outline.clamp {
-        let mut nodes: Vec<u32> = mesh.ends[clamp.end].iter().flatten().copied().collect();
+fn pinned(mesh: &Mesh, held: Option<&str>) -> Result<Vec<usize>> {
+    let edge = |name: &str| match mesh.edge(name) {
+        [] => Err(Error::program("supports", "an edge of the mesh").found(name)),
+        edges => Ok(edges),
+    };
+    if let Some(name) = held {
+        let mut nodes: Vec<u32> = edge(name)?.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
-        return nodes
-            .iter()
-            .flat_map(|&n| [2 * n as usize, 2 * n as usize + 1])
-            .collect();
+        let unknowns = nodes.iter().map(|&n| 2 * n as usize);
+        return Ok(unknowns.flat_map(|k| [k, k + 1]).collect());
     }
-    let middle = |end: usize| {
-        let edges = &mesh.ends[end];
-        edges[edges.len() / 2][0] as usize
-    };
-    vec![2 * middle(1), 2 * middle(1) + 1, 2 * middle(0) + 1]
+    let middle = |name: &str| edge(name).map(|edges| edges[edges.len() / 2][0] as usize);
+    let (low, high) = (middle(LOW)?, middle(HIGH)?);
+    Ok(vec![2 * low, 2 * low + 1, 2 * high + 1])
 }

@@ -1,7 +1,7 @@
 //! Where the plate is stiffer or more compliant than the nominal laminate.
 
-use super::mesh::Outline;
 use crate::error::{Error, Result};
+use crate::geometry::Geometry;
 
 /// A factor on the laminate's stiffness that varies over the plate. The default is 1 everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -32,53 +32,33 @@ impl Profile {
         self.across == 0.0 && self.along == 0.0 && self.loss() == 0.0
     }
 
-    /// Outer radius of the ring about the hole, mm.
-    pub fn ring(&self, outline: &Outline) -> Option<f64> {
-        self.annulus.map(|ring| ring.reach * outline.radius)
-    }
-
     /// The factor at a point.
-    pub fn factor(&self, outline: &Outline, p: [f64; 2]) -> f64 {
-        let along = self.along * from_middle(outline.s, p[0]);
-        let across = self.across * from_middle(outline.t, p[1]);
-        let ring = self.ring(outline).unwrap_or(0.0);
-        let left = if p[0].hypot(p[1]) < ring {
-            1.0 - self.loss()
-        } else {
-            1.0
+    pub fn factor(&self, geometry: &dyn Geometry, p: [f64; 2]) -> f64 {
+        let [s, t] = geometry.extents();
+        let along = self.along * from_middle(s, p[0]);
+        let across = self.across * from_middle(t, p[1]);
+        let left = match (self.annulus, geometry.hole_radii(p)) {
+            (Some(ring), Some(radii)) if radii < ring.reach => 1.0 - ring.loss,
+            _ => 1.0,
         };
         (1.0 + along) * (1.0 + across) * left
     }
 
-    /// Check that some stiffness is left everywhere, and that the ring stays clear of the edges by at least a
-    /// twentieth of the hole's radius.
+    /// Check that some stiffness is left everywhere.
     ///
     /// # Errors
-    /// A factor that comes near to 0 or below, or a ring that an edge would cut.
-    pub fn validate(&self, outline: &Outline) -> Result<()> {
-        let widening = outline.clamp.map_or(1.0, |clamp| clamp.widening);
+    /// A factor that comes near to 0 or below.
+    pub fn validate(&self, geometry: &dyn Geometry) -> Result<()> {
         let least = (1.0 - 0.5 * self.along.abs())
-            .min(1.0 - 0.5 * self.across.abs() * widening)
+            .min(1.0 - 0.5 * self.across.abs() * geometry.widening())
             .min(1.0 - self.loss());
-        if !(least >= LEAST && self.loss().is_finite()) {
-            return Err(
-                Error::input("plate stiffness", "a plate that is stiff everywhere")
-                    .found(format!("a factor of {least:.3} at its smallest")),
-            );
+        if least >= LEAST && self.loss().is_finite() {
+            return Ok(());
         }
-        let nearest = outline.clearance();
-        if let Some(ring) = self.ring(outline)
-            && nearest - ring < 0.05 * outline.radius
-        {
-            return Err(Error::input(
-                "plate stiffness",
-                "a ring about the hole that stays clear of the plate's edge",
-            )
-            .found(format!(
-                "radius {ring} mm with an edge {nearest} mm from the hole's centre"
-            )));
-        }
-        Ok(())
+        Err(
+            Error::input("plate stiffness", "a plate that is stiff everywhere")
+                .found(format!("a factor of {least:.3} at its smallest")),
+        )
     }
 
     fn loss(&self) -> f64 {

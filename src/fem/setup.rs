@@ -1,17 +1,22 @@
 //! Everything that one finite-element solution depends on, apart from the mesh density.
 
-use super::clamp::Clamp;
+use std::sync::Arc;
+
 use super::load::EndLoad;
-use super::mesh::Outline;
 use super::profile::Profile;
 use crate::error::Result;
-use crate::laminate::{End, LoadSpec, Membrane, Ply, SpecimenSpec, abd};
+use crate::geometry::{self, Geometry, Morph};
+use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd};
 
 /// A test about to be solved: the specimen as it is, and the load as it acts. Effects change it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Setup {
-    /// Plate outline, centred on the hole.
-    pub outline: Outline,
+    /// The declared shape.
+    pub geometry: Arc<dyn Geometry>,
+    /// How the shape differs from the declared one, apart from the ring of `profile`.
+    pub morph: Morph,
+    /// The named edge that is held still, if there is one.
+    pub held: Option<&'static str>,
     /// Ply angles, rad, counter-clockwise in the right-handed pair (direction 1, direction 2).
     pub angles: Vec<f64>,
     /// Total thickness, mm.
@@ -20,7 +25,7 @@ pub struct Setup {
     pub profile: Profile,
     /// Cubic coefficient beta of the plies' shear law, MPa^-3: gamma12 = tau12 / G12 + beta tau12^3.
     pub shear_cubic: f64,
-    /// End tractions.
+    /// Tractions on the edges `low` and `high`.
     pub load: EndLoad,
     /// +1 where (direction 1, direction 2) is right-handed in the data's x-y plane, -1 where it is not: the
     /// factor from an angle counted counter-clockwise in the data to one in this set-up.
@@ -30,19 +35,10 @@ pub struct Setup {
 impl Setup {
     /// The nominal test of a model file.
     pub fn nominal(specimen: &SpecimenSpec, load: &LoadSpec, handedness: f64) -> Self {
-        let [c1, c2] = specimen.hole.center_mm;
-        let (l, w) = (0.5 * specimen.length_mm, 0.5 * specimen.width_mm);
         Self {
-            outline: Outline {
-                s: [-l - c1, l - c1],
-                t: [-w - c2, w - c2],
-                radius: 0.5 * specimen.hole.diameter_mm,
-                clamp: specimen.clamp.map(|clamp| Clamp {
-                    end: usize::from(clamp.end == End::Low),
-                    widening: clamp.width_mm.unwrap_or(specimen.width_mm) / specimen.width_mm,
-                    fillet_radius: clamp.fillet_radius_mm.unwrap_or(0.0),
-                }),
-            },
+            geometry: geometry::declared(specimen),
+            morph: Morph::NONE,
+            held: specimen.clamp.map(|clamp| geometry::end(clamp.end)),
             angles: specimen
                 .angles_deg()
                 .iter()
@@ -61,7 +57,8 @@ impl Setup {
 
     /// Width of the plate, mm.
     pub fn width(&self) -> f64 {
-        self.outline.t[1] - self.outline.t[0]
+        let [_, [low, high]] = self.geometry.extents();
+        high - low
     }
 
     /// Components along (direction 1, direction 2) of a vector given along the data's (x, y).
@@ -73,13 +70,21 @@ impl Setup {
         }
     }
 
+    /// What the shape differs by, the ring included.
+    pub fn whole_morph(&self) -> Morph {
+        Morph {
+            ring: self.profile.annulus.map(|ring| ring.reach),
+            ..self.morph
+        }
+    }
+
     /// Check that the plate can be meshed and is stiff everywhere.
     ///
     /// # Errors
-    /// Those of [`Outline::validate`] and [`Profile::validate`].
+    /// Those of [`Geometry::morphed`] and [`Profile::validate`].
     pub fn validate(&self) -> Result<()> {
-        self.outline.validate()?;
-        self.profile.validate(&self.outline)
+        let morphed = self.geometry.morphed(&self.whole_morph())?;
+        self.profile.validate(&*morphed)
     }
 
     /// Membrane stiffness for a ply, where the profile's factor is 1.

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 
 use super::element::{self, GAUSS};
-use super::mesh::Mesh;
 use super::setup::Setup;
 use super::solve::Factor;
 use crate::error::{Error, Result};
+use crate::geometry::Mesh;
 use crate::laminate::{Ply, strain_rotation};
 
 /// gamma12 = tau12 / G12 + beta tau12^3 in every ply. Shear and normal stresses of a ply in its own axes do not act on

@@ -1,16 +1,18 @@
 //! Verification of the finite elements by closed forms and convergence: figures for tests and for printed tables.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::element::{self, GAUSS};
 use super::lekhnitskii::HoleSolution;
 use super::load::EndLoad;
-use super::mesh::{Density, Mesh, Outline};
 use super::observe::Locator;
 use super::plate::Plate;
 use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::field::rigid;
+use crate::geometry::{Density, Geometry, HIGH, LOW, Mesh, Morph, Outline, SIDES, StripWithHole};
 use crate::laminate::{Membrane, Ply};
 
 /// One line of a verification table.
@@ -91,7 +93,7 @@ pub fn checks(setup: &Setup, ply: &Ply, half: f64) -> Result<Vec<Check>> {
 /// # Errors
 /// None for a mesh that fits into memory.
 pub fn patch_test(a: &Membrane) -> Result<Check> {
-    let plate = Plate::new(square(8.0, 2.0), coarse())?;
+    let plate = square(coarse())?;
     let u: Vec<f64> = plate
         .mesh
         .nodes
@@ -100,12 +102,9 @@ pub fn patch_test(a: &Membrane) -> Result<Check> {
         .collect();
     let mut force = plate.assembly.multiply(a, &u);
     let largest = force.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-    // The hole's edge and the rectangle carry the tractions of the uniform stress.
-    for (k, p) in plate.mesh.nodes.iter().enumerate() {
-        let rim = p[0].hypot(p[1]) < 2.0 * (1.0 + 1e-9) || p[0].abs().max(p[1].abs()) > 8.0 - 1e-9;
-        if rim {
-            force[2 * k..2 * k + 2].fill(0.0);
-        }
+    // The boundary carries the tractions of the uniform stress.
+    for &node in plate.mesh.edges.values().flatten().flatten() {
+        force[2 * node as usize..2 * node as usize + 2].fill(0.0);
     }
     let residual = force.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     Ok(Check::new(
@@ -124,7 +123,7 @@ pub fn lekhnitskii(a: &Membrane, name: &str) -> Result<Vec<Check>> {
     let exact = HoleSolution::new(a, 2.0, [100.0, 0.0, 0.0])?;
     let mut errors = Vec::new();
     for factor in [1.0, 2.0, 4.0] {
-        let plate = Plate::new(square(8.0, 2.0), coarse().scaled(factor))?;
+        let plate = square(coarse().scaled(factor))?;
         errors.push(l2_error(
             &plate.mesh,
             &solve_exact(&plate, a, &exact)?,
@@ -154,7 +153,7 @@ pub fn lekhnitskii(a: &Membrane, name: &str) -> Result<Vec<Check>> {
 /// A membrane stiffness that is not positive definite.
 pub fn concentration(a: &Membrane, what: &str) -> Result<Check> {
     let exact = HoleSolution::new(a, 2.0, [1.0, 0.0, 0.0])?;
-    let plate = Plate::new(square(8.0, 2.0), coarse().scaled(4.0))?;
+    let plate = square(coarse().scaled(4.0))?;
     let u = solve_exact(&plate, a, &exact)?;
     let (observer, _) = Locator::new(&plate.mesh).observe(&[[0.0, 2.0]]);
     let gradient = observer.gradient(&u);
@@ -178,18 +177,19 @@ pub fn concentration(a: &Membrane, what: &str) -> Result<Check> {
 /// # Errors
 /// A set-up that cannot be meshed or solved.
 pub fn section_forces(setup: &Setup, ply: &Ply) -> Result<Check> {
-    let plate = Plate::new(setup.outline, Density::DEFAULT)?;
+    let plate = Plate::new(setup, Density::DEFAULT)?;
     let u = plate.solve(setup, ply)?.nodal;
     let a = setup.membrane(ply).matrix();
     let locator = Locator::new(&plate.mesh);
-    let (r, [low, high]) = (setup.outline.radius, setup.outline.t);
+    let r = setup.geometry.hole_radius().unwrap_or(0.0);
+    let [[first, last], [low, high]] = setup.geometry.extents();
     let bending = setup.load.moment.abs() / setup.width();
     let scale = bending
         .max(setup.load.axial.abs())
         .max(setup.load.shear.abs());
     let mut worst = 0.0_f64;
-    let sections = [-1.5, -0.5, 0.0, 0.7, 2.0].map(|f| f * r);
-    let [first, last] = setup.outline.s;
+    let unit = if r > 0.0 { r } else { 0.1 * setup.width() };
+    let sections = [-1.5, -0.5, 0.0, 0.7, 2.0].map(|f| f * unit);
     for s in sections.into_iter().filter(|&s| s > first && s < last) {
         let half = (r * r - s * s).max(0.0).sqrt();
         let mut sum = [0.0; 2];
@@ -221,7 +221,14 @@ pub fn section_forces(setup: &Setup, ply: &Ply) -> Result<Check> {
 pub fn mirror(setup: &Setup, ply: &Ply) -> Result<Check> {
     let half = 0.5 * setup.width();
     let mut here = setup.clone();
-    here.outline.t = [-half, half];
+    let [_, [low, high]] = setup.geometry.extents();
+    if low + high != 0.0 {
+        let hole_offset = [0.0, 0.5 * (low + high)];
+        here.geometry = here.geometry.morphed(&Morph {
+            hole_offset,
+            ..Morph::NONE
+        })?;
+    }
     // Turned plies: the check has to see the signs of A16 and A26.
     here.angles.iter_mut().for_each(|x| *x += 0.2);
     let mut there = here.clone();
@@ -231,9 +238,9 @@ pub fn mirror(setup: &Setup, ply: &Ply) -> Result<Check> {
         shear: -here.load.shear,
         moment: -here.load.moment,
     };
-    let points = window_points(&here.outline, half);
+    let points = window_points(&*here.geometry, half);
     let reflected: Vec<[f64; 2]> = points.iter().map(|p| [p[0], -p[1]]).collect();
-    let plate = Plate::new(here.outline, Density::DEFAULT.scaled(0.5))?;
+    let plate = Plate::new(&here, Density::DEFAULT.scaled(0.5))?;
     let u = observe(&plate, &here, ply, &points)?;
     let v: Vec<[f64; 2]> = observe(&plate, &there, ply, &reflected)?
         .iter()
@@ -252,9 +259,9 @@ pub fn mirror(setup: &Setup, ply: &Ply) -> Result<Check> {
 /// # Errors
 /// A set-up that cannot be meshed or solved.
 pub fn window_convergence(setup: &Setup, ply: &Ply, density: Density, half: f64) -> Result<Check> {
-    let points = window_points(&setup.outline, half);
-    let coarse = observe(&Plate::new(setup.outline, density)?, setup, ply, &points)?;
-    let fine = Plate::new(setup.outline, density.scaled(2.0))?;
+    let points = window_points(&*setup.geometry, half);
+    let coarse = observe(&Plate::new(setup, density)?, setup, ply, &points)?;
+    let fine = Plate::new(setup, density.scaled(2.0))?;
     let fine = observe(&fine, setup, ply, &points)?;
     Ok(Check::new(
         "window displacement change under one refinement, relative",
@@ -285,25 +292,26 @@ pub fn without_rigid_motion(points: &[[f64; 2]], u: &[[f64; 2]]) -> Vec<[f64; 2]
 }
 
 /// A grid over the window and rings about the hole, from its very edge.
-pub fn window_points(outline: &Outline, half: f64) -> Vec<[f64; 2]> {
+pub fn window_points(geometry: &dyn Geometry, half: f64) -> Vec<[f64; 2]> {
+    let extents = geometry.extents();
     let step = |k: i32| half * f64::from(k) / 40.0;
     let grid = (-40..=40).flat_map(|i| (-40..=40).map(move |j| [step(i), step(j)]));
-    let rings = [1.0, 1.005, 1.02, 1.04, 1.1, 1.2, 1.4]
-        .into_iter()
-        .flat_map(|f| {
-            (0..720).map(move |k| {
-                let (sin, cos) = (0.5 * f64::from(k) + 0.15).to_radians().sin_cos();
-                [f * outline.radius * cos, f * outline.radius * sin]
+    let around = |radius: f64| {
+        [1.0, 1.005, 1.02, 1.04, 1.1, 1.2, 1.4]
+            .into_iter()
+            .flat_map(move |f| {
+                (0..720).map(move |k| {
+                    let (sin, cos) = (0.5 * f64::from(k) + 0.15).to_radians().sin_cos();
+                    [f * radius * cos, f * radius * sin]
+                })
             })
-        });
+    };
+    let rings = geometry.hole_radius().into_iter().flat_map(around);
     let inside = |p: &[f64; 2]| {
-        let plate = p[0] >= outline.s[0]
-            && p[0] <= outline.s[1]
-            && p[1] >= outline.t[0]
-            && p[1] <= outline.t[1];
-        plate
-            && p[0].abs().max(p[1].abs()) <= half
-            && p[0].hypot(p[1]) >= outline.radius * (1.0 - 1e-12)
+        (0..2).all(|k| p[k].abs() <= half && p[k] >= extents[k][0] && p[k] <= extents[k][1])
+            && geometry
+                .hole_radii(*p)
+                .is_none_or(|radii| radii >= 1.0 - 1e-12)
     };
     grid.chain(rings).filter(inside).collect()
 }
@@ -323,7 +331,7 @@ fn observe(plate: &Plate, setup: &Setup, ply: &Ply, points: &[[f64; 2]]) -> Resu
 fn solve_exact(plate: &Plate, a: &Membrane, exact: &HoleSolution) -> Result<Vec<f64>> {
     let mut factor = plate.factor();
     factor.factorise(a)?;
-    let mut u = plate.mesh.edge_forces(&|p, n| {
+    let mut u = plate.mesh.edge_forces(&[LOW, HIGH, SIDES], &|p, n| {
         let [n11, n22, n12] = exact.resultants(p);
         [n11 * n[0] + n12 * n[1], n12 * n[0] + n22 * n[1]]
     });
@@ -395,20 +403,21 @@ fn gauss_line(s: f64, from: f64, to: f64, n: usize) -> (Vec<[f64; 2]>, Vec<f64>)
         .unzip()
 }
 
-fn square(half: f64, radius: f64) -> Outline {
-    Outline {
-        s: [-half, half],
-        t: [-half, half],
-        radius,
-        clamp: None,
-    }
+/// A square of 16 mm with a hole of 4 mm.
+fn square(density: Density) -> Result<Plate> {
+    let square = StripWithHole {
+        outline: Outline {
+            s: [-8.0, 8.0],
+            t: [-8.0, 8.0],
+            clamp: None,
+        },
+        radius: 2.0,
+        ring: None,
+    };
+    Plate::meshed(Arc::new(square), None, density)
 }
 
-/// 8 elements a side, 8 from the hole to the box.
+/// 8 elements a side, 10 from the hole to the box.
 fn coarse() -> Density {
-    Density {
-        per_side: 8,
-        radial: 8,
-        along: 2,
-    }
+    Density(2.0 / 9.0)
 }

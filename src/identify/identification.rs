@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::checks::warnings;
-use super::inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, prepare, start};
+use super::inverse::{InverseProblem, Prepared, inverse_problem, is_clear, prepare, start};
 use super::patterns::Patterns;
 use super::refine::{Refinement, enrich};
 use super::residual::{Residual, effect_amplitudes};
@@ -121,10 +121,12 @@ fn identify_prepared(
     let residual = Residual::at(&inverse, &mean);
     let surrogate = SurrogateError::measure(&inverse, &draws, progress)?;
     let field = &inverse.prepared.observation.field;
+    let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
+    let clear = |point: [f64; 2]| is_clear(geometry, point);
     let mut found = Identification {
         outside_doe: outside(&inverse, &draws),
         effect_amplitudes: amplitudes(&inverse, &draws),
-        patterns: Patterns::of(field, &residual.field, &inverse.noise, clear_mm(model)),
+        patterns: Patterns::of(field, &residual.field, &inverse.noise, &clear),
         structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
         warnings: Vec::new(),
         refinements: Vec::new(),

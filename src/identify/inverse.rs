@@ -3,6 +3,7 @@
 use crate::effect::amplitude_name;
 use crate::error::Result;
 use crate::field::spec::OutlierRule;
+use crate::geometry::Geometry;
 use crate::infer::{
     Columns, Laplace, Likelihood, Marginal, Model, Observation, Posterior, Statistics, laplace,
 };
@@ -74,9 +75,11 @@ pub fn prepare(
 /// optics and meshes are worst.
 const CLEAR_RADII: f64 = 1.2;
 
-/// Distance from the hole's centre, mm, from which on residuals are looked at.
-pub fn clear_mm(model: &Model) -> f64 {
-    CLEAR_RADII * 0.5 * model.experiment().specimen.hole.diameter_mm
+/// Whether residuals are looked at where a point lies.
+pub fn is_clear(geometry: &dyn Geometry, point: [f64; 2]) -> bool {
+    geometry
+        .hole_radii(point)
+        .is_none_or(|radii| radii >= CLEAR_RADII)
 }
 
 /// Prior means, mean thickness, no effect.

@@ -15,7 +15,7 @@ mod waves;
 
 pub use checks::PRIOR_SDS;
 pub use identification::{Identification, Options, identify};
-pub use inverse::{InverseProblem, Prepared, clear_mm, inverse_problem, posterior, prepare, start};
+pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::{Refinement, refined};
 pub use residual::Residual;

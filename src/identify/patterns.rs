@@ -45,16 +45,20 @@ const FAR: f64 = 4.0;
 pub(super) const IMPROBABLE: f64 = 1e-4;
 
 impl Patterns {
-    /// Sought in the residual (mm) at the points of `field`, outside of `clear_mm` about the hole's centre, where optics and meshes
-    /// are worst.
-    pub fn of(field: &Field, residual: &[[f64; 2]], noise: &Noise, clear_mm: f64) -> Self {
-        let exceedances = [0, 1].map(|c| exceedance(residual, noise, c, clear_mm));
+    /// Sought in the residual (mm) at the points of `field`, where `clear` says so: at a hole's edge, optics and meshes are worst.
+    pub fn of(
+        field: &Field,
+        residual: &[[f64; 2]],
+        noise: &Noise,
+        clear: &dyn Fn([f64; 2]) -> bool,
+    ) -> Self {
+        let exceedances = [0, 1].map(|c| exceedance(residual, noise, c, clear));
         let exceedance = exceedances
             .iter()
             .flatten()
             .copied()
             .min_by(|a, b| a.p.total_cmp(&b.p));
-        let beyond = |i: usize| radius(field.points[i]) >= clear_mm;
+        let beyond = |i: usize| clear(field.points[i]);
         Self {
             exceedance,
             // an edge in the residual has waves of every length
@@ -72,19 +76,20 @@ impl Patterns {
     }
 }
 
-fn radius(point: [f64; 2]) -> f64 {
-    point[0].hypot(point[1])
-}
-
 /// Each block average is compared with what those before it predict: the whitened averages are independent and of unit variance.
-fn exceedance(residual: &[[f64; 2]], noise: &Noise, c: usize, clear_mm: f64) -> Option<Exceedance> {
+fn exceedance(
+    residual: &[[f64; 2]],
+    noise: &Noise,
+    c: usize,
+    clear: &dyn Fn([f64; 2]) -> bool,
+) -> Option<Exceedance> {
     let blocks = &noise.blocks;
     let values: Vec<f64> = residual.iter().map(|r| r[c]).collect();
     let averages = DMatrix::from_columns(&[blocks.average(&values)]);
     let white = noise.whiten(&averages, c);
     let of = |b: &usize| white[(*b, 0)].abs();
     let looked_at: Vec<usize> = (0..blocks.len())
-        .filter(|&b| radius(blocks.centroid[b]) >= clear_mm)
+        .filter(|&b| clear(blocks.centroid[b]))
         .collect();
     let count = looked_at.iter().filter(|b| of(b) > FAR).count();
     let largest = looked_at

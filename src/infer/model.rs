@@ -14,6 +14,7 @@ use crate::experiment::{
 };
 use crate::fem::Setup;
 use crate::field::{Field, Grid};
+use crate::geometry;
 use crate::laminate::Material;
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
 
@@ -71,7 +72,11 @@ impl Model {
                 return Err(Error::input("effects", expected).found(effect.name()));
             }
         }
-        check_gauge(self.experiment().gauge, &scene.frame, &scene.setup.outline)
+        check_gauge(
+            self.experiment().gauge,
+            &scene.frame,
+            &*scene.setup.geometry,
+        )
     }
 
     /// The experiment that was made.
@@ -100,9 +105,11 @@ impl Model {
         let field = experiment
             .measurement
             .read(self.base_dir(), experiment.window_mm)?;
-        field
-            .check_hole(0.5 * experiment.specimen.hole.diameter_mm)
-            .map_err(|e| e.within(self.path.display()))?;
+        if let Some(radius) = geometry::declared(&experiment.specimen).hole_radius() {
+            field
+                .check_hole(radius)
+                .map_err(|e| e.within(self.path.display()))?;
+        }
         Ok(field)
     }
 

@@ -48,12 +48,11 @@ impl Observation {
         let dropped = field.retain(Reason::OutsidePlate, |i| inside[i]);
         field.outlying = sight.all()[field.len()..].to_vec();
         if dropped as f64 > MOST_OUTSIDE * count as f64 {
-            let outline = experiment.scene().setup.outline;
+            let [s, t] = experiment.scene().setup.geometry.extents();
             return Err(Error::input("measurement", "points on the plate")
                 .found(format!("{dropped} of {count} points outside the plate or in the hole"))
                 .hint(format!(
-                    "the plate spans {:?} mm along the load and {:?} mm across it, from the hole's centre; check loading_axis, hole_center_in_data_mm, the units and the specimen's dimensions",
-                    outline.s, outline.t
+                    "the plate spans {s:?} mm along the load and {t:?} mm across it, from the hole's centre; check loading_axis, hole_center_in_data_mm, the units and the specimen's dimensions"
                 )));
         }
         Ok(Self {

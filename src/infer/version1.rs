@@ -78,7 +78,7 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
         specimen: SpecimenSpec {
             length_mm: specimen.length_mm,
             width_mm: specimen.width_mm,
-            hole: specimen.hole,
+            hole: Some(specimen.hole),
             layup_deg: specimen.layup_deg,
             thickness_mm: specimen.thickness_mm,
             clamp: specimen.clamp,

@@ -14,8 +14,9 @@ pub struct SpecimenSpec {
     pub length_mm: f64,
     /// Width along direction 2, mm.
     pub width_mm: f64,
-    /// The hole.
-    pub hole: HoleSpec,
+    /// The hole, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hole: Option<HoleSpec>,
     /// Ply angles from the loading axis, degrees, counter-clockwise in the data's x-y plane, from one face to the other; none
     /// of an isotropic material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -142,31 +143,33 @@ impl SpecimenSpec {
     pub fn validate(&self, material: Material) -> Result<()> {
         positive("specimen.length_mm", self.length_mm)?;
         positive("specimen.width_mm", self.width_mm)?;
-        positive("specimen.hole.diameter_mm", self.hole.diameter_mm)?;
         self.thickness_mm.validate("specimen.thickness_mm")?;
         if self.thickness_mm.sd > 0.1 * self.thickness_mm.mean {
             return Err(Error::input("specimen.thickness_mm.sd", "at most a tenth of the mean")
                 .found(self.thickness_mm.sd)
                 .hint("the thickness is marginalised to first order, which holds for small relative deviations"));
         }
-        for (&c, key) in self.hole.center_mm.iter().zip(["[0]", "[1]"]) {
-            finite(&format!("specimen.hole.center_mm{key}"), c)?;
+        if let Some(hole) = &self.hole {
+            self.validate_hole(hole)?;
         }
-        self.validate_hole_inside()?;
         self.validate_clamp()?;
         self.validate_layup(material)
     }
 
-    fn validate_hole_inside(&self) -> Result<()> {
-        let radius = 0.5 * self.hole.diameter_mm;
+    fn validate_hole(&self, hole: &HoleSpec) -> Result<()> {
+        positive("specimen.hole.diameter_mm", hole.diameter_mm)?;
+        for (&c, key) in hole.center_mm.iter().zip(["[0]", "[1]"]) {
+            finite(&format!("specimen.hole.center_mm{key}"), c)?;
+        }
+        let radius = 0.5 * hole.diameter_mm;
         let half = [0.5 * self.length_mm, 0.5 * self.width_mm];
         for (axis, half) in half.into_iter().enumerate() {
-            let ligament = half - self.hole.center_mm[axis].abs() - radius;
+            let ligament = half - hole.center_mm[axis].abs() - radius;
             if ligament < 0.05 * radius {
                 return Err(Error::input("specimen.hole", "a hole that stays clear of the plate's edge")
                     .found(format!(
                         "diameter {} mm at {:?} mm in a plate of {} x {} mm, which leaves {ligament:.3} mm along direction {}",
-                        self.hole.diameter_mm, self.hole.center_mm, self.length_mm, self.width_mm, axis + 1
+                        hole.diameter_mm, hole.center_mm, self.length_mm, self.width_mm, axis + 1
                     ))
                     .hint("hole.center_mm is measured from the plate's centre, (direction 1 along the load, direction 2)"));
             }
@@ -199,16 +202,19 @@ impl SpecimenSpec {
             .found(format!("width {width} mm, fillet radius {radius} mm")));
         }
         let sign = if clamp.end == End::Low { 1.0 } else { -1.0 };
-        let to_clamp = 0.5 * self.length_mm + sign * self.hole.center_mm[0];
+        let (center, reach) = self.hole.map_or((0.0, 0.0), |hole| {
+            (hole.center_mm[0], 0.5 * (self.width_mm + hole.diameter_mm))
+        });
+        let to_clamp = 0.5 * self.length_mm + sign * center;
         let fillet = (radius.powi(2) - (radius - rise).powi(2)).sqrt();
         let free = to_clamp - fillet;
-        if free < 0.5 * self.width_mm + 0.5 * self.hole.diameter_mm {
+        if free < reach {
             return Err(Error::input(
                 PLACE,
-                "fillets that stay at least half a width away from the hole",
+                "fillets that stay at least half a width away from the hole, or short of the middle of a plate without one",
             )
             .found(format!(
-                "fillets {fillet:.3} mm long with the hole's centre {to_clamp:.3} mm from the clamp"
+                "fillets {fillet:.3} mm long with the hole's centre, or the middle, {to_clamp:.3} mm from the clamp"
             )));
         }
         Ok(())

@@ -14,7 +14,7 @@ use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE};
 use crate::error::Result;
 use crate::experiment::{State, predict};
 use crate::field::Blocks;
-use crate::identify::{Prepared, clear_mm};
+use crate::identify::{Prepared, is_clear};
 use crate::infer::Model;
 use crate::noise::Discrepancy;
 use crate::progress::Progress;
@@ -172,8 +172,8 @@ pub fn attribute(
         tested_field = Cow::Owned(corrected);
     }
     let field = &*tested_field;
-    let clear = clear_mm(model);
-    let beyond = |i: usize| field.points[i][0].hypot(field.points[i][1]) >= clear;
+    let geometry = &*prepared.problem.experiment.scene().setup.geometry;
+    let beyond = |i: usize| is_clear(geometry, field.points[i]);
     let blocks = Blocks::new(field, Blocks::size_for(field), beyond);
     let linearised = Linearised {
         model,

@@ -1,9 +1,12 @@
 //! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate.
 
+use std::sync::Arc;
+
 use divan::{Bencher, black_box};
 use plychain::effect::{EFFECTS, Kind, find};
 use plychain::error::Result;
-use plychain::fem::{Density, EndLoad, Outline, Plate, Profile, Setup};
+use plychain::fem::{EndLoad, Plate, Profile, Setup};
+use plychain::geometry::{Density, Morph, Outline, StripWithHole};
 use plychain::laminate::Ply;
 
 const NOMINAL: Ply = Ply {
@@ -22,12 +25,17 @@ fn main() {
 
 fn setup() -> Setup {
     Setup {
-        outline: Outline {
-            s: [-100.0, 100.0],
-            t: [-12.5, 12.5],
+        geometry: Arc::new(StripWithHole {
+            outline: Outline {
+                s: [-100.0, 100.0],
+                t: [-12.5, 12.5],
+                clamp: None,
+            },
             radius: 2.0,
-            clamp: None,
-        },
+            ring: None,
+        }),
+        morph: Morph::NONE,
+        held: None,
         angles: [45.0, -45.0, 0.0, 0.0, -45.0, 45.0]
             .map(f64::to_radians)
             .to_vec(),
@@ -43,7 +51,7 @@ fn setup() -> Setup {
 }
 
 fn plate(factor: f64) -> Plate {
-    Plate::new(setup().outline, Density::DEFAULT.scaled(factor)).expect("a plate that meshes")
+    Plate::new(&setup(), Density::DEFAULT.scaled(factor)).expect("a plate that meshes")
 }
 
 #[divan::bench(args = FACTORS, sample_count = 10)]

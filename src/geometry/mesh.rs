@@ -1,0 +1,77 @@
+//! Nodes, eight-node quadrilaterals (Q8) and named edges; blocks of elements on lattices of nodes.
+
+use std::collections::BTreeMap;
+
+/// An element's edge on the boundary: corner, midside, corner, with the material on its left.
+pub type Edge = [u32; 3];
+
+/// Nodes and Q8 elements.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Node coordinates (direction 1, direction 2), mm.
+    pub nodes: Vec<[f64; 2]>,
+    /// Corners counter-clockwise, then the midside nodes of edges 0-1, 1-2, 2-3, 3-0.
+    pub elements: Vec<[u32; 8]>,
+    /// The boundary by name, each part of it in order: counter-clockwise about the plate, clockwise about a hole.
+    pub edges: BTreeMap<String, Vec<Edge>>,
+    /// Extents of the parallel part, as [`super::Geometry::extents`].
+    pub extents: [[f64; 2]; 2],
+}
+
+/// Index of a lattice point that no Q8 element has (the middle of an element).
+pub const NONE: u32 = u32::MAX;
+
+/// A structured block's nodes: `id[i][j]` on a lattice of corners and midsides.
+pub type Lattice = Vec<Vec<u32>>;
+
+impl Mesh {
+    /// Degrees of freedom: two a node.
+    pub fn unknowns(&self) -> usize {
+        2 * self.nodes.len()
+    }
+
+    /// Coordinates of an element's eight nodes.
+    pub fn corners(&self, element: usize) -> [[f64; 2]; 8] {
+        self.elements[element].map(|n| self.nodes[n as usize])
+    }
+
+    /// The edges of a name; none if there are none.
+    pub fn edge(&self, name: &str) -> &[Edge] {
+        self.edges.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// Name the edges along chains of nodes (corner, midside, corner, ...).
+    pub(super) fn name_edges(&mut self, name: &str, chains: &[Vec<u32>]) {
+        let edges = chains.iter().flat_map(|chain| {
+            let starts = (0..chain.len().saturating_sub(2)).step_by(2);
+            starts.map(|i| [chain[i], chain[i + 1], chain[i + 2]])
+        });
+        self.edges.insert(name.into(), edges.collect());
+    }
+
+    pub(super) fn add_node(&mut self, p: [f64; 2]) -> u32 {
+        self.nodes.push(p);
+        (self.nodes.len() - 1) as u32
+    }
+
+    /// The elements of a lattice of nodes `id[i][j]`, turned counter-clockwise.
+    pub(super) fn add_elements(&mut self, id: &Lattice) {
+        for i in (0..id.len() - 1).step_by(2) {
+            for j in (0..id[0].len() - 1).step_by(2) {
+                let at = |di: usize, dj: usize| id[i + di][j + dj];
+                let [a, b, c, d] = [at(0, 0), at(2, 0), at(2, 2), at(0, 2)];
+                let [ab, bc, cd, da] = [at(1, 0), at(2, 1), at(1, 2), at(0, 1)];
+                self.elements.push(if self.turns_left(a, b, c) {
+                    [a, b, c, d, ab, bc, cd, da]
+                } else {
+                    [a, d, c, b, da, cd, bc, ab]
+                });
+            }
+        }
+    }
+
+    fn turns_left(&self, a: u32, b: u32, c: u32) -> bool {
+        let [a, b, c] = [a, b, c].map(|n| self.nodes[n as usize]);
+        (b[0] - a[0]) * (c[1] - b[1]) > (b[1] - a[1]) * (c[0] - b[0])
+    }
+}
