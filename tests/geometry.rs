@@ -2,13 +2,20 @@
 
 use std::sync::Arc;
 
+use plychain::diagnose::Rule;
 use plychain::effect::{self, EFFECTS};
+use plychain::experiment::simulate::Truth;
 use plychain::fem::element::{GAUSS, physical_gradient};
 use plychain::fem::{Locator, Plate, Setup};
+use plychain::field::matrices::write_matrices;
 use plychain::geometry::{
     Change, Density, GEOMETRIES, Geometry, HIGH, HOLE, LOW, Morph, SIDES, declared,
 };
+use plychain::identify::{Options, identify};
+use plychain::infer::Model;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
+use plychain::progress::Silent;
+use plychain::sample::{SAMPLERS, Schedule};
 
 use crate::reduce::{scene, small_test};
 
@@ -84,12 +91,13 @@ fn meshes_cover_the_specimen_and_elements_are_not_inverted() {
         let geometry = declared(&specimen);
         let of = |density: Density| mesh_area(&geometry.mesh(&geometry.counts(density)));
         let error = |density: Density| (of(density) / area(&specimen) - 1.0).abs();
-        // arcs are parabolas between three nodes
-        let errors = [Density(0.5), Density(1.0)].map(error);
+        // Arcs are parabolas between three nodes; a fillet is a steep one and begins anywhere in an element.
+        let errors = [Density(0.5), Density(2.0)].map(error);
         println!("{} {:?}: {errors:?}", geometry.name(), specimen.clamp);
+        let most = if specimen.clamp.is_some() { 1e-3 } else { 1e-6 };
         assert!(
-            errors[1] < 1e-5 && errors[1] <= errors[0].max(1e-11),
-            "{geometry:?}"
+            errors[1] < most && errors[1] <= errors[0].max(1e-11),
+            "{geometry:?} {errors:?}"
         );
     }
 }
@@ -272,4 +280,64 @@ fn a_support_needs_its_edge() {
         assert!(Plate::meshed(geometry.clone(), Some(name), Density(0.2)).is_ok());
     }
     assert!(Plate::meshed(geometry, Some(HOLE), Density(0.2)).is_err());
+}
+
+/// A square plate without a hole, from its declaration to its constants: in a uniform strain E follows from the strain along
+/// the load, nu from that across.
+#[test]
+fn a_square_plate_without_a_hole_identifies_its_material() {
+    let directory = tempfile::tempdir().unwrap();
+    let prior = |mean: f64, sd: f64| serde_json::json!({ "prior": { "normal": { "mean": mean, "sd": sd } } });
+    let json = serde_json::json!({
+        "schema": "plychain-model/2", "name": "square",
+        "material": { "kind": "isotropic", "parameters": { "E_GPa": prior(200.0, 20.0), "nu": prior(0.28, 0.05) } },
+        "experiments": [{
+            "name": "tension", "kind": "field",
+            "specimen": { "length_mm": 30.0, "width_mm": 30.0, "thickness_mm": { "mean": 2.0, "sd": 0.0 } },
+            "load": { "force_N": 6000.0 }, "gauge": "window", "mesh_density": 0.2,
+            "measurement": { "format": "matrices", "dir": "measured", "loading_axis": "x" },
+            "effects": [],
+        }],
+        "reduced_model": { "snapshots": 30, "modes": 1, "degree": 3 },
+        "likelihood": { "model_error_fraction": 0.0 },
+    });
+    let model = Model::parse(&json.to_string(), &directory.path().join("square.json")).unwrap();
+    let truth = Truth {
+        constants: vec![190.0, 0.31],
+        thickness_mm: 2.0,
+        effects: Vec::new(),
+        noise_nm: 20.0,
+        correlation_mm: 0.0,
+        grid: 41,
+        seed: 3,
+    };
+    write_matrices(
+        &directory.path().join("measured"),
+        &model.simulate(&truth).unwrap(),
+    )
+    .unwrap();
+    let sampler = (SAMPLERS[0].build)();
+    let options = Options {
+        sampler: &*sampler,
+        schedule: Schedule {
+            seed: 1,
+            max_draws: 4000,
+            ..Schedule::default()
+        },
+        rule: Rule::default(),
+        cache: directory.path().join("cache"),
+        refinements: 0,
+        keeping: None,
+        discrepancy: [None, None],
+        deadline: None,
+    };
+    let found = identify(&model, &options, &Silent).unwrap();
+    for (name, truth, most) in [("E_GPa", 190.0, 0.5), ("nu", 0.31, 0.003)] {
+        let (mean, sd) = found.moments(name).unwrap();
+        println!("{name} {mean} +- {sd}");
+        assert!(
+            (mean - truth).abs() < 4.0 * sd && sd < most,
+            "{name}: {mean} +- {sd}"
+        );
+    }
 }
