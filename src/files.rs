@@ -41,7 +41,12 @@ fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
         format!("{place}: {key}")
     };
     if let Some((found, expected)) = text.split_once(", expected ") {
-        return Error::input(place, expected).found(found);
+        return match found.split_once(": found ") {
+            Some((inner, found)) => {
+                Error::input(format!("{place}: {inner}"), expected).found(found)
+            }
+            None => Error::input(place, expected).found(found),
+        };
     }
     if let Some((place_in, expected)) = text.split_once(": expected ") {
         return Error::input(format!("{place}: {place_in}"), expected);

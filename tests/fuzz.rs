@@ -10,8 +10,7 @@ use plychain::chain::{
     Draws, Layout, Store, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_stan,
 };
 use plychain::error::{Error, Result};
-use plychain::field::spec::{Columns, Units};
-use plychain::field::{Axis, Frame, matrices, table};
+use plychain::field::{Axis, ColumnMap, Columns, Frame, Units, matrices, table};
 use plychain::infer::Model;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Dxsm;
@@ -223,6 +222,7 @@ fn csv_fields(path: &Path) {
         coordinates: "mm".into(),
         displacements: "mm".into(),
     };
+    let map = ColumnMap { columns, units };
     feed(
         "table",
         text.as_bytes(),
@@ -230,7 +230,7 @@ fn csv_fields(path: &Path) {
         &["field.csv"],
         &mut |bytes| {
             fs::write(path, bytes).unwrap();
-            table::read(path, &columns, &units, frame()).map(drop)
+            table::read(path, &map, frame()).map(drop)
         },
     );
 }

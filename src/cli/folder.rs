@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use super::RUNS;
 use super::console::line;
 use crate::error::{Error, Result};
+use crate::field::unreadable;
 use crate::files;
 use crate::infer::Model;
 use crate::reduce::cache::hex;
@@ -210,8 +211,7 @@ pub fn hashes<'a>(
 }
 
 fn hash(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path)
-        .map_err(|e| Error::input(path.display(), "a readable file").found(e))?;
+    let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
     Ok(hex(&Sha256::digest(bytes)))
 }
 
@@ -245,7 +245,7 @@ pub fn check_run(folder: &Path, model: &Model) -> Result<()> {
         ));
     };
     let known: Vec<&Value> = known.values().collect();
-    for (name, hash) in hashes(model.read_field()?.files.iter())? {
+    for (name, hash) in hashes(model.measurement_files()?.iter())? {
         if !known.contains(&&hash) {
             return Err(Error::input(name, "the measurement that the run read")
                 .found("a file that changed since")

@@ -9,8 +9,7 @@ use serde_json::{Value, json};
 use super::mappings::{MAPPINGS, matching};
 use super::print;
 use crate::error::{Error, Result};
-use crate::field::spec::{Columns, Units};
-use crate::field::{Axis, Field, Frame, table};
+use crate::field::{Axis, ColumnMap, Columns, Field, Frame, Units, table};
 use crate::files;
 use crate::infer::Model;
 use crate::report::Cells;
@@ -171,7 +170,8 @@ fn propose(csv: &Path, specimen: &mut Value) -> Result<(Value, String)> {
         loading_axis: Axis::X,
         hole_center_mm: [0.0, 0.0],
     };
-    let field = table::read(csv, &Columns { x, y, ux, uy }, &units, frame)?;
+    let columns = Columns { x, y, ux, uy };
+    let field = table::read(csv, &ColumnMap { columns, units }, frame)?;
     let along = loading_axis(&field);
     let hole = hole(&field);
     let extent = field.bounds();

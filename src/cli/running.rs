@@ -188,7 +188,7 @@ pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Re
         "version": env!("CARGO_PKG_VERSION"),
         "model": model.file.name,
         "model_sha256": hex(&Sha256::digest(text)),
-        "data_sha256": hashes(model.read_field()?.files.iter())?.values().collect::<Vec<_>>(),
+        "data_sha256": hashes(model.measurement_files()?.iter())?.values().collect::<Vec<_>>(),
         "seed": schedule.seed,
         "sampler": sampler.name(),
         "ensembles": schedule.ensembles,

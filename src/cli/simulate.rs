@@ -10,8 +10,7 @@ use super::{DEFAULT_MODEL, Global, print};
 use crate::effect::{Acting, EFFECTS};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
-use crate::field::matrices::write_matrices;
-use crate::field::spec::Source;
+use crate::field::{READERS, Reader, Source};
 use crate::infer::Model;
 
 /// Arguments of `simulate`.
@@ -37,10 +36,16 @@ pub struct Arguments {
     /// Points along each side of the square window
     #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
     grid: u16,
+    /// Format of the field: matrices or csv
+    #[arg(long, default_value = "matrices")]
+    format: String,
     /// Directory to make
     #[arg(long)]
     out: PathBuf,
 }
+
+/// Name of a field that is one file.
+const FILE: &str = "field.csv";
 
 /// What `--help` says of `--effect`.
 fn effects_help() -> String {
@@ -65,12 +70,19 @@ fn effects_help() -> String {
 /// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let model = Model::load(&arguments.model)?;
+    let reader = reader(&arguments.format)?;
     let truth = plan(arguments, &model, global.seed)?;
     let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let grid = model.simulate(&truth)?;
-    write_matrices(folder.path(), &grid)?;
+    let path = PathBuf::from(if reader.is_directory() { "." } else { FILE });
+    let columns = reader.write(&folder.path().join(&path), &grid, model.scene().frame)?;
+    let source = Source {
+        reader,
+        path,
+        columns,
+    };
     folder.write_json("truth.json", &truth_json(&model, &truth))?;
-    folder.write_json("model.json", &model_json(&model)?)?;
+    folder.write_json("model.json", &model_json(&model, source)?)?;
     print(&format!(
         "{} x {} points, model.json and truth.json written to {}\n",
         grid.rows,
@@ -151,10 +163,20 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
     Ok(truth)
 }
 
-/// The model with the simulated matrices as its measurement: `plychain identify DIR/model.json`.
-fn model_json(model: &Model) -> Result<serde_json::Value> {
+/// The format of a name.
+fn reader(format: &str) -> Result<&'static dyn Reader> {
+    let known = || READERS.iter().map(|reader| reader.format());
+    let at = known().position(|name| name == format).ok_or_else(|| {
+        let known: Vec<_> = known().collect();
+        Error::input("--format", format!("one of {}", known.join(", "))).found(format)
+    })?;
+    Ok(READERS[at])
+}
+
+/// The model with the simulated field as its measurement: `plychain identify DIR/model.json`.
+fn model_json(model: &Model, source: Source) -> Result<serde_json::Value> {
     let mut model = model.clone();
-    model.experiment_mut().measurement.source = Source::Matrices { dir: ".".into() };
+    model.experiment_mut().measurement.source = source;
     serde_json::to_value(&model.file)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
 }

@@ -9,66 +9,41 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::frame::Frame;
-use super::measured::{FARTHEST_MM, Field, GridShape, Rejected};
+use super::grid::Grid;
+use super::measured::{FARTHEST_MM, Field};
+use super::reader::{ColumnMap, Reader, number, read_text, unwritable};
 use crate::error::{Error, Result};
 use crate::quantity::UM_PER_MM;
 
 /// Files of a measurement, in the order of reading.
 const NAMES: [&str; 4] = ["X.txt", "Y.txt", "U.txt", "V.txt"];
 
-/// A field on a matrix, row by row; `points` and `displacement` have `rows * cols` entries.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
-    /// Rows.
-    pub rows: usize,
-    /// Columns.
-    pub cols: usize,
-    /// Points (x, y) in the data's coordinates, mm.
-    pub points: Vec<[f64; 2]>,
-    /// Displacements (u1, u2), u1 along the loading axis, mm; NaN where nothing was measured.
-    pub displacement: Vec<[f64; 2]>,
-}
+/// The reader of this format.
+pub struct Matrices;
 
-impl Grid {
-    /// A regular grid over the window `[[x0, y0], [x1, y1]]` mm, borders included; rows y increasing, columns x
-    /// increasing, no displacement measured yet.
-    pub fn regular([low, high]: [[f64; 2]; 2], rows: usize, cols: usize) -> Self {
-        let at = |k: usize, i: usize, n: usize| {
-            low[k] + (high[k] - low[k]) * i as f64 / (n.max(2) - 1) as f64
-        };
-        let points: Vec<_> = (0..rows * cols)
-            .map(|i| [at(0, i % cols, cols), at(1, i / cols, rows)])
-            .collect();
-        Self {
-            rows,
-            cols,
-            displacement: vec![[f64::NAN; 2]; points.len()],
-            points,
-        }
+impl Reader for Matrices {
+    fn format(&self) -> &'static str {
+        "matrices"
     }
 
-    /// The field of the measured points, in the model's frame.
-    pub fn field(&self, frame: Frame) -> Field {
-        let index: Vec<usize> = (0..self.points.len())
-            .filter(|&i| self.displacement[i].iter().all(|u| u.is_finite()))
-            .collect();
-        Field {
-            points: index.iter().map(|&i| frame.point(self.points[i])).collect(),
-            displacement: index.iter().map(|&i| self.displacement[i]).collect(),
-            frame,
-            outlying: Vec::new(),
-            rejected: Rejected {
-                missing: self.points.len() - index.len(),
-                ..Rejected::default()
-            },
-            grid: Some(GridShape {
-                rows: self.rows,
-                cols: self.cols,
-                index,
-            }),
-            fringe_frequency_per_mm: None,
-            files: Vec::new(),
-        }
+    fn is_directory(&self) -> bool {
+        true
+    }
+
+    fn has_columns(&self) -> bool {
+        false
+    }
+
+    fn files(&self, path: &Path) -> Vec<PathBuf> {
+        NAMES.iter().map(|name| path.join(name)).collect()
+    }
+
+    fn read(&self, path: &Path, _: Option<&ColumnMap>, frame: Frame) -> Result<Field> {
+        read(path, frame)
+    }
+
+    fn write(&self, path: &Path, grid: &Grid, _: Frame) -> Result<Option<ColumnMap>> {
+        write_matrices(path, grid).map(|()| None)
     }
 }
 
@@ -99,7 +74,7 @@ impl Matrix {
 /// Of the input, naming file, line, column and value: a missing, empty or non-text file, a cell that is not a number,
 /// ragged rows, different shapes, no measured point, a measured point without coordinates, impossible magnitudes.
 pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
-    let files: Vec<PathBuf> = NAMES.iter().map(|name| dir.join(name)).collect();
+    let files = Matrices.files(dir);
     let read: Vec<Result<Matrix>> = files.par_iter().map(|path| read_matrix(path)).collect();
     let matrices = read.into_iter().collect::<Result<Vec<_>>>()?;
     let [x, y, u, v] = &matrices[..] else {
@@ -169,40 +144,6 @@ fn assemble(x: &Matrix, y: &Matrix, u: &Matrix, v: &Matrix) -> Result<Grid> {
     })
 }
 
-/// The text of a file, without a byte order mark.
-///
-/// # Errors
-/// Of the input: a file that cannot be read or is not UTF-8 (with the line of the first bad byte).
-pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = fs::read(path).map_err(|e| {
-        Error::input(path.display(), "a readable file")
-            .found(e)
-            .hint("paths in a model file are relative to it; --data PATH gives another place")
-    })?;
-    let mut text = String::from_utf8(bytes).map_err(|e| {
-        let good = e.utf8_error().valid_up_to();
-        let bytes = e.as_bytes();
-        let line = 1 + bytes[..good].iter().filter(|b| **b == b'\n').count();
-        Error::input(format!("{}:{line}", path.display()), "text in UTF-8")
-            .found(format!(
-                "byte 0x{:02x}",
-                bytes.get(good).copied().unwrap_or(0)
-            ))
-            .hint("save the file as plain UTF-8 text")
-    })?;
-    if text.starts_with('\u{feff}') {
-        text.remove(0);
-    }
-    Ok(text)
-}
-
-/// A number of a text file: NaN (any case) is a number here, an infinity is not.
-pub(super) fn number(text: &str) -> Option<f64> {
-    text.parse::<f64>()
-        .ok()
-        .filter(|value| !value.is_infinite())
-}
-
 /// Read one matrix; blank lines are skipped.
 fn read_matrix(path: &Path) -> Result<Matrix> {
     let text = read_text(path)?;
@@ -256,9 +197,7 @@ fn read_matrix(path: &Path) -> Result<Matrix> {
 /// # Errors
 /// Of the input: a place that cannot be written.
 pub fn write_matrices(dir: &Path, grid: &Grid) -> Result<()> {
-    let fail =
-        |path: &Path, e: std::io::Error| Error::input(path.display(), "a writable place").found(e);
-    fs::create_dir_all(dir).map_err(|e| fail(dir, e))?;
+    fs::create_dir_all(dir).map_err(|e| unwritable(dir, &e))?;
     let entry = |file: usize, i: usize| match file {
         0 | 1 => grid.points[i][file],
         _ => grid.displacement[i][file - 2] * UM_PER_MM,
@@ -277,7 +216,7 @@ pub fn write_matrices(dir: &Path, grid: &Grid) -> Result<()> {
             text.push(if (i + 1) % grid.cols == 0 { '\n' } else { ' ' });
         }
         let path = dir.join(name);
-        fs::write(&path, text).map_err(|e| fail(&path, e))?;
+        fs::write(&path, text).map_err(|e| unwritable(&path, &e))?;
     }
     Ok(())
 }

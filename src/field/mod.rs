@@ -6,17 +6,21 @@
 pub mod blocks;
 pub mod deviant;
 pub mod frame;
+mod grid;
 pub(crate) mod local;
 pub mod matrices;
 pub mod measured;
 pub mod outliers;
 pub mod places;
+mod reader;
 pub mod rigid;
 pub mod spec;
 pub mod table;
 
 pub use blocks::Blocks;
 pub use frame::{Axis, Frame};
-pub use matrices::Grid;
+pub use grid::Grid;
 pub use measured::{Field, GridShape, Reason, Rejected};
-pub use spec::MeasurementSpec;
+pub(crate) use reader::unreadable;
+pub use reader::{ColumnMap, Columns, Reader, Units};
+pub use spec::{MeasurementSpec, READERS, Source};

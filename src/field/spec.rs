@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::frame::{Axis, Frame};
+use super::matrices::Matrices;
 use super::measured::Field;
 use super::outliers;
-use super::{matrices, table};
+use super::reader::{ColumnMap, Columns, Reader, Units};
+use super::table::Csv;
 use crate::error::{Error, Result};
 use crate::files::NotYet;
 use crate::quantity::Length;
@@ -26,47 +28,18 @@ pub struct MeasurementSpec {
     pub outliers: OutlierRule,
 }
 
+/// The formats of measurements.
+pub const READERS: &[&dyn Reader] = &[&Matrices, &Csv];
+
 /// The file or files of a measurement.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Source {
-    /// `X.txt`, `Y.txt` (mm), `U.txt`, `V.txt` (micrometres) in one directory; see [`matrices`].
-    Matrices {
-        /// The directory.
-        dir: PathBuf,
-    },
-    /// Named columns of one file; see [`table`].
-    Csv {
-        /// The file.
-        file: PathBuf,
-        /// Header names of the four columns.
-        columns: Columns,
-        /// Declared units of the columns.
-        units: Units,
-    },
-}
-
-/// Header names of the columns of a table.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Columns {
-    /// The point's x coordinate.
-    pub x: String,
-    /// The point's y coordinate.
-    pub y: String,
-    /// The displacement along x.
-    pub ux: String,
-    /// The displacement along y.
-    pub uy: String,
-}
-
-/// Units of a table's columns, by their names in [`Length`].
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Units {
-    /// Unit of both coordinates.
-    pub coordinates: String,
-    /// Unit of both displacements.
-    pub displacements: String,
+pub struct Source {
+    /// The format.
+    pub reader: &'static dyn Reader,
+    /// The directory or the file.
+    pub path: PathBuf,
+    /// What is declared of the columns, where the format has some.
+    pub columns: Option<ColumnMap>,
 }
 
 /// What happens to points that [`outliers::outliers`] finds.
@@ -80,19 +53,12 @@ pub enum OutlierRule {
     Keep,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Format {
-    Matrices,
-    Csv,
-}
-
 /// The keys as they are written: serde's internally tagged enums let unknown keys pass, so one flat set of keys is
 /// read and then sorted by format.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
-    format: Format,
+    format: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     dir: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -137,35 +103,43 @@ impl TryFrom<Keys> for MeasurementSpec {
     type Error = Error;
 
     fn try_from(keys: Keys) -> Result<Self> {
-        let (source, hole_center_mm) = match keys.format {
-            Format::Matrices => {
-                foreign(&keys.file, "matrices", "file")?;
-                foreign(&keys.columns, "matrices", "columns")?;
-                foreign(&keys.units, "matrices", "units")?;
-                let dir = needed(keys.dir, "matrices", "dir")?;
-                (
-                    Source::Matrices { dir },
-                    keys.hole_center_in_data_mm.unwrap_or([0.0; 2]),
-                )
-            }
-            Format::Csv => {
-                foreign(&keys.dir, "csv", "dir")?;
-                let file = needed(keys.file, "csv", "file")?;
-                let columns = needed(keys.columns, "csv", "columns")?;
-                let units = needed(keys.units, "csv", "units")?;
-                let center = needed(keys.hole_center_in_data_mm, "csv", "hole_center_in_data_mm")?;
-                (
-                    Source::Csv {
-                        file,
-                        columns,
-                        units,
-                    },
-                    center,
-                )
-            }
+        let reader = *READERS
+            .iter()
+            .find(|reader| reader.format() == keys.format)
+            .ok_or_else(|| {
+                let known: Vec<_> = READERS.iter().map(|reader| reader.format()).collect();
+                Error::input("format", format!("one of {}", known.join(", "))).found(&keys.format)
+            })?;
+        let format = reader.format();
+        let path = if reader.is_directory() {
+            foreign(&keys.file, format, "file")?;
+            needed(keys.dir, format, "dir")?
+        } else {
+            foreign(&keys.dir, format, "dir")?;
+            needed(keys.file, format, "file")?
+        };
+        let (columns, hole_center_mm) = if reader.has_columns() {
+            let map = ColumnMap {
+                columns: needed(keys.columns, format, "columns")?,
+                units: needed(keys.units, format, "units")?,
+            };
+            let center = needed(
+                keys.hole_center_in_data_mm,
+                format,
+                "hole_center_in_data_mm",
+            )?;
+            (Some(map), center)
+        } else {
+            foreign(&keys.columns, format, "columns")?;
+            foreign(&keys.units, format, "units")?;
+            (None, keys.hole_center_in_data_mm.unwrap_or([0.0; 2]))
         };
         let spec = Self {
-            source,
+            source: Source {
+                reader,
+                path,
+                columns,
+            },
             frame: Frame {
                 loading_axis: keys.loading_axis,
                 hole_center_mm,
@@ -180,16 +154,19 @@ impl TryFrom<Keys> for MeasurementSpec {
 
 impl From<MeasurementSpec> for Keys {
     fn from(spec: MeasurementSpec) -> Self {
-        let (format, dir, file, columns, units) = match spec.source {
-            Source::Matrices { dir } => (Format::Matrices, Some(dir), None, None, None),
-            Source::Csv {
-                file,
-                columns,
-                units,
-            } => (Format::Csv, None, Some(file), Some(columns), Some(units)),
+        let Source {
+            reader,
+            path,
+            columns,
+        } = spec.source;
+        let (dir, file) = if reader.is_directory() {
+            (Some(path), None)
+        } else {
+            (None, Some(path))
         };
+        let (columns, units) = columns.map(|map| (map.columns, map.units)).unzip();
         Self {
-            format,
+            format: reader.format().into(),
             dir,
             file,
             columns,
@@ -221,7 +198,7 @@ impl MeasurementSpec {
             )
             .found(f));
         }
-        if let Source::Csv { columns, units, .. } = &self.source {
+        if let Some(ColumnMap { columns, units }) = &self.source.columns {
             Length::parse("units.coordinates", &units.coordinates)?;
             Length::parse("units.displacements", &units.displacements)?;
             let names = [
@@ -243,10 +220,7 @@ impl MeasurementSpec {
     /// The same measurement at another place: the directory of the matrices or the file of the table.
     #[must_use]
     pub fn with_path(mut self, path: PathBuf) -> Self {
-        match &mut self.source {
-            Source::Matrices { dir } => *dir = path,
-            Source::Csv { file, .. } => *file = path,
-        }
+        self.source.path = path;
         self
     }
 
@@ -255,43 +229,37 @@ impl MeasurementSpec {
     /// # Errors
     /// Of the input: a current directory that is gone.
     pub fn below(self, base_dir: &Path) -> Result<Self> {
-        let path = match &self.source {
-            Source::Matrices { dir } => base_dir.join(dir),
-            Source::Csv { file, .. } => base_dir.join(file),
-        };
+        let path = base_dir.join(&self.source.path);
         let absolute = std::path::absolute(&path).map_err(|e| {
             Error::input(path.display(), "a path that can be made absolute").found(e)
         })?;
         Ok(self.with_path(absolute))
     }
 
-    /// A path of the wrong kind for the declared format.
-    fn check_kind(&self, base_dir: &Path) -> Result<()> {
-        let (path, wrong, expected) = match &self.source {
-            Source::Matrices { dir } => {
-                let path = base_dir.join(dir);
-                let wrong = path.is_file();
-                (
-                    path,
-                    wrong,
-                    "a directory with X.txt, Y.txt, U.txt and V.txt, because the model's format is \"matrices\"",
-                )
-            }
-            Source::Csv { file, .. } => {
-                let path = base_dir.join(file);
-                let wrong = path.is_dir();
-                (path, wrong, "a file, because the model's format is \"csv\"")
-            }
+    /// The files of the measurement, which are not read. Relative paths start at `base_dir`.
+    ///
+    /// # Errors
+    /// Of the input: a directory where the format has a file, or a file where it has a directory.
+    pub fn files(&self, base_dir: &Path) -> Result<Vec<PathBuf>> {
+        let Source { reader, path, .. } = &self.source;
+        let path = base_dir.join(path);
+        let files = reader.files(&path);
+        let format = reader.format();
+        let wrong = |expected: String, found: &str| {
+            let expected = format!("{expected}, because the model's format is \"{format}\"");
+            Err(Error::input(path.display(), expected).found(found))
         };
-        if wrong {
-            let found = if path.is_dir() {
-                "a directory"
-            } else {
-                "a file"
-            };
-            return Err(Error::input(path.display(), expected).found(found));
+        if reader.is_directory() && path.is_file() {
+            let names: Vec<_> = files
+                .iter()
+                .filter_map(|f| f.file_name()?.to_str())
+                .collect();
+            return wrong(format!("a directory with {}", names.join(", ")), "a file");
         }
-        Ok(())
+        if !reader.is_directory() && path.is_dir() {
+            return wrong("a file".into(), "a directory");
+        }
+        Ok(files)
     }
 
     /// Read the field. Relative paths start at `base_dir`, the model file's directory; `window_mm`
@@ -302,15 +270,13 @@ impl MeasurementSpec {
     /// Of the input: whatever is wrong with the files, an inverted window, or fewer than [`Field::FEWEST`] points left.
     pub fn read(&self, base_dir: &Path, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
         check_window(window_mm)?;
-        self.check_kind(base_dir)?;
-        let mut field = match &self.source {
-            Source::Matrices { dir } => matrices::read(&base_dir.join(dir), self.frame)?,
-            Source::Csv {
-                file,
-                columns,
-                units,
-            } => table::read(&base_dir.join(file), columns, units, self.frame)?,
-        };
+        self.files(base_dir)?;
+        let Source {
+            reader,
+            path,
+            columns,
+        } = &self.source;
+        let mut field = reader.read(&base_dir.join(path), columns.as_ref(), self.frame)?;
         field.fringe_frequency_per_mm = self.fringe_frequency_per_mm;
         if let Some(window) = window_mm {
             field.restrict_to(window);

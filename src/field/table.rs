@@ -1,23 +1,74 @@
 //! A table with named columns, as programs for digital image correlation export it: comma, semicolon or tab
 //! separated, `#` starts a comment line, failed points have empty or NaN cells.
 
-use std::path::Path;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::frame::Frame;
-use super::matrices::{number, read_text};
+use super::grid::Grid;
 use super::measured::{FARTHEST_MM, Field, Rejected};
-use super::spec::{Columns, Units};
+use super::reader::{ColumnMap, Columns, Reader, Units, number, read_text, unwritable};
 use crate::error::{Error, Result};
-use crate::quantity::Length;
+use crate::quantity::{Length, UM_PER_MM};
 
-/// Read the columns `columns` of the file `path`, declared in `units`, as a field in `frame`.
+/// The reader of this format.
+pub struct Csv;
+
+impl Reader for Csv {
+    fn format(&self) -> &'static str {
+        "csv"
+    }
+
+    fn is_directory(&self) -> bool {
+        false
+    }
+
+    fn has_columns(&self) -> bool {
+        true
+    }
+
+    fn files(&self, path: &Path) -> Vec<PathBuf> {
+        vec![path.to_owned()]
+    }
+
+    fn read(&self, path: &Path, columns: Option<&ColumnMap>, frame: Frame) -> Result<Field> {
+        let columns = columns.ok_or_else(|| Error::program("field::table", "declared columns"))?;
+        read(path, columns, frame)
+    }
+
+    /// One row a point, failed ones with empty cells.
+    fn write(&self, path: &Path, grid: &Grid, frame: Frame) -> Result<Option<ColumnMap>> {
+        let mut text = String::from("x_mm,y_mm,ux_um,uy_um\n");
+        for (p, u) in grid.points.iter().zip(&grid.displacement) {
+            let [ux, uy] = frame.vector(*u).map(|u| u * UM_PER_MM);
+            // writing to a String cannot fail
+            let _ = if ux.is_finite() && uy.is_finite() {
+                writeln!(text, "{:.5},{:.5},{ux:.6},{uy:.6}", p[0], p[1])
+            } else {
+                writeln!(text, "{:.5},{:.5},,", p[0], p[1])
+            };
+        }
+        std::fs::write(path, text).map_err(|e| unwritable(path, &e))?;
+        let [x, y, ux, uy] = ["x_mm", "y_mm", "ux_um", "uy_um"].map(String::from);
+        Ok(Some(ColumnMap {
+            columns: Columns { x, y, ux, uy },
+            units: Units {
+                coordinates: "mm".into(),
+                displacements: "um".into(),
+            },
+        }))
+    }
+}
+
+/// Read the columns of the file `path` as a field in `frame`.
 ///
 /// # Errors
 /// Of the input: a missing, empty or non-text file, an unknown or repeated column (with the columns there are), a
 /// row of another length or a cell that is not a number (with line and column), no measured point.
-pub fn read(path: &Path, columns: &Columns, units: &Units, frame: Frame) -> Result<Field> {
+pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
+    let ColumnMap { columns, units } = map;
     let coordinate_mm = Length::parse("units.coordinates", &units.coordinates)?.in_mm();
     let displacement_mm = Length::parse("units.displacements", &units.displacements)?.in_mm();
     let text = read_text(path)?;

@@ -99,6 +99,14 @@ impl Model {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
+    /// The files of the measurement, which are not read.
+    ///
+    /// # Errors
+    /// Those of [`crate::field::MeasurementSpec::files`].
+    pub fn measurement_files(&self) -> Result<Vec<PathBuf>> {
+        self.experiment().measurement.files(self.base_dir())
+    }
+
     /// Read the measured field and drop nothing but what the measurement's own rules drop.
     pub fn read_field(&self) -> Result<Field> {
         let experiment = self.experiment();

@@ -2,7 +2,7 @@ use std::fs;
 use std::path::Path;
 
 use plychain::error::{Blame, Error};
-use plychain::field::{Axis, Field, Frame, Grid, MeasurementSpec, matrices};
+use plychain::field::{Axis, Field, Frame, Grid, MeasurementSpec, READERS, Source, matrices};
 use proptest::prelude::*;
 
 use super::{STEEL, open_hole, shared, spec};
@@ -85,6 +85,80 @@ fn matrices_round_trip_within_their_decimals() {
         }
     }
     assert_eq!(read.files.len(), 4);
+}
+
+/// The small grid written in a format, and the measurement that reads it.
+fn written(
+    format: &'static dyn plychain::field::Reader,
+    frame: Frame,
+    dir: &Path,
+) -> MeasurementSpec {
+    let path = dir.join("field");
+    let columns = format.write(&path, &grid(), frame).unwrap();
+    assert_eq!(columns.is_some(), format.has_columns());
+    let mut spec = spec(r#"{"format":"matrices","dir":"d","loading_axis":"y","outliers":"keep"}"#);
+    spec.frame = frame;
+    spec.source = Source {
+        reader: format,
+        path,
+        columns,
+    };
+    spec
+}
+
+#[test]
+fn every_format_reads_back_what_it_wrote() {
+    for (k, reader) in READERS.iter().enumerate() {
+        let name = reader.format();
+        assert!(READERS[..k].iter().all(|r| r.format() != name), "{name}");
+        for axis in [Axis::X, Axis::Y] {
+            let frame = Frame {
+                loading_axis: axis,
+                hole_center_mm: [0.5, -0.25],
+            };
+            let dir = tempfile::tempdir().unwrap();
+            let spec = written(*reader, frame, dir.path());
+            let read = spec.read(Path::new(""), None).unwrap();
+            let expected = grid().field(frame);
+            assert_eq!(read.len(), expected.len(), "{name}");
+            assert_eq!(read.rejected.missing, expected.rejected.missing, "{name}");
+            for i in 0..read.len() {
+                for k in 0..2 {
+                    assert!((read.points[i][k] - expected.points[i][k]).abs() <= 0.51e-5);
+                    let u = [read.displacement[i][k], expected.displacement[i][k]];
+                    assert!((u[0] - u[1]).abs() <= 0.51e-9, "{name}: {u:?}");
+                }
+            }
+            assert_eq!(read.files, spec.files(Path::new("")).unwrap(), "{name}");
+            let text = serde_json::to_string(&spec).unwrap();
+            assert_eq!(
+                serde_json::from_str::<MeasurementSpec>(&text).unwrap(),
+                spec
+            );
+        }
+    }
+}
+
+#[test]
+fn every_format_names_the_file_and_line_of_a_broken_number() {
+    for reader in READERS {
+        let dir = tempfile::tempdir().unwrap();
+        let spec = written(*reader, FRAME_Y, dir.path());
+        for file in spec.files(Path::new("")).unwrap() {
+            let text = fs::read_to_string(&file).unwrap();
+            let start = text.match_indices('\n').nth(2).unwrap().0;
+            let digit = text[start..].find(|c: char| c.is_ascii_digit()).unwrap() + start;
+            fs::write(&file, [&text[..digit], "x", &text[digit + 1..]].concat()).unwrap();
+            let place = format!("{}:4", file.display());
+            assert_names(spec.read(Path::new(""), None), &[&place, "x"]);
+            fs::remove_file(&file).unwrap();
+            assert_names(
+                spec.read(Path::new(""), None),
+                &[&file.display().to_string(), "readable"],
+            );
+            fs::write(&file, text).unwrap();
+        }
+    }
 }
 
 #[test]
