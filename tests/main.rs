@@ -11,6 +11,7 @@ mod formats;
 mod fuzz;
 mod geometry;
 mod identify;
+mod joint;
 mod jumps;
 mod kernel;
 mod laminate;

@@ -1,6 +1,7 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod density;
+mod joint;
 mod kernel;
 pub(crate) mod lanes;
 mod laplace;
@@ -17,6 +18,7 @@ mod tabulated;
 mod version1;
 
 pub use density::LogDensity;
+pub use joint::{Joint, Member};
 pub use laplace::{Laplace, laplace};
 pub use likelihood::Likelihood;
 pub use model::Model;

@@ -33,8 +33,20 @@ impl Marginal {
         self.truncate.unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
     }
 
+    /// No prior: density 1 everywhere.
+    pub fn flat(mean: f64) -> Self {
+        Self {
+            mean,
+            sd: f64::INFINITY,
+            truncate: None,
+        }
+    }
+
     /// Logarithm of the normalisation, which ignores the cut: that is the same for every point.
     pub fn log_normalisation(&self) -> f64 {
+        if self.sd == f64::INFINITY {
+            return 0.0;
+        }
         -self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
     }
 
