@@ -5,6 +5,7 @@ mod chain_files;
 mod cli;
 mod diagnostics;
 mod dictionary;
+mod experiment;
 mod fem;
 mod field;
 mod formats;

@@ -85,17 +85,16 @@ impl FieldExperiment {
         Ok(setup)
     }
 
-    /// Stages 1 and 2: the loaded specimen, with its rigid motion as the gauge leaves it before the camera sees it.
-    fn loaded(&self, state: &State, camera: &Seen<'_>) -> Result<Solution<'_>> {
+    /// Stages 1 and 2: the loaded specimen, `held` where its rigid motion matters before the gauge removes it.
+    fn loaded(&self, state: &State, held: bool) -> Result<Solution<'_>> {
         let ply = self.scene.material.ply(&state.constants);
         let ply = ply.admissible("elastic constants")?;
         let setup = self.setup(state)?;
         let mut solution = self.plate.solve(&setup, &ply)?;
         match &self.zero {
             Some(zero) => zero.apply(&mut solution),
-            // a plain camera reports a rigid motion as it is, and the gauge removes it
-            None if camera.is_plain() => {}
-            None => hold_window(&mut solution, self.test.window),
+            None if held => hold_window(&mut solution, self.test.window),
+            None => {}
         }
         Ok(solution)
     }
@@ -162,7 +161,8 @@ impl Experiment for FieldExperiment {
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
         let camera = Seen::new(state.acting(), &self.scene);
-        let solution = self.loaded(state, &camera)?;
+        // what optics make of a rotation depends on the rotation; a plain camera reports it as it is
+        let solution = self.loaded(state, gradient || !camera.is_plain())?;
         let own = sight
             .observer()
             .filter(|_| solution.is_nominal() && camera.is_plain());

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use super::{Experiment, Gauge, Look, Sight, State};
 use crate::effect::{Scene, Seen};
 use crate::error::Result;
+use crate::geometry::HOLE;
 use crate::laminate::abd;
 
 /// A rectangular sheet under stress resultants that vary linearly, N11 = N (1 + 2 t / W), N22 = N / 2, N12 = N / 4 with
@@ -104,7 +105,10 @@ impl Experiment for MockExperiment {
     }
 
     fn shows(&self, _state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>> {
-        Ok(vec![true; points.len()])
+        // nothing is measured in the declared hole, which the sheet itself does not have
+        let geometry = &self.scene.setup.geometry;
+        let beside = |&p: &[f64; 2]| geometry.distance(HOLE, p).is_none_or(|d| d > 0.0);
+        Ok(points.iter().map(beside).collect())
     }
 
     fn look(&self, state: &State, sight: &Sight, _gradient: bool) -> Result<Look> {

@@ -1,0 +1,217 @@
+//! The one forward model: laws that its predictions keep, its sensitivities, and an experiment in closed form.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use plychain::effect::{Acting, EFFECTS, Kind, LOAD_SCALE};
+use plychain::experiment::simulate::Truth;
+use plychain::experiment::{
+    Direction, Experiment, FieldExperiment, Gauge, MockExperiment, Sight, State, load_response,
+    predict, predict_with_gradient, sensitivity,
+};
+use plychain::field::matrices::write_matrices;
+use plychain::identify::{inverse_problem, prepare, start};
+use plychain::infer::Model;
+use plychain::progress::Silent;
+
+use crate::program::{fresh, root, workplace};
+use crate::reduce::{scene, small_test};
+
+const CONSTANTS: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
+
+type Field = Vec<[f64; 2]>;
+
+fn experiments() -> Vec<Arc<dyn Experiment>> {
+    let test = small_test();
+    let scene = scene(&test);
+    vec![
+        Arc::new(MockExperiment::new(
+            scene.clone(),
+            Gauge::Window,
+            test.window,
+        )),
+        Arc::new(FieldExperiment::new(test, scene).unwrap()),
+    ]
+}
+
+fn size(field: &Field) -> f64 {
+    field.iter().flatten().fold(0.0, |m, u| m.max(u.abs()))
+}
+
+fn largest_difference(a: &Field, b: &Field) -> f64 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    pairs.fold(0.0, |m, (a, b)| m.max((a - b).abs()))
+}
+
+/// Moduli and thickness multiplied by factors of their own.
+fn scaled(state: &State, moduli: f64, thickness: f64) -> State {
+    let mut scaled = state.clone();
+    for k in [0, 1, 3] {
+        scaled.constants[k] *= moduli;
+    }
+    scaled.thickness_mm *= thickness;
+    scaled
+}
+
+#[test]
+fn a_field_is_one_over_thickness_and_moduli_where_every_effect_says_so() {
+    for experiment in experiments() {
+        let sight = experiment.support();
+        for effect in EFFECTS {
+            if matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
+                continue;
+            }
+            let amplitude: Vec<f64> = effect
+                .parameters()
+                .iter()
+                .map(|p| p.prior_sd.unwrap())
+                .collect();
+            let state = State::new(&CONSTANTS, 0.78).with([Acting {
+                effect: *effect,
+                amplitude,
+            }]);
+            let (moduli, thickness) = (1.3, 0.9);
+            let ratio = load_response(moduli, thickness);
+            let here = predict(&*experiment, &state, sight).unwrap().loaded;
+            let there = scaled(&state, moduli, thickness);
+            let there = predict(&*experiment, &there, sight).unwrap().loaded;
+            let expected: Field = here.iter().map(|u| u.map(|u| ratio * u)).collect();
+            let error = largest_difference(&there, &expected) / size(&expected);
+            let by_elements = experiment.mesh_size()[0] > 0;
+            if effect.scales() {
+                assert!(error < 1e-9, "{}: {error:e}", effect.name());
+            } else if by_elements {
+                assert!(error > 1e-5, "{} keeps the law: {error:e}", effect.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn sensitivities_are_the_differences_of_predictions() {
+    for experiment in experiments() {
+        let sight = experiment.support();
+        let tilted = plychain::effect::find("test", "load_misalignment").unwrap();
+        let at = State::new(&CONSTANTS, 0.78).with([Acting {
+            effect: tilted,
+            amplitude: vec![0.5],
+        }]);
+        let here = predict_with_gradient(&*experiment, &at, sight).unwrap();
+        let moved = |change: &dyn Fn(&mut State, f64), step: f64| -> Field {
+            let [high, low] = [step, -step].map(|by| {
+                let mut state = at.clone();
+                change(&mut state, by);
+                predict(&*experiment, &state, sight).unwrap().field
+            });
+            let pairs = high.iter().zip(&low);
+            pairs
+                .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step)))
+                .collect()
+        };
+        let mut checked: Vec<(String, Field, Field)> = Vec::new();
+        let mut check = |name: &str, direction, step, expected| {
+            let found = sensitivity(&*experiment, &at, &here, sight, direction, step).unwrap();
+            checked.push((name.into(), found, expected));
+        };
+        let thickness = moved(&|s, by| s.thickness_mm += by, 1e-3);
+        check("thickness", Direction::Thickness, 1e-3, thickness);
+        let load = moved(&|s, by| s.shift(LOAD_SCALE, 0, by), 0.1);
+        check("load", Direction::Load, 0.1, load);
+        let constant = moved(&|s, by| s.constants[1] += by, 0.01);
+        check("E2", Direction::Constant(1), 0.02, constant);
+        for effect in EFFECTS {
+            if !matches!(effect.kind(), Kind::Additive | Kind::Optical) {
+                continue;
+            }
+            for (k, parameter) in effect.parameters().iter().enumerate() {
+                let step = 0.01 * parameter.prior_sd.unwrap_or(1.0);
+                let expected = moved(&|s, by| s.shift(*effect, k, by), step);
+                let direction = Direction::Amplitude(*effect, k);
+                check(parameter.name, direction, step, expected);
+            }
+        }
+        for (name, found, expected) in checked {
+            let error = largest_difference(&found, &expected) / size(&expected).max(1e-12);
+            // points that optics move past an edge of the coarse mesh see the field continued
+            assert!(error < 2e-2, "{name}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn an_effect_without_amplitude_does_not_act() {
+    let effect = plychain::effect::find("test", "hole_size").unwrap();
+    let mut state = State::new(&CONSTANTS, 0.78);
+    state.set(effect, vec![2.0]);
+    assert_eq!(state.amplitude(effect), [2.0]);
+    state.shift(effect, 0, -2.0);
+    assert!(state.acting().is_empty());
+    assert_eq!(state.amplitude(effect), [0.0]);
+}
+
+#[test]
+fn the_mock_field_is_compatible_and_continued_exactly() {
+    let experiment = &experiments()[0];
+    let state = State::new(&CONSTANTS, 0.78);
+    let points = [[1.3, -2.0], [7.0, 7.5], [-3.1, 0.2]];
+    let sight = Sight::anywhere(&points, &[]);
+    let at_support = experiment
+        .look(&state, experiment.support(), false)
+        .unwrap();
+    let spread = experiment.spread(&at_support.displacement, &sight);
+    let look = experiment.look(&state, &sight, true).unwrap();
+    assert!(largest_difference(&spread, &look.displacement) < 1e-12 * size(&spread));
+    for (k, p) in points.iter().enumerate() {
+        for axis in 0..2 {
+            let at = |by: f64| {
+                let mut q = *p;
+                q[axis] += by;
+                let there = Sight::anywhere(&[q], &[]);
+                experiment.look(&state, &there, false).unwrap().displacement[0]
+            };
+            let (high, low) = (at(1e-3), at(-1e-3));
+            for i in 0..2 {
+                let slope = (high[i] - low[i]) / 2e-3;
+                assert!((slope - look.gradient[k][i][axis]).abs() < 1e-9);
+            }
+        }
+    }
+}
+
+/// The default model with a closed-form specimen.
+fn mock_model() -> Model {
+    let path = root().join("models/openhole.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text.replace(r#""kind": "field""#, r#""kind": "mock""#);
+    assert!(text.contains("mock"));
+    Model::parse(&text, Path::new(&path)).unwrap()
+}
+
+#[test]
+fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
+    let mut model = mock_model();
+    let truth = Truth {
+        constants: CONSTANTS.to_vec(),
+        thickness_mm: 0.78,
+        effects: Vec::new(),
+        noise_nm: 10.0,
+        correlation_mm: 0.0,
+        grid: 61,
+        seed: 3,
+    };
+    let folder = fresh("mock");
+    std::fs::create_dir_all(&folder).unwrap();
+    write_matrices(&folder, &model.simulate(&truth).unwrap()).unwrap();
+    let measurement = model.experiment().measurement.clone().with_path(folder);
+    model.experiment_mut().measurement = measurement;
+    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    // two modes a component: the sheet's field is linear in as many combinations of its compliances
+    assert!(prepared.reduced.truncation[0][3] < 1e-12);
+    let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+    let mode = start(&inverse.posterior).unwrap();
+    let sd = |k: usize| mode.covariance[k * (mode.mode.len() + 1)].sqrt();
+    for (k, truth) in CONSTANTS.iter().enumerate() {
+        let z = (mode.mode[k] - truth) / sd(k);
+        assert!(z.abs() < 4.0, "{}: {z}", model.constants()[k]);
+    }
+}
