@@ -11,11 +11,7 @@ impl Effect for CameraRotation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "angle_deg",
-            prior_sd: Some(0.5),
-            bound: 180.0,
-        }]
+        &[Parameter::new("angle_deg", 0.5, 180.0)]
     }
 
     fn kind(&self) -> Kind {

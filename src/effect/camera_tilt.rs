@@ -11,20 +11,9 @@ impl Effect for CameraTilt {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const TILT: Parameter = Parameter {
-            name: "",
-            prior_sd: Some(1e-4),
-            bound: 2e-3,
-        };
         &[
-            Parameter {
-                name: "x_per_mm",
-                ..TILT
-            },
-            Parameter {
-                name: "y_per_mm",
-                ..TILT
-            },
+            Parameter::new("x_per_mm", 1e-4, 2e-3),
+            Parameter::new("y_per_mm", 1e-4, 2e-3),
         ]
     }
 

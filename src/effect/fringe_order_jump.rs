@@ -10,37 +10,12 @@ impl Effect for FringeOrderJump {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const ORDERS: Parameter = Parameter {
-            name: "",
-            prior_sd: None,
-            bound: 1e3,
-        };
-        const PLACE: Parameter = Parameter {
-            name: "",
-            prior_sd: None,
-            bound: 1e5,
-        };
         &[
-            Parameter {
-                name: "x_orders",
-                ..ORDERS
-            },
-            Parameter {
-                name: "y_orders",
-                ..ORDERS
-            },
-            Parameter {
-                name: "x_mm",
-                ..PLACE
-            },
-            Parameter {
-                name: "y_mm",
-                ..PLACE
-            },
-            Parameter {
-                name: "radius_mm",
-                ..PLACE
-            },
+            Parameter::unbounded("x_orders", 1e3),
+            Parameter::unbounded("y_orders", 1e3),
+            Parameter::unbounded("x_mm", 1e5),
+            Parameter::unbounded("y_mm", 1e5),
+            Parameter::unbounded("radius_mm", 1e5),
         ]
     }
 

@@ -15,11 +15,7 @@ impl Effect for HoleEdgeDamage {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "loss_percent",
-            prior_sd: Some(20.0),
-            bound: 95.0,
-        }]
+        &[Parameter::new("loss_percent", 20.0, 95.0)]
     }
 
     fn kind(&self) -> Kind {

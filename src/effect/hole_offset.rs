@@ -12,20 +12,9 @@ impl Effect for HoleOffset {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const OFFSET: Parameter = Parameter {
-            name: "",
-            prior_sd: Some(0.3),
-            bound: 1e3,
-        };
         &[
-            Parameter {
-                name: "dx_mm",
-                ..OFFSET
-            },
-            Parameter {
-                name: "dy_mm",
-                ..OFFSET
-            },
+            Parameter::new("dx_mm", 0.3, 1e3),
+            Parameter::new("dy_mm", 0.3, 1e3),
         ]
     }
 

@@ -12,11 +12,7 @@ impl Effect for HoleSize {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "diameter_percent",
-            prior_sd: Some(2.0),
-            bound: 90.0,
-        }]
+        &[Parameter::new("diameter_percent", 2.0, 90.0)]
     }
 
     fn kind(&self) -> Kind {

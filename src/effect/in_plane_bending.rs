@@ -11,11 +11,7 @@ impl Effect for InPlaneBending {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "eccentricity_mm",
-            prior_sd: Some(0.2),
-            bound: 5.0,
-        }]
+        &[Parameter::new("eccentricity_mm", 0.2, 5.0)]
     }
 
     fn kind(&self) -> Kind {

@@ -19,11 +19,7 @@ impl Effect for LensDistortion {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "percent_at_12mm",
-            prior_sd: Some(0.3),
-            bound: 2.0,
-        }]
+        &[Parameter::new("percent_at_12mm", 0.3, 2.0)]
     }
 
     fn kind(&self) -> Kind {

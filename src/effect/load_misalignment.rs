@@ -11,11 +11,7 @@ impl Effect for LoadMisalignment {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "angle_deg",
-            prior_sd: Some(1.0),
-            bound: 20.0,
-        }]
+        &[Parameter::new("angle_deg", 1.0, 20.0)]
     }
 
     fn kind(&self) -> Kind {

@@ -11,11 +11,7 @@ impl Effect for LoadScale {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "percent",
-            prior_sd: Some(0.5),
-            bound: 99.0,
-        }]
+        &[Parameter::new("percent", 0.5, 99.0)]
     }
 
     fn kind(&self) -> Kind {

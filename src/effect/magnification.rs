@@ -16,11 +16,7 @@ impl Effect for Magnification {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "percent",
-            prior_sd: Some(1.0),
-            bound: 20.0,
-        }]
+        &[Parameter::new("percent", 1.0, 20.0)]
     }
 
     fn kind(&self) -> Kind {

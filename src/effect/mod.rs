@@ -85,6 +85,24 @@ pub struct Parameter {
 }
 
 impl Parameter {
+    /// With a normal prior of sd `prior_sd` about 0, modelled up to `bound`.
+    pub const fn new(name: &'static str, prior_sd: f64, bound: f64) -> Self {
+        Self {
+            name,
+            prior_sd: Some(prior_sd),
+            bound,
+        }
+    }
+
+    /// With nothing known of its size beforehand.
+    pub const fn unbounded(name: &'static str, bound: f64) -> Self {
+        Self {
+            name,
+            prior_sd: None,
+            bound,
+        }
+    }
+
     /// The unit, as the name ends in it: `per m per mm` of `gradient_per_m_per_mm`, `percent` of `percent_at_12mm`.
     pub fn unit(&self) -> String {
         let name = self.name;

@@ -17,16 +17,8 @@ impl Effect for OutOfPlaneBending {
 
     fn parameters(&self) -> &'static [Parameter] {
         &[
-            Parameter {
-                name: "uniform_per_m",
-                prior_sd: Some(0.025),
-                bound: 100.0,
-            },
-            Parameter {
-                name: "gradient_per_m_per_mm",
-                prior_sd: Some(0.0025),
-                bound: 10.0,
-            },
+            Parameter::new("uniform_per_m", 0.025, 100.0),
+            Parameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
         ]
     }
 

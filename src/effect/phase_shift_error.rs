@@ -11,20 +11,9 @@ impl Effect for PhaseShiftError {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const RIPPLE: Parameter = Parameter {
-            name: "",
-            prior_sd: Some(20.0),
-            bound: 1e3,
-        };
         &[
-            Parameter {
-                name: "sin_nm",
-                ..RIPPLE
-            },
-            Parameter {
-                name: "cos_nm",
-                ..RIPPLE
-            },
+            Parameter::new("sin_nm", 20.0, 1e3),
+            Parameter::new("cos_nm", 20.0, 1e3),
         ]
     }
 

@@ -12,11 +12,7 @@ impl Effect for PlyMisorientation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "angle_deg",
-            prior_sd: Some(1.0),
-            bound: 45.0,
-        }]
+        &[Parameter::new("angle_deg", 1.0, 45.0)]
     }
 
     fn kind(&self) -> Kind {

@@ -11,20 +11,9 @@ impl Effect for RegistrationOffset {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const OFFSET: Parameter = Parameter {
-            name: "",
-            prior_sd: Some(0.1),
-            bound: 2.0,
-        };
         &[
-            Parameter {
-                name: "dx_mm",
-                ..OFFSET
-            },
-            Parameter {
-                name: "dy_mm",
-                ..OFFSET
-            },
+            Parameter::new("dx_mm", 0.1, 2.0),
+            Parameter::new("dy_mm", 0.1, 2.0),
         ]
     }
 

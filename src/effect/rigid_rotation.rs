@@ -11,11 +11,7 @@ impl Effect for RigidRotation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "angle_urad",
-            prior_sd: Some(100.0),
-            bound: 1e4,
-        }]
+        &[Parameter::new("angle_urad", 100.0, 1e4)]
     }
 
     fn kind(&self) -> Kind {

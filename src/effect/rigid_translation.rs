@@ -11,20 +11,9 @@ impl Effect for RigidTranslation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const FREE: Parameter = Parameter {
-            name: "",
-            prior_sd: None,
-            bound: 1e6,
-        };
         &[
-            Parameter {
-                name: "tx_um",
-                ..FREE
-            },
-            Parameter {
-                name: "ty_um",
-                ..FREE
-            },
+            Parameter::unbounded("tx_um", 1e6),
+            Parameter::unbounded("ty_um", 1e6),
         ]
     }
 

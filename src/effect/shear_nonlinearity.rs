@@ -12,11 +12,7 @@ impl Effect for ShearNonlinearity {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "beta_per_MPa3",
-            prior_sd: Some(1e-7),
-            bound: 1e-6,
-        }]
+        &[Parameter::new("beta_per_MPa3", 1e-7, 1e-6)]
     }
 
     fn kind(&self) -> Kind {

@@ -11,11 +11,7 @@ impl Effect for ThermalStrain {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter {
-            name: "dT_K",
-            prior_sd: Some(3.0),
-            bound: 300.0,
-        }]
+        &[Parameter::new("dT_K", 3.0, 300.0)]
     }
 
     fn kind(&self) -> Kind {

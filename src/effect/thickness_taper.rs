@@ -11,20 +11,9 @@ impl Effect for ThicknessTaper {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const TAPER: Parameter = Parameter {
-            name: "",
-            prior_sd: Some(2.0),
-            bound: 190.0,
-        };
         &[
-            Parameter {
-                name: "across_percent",
-                ..TAPER
-            },
-            Parameter {
-                name: "along_percent",
-                ..TAPER
-            },
+            Parameter::new("across_percent", 2.0, 190.0),
+            Parameter::new("along_percent", 2.0, 190.0),
         ]
     }
 

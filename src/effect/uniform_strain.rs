@@ -13,24 +13,10 @@ impl Effect for UniformStrain {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        const STRAIN: Parameter = Parameter {
-            name: "",
-            prior_sd: Some(10.0),
-            bound: 1e4,
-        };
         &[
-            Parameter {
-                name: "exx_microstrain",
-                ..STRAIN
-            },
-            Parameter {
-                name: "eyy_microstrain",
-                ..STRAIN
-            },
-            Parameter {
-                name: "exy_microstrain",
-                ..STRAIN
-            },
+            Parameter::new("exx_microstrain", 10.0, 1e4),
+            Parameter::new("eyy_microstrain", 10.0, 1e4),
+            Parameter::new("exy_microstrain", 10.0, 1e4),
         ]
     }
 
