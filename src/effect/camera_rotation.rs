@@ -11,7 +11,7 @@ impl Effect for CameraRotation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("angle_deg", 0.5, 180.0)]
+        const { &[Parameter::new("angle_deg", 0.5, 180.0)] }
     }
 
     fn kind(&self) -> Kind {

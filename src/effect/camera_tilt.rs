@@ -11,10 +11,12 @@ impl Effect for CameraTilt {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("x_per_mm", 1e-4, 2e-3),
-            Parameter::new("y_per_mm", 1e-4, 2e-3),
-        ]
+        const {
+            &[
+                Parameter::new("x_per_mm", 1e-4, 2e-3),
+                Parameter::new("y_per_mm", 1e-4, 2e-3),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

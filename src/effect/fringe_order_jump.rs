@@ -10,13 +10,15 @@ impl Effect for FringeOrderJump {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::unbounded("x_orders", 1e3),
-            Parameter::unbounded("y_orders", 1e3),
-            Parameter::unbounded("x_mm", 1e5),
-            Parameter::unbounded("y_mm", 1e5),
-            Parameter::unbounded("radius_mm", 1e5),
-        ]
+        const {
+            &[
+                Parameter::unbounded("x_orders", 1e3),
+                Parameter::unbounded("y_orders", 1e3),
+                Parameter::unbounded("x_mm", 1e5),
+                Parameter::unbounded("y_mm", 1e5),
+                Parameter::unbounded("radius_mm", 1e5),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

@@ -15,7 +15,7 @@ impl Effect for HoleEdgeDamage {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("loss_percent", 20.0, 95.0)]
+        const { &[Parameter::new("loss_percent", 20.0, 95.0)] }
     }
 
     fn kind(&self) -> Kind {

@@ -12,10 +12,12 @@ impl Effect for HoleOffset {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("dx_mm", 0.3, 1e3),
-            Parameter::new("dy_mm", 0.3, 1e3),
-        ]
+        const {
+            &[
+                Parameter::new("dx_mm", 0.3, 1e3),
+                Parameter::new("dy_mm", 0.3, 1e3),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

@@ -12,7 +12,7 @@ impl Effect for HoleSize {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("diameter_percent", 2.0, 90.0)]
+        const { &[Parameter::new("diameter_percent", 2.0, 90.0)] }
     }
 
     fn kind(&self) -> Kind {

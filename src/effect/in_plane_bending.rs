@@ -11,7 +11,7 @@ impl Effect for InPlaneBending {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("eccentricity_mm", 0.2, 5.0)]
+        const { &[Parameter::new("eccentricity_mm", 0.2, 5.0)] }
     }
 
     fn kind(&self) -> Kind {

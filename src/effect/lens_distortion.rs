@@ -19,7 +19,7 @@ impl Effect for LensDistortion {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("percent_at_12mm", 0.3, 2.0)]
+        const { &[Parameter::new("percent_at_12mm", 0.3, 2.0)] }
     }
 
     fn kind(&self) -> Kind {

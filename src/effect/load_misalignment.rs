@@ -11,7 +11,7 @@ impl Effect for LoadMisalignment {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("angle_deg", 1.0, 20.0)]
+        const { &[Parameter::new("angle_deg", 1.0, 20.0)] }
     }
 
     fn kind(&self) -> Kind {

@@ -11,7 +11,7 @@ impl Effect for LoadScale {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("percent", 0.5, 99.0)]
+        const { &[Parameter::new("percent", 0.5, 99.0)] }
     }
 
     fn kind(&self) -> Kind {

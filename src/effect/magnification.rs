@@ -16,7 +16,7 @@ impl Effect for Magnification {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("percent", 1.0, 20.0)]
+        const { &[Parameter::new("percent", 1.0, 20.0)] }
     }
 
     fn kind(&self) -> Kind {

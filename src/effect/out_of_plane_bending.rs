@@ -16,10 +16,12 @@ impl Effect for OutOfPlaneBending {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("uniform_per_m", 0.025, 100.0),
-            Parameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
-        ]
+        const {
+            &[
+                Parameter::new("uniform_per_m", 0.025, 100.0),
+                Parameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

@@ -11,10 +11,12 @@ impl Effect for PhaseShiftError {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("sin_nm", 20.0, 1e3),
-            Parameter::new("cos_nm", 20.0, 1e3),
-        ]
+        const {
+            &[
+                Parameter::new("sin_nm", 20.0, 1e3),
+                Parameter::new("cos_nm", 20.0, 1e3),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

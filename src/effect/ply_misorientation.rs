@@ -12,7 +12,7 @@ impl Effect for PlyMisorientation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("angle_deg", 1.0, 45.0)]
+        const { &[Parameter::new("angle_deg", 1.0, 45.0)] }
     }
 
     fn kind(&self) -> Kind {

@@ -11,10 +11,12 @@ impl Effect for RegistrationOffset {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("dx_mm", 0.1, 2.0),
-            Parameter::new("dy_mm", 0.1, 2.0),
-        ]
+        const {
+            &[
+                Parameter::new("dx_mm", 0.1, 2.0),
+                Parameter::new("dy_mm", 0.1, 2.0),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

@@ -11,7 +11,7 @@ impl Effect for RigidRotation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("angle_urad", 100.0, 1e4)]
+        const { &[Parameter::new("angle_urad", 100.0, 1e4)] }
     }
 
     fn kind(&self) -> Kind {

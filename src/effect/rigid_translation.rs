@@ -11,10 +11,12 @@ impl Effect for RigidTranslation {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::unbounded("tx_um", 1e6),
-            Parameter::unbounded("ty_um", 1e6),
-        ]
+        const {
+            &[
+                Parameter::unbounded("tx_um", 1e6),
+                Parameter::unbounded("ty_um", 1e6),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

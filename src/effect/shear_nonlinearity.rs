@@ -12,7 +12,7 @@ impl Effect for ShearNonlinearity {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("beta_per_MPa3", 1e-7, 1e-6)]
+        const { &[Parameter::new("beta_per_MPa3", 1e-7, 1e-6)] }
     }
 
     fn kind(&self) -> Kind {

@@ -11,7 +11,7 @@ impl Effect for ThermalStrain {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[Parameter::new("dT_K", 3.0, 300.0)]
+        const { &[Parameter::new("dT_K", 3.0, 300.0)] }
     }
 
     fn kind(&self) -> Kind {

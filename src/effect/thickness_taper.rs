@@ -11,10 +11,12 @@ impl Effect for ThicknessTaper {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("across_percent", 2.0, 190.0),
-            Parameter::new("along_percent", 2.0, 190.0),
-        ]
+        const {
+            &[
+                Parameter::new("across_percent", 2.0, 190.0),
+                Parameter::new("along_percent", 2.0, 190.0),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {

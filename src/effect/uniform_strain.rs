@@ -13,11 +13,13 @@ impl Effect for UniformStrain {
     }
 
     fn parameters(&self) -> &'static [Parameter] {
-        &[
-            Parameter::new("exx_microstrain", 10.0, 1e4),
-            Parameter::new("eyy_microstrain", 10.0, 1e4),
-            Parameter::new("exy_microstrain", 10.0, 1e4),
-        ]
+        const {
+            &[
+                Parameter::new("exx_microstrain", 10.0, 1e4),
+                Parameter::new("eyy_microstrain", 10.0, 1e4),
+                Parameter::new("exy_microstrain", 10.0, 1e4),
+            ]
+        }
     }
 
     fn kind(&self) -> Kind {
