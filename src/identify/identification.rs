@@ -14,7 +14,7 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::infer::{LogDensity, Model, Posterior};
-use crate::noise::Discrepancy;
+use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 use crate::sample::{self, Keeping, Monitor, Phase, Report, Sampler, Schedule, Start, Stopped};
 
@@ -33,7 +33,7 @@ pub struct Options<'a> {
     /// Where the chains are kept while the run goes.
     pub keeping: Option<Keeping>,
     /// Structure that is to be counted as a discrepancy of the model.
-    pub discrepancy: [Option<Discrepancy>; 2],
+    pub discrepancy: [Option<Hyperparameters>; 2],
     /// When to stop sampling in any case.
     pub deadline: Option<Instant>,
 }

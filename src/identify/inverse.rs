@@ -7,7 +7,7 @@ use crate::geometry::Geometry;
 use crate::infer::{
     Columns, Laplace, Likelihood, Marginal, Model, Observation, Posterior, Statistics, laplace,
 };
-use crate::noise::{Discrepancy, Noise};
+use crate::noise::{Hyperparameters, Noise};
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
@@ -25,7 +25,7 @@ pub struct Prepared {
     /// The measurement on the plate.
     pub observation: Observation,
     /// Structure that is to be counted as a discrepancy of the model.
-    pub discrepancy: [Option<Discrepancy>; 2],
+    pub discrepancy: [Option<Hyperparameters>; 2],
 }
 
 /// A posterior with everything it was made of, not sampled yet.

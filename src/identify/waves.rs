@@ -6,6 +6,7 @@ use statrs::distribution::{ContinuousCDF, Gamma};
 
 use super::patterns::IMPROBABLE;
 use crate::field::{Blocks, Field};
+use crate::noise::NormalEquations;
 use crate::numeric::median;
 use crate::quantity::NM_PER_MM;
 
@@ -311,11 +312,8 @@ fn periodogram(
         [1.0, s, t, s * s, s * t, t * t][term]
     });
     let values = DVector::from_iterator(n, members.iter().map(|&i| residual[i][c]));
-    let gram = basis.tr_mul(&basis);
-    let fitted = gram
-        .cholesky()
-        .map(|f| &basis * f.solve(&basis.tr_mul(&values)));
-    let rest = fitted.map_or_else(|| values.clone(), |f| &values - f);
+    let fit = NormalEquations::new(basis.tr_mul(&basis), basis.tr_mul(&values));
+    let left = fit.map_or_else(|| values.clone(), |f| &values - &basis * f.mean());
     let window: Vec<f64> = members
         .iter()
         .map(|&i| {
@@ -332,7 +330,7 @@ fn periodogram(
             for (row, &i) in members.iter().enumerate() {
                 let phase = 2.0 * std::f64::consts::PI * (a * place(i, 0) + b * place(i, 1));
                 let (sin, cos) = phase.sin_cos();
-                let value = window[row] * rest[row];
+                let value = window[row] * left[row];
                 total = [total[0] + value * cos, total[1] + value * sin];
             }
             (total[0] * total[0] + total[1] * total[1]) / square

@@ -9,10 +9,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::model::Model;
 use super::observation::Observation;
 use crate::effect::{Effect, Kind, Scene, amplitude_name, recorded_column};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::experiment::Experiment;
 use crate::field::{Blocks, Field};
-use crate::noise::{invert, residual_of_fit, solve};
+use crate::noise::{NormalEquations, residual_of_fit, solve};
 use crate::reduce::ReducedModel;
 
 /// The second pass has the first one's ripple out of the argument.
@@ -245,8 +245,9 @@ fn regress(
         precision += gram * weight;
         right += product * weight;
     }
-    let covariance = invert(precision)?;
-    let mean = &covariance * right;
+    let fit = NormalEquations::new(precision, right)
+        .ok_or_else(|| Error::input("effects", "effects of the recording that differ"))?;
+    let (mean, covariance) = (fit.mean(), fit.covariance());
     let sd = (0..q).map(|k| covariance[(k, k)].sqrt()).collect();
     Ok((mean.as_slice().to_vec(), sd))
 }

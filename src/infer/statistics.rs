@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::observation::{Columns, Observation};
-use crate::error::Result;
-use crate::noise::{Noise, component, invert, solve};
+use crate::error::{Error, Result};
+use crate::noise::{Noise, NormalEquations, component, solve};
 
 /// Generalised least squares of the block averages on modes and declared effects, at the estimated noise scale.
 #[derive(Debug, Clone)]
@@ -48,10 +48,18 @@ impl Statistics {
         for k in 0..q {
             bb[(k, k)] += prior[k];
         }
-        let inverse = invert(bb)?;
+        let effects =
+            NormalEquations::new(bb, weighted.rows(p, q).into_owned()).ok_or_else(|| {
+                Error::input(
+                    "effects",
+                    "declared effects that differ on the measured points",
+                )
+                .found("effects whose columns depend on each other")
+                .hint("declare only one of them")
+            })?;
         let ba = gram.view((p, 0), (q, p)).into_owned();
-        let slope = &inverse * &ba;
-        let offset = &inverse * weighted.rows(p, q);
+        let slope = effects.solve(&ba);
+        let offset = effects.mean();
         let precision = gram.view((0, 0), (p, p)) - ba.tr_mul(&slope);
         let b = weighted.rows(0, p) - ba.tr_mul(&offset);
         let residual = total - weighted.rows(p, q).dot(&offset) - b.dot(&solve(&precision, &b));
@@ -60,7 +68,7 @@ impl Statistics {
             weighted: b,
             effect_offset: offset,
             effect_slope: slope,
-            effect_covariance: inverse,
+            effect_covariance: effects.covariance(),
             residual,
             count: 2 * noise.blocks.len(),
             freedom: noise.freedom(),

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::hyperparameters::{Component, Local};
+use super::hyperparameters::{ComponentNoise, LocalVariance};
 use super::normal::solve;
-use super::reml::{Contrasts, Reml};
+use super::reml::{Contrasts, Hyperparameters, Reml};
 use super::white::{Leftover, white};
 use super::{BlockCovariance, Matern};
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ pub struct Noise {
     pub blocks: Blocks,
     /// Restricted-likelihood estimate of each component.
     pub reml: [Reml; 2],
-    /// Covariance of each component's block averages at unit scale, averaged over the settings.
+    /// Covariance of each component's block averages at unit scale, averaged over the hyperparameters.
     pub covariance: [BlockCovariance; 2],
     /// Scale s^2 of each component's covariance, mm^2.
     pub scale2: [f64; 2],
@@ -34,17 +34,6 @@ pub struct Noise {
     pub white_mm: [f64; 2],
     /// Effective number of independent points of both components.
     pub effective_points: f64,
-}
-
-/// Smooth structure of one component that the model lacks, as a covariance of block averages.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Discrepancy {
-    /// Correlation length (Matern-3/2), mm.
-    pub length_mm: f64,
-    /// Its variance over the white variance of a block average.
-    pub ratio: f64,
-    /// Scale s^2, mm^2.
-    pub scale2: f64,
 }
 
 impl Noise {
@@ -77,19 +66,19 @@ impl Noise {
             ..field.clone()
         });
         let leftover = Leftover::new(field);
-        let estimate = |c: usize| -> Result<Component> {
+        let estimate = |c: usize| -> Result<ComponentNoise> {
             let explained = component(modes.iter().chain(effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
             all.columns_mut(explained.ncols(), smooth.ncols())
                 .copy_from(&smooth);
             let y = blocks.average(&field.component(c));
-            let local = Local {
+            let local = LocalVariance {
                 variance: seen.sd_mm[c].powi(2),
                 error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS),
                 leftover: &leftover,
             };
-            Component::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &local)
+            ComponentNoise::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &local)
         };
         let (a, b) = (estimate(0)?, estimate(1)?);
         let effective_points = a.covariance.effective_points() + b.covariance.effective_points();
@@ -108,7 +97,7 @@ impl Noise {
     ///
     /// # Errors
     /// Of the program, if a covariance is not positive definite.
-    pub fn with(mut self, discrepancy: &[Option<Discrepancy>; 2]) -> Result<Self> {
+    pub fn with(mut self, discrepancy: &[Option<Hyperparameters>; 2]) -> Result<Self> {
         for (c, found) in discrepancy.iter().enumerate() {
             let Some(d) = found else { continue };
             let matern = Matern::new(&self.blocks, d.length_mm);

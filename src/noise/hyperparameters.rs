@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::covariance::{NOISE_LENGTHS_MM, RATIOS};
 use super::lattice::{FLAT, Quadratic};
-use super::reml::{Contrasts, Reml, Setting};
+use super::reml::{Contrasts, Hyperparameters, Reml};
 use super::white::Leftover;
 use super::{BlockCovariance, Matern};
 use crate::error::Result;
@@ -15,7 +15,7 @@ use crate::field::Blocks;
 use crate::numeric::{hermite, legendre};
 
 /// The white noise of points as local differences see it.
-pub(super) struct Local<'a> {
+pub(super) struct LocalVariance<'a> {
     /// Their variance, mm^2.
     pub variance: f64,
     /// Standard error of its logarithm.
@@ -25,10 +25,10 @@ pub(super) struct Local<'a> {
 }
 
 /// One component's noise.
-pub(super) struct Component {
-    /// The table of settings; `best` is the most likely one.
+pub(super) struct ComponentNoise {
+    /// The restricted likelihood; `best` is what is most likely given the local differences too.
     pub reml: Reml,
-    /// Covariance of block averages, averaged over the settings, at unit scale.
+    /// Covariance of block averages, averaged over length and ratio, at unit scale.
     pub covariance: BlockCovariance,
     /// Scale s^2 of that covariance, mm^2.
     pub scale2: f64,
@@ -43,56 +43,60 @@ const NODES: usize = 5;
 /// by the table.
 const LOCALISED: f64 = 0.4;
 
-/// Settings of smaller posterior probability are left out of the covariance.
+/// Hyperparameters of smaller posterior probability are left out of the covariance.
 const NEGLIGIBLE: f64 = 0.01;
 
 /// Error of the logarithm of the variance that local differences see of correlated noise whose correlation has not
 /// quite Matern's shape.
 const SHAPE_ERROR: f64 = 0.5;
 
-/// One setting with everything that is known at it.
+/// Hyperparameters with everything that is known at them.
 #[derive(Clone, Copy)]
-struct Weighed {
-    /// The setting at its most likely s^2 given the blocks and the local differences.
-    setting: Setting,
-    /// Mode of the logarithm of a point's variance, and its variance, at this setting.
+struct Scored {
+    /// With the most likely s^2 given the blocks and the local differences.
+    at: Hyperparameters,
+    /// Mode of the logarithm of a point's variance, and its variance, there.
     log_variance: (f64, f64),
-    /// Log posterior density, up to a constant: s^2 integrated, before the prior over settings.
+    /// Log posterior density, up to a constant: s^2 integrated, before the prior over length and ratio.
     log_density: f64,
 }
 
 struct Search<'a> {
     blocks: &'a Blocks,
     contrasts: &'a Contrasts<'a>,
-    local: &'a Local<'a>,
+    local: &'a LocalVariance<'a>,
 }
 
-impl Component {
-    pub fn new(blocks: &Blocks, contrasts: &Contrasts<'_>, local: &Local<'_>) -> Result<Self> {
+impl ComponentNoise {
+    pub fn new(
+        blocks: &Blocks,
+        contrasts: &Contrasts<'_>,
+        local: &LocalVariance<'_>,
+    ) -> Result<Self> {
         let search = Search {
             blocks,
             contrasts,
             local,
         };
         let mut reml = contrasts.table(&NOISE_LENGTHS_MM, &RATIOS)?;
-        let fractions = NOISE_LENGTHS_MM.map(|l| local.leftover.fraction(l));
-        let table: Vec<Weighed> = reml
+        let fractions = NOISE_LENGTHS_MM.map(|l| (l, local.leftover.fraction(l)));
+        let of = |at: &Hyperparameters| fractions.iter().find(|(l, _)| *l == at.length_mm);
+        let table: Vec<Scored> = reml
             .table
             .iter()
-            .enumerate()
-            .map(|(k, s)| search.weigh(s, fractions[k / RATIOS.len()]))
+            .map(|at| search.weigh(at, of(at).map_or(0.0, |f| f.1)))
             .collect();
         let found = search.parts(&table)?;
-        // White noise where it is the more probable, else the likeliest setting of correlated noise.
+        // White noise where it is the more probable, else the likeliest correlated noise.
         let (white, correlated): (Vec<_>, Vec<_>) =
-            found.iter().partition(|(_, w)| w.setting.ratio == 0.0);
+            found.iter().partition(|(_, w)| w.at.ratio == 0.0);
         let is_white = white.iter().any(|(p, _)| *p >= 0.5);
         let kept = if is_white { white } else { correlated };
         let likeliest = kept.iter().map(|(_, w)| w);
         let likeliest = likeliest.reduce(|a, b| if b.log_density > a.log_density { b } else { a });
-        reml.best = likeliest.map_or(reml.best, |w| w.setting);
+        reml.best = likeliest.map_or(reml.best, |w| w.at);
         // the mean of an inverse chi^2's logarithm lies half its variance above its mode
-        let centre = |w: &Weighed| w.log_variance.0 + 0.5 * w.log_variance.1;
+        let centre = |w: &Scored| w.log_variance.0 + 0.5 * w.log_variance.1;
         let mean = found.iter().map(|(p, w)| p * centre(w)).sum::<f64>();
         let spread = found
             .iter()
@@ -110,17 +114,17 @@ impl Component {
 }
 
 impl Search<'_> {
-    /// A setting with the white noise of local differences taken into account: the restricted likelihood times a
+    /// Hyperparameters with the white noise of local differences taken into account: the restricted likelihood times a
     /// lognormal for what they see, s^2 (nbar + rho f).
-    fn weigh(&self, setting: &Setting, fraction: f64) -> Weighed {
+    fn weigh(&self, at: &Hyperparameters, fraction: f64) -> Scored {
         let nu = self.contrasts.count() as f64;
         let nbar = self.blocks.mean_count();
-        let seen = nbar + setting.ratio * fraction;
+        let seen = nbar + at.ratio * fraction;
         let expected = (self.local.variance / seen).max(f64::MIN_POSITIVE).ln();
         // Real noise need not be Matern's at distances far below its length: the blocks decide over its correlated part.
-        let share = setting.ratio * fraction / seen;
+        let share = at.ratio * fraction / seen;
         let precision = 1.0 / (self.local.error.powi(2) + (SHAPE_ERROR * share).powi(2));
-        let profile = setting.scale2.ln();
+        let profile = at.scale2.ln();
         let mut x = profile;
         let mut curvature = 0.5 * nu;
         for _ in 0..50 {
@@ -131,42 +135,37 @@ impl Search<'_> {
         }
         let lost = 0.5 * nu * (x - profile + (profile - x).exp() - 1.0);
         let penalty = 0.5 * (x - expected).powi(2) * precision;
-        Weighed {
-            setting: Setting {
+        Scored {
+            at: Hyperparameters {
                 scale2: x.exp(),
-                ..*setting
+                ..*at
             },
-            log_variance: (x + (nbar + setting.ratio).ln(), 1.0 / curvature),
-            log_density: setting.log_likelihood - lost - penalty
-                + 0.5 * (precision / curvature).ln(),
+            log_variance: (x + (nbar + at.ratio).ln(), 1.0 / curvature),
+            log_density: at.log_likelihood - lost - penalty + 0.5 * (precision / curvature).ln(),
         }
     }
 
-    fn at(&self, matern: &Matern, fraction: f64, ratio: f64) -> Result<Weighed> {
+    fn at(&self, matern: &Matern, fraction: f64, ratio: f64) -> Result<Scored> {
         let covariance = BlockCovariance::new(self.blocks, matern, ratio)?;
         Ok(self.weigh(&self.contrasts.at(&covariance)?, fraction))
     }
 
-    /// Settings with their posterior probabilities. Half the prior probability lies on white noise: a correlation is found where
+    /// Hyperparameters with their posterior probabilities. Half the prior probability lies on white noise: a correlation is found where
     /// the data ask for it. A quarter lies on correlated noise alone, as of overlapping subsets, evenly over the
     /// logarithm of its length, and a quarter on both, evenly over the logarithms of length and ratio. Where the data do not say
-    /// how long the correlation is, the half that is correlated lies evenly on the settings of the table.
-    fn parts(&self, table: &[Weighed]) -> Result<Vec<(f64, Weighed)>> {
-        let better = |a: Weighed, b: Weighed| if b.log_density > a.log_density { b } else { a };
-        let correlated: Vec<Weighed> = table
-            .iter()
-            .filter(|w| w.setting.ratio > 0.0)
-            .copied()
-            .collect();
-        let white = table.iter().find(|w| w.setting.ratio == 0.0).copied();
+    /// how long the correlation is, the half that is correlated lies evenly on the table.
+    fn parts(&self, table: &[Scored]) -> Result<Vec<(f64, Scored)>> {
+        let better = |a: Scored, b: Scored| if b.log_density > a.log_density { b } else { a };
+        let correlated: Vec<Scored> = table.iter().filter(|w| w.at.ratio > 0.0).copied().collect();
+        let white = table.iter().find(|w| w.at.ratio == 0.0).copied();
         let Some(start) = correlated.iter().copied().reduce(better) else {
             return Ok(white.into_iter().map(|w| (1.0, w)).collect());
         };
         let prior = -(correlated.len() as f64).ln();
-        let mut weighed: Vec<(f64, Weighed)> = Vec::new();
+        let mut weighed: Vec<(f64, Scored)> = Vec::new();
         weighed.extend(white.map(|w| (w.log_density, w)));
-        // Where no setting of the table is much likelier than white noise there is nothing to refine.
-        let hopeless = white.is_some_and(|w| start.log_density < w.log_density + NEGLIGIBLE_NATS);
+        // Where nothing of the table is much likelier than white noise there is nothing to refine.
+        let hopeless = white.is_some_and(|w| start.log_density < w.log_density + WORTH_A_CLIMB);
         match if hopeless { None } else { self.refine(start)? } {
             Some(found) => weighed.extend(found),
             None => weighed.extend(correlated.iter().map(|w| (w.log_density + prior, *w))),
@@ -184,10 +183,10 @@ impl Search<'_> {
     ///
     /// The share is the logit of the part of what local differences see that is correlated noise: at a given share
     /// both sources of information ask for the same scale at each length.
-    fn refine(&self, start: Weighed) -> Result<Option<Vec<(f64, Weighed)>>> {
-        let length = start.setting.length_mm;
+    fn refine(&self, start: Scored) -> Result<Option<Vec<(f64, Scored)>>> {
+        let length = start.at.length_mm;
         let fraction = self.local.leftover.fraction(length);
-        let share = (start.setting.ratio * fraction / self.blocks.mean_count()).ln();
+        let share = (start.at.ratio * fraction / self.blocks.mean_count()).ln();
         let mut centre = [length.ln(), share.clamp(LOW[1], HIGH[1])];
         let mut step = [0.25, 0.8];
         let mut around = self.around(centre, step)?;
@@ -222,7 +221,7 @@ impl Search<'_> {
         self.integrate(centre, step, covariance)
     }
 
-    /// Quadrature over the density about `centre`: settings with the logs of their probabilities relative to the
+    /// Quadrature over the density about `centre`: hyperparameters with the logs of their probabilities relative to the
     /// prior's. In the length the density is nearly normal (Gauss-Hermite); in the share it may be level up to its
     /// bound, where there is no white noise (Gauss-Legendre over what lies within [`REACH`] sds and the bounds).
     fn integrate(
@@ -230,7 +229,7 @@ impl Search<'_> {
         centre: [f64; 2],
         step: [f64; 2],
         covariance: [[f64; 2]; 2],
-    ) -> Result<Option<Vec<(f64, Weighed)>>> {
+    ) -> Result<Option<Vec<(f64, Scored)>>> {
         let sd = [0, 1].map(|k| covariance[k][k].sqrt() * step[k]);
         if sd[0] > LOCALISED {
             return Ok(None);
@@ -251,8 +250,8 @@ impl Search<'_> {
                 logs.push(volume + (weight * (high - low)).ln());
             }
         }
-        let settings = self.settings(&places, NODES)?;
-        let mut parts: Vec<(f64, Weighed)> = settings
+        let found = self.at_places(&places, NODES)?;
+        let mut parts: Vec<(f64, Scored)> = found
             .into_iter()
             .zip(logs)
             .map(|(w, log)| (w.log_density + log, w))
@@ -265,42 +264,42 @@ impl Search<'_> {
         ))
     }
 
-    /// Quadrature over the logarithm of the length, known to about `sd` near `start`, of correlated noise alone: settings with the
-    /// logs of their probabilities relative to the prior's.
-    fn alone(&self, start: f64, sd: f64) -> Result<Vec<(f64, Weighed)>> {
+    /// Quadrature over the logarithm of the length, known to about `sd` near `start`, of correlated noise alone: hyperparameters with
+    /// the logs of their probabilities relative to the prior's.
+    fn alone(&self, start: f64, sd: f64) -> Result<Vec<(f64, Scored)>> {
         let places = |around: f64, sd: f64, z: &[f64]| -> Vec<[f64; 2]> {
             z.iter().map(|z| [around + sd * z, HIGH[1]]).collect()
         };
-        let near = self.settings(&places(start, sd, &[-1.0, 0.0, 1.0]), 1)?;
+        let near = self.at_places(&places(start, sd, &[-1.0, 0.0, 1.0]), 1)?;
         let [low, middle, high] = [0, 1, 2].map(|k: usize| near[k].log_density);
         let bend = (2.0 * middle - low - high).max(1.0 / FLAT);
         let centre = start + sd * (0.5 * (high - low) / bend).clamp(-2.0, 2.0);
         let sd = sd / bend.sqrt();
         let rule = hermite(NODES);
         let nodes: Vec<f64> = rule.iter().map(|(z, _)| *z).collect();
-        let settings = self.settings(&places(centre, sd, &nodes), 1)?;
+        let found = self.at_places(&places(centre, sd, &nodes), 1)?;
         let side = HIGH[0] - LOW[0];
         let log =
             |(z, weight): (f64, f64)| weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd / side).ln();
-        let parts = settings.into_iter().zip(rule);
+        let parts = found.into_iter().zip(rule);
         Ok(parts
             .map(|(w, node)| (w.log_density + log(node), w))
             .collect())
     }
 
-    /// The nine settings `step` around `centre`, shares innermost.
-    fn around(&self, centre: [f64; 2], step: [f64; 2]) -> Result<Vec<Weighed>> {
+    /// The nine places `step` around `centre`, shares innermost.
+    fn around(&self, centre: [f64; 2], step: [f64; 2]) -> Result<Vec<Scored>> {
         let places: Vec<[f64; 2]> = (0..9)
             .map(|i| {
                 let by = [(i / 3) as f64 - 1.0, (i % 3) as f64 - 1.0];
                 [0, 1].map(|k| centre[k] + by[k] * step[k])
             })
             .collect();
-        self.settings(&places, 3)
+        self.at_places(&places, 3)
     }
 
-    /// Settings at places (log length, share), `each` of one length in a row.
-    fn settings(&self, places: &[[f64; 2]], each: usize) -> Result<Vec<Weighed>> {
+    /// Hyperparameters at places (log length, share), `each` of one length in a row.
+    fn at_places(&self, places: &[[f64; 2]], each: usize) -> Result<Vec<Scored>> {
         let lengths: Vec<(Matern, f64)> = places
             .par_chunks(each)
             .map(|row| {
@@ -308,18 +307,18 @@ impl Search<'_> {
                 (Matern::new(self.blocks, l), self.local.leftover.fraction(l))
             })
             .collect();
-        let one = |(i, place): (usize, &[f64; 2])| -> Result<Weighed> {
+        let one = |(i, place): (usize, &[f64; 2])| -> Result<Scored> {
             let (matern, fraction) = &lengths[i / each];
             let ratio = place[1].exp() * self.blocks.mean_count() / fraction.max(1e-9);
             self.at(matern, *fraction, ratio)
         };
-        let results: Vec<Result<Weighed>> = places.par_iter().enumerate().map(one).collect();
+        let results: Vec<Result<Scored>> = places.par_iter().enumerate().map(one).collect();
         results.into_iter().collect()
     }
 }
 
-/// The log densities on a lattice of nine settings.
-fn log_densities(around: &[Weighed]) -> [f64; 9] {
+/// The log densities on a lattice of nine places.
+fn log_densities(around: &[Scored]) -> [f64; 9] {
     std::array::from_fn(|k| around[k].log_density)
 }
 
@@ -336,24 +335,24 @@ const LARGEST_STEP: [f64; 2] = [0.3, 1.5];
 /// Rounds of the climb.
 const ROUNDS: usize = 6;
 
-/// Nats by which some correlated setting must beat white noise to make a climb worth its while.
-const NEGLIGIBLE_NATS: f64 = 3.0;
+/// Log Bayes factor against white noise that some correlated noise must reach to make a climb worth its while.
+const WORTH_A_CLIMB: f64 = 3.0;
 
-/// The covariance averaged over settings with their probabilities, scaled so that a point has the variance
+/// The covariance averaged over hyperparameters with their probabilities, scaled so that a point has the variance
 /// exp(`log_variance`).
 fn average(
     blocks: &Blocks,
-    found: &[(f64, Weighed)],
+    found: &[(f64, Scored)],
     log_variance: f64,
 ) -> Result<(BlockCovariance, f64)> {
-    let kept: Vec<&(f64, Weighed)> = found.iter().filter(|(p, _)| *p > NEGLIGIBLE).collect();
-    let white: f64 = kept.iter().map(|(p, w)| p * w.setting.scale2).sum();
+    let kept: Vec<&(f64, Scored)> = found.iter().filter(|(p, _)| *p > NEGLIGIBLE).collect();
+    let white: f64 = kept.iter().map(|(p, w)| p * w.at.scale2).sum();
     let mut lengths: Vec<(f64, f64)> = Vec::new();
     for (p, w) in &kept {
-        let ratio = p * w.setting.scale2 * w.setting.ratio / white;
-        match lengths.iter_mut().find(|(l, _)| *l == w.setting.length_mm) {
+        let ratio = p * w.at.scale2 * w.at.ratio / white;
+        match lengths.iter_mut().find(|(l, _)| *l == w.at.length_mm) {
             Some((_, sum)) => *sum += ratio,
-            None => lengths.push((w.setting.length_mm, ratio)),
+            None => lengths.push((w.at.length_mm, ratio)),
         }
     }
     lengths.retain(|(_, ratio)| *ratio > 0.0);

@@ -10,8 +10,9 @@ pub mod reml;
 pub mod white;
 
 pub use covariance::{BlockCovariance, Matern};
-pub use estimate::{Discrepancy, Noise, component, residual_of_fit};
-pub(crate) use normal::{invert, solve};
+pub use estimate::{Noise, component, residual_of_fit};
+pub use normal::NormalEquations;
+pub(crate) use normal::solve;
 pub use random_field::matern_pair;
-pub use reml::Reml;
+pub use reml::{Hyperparameters, Reml};
 pub use white::white;

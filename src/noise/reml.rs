@@ -3,30 +3,38 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::covariance::{BlockCovariance, Matern, over_grid};
+use super::covariance::{BlockCovariance, DISCREPANCY_LENGTHS_MM, over_grid};
+use super::normal::NormalEquations;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 
-/// Restricted likelihood at one setting.
+/// Covariance hyperparameters of one component: C = s^2 [diag(nbar / n_b) + rho Matern(l)].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
+pub struct Hyperparameters {
     /// Correlation length l, mm.
     pub length_mm: f64,
-    /// Ratio rho.
+    /// Ratio rho of the correlated to the white variance of a block.
     pub ratio: f64,
-    /// Restricted log likelihood with s^2 at its maximum; comparable between settings for the same columns.
-    pub log_likelihood: f64,
-    /// The s^2 of the maximum, unit of the data squared.
+    /// Scale s^2 of the largest restricted likelihood, unit of the data squared.
     pub scale2: f64,
+    /// Restricted log likelihood with s^2 at its maximum; comparable for the same columns.
+    pub log_likelihood: f64,
 }
 
-/// The whole table of settings.
+impl Hyperparameters {
+    /// Whether they describe a smooth discrepancy of the model rather than noise.
+    pub fn is_discrepancy(&self) -> bool {
+        self.ratio > 0.0 && self.length_mm >= DISCREPANCY_LENGTHS_MM[0]
+    }
+}
+
+/// The restricted likelihood over a grid of hyperparameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reml {
-    /// Lengths outermost, ratios within, as given.
-    pub table: Vec<Setting>,
-    /// The setting of the largest likelihood (the first of equals).
-    pub best: Setting,
+    /// Lengths outermost, ratios within, as given; a ratio of zero once.
+    pub table: Vec<Hyperparameters>,
+    /// Those of the largest likelihood (the first of equals).
+    pub best: Hyperparameters,
     /// Mean number of points of a block, nbar.
     pub mean_count: f64,
     /// Number of contrasts: blocks minus the rank of the columns.
@@ -34,42 +42,15 @@ pub struct Reml {
 }
 
 impl Reml {
-    /// Sd of the white part of a single point at the best setting, unit of the data.
+    /// Sd of the white part of a single point, unit of the data.
     pub fn white_sd(&self) -> f64 {
         (self.best.scale2 * self.mean_count).sqrt()
     }
 
-    /// Sd of the correlated part of a single point at the best setting, unit of the data.
+    /// Sd of the correlated part of a single point, unit of the data.
     pub fn correlated_sd(&self) -> f64 {
         (self.best.scale2 * self.best.ratio).sqrt()
     }
-
-    /// The covariance of the best setting at s = 1.
-    ///
-    /// # Errors
-    /// Of the program, if the factorisation fails.
-    pub fn covariance(&self, blocks: &Blocks) -> Result<BlockCovariance> {
-        BlockCovariance::new(
-            blocks,
-            &Matern::new(blocks, self.best.length_mm),
-            self.best.ratio,
-        )
-    }
-}
-
-/// Restricted likelihood of block averages `y` of one component over all `lengths_mm` and `ratios`, with the columns
-/// (blocks x p, of any rank, p may be zero) projected out. A ratio of zero makes the length immaterial.
-///
-/// # Errors
-/// Those of [`Contrasts::new`]; of the program: empty lengths or ratios, a factorisation that fails.
-pub fn reml(
-    blocks: &Blocks,
-    y: &DVector<f64>,
-    columns: &DMatrix<f64>,
-    lengths_mm: &[f64],
-    ratios: &[f64],
-) -> Result<Reml> {
-    Contrasts::new(blocks, y.clone(), columns)?.table(lengths_mm, ratios)
 }
 
 /// Block averages of one component, of which only what is orthogonal to some columns counts.
@@ -144,32 +125,26 @@ impl<'a> Contrasts<'a> {
     ///
     /// # Errors
     /// Of the program, if a factorisation fails.
-    pub fn at(&self, c: &BlockCovariance) -> Result<Setting> {
+    pub fn at(&self, c: &BlockCovariance) -> Result<Hyperparameters> {
         let white = c.whiten_vector(&self.y);
         let mut square = white.norm_squared();
         let mut log_det = c.log_det();
         if self.basis.ncols() > 0 {
             let columns = c.whiten(&self.basis);
-            let factor = columns.tr_mul(&columns).cholesky().ok_or_else(|| {
-                Error::program("noise::reml", "independent columns after whitening")
-                    .found(format!("rho = {}", c.ratio))
-            })?;
-            let projected = columns.tr_mul(&white);
-            square -= projected.dot(&factor.solve(&projected));
-            log_det += 2.0
-                * factor
-                    .l_dirty()
-                    .diagonal()
-                    .iter()
-                    .map(|d| d.ln())
-                    .sum::<f64>();
+            let explained = NormalEquations::new(columns.tr_mul(&columns), columns.tr_mul(&white))
+                .ok_or_else(|| {
+                    Error::program("noise::reml", "independent columns after whitening")
+                        .found(format!("rho = {}", c.ratio))
+                })?;
+            square -= explained.quadratic();
+            log_det += explained.log_det();
         }
         let m = self.count as f64;
         // data that the columns explain exactly have no noise; keep the logarithm finite
         let scale2 = (square / m).max(f64::MIN_POSITIVE);
         let log_likelihood =
             -0.5 * (m * (scale2.ln() + 1.0 + (2.0 * std::f64::consts::PI).ln()) + log_det);
-        Ok(Setting {
+        Ok(Hyperparameters {
             length_mm: c.length_mm,
             ratio: c.ratio,
             log_likelihood,

@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 
 use super::subsets::{Subset, Subsets};
 use super::weighing::Projected;
+use crate::noise::NormalEquations;
 
 /// A swap that costs a log Bayes factor below this cannot be excluded.
 pub const SWAP_NATS: f64 = 5.0;
@@ -111,9 +112,8 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
         let other = &subsets.ranges[candidate];
         let towards = block(g, other, own) * a;
         // with its prior, so that what cannot be seen stays where it is
-        let mut precision = block(g, other, other);
-        (0..other.len()).for_each(|k| precision[(k, k)] += 1.0);
-        let nearest = precision.cholesky()?.solve(&towards);
+        let precision = block(g, other, other);
+        let nearest = NormalEquations::with_unit_prior(precision, towards.clone())?.mean();
         let cosine = (towards.dot(&nearest) / norm2).max(0.0).sqrt().min(1.0);
         let mut swapped: Subset = best
             .iter()
@@ -149,7 +149,7 @@ fn block(g: &DMatrix<f64>, rows: &[usize], cols: &[usize]) -> DMatrix<f64> {
 }
 
 /// Cosine of the angle between two effects' signatures with everything absorbable projected out: the largest canonical
-/// correlation of their columns under one noise setting.
+/// correlation of their columns under one pair of hyperparameters.
 pub fn cosine(projected: &Projected, a: &[usize], b: &[usize]) -> f64 {
     let g = &projected.g;
     let root = |columns: &[usize]| {

@@ -16,7 +16,7 @@ use crate::experiment::{State, predict};
 use crate::field::Blocks;
 use crate::identify::{Prepared, is_clear};
 use crate::infer::Model;
-use crate::noise::Discrepancy;
+use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 
 /// An effect weighed against the data.
@@ -58,7 +58,7 @@ pub struct Tracing {
     /// Correlation length (mm) of the likeliest noise or discrepancy of each component.
     pub length_mm: [f64; 2],
     /// The likeliest setting of each component, where it is a discrepancy.
-    pub structure: [Option<Discrepancy>; 2],
+    pub structure: [Option<Hyperparameters>; 2],
     /// The constants, averaged over what may act unseen.
     pub averaged: Vec<Averaged>,
     /// What could hide in the residual.

@@ -11,7 +11,6 @@ use crate::effect::LOAD_SCALE;
 use crate::error::Result;
 use crate::experiment::State;
 use crate::field::Blocks;
-use crate::noise::Discrepancy;
 
 /// A group is accepted above this probability.
 const ACCEPT: f64 = 0.95;
@@ -49,13 +48,8 @@ impl Evidence<'_> {
     /// Of the program, for columns that are not finite.
     pub fn tracing(&self, state: &State) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let settings = [0, 1].map(|c| &self.weighing.settings[c][pair.of[c]]);
-        let holdout = Holdout::new(
-            self.blocks,
-            self.sensitivities,
-            &self.subsets.ranges,
-            settings,
-        );
+        let noise = self.weighing.hyperparameters(pair);
+        let holdout = Holdout::new(self.blocks, self.sensitivities, &self.subsets.ranges, noise);
         let best = self.subsets.best().clone();
         let with = holdout.errors(&best);
         let found = groups(self.subsets);
@@ -94,14 +88,8 @@ impl Evidence<'_> {
             accepted_amplitude,
             undecided,
             discrepancy: self.subsets.discrepancy,
-            length_mm: settings.map(|s| if s.ratio > 0.0 { s.length_mm } else { 0.0 }),
-            structure: settings.map(|s| {
-                s.is_discrepancy().then_some(Discrepancy {
-                    length_mm: s.length_mm,
-                    ratio: s.ratio,
-                    scale2: s.scale2,
-                })
-            }),
+            length_mm: noise.map(|h| if h.ratio > 0.0 { h.length_mm } else { 0.0 }),
+            structure: noise.map(|h| h.is_discrepancy().then_some(*h)),
             averaged: averaged(self.weighing, self.sensitivities)?,
             blind_spots: self
                 .load_scale()

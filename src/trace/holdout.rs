@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::sensitivities::{Column, Sensitivities};
 use super::subsets::{Subset, columns};
-use super::weighing::Setting;
 use crate::field::Blocks;
+use crate::noise::{Hyperparameters, NormalEquations};
 use crate::quantity::NM_PER_MM;
 
 /// Side of the squares that are held out, mm; more than the correlation length of any noise.
@@ -26,12 +26,12 @@ pub struct Holdout<'a> {
 pub type Errors = [(f64, f64, usize); FOLDS];
 
 impl<'a> Holdout<'a> {
-    /// Lay the squares; variances from one noise setting a component.
+    /// Lay the squares; variances from the hyperparameters of each component.
     pub fn new(
         blocks: &Blocks,
         sensitivities: &'a Sensitivities,
         ranges: &'a [Vec<usize>],
-        settings: [&Setting; 2],
+        at: [&Hyperparameters; 2],
     ) -> Self {
         // at least three blocks a side, whatever their size
         let side = SQUARE_MM.max(3.0 * blocks.size_mm);
@@ -44,7 +44,7 @@ impl<'a> Holdout<'a> {
             })
             .collect();
         let mean = blocks.mean_count();
-        let variance = settings.map(|s| {
+        let variance = at.map(|s| {
             DVector::from_iterator(
                 blocks.len(),
                 blocks
@@ -80,14 +80,10 @@ impl<'a> Holdout<'a> {
         let mut errors = [(0.0, 0.0, 0); FOLDS];
         for (f, error) in errors.iter_mut().enumerate() {
             let (gram, right) = (&total.0 - &by_fold[f].0, &total.1 - &by_fold[f].1);
-            let mut precision = gram;
-            for k in 0..precision.nrows() {
-                precision[(k, k)] += 1.0;
-            }
-            let Some(factor) = precision.cholesky() else {
+            let Some(fit) = NormalEquations::with_unit_prior(gram, right) else {
                 continue;
             };
-            let x = factor.solve(&right);
+            let x = fit.mean();
             for c in 0..2 {
                 for b in (0..self.fold.len()).filter(|&b| self.fold[b] == f) {
                     let predicted: f64 = fitted

@@ -11,6 +11,7 @@ use crate::field::Blocks;
 use crate::identify::Prepared;
 use crate::infer::Model;
 use crate::laminate::MeanSd;
+use crate::noise::NormalEquations;
 use crate::reduce::THICKNESS;
 
 /// One parameter and what it does.
@@ -78,13 +79,8 @@ impl Sensitivities {
             total += all[(p, p)];
         }
         let solve = |variance: f64| {
-            let mut precision = gram.clone() / variance;
-            for k in 0..p {
-                precision[(k, k)] += 1.0;
-            }
-            precision
-                .cholesky()
-                .map_or_else(|| DVector::zeros(p), |f| f.solve(&right) / variance)
+            NormalEquations::with_unit_prior(gram.clone() / variance, &right / variance)
+                .map_or_else(|| DVector::zeros(p), |f| f.mean())
         };
         // the white variance of a point from what a nearly free fit leaves
         let nearly_free = solve(1e-12 * total.max(f64::MIN_POSITIVE));

@@ -10,11 +10,14 @@ use rayon::prelude::*;
 
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
+use crate::noise::NormalEquations;
 
-/// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size.
+/// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size. In the prototype study they named 51 of 51
+/// single effects, 12 of 12 pairs and 12 of 16 triples exactly. All subsets up to four are enumerated (5,036 of 19 effects): greedy growth
+/// with swaps found the same best one in 58 of 60 fields.
 pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
 
-/// Subsets of each enumeration that are weighed under every pair of noise settings.
+/// Subsets of each enumeration that are weighed under every pair of hyperparameters.
 const WEIGHED: usize = 40;
 
 /// A subset of the candidates, in increasing order.
@@ -31,13 +34,13 @@ pub struct Weighed {
     pub log_weight: f64,
 }
 
-/// The posterior over subsets and noise settings.
+/// The posterior over subsets and hyperparameters.
 pub struct Subsets {
     /// Weighed subsets, the most probable first.
     pub ranked: Vec<Weighed>,
     /// Probability of a smooth discrepancy.
     pub discrepancy: f64,
-    /// The most probable pair of noise settings.
+    /// The most probable pair of hyperparameters.
     pub best_pair: usize,
     /// Columns of each candidate among the candidates' columns.
     pub ranges: Vec<Vec<usize>>,
@@ -167,7 +170,8 @@ impl Subsets {
 
     /// Log Bayes factor for a candidate: posterior odds over prior odds of its being in the subset.
     pub fn log_bayes_factor_of(&self, candidate: usize) -> f64 {
-        // the best subset with the candidate taken in, or out, speaks for a side of which little else was weighed
+        // where few of the weighed subsets hold the candidate (or lack it), the best subset with it taken in (or out) is most of that
+        // side's probability, and must be counted even if it was not among them
         let mut other = self.best().clone();
         if other.contains(&candidate) {
             other.retain(|k| *k != candidate);
@@ -201,28 +205,23 @@ impl Subsets {
     /// Mean and covariance of the amplitudes of a subset's columns, prior sds, under the most probable noise.
     pub fn amplitudes(&self, subset: &Subset) -> (DVector<f64>, DMatrix<f64>) {
         let columns = columns(&self.ranges, subset);
-        let projected = &self.projected[self.best_pair];
-        let (z, precision) = restrict(projected, &columns);
-        let covariance = precision.clone().cholesky().map_or_else(
-            || DMatrix::identity(columns.len(), columns.len()),
-            |f| f.inverse(),
-        );
-        (&covariance * z, covariance)
+        restrict(&self.projected[self.best_pair], &columns).map_or_else(
+            || {
+                let n = columns.len();
+                (DVector::zeros(n), DMatrix::identity(n, n))
+            },
+            |f| (f.mean(), f.covariance()),
+        )
     }
 
     /// Drop in chi^2 of the data, under the most probable noise, when a subset acts at its best amplitudes.
     pub fn explained(&self, subset: &Subset) -> f64 {
-        let (z, precision) = restrict(
-            &self.projected[self.best_pair],
-            &columns(&self.ranges, subset),
-        );
-        let a = precision
-            .clone()
-            .cholesky()
-            .map(|f| f.solve(&z))
-            .unwrap_or_else(|| z.clone());
-        // 2 z'a - a'G a with G = precision - I
-        2.0 * z.dot(&a) - a.dot(&(&precision * &a)) + a.norm_squared()
+        let columns = columns(&self.ranges, subset);
+        let Some(fit) = restrict(&self.projected[self.best_pair], &columns) else {
+            return 0.0;
+        };
+        // 2 z'a - a'G a = z'a + a'a at the mean a, where (I + G) a = z
+        fit.quadratic() + fit.mean().norm_squared()
     }
 }
 
@@ -234,36 +233,23 @@ pub fn columns(ranges: &[Vec<usize>], subset: &Subset) -> Vec<usize> {
         .collect()
 }
 
-/// z and I + G of some columns.
-fn restrict(projected: &Projected, columns: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+/// (I + G) a = z of some columns; none where rounding leaves dependent columns without a factor.
+fn restrict(projected: &Projected, columns: &[usize]) -> Option<NormalEquations> {
     let n = columns.len();
     let z = DVector::from_fn(n, |i, _| projected.z[columns[i]]);
-    let precision = DMatrix::from_fn(n, n, |i, j| {
-        projected.g[(columns[i], columns[j])] + f64::from(u8::from(i == j))
-    });
-    (z, precision)
+    let g = DMatrix::from_fn(n, n, |i, j| projected.g[(columns[i], columns[j])]);
+    NormalEquations::with_unit_prior(g, z)
 }
 
-/// Log Bayes factor of columns against none; never above what rounding allows for dependent columns.
+/// Log Bayes factor of columns against none.
 pub fn log_bayes_factor(projected: &Projected, columns: &[usize]) -> f64 {
     if columns.is_empty() {
         return 0.0;
     }
-    let (z, precision) = restrict(projected, columns);
-    let Some(factor) = precision.cholesky() else {
-        return f64::NEG_INFINITY;
-    };
-    let log_det: f64 = 2.0
-        * factor
-            .l_dirty()
-            .diagonal()
-            .iter()
-            .map(|d| d.ln())
-            .sum::<f64>();
-    0.5 * (z.dot(&factor.solve(&z)) - log_det)
+    restrict(projected, columns).map_or(f64::NEG_INFINITY, |f| f.log_evidence())
 }
 
-/// The likeliest pair of noise settings without and with a discrepancy, each for the best subset it would have.
+/// The likeliest pair of hyperparameters without and with a discrepancy, each for the best subset it would have.
 fn leading_pairs(
     weighing: &Weighing,
     projected: &[Projected],

@@ -2,7 +2,7 @@ use nalgebra::{DMatrix, DVector};
 use plychain::field::places::Places;
 use plychain::field::{Blocks, Field, MeasurementSpec, Reason, outliers};
 use plychain::noise::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
-use plychain::noise::reml::{orthonormal, reml};
+use plychain::noise::reml::{Contrasts, Reml, orthonormal};
 use plychain::noise::{self, BlockCovariance, Matern};
 use rand::RngExt;
 
@@ -51,6 +51,16 @@ fn columns(blocks: &Blocks, field: &Field, component: usize) -> DMatrix<f64> {
     let mut all = planes.insert_columns(0, 1, 0.0);
     all.set_column(0, &blocks.average(&truth));
     all
+}
+
+fn reml(
+    blocks: &Blocks,
+    y: &DVector<f64>,
+    columns: &DMatrix<f64>,
+    lengths_mm: &[f64],
+    ratios: &[f64],
+) -> plychain::error::Result<Reml> {
+    Contrasts::new(blocks, y.clone(), columns)?.table(lengths_mm, ratios)
 }
 
 fn blocks_of(field: &Field) -> Blocks {
@@ -480,11 +490,11 @@ fn reml_is_blind_to_its_columns_and_to_threads() {
         .build()
         .unwrap();
     assert_eq!(single.install(|| run(&y)), a);
-    let settings = over_grid(&blocks, &[0.4, 1.5], &[0.0, 1.0], |c| {
+    let places = over_grid(&blocks, &[0.4, 1.5], &[0.0, 1.0], |c| {
         Ok((c.length_mm, c.ratio))
     })
     .unwrap();
-    assert_eq!(settings, [(0.4, 0.0), (0.4, 1.0), (1.5, 0.0), (1.5, 1.0)]);
+    assert_eq!(places, [(0.4, 0.0), (0.4, 1.0), (1.5, 1.0)]);
     assert!(
         reml(
             &blocks,
