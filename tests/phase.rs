@@ -1,13 +1,14 @@
 //! The phase-shift error: amplitudes within their standard errors, silence without one, misfit and correlation.
 
 use plychain::field::{Blocks, Field};
-use plychain::identify::phase::{Phase, Ripple, find};
+use plychain::identify::phase::{PhaseError, Ripple, find};
 use rayon::prelude::*;
 
 use crate::field::{normal, open_hole, rng, simulated};
 
 const ORDER: f64 = 1.0 / 2400.0;
 const NM: f64 = 1e-6;
+const PRIOR_SD_NM: [f64; 2] = [20.0; 2];
 
 /// What a field holds besides the elastic displacement.
 struct Case {
@@ -69,12 +70,12 @@ impl Case {
         (field, model)
     }
 
-    fn find(&self, seed: u64) -> Phase {
+    fn find(&self, seed: u64) -> PhaseError {
         let (field, model) = self.field(seed);
         let blocks = Blocks::new(&field, Blocks::size_for(&field), |i| {
             field.points[i][0].hypot(field.points[i][1]) > 2.4
         });
-        find(&field, &blocks, &model, ORDER)
+        find(&field, &blocks, &model, ORDER, PRIOR_SD_NM)
     }
 }
 
@@ -106,7 +107,7 @@ fn correlated(field: &Field, length_mm: f64, sd_nm: f64, rng: &mut rand_pcg::Pcg
     field.points.iter().map(value).collect()
 }
 
-fn all(case: &Case, seeds: std::ops::Range<u64>) -> Vec<Phase> {
+fn all(case: &Case, seeds: std::ops::Range<u64>) -> Vec<PhaseError> {
     seeds.into_par_iter().map(|seed| case.find(seed)).collect()
 }
 
@@ -181,7 +182,7 @@ fn a_small_error_is_found_in_correlated_noise_and_misfit() {
             assert!(off < 0.5, "{correlation_mm} mm: {off} nm off");
         }
         if correlation_mm == 0.0 {
-            let far = |p: &Phase| z(&p.both, &case, 0).iter().any(|z| z.abs() > 4.0);
+            let far = |p: &PhaseError| z(&p.both, &case, 0).iter().any(|z| z.abs() > 4.0);
             assert!(!found.iter().any(far));
         }
     }
@@ -210,11 +211,11 @@ fn a_field_without_fringes_says_nothing() {
     field.displacement.iter_mut().for_each(|u| *u = [0.0; 2]);
     model.iter_mut().for_each(|u| *u = [0.0; 2]);
     let blocks = Blocks::new(&field, 1.0, |_| true);
-    let found = find(&field, &blocks, &model, ORDER);
+    let found = find(&field, &blocks, &model, ORDER, PRIOR_SD_NM);
     assert!(found.both.log_bayes_factor.abs() < 1e-9 && found.both.sin_nm.abs() < 1e-9);
     let none = Blocks::new(&field, 1.0, |_| false);
     assert!(
-        find(&field, &none, &model, ORDER)
+        find(&field, &none, &model, ORDER, PRIOR_SD_NM)
             .both
             .log_bayes_factor
             .abs()

@@ -1,12 +1,23 @@
-//! Miscounted fringe orders of an observation, corrected where a model declares them.
+//! Effects of the recording of fringes, miscounted orders and the phase-shift error: taken out of an observation where a model
+//! declares them.
+//!
+//! A ripple at twice the fringe frequency averages to nothing over a block, so that block averages know nothing of it; and
+//! differences of neighbouring pixels would take it for noise. It is therefore taken out before the noise is estimated.
 
-use super::jumps;
+use super::{jumps, phase};
+use crate::effect::{Effect, amplitude_name, recorded_column};
 use crate::experiment::Experiment;
-use crate::infer::{Model, Observation};
+use crate::field::{Blocks, Field};
+use crate::infer::{Model, Observation, RecordedAmplitude};
+use crate::noise::residual_of_fit;
+use crate::quantity::NM_PER_MM;
 use crate::reduce::ReducedModel;
 
 /// Name of the effect of miscounted orders.
 pub const JUMP: &str = "fringe_order_jump";
+
+/// Name of the ripple's effect.
+pub const PHASE: &str = "phase_shift_error";
 
 /// Correct the miscounted orders of an observation, if the model declares them; the regions are kept with it.
 ///
@@ -21,7 +32,7 @@ pub fn correct_jumps(
     let Some(order_mm) = order_mm(model) else {
         return;
     };
-    if !model.effects.iter().any(|e| e.name() == JUMP) {
+    if declared(model, JUMP).is_none() {
         return;
     }
     let columns = reduced.columns(experiment, &observation.sight);
@@ -30,6 +41,70 @@ pub fn correct_jumps(
     jumps.correct(&mut observation.field);
     let smeared = |i: usize| jumps.smeared.binary_search(&i).is_ok();
     observation.drop_outliers(|i| !smeared(i));
+}
+
+/// Estimate the phase-shift error of an observation, if the model declares it, and subtract it from the measured field. The argument is
+/// the least-squares fit of the modes and any affine displacement, with a plane a block through what that leaves.
+pub fn correct_phase(
+    model: &Model,
+    observation: &mut Observation,
+    reduced: &ReducedModel,
+    experiment: &dyn Experiment,
+) {
+    let Some((order_mm, effect)) = order_mm(model).zip(declared(model, PHASE)) else {
+        return;
+    };
+    let modes = reduced.columns(experiment, &observation.sight);
+    let left = residual_of_fit(&observation.field, &modes);
+    let measured = &observation.field.displacement;
+    let fitted: Vec<[f64; 2]> = measured
+        .iter()
+        .zip(&left)
+        .map(|(u, r)| [u[0] - r[0], u[1] - r[1]])
+        .collect();
+    let found = find_phase(model, effect, &observation.field, &fitted, order_mm);
+    let amplitude = [found.both.sin_nm, found.both.cos_nm];
+    let scene = experiment.scene();
+    for (k, mean) in amplitude.into_iter().enumerate() {
+        let field = &mut observation.field;
+        let column = recorded_column(effect, k, scene, &field.points, &found.smooth);
+        for (u, c) in field.displacement.iter_mut().zip(&column) {
+            *u = [u[0] - mean * c[0], u[1] - mean * c[1]];
+        }
+    }
+    let values = amplitude.into_iter().zip(found.both.sd_nm);
+    let parameters = effect.parameters().iter().zip(values);
+    observation.recorded = parameters
+        .map(|(parameter, (mean, sd))| RecordedAmplitude {
+            name: amplitude_name(effect, parameter),
+            mean,
+            sd,
+        })
+        .collect();
+}
+
+/// The phase-shift error of a field that a prediction describes otherwise, with the model's prior of its amplitudes.
+pub fn find_phase(
+    model: &Model,
+    effect: &dyn Effect,
+    field: &Field,
+    predicted: &[[f64; 2]],
+    order_mm: f64,
+) -> phase::PhaseError {
+    let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
+    let prior_sd = phase_prior_sd_nm(model, effect);
+    phase::find(field, &blocks, predicted, order_mm, prior_sd)
+}
+
+/// Prior sd of the sine's and the cosine's amplitude, nm.
+pub fn phase_prior_sd_nm(model: &Model, effect: &dyn Effect) -> [f64; 2] {
+    let bound = |k: usize| effect.parameters().get(k).map_or(NM_PER_MM, |p| p.bound);
+    [0, 1].map(|k| model.prior_sd(effect, k).unwrap_or_else(|| bound(k)))
+}
+
+/// A declared effect by its name.
+fn declared(model: &Model, name: &str) -> Option<&'static dyn Effect> {
+    model.effects.iter().find(|e| e.name() == name).copied()
 }
 
 /// One fringe order, mm, where displacements are read from fringes.

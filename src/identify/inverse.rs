@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
 use super::checks::check_size;
-use super::fringes::correct_jumps;
+use super::fringes::{correct_jumps, correct_phase};
 
 /// A reduced model and the measurement it is held against.
 pub struct Prepared {
@@ -61,7 +61,7 @@ pub fn prepare(
     if model.experiment().measurement.outliers == OutlierRule::Reject {
         observation.drop_deviant_points(&reduced, experiment);
     }
-    observation.take_out_recorded(&reduced, experiment, model)?;
+    correct_phase(model, &mut observation, &reduced, experiment);
     Ok(Prepared {
         problem,
         reduced,

@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 
 use super::model::Model;
-use super::recorded::RecordedAmplitude;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Sight};
@@ -20,6 +19,17 @@ pub struct Observation {
     pub sight: Sight,
     /// Declared effects of the recording, which have been taken out of the field.
     pub recorded: Vec<RecordedAmplitude>,
+}
+
+/// One amplitude of a declared effect of the recording, in its border unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedAmplitude {
+    /// `effect.parameter`.
+    pub name: String,
+    /// Posterior mean.
+    pub mean: f64,
+    /// Posterior standard deviation.
+    pub sd: f64,
 }
 
 /// Columns at the measured points: `columns[k][i]` = (u1, u2) in mm of unit amplitude of column k at point i.

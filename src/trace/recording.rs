@@ -3,15 +3,11 @@
 use super::attribute::Found;
 use crate::effect::{self, Effect};
 use crate::error::Result;
-use crate::field::{Blocks, Field};
-use crate::identify::fringes::{JUMP, order_mm};
+use crate::field::Field;
+use crate::identify::fringes::{self, JUMP, PHASE, order_mm};
 use crate::identify::jumps::{self, Jumps};
-use crate::identify::phase;
 use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
-
-/// Name of the ripple's effect.
-pub const PHASE: &str = "phase_shift_error";
 
 /// A phase-shift error is accepted above this log Bayes factor.
 const PHASE_LOG_BAYES_FACTOR: f64 = 4.0;
@@ -96,9 +92,9 @@ pub fn find_phase(
     let Some(order_mm) = order_mm(model).filter(|_| sought(model, PHASE)) else {
         return Ok(None);
     };
-    let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-    let phase = phase::find(field, &blocks, predicted, order_mm);
     let effect = effect::find("dictionary", PHASE)?;
+    let phase = fringes::find_phase(model, effect, field, predicted, order_mm);
+    let prior_sd = fringes::phase_prior_sd_nm(model, effect);
     let ripple = phase.both;
     let log_bayes_factor = [ripple, phase.component[0], phase.component[1]]
         .iter()
@@ -120,7 +116,7 @@ pub fn find_phase(
             .zip(mean.iter().zip(ripple.sd_nm))
             .map(|(p, (m, s))| (effect::amplitude_name(effect, p), *m, s))
             .collect(),
-        multiple: mean.iter().fold(0.0_f64, |a, m| a.max(m.abs())) / phase.tau_nm,
+        multiple: (0..2).fold(0.0_f64, |a, k| a.max(mean[k].abs() / prior_sd[k])),
         explained_fraction: explained(field, predicted, mean),
         detectable: ripple.sd_nm[0] * (2.0 * (PHASE_LOG_BAYES_FACTOR + 6.0)).sqrt(),
         aliases: Vec::new(),
