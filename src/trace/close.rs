@@ -2,9 +2,10 @@
 
 use std::time::Instant;
 
-use super::attribute::{Tracing, attribute};
+use super::attribute::attribute;
 use super::averaged::Averaged;
 use super::conclusion::{Conclusion, Status, conclude};
+use super::tracing::Tracing;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
 use crate::identify::{Identification, Options, identify};

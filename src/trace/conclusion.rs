@@ -1,7 +1,7 @@
 //! How a loop ended, in words: which effects the residual is consistent with, what is left, and what would confirm it.
 
-use super::attribute::{Named, Resembling};
 use super::close::Round;
+use super::tracing::{Named, Resembling};
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::identify::Identification;
 use crate::quantity::{plus_minus, significant};

@@ -1,18 +1,17 @@
 //! What the evidence says: ranking, alias groups, acceptance, averaged posterior, blind spots.
 
 use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
-use super::attribute::{Found, Named, Resembling, Tracing};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains, rms_nm};
-use super::sensitivities::Sensitivities;
+use super::sensitivities::{Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
+use super::tracing::{Found, Named, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
 use crate::error::Result;
-use crate::experiment::State;
-use crate::field::Blocks;
 
-/// A group is accepted above this probability.
+/// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
+/// unseen fields and silent in 3 of 3 without an effect; the program as built in 30 of 33, without a false alarm.
 const ACCEPT: f64 = 0.95;
 
 /// A group below this probability is not worth mentioning.
@@ -21,20 +20,41 @@ const MENTION: f64 = 0.3;
 /// Above this probability of a discrepancy an effect must do more than fit.
 const DOUBT: f64 = 0.5;
 
-/// What it must do then: have a log Bayes factor of this against dropping it, at no more than this many plausible amplitudes.
+/// What it must do then: have a log Bayes factor of this against dropping it, at no more than this many prior sds. The first was set
+/// in the prototype study after 2 of 38 smooth fields outside the dictionary were given a false name beside the discrepancy. Beside
+/// no discrepancy nothing bounds the amplitude: a hole size of 4.1 prior sds was accepted.
 const DOUBT_NATS: f64 = 40.0;
 const DOUBT_MULTIPLE: f64 = 4.0;
 
-/// Everything from which conclusions are drawn.
+/// What the data say of every candidate.
 pub struct Evidence<'a> {
-    /// Block averages' geometry.
-    pub blocks: &'a Blocks,
-    /// Data and columns.
-    pub sensitivities: &'a Sensitivities,
-    /// Their normal equations.
-    pub weighing: &'a Weighing,
+    measured: &'a Measured,
+    /// The prediction linearised.
+    pub sensitivities: Sensitivities,
+    weighing: Weighing,
     /// The posterior over subsets.
-    pub subsets: &'a Subsets,
+    pub subsets: Subsets,
+}
+
+/// Weigh every subset of the candidates, and every choice of the noise's hyperparameters, against the data. `step` is called
+/// [`Weighing::steps`] times.
+///
+/// # Errors
+/// Of the input: too few blocks for the dictionary. Of the program, for columns that are not finite.
+pub fn evidence<'a>(
+    sensitivities: Sensitivities,
+    measured: &'a Measured,
+    step: &(dyn Fn() + Sync),
+) -> Result<Evidence<'a>> {
+    let weighing = Weighing::new(measured, &sensitivities, step)?;
+    let counts = sensitivities.candidates.iter().map(|c| c.columns.len());
+    let subsets = Subsets::new(&weighing, &counts.collect::<Vec<_>>())?;
+    Ok(Evidence {
+        measured,
+        sensitivities,
+        weighing,
+        subsets,
+    })
 }
 
 impl Evidence<'_> {
@@ -42,17 +62,23 @@ impl Evidence<'_> {
         self.sensitivities.candidates[k].effect.name()
     }
 
-    /// The ranking, the groups, what is accepted, the averaged posterior and the blind spots.
+    /// The ranking, the groups, what is accepted, the averaged posterior and the blind spots, these as percent of the `constants` about
+    /// which the test is linearised.
     ///
     /// # Errors
     /// Of the program, for columns that are not finite.
-    pub fn tracing(&self, state: &State) -> Result<Tracing> {
+    pub fn tracing(&self, constants: &[f64]) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
         let noise = self.weighing.hyperparameters(pair);
-        let holdout = Holdout::new(self.blocks, self.sensitivities, &self.subsets.ranges, noise);
+        let holdout = Holdout::new(
+            self.measured,
+            &self.sensitivities,
+            &self.subsets.ranges,
+            noise,
+        );
         let best = self.subsets.best().clone();
         let with = holdout.errors(&best);
-        let found = groups(self.subsets);
+        let found = groups(&self.subsets);
         let named: Vec<Named> = found
             .iter()
             .map(|g| {
@@ -61,12 +87,14 @@ impl Evidence<'_> {
             })
             .collect();
         let mut spots = blind_spots(
-            self.weighing,
-            self.sensitivities,
+            &self.weighing,
+            &self.sensitivities,
             self.subsets.best_pair,
-            &state.constants,
+            constants,
         )?;
-        spots.iter_mut().for_each(|s| self.never_beyond(s));
+        spots
+            .iter_mut()
+            .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
         let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
         let accepted = accepted.map(|k| self.sensitivities.candidates[found[k].leader].effect);
@@ -90,12 +118,12 @@ impl Evidence<'_> {
             discrepancy: self.subsets.discrepancy,
             length_mm: noise.map(|h| if h.ratio > 0.0 { h.length_mm } else { 0.0 }),
             structure: noise.map(|h| h.is_discrepancy().then_some(*h)),
-            averaged: averaged(self.weighing, self.sensitivities)?,
+            averaged: averaged(&self.weighing, &self.sensitivities)?,
             blind_spots: self
                 .load_scale()
                 .into_iter()
                 .map(|s| (LOAD_SCALE.name(), s))
-                .chain(spots.into_iter().map(|s| (self.name(s.candidate), s)))
+                .chain(spots.into_iter().map(|(k, spot)| (self.name(k), spot)))
                 .collect(),
             holdout_rms_nm: rms_nm(&holdout.errors(&Vec::new())),
             left_out: Vec::new(),
@@ -103,8 +131,8 @@ impl Evidence<'_> {
     }
 
     /// An amplitude beyond the bound for which an effect is modelled would be no finding of it: no amplitude is detectable.
-    fn never_beyond(&self, spot: &mut BlindSpot) {
-        let candidate = &self.sensitivities.candidates[spot.candidate];
+    fn never_beyond(&self, candidate: usize, spot: &mut BlindSpot) {
+        let candidate = &self.sensitivities.candidates[candidate];
         let parameters = candidate.effect.parameters().iter();
         let bound = parameters
             .zip(&candidate.columns)
@@ -124,7 +152,6 @@ impl Evidence<'_> {
             .find(|c| c.name.starts_with(LOAD_SCALE.name()))?;
         let constants = self.sensitivities.base[..self.sensitivities.constants].iter();
         Some(BlindSpot {
-            candidate: usize::MAX,
             parameter: column.name.clone(),
             plausible: column.sd,
             shift_percent: constants
@@ -154,7 +181,7 @@ impl Evidence<'_> {
     }
 
     fn resembling(&self, group: &Group) -> Vec<Resembling> {
-        let found = lookalikes(self.subsets, group).into_iter();
+        let found = lookalikes(&self.subsets, group).into_iter();
         let one = |l: super::alias::Lookalike| {
             let candidate = &self.sensitivities.candidates[l.candidate];
             let columns = candidate.columns.iter().zip(&l.amplitude);
@@ -182,7 +209,7 @@ impl Evidence<'_> {
             && (!doubtful || (group.drop_nats > DOUBT_NATS && multiple < DOUBT_MULTIPLE))
     }
 
-    fn ranked(&self, groups: &[Group], spots: &[BlindSpot]) -> Vec<Found> {
+    fn ranked(&self, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Vec<Found> {
         let mut found: Vec<Found> = (0..self.sensitivities.candidates.len())
             .map(|k| self.found(k, groups, spots))
             .collect();
@@ -194,9 +221,9 @@ impl Evidence<'_> {
         found
     }
 
-    fn found(&self, k: usize, groups: &[Group], spots: &[BlindSpot]) -> Found {
+    fn found(&self, k: usize, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Found {
         let candidate = &self.sensitivities.candidates[k];
-        let subsets = self.subsets;
+        let subsets = &self.subsets;
         // in the best subset as it is there; otherwise added to it, in the place of an alias
         let mut with: Subset = subsets.best().clone();
         if !with.contains(&k) {
@@ -243,14 +270,14 @@ impl Evidence<'_> {
             explained_fraction: (subsets.explained(&vec![k]) / structured).clamp(0.0, 1.0),
             detectable: spots
                 .iter()
-                .find(|s| s.candidate == k)
-                .map_or(f64::INFINITY, |s| s.detectable),
+                .find(|(candidate, _)| *candidate == k)
+                .map_or(f64::INFINITY, |(_, spot)| spot.detectable),
             aliases: self.aliases(k, groups),
         }
     }
 
     fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, f64)> {
-        let subsets = self.subsets;
+        let subsets = &self.subsets;
         let projected = &subsets.projected[subsets.best_pair];
         let of = |j: usize| cosine(projected, &subsets.ranges[k], &subsets.ranges[j]);
         let group = groups.iter().find(|g| g.members.contains(&k));

@@ -2,9 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::sensitivities::{Column, Sensitivities};
+use super::sensitivities::{Column, Measured, Sensitivities};
 use super::subsets::{Subset, columns};
-use crate::field::Blocks;
 use crate::noise::{Hyperparameters, NormalEquations};
 use crate::quantity::NM_PER_MM;
 
@@ -20,6 +19,7 @@ pub struct Holdout<'a> {
     ranges: &'a [Vec<usize>],
     fold: Vec<usize>,
     variance: [DVector<f64>; 2],
+    residual: [DVector<f64>; 2],
 }
 
 /// Error of held-out blocks, by fold: sum over variance, sum of squares (mm^2), number of values.
@@ -28,11 +28,12 @@ pub type Errors = [(f64, f64, usize); FOLDS];
 impl<'a> Holdout<'a> {
     /// Lay the squares; variances from the hyperparameters of each component.
     pub fn new(
-        blocks: &Blocks,
+        measured: &Measured,
         sensitivities: &'a Sensitivities,
         ranges: &'a [Vec<usize>],
         at: [&Hyperparameters; 2],
     ) -> Self {
+        let blocks = &measured.blocks;
         // at least three blocks a side, whatever their size
         let side = SQUARE_MM.max(3.0 * blocks.size_mm);
         let fold = blocks
@@ -58,6 +59,7 @@ impl<'a> Holdout<'a> {
             ranges,
             fold,
             variance,
+            residual: measured.residual(sensitivities),
         }
     }
 
@@ -91,7 +93,7 @@ impl<'a> Holdout<'a> {
                         .zip(x.iter())
                         .map(|(col, x)| col.values[c][b] * x)
                         .sum();
-                    let r = self.sensitivities.rest[c][b] - predicted;
+                    let r = self.residual[c][b] - predicted;
                     error.0 += r * r / self.variance[c][b];
                     error.1 += r * r;
                     error.2 += 1;
@@ -122,7 +124,7 @@ impl<'a> Holdout<'a> {
                 let (gram, right) = &mut by_fold[self.fold[b]];
                 let weight = 1.0 / self.variance[c][b];
                 gram.ger(weight, &row, &row, 1.0);
-                right.axpy(weight * self.sensitivities.rest[c][b], &row, 1.0);
+                right.axpy(weight * self.residual[c][b], &row, 1.0);
             }
         }
         let total = by_fold.iter().fold(zero(), |a, b| (a.0 + &b.0, a.1 + &b.1));

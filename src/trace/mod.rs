@@ -8,11 +8,14 @@ mod conclusion;
 mod evidence;
 mod holdout;
 mod recording;
+mod ridge;
 mod sensitivities;
 mod subsets;
+mod tracing;
 mod weighing;
 
-pub use attribute::{Found, Named, Resembling, Tracing, attribute, candidates};
+pub use attribute::{attribute, candidates};
 pub use averaged::{Averaged, BlindSpot};
 pub use close::{Closed, Round, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status};
+pub use tracing::{Found, Named, Resembling, Tracing};

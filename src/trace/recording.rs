@@ -1,6 +1,6 @@
 //! Evidence for effects of the recording: miscounted fringe orders, found as regions, and the phase-shift error, found within blocks.
 
-use super::attribute::Found;
+use super::tracing::Found;
 use crate::effect::{self, Effect};
 use crate::error::Result;
 use crate::field::Field;

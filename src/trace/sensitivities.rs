@@ -1,17 +1,16 @@
-//! The test linearised about a point: what the data leave of the prediction there, and what a change of every
-//! constant and of every effect's amplitude does to it, as block averages.
+//! The test linearised about a state: its prediction there, and what a change of every constant and of every effect's amplitude
+//! does to it, as block averages.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::{Direction, Prediction, State, predict_with_gradient, sensitivity};
-use crate::field::Blocks;
+use crate::field::{Blocks, Field};
 use crate::identify::Prepared;
 use crate::infer::Model;
 use crate::laminate::MeanSd;
-use crate::noise::NormalEquations;
 use crate::reduce::THICKNESS;
 
 /// One parameter and what it does.
@@ -38,11 +37,11 @@ pub struct Candidate {
     pub columns: Vec<Column>,
 }
 
-/// Data and sensitivities.
+/// The prediction linearised about a state.
 #[derive(Clone)]
 pub struct Sensitivities {
-    /// Measured minus predicted at the prior means of all parameters, by the sensitivities: block averages of (u1, u2), mm.
-    pub rest: [DVector<f64>; 2],
+    /// Block averages of (u1, u2) at the prior means of all parameters, by this linearisation, mm.
+    pub predicted: [DVector<f64>; 2],
     /// Elastic constants, the thickness if it is uncertain, the load's scale, declared effects.
     pub base: Vec<Column>,
     /// How many of `base` are elastic constants.
@@ -51,43 +50,37 @@ pub struct Sensitivities {
     pub candidates: Vec<Candidate>,
 }
 
-impl Sensitivities {
-    /// Mean of all parameters, in prior sds from their means, with every candidate present at its prior and noise that
-    /// is white: of the size that is left, on blocks of `count` points.
-    pub fn ridge(&self, count: &[usize]) -> DVector<f64> {
-        let columns: Vec<&Column> = self
-            .base
-            .iter()
-            .chain(self.candidates.iter().flat_map(|c| &c.columns))
-            .collect();
-        let p = columns.len();
-        let mut gram = DMatrix::zeros(p, p);
-        let mut right = DVector::zeros(p);
-        let mut total = 0.0;
-        for c in 0..2 {
-            let mut weighted = DMatrix::zeros(count.len(), p + 1);
-            for (b, &n) in count.iter().enumerate() {
-                let root = (n as f64).sqrt();
-                for (k, column) in columns.iter().enumerate() {
-                    weighted[(b, k)] = root * column.values[c][b];
-                }
-                weighted[(b, p)] = root * self.rest[c][b];
-            }
-            let all = weighted.tr_mul(&weighted);
-            gram += all.view((0, 0), (p, p));
-            right += all.view((0, p), (p, 1)).column(0);
-            total += all[(p, p)];
+/// The measured field as block averages.
+pub struct Measured {
+    /// Their geometry.
+    pub blocks: Blocks,
+    /// Averages of (u1, u2), mm.
+    pub averages: [DVector<f64>; 2],
+}
+
+impl Measured {
+    /// Of the points of a field that are `used`. Blocks are 0.6 to 1 mm wide, at least half full
+    /// (prototype study): small beside the fields of effects, large enough for a covariance of a thousand values.
+    pub fn new(field: &Field, used: impl Fn(usize) -> bool) -> Self {
+        let blocks = Blocks::new(field, Blocks::size_for(field), used);
+        Self {
+            averages: averages(&blocks, &field.displacement),
+            blocks,
         }
-        let solve = |variance: f64| {
-            NormalEquations::with_unit_prior(gram.clone() / variance, &right / variance)
-                .map_or_else(|| DVector::zeros(p), |f| f.mean())
-        };
-        // the white variance of a point from what a nearly free fit leaves
-        let nearly_free = solve(1e-12 * total.max(f64::MIN_POSITIVE));
-        let left = total - 2.0 * right.dot(&nearly_free) + nearly_free.dot(&(&gram * &nearly_free));
-        let freedom = (2 * count.len()).saturating_sub(p).max(1) as f64;
-        solve((left / freedom).max(1e-12 * total))
     }
+
+    /// Measured minus predicted at the prior means of all parameters: block averages of (u1, u2), mm.
+    pub fn residual(&self, sensitivities: &Sensitivities) -> [DVector<f64>; 2] {
+        [0, 1].map(|c| &self.averages[c] - &sensitivities.predicted[c])
+    }
+}
+
+/// Block averages of both components of a field.
+fn averages(blocks: &Blocks, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
+    [0, 1].map(|c| {
+        let values: Vec<f64> = field.iter().map(|u| u[c]).collect();
+        blocks.average(&values)
+    })
 }
 
 /// The test that is linearised.
@@ -96,8 +89,8 @@ pub struct Linearised<'a> {
     pub model: &'a Model,
     /// Plate and measured points.
     pub prepared: &'a Prepared,
-    /// Measured displacements at the points, corrected for miscounted fringes, mm.
-    pub measured: &'a [[f64; 2]],
+    /// Root mean square of the measured displacements, mm: what scales the prior of amplitudes that nothing bounds.
+    pub size_mm: f64,
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
     /// Called after each column.
@@ -142,19 +135,8 @@ impl Linearised<'_> {
                 column
             })
             .collect::<Result<_>>()?;
-        let residual: Vec<[f64; 2]> = self
-            .measured
-            .iter()
-            .zip(&here.field)
-            .map(|(m, f)| [m[0] - f[0], m[1] - f[1]])
-            .collect();
-        let mut rest = self.average(&residual);
-        for column in &columns {
-            let shift = (column.mean - column.at) / column.sd;
-            for (rest, values) in rest.iter_mut().zip(&column.values) {
-                rest.axpy(-shift, values, 1.0);
-            }
-        }
+        let mut predicted = averages(self.blocks, &here.field);
+        move_to_means(&mut predicted, columns.iter());
         let mut columns = columns.into_iter();
         let base = columns.by_ref().take(declared).collect();
         let candidates = candidates
@@ -165,7 +147,7 @@ impl Linearised<'_> {
             })
             .collect();
         Ok(Sensitivities {
-            rest,
+            predicted,
             base,
             constants: at.constants.len(),
             candidates,
@@ -207,12 +189,8 @@ impl Linearised<'_> {
     /// Those of a finite-element solution.
     pub fn again(&self, at: &State, before: &Sensitivities) -> Result<Sensitivities> {
         let mut sensitivities = self.sensitivities(at, &[])?;
-        for column in before.candidates.iter().flat_map(|c| &c.columns) {
-            let shift = (column.mean - column.at) / column.sd;
-            for (rest, values) in sensitivities.rest.iter_mut().zip(&column.values) {
-                rest.axpy(-shift, values, 1.0);
-            }
-        }
+        let kept = before.candidates.iter().flat_map(|c| &c.columns);
+        move_to_means(&mut sensitivities.predicted, kept);
         sensitivities.candidates = before.candidates.clone();
         Ok(sensitivities)
     }
@@ -263,7 +241,7 @@ impl Linearised<'_> {
             mean,
             sd,
             at: value,
-            values: self.average(&slope).map(|values| values * sd),
+            values: averages(self.blocks, &slope).map(|values| values * sd),
         })
     }
 
@@ -271,16 +249,17 @@ impl Linearised<'_> {
     fn prior_sd(&self, effect: &'static dyn Effect, k: usize) -> f64 {
         self.model.prior_sd(effect, k).unwrap_or_else(|| {
             // only translations are free: their unit is the micrometre
-            let field = self.measured;
-            let square: f64 = field.iter().flatten().map(|u| u * u).sum();
-            FREE * (square / field.len().max(1) as f64).sqrt() * crate::quantity::UM_PER_MM
+            FREE * self.size_mm * crate::quantity::UM_PER_MM
         })
     }
+}
 
-    fn average(&self, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
-        [0, 1].map(|c| {
-            let values: Vec<f64> = field.iter().map(|u| u[c]).collect();
-            self.blocks.average(&values)
-        })
+/// Carry a prediction from where columns were linearised to the prior means of their parameters.
+fn move_to_means<'a>(predicted: &mut [DVector<f64>; 2], columns: impl Iterator<Item = &'a Column>) {
+    for column in columns {
+        let shift = (column.mean - column.at) / column.sd;
+        for (sum, values) in predicted.iter_mut().zip(&column.values) {
+            sum.axpy(shift, values, 1.0);
+        }
     }
 }

@@ -7,9 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::sensitivities::Sensitivities;
+use super::sensitivities::{Measured, Sensitivities};
 use crate::error::{Error, Result};
-use crate::field::Blocks;
 use crate::noise::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
 use crate::noise::reml::Contrasts;
 use crate::noise::{Hyperparameters, NormalEquations};
@@ -23,7 +22,7 @@ const TRACED: &[f64] = RATIOS.split_at(RATIOS.len() - 1).0;
 
 /// The data and all columns of one component under one choice of its covariance hyperparameters.
 #[derive(Debug, Clone)]
-pub struct Choice {
+pub struct NoiseChoice {
     /// Length, ratio, scale and restricted likelihood.
     pub at: Hyperparameters,
     /// log det of the covariance.
@@ -35,16 +34,16 @@ pub struct Choice {
 /// Hyperparameters of both components that are worth weighing together.
 pub struct Weighing {
     /// Choices for u1 and u2.
-    pub choices: [Vec<Choice>; 2],
+    pub choices: [Vec<NoiseChoice>; 2],
     /// Pairs of them, with their log prior probability.
-    pub pairs: Vec<Pair>,
+    pub pairs: Vec<NoisePair>,
     /// Number of base columns.
     base: usize,
 }
 
 /// A choice for each component.
 #[derive(Debug, Clone, Copy)]
-pub struct Pair {
+pub struct NoisePair {
     /// Indices into the choices.
     pub of: [usize; 2],
     /// Log prior probability.
@@ -77,11 +76,11 @@ impl Weighing {
     /// # Errors
     /// Of the program: a factorisation that fails. Of the input: too few blocks.
     pub fn new(
-        blocks: &Blocks,
+        measured: &Measured,
         sensitivities: &Sensitivities,
         step: &(dyn Fn() + Sync),
     ) -> Result<Self> {
-        let component = |c: usize| choices(blocks, sensitivities, c, step);
+        let component = |c: usize| choices(measured, sensitivities, c, step);
         let choices = [component(0)?, component(1)?];
         Ok(Self {
             pairs: pairs(&choices),
@@ -91,7 +90,7 @@ impl Weighing {
     }
 
     /// Normal equations of all columns and, last, the data, under a pair.
-    pub fn gram(&self, pair: &Pair) -> DMatrix<f64> {
+    pub fn gram(&self, pair: &NoisePair) -> DMatrix<f64> {
         &self.choices[0][pair.of[0]].gram + &self.choices[1][pair.of[1]].gram
     }
 
@@ -99,7 +98,7 @@ impl Weighing {
     ///
     /// # Errors
     /// Of the program, for columns that are not finite.
-    pub fn project(&self, pair: &Pair) -> Result<Projected> {
+    pub fn project(&self, pair: &NoisePair) -> Result<Projected> {
         let gram = self.gram(pair);
         let (p, all) = (self.base, gram.nrows() - 1);
         let base = NormalEquations::with_unit_prior(
@@ -120,25 +119,26 @@ impl Weighing {
     }
 
     /// The covariance hyperparameters of both components in a pair.
-    pub fn hyperparameters(&self, pair: &Pair) -> [&Hyperparameters; 2] {
+    pub fn hyperparameters(&self, pair: &NoisePair) -> [&Hyperparameters; 2] {
         [0, 1].map(|c| &self.choices[c][pair.of[c]].at)
     }
 }
 
 /// The likeliest choices of one component, the best first.
 fn choices(
-    blocks: &Blocks,
+    measured: &Measured,
     sensitivities: &Sensitivities,
     c: usize,
     step: &(dyn Fn() + Sync),
-) -> Result<Vec<Choice>> {
+) -> Result<Vec<NoiseChoice>> {
     let columns: Vec<DVector<f64>> = sensitivities
         .base
         .iter()
         .chain(sensitivities.candidates.iter().flat_map(|k| &k.columns))
         .map(|column| column.values[c].clone())
         .collect();
-    let y = &sensitivities.rest[c];
+    let blocks = &measured.blocks;
+    let y = &measured.residual(sensitivities)[c];
     let all = DMatrix::from_columns(&columns);
     if blocks.len() < all.ncols() + 20 {
         return Err(Error::input(
@@ -164,7 +164,7 @@ fn choices(
         step();
         let at = contrasts.at(covariance)?;
         let white = covariance.whiten(&with_data);
-        Ok(Choice {
+        Ok(NoiseChoice {
             at,
             log_det: covariance.log_det() + blocks.len() as f64 * at.scale2.ln(),
             gram: white.tr_mul(&white) / at.scale2,
@@ -193,7 +193,7 @@ fn log_prior(at: &Hyperparameters) -> f64 {
 }
 
 /// All pairs: a discrepancy in u1, in u2 or in both shares [`DISCREPANCY`] equally.
-fn pairs(choices: &[Vec<Choice>; 2]) -> Vec<Pair> {
+fn pairs(choices: &[Vec<NoiseChoice>; 2]) -> Vec<NoisePair> {
     let mut pairs = Vec::new();
     for (i, first) in choices[0].iter().enumerate() {
         for (j, second) in choices[1].iter().enumerate() {
@@ -203,7 +203,7 @@ fn pairs(choices: &[Vec<Choice>; 2]) -> Vec<Pair> {
             } else {
                 1.0 - DISCREPANCY
             };
-            pairs.push(Pair {
+            pairs.push(NoisePair {
                 of: [i, j],
                 log_prior: class.ln() + log_prior(&first.at) + log_prior(&second.at),
                 discrepancy,

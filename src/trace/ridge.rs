@@ -1,0 +1,111 @@
+//! The point about which tracing linearises: a ridge estimate of the constants with every effect present under its prior.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::sensitivities::{Column, Linearised, Measured, Sensitivities};
+use crate::effect::{Effect, Kind};
+use crate::error::Result;
+use crate::experiment::State;
+use crate::noise::NormalEquations;
+
+/// Parameters that move by less, prior sds, have converged.
+pub const CONVERGED: f64 = 0.05;
+
+/// Steps of the Gauss-Newton iteration.
+pub const STEPS: usize = 4;
+
+/// Move the constants and declared amplitudes to where the data want them with every effect present under its prior: a fit without
+/// the effects runs to absurd constants when a quiet one acts. Returns the sensitivities there.
+pub fn at_ridge(
+    linearised: &Linearised<'_>,
+    measured: &Measured,
+    state: &mut State,
+    effects: &[&'static dyn Effect],
+) -> Result<Sensitivities> {
+    let mut sensitivities = linearised.sensitivities(state, effects)?;
+    for _ in 0..STEPS {
+        let moved = ridge_step(linearised, measured, state, &sensitivities);
+        if moved < CONVERGED {
+            break;
+        }
+        sensitivities = linearised.again(state, &sensitivities)?;
+    }
+    Ok(sensitivities)
+}
+
+/// One step to the ridge estimate under noise that is white on blocks; how far it goes, in prior sds.
+fn ridge_step(
+    linearised: &Linearised<'_>,
+    measured: &Measured,
+    state: &mut State,
+    sensitivities: &Sensitivities,
+) -> f64 {
+    let solution = sensitivities.ridge(measured);
+    let mut moved = 0.0_f64;
+    for (k, value) in state.constants.iter_mut().enumerate() {
+        let column = &sensitivities.base[k];
+        // a prior sd a step keeps the constants admissible and the linearisation valid
+        let wanted = column.mean + column.sd * solution[k];
+        let step = (wanted - *value).clamp(-column.sd, column.sd);
+        *value += step;
+        moved = moved.max(step.abs() / column.sd);
+    }
+    for effect in &linearised.model.effects {
+        let mut amplitude = state.amplitude(*effect);
+        for (value, parameter) in amplitude.iter_mut().zip(effect.parameters()) {
+            let name = crate::effect::amplitude_name(*effect, parameter);
+            let Some(k) = sensitivities.base.iter().position(|c| c.name == name) else {
+                continue;
+            };
+            let column = &sensitivities.base[k];
+            let wanted = column.mean + column.sd * solution[k];
+            if effect.kind() != Kind::Additive {
+                moved = moved.max((wanted - *value).abs() / column.sd);
+            }
+            *value = wanted.clamp(-0.9 * parameter.bound, 0.9 * parameter.bound);
+        }
+        state.set(*effect, amplitude);
+    }
+    moved
+}
+
+impl Sensitivities {
+    /// Mean of all parameters, in prior sds from their means, with every candidate present at its prior and noise that
+    /// is white, of the size that is left.
+    fn ridge(&self, measured: &Measured) -> DVector<f64> {
+        let count = &measured.blocks.count;
+        let residual = measured.residual(self);
+        let columns: Vec<&Column> = self
+            .base
+            .iter()
+            .chain(self.candidates.iter().flat_map(|c| &c.columns))
+            .collect();
+        let p = columns.len();
+        let mut gram = DMatrix::zeros(p, p);
+        let mut right = DVector::zeros(p);
+        let mut total = 0.0;
+        for c in 0..2 {
+            let mut weighted = DMatrix::zeros(count.len(), p + 1);
+            for (b, &n) in count.iter().enumerate() {
+                let root = (n as f64).sqrt();
+                for (k, column) in columns.iter().enumerate() {
+                    weighted[(b, k)] = root * column.values[c][b];
+                }
+                weighted[(b, p)] = root * residual[c][b];
+            }
+            let all = weighted.tr_mul(&weighted);
+            gram += all.view((0, 0), (p, p));
+            right += all.view((0, p), (p, 1)).column(0);
+            total += all[(p, p)];
+        }
+        let solve = |variance: f64| {
+            NormalEquations::with_unit_prior(gram.clone() / variance, &right / variance)
+                .map_or_else(|| DVector::zeros(p), |f| f.mean())
+        };
+        // the white variance of a point from what a nearly free fit leaves
+        let nearly_free = solve(1e-12 * total.max(f64::MIN_POSITIVE));
+        let left = total - 2.0 * right.dot(&nearly_free) + nearly_free.dot(&(&gram * &nearly_free));
+        let freedom = (2 * count.len()).saturating_sub(p).max(1) as f64;
+        solve((left / freedom).max(1e-12 * total))
+    }
+}

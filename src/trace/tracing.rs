@@ -1,0 +1,150 @@
+//! What tracing found: candidates, alias groups, what is to be added, what could hide.
+
+use super::averaged::{Averaged, BlindSpot};
+use crate::effect::Effect;
+use crate::noise::Hyperparameters;
+
+/// An effect weighed against the data.
+#[derive(Clone)]
+pub struct Found {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// Posterior probability that it acts.
+    pub inclusion_probability: f64,
+    /// Log Bayes factor for its acting.
+    pub log_bayes_factor: f64,
+    /// Mean and sd of each amplitude if it acts, border units.
+    pub amplitude: Vec<(String, f64, f64)>,
+    /// Largest amplitude over its prior sd.
+    pub multiple: f64,
+    /// Share of the structured part of chi^2 that it explains alone.
+    pub explained_fraction: f64,
+    /// Smallest amplitude of its first parameter that would have been found, border units.
+    pub detectable: f64,
+    /// Effects of its alias group, or else those of the most similar signatures, with the cosine.
+    pub aliases: Vec<(&'static str, f64)>,
+}
+
+/// What tracing found.
+pub struct Tracing {
+    /// All candidates, the most probable first.
+    pub candidates: Vec<Found>,
+    /// Alias groups of the best subset, by name, the strongest first, with probability, log evidence lost when it is dropped,
+    /// and whether held-out blocks are predicted better with it.
+    pub groups: Vec<Named>,
+    /// The effect to add, if one is called for.
+    pub accepted: Option<&'static dyn Effect>,
+    /// Its amplitudes (mean, sd) a parameter, border units.
+    pub accepted_amplitude: Vec<(f64, f64)>,
+    /// Groups that the data speak for without being sure.
+    pub undecided: Vec<Vec<&'static str>>,
+    /// Probability of smooth structure that no effect explains.
+    pub discrepancy: f64,
+    /// Correlation length (mm) of the likeliest noise or discrepancy of each component.
+    pub length_mm: [f64; 2],
+    /// The likeliest hyperparameters of each component, where they are a discrepancy.
+    pub structure: [Option<Hyperparameters>; 2],
+    /// The constants, averaged over what may act unseen.
+    pub averaged: Vec<Averaged>,
+    /// What could hide in the residual.
+    pub blind_spots: Vec<(&'static str, BlindSpot)>,
+    /// RMS error of held-out block averages by the model as it is, nm.
+    pub holdout_rms_nm: f64,
+    /// Effects left out, with the reason.
+    pub left_out: Vec<(&'static str, String)>,
+}
+
+/// Above this probability the structure left is called unexplained.
+const UNEXPLAINED: f64 = 0.5;
+
+impl Tracing {
+    /// Whether smooth structure is left that no effect explains.
+    pub fn leaves_structure(&self) -> bool {
+        self.discrepancy > UNEXPLAINED
+    }
+}
+
+/// An alias group by names.
+#[derive(Debug, Clone)]
+pub struct Named {
+    /// The member with the largest evidence.
+    pub leader: &'static str,
+    /// All single members.
+    pub members: Vec<&'static str>,
+    /// Pairs that together could stand in.
+    pub pairs: Vec<[&'static str; 2]>,
+    /// Probability that some member acts.
+    pub probability: f64,
+    /// Log evidence lost when it is dropped.
+    pub drop_nats: f64,
+    /// Whether held-out blocks are predicted better with it.
+    pub predicts: bool,
+    /// Effects outside the group that leave almost the same field.
+    pub resembling: Vec<Resembling>,
+}
+
+/// An effect that leaves almost the same field as the leader of a group does: only the finer shape of the field, or the
+/// size that it would need, speak against it.
+#[derive(Debug, Clone)]
+pub struct Resembling {
+    /// Its name.
+    pub effect: &'static str,
+    /// Cosine of the leader's part of the field and the nearest field of this effect.
+    pub cosine: f64,
+    /// The amplitudes that it would need, border units.
+    pub amplitude: Vec<(String, f64)>,
+    /// The largest of them over its prior sd.
+    pub multiple: f64,
+    /// Log evidence lost with it in the leader's place.
+    pub lost_nats: f64,
+}
+
+impl Tracing {
+    /// Put the effects of the recording, which are sought by their own ways, among the candidates: miscounted orders are
+    /// accepted before anything else, a phase-shift error if nothing else has more evidence.
+    pub fn add_recorded(&mut self, jumps: Option<Found>, phase: Option<(Found, bool)>) {
+        let strongest = self
+            .accepted
+            .and_then(|e| self.groups.iter().find(|g| g.leader == e.name()))
+            .map_or(f64::NEG_INFINITY, |g| g.drop_nats);
+        let mut accept = None;
+        if let Some((found, clear)) = phase {
+            if clear && found.log_bayes_factor > strongest {
+                accept = Some(found.clone());
+            }
+            if clear {
+                self.groups.push(Named::alone(&found));
+            }
+            self.candidates.push(found);
+        }
+        if let Some(found) = jumps {
+            accept = Some(found.clone());
+            self.groups.push(Named::alone(&found));
+            self.candidates.push(found);
+        }
+        if let Some(found) = accept {
+            self.accepted = Some(found.effect);
+            self.accepted_amplitude = found.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect();
+        }
+        self.candidates.sort_by(|a, b| {
+            b.inclusion_probability
+                .total_cmp(&a.inclusion_probability)
+                .then_with(|| b.log_bayes_factor.total_cmp(&a.log_bayes_factor))
+        });
+    }
+}
+
+impl Named {
+    /// The group of an effect that nothing else in the dictionary resembles.
+    fn alone(found: &Found) -> Self {
+        Self {
+            leader: found.effect.name(),
+            members: vec![found.effect.name()],
+            pairs: Vec::new(),
+            probability: found.inclusion_probability,
+            drop_nats: found.log_bayes_factor,
+            predicts: true,
+            resembling: Vec::new(),
+        }
+    }
+}
