@@ -11,8 +11,8 @@ use crate::noise::{Hyperparameters, Noise};
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
-use super::checks::check_size;
 use super::fringes::{correct_jumps, correct_phase};
+use super::size::check_size;
 
 /// A reduced model and the measurement it is held against.
 pub struct Prepared {
@@ -72,7 +72,7 @@ pub fn prepare(
 }
 
 /// What lies closer to the hole's centre than this many radii is not looked at for structure: the hole's edge is where
-/// optics and meshes are worst.
+/// optics and meshes are worst. The recipe of the prototype study, which masked blocks and not the points of the fit.
 const CLEAR_RADII: f64 = 1.2;
 
 /// Whether residuals are looked at where a point lies.
@@ -102,7 +102,8 @@ pub fn inverse_problem(
             .observation
             .columns(&prepared.reduced, &*prepared.problem.experiment, model);
     check_size(
-        &prepared,
+        &prepared.observation.field,
+        &prepared.reduced,
         &columns,
         &nominal_point(&prepared.problem, model),
     )?;

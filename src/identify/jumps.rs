@@ -83,7 +83,7 @@ pub fn find(field: &Field, prediction: &[[f64; 2]], order_mm: f64) -> Jumps {
     }
     let graph = Graph::new(&field.points);
     let spacing = field.spacing_mm();
-    let found: Vec<Result<Component, String>> = [0, 1]
+    let found: Vec<Result<Levels, String>> = [0, 1]
         .par_iter()
         .map(|&c| {
             let difference: Vec<f64> = field
@@ -129,8 +129,8 @@ impl Jumps {
     }
 }
 
-/// What is found in one component.
-struct Component {
+/// Orders of one component at each point, and the points within a smeared jump.
+struct Levels {
     orders: Vec<i32>,
     smeared: Vec<usize>,
 }
@@ -141,7 +141,7 @@ fn search(
     points: &[[f64; 2]],
     difference: &[f64],
     spacing_mm: f64,
-) -> Result<Component, String> {
+) -> Result<Levels, String> {
     check_steps(graph, difference)?;
     let phase = graph.smoothed_phase(difference);
     let (smooth, part) = graph.unwrap(&phase);
@@ -150,7 +150,7 @@ fn search(
         .zip(&smooth)
         .map(|(d, g)| (d - g).round() as i32)
         .collect();
-    settle(graph, &part, &mut orders);
+    consolidate(graph, &part, &mut orders);
     // the phase without its outliers and relative to what was just found
     let level: Vec<f64> = difference
         .iter()
@@ -158,8 +158,8 @@ fn search(
         .map(|(d, k)| d - f64::from(*k))
         .collect();
     let smeared = ramps::find(graph, points, &smooth, &level, spacing_mm, &mut orders);
-    settle(graph, &part, &mut orders);
-    Ok(Component { orders, smeared })
+    consolidate(graph, &part, &mut orders);
+    Ok(Levels { orders, smeared })
 }
 
 /// Refuse a field too steep or too noisy for its points.
@@ -208,7 +208,7 @@ fn sets(graph: &Graph, orders: &[i32]) -> (Vec<u32>, Vec<u32>) {
 
 /// Make orders relative to the largest set of their part of the field, and give sets of fewer than [`FEWEST`] points
 /// the orders that most of their neighbours have.
-fn settle(graph: &Graph, part: &[u32], orders: &mut [i32]) {
+fn consolidate(graph: &Graph, part: &[u32], orders: &mut [i32]) {
     let (set, size) = sets(graph, orders);
     let mut reference: BTreeMap<u32, (u32, i32)> = BTreeMap::new();
     for i in 0..orders.len() {

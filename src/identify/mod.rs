@@ -1,6 +1,5 @@
 //! One identification: inverse problem, sample, residual, checks.
 
-mod checks;
 pub mod fringes;
 mod identification;
 mod inverse;
@@ -9,16 +8,20 @@ mod patterns;
 pub mod phase;
 mod refine;
 mod residual;
+mod size;
+mod solve;
 mod structure;
 mod surrogate;
+mod warnings;
 mod waves;
 
-pub use checks::PRIOR_SDS;
-pub use identification::{Identification, Options, identify};
+pub use identification::{Identification, Refinement};
 pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};
-pub use refine::{Refinement, refined};
+pub use refine::refined;
 pub use residual::Residual;
+pub use solve::{Options, identify};
 pub use structure::Structure;
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
+pub use warnings::PRIOR_SDS;
 pub use waves::Wave;

@@ -6,7 +6,7 @@
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
-use super::waves::{self, Wave};
+use super::waves::{self, IMPROBABLE, Wave};
 use crate::field::Field;
 use crate::noise::Noise;
 
@@ -40,9 +40,6 @@ pub struct Patterns {
 
 /// Sds of a block average that is far out: 0.1 of 1800 by chance.
 const FAR: f64 = 4.0;
-
-/// Patterns more probable than this by noise alone are not spoken of.
-pub(super) const IMPROBABLE: f64 = 1e-4;
 
 impl Patterns {
     /// Sought in the residual (mm) at the points of `field`, where `clear` says so: at a hole's edge, optics and meshes are worst.

@@ -8,43 +8,6 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::reduce::{Dimension, Modes, Problem, cache};
 
-/// What one refinement worked with and how far it got.
-#[derive(Debug, Clone)]
-pub struct Refinement {
-    /// The DoE box.
-    pub dimensions: Vec<Dimension>,
-    /// Snapshots solved.
-    pub snapshots: usize,
-    /// Modes kept for each component.
-    pub modes: usize,
-    /// Largest error of any constant, in posterior standard deviations.
-    pub max_error_sd: f64,
-    /// Largest error of the field at a measured point, nm.
-    pub max_field_nm: f64,
-    /// Draws outside the DoE box, as a fraction.
-    pub outside_doe: f64,
-}
-
-impl Refinement {
-    /// Where an identification stands.
-    pub fn of(found: &Identification) -> Self {
-        let reduced = &found.inverse.prepared.reduced;
-        Self {
-            dimensions: reduced.dimensions.clone(),
-            snapshots: reduced.snapshots,
-            modes: reduced.modes_per_component(),
-            max_error_sd: found.surrogate.max_sd(),
-            max_field_nm: found.surrogate.max_field_nm,
-            outside_doe: found.outside_doe,
-        }
-    }
-
-    /// Whether the reduced model needs no refinement: its error is within the tolerance, and no draw extrapolates.
-    pub fn is_enough(&self) -> bool {
-        self.max_error_sd <= TOLERANCE && self.outside_doe == 0.0
-    }
-}
-
 /// Half-width of the box about the posterior in standard deviations: a normal tail beyond it holds 4e-8.
 const REACH_SDS: f64 = 5.5;
 

@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Gamma};
 
-use super::patterns::IMPROBABLE;
 use crate::field::{Blocks, Field};
 use crate::noise::NormalEquations;
 use crate::numeric::median;
@@ -30,6 +29,9 @@ pub struct Wave {
     /// Probability of one as large in noise without a preferred direction.
     pub p: f64,
 }
+
+/// Patterns more probable than this by noise alone are not spoken of.
+pub const IMPROBABLE: f64 = 1e-4;
 
 /// Side of a part in which waves are sought, in spacings of the points.
 const PART: f64 = 24.0;

@@ -6,8 +6,10 @@ use super::subsets::{Subset, Subsets};
 use super::weighing::Projected;
 use crate::noise::NormalEquations;
 
-/// A swap that costs a log Bayes factor below this cannot be excluded.
-pub const SWAP_NATS: f64 = 5.0;
+/// A swap that costs a log Bayes factor below this cannot be excluded. Groups by the cosine of signatures came out too wide for loud
+/// effects and too narrow for quiet ones: even a cosine of 1.000 separates where the effect is large enough to be nonlinear (prototype
+/// study).
+pub const SWAP: f64 = 5.0;
 
 /// The effects, or pairs of effects, that could stand in for one of the best subset.
 #[derive(Debug, Clone)]
@@ -20,7 +22,7 @@ pub struct Group {
     pub pairs: Vec<[usize; 2]>,
     /// Probability that some member, or a whole pair, acts.
     pub probability: f64,
-    /// Log evidence lost when the leader is dropped without a substitute.
+    /// Log Bayes factor for the leader against its being dropped without a substitute.
     pub drop_nats: f64,
 }
 
@@ -51,20 +53,20 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
     for &k in &free {
         let evidence = subsets.log_evidence(&with(&[k]));
         // a swap that is no better than leaving the effect out replaces nothing
-        if reference - evidence < SWAP_NATS.min(drop_nats) {
+        if reference - evidence < SWAP.min(drop_nats) {
             members.push((evidence, k));
         }
     }
     members.sort_by(|a, b| b.0.total_cmp(&a.0));
     let members: Vec<usize> = members.into_iter().map(|(_, k)| k).collect();
     let mut pairs = Vec::new();
-    if drop_nats > SWAP_NATS {
+    if drop_nats > SWAP {
         for (i, &a) in free.iter().enumerate() {
             for &b in &free[i + 1..] {
                 if members.contains(&a) || members.contains(&b) {
                     continue;
                 }
-                if reference - subsets.log_evidence(&with(&[a, b])) < SWAP_NATS {
+                if reference - subsets.log_evidence(&with(&[a, b])) < SWAP {
                     pairs.push([a, b]);
                 }
             }

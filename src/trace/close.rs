@@ -5,22 +5,12 @@ use std::time::Instant;
 use super::attribute::attribute;
 use super::averaged::Averaged;
 use super::conclusion::{Conclusion, Status, conclude};
-use super::tracing::Tracing;
+use super::round::Round;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
 use crate::identify::{Identification, Options, identify};
 use crate::infer::Model;
 use crate::progress::Progress;
-
-/// One turn of the loop: an identification and what tracing made of its residual.
-pub struct Round {
-    /// The model that was identified.
-    pub model: Model,
-    /// The identification.
-    pub identification: Identification,
-    /// What its residual says.
-    pub tracing: Tracing,
-}
 
 /// All rounds and the conclusion.
 pub struct Closed {
@@ -118,19 +108,18 @@ pub fn extended(
         .copied()
         .collect();
     if !matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
-        let plausible: Vec<f64> = (0..effect.parameters().len())
-            .map(|k| {
-                model
-                    .prior_sd(effect, k)
-                    .unwrap_or(effect.parameters()[k].bound)
-            })
+        let prior_sd: Vec<f64> = effect
+            .parameters()
+            .iter()
+            .enumerate()
+            .map(|(k, p)| model.prior_sd(effect, k).unwrap_or(p.bound))
             .collect();
         let doe = model.file.reduced_model.doe.get_or_insert_default();
-        for (k, (parameter, (mean, sd))) in effect.parameters().iter().zip(amplitude).enumerate() {
-            let plausible = plausible[k];
+        let values = amplitude.iter().zip(prior_sd);
+        for (parameter, ((mean, sd), prior_sd)) in effect.parameters().iter().zip(values) {
             let half = (BOX_SDS * sd)
-                .max(BOX_SHARE * plausible)
-                .min(3.0 * plausible.max(mean.abs()));
+                .max(BOX_SHARE * prior_sd)
+                .min(3.0 * prior_sd.max(mean.abs()));
             let reach = parameter.bound;
             doe.insert(
                 amplitude_name(effect, parameter),

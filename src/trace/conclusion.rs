@@ -1,6 +1,6 @@
 //! How a loop ended, in words: which effects the residual is consistent with, what is left, and what would confirm it.
 
-use super::close::Round;
+use super::round::Round;
 use super::tracing::{Named, Resembling};
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::identify::Identification;

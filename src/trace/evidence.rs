@@ -23,7 +23,7 @@ const DOUBT: f64 = 0.5;
 /// What it must do then: have a log Bayes factor of this against dropping it, at no more than this many prior sds. The first was set
 /// in the prototype study after 2 of 38 smooth fields outside the dictionary were given a false name beside the discrepancy. Beside
 /// no discrepancy nothing bounds the amplitude: a hole size of 4.1 prior sds was accepted.
-const DOUBT_NATS: f64 = 40.0;
+const DOUBT_LOG_BAYES_FACTOR: f64 = 40.0;
 const DOUBT_MULTIPLE: f64 = 4.0;
 
 /// What the data say of every candidate.
@@ -206,7 +206,8 @@ impl Evidence<'_> {
             .map_or(f64::INFINITY, |f| f.multiple);
         group.probability > ACCEPT
             && group.predicts
-            && (!doubtful || (group.drop_nats > DOUBT_NATS && multiple < DOUBT_MULTIPLE))
+            && (!doubtful
+                || (group.drop_nats > DOUBT_LOG_BAYES_FACTOR && multiple < DOUBT_MULTIPLE))
     }
 
     fn ranked(&self, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Vec<Found> {

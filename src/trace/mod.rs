@@ -9,6 +9,7 @@ mod evidence;
 mod holdout;
 mod recording;
 mod ridge;
+mod round;
 mod sensitivities;
 mod subsets;
 mod tracing;
@@ -16,6 +17,7 @@ mod weighing;
 
 pub use attribute::{attribute, candidates};
 pub use averaged::{Averaged, BlindSpot};
-pub use close::{Closed, Round, close, extended};
+pub use close::{Closed, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status};
+pub use round::Round;
 pub use tracing::{Found, Named, Resembling, Tracing};

@@ -20,7 +20,7 @@ impl Graph {
         let each = NEIGHBOURS.min(points.len().saturating_sub(1));
         let mut near = vec![0; each * points.len()];
         if each > 0 {
-            let cells = Cells::new(points);
+            let cells = Buckets::new(points);
             let tree = OnceLock::new();
             near.par_chunks_mut(each)
                 .enumerate()
@@ -108,7 +108,7 @@ fn indexed(points: &[[f64; 2]]) -> RTree<GeomWithData<[f64; 2], u32>> {
 }
 
 /// Points sorted into square cells that hold about five: ten times as fast as a tree where the points are even.
-struct Cells {
+struct Buckets {
     low: [f64; 2],
     side: f64,
     count: [usize; 2],
@@ -116,7 +116,7 @@ struct Cells {
     members: Vec<u32>,
 }
 
-impl Cells {
+impl Buckets {
     fn new(points: &[[f64; 2]]) -> Self {
         let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
         for p in points {

@@ -1,0 +1,60 @@
+//! A measurement that cannot be meant.
+
+use crate::error::{Error, Result};
+use crate::experiment::{Gauge, Sight, gauged};
+use crate::field::Field;
+use crate::infer::Columns;
+use crate::reduce::ReducedModel;
+
+/// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
+const MOST_RATIO: f64 = 5.0;
+
+/// A field many times too large, too small, or of the wrong sign for the model's own constants (`nominal`, a point of
+/// the reduced model's parameters) is a mistake in the units, the axes or the load, and no posterior should come of it.
+///
+/// # Errors
+/// Of the input, naming the component and its ratio to the model's.
+pub fn check_size(
+    field: &Field,
+    reduced: &ReducedModel,
+    columns: &Columns,
+    nominal: &[f64],
+) -> Result<()> {
+    let points = Sight::anywhere(&field.points, &[]);
+    let predicted = reduced.field(&columns.modes, nominal);
+    let [predicted, measured] =
+        [&predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
+    for (c, direction) in ["u1, along the load", "u2, across it"].iter().enumerate() {
+        let dot = |a: &[[f64; 2]]| {
+            a.iter()
+                .zip(&predicted)
+                .map(|(a, b)| a[c] * b[c])
+                .sum::<f64>()
+        };
+        let ratio = dot(&measured) / dot(&predicted);
+        if (1.0 / MOST_RATIO..MOST_RATIO).contains(&ratio) {
+            continue;
+        }
+        let place = match &field.files[..] {
+            [_, _, u, v] => [u, v][c].display().to_string(),
+            files => files
+                .first()
+                .map_or_else(|| "measurement".into(), |f| f.display().to_string()),
+        };
+        let size = format!("{:.1} to {MOST_RATIO}", 1.0 / MOST_RATIO);
+        let hint = if ratio < 0.0 {
+            "check the signs and directions of the axes, and which file or column is which"
+        } else {
+            "check the units, the loading axis, which file or column is which, the layup, the load and the thickness"
+        };
+        return Err(Error::input(
+            place,
+            format!("displacements {size} times those the model predicts for its prior means"),
+        )
+        .found(format!(
+            "displacements ({direction}) {ratio:.3} times as large"
+        ))
+        .hint(hint));
+    }
+    Ok(())
+}

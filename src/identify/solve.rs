@@ -1,0 +1,216 @@
+//! One identification: reduced model, observation, noise, posterior, chains, residual.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::identification::{Identification, Refinement};
+use super::inverse::{InverseProblem, Prepared, inverse_problem, is_clear, prepare, start};
+use super::patterns::Patterns;
+use super::refine::enrich;
+use super::residual::{Residual, effect_amplitudes};
+use super::structure::Structure;
+use super::surrogate::SurrogateError;
+use super::warnings::warnings;
+use crate::chain::Draws;
+use crate::diagnose::{Rule, diagnose};
+use crate::error::{Error, Result};
+use crate::infer::{LogDensity, Model, Posterior};
+use crate::noise::Hyperparameters;
+use crate::progress::Progress;
+use crate::sample::{self, Keeping, Monitor, Phase, Report, Sampler, Schedule, Start, Stopped};
+
+/// How to identify.
+pub struct Options<'a> {
+    /// Sampler.
+    pub sampler: &'a dyn Sampler,
+    /// Seed, sizes.
+    pub schedule: Schedule,
+    /// When the draws are good enough.
+    pub rule: Rule,
+    /// Directory of cached reduced models.
+    pub cache: PathBuf,
+    /// At most this many refinements of the reduced model about the posterior.
+    pub refinements: usize,
+    /// Where the chains are kept while the run goes.
+    pub keeping: Option<Keeping>,
+    /// Structure that is to be counted as a discrepancy of the model.
+    pub discrepancy: [Option<Hyperparameters>; 2],
+    /// When to stop sampling in any case.
+    pub deadline: Option<Instant>,
+}
+
+/// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
+/// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
+pub fn identify(
+    model: &Model,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<Identification> {
+    let mut prepared = prepare(model, &options.cache, progress)?;
+    prepared.discrepancy = options.discrepancy;
+    let mut found = identify_prepared(model, prepared, options, progress)?;
+    let mut history = vec![Refinement::of(&found)];
+    for k in 1..=options.refinements {
+        if history.last().is_some_and(Refinement::is_enough) {
+            break;
+        }
+        let most = options.refinements;
+        let what = format!("refinement {k} of at most {most}: a box about the posterior");
+        progress.begin(&what, None);
+        progress.end();
+        let prepared = enrich(found, &options.cache, progress)?;
+        if let Some(keeping) = &options.keeping {
+            keeping.clear()?;
+        }
+        found = identify_prepared(model, prepared, options, progress)?;
+        history.push(Refinement::of(&found));
+    }
+    found.refinements = history;
+    Ok(found)
+}
+
+/// Identify with a given reduced model.
+fn identify_prepared(
+    model: &Model,
+    prepared: Prepared,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<Identification> {
+    let inverse = inverse_problem(model, prepared, progress)?;
+    let (draws, stopped) = draw(&inverse.posterior, options, progress)?;
+    let verdict = diagnose(&draws, &options.rule);
+    let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
+    let residual = Residual::at(&inverse, &mean);
+    let surrogate = SurrogateError::measure(&inverse, &draws, progress)?;
+    let field = &inverse.prepared.observation.field;
+    let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
+    let clear = |point: [f64; 2]| is_clear(geometry, point);
+    let mut found = Identification {
+        outside_doe: outside(&inverse, &draws),
+        effect_amplitudes: amplitudes(&inverse, &draws),
+        patterns: Patterns::of(field, &residual.field, &inverse.noise, &clear),
+        structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
+        warnings: Vec::new(),
+        refinements: Vec::new(),
+        inverse,
+        draws,
+        stopped,
+        verdict,
+        surrogate,
+        residual,
+    };
+    found.warnings = warnings(model, &found);
+    Ok(found)
+}
+
+/// Draws of each chain below which nothing can be said, not even how uncertain it is.
+const FEWEST_DRAWS: usize = 4;
+
+/// Spread of the start about the mode, in units of its normal approximation.
+const SPREAD: f64 = 3.0;
+
+fn draw(
+    posterior: &Posterior,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<(Draws, Stopped)> {
+    let mode = start(posterior)?;
+    let start = Start::Ball {
+        centre: &mode.mode,
+        covariance: &mode.covariance,
+        spread: SPREAD,
+    };
+    progress.begin(
+        &format!(
+            "sampling {} parameters with {} x {}",
+            posterior.dim(),
+            options.schedule.ensembles,
+            options.sampler.name()
+        ),
+        None,
+    );
+    let measured = posterior.likelihood().measured();
+    let keeping = options.keeping.clone().map(|keeping| Keeping {
+        observed: vec![("alpha_mm".into(), measured.as_slice().to_vec())],
+        ..keeping
+    });
+    let outcome = sample::run_kept(
+        posterior,
+        options.sampler,
+        &start,
+        &options.schedule,
+        &options.rule,
+        &Reporting {
+            progress,
+            deadline: options.deadline,
+        },
+        keeping.as_ref(),
+    )?;
+    progress.end();
+    if outcome.draws.draws() < FEWEST_DRAWS {
+        return Err(Error::limit(
+            "--time-limit",
+            format!("time for at least {FEWEST_DRAWS} draws of each chain"),
+        )
+        .found(format!("{} draws when it was over", outcome.draws.draws()))
+        .hint("allow more seconds: the limit counts from the start, the building of the reduced model and the warm-up of the chains included"));
+    }
+    Ok((outcome.draws, outcome.stopped))
+}
+
+/// Passes a sampler's reports on, and ends it in time.
+struct Reporting<'a> {
+    progress: &'a dyn Progress,
+    deadline: Option<Instant>,
+}
+
+impl Monitor for Reporting<'_> {
+    fn report(&self, report: &Report) -> bool {
+        let phase = match report.phase {
+            Phase::Warmup => "warm-up",
+            Phase::Sampling => "sampling",
+        };
+        self.progress.say(&format!(
+            "{phase}: step {}, {} draws, acceptance {:.2}",
+            report.steps, report.draws, report.acceptance
+        ));
+        self.deadline.is_none_or(|end| Instant::now() < end)
+    }
+}
+
+/// Draws used for the amplitudes of closed-form effects.
+const AMPLITUDE_DRAWS: usize = 1000;
+
+/// Name, mean and sd of the amplitude of each closed-form effect: given the coefficients of every draw, and as estimated
+/// from the recording.
+fn amplitudes(inverse: &InverseProblem, draws: &Draws) -> Vec<(String, f64, f64)> {
+    let posterior = &inverse.posterior;
+    let stride = (draws.len() / AMPLITUDE_DRAWS).max(1);
+    let expected: Vec<_> = draws
+        .points()
+        .step_by(stride)
+        .map(|x| {
+            let scale = posterior.scale(x);
+            let theta = &x[..posterior.structural()];
+            let (alpha, covariance) = posterior
+                .likelihood()
+                .expected_with_covariance(theta, scale);
+            (alpha, covariance, scale)
+        })
+        .collect();
+    let (beta, covariance) = effect_amplitudes(&inverse.statistics, &expected);
+    let names = inverse.columns.names.iter().enumerate();
+    let recorded = &inverse.prepared.observation.recorded;
+    names
+        .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
+        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
+        .collect()
+}
+
+/// Share of the draws outside the box in which the reduced model was built.
+fn outside(inverse: &InverseProblem, draws: &Draws) -> f64 {
+    let sides = &inverse.prepared.reduced.dimensions[..inverse.posterior.structural()];
+    let is_out = |x: &&[f64]| !sides.iter().zip(*x).all(|(side, &x)| side.contains(x));
+    let count = draws.points().filter(is_out).count();
+    count as f64 / draws.len().max(1) as f64
+}
