@@ -142,7 +142,7 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
     found
 }
 
-/// Cosine above which signatures are called similar.
+/// Cosine above which signatures are called similar. They are reported beside the alias groups, which rest on the evidence.
 pub const SIMILAR: f64 = 0.9;
 
 /// Some rows and columns of a matrix.

@@ -201,7 +201,8 @@ fn size_of(amplitude: &[(String, f64)]) -> String {
 /// Resembling effects that are named in words, at most.
 const WORTH_NAMING: usize = 2;
 
-/// Cosine from which fields differ by less than what a model of a real specimen may have wrong.
+/// Cosine from which fields differ by less than what a model of a real specimen may have wrong: uniform out-of-plane bending was named
+/// uniform strain at a cosine of 0.995 (measured on the program as built).
 const NEARLY_THE_SAME: f64 = 0.95;
 
 /// The effects outside a group that leave almost the same field as its leader.

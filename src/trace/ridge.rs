@@ -8,14 +8,15 @@ use crate::error::Result;
 use crate::experiment::State;
 use crate::noise::NormalEquations;
 
-/// Parameters that move by less, prior sds, have converged.
+/// Parameters that move by less, prior sds, have converged: a shift that no decision depends on (prototype study).
 pub const CONVERGED: f64 = 0.05;
 
 /// Steps of the Gauss-Newton iteration.
 pub const STEPS: usize = 4;
 
-/// Move the constants and declared amplitudes to where the data want them with every effect present under its prior: a fit without
-/// the effects runs to absurd constants when a quiet one acts. Returns the sensitivities there.
+/// Move the constants and declared amplitudes to where the data want them with every effect present under its prior, and return the
+/// sensitivities there. A fit without the effects runs to absurd constants when a weakly observable one acts: with a hole 5 % larger
+/// than declared its mode lies at E2 = 0.008 GPa (measured on the program as built).
 pub fn at_ridge(
     linearised: &Linearised<'_>,
     measured: &Measured,
