@@ -375,7 +375,10 @@ fn bending_is_never_named_without_the_taper_that_looks_like_it() {
         .iter()
         .find(|r| r.effect == "thickness_taper");
     let taper = taper.unwrap_or_else(|| panic!("{group:?}"));
-    assert!(taper.cosine > 0.99 && taper.lost_nats > 0.0, "{taper:?}");
+    assert!(
+        taper.cosine > 0.99 && taper.log_bayes_factor_lost > 0.0,
+        "{taper:?}"
+    );
     let across = taper.amplitude[0].1;
     let expected = -100.0 * 12.0 * 0.2 / 25.0;
     assert!(
@@ -464,7 +467,7 @@ fn survey() {
             for g in &tracing.groups {
                 println!(
                     "    group {:?} P {:.3} drop {:.1} predicts {}",
-                    g.members, g.probability, g.drop_nats, g.predicts
+                    g.members, g.probability, g.log_bayes_factor, g.predicts
                 );
             }
             for (a, truth) in tracing.averaged.iter().zip(TRUTH) {

@@ -32,7 +32,7 @@ pub fn tracing(tracing: &Tracing) -> String {
             "\n{}: probability {:.3}, evidence lost without it {:.0} nats, held-out blocks are predicted {}",
             g.members.join(" or "),
             g.probability,
-            g.drop_nats,
+            g.log_bayes_factor,
             if g.predicts {
                 "better with it"
             } else {

@@ -109,7 +109,7 @@ fn resembling(other: &Resembling) -> Value {
         "cosine": other.cosine,
         "amplitude": amplitude.collect::<Vec<_>>(),
         "plausible_multiple": number(other.multiple),
-        "log_evidence_lost": number(other.lost_nats),
+        "log_evidence_lost": number(other.log_bayes_factor_lost),
     })
 }
 
@@ -164,7 +164,7 @@ fn groups(tracing: &Tracing) -> Value {
         json!({
             "leader": g.leader, "members": g.members, "pairs": g.pairs,
             "resembling": g.resembling.iter().map(resembling).collect::<Vec<_>>(),
-            "probability": g.probability, "log_evidence_lost_without": number(g.drop_nats),
+            "probability": g.probability, "log_evidence_lost_without": number(g.log_bayes_factor),
             "predicts_held_out_blocks": g.predicts,
         })
     };

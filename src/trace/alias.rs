@@ -23,7 +23,7 @@ pub struct Group {
     /// Probability that some member, or a whole pair, acts.
     pub probability: f64,
     /// Log Bayes factor for the leader against its being dropped without a substitute.
-    pub drop_nats: f64,
+    pub log_bayes_factor: f64,
 }
 
 /// The groups of the best subset, the costliest to drop first.
@@ -34,7 +34,7 @@ pub fn groups(subsets: &Subsets) -> Vec<Group> {
         .iter()
         .map(|&leader| group(subsets, &best, leader, reference))
         .collect();
-    groups.sort_by(|a, b| b.drop_nats.total_cmp(&a.drop_nats));
+    groups.sort_by(|a, b| b.log_bayes_factor.total_cmp(&a.log_bayes_factor));
     groups
 }
 
@@ -45,7 +45,7 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
         s.sort_unstable();
         s
     };
-    let drop_nats = reference - subsets.log_evidence(&without);
+    let log_bayes_factor = reference - subsets.log_evidence(&without);
     let free: Vec<usize> = (0..subsets.ranges.len())
         .filter(|k| !best.contains(k))
         .collect();
@@ -53,14 +53,14 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
     for &k in &free {
         let evidence = subsets.log_evidence(&with(&[k]));
         // a swap that is no better than leaving the effect out replaces nothing
-        if reference - evidence < SWAP.min(drop_nats) {
+        if reference - evidence < SWAP.min(log_bayes_factor) {
             members.push((evidence, k));
         }
     }
     members.sort_by(|a, b| b.0.total_cmp(&a.0));
     let members: Vec<usize> = members.into_iter().map(|(_, k)| k).collect();
     let mut pairs = Vec::new();
-    if drop_nats > SWAP {
+    if log_bayes_factor > SWAP {
         for (i, &a) in free.iter().enumerate() {
             for &b in &free[i + 1..] {
                 if members.contains(&a) || members.contains(&b) {
@@ -81,7 +81,7 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
         members,
         pairs,
         probability,
-        drop_nats,
+        log_bayes_factor,
     }
 }
 
@@ -95,8 +95,8 @@ pub struct Lookalike {
     pub cosine: f64,
     /// Amplitudes of that nearest field, prior sds.
     pub amplitude: Vec<f64>,
-    /// Log evidence lost when it takes the leader's place.
-    pub lost_nats: f64,
+    /// Log Bayes factor for the leader against it in the leader's place.
+    pub log_bayes_factor_lost: f64,
 }
 
 /// What resembles a group's leader as it acts in the best subset, the most similar first.
@@ -128,7 +128,7 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
             candidate,
             cosine,
             amplitude: nearest.as_slice().to_vec(),
-            lost_nats: reference - subsets.log_evidence(&swapped),
+            log_bayes_factor_lost: reference - subsets.log_evidence(&swapped),
         })
     };
     let others = (0..subsets.ranges.len()).filter(|k| {

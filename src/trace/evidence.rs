@@ -174,7 +174,7 @@ impl Evidence<'_> {
                 .map(|p| p.map(|k| self.name(k)))
                 .collect(),
             probability: group.probability,
-            drop_nats: group.drop_nats,
+            log_bayes_factor: group.log_bayes_factor,
             predicts,
             resembling: self.resembling(group),
         }
@@ -192,7 +192,7 @@ impl Evidence<'_> {
                     .map(|(c, a)| (c.name.clone(), c.mean + c.sd * a))
                     .collect(),
                 multiple: l.amplitude.iter().fold(0.0, |m: f64, a| m.max(a.abs())),
-                lost_nats: l.lost_nats,
+                log_bayes_factor_lost: l.log_bayes_factor_lost,
             }
         };
         found.map(one).collect()
@@ -207,7 +207,7 @@ impl Evidence<'_> {
         group.probability > ACCEPT
             && group.predicts
             && (!doubtful
-                || (group.drop_nats > DOUBT_LOG_BAYES_FACTOR && multiple < DOUBT_MULTIPLE))
+                || (group.log_bayes_factor > DOUBT_LOG_BAYES_FACTOR && multiple < DOUBT_MULTIPLE))
     }
 
     fn ranked(&self, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Vec<Found> {

@@ -77,8 +77,8 @@ pub struct Named {
     pub pairs: Vec<[&'static str; 2]>,
     /// Probability that some member acts.
     pub probability: f64,
-    /// Log evidence lost when it is dropped.
-    pub drop_nats: f64,
+    /// Log Bayes factor for it against its being dropped.
+    pub log_bayes_factor: f64,
     /// Whether held-out blocks are predicted better with it.
     pub predicts: bool,
     /// Effects outside the group that leave almost the same field.
@@ -97,8 +97,8 @@ pub struct Resembling {
     pub amplitude: Vec<(String, f64)>,
     /// The largest of them over its prior sd.
     pub multiple: f64,
-    /// Log evidence lost with it in the leader's place.
-    pub lost_nats: f64,
+    /// Log Bayes factor for the leader against it in the leader's place.
+    pub log_bayes_factor_lost: f64,
 }
 
 impl Tracing {
@@ -108,7 +108,7 @@ impl Tracing {
         let strongest = self
             .accepted
             .and_then(|e| self.groups.iter().find(|g| g.leader == e.name()))
-            .map_or(f64::NEG_INFINITY, |g| g.drop_nats);
+            .map_or(f64::NEG_INFINITY, |g| g.log_bayes_factor);
         let mut accept = None;
         if let Some((found, clear)) = phase {
             if clear && found.log_bayes_factor > strongest {
@@ -144,7 +144,7 @@ impl Named {
             members: vec![found.effect.name()],
             pairs: Vec::new(),
             probability: found.inclusion_probability,
-            drop_nats: found.log_bayes_factor,
+            log_bayes_factor: found.log_bayes_factor,
             predicts: true,
             resembling: Vec::new(),
         }
