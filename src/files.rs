@@ -58,7 +58,7 @@ fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
     }
     let expected = match error.classify() {
         serde_json::error::Category::Syntax | serde_json::error::Category::Eof => "valid JSON",
-        _ => "the keys of a model file",
+        _ => "the keys that this file has",
     };
     Error::input(place, expected).found(text)
 }
@@ -106,4 +106,15 @@ impl<'de> Deserialize<'de> for NotYet {
             "a key that this version cannot honour yet, expected no such key",
         ))
     }
+}
+
+/// Write a value as a JSON file, indented.
+///
+/// # Errors
+/// The input's fault if the file cannot be written; the program's if JSON cannot hold the value.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    let mut text = serde_json::to_string_pretty(value)
+        .map_err(|e| Error::program(path.display(), "what JSON can hold").found(e))?;
+    text.push('\n');
+    replace(path, text)
 }

@@ -274,7 +274,7 @@ fn runs_that_cannot_be_traced_are_refused_at_once() {
         "run.json",
         "/inputs_sha256",
         Value::Null,
-        &["run.json", "interrupted"],
+        &["run.json", "inputs_sha256", "interrupted"],
     );
 }
 

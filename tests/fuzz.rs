@@ -388,19 +388,16 @@ fn below(dir: &Path, found: &mut Vec<PathBuf>) {
 /// A finished run's report and figures.
 fn reports(folder: &Path) {
     fs::create_dir_all(folder.join("figures")).unwrap();
-    let posterior = r#""E1_GPa": {"mean": 140.0, "sd": 1.0, "q2.5": 138.0, "median": 140.0, "q97.5": 142.0, "rhat": 1.0}"#;
-    let report = format!(
-        r#"{{"schema": "plychain-report/1", "model": "m", "seed": 1, "rounds": [{{"effects_declared": ["x"], "posterior": {{{posterior}}}, "candidates": [{{"effect": "a", "inclusion_probability": 0.5}}], "residual": {{"variogram": [{{"distance_mm": 1.0, "u1_nm2": 2.0, "u2_nm2": 3.0}}]}}}}]}}"#
-    );
+    let report = include_str!("fuzz/report.json");
     let maps = "x_mm,y_mm,u1_measured_um,u1_predicted_um,u1_residual_nm,u2_measured_um,u2_predicted_um,u2_residual_nm\n0,0,1,1,0,1,1,0\n1,0,1,2,0,1,2,0\n0,1,1,1,0,1,1,0\n1,1,,,,,,\n";
     let marginals = "parameter,value,density\nE1_GPa,138,0.1\nE1_GPa,140,0.4\nE1_GPa,142,0.1\n";
     let trace = "parameter,ensemble,draw,value\nE1_GPa,1,0,140\nE1_GPa,1,1,141\n";
     let parameters = "parameter,mean,sd,q2.5,median,q97.5,prior_mean,prior_sd,cut_low,cut_high,truth\nE1_GPa,140,1,138,140,142,162,16,,,\n";
     let files = [
-        ("report.json", report.as_str()),
+        ("report.json", report),
         (
             "run.json",
-            r#"{"version": "0", "command": ["identify"], "inputs_sha256": {"a": "b"}}"#,
+            r#"{"program": "plychain", "version": "0", "command": ["identify"], "seed": 1, "inputs_sha256": {"a": "b"}, "seconds": 1.0}"#,
         ),
         ("figures/maps-0.csv", maps),
         ("figures/marginals-0.csv", marginals),

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use plychain::diagnose::Rule;
 use plychain::error::Result;
 use plychain::sample::{
-    Adaptive, Ensemble, Mixture, Monitor, Outcome, Quiet, Report, SAMPLERS, Sampler, Schedule,
+    Adaptive, Ensemble, Mixture, Monitor, Outcome, PhaseReport, Quiet, SAMPLERS, Sampler, Schedule,
     Start, Stopped, Stream, run,
 };
 
@@ -156,7 +156,7 @@ fn the_declared_mixture_is_the_default() {
 struct Impatient(AtomicUsize);
 
 impl Monitor for Impatient {
-    fn report(&self, _report: &Report) -> bool {
+    fn report(&self, _report: &PhaseReport) -> bool {
         self.0.fetch_sub(1, Ordering::Relaxed) > 1
     }
 }

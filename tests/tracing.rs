@@ -12,6 +12,9 @@ use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::Model;
 use plychain::progress::Silent;
+use plychain::report::json::Keyed;
+use plychain::report::round::MeanAndSd;
+use plychain::report::{ranking, traced};
 use plychain::trace::{Tracing, attribute, extended};
 
 use serde_json::Value;
@@ -297,7 +300,8 @@ fn what_cannot_be_seen_is_said_to_be() {
         spot("thermal_strain")
     );
     assert!(spot("magnification") < 20.0);
-    let text = plychain::report::ranking::averaged(&tracing, &Vec::new());
+    let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
+    let text = ranking::averaged(&found, &spots, &Keyed::new());
     for line in text
         .lines()
         .filter(|l| l.contains("thermal_strain") || l.contains("load_scale"))
@@ -305,34 +309,28 @@ fn what_cannot_be_seen_is_said_to_be() {
         assert!(line.contains("never") && line.ends_with("NO"), "{line}");
     }
     assert!(text.contains("thermal_strain"));
-    let json = plychain::report::traced::traced(&tracing);
-    let thermal = json["blind_spots"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .find(|s| s["effect"] == "thermal_strain");
+    let json = traced::trace_file(&tracing, &found, &spots);
+    let mut written = json["blind_spots"].as_array().unwrap().iter();
+    let thermal = written.find(|s| s["effect"] == "thermal_strain");
     assert!(thermal.unwrap()["detectable"].is_null());
     // a wider average is explained by what moves that constant most below detection
     let alone = |share: f64| {
+        let sd = |name: &str, sd: f64| if name == "E2_GPa" { share * sd } else { sd };
         let constants = tracing.averaged.iter();
         constants
             .map(|a| {
                 (
                     a.name.clone(),
-                    (
-                        a.mean,
-                        if a.name == "E2_GPa" {
-                            share * a.sd
-                        } else {
-                            a.sd
-                        },
-                    ),
+                    MeanAndSd {
+                        mean: a.mean,
+                        sd: sd(&a.name, a.sd),
+                    },
                 )
             })
-            .collect::<Vec<_>>()
+            .collect()
     };
     let said = |share: f64| {
-        let text = plychain::report::ranking::averaged(&tracing, &alone(share));
+        let text = ranking::averaged(&found, &spots, &alone(share));
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let hidden = |(_, s): &(&str, plychain::trace::BlindSpot)| {

@@ -19,7 +19,7 @@ use crate::infer::{
     Laplace, LogDensity, Posterior, Tabulated, TabulatedMoments, TestPoint, laplace,
 };
 use crate::sample::{
-    Ensemble, MOVES, Mixture, Monitor, Outcome, Phase, Report, Sampler, Schedule, Start, Stop,
+    Ensemble, MOVES, Mixture, Monitor, Outcome, Phase, PhaseReport, Sampler, Schedule, Start, Stop,
 };
 
 /// BenchArguments of `bench`.
@@ -296,7 +296,7 @@ impl Stop for Never {
 struct Clock(Cell<Instant>);
 
 impl Monitor for Clock {
-    fn report(&self, report: &Report) -> bool {
+    fn report(&self, report: &PhaseReport) -> bool {
         if report.phase == Phase::Warmup {
             // The last report of warm-up counts.
             self.0.set(Instant::now());

@@ -123,9 +123,7 @@ pub fn calibrate(
         all.push(calibration_numbers(&summary));
     }
     let value = json!({ "schema": crate::report::validation::SCHEMA, "calibration": all });
-    let text = serde_json::to_string_pretty(&value)
-        .map_err(|e| Error::program("validation.json", "numbers that JSON can hold").found(e))?;
     let path = out.join("validation.json");
-    files::replace(&path, text + "\n")?;
+    files::write_json(&path, &value)?;
     print(&format!("written to {}\n", path.display()))
 }

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use serde_json::Value;
 
 use super::console::Console;
 use super::folder::{Folder, check_run};
@@ -16,7 +15,9 @@ use crate::experiment::State;
 use crate::files;
 use crate::infer::Model;
 use crate::progress::Progress;
-use crate::report::{Alone, Page, numbers, ranking, terminal, traced};
+use crate::report::json::Keyed;
+use crate::report::round::MeanAndSd;
+use crate::report::{Page, Report, gather, ranking, terminal, traced};
 use crate::trace::{self, Closed};
 
 /// Arguments of `loop`.
@@ -41,9 +42,11 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
     let most = usize::from(arguments.rounds);
     let closed = trace::close(&plan.model, most, &options, console)?;
     let page = write(&plan.folder, &plan.model, &closed, global.seed)?;
-    let last = &closed.rounds[closed.rounds.len() - 1];
-    print(&terminal::identification(&last.model, &last.identification))?;
-    print(&ranking::closed(&closed))?;
+    let report = &page.report;
+    if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
+        print(&terminal::identification(&report.model, last))?;
+        print(&ranking::closed(&page, closing))?;
+    }
     console.begin("report and figures", None);
     page.write(plan.folder.path(), running.png)?;
     console.end();
@@ -75,7 +78,7 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
     folder.write_json("model.extended.json", &resolved(&last.model)?)?;
-    let report = traced::report(closed, seed);
+    let report = gather::closed(closed, seed);
     folder.write_json("report.json", &report)?;
     let files = &closed.rounds[0]
         .identification
@@ -112,62 +115,39 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     check_run(run, &model)?;
     let prepared = crate::identify::prepare(&model, &cache(), console)?;
     let tracing = trace::attribute(&model, &prepared, start, console)?;
-    print(&ranking::tracing(&tracing))?;
-    print(&ranking::averaged(&tracing, &alone))?;
+    let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
+    print(&ranking::tracing(&found))?;
+    print(&ranking::averaged(&found, &spots, &alone))?;
     let path = arguments.run.join("trace.json");
-    let mut text = serde_json::to_string_pretty(&traced::traced(&tracing))
-        .map_err(|e| Error::program("trace.json", "numbers that JSON can hold").found(e))?;
-    text.push('\n');
-    files::replace(&path, text)?;
+    files::write_json(&path, &traced::trace_file(&tracing, &found, &spots))?;
     print(&format!("written to {}\n", path.display()))
 }
 
 /// Posterior means of the last round in `report.json`, and mean and sd of the constants.
-fn state(run: &Path, model: &Model) -> Result<(State, Alone)> {
-    let path = run.join("report.json");
-    let wanted = || Error::input(path.display(), "the report of a finished run");
-    let text = std::fs::read_to_string(&path).map_err(|e| wanted().found(e))?;
-    let report: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
-    let round = report["rounds"]
-        .as_array()
-        .and_then(|rounds| rounds.last())
-        .ok_or_else(|| wanted().found("no rounds"))?;
+fn state(run: &Path, model: &Model) -> Result<(State, Keyed<MeanAndSd>)> {
+    let report = Report::load(run)?;
     let mismatch = |found: String| {
-        wanted()
+        let path = run.join("report.json");
+        Error::input(path.display(), "the report of a finished run")
             .found(found)
             .hint("the folder's model and report do not belong together: identify anew")
     };
-    if report["schema"] != numbers::SCHEMA {
-        return Err(wanted().found(&report["schema"]).hint(format!(
-            "this program reads {}: identify anew",
-            numbers::SCHEMA
-        )));
-    }
-    let declared: Vec<&str> = round["effects_declared"]
-        .as_array()
-        .map_or_else(Vec::new, |names| {
-            names.iter().filter_map(Value::as_str).collect()
-        });
+    let round = report.last().ok_or_else(|| mismatch("no rounds".into()))?;
     let own: Vec<&str> = model.effects.iter().map(|e| e.name()).collect();
-    if declared != own {
+    if round.effects_declared != own {
         return Err(mismatch(format!(
             "the effects {}, and a model with {}",
-            declared.join(", "),
+            round.effects_declared.join(", "),
             own.join(", ")
         )));
     }
-    let mean = |name: &str| {
-        let of = |part: &str| round[part][name]["mean"].as_f64();
-        of("posterior").or_else(|| of("effect_amplitudes"))
-    };
-    let mut alone = Alone::new();
-    for name in model.constants() {
-        let sd = round["posterior"][name]["sd"].as_f64();
-        if let Some(moments) = mean(name).zip(sd) {
-            alone.push(((*name).to_string(), moments));
-        } else {
-            return Err(mismatch(format!("no posterior of {name}")));
-        }
+    if let Some(name) = model
+        .constants()
+        .iter()
+        .find(|n| !round.posterior.contains_key(**n))
+    {
+        return Err(mismatch(format!("no posterior of {name}")));
     }
-    Ok((model.state(&mean), alone))
+    let mean = |name: &str| round.moments(name).map(|(mean, _)| mean);
+    Ok((model.state(&mean), round.alone()))
 }

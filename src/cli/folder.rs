@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -13,6 +14,8 @@ use crate::field::unreadable;
 use crate::files;
 use crate::infer::Model;
 use crate::reduce::cache::hex;
+use crate::report::json::Keyed;
+use crate::report::manifest::Manifest;
 
 /// A folder under construction. Dropped without [`Folder::keep`], it is removed.
 pub struct Folder {
@@ -151,28 +154,21 @@ impl Folder {
         }
     }
 
-    /// Write a file of the folder.
-    pub fn write(&self, name: &str, contents: &str) -> Result<()> {
-        files::replace(&self.path.join(name), contents)
-    }
-
     /// Write a JSON file of the folder.
-    pub fn write_json(&self, name: &str, value: &Value) -> Result<()> {
-        let mut text = serde_json::to_string_pretty(value)
-            .map_err(|e| Error::program(name, "numbers that JSON can hold").found(e))?;
-        text.push('\n');
-        self.write(name, &text)
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {
+        files::write_json(&self.path.join(name), value)
     }
 
     /// Write the manifest of a run over a model and the files it read, and return it.
-    pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<Value> {
-        let inputs = hashes(std::iter::once(&model.path).chain(files))?;
-        let command: Vec<String> = std::env::args().skip(1).collect();
-        let manifest = json!({
-            "program": "plychain", "version": env!("CARGO_PKG_VERSION"),
-            "command": command, "seed": seed, "inputs_sha256": inputs,
-            "seconds": self.started.elapsed().as_secs_f64(),
-        });
+    pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<Manifest> {
+        let manifest = Manifest {
+            program: "plychain".into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            command: std::env::args().skip(1).collect(),
+            seed,
+            inputs_sha256: hashes(std::iter::once(&model.path).chain(files))?,
+            seconds: self.started.elapsed().as_secs_f64(),
+        };
         self.write_json("run.json", &manifest)?;
         Ok(manifest)
     }
@@ -202,11 +198,9 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Error {
 }
 
 /// SHA-256 of files, by path.
-pub fn hashes<'a>(
-    files: impl Iterator<Item = &'a PathBuf>,
-) -> Result<serde_json::Map<String, Value>> {
+pub fn hashes<'a>(files: impl Iterator<Item = &'a PathBuf>) -> Result<Keyed<String>> {
     files
-        .map(|path| Ok((path.display().to_string(), json!(hash(path)?))))
+        .map(|path| Ok((path.display().to_string(), hash(path)?)))
         .collect()
 }
 
@@ -234,29 +228,19 @@ pub fn say_round(folder: &Path) {
 /// # Errors
 /// The input's fault, with the file.
 pub fn check_run(folder: &Path, model: &Model) -> Result<()> {
-    let file = folder.join("run.json");
-    let place = file.display().to_string();
-    let wanted = || Error::input(&place, "the manifest of a finished run");
-    let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;
-    let manifest: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
-    let Some(known) = manifest["inputs_sha256"].as_object() else {
-        return Err(wanted().found("no inputs_sha256").hint(
-            "the run was interrupted: go on with it, the same command with --out FOLDER --resume",
-        ));
-    };
-    let known: Vec<&Value> = known.values().collect();
+    let manifest = Manifest::load(folder)?;
     for (name, hash) in hashes(model.measurement_files()?.iter())? {
-        if !known.contains(&&hash) {
+        if !manifest.inputs_sha256.values().any(|known| *known == hash) {
             return Err(Error::input(name, "the measurement that the run read")
                 .found("a file that changed since")
                 .hint("identify it anew"));
         }
     }
-    let version = manifest["version"].as_str().unwrap_or("unknown");
-    if version != env!("CARGO_PKG_VERSION") {
+    if manifest.version != env!("CARGO_PKG_VERSION") {
         line(&format!(
-            "  {} was written by version {version}, this is {}",
+            "  {} was written by version {}, this is {}",
             folder.display(),
+            manifest.version,
             env!("CARGO_PKG_VERSION")
         ));
     }

@@ -14,7 +14,8 @@ use crate::error::{Error, Result};
 use crate::identify::{self, Identification};
 use crate::infer::Model;
 use crate::progress::Progress;
-use crate::report::{Page, numbers, terminal};
+use crate::report::manifest::KnownTruth;
+use crate::report::{Page, gather, terminal};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -33,9 +34,11 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     let plan = running.plan(global)?;
     let options = plan.options(plan.folder.path());
     let round = identify::identify(&plan.model, &options, console)?;
-    print(&terminal::identification(&plan.model, &round))?;
     let rounds = [round];
     let page = write(&plan.model, &rounds, &plan.folder, global.seed)?;
+    for round in &page.report.rounds {
+        print(&terminal::identification(&page.report.model, round))?;
+    }
     console.begin("report and figures", None);
     page.write(plan.folder.path(), running.png)?;
     console.end();
@@ -50,16 +53,9 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
 ///
 /// # Errors
 /// The input's fault if the file is there and is no JSON.
-pub fn truth(files: &[PathBuf]) -> Result<Option<Value>> {
+pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
     let beside = files.first().and_then(|f| f.parent());
-    let Some(path) = beside.map(|d| d.join("truth.json")).filter(|p| p.is_file()) else {
-        return Ok(None);
-    };
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| Error::input(path.display(), "a readable file").found(e))?;
-    let truth = serde_json::from_str(&text)
-        .map_err(|e| Error::input(path.display(), "valid JSON").found(e))?;
-    Ok(Some(truth))
+    beside.map_or(Ok(None), KnownTruth::load)
 }
 
 /// The model with its measurement's absolute path, so that it can be read from a run's folder.
@@ -80,7 +76,7 @@ pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u6
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
     folder.write_json("model.json", &resolved(model)?)?;
-    let report = numbers::report(model, rounds, seed);
+    let report = gather::identified(model, rounds, seed);
     folder.write_json("report.json", &report)?;
     let files = rounds
         .last()

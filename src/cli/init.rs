@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::field::{Axis, ColumnMap, Columns, Field, Frame, Units, table};
 use crate::files;
 use crate::infer::Model;
-use crate::report::Cells;
+use crate::report::FieldCells;
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]
@@ -252,7 +252,7 @@ const SMALLEST_GAP: f64 = 0.003;
 
 /// Centre and diameter of the largest gap in the points that does not touch their border.
 fn hole(field: &Field) -> Option<([f64; 2], f64)> {
-    let cells = Cells::new(&field.points);
+    let cells = FieldCells::new(&field.points);
     let (columns, rows) = (cells.x.len(), cells.y.len());
     if columns < 5 || rows < 5 {
         return None;

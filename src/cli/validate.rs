@@ -17,6 +17,7 @@ use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::{self, Identification, InverseProblem, Options, Prepared, SurrogateError};
 use crate::infer::{LogDensity, Model, Posterior};
+use crate::report::Report;
 use crate::report::calibration::{article_numbers, article_text};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, Schedule};
@@ -166,28 +167,19 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
 
 /// The measurement with the reduced model that the run's chain was drawn with: the first one, or what it was refined to.
 fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared, usize)> {
-    let file = path.join("report.json");
-    let wanted = || Error::input(file.display(), "the report of a finished run");
-    let text = std::fs::read_to_string(&file).map_err(|e| wanted().found(e))?;
-    let report: Value = serde_json::from_str(&text).map_err(|e| wanted().found(e))?;
     let prepared = identify::prepare(model, &cache(), console)?;
     // the first round's: its model and its chain lie in the folder itself
-    let steps = report["rounds"][0]["surrogate"]["refinement"].as_array();
-    let Some((last, before)) = steps
-        .and_then(|s| s.split_last())
-        .filter(|(_, before)| !before.is_empty())
-    else {
+    let report = Report::load(path)?;
+    let steps = report
+        .rounds
+        .first()
+        .map_or(&[][..], |r| &r.surrogate.refinement);
+    let Some((last, before)) = steps.split_last().filter(|(_, before)| !before.is_empty()) else {
         return Ok((prepared, 0));
     };
-    let side = |name: &str| {
-        let end = |k: usize| last["doe"][name][k].as_f64();
-        Some([end(0)?, end(1)?])
-    };
-    let modes = last["modes"]
-        .as_u64()
-        .ok_or_else(|| wanted().found("a refinement without modes"))?;
-    let prepared = identify::refined(prepared, &side, modes as usize, &cache(), console)
-        .map_err(|e| e.within(file.display()))?;
+    let side = |name: &str| last.doe.get(name).copied();
+    let prepared = identify::refined(prepared, &side, last.modes, &cache(), console)
+        .map_err(|e| e.within(path.join("report.json").display()))?;
     Ok((prepared, before.len()))
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use rstar::RTree;
+use serde::{Deserialize, Serialize};
 
 use super::frame::Frame;
 use crate::error::{Error, Result};
@@ -49,7 +50,7 @@ pub struct GridShape {
 }
 
 /// Numbers of dropped points by reason.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rejected {
     /// Not measured: NaN or empty cells.
     pub missing: usize,

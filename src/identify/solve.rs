@@ -17,7 +17,9 @@ use crate::error::{Error, Result};
 use crate::infer::{LogDensity, Model, Posterior};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
-use crate::sample::{self, Keeping, Monitor, Phase, Report, Sampler, Schedule, Start, Stopped};
+use crate::sample::{
+    self, Keeping, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stopped,
+};
 
 /// How to identify.
 pub struct Options<'a> {
@@ -165,7 +167,7 @@ struct Reporting<'a> {
 }
 
 impl Monitor for Reporting<'_> {
-    fn report(&self, report: &Report) -> bool {
+    fn report(&self, report: &PhaseReport) -> bool {
         let phase = match report.phase {
             Phase::Warmup => "warm-up",
             Phase::Sampling => "sampling",

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use serde_json::{Map, Value, json};
 
-use super::terminal::{significant, table};
+use super::terminal::table;
+use crate::quantity::significant;
 use crate::validate::article;
 use crate::validate::calibration::{LEVELS, NOISE_NM, RANK_DRAWS, Summary};
 use crate::validate::quadrature::Moments;
@@ -14,18 +15,16 @@ pub fn article_text(moments: &Moments) -> String {
     let mut text = String::from(
         "\nthe article's setting on a simulated twin of its specimen (truth: means of Table 6)\n\n",
     );
-    let rows: Vec<Vec<String>> = (0..4)
-        .map(|k| {
-            let (mean, sd) = (moments.mean[k], moments.sd[k]);
-            vec![
-                moments.names[k].clone(),
-                significant(mean, sd),
-                format!("{}", article::MEAN[k]),
-                format!("{:.1}", 100.0 * sd / mean),
-                format!("{:.1}", article::COV_PERCENT[k]),
-            ]
-        })
-        .collect();
+    let rows = (0..4).map(|k| {
+        let (mean, sd) = (moments.mean[k], moments.sd[k]);
+        vec![
+            moments.names[k].clone(),
+            significant(mean, sd),
+            format!("{}", article::MEAN[k]),
+            format!("{:.1}", 100.0 * sd / mean),
+            format!("{:.1}", article::COV_PERCENT[k]),
+        ]
+    });
     text += &table(
         &[
             "Table 6",
@@ -34,29 +33,27 @@ pub fn article_text(moments: &Moments) -> String {
             "COV % here",
             "published",
         ],
-        &rows,
+        rows,
     );
     text.push('\n');
-    let rows: Vec<Vec<String>> = (0..4)
-        .map(|i| {
-            let mut row = vec![moments.names[i].clone()];
-            row.extend((0..4).map(|j| {
-                if j <= i {
-                    String::new()
-                } else {
-                    format!(
-                        "{:+.2} ({:+.2})",
-                        moments.correlation[i][j],
-                        article::CORRELATION[i][j]
-                    )
-                }
-            }));
-            row
-        })
-        .collect();
+    let rows = (0..4).map(|i| {
+        let mut row = vec![moments.names[i].clone()];
+        row.extend((0..4).map(|j| {
+            if j <= i {
+                String::new()
+            } else {
+                format!(
+                    "{:+.2} ({:+.2})",
+                    moments.correlation[i][j],
+                    article::CORRELATION[i][j]
+                )
+            }
+        }));
+        row
+    });
     let mut header = vec!["Table 7: here (published)"];
     header.extend(moments.names[..4].iter().map(String::as_str));
-    text += &table(&header, &rows);
+    text += &table(&header, rows);
     text.push('\n');
     for caveat in article::caveats() {
         let _ = writeln!(text, "  {caveat}");
@@ -101,23 +98,19 @@ pub fn calibration_text(summary: &Summary) -> String {
     header.extend(LEVELS.map(|l| format!("in {:.0} %", 100.0 * l)));
     header.extend(["mean z", "rms z", "ranks"].map(String::from));
     let share = |n: usize| 100.0 * n as f64 / summary.done[0].max(1) as f64;
-    let rows: Vec<Vec<String>> = summary
-        .parameters
-        .iter()
-        .map(|p| {
-            let mut row = vec![
-                p.name.clone(),
-                format!("{:.3}", p.p_ks),
-                format!("{:.3}", p.p_ranks),
-            ];
-            row.extend(p.covered.map(|n| format!("{:.1}", share(n))));
-            row.extend([format!("{:+.2}", p.z[0]), format!("{:.2}", p.z[1])]);
-            row.push(p.bins.map(|b| b.to_string()).join(" "));
-            row
-        })
-        .collect();
+    let rows = summary.parameters.iter().map(|p| {
+        let mut row = vec![
+            p.name.clone(),
+            format!("{:.3}", p.p_ks),
+            format!("{:.3}", p.p_ranks),
+        ];
+        row.extend(p.covered.map(|n| format!("{:.1}", share(n))));
+        row.extend([format!("{:+.2}", p.z[0]), format!("{:.2}", p.z[1])]);
+        row.push(p.bins.map(|b| b.to_string()).join(" "));
+        row
+    });
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    text += &table(&header, &rows);
+    text += &table(&header, rows);
     let bands: Vec<String> = summary
         .bands
         .iter()

@@ -1,330 +1,332 @@
-//! What the figures of a round are drawn from, gathered from the round into sheets.
+//! A [`Report`] gathered from finished identifications.
 
-use serde_json::Value;
-
-use super::cells::Cells;
-use super::sheet::{Sheet, exact, rounded};
-use super::tables;
-use crate::chain::Draws;
-use crate::diagnose::autocorrelation;
+use super::document::{Closing, Report, SCHEMA};
+use super::json::{Keyed, finite};
+use super::residual::{
+    ExceedanceReport, NoiseComponent, NoiseReport, PatternsReport, ResidualReport, RingRms,
+    RmsReport, VariogramLag, WaveReport,
+};
+use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
+use super::surrogate::{FieldErrorReport, RefinementReport, SurrogateReport};
+use super::traced::{averaged, blind_spots, map, texts, tracing};
+use super::verdict::{BeforeAfter, ConfirmReport, Shifted, TestReport, VerdictReport};
+use super::words::widening;
 use crate::identify::Identification;
-use crate::numeric::quantile;
-use crate::quantity::{NM_PER_MM, UM_PER_MM};
+use crate::infer::Model;
+use crate::quantity::NM_PER_MM;
+use crate::reduce::Dimension;
+use crate::sample::Stopped;
+use crate::trace::{Closed, Round};
 
-/// The sheets of a run: those of each round, numbered from 0, as the folder's. `truth` is what `truth.json` beside the data says.
-pub fn sheets(rounds: &[&Identification], truth: Option<&Value>) -> Vec<Sheet> {
-    let one = |(k, round): (usize, &&Identification)| {
-        let draws = &round.draws;
-        vec![
-            maps(round, k),
-            parameters(round, k, truth),
-            marginals(draws, k),
-            densities(draws, k),
-            traces(draws, k),
-            ranks(draws, k),
-            autocorrelations(draws, k),
-            truncation(round, k),
-            surfaces(round, k),
-        ]
-    };
-    rounds.iter().enumerate().flat_map(one).collect()
+/// The report of identifications of one model.
+pub fn identified(model: &Model, rounds: &[Identification], seed: u64) -> Report {
+    report(
+        model,
+        seed,
+        rounds.iter().map(|r| round(model, r)).collect(),
+    )
 }
 
-/// Cell means of both components: measured and predicted (um), and their difference (nm), in the data's frame.
-fn maps(round: &Identification, k: usize) -> Sheet {
-    let field = &round.inverse.prepared.observation.field;
-    let residual = &round.residual.field;
-    let points: Vec<[f64; 2]> = field
-        .points
-        .iter()
-        .map(|&p| field.frame.data_point(p))
-        .collect();
-    let cells = Cells::new(&points);
-    let mut header = vec!["x_mm".to_string(), "y_mm".to_string()];
-    let mut columns = Vec::new();
-    for (c, component) in ["u1", "u2"].into_iter().enumerate() {
-        for (what, unit) in [("measured", "um"), ("predicted", "um"), ("residual", "nm")] {
-            header.push(format!("{component}_{what}_{unit}"));
-        }
-        let of = |i: usize| (field.displacement[i][c], residual[i][c]);
-        columns.push((cells.mean(|i| UM_PER_MM * of(i).0), 5));
-        columns.push((cells.mean(|i| UM_PER_MM * (of(i).0 - of(i).1)), 5));
-        columns.push((cells.mean(|i| NM_PER_MM * of(i).1), 2));
-    }
-    let rows = (0..cells.len()).map(|cell| {
-        let place = [cells.x[cell % cells.x.len()], cells.y[cell / cells.x.len()]];
-        let place = place.iter().map(|v| rounded(*v, 5));
-        place
-            .chain(columns.iter().map(|(v, d)| rounded(v[cell], *d)))
-            .collect()
+/// The report of a loop.
+pub fn closed(closed: &Closed, seed: u64) -> Report {
+    let rounds: Vec<RoundReport> = closed.rounds.iter().map(traced).collect();
+    let [first, last] = ends(&closed.rounds);
+    let blind_spots = blind_spots(&last.tracing);
+    let conclusion = &closed.conclusion;
+    let note = rounds
+        .last()
+        .and_then(|r| widening(&r.alone(), r.tracing.as_ref()?, &blind_spots));
+    let confirm = conclusion.confirm.iter().map(|group| ConfirmReport {
+        added: group.added,
+        tests: map(&group.tests, |(effect, test)| TestReport {
+            effect: (*effect).into(),
+            test: (*test).into(),
+        }),
     });
-    Sheet {
-        name: format!("maps-{k}"),
-        rows: rows.collect(),
-        header,
+    let closing = Closing {
+        averaged_posterior: averaged(&last.tracing),
+        averaged_note: note,
+        with_discrepancy: closed
+            .with_discrepancy
+            .as_ref()
+            .map(|r| round(&last.model, r)),
+        blind_spots,
+        before_after: before_after(first, last),
+        verdict: VerdictReport {
+            status: conclusion.status,
+            effects: texts(&conclusion.effects),
+            alias_groups: map(&conclusion.alias_groups, |g| texts(g)),
+            undecided: map(&last.tracing.undecided, |g| texts(g)),
+            text: conclusion.text.clone(),
+            confirm: confirm.collect(),
+        },
+    };
+    Report {
+        closing: Some(closing),
+        ..report(&last.model, seed, rounds)
     }
 }
 
-/// Posterior summary, prior, cut and truth of each sampled parameter.
-fn parameters(round: &Identification, k: usize, truth: Option<&Value>) -> Sheet {
-    let mut sheet = Sheet::new(
-        format!("parameters-{k}"),
-        &[
-            "parameter",
-            "mean",
-            "sd",
-            "q2.5",
-            "median",
-            "q97.5",
-            "prior_mean",
-            "prior_sd",
-            "cut_low",
-            "cut_high",
-            "truth",
-        ],
-    );
-    for (row, i) in round.verdict.rows.iter().zip(0..) {
-        let prior = round.inverse.posterior.marginals().get(i);
-        let cut = prior.and_then(|p| p.truncate);
-        let known = truth.and_then(|t| known(t, &row.name));
-        let mut cells = vec![row.name.clone()];
-        cells.extend([row.mean, row.sd, row.low, row.median, row.high].map(exact));
-        cells.extend(
-            [
-                prior.map(|p| p.mean),
-                prior.map(|p| p.sd),
-                cut.map(|c| c[0]),
-                cut.map(|c| c[1]),
-                known,
-            ]
-            .map(|v| v.map_or(String::new(), exact)),
-        );
-        sheet.rows.push(cells);
+fn report(model: &Model, seed: u64, rounds: Vec<RoundReport>) -> Report {
+    Report {
+        schema: SCHEMA.into(),
+        model: model.file.name.clone(),
+        seed,
+        rounds,
+        closing: None,
     }
-    sheet
 }
 
-/// The true value of a constant or of an effect's amplitude (`effect.parameter`; 0 if the effect did not act), as `truth.json` has it.
-pub fn known(truth: &Value, name: &str) -> Option<f64> {
-    if let Some((effect, parameter)) = name.split_once('.') {
-        let effects = truth.get("effects")?.as_object()?;
-        let Some(amplitudes) = effects.get(effect) else {
-            return Some(0.0);
-        };
-        return amplitudes.get(parameter)?.as_f64();
+fn ends(steps: &[Round]) -> [&Round; 2] {
+    [&steps[0], &steps[steps.len() - 1]]
+}
+
+fn traced(step: &Round) -> RoundReport {
+    let mut round = round(&step.model, &step.identification);
+    round.residual.holdout_rms_nm = finite(step.tracing.holdout_rms_nm);
+    round.tracing = Some(tracing(&step.tracing));
+    round
+}
+
+fn round(model: &Model, round: &Identification) -> RoundReport {
+    let rows = &round.verdict.rows;
+    RoundReport {
+        effects_declared: map(&model.effects, |e| e.name().into()),
+        posterior: rows
+            .iter()
+            .map(|row| (row.name.clone(), summary(row)))
+            .collect(),
+        effect_amplitudes: amplitudes(round),
+        correlation: Correlation {
+            names: map(rows, |r| r.name.clone()),
+            matrix: correlation(round),
+        },
+        convergence: convergence(round),
+        residual: residual(round),
+        warnings: round.warnings.clone(),
+        noise: noise(round),
+        surrogate: surrogate(round),
+        tracing: None,
     }
-    truth.get("constants")?.get(name)?.as_f64()
 }
 
-/// Bins of a marginal.
-const BINS: usize = 60;
-
-/// Bins of a joint density along each side.
-const JOINT_BINS: usize = 32;
-
-/// The middle 99.8 % of a parameter, a little widened.
-fn reach(draws: &Draws, k: usize) -> [f64; 2] {
-    let mut values: Vec<f64> = draws.points().map(|x| x[k]).collect();
-    values.sort_by(f64::total_cmp);
-    if values.is_empty() {
-        return [0.0, 1.0];
+fn summary(row: &crate::diagnose::Row) -> PosteriorSummary {
+    PosteriorSummary {
+        mean: row.mean,
+        sd: row.sd,
+        low: row.low,
+        median: row.median,
+        high: row.high,
+        mcse_mean: finite(row.mcse_mean),
+        rhat: finite(row.rhat),
+        ess_bulk: finite(row.ess_bulk),
+        ess_tail: finite(row.ess_tail),
     }
-    let (low, high) = (quantile(&values, 0.001), quantile(&values, 0.999));
-    let room = 0.05 * (high - low).max(1e-12 * high.abs().max(1e-300));
-    [low - room, high + room]
 }
 
-/// The bin of a value, if it is in the range.
-fn bin(value: f64, [low, high]: [f64; 2], bins: usize) -> Option<usize> {
-    let at = (value - low) / (high - low);
-    (0.0..1.0)
-        .contains(&at)
-        .then(|| ((at * bins as f64) as usize).min(bins - 1))
+/// Amplitudes of all declared effects: closed-form ones, and mechanical ones, which are sampled.
+fn amplitudes(round: &Identification) -> Keyed<MeanAndSd> {
+    let closed = round.effect_amplitudes.iter();
+    let sampled = round.verdict.rows.iter().filter(|r| r.name.contains('.'));
+    closed
+        .map(|(name, mean, sd)| (name.clone(), [*mean, *sd]))
+        .chain(sampled.map(|r| (r.name.clone(), [r.mean, r.sd])))
+        .map(|(name, [mean, sd])| (name, MeanAndSd { mean, sd }))
+        .collect()
 }
 
-fn centre([low, high]: [f64; 2], bins: usize, k: usize) -> f64 {
-    low + (high - low) * (k as f64 + 0.5) / bins as f64
-}
-
-fn marginals(draws: &Draws, k: usize) -> Sheet {
-    let mut sheet = Sheet::new(format!("marginals-{k}"), &["parameter", "value", "density"]);
-    for (p, name) in draws.names().iter().enumerate() {
-        let range = reach(draws, p);
-        let mut counts = [0.0; BINS];
-        for x in draws.points() {
-            if let Some(b) = bin(x[p], range, BINS) {
-                counts[b] += 1.0;
-            }
-        }
-        let whole = draws.len() as f64 * (range[1] - range[0]) / BINS as f64;
-        for (b, count) in counts.iter().enumerate() {
-            sheet.rows.push(vec![
-                name.clone(),
-                format!("{:.7e}", centre(range, BINS, b)),
-                format!("{:.4e}", count / whole),
-            ]);
-        }
-    }
-    sheet
-}
-
-/// Joint densities of each pair, relative to the largest; cells below a thousandth are left out.
-fn densities(draws: &Draws, k: usize) -> Sheet {
-    let mut sheet = Sheet::new(
-        format!("corner-{k}"),
-        &["first", "second", "x", "y", "relative_density"],
-    );
-    let ranges: Vec<[f64; 2]> = (0..draws.dim()).map(|p| reach(draws, p)).collect();
-    for j in 1..draws.dim() {
-        for i in 0..j {
-            let mut counts = vec![0.0_f64; JOINT_BINS * JOINT_BINS];
-            for x in draws.points() {
-                let cell = bin(x[i], ranges[i], JOINT_BINS).zip(bin(x[j], ranges[j], JOINT_BINS));
-                if let Some((a, b)) = cell {
-                    counts[b * JOINT_BINS + a] += 1.0;
-                }
-            }
-            let largest = counts.iter().fold(1.0_f64, |m, c| m.max(*c));
-            for (cell, count) in counts.iter().enumerate() {
-                if count / largest >= 1e-3 {
-                    sheet.rows.push(vec![
-                        draws.names()[i].clone(),
-                        draws.names()[j].clone(),
-                        format!("{:.7e}", centre(ranges[i], JOINT_BINS, cell % JOINT_BINS)),
-                        format!("{:.7e}", centre(ranges[j], JOINT_BINS, cell / JOINT_BINS)),
-                        rounded(count / largest, 4),
-                    ]);
-                }
+fn correlation(round: &Identification) -> Vec<Vec<Option<f64>>> {
+    let d = round.draws.dim();
+    let n = round.draws.len() as f64;
+    let means = map(&round.verdict.rows, |r| r.mean);
+    let mut sums = vec![vec![0.0; d]; d];
+    for x in round.draws.points() {
+        for i in 0..d {
+            for j in 0..d {
+                sums[i][j] += (x[i] - means[i]) * (x[j] - means[j]) / n;
             }
         }
     }
-    sheet
+    let of = |i: usize, j: usize| finite(sums[i][j] / (sums[i][i] * sums[j][j]).sqrt());
+    (0..d).map(|i| (0..d).map(|j| of(i, j)).collect()).collect()
 }
 
-/// Draws of a trace, at most.
-const TRACE: usize = 240;
-
-/// The first chain of each ensemble, thinned.
-fn traces(draws: &Draws, k: usize) -> Sheet {
-    let mut sheet = Sheet::new(
-        format!("trace-{k}"),
-        &["parameter", "ensemble", "draw", "value"],
-    );
-    let stride = draws.draws().div_ceil(TRACE).max(1);
-    for (p, name) in draws.names().iter().enumerate() {
-        let series = draws.series(p);
-        for (e, chains) in series.groups().iter().enumerate() {
-            for draw in (0..draws.draws()).step_by(stride) {
-                sheet.rows.push(vec![
-                    name.clone(),
-                    (e + 1).to_string(),
-                    draw.to_string(),
-                    format!("{:.6e}", series.chain(chains[0])[draw]),
-                ]);
-            }
-        }
+fn convergence(round: &Identification) -> Convergence {
+    let verdict = &round.verdict;
+    let [ensembles, chains, draws] = verdict.shape;
+    let warmup_steps = round.draws.info.warmup;
+    let stopped = match round.stopped {
+        Stopped::Enough => "the stopping rule was satisfied",
+        Stopped::MaxDraws => "--max-draws was reached",
+        Stopped::Interrupted => "--time-limit was reached",
+    };
+    Convergence {
+        rhat_max: finite(verdict.rhat_max()),
+        ess_bulk_min: finite(verdict.ess_bulk_min()),
+        ess_tail_min: finite(verdict.ess_tail_min()),
+        tau_max: finite(verdict.tau_max()),
+        converged: verdict.converged,
+        text: verdict.line(),
+        warmup_steps,
+        thin: round.draws.info.thin,
+        burn_in: format!(
+            "the first {warmup_steps} steps of each ensemble, until a window of them was stationary, are not stored"
+        ),
+        stopped: stopped.into(),
+        ensembles,
+        chains,
+        draws,
     }
-    sheet
 }
 
-/// Bins of a rank plot.
-const RANKS: usize = 20;
-
-/// Ranks of each ensemble's draws among all draws (Vehtari et al. 2021): the share of an ensemble's draws in each of twenty bins, 1
-/// where it is as expected.
-fn ranks(draws: &Draws, k: usize) -> Sheet {
-    let mut sheet = Sheet::new(
-        format!("rank-{k}"),
-        &["parameter", "ensemble", "bin", "relative_count"],
-    );
-    for (p, name) in draws.names().iter().enumerate() {
-        let series = draws.series(p);
-        let mut order: Vec<usize> = (0..series.values.len()).collect();
-        order.sort_by(|&a, &b| series.values[a].total_cmp(&series.values[b]));
-        let groups = series.groups();
-        let mut group_of = vec![0; series.chains()];
-        for (e, chains) in groups.iter().enumerate() {
-            chains.iter().for_each(|&c| group_of[c] = e);
-        }
-        let mut counts = vec![[0.0; RANKS]; groups.len()];
-        for (rank, &i) in order.iter().enumerate() {
-            counts[group_of[i / series.draws.max(1)]][rank * RANKS / order.len()] += 1.0;
-        }
-        for (e, (counts, chains)) in counts.iter().zip(&groups).enumerate() {
-            let expected = (chains.len() * series.draws) as f64 / RANKS as f64;
-            for (b, count) in counts.iter().enumerate() {
-                sheet.rows.push(vec![
-                    name.clone(),
-                    (e + 1).to_string(),
-                    (b + 1).to_string(),
-                    rounded(count / expected, 4),
-                ]);
-            }
-        }
+fn residual(round: &Identification) -> ResidualReport {
+    let (r, structure) = (&round.residual, &round.structure);
+    ResidualReport {
+        rms_nm: RmsReport {
+            u1: r.rms_nm[0],
+            u2: r.rms_nm[1],
+            all: r.rms_all_nm(),
+        },
+        noise_nm: r.noise_nm.into(),
+        chi2_reduced: r.chi2_reduced,
+        structured_fraction: r.structured_fraction,
+        p_spatial: structure.p_spatial,
+        morans_i: structure.moran.map(finite).into(),
+        variogram: map(&structure.variogram, |(d, [u1, u2])| VariogramLag {
+            distance_mm: *d,
+            u1_nm2: *u1,
+            u2_nm2: *u2,
+        }),
+        rings: map(&structure.rings, |(radius, [u1, u2])| RingRms {
+            to_radius_mm: *radius,
+            u1_nm: *u1,
+            u2_nm: *u2,
+        }),
+        quadrants_nm: map(&structure.quadrants, |q| (*q).into()),
+        patterns: patterns(round),
+        n: r.points,
+        n_eff: r.effective_points,
+        holdout_rms_nm: None,
     }
-    sheet
 }
 
-/// Lags of an autocorrelation, at most.
-const LAGS: usize = 100;
-
-fn autocorrelations(draws: &Draws, k: usize) -> Sheet {
-    let mut sheet = Sheet::new(
-        format!("autocorrelation-{k}"),
-        &["parameter", "lag", "autocorrelation"],
-    );
-    for (p, name) in draws.names().iter().enumerate() {
-        for (lag, rho) in autocorrelation(&draws.series(p), LAGS).iter().enumerate() {
-            let row = vec![name.clone(), lag.to_string(), rounded(*rho, 5)];
-            sheet.rows.push(row);
-        }
+/// In the data's directions.
+fn patterns(round: &Identification) -> PatternsReport {
+    let frame = &round.inverse.prepared.observation.field.frame;
+    let component = |c: usize| ["u1", "u2"][c].to_string();
+    PatternsReport {
+        exceedance: round.patterns.exceedance.map(|e| ExceedanceReport {
+            component: component(e.component),
+            blocks: e.blocks,
+            of: e.of,
+            expected: e.expected,
+            p: e.p,
+            place_in_data_mm: frame.data_point(e.place_mm),
+            sds: e.sds,
+        }),
+        wave: round.patterns.wave.map(|w| WaveReport {
+            component: component(w.component),
+            length_mm: w.length_mm,
+            length_range_mm: w.length_range_mm,
+            direction_in_data: frame.vector(w.direction),
+            amplitude_nm: w.amplitude_nm,
+            place_in_data_mm: frame.data_point(w.place_mm),
+            share: w.share,
+            p: w.p,
+        }),
     }
-    sheet
 }
 
-/// Truncation error and leave-one-out error for each number of modes.
-fn truncation(round: &Identification, k: usize) -> Sheet {
-    let numbers = tables::numbers(&round.inverse.prepared.reduced);
-    let mut sheet = Sheet::new(
-        format!("truncation-{k}"),
-        &["modes", "component", "eps", "cv_rms_mm", "cv_rms_percent"],
-    );
-    for component in ["U", "V"] {
-        let column = |key: &str| numbers[key][component].as_array().cloned();
-        let eps = column("table_3_truncation_error_K_1_up").unwrap_or_default();
-        let mm = column("table_8_cv_rms_mm_K_1_up").unwrap_or_default();
-        let percent = column("table_8_cv_rms_percent_K_1_up").unwrap_or_default();
-        for (n, eps) in eps.iter().enumerate() {
-            let cell = |v: Option<&Value>| v.and_then(Value::as_f64).map_or(String::new(), exact);
-            sheet.rows.push(vec![
-                (n + 1).to_string(),
-                component.into(),
-                cell(Some(eps)),
-                cell(mm.get(n)),
-                cell(percent.get(n)),
-            ]);
-        }
+fn noise(round: &Identification) -> NoiseReport {
+    let noise = &round.inverse.noise;
+    let component = |c: usize| NoiseComponent {
+        white_nm: noise.white_mm[c] * NM_PER_MM,
+        block_white_nm: noise.reml[c].white_sd() * NM_PER_MM,
+        correlated_nm: noise.reml[c].correlated_sd() * NM_PER_MM,
+        length_mm: noise.reml[c].best.length_mm,
+    };
+    NoiseReport {
+        u1: component(0),
+        u2: component(1),
+        block_mm: noise.blocks.size_mm,
+        blocks: noise.blocks.len(),
+        points_dropped: round.inverse.prepared.observation.field.rejected,
     }
-    sheet
 }
 
-/// Error tables of the response surfaces.
-fn surfaces(round: &Identification, k: usize) -> Sheet {
-    let numbers = tables::numbers(&round.inverse.prepared.reduced);
-    let measures = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
-    let header: Vec<&str> = std::iter::once("coefficient").chain(measures).collect();
-    let mut sheet = Sheet::new(format!("surfaces-{k}"), &header);
-    for (name, row) in numbers["surface_kept"]["coefficients"]
-        .as_object()
-        .into_iter()
-        .flatten()
-    {
-        let cell = |m: &&str| row[*m].as_f64().map_or(String::new(), exact);
-        sheet.rows.push(
-            std::iter::once(name.clone())
-                .chain(measures.iter().map(cell))
-                .collect(),
-        );
+fn surrogate(round: &Identification) -> SurrogateReport {
+    let reduced = &round.inverse.prepared.reduced;
+    let error = &round.surrogate;
+    let biases = error.shift_sd.iter().zip(&error.bias_sd);
+    SurrogateReport {
+        max_error_in_posterior_sd: error.max_sd(),
+        error_in_posterior_sd: error.shift_sd.iter().cloned().collect(),
+        bias_in_posterior_sd: biases.map(|((name, _), b)| (name.clone(), *b)).collect(),
+        truth_draws: error.draws,
+        field_error_nm: FieldErrorReport {
+            max: error.max_field_nm,
+            rms: error.rms_field_nm,
+        },
+        draws_outside_doe: round.outside_doe,
+        variables: reduced.surface.variables.choice,
+        modes: reduced.modes_per_component(),
+        doe: doe(&reduced.dimensions),
+        press_mm: map(&reduced.surface.quality, |q| q.press),
+        cached: round.inverse.prepared.cached,
+        refinement: map(&round.refinements, |step| RefinementReport {
+            max_error_in_posterior_sd: step.max_error_sd,
+            max_field_error_nm: step.max_field_nm,
+            draws_outside_doe: step.outside_doe,
+            snapshots: step.snapshots,
+            modes: step.modes,
+            doe: doe(&step.dimensions),
+        }),
     }
-    sheet
+}
+
+fn doe(dimensions: &[Dimension]) -> Keyed<[f64; 2]> {
+    let sides = dimensions.iter();
+    sides.map(|d| (d.name.clone(), [d.low, d.high])).collect()
+}
+
+fn before_after(first: &Round, last: &Round) -> BeforeAfter {
+    let both = |f: &dyn Fn(&Round) -> f64| [first, last].map(|s| finite(f(s)));
+    let constants = first
+        .identification
+        .verdict
+        .rows
+        .iter()
+        .filter_map(|before| {
+            let after = last
+                .identification
+                .verdict
+                .rows
+                .iter()
+                .find(|r| r.name == before.name)?;
+            let shifted = Shifted {
+                mean: [before.mean, after.mean],
+                sd: [before.sd, after.sd],
+                shift_in_sd: finite((after.mean - before.mean) / before.sd),
+                from_prior_in_prior_sd: [
+                    from_prior(first, &before.name, before.mean),
+                    from_prior(last, &before.name, after.mean),
+                ],
+            };
+            Some((before.name.clone(), shifted))
+        });
+    BeforeAfter {
+        residual_rms_nm: both(&|s| s.identification.residual.rms_all_nm()),
+        residual_rms_u1_nm: both(&|s| s.identification.residual.rms_nm[0]),
+        residual_rms_u2_nm: both(&|s| s.identification.residual.rms_nm[1]),
+        chi2_reduced: both(&|s| s.identification.residual.chi2_reduced),
+        holdout_rms_nm: both(&|s| s.tracing.holdout_rms_nm),
+        posterior: constants.collect(),
+    }
+}
+
+/// How far a constant's posterior mean lies from its prior's, prior sds.
+fn from_prior(step: &Round, name: &str, mean: f64) -> Option<f64> {
+    let k = step.model.constants().iter().position(|n| *n == name)?;
+    let prior = step.model.marginals()[k];
+    finite((mean - prior.mean) / prior.sd)
 }

@@ -1,23 +1,30 @@
-//! What a run leaves behind: numbers gathered once, tables and figures made of them, and the page that shows them.
+//! What a run leaves behind: one typed [`Report`], gathered once, and what is made of it: JSON, the terminal's summary, figures
+//! and the page that shows them.
+
+// Fields are published keys: their names say what they hold, in which unit, and have a comment where that is not enough.
+#![allow(missing_docs)]
 
 pub mod calibration;
-mod cells;
+pub mod document;
 mod figures;
-mod gather;
+pub mod gather;
 mod html;
-pub mod numbers;
+pub mod json;
+pub mod manifest;
 mod page;
 pub mod ranking;
-mod sheet;
+pub mod residual;
+pub mod round;
+pub mod surrogate;
 pub mod tables;
 pub mod terminal;
 pub mod traced;
+pub mod tracing;
 pub mod validation;
-mod widening;
+pub mod verdict;
+mod words;
 
-pub use cells::Cells;
-pub use figures::{Figure, Palette};
+pub use document::Report;
+pub use figures::{FieldCells, Figure, FigureData, Palette};
 pub use html::comparison;
 pub use page::{FIGURES, Page};
-pub use sheet::Sheet;
-pub use widening::Alone;

@@ -11,7 +11,8 @@ use crate::reduce::{Published, Quality, ReducedModel, Reference, Surface, TRUNCA
 /// What the columns of Tables 9 and 10 are called, in `reduced_model.json` and on the terminal.
 const MEASURES: [&str; 5] = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
 
-const COMPONENTS: [&str; 2] = ["U", "V"];
+/// Names of the displacement components, as the article has them.
+pub const COMPONENTS: [&str; 2] = ["U", "V"];
 
 fn measures(q: &Quality) -> [f64; 5] {
     [q.mean, q.sd, q.r2, q.rms, q.press]
@@ -38,10 +39,16 @@ pub fn numbers(reduced: &ReducedModel) -> Value {
     })
 }
 
-fn surface_numbers(surface: &Surface) -> Value {
+/// The coefficients of a surface by name (U1, U2, ..., V1, V2, ...), with the errors of each.
+pub fn coefficients(surface: &Surface) -> impl Iterator<Item = (String, &Quality)> {
     let half = surface.quality.len() / 2;
-    let rows = surface.quality.iter().enumerate().map(|(k, q)| {
-        let name = format!("{}{}", COMPONENTS[usize::from(k >= half)], k % half + 1);
+    let name = move |k: usize| format!("{}{}", COMPONENTS[usize::from(k >= half)], k % half + 1);
+    let numbered = surface.quality.iter().enumerate();
+    numbered.map(move |(k, q)| (name(k), q))
+}
+
+fn surface_numbers(surface: &Surface) -> Value {
+    let rows = coefficients(surface).map(|(name, q)| {
         let values = MEASURES.iter().zip(measures(q));
         let row: Map<_, _> = values.map(|(m, v)| ((*m).to_string(), json!(v))).collect();
         (name, Value::Object(row))
@@ -62,18 +69,14 @@ pub fn text(reduced: &ReducedModel) -> String {
         reduced.snapshots,
         reduced.modes_per_component()
     );
-    let rows: Vec<Vec<String>> = reduced
-        .dimensions
-        .iter()
-        .map(|d| {
-            vec![
-                d.name.clone(),
-                format!("{:.6}", d.low),
-                format!("{:.6}", d.high),
-            ]
-        })
-        .collect();
-    text += &table(&["", "low", "high"], &rows);
+    let rows = reduced.dimensions.iter().map(|d| {
+        vec![
+            d.name.clone(),
+            format!("{:.6}", d.low),
+            format!("{:.6}", d.high),
+        ]
+    });
+    text += &table(&["", "low", "high"], rows);
     text += "\ntruncation error eps (Table 3) and leave-one-out CV_RMS (Table 8)\n\n";
     text += &truncations(reduced);
     for (name, surface) in [
@@ -97,30 +100,27 @@ pub fn text(reduced: &ReducedModel) -> String {
 
 fn truncations(reduced: &ReducedModel) -> String {
     let most = reduced.truncation[0].len();
-    let rows: Vec<Vec<String>> = (1..most)
-        .map(|k| {
-            let mut row = vec![(k + 1).to_string()];
-            for c in 0..2 {
-                let cross = &reduced.cross_validation[c];
-                let or_dash = |v: Option<&f64>| v.map_or("-".into(), |v| format!("{v:.3e}"));
-                row.push(format!("{:.3e}", reduced.truncation[c][k]));
-                row.push(or_dash(cross.mm.get(k)));
-                row.push(or_dash(cross.percent.get(k)));
-            }
-            row
-        })
-        .collect();
+    let rows = (1..most).map(|k| {
+        let mut row = vec![(k + 1).to_string()];
+        for c in 0..2 {
+            let cross = &reduced.cross_validation[c];
+            let or_dash = |v: Option<&f64>| v.map_or("-".into(), |v| format!("{v:.3e}"));
+            row.push(format!("{:.3e}", reduced.truncation[c][k]));
+            row.push(or_dash(cross.mm.get(k)));
+            row.push(or_dash(cross.percent.get(k)));
+        }
+        row
+    });
     let header = [
         "K", "eps U", "CV U mm", "CV U %", "eps V", "CV V mm", "CV V %",
     ];
-    table(&header, &rows)
+    table(&header, rows)
 }
 
 fn surfaces(surface: &Surface) -> String {
-    let half = surface.quality.len() / 2;
-    let row = |(k, q): (usize, &Quality)| {
+    let row = |(name, q): (String, &Quality)| {
         vec![
-            format!("{}{}", COMPONENTS[usize::from(k >= half)], k % half + 1),
+            name,
             format!("{:.3e}", q.mean),
             format!("{:.3e}", q.sd),
             format!("{:.9}", q.r2),
@@ -128,15 +128,12 @@ fn surfaces(surface: &Surface) -> String {
             format!("{:.2e}", q.press),
         ]
     };
-    let rows: Vec<Vec<String>> = surface.quality.iter().enumerate().map(row).collect();
-    table(
-        &["", "mean mm", "sd mm", "R^2", "RMS mm", "PRESS mm"],
-        &rows,
-    )
+    let rows = coefficients(surface).map(row);
+    table(&["", "mean mm", "sd mm", "R^2", "RMS mm", "PRESS mm"], rows)
 }
 
 /// One figure beside the published one.
-struct Pair {
+struct ComparedFigure {
     table: u8,
     component: usize,
     /// K, or the number of the coefficient.
@@ -146,7 +143,7 @@ struct Pair {
     published: f64,
 }
 
-impl Pair {
+impl ComparedFigure {
     /// Here over published, in size: the sign of a mode is arbitrary.
     fn ratio(&self) -> f64 {
         (self.here / self.published).abs()
@@ -154,7 +151,7 @@ impl Pair {
 }
 
 /// Every published figure with its counterpart in `built`, a reduced model of [`Reference::problem`].
-fn pairs(built: &ReducedModel, published: &Published) -> Vec<Pair> {
+fn pairs(built: &ReducedModel, published: &Published) -> Vec<ComparedFigure> {
     let mut pairs = Vec::new();
     for component in 0..2 {
         let cross = &built.cross_validation[component];
@@ -174,14 +171,19 @@ fn pairs(built: &ReducedModel, published: &Published) -> Vec<Pair> {
             ),
         ];
         for (table, measure, here, there) in series {
-            pairs.extend(TRUNCATIONS.iter().zip(there).map(|(&k, &published)| Pair {
-                table,
-                component,
-                index: k,
-                measure,
-                here: here.get(k - 1).copied().unwrap_or(f64::NAN),
-                published,
-            }));
+            pairs.extend(
+                TRUNCATIONS
+                    .iter()
+                    .zip(there)
+                    .map(|(&k, &published)| ComparedFigure {
+                        table,
+                        component,
+                        index: k,
+                        measure,
+                        here: here.get(k - 1).copied().unwrap_or(f64::NAN),
+                        published,
+                    }),
+            );
         }
         let half = built.plain.quality.len() / 2;
         let qualities = &built.plain.quality[component * half..(component + 1) * half];
@@ -191,7 +193,7 @@ fn pairs(built: &ReducedModel, published: &Published) -> Vec<Pair> {
             .enumerate()
         {
             for (m, &measure) in MEASURES.iter().enumerate() {
-                pairs.push(Pair {
+                pairs.push(ComparedFigure {
                     table: 9 + component as u8,
                     component,
                     index: k + 1,
@@ -255,7 +257,7 @@ pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
         published.nodes,
         node_factor(built, published)
     );
-    let cells = |pick: &dyn Fn(&&Pair) -> bool| -> Vec<String> {
+    let cells = |pick: &dyn Fn(&&ComparedFigure) -> bool| -> Vec<String> {
         let picked = pairs.iter().filter(pick);
         picked
             .map(|p| match p.measure {
@@ -274,23 +276,20 @@ pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
     }
     text += &table(
         &["Tables 3 and 8", "K = 2", "K = 3", "K = 4", "K = 5"],
-        &rows,
+        rows,
     );
     for (c, component) in COMPONENTS.iter().enumerate() {
-        let rows: Vec<Vec<String>> = MEASURES
-            .iter()
-            .map(|&measure| {
-                let mut row = vec![measure.to_string()];
-                row.extend(cells(&|p| p.measure == measure && p.component == c));
-                row
-            })
-            .collect();
+        let rows = MEASURES.iter().map(|&measure| {
+            let mut row = vec![measure.to_string()];
+            row.extend(cells(&|p| p.measure == measure && p.component == c));
+            row
+        });
         let header: Vec<String> = (1..=4).map(|k| format!("{component}{k}")).collect();
         let name = format!("Table {}", 9 + c);
         let header: Vec<&str> = std::iter::once(name.as_str())
             .chain(header.iter().map(String::as_str))
             .collect();
-        text += &format!("\n{}", table(&header, &rows));
+        text += &format!("\n{}", table(&header, rows));
     }
     for remark in REMARKS {
         let _ = write!(text, "\n{remark}");
@@ -300,25 +299,22 @@ pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
 
 /// Verification figures of the finite elements, each with what it is held against.
 pub fn verification_text(checks: &[Check]) -> String {
-    let rows: Vec<Vec<String>> = checks
-        .iter()
-        .map(|check| {
-            let bound = match check.bound {
-                Bound::AtMost(most) => format!("<= {most:.3e}"),
-                Bound::AtLeast(least) => format!(">= {least}"),
-            };
-            let passed = if check.passed { "yes" } else { "NO" };
-            vec![
-                check.what.clone(),
-                format!("{:.3e}", check.value),
-                bound,
-                passed.into(),
-            ]
-        })
-        .collect();
+    let rows = checks.iter().map(|check| {
+        let bound = match check.bound {
+            Bound::AtMost(most) => format!("<= {most:.3e}"),
+            Bound::AtLeast(least) => format!(">= {least}"),
+        };
+        let passed = if check.passed { "yes" } else { "NO" };
+        vec![
+            check.what.clone(),
+            format!("{:.3e}", check.value),
+            bound,
+            passed.into(),
+        ]
+    });
     format!(
         "\nverification of the finite elements\n\n{}",
-        table(&["", "value", "bound", "passed"], &rows)
+        table(&["", "value", "bound", "passed"], rows)
     )
 }
 

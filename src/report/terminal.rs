@@ -1,14 +1,15 @@
 //! What a run says on the terminal: aligned tables with units in their headers.
 
 use std::fmt::Write;
+use std::iter::once;
 
-use super::numbers::correlation;
-use crate::identify::Identification;
-use crate::infer::Model;
-pub use crate::quantity::significant;
+use super::round::RoundReport;
+use super::surrogate::{RefinementReport, SurrogateReport};
+use crate::quantity::significant;
 
 /// Aligned columns: the first to the left, the others to the right.
-pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+pub fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let rows: Vec<_> = rows.into_iter().collect();
     let width = |k: usize| {
         rows.iter()
             .map(|r| r[k].chars().count())
@@ -30,72 +31,50 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         text.trim_end().to_string() + "\n"
     };
     let mut text = line(&mut header.iter().copied());
-    for row in rows {
+    for row in &rows {
         text += &line(&mut row.iter().map(String::as_str));
     }
     text
 }
 
 /// The constants, their uncertainty and correlation, and the residual against the noise.
-pub fn identification(model: &Model, round: &Identification) -> String {
-    let mut text = format!(
-        "\n{}: posterior of {} draws\n\n",
-        model.file.name,
-        round.draws.len()
-    );
-    let rows: Vec<Vec<String>> = round
-        .verdict
-        .rows
-        .iter()
-        .map(|r| {
-            let cov = if r.name.contains('.') {
-                "-".into()
-            } else {
-                format!("{:.2}", 100.0 * r.sd / r.mean.abs())
-            };
-            vec![
-                r.name.clone(),
-                significant(r.mean, r.sd),
-                significant(r.sd, r.sd),
-                cov,
-                significant(r.low, r.sd),
-                significant(r.high, r.sd),
-                format!("{:.4}", r.rhat),
-                format!("{:.0}", r.ess_bulk),
-            ]
-        })
-        .collect();
-    text += &table(
-        &["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"],
-        &rows,
-    );
+pub fn identification(model: &str, round: &RoundReport) -> String {
+    let c = &round.convergence;
+    let mut text = format!("\n{model}: posterior of {} draws\n\n", c.chains * c.draws);
+    let digits = |value: Option<f64>, n: usize| value.map_or("-".into(), |v| format!("{v:.n$}"));
+    let rows = round.posterior.iter().map(|(name, r)| {
+        let cov = (!name.contains('.')).then(|| 100.0 * r.sd / r.mean.abs());
+        let mut row = vec![name.clone()];
+        row.extend([r.mean, r.sd].map(|v| significant(v, r.sd)));
+        row.push(digits(cov, 2));
+        row.extend([r.low, r.high].map(|v| significant(v, r.sd)));
+        row.extend([digits(r.rhat, 4), digits(r.ess_bulk, 0)]);
+        row
+    });
+    let header = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"];
+    text += &table(&header, rows);
     text += "\ncorrelation\n\n";
-    let names: Vec<&str> = round.verdict.rows.iter().map(|r| r.name.as_str()).collect();
-    let header: Vec<&str> = std::iter::once("").chain(names.iter().copied()).collect();
-    let rows: Vec<Vec<String>> = correlation(round)
+    let names = &round.correlation.names;
+    let header: Vec<&str> = once("").chain(names.iter().map(String::as_str)).collect();
+    let rows = names
         .iter()
-        .zip(&names)
-        .map(|(row, name)| {
-            std::iter::once((*name).to_string())
-                .chain(row.iter().map(|c| format!("{c:.3}")))
-                .collect()
-        })
-        .collect();
-    text += &table(&header, &rows);
-    if !round.effect_amplitudes.is_empty() {
-        let rows: Vec<Vec<String>> = round
-            .effect_amplitudes
-            .iter()
-            .map(|(name, mean, sd)| {
-                vec![name.clone(), significant(*mean, *sd), significant(*sd, *sd)]
-            })
-            .collect();
+        .zip(&round.correlation.matrix)
+        .map(|(name, row)| {
+            let cells = row.iter().map(|c| digits(*c, 3));
+            once(name.clone()).chain(cells).collect()
+        });
+    text += &table(&header, rows);
+    let closed = round.effect_amplitudes.iter();
+    let closed = closed.filter(|(name, _)| !round.posterior.contains_key(*name));
+    let rows = closed.map(|(name, a)| mean_sd(name, a.mean, a.sd));
+    let mut rows = rows.peekable();
+    if rows.peek().is_some() {
         text += "\n";
-        text += &table(&["declared effect", "mean", "sd"], &rows);
+        text += &table(&["declared effect", "mean", "sd"], rows);
     }
     text += &residual(round);
-    let _ = writeln!(text, "\n{}", round.verdict.line());
-    text += &surrogate(round);
+    let _ = writeln!(text, "\n{}", c.text);
+    text += &surrogate(&round.surrogate);
     if !round.warnings.is_empty() {
         text += "\nBEFORE YOU USE THESE NUMBERS\n";
         for warning in &round.warnings {
@@ -105,35 +84,35 @@ pub fn identification(model: &Model, round: &Identification) -> String {
     text
 }
 
+/// A row of a name, a mean and an sd.
+pub fn mean_sd(name: &str, mean: f64, sd: f64) -> Vec<String> {
+    vec![name.into(), significant(mean, sd), significant(sd, sd)]
+}
+
 /// What the finite elements say of the reduced model, and how refinement went.
-fn surrogate(round: &Identification) -> String {
-    let error = &round.surrogate;
+fn surrogate(reduced: &SurrogateReport) -> String {
     let mut text = format!(
         "reduced model against the finite elements at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field\n",
-        error.draws,
-        100.0 * error.max_sd(),
-        error.max_field_nm
+        reduced.truth_draws,
+        100.0 * reduced.max_error_in_posterior_sd,
+        reduced.field_error_nm.max
     );
-    if round.refinements.len() > 1 {
-        let rows: Vec<Vec<String>> = round
-            .refinements
-            .iter()
-            .enumerate()
-            .map(|(k, r)| {
-                vec![
-                    if k == 0 {
-                        "first".into()
-                    } else {
-                        format!("refined {k}")
-                    },
-                    r.snapshots.to_string(),
-                    r.modes.to_string(),
-                    format!("{:.3}", 100.0 * r.max_error_sd),
-                    format!("{:.4}", r.max_field_nm),
-                    format!("{:.3}", 100.0 * r.outside_doe),
-                ]
-            })
-            .collect();
+    if reduced.refinement.len() > 1 {
+        let row = |(k, r): (usize, &RefinementReport)| {
+            vec![
+                if k == 0 {
+                    "first".into()
+                } else {
+                    format!("refined {k}")
+                },
+                r.snapshots.to_string(),
+                r.modes.to_string(),
+                format!("{:.3}", 100.0 * r.max_error_in_posterior_sd),
+                format!("{:.4}", r.max_field_error_nm),
+                format!("{:.3}", 100.0 * r.draws_outside_doe),
+            ]
+        };
+        let rows = reduced.refinement.iter().enumerate().map(row);
         let header = [
             "reduced model",
             "snapshots",
@@ -142,43 +121,35 @@ fn surrogate(round: &Identification) -> String {
             "field nm",
             "draws outside %",
         ];
-        text += &format!("\n{}", table(&header, &rows));
+        text += &format!("\n{}", table(&header, rows));
     }
     text
 }
 
-fn residual(round: &Identification) -> String {
+fn residual(round: &RoundReport) -> String {
     let r = &round.residual;
-    let rejected = round.inverse.prepared.observation.field.rejected;
-    let mut text = String::from("\nresidual against the noise\n\n");
-    let rows: Vec<Vec<String>> = [0, 1]
-        .map(|c| {
-            vec![
-                ["u1 (along the load)", "u2 (across)"][c].into(),
-                format!("{:.3}", r.rms_nm[c]),
-                format!("{:.3}", r.noise_nm[c]),
-                format!("{:.3}", r.rms_nm[c] / r.noise_nm[c]),
-            ]
-        })
-        .to_vec();
-    text += &table(&["", "RMS nm", "noise nm", "ratio"], &rows);
-    let _ = writeln!(
-        text,
-        "\n  {} values of {} points count as {:.0} independent ones; points dropped: {} not measured, {} outliers, {} off the plate, {} outside the window",
-        2 * r.points,
-        r.points,
-        r.effective_points,
-        rejected.missing,
-        rejected.outliers,
-        rejected.outside_plate,
-        rejected.outside_window
-    );
-    let _ = writeln!(
-        text,
-        "  reduced chi^2 of the block averages: {:.3}",
+    let dropped = round.noise.points_dropped;
+    let row = |name: &str, rms: f64, noise: f64| {
+        once(name.into())
+            .chain([rms, noise, rms / noise].map(|v| format!("{v:.3}")))
+            .collect()
+    };
+    let rows: [Vec<String>; 2] = [
+        row("u1 (along the load)", r.rms_nm.u1, r.noise_nm.u1),
+        row("u2 (across)", r.rms_nm.u2, r.noise_nm.u2),
+    ];
+    let table = table(&["", "RMS nm", "noise nm", "ratio"], rows);
+    format!(
+        "\nresidual against the noise\n\n{table}\n  {} values of {} points count as {:.0} independent ones; points dropped: {} not measured, {} outliers, {} off the plate, {} outside the window\n  reduced chi^2 of the block averages: {:.3}\n",
+        2 * r.n,
+        r.n,
+        r.n_eff,
+        dropped.missing,
+        dropped.outliers,
+        dropped.outside_plate,
+        dropped.outside_window,
         r.chi2_reduced
-    );
-    text
+    )
 }
 
 /// Width of running text.

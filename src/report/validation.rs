@@ -4,9 +4,10 @@ use std::fmt::Write;
 
 use serde_json::{Map, Value, json};
 
-use super::terminal::{significant, table};
+use super::terminal::table;
 use crate::diagnose::Row;
 use crate::identify::SurrogateError;
+use crate::quantity::significant;
 use crate::validate::grid::Grid;
 use crate::validate::priors::Table;
 use crate::validate::quadrature::Moments;
@@ -175,24 +176,19 @@ impl Validation<'_> {
                 _ => ["Laplace-GH: mean, sd off", "sd off, %"],
             });
         }
-        let rows: Vec<Vec<String>> = self
-            .chain
-            .iter()
-            .enumerate()
-            .map(|(k, row)| {
-                let mut cells = vec![
-                    row.name.clone(),
-                    significant(row.mean, row.sd),
-                    significant(row.sd, row.sd),
-                ];
-                for (_, d) in &all {
-                    let (mean, sd) = d.get(k).copied().unwrap_or((f64::NAN, f64::NAN));
-                    cells.extend([format!("{mean:+.3}"), format!("{sd:+.2}")]);
-                }
-                cells
-            })
-            .collect();
-        text += &table(&header, &rows);
+        let rows = self.chain.iter().enumerate().map(|(k, row)| {
+            let mut cells = vec![
+                row.name.clone(),
+                significant(row.mean, row.sd),
+                significant(row.sd, row.sd),
+            ];
+            for (_, d) in &all {
+                let (mean, sd) = d.get(k).copied().unwrap_or((f64::NAN, f64::NAN));
+                cells.extend([format!("{mean:+.3}"), format!("{sd:+.2}")]);
+            }
+            cells
+        });
+        text += &table(&header, rows);
         self.lines(&mut text);
         let doubts = self.doubts();
         if doubts.is_empty() {
@@ -252,24 +248,20 @@ impl Validation<'_> {
         let d = priors.rows[0].moments.correlation.len();
         let mut header = vec!["prior"];
         header.extend(priors.rows[0].moments.names[..d].iter().map(String::as_str));
-        let rows: Vec<Vec<String>> = priors
-            .rows
-            .iter()
-            .map(|row| {
-                let m = &row.moments;
-                let cell = |k: usize| {
-                    format!(
-                        "{} +- {}",
-                        significant(m.mean[k], m.sd[k]),
-                        significant(m.sd[k], m.sd[k])
-                    )
-                };
-                std::iter::once(row.prior.clone())
-                    .chain((0..d).map(cell))
-                    .collect()
-            })
-            .collect();
-        *text += &table(&header, &rows);
+        let rows = priors.rows.iter().map(|row| {
+            let m = &row.moments;
+            let cell = |k: usize| {
+                format!(
+                    "{} +- {}",
+                    significant(m.mean[k], m.sd[k]),
+                    significant(m.sd[k], m.sd[k])
+                )
+            };
+            std::iter::once(row.prior.clone())
+                .chain((0..d).map(cell))
+                .collect()
+        });
+        *text += &table(&header, rows);
         if let Some((name, _, share)) = &priors.outside {
             let _ = writeln!(
                 text,
@@ -282,27 +274,23 @@ impl Validation<'_> {
 
 /// What the finite elements' likelihood makes of the draws at which they were solved.
 fn reweighted(truth: &SurrogateError) -> String {
-    let rows: Vec<Vec<String>> = truth
-        .moments
-        .iter()
-        .map(|m| {
-            let ([mean, sd], [by_weight, sd_by_weight]) = (m.plain, m.weighted);
-            vec![
-                m.name.clone(),
-                significant(mean, sd),
-                significant(sd, sd),
-                significant(by_weight, sd),
-                significant(sd_by_weight, sd),
-            ]
-        })
-        .collect();
+    let rows = truth.moments.iter().map(|m| {
+        let ([mean, sd], [by_weight, sd_by_weight]) = (m.plain, m.weighted);
+        vec![
+            m.name.clone(),
+            significant(mean, sd),
+            significant(sd, sd),
+            significant(by_weight, sd),
+            significant(sd_by_weight, sd),
+        ]
+    });
     let header = ["", "mean", "sd", "weighted mean", "weighted sd"];
     format!(
         "\n  the {} draws, plain and weighted by the finite elements' likelihood; {:.1} of them count, so that a weighted mean is known to {:.1} sd\n\n{}",
         truth.draws,
         truth.effective_draws(),
         1.0 / truth.effective_draws().sqrt(),
-        table(&header, &rows)
+        table(&header, rows)
     )
 }
 

@@ -32,7 +32,7 @@ pub use mixture::{MOVES, Mixture, MoveEntry};
 pub use moves::{Fit, Move, Walkers};
 pub use numbers::{Needs, Numbers};
 pub use run::{run, run_kept};
-pub use schedule::{Monitor, Outcome, Phase, Quiet, Report, Schedule, Stop, Stopped};
+pub use schedule::{Monitor, Outcome, Phase, PhaseReport, Quiet, Schedule, Stop, Stopped};
 pub use snooker::Snooker;
 pub use start::Start;
 pub use stream::{Key, Stream};

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::checkpoint::Warm;
 use super::keep::{Keeper, Keeping, PATIENCE};
 use super::memory::{Count, Memory};
-use super::schedule::{Monitor, Outcome, Phase, Report, Schedule, Stop, Stopped};
+use super::schedule::{Monitor, Outcome, Phase, PhaseReport, Schedule, Stop, Stopped};
 use super::start::Start;
 use super::stream::Key;
 use super::{Block, Sampler, Span, State};
@@ -299,7 +299,7 @@ fn warm_up_window(
         };
         crew.advance(span, Some(&mut window))?;
         done += span.steps;
-        let go_on = progress.report(&Report {
+        let go_on = progress.report(&PhaseReport {
             phase: Phase::Warmup,
             steps: crew.steps(),
             draws: 0,
@@ -341,7 +341,7 @@ fn keep(
             }
             merge(&mut crew.totals, &crew.blocks);
             crew.flush(warm, false)?;
-            let go_on = progress.report(&Report {
+            let go_on = progress.report(&PhaseReport {
                 phase: Phase::Sampling,
                 steps: crew.steps(),
                 draws: crew.rows() * crew.chains(),

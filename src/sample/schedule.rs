@@ -27,7 +27,7 @@ pub enum Phase {
 
 /// How far a run has come.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Report {
+pub struct PhaseReport {
     /// Warm-up or sampling.
     pub phase: Phase,
     /// Steps of each ensemble so far.
@@ -43,7 +43,7 @@ pub struct Report {
 /// Watches a run; called between blocks, from the thread that called [`super::run`].
 pub trait Monitor {
     /// Tells how far the run has come; `false` ends it here (a time limit, an interrupt).
-    fn report(&self, report: &Report) -> bool;
+    fn report(&self, report: &PhaseReport) -> bool;
 }
 
 /// Watches nothing.
@@ -51,7 +51,7 @@ pub trait Monitor {
 pub struct Quiet;
 
 impl Monitor for Quiet {
-    fn report(&self, _report: &Report) -> bool {
+    fn report(&self, _report: &PhaseReport) -> bool {
         true
     }
 }

@@ -1,5 +1,7 @@
 //! How a loop ended, in words: which effects the residual is consistent with, what is left, and what would confirm it.
 
+use serde::{Deserialize, Serialize};
+
 use super::round::Round;
 use super::tracing::{Named, Resembling};
 use crate::effect::{EFFECTS, Effect, amplitude_name};
@@ -7,7 +9,8 @@ use crate::identify::Identification;
 use crate::quantity::{plus_minus, significant};
 
 /// How the loop ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Status {
     /// The residual is what the noise explains, and no effect was added.
     NothingMissing,
@@ -19,10 +22,10 @@ pub enum Status {
 }
 
 impl Status {
-    /// As `report.json` has it.
-    pub fn name(self) -> &'static str {
+    /// In words.
+    pub fn words(self) -> &'static str {
         match self {
-            Self::NothingMissing => "nothing_missing",
+            Self::NothingMissing => "nothing missing",
             Self::Closed => "closed",
             Self::Unexplained => "unexplained",
         }

@@ -20,4 +20,4 @@ pub use averaged::{Averaged, BlindSpot};
 pub use close::{Closed, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status};
 pub use round::Round;
-pub use tracing::{Found, Named, Resembling, Tracing};
+pub use tracing::{Found, Named, Resembling, Tracing, UNEXPLAINED};

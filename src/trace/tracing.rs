@@ -57,7 +57,7 @@ pub struct Tracing {
 /// Above this probability the structure left is called unexplained. Of 38 fields whose effect had been left out of the dictionary 28
 /// were, and 10 were given a neighbouring effect alone (measured on the program as built): named effects are consistent with the data,
 /// never proved by them.
-const UNEXPLAINED: f64 = 0.5;
+pub const UNEXPLAINED: f64 = 0.5;
 
 impl Tracing {
     /// Whether smooth structure is left that no effect explains.

@@ -12,8 +12,8 @@ use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::infer::{LogDensity, Posterior, Tabulated, laplace};
 use plychain::sample::{
-    De, Ensemble, Key, Mixture, Monitor, Phase, Report, Sampler, Schedule, Start, Stop, Stream,
-    Stretch, run,
+    De, Ensemble, Key, Mixture, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stop,
+    Stream, Stretch, run,
 };
 use pulp::{Simd, WithSimd};
 
@@ -251,7 +251,7 @@ impl Stop for Never {
 struct Progress(Cell<f64>);
 
 impl Monitor for Progress {
-    fn report(&self, report: &Report) -> bool {
+    fn report(&self, report: &PhaseReport) -> bool {
         if report.phase == Phase::Warmup {
             self.0.set(clock());
         }

@@ -1,14 +1,14 @@
 //! Bars: how probable each effect is, what each unseen effect would do to the constants, and intervals of the constants.
 
 use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
 
-use super::canvas::{
-    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, step, text, text_about,
-    text_left_of, text_right_of,
-};
+use super::canvas::{Area, Figure, GRID, INK, MAIN, PRIOR, TRUTH, draw, say, span, step, text};
 use crate::error::Result;
-use crate::report::sheet::Sheet;
-use crate::report::traced::LINEAR_PERCENT;
+use crate::report::json::Keyed;
+use crate::report::page::{IntervalLine, PlaceRms};
+use crate::report::tracing::{BlindSpotReport, TracingReport};
+use crate::report::words::LINEAR_PERCENT;
 
 const ROW: u32 = 20;
 const NAMES: u32 = 168;
@@ -17,43 +17,31 @@ const NAMES: u32 = 168;
 pub const SMALLEST_BAR: f64 = 0.005;
 
 /// Inclusion probability of each candidate of a round that has one to speak of; nothing if none has.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn ranking(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let names = sheet.texts("effect");
-    let accepted = sheet.texts("accepted");
-    let probabilities = sheet.numbers("inclusion_probability");
-    let rows = names.into_iter().zip(accepted).zip(probabilities);
-    let effects: Vec<_> = rows.filter(|(_, p)| *p >= SMALLEST_BAR).collect();
+pub fn ranking(tracing: &TracingReport) -> Result<Option<Figure>> {
+    let candidates = tracing.candidates.iter();
+    let effects: Vec<_> = candidates
+        .filter(|c| c.inclusion_probability >= SMALLEST_BAR)
+        .collect();
     if effects.is_empty() {
         return Ok(None);
     }
     let size = (640, 44 + ROW * effects.len() as u32);
     let alt = "Probability that each effect acts, from the residual; accepted effects in red";
-    draw(name, alt, size, |root, _| {
-        let act = || -> Drawn<()> {
-            scale(root, [0.0, 1.0], 70, "inclusion probability")?;
-            let width = f64::from(size.0 - NAMES - 70);
-            for (k, ((effect, accepted), p)) in effects.iter().enumerate() {
-                let y = (k as u32 * ROW + ROW / 2 + 4) as i32;
-                let colour = if *accepted == "yes" { TRUTH } else { MAIN };
-                bar(
-                    root,
-                    [
-                        NAMES as i32,
-                        NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32,
-                    ],
-                    y,
-                    colour,
-                )?;
-                label(root, effect, [NAMES, y as u32])?;
-                let place = (NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32 + 5, y);
-                root.draw(&Text::new(format!("{p:.3}"), place, text_right_of(11)))?;
-            }
-            Ok(())
-        };
-        act().map_err(|e| cannot(&e))
+    draw("", alt, size, |root, _| {
+        scale(root, [0.0, 1.0], 70, "inclusion probability")?;
+        let width = f64::from(size.0 - NAMES - 70);
+        for (k, candidate) in effects.iter().enumerate() {
+            let y = (k as u32 * ROW + ROW / 2 + 4) as i32;
+            let accepted = tracing.accepted.contains(&candidate.effect);
+            let colour = if accepted { TRUTH } else { MAIN };
+            let p = candidate.inclusion_probability;
+            let end = NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32;
+            bar(root, [NAMES as i32, end], y, colour)?;
+            label(root, &candidate.effect, [NAMES, y as u32])?;
+            let figure = format!("{p:.3}");
+            say(root, figure, (end + 5, y), 11, HPos::Left)?;
+        }
+        Ok(())
     })
     .map(Some)
 }
@@ -62,11 +50,7 @@ pub fn ranking(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
 const PANEL: u32 = 165;
 
 /// RMS of the residual of both components by place.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn breakdown(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let places = sheet.texts("place");
+pub fn breakdown(places: &[PlaceRms]) -> Result<Option<Figure>> {
     if places.is_empty() {
         return Ok(None);
     }
@@ -74,102 +58,86 @@ pub fn breakdown(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
     const WIDE: u32 = PANEL + 60;
     let size = (NAMES + 2 * WIDE + 16, 34 + ROW * places.len() as u32);
     let alt = "RMS of the block averages of the residual, nm: in rings about the hole, and in quadrants (direction 1 along the load, direction 2 across it)";
-    let panels = ["u1_nm", "u2_nm"].map(|column| sheet.numbers(column));
+    let of = |pick: fn(&PlaceRms) -> f64| places.iter().map(pick).collect::<Vec<f64>>();
+    let panels = [of(|p| p.u1_nm), of(|p| p.u2_nm)];
     let largest = span(panels.iter().flatten().copied().chain([0.0]))[1];
-    draw(name, alt, size, |root, _| {
-        let act = || -> Drawn<()> {
-            for (c, values) in panels.iter().enumerate() {
-                let left = (NAMES + WIDE * c as u32) as i32;
-                let head = ["u1, RMS in nm", "u2, RMS in nm"][c];
-                root.draw(&Text::new(head, (left, 12), text_right_of(12)))?;
-                for (k, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()) {
-                    let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
-                    let end = left + (value / largest * f64::from(PANEL)) as i32;
-                    bar(root, [left, end], y, MAIN)?;
-                    let digits = decimals(*value).min(2);
-                    let figure = format!("{value:.digits$}");
-                    root.draw(&Text::new(figure, (end + 5, y), text_right_of(11)))?;
-                }
-                rule(root, left, 22, size.1 as i32 - 4, INK)?;
+    draw("", alt, size, |root, _| {
+        for (c, values) in panels.iter().enumerate() {
+            let left = (NAMES + WIDE * c as u32) as i32;
+            let head = ["u1, RMS in nm", "u2, RMS in nm"][c];
+            say(root, head, (left, 12), 12, HPos::Left)?;
+            for (k, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()) {
+                let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
+                let end = left + (value / largest * f64::from(PANEL)) as i32;
+                bar(root, [left, end], y, MAIN)?;
+                let digits = decimals(*value).min(2);
+                let figure = format!("{value:.digits$}");
+                say(root, figure, (end + 5, y), 11, HPos::Left)?;
             }
-            for (k, place) in places.iter().enumerate() {
-                label(root, place, [NAMES, k as u32 * ROW + ROW / 2 + 26])?;
-            }
-            Ok(())
-        };
-        act().map_err(|e| cannot(&e))
+            rule(root, left, 22, size.1 as i32 - 4, INK)?;
+        }
+        for (k, place) in places.iter().enumerate() {
+            label(root, &place.place, [NAMES, k as u32 * ROW + ROW / 2 + 26])?;
+        }
+        Ok(())
     })
     .map(Some)
 }
 
 /// Shift of each constant by each effect at its plausible amplitude; effects that would go unseen are the ones to fear.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn blind_spots(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let effects = sheet.texts("effect");
-    let seen = sheet.texts("would_be_seen");
-    let constants: Vec<&str> = sheet
-        .header
-        .iter()
-        .filter_map(|h| h.strip_suffix("_shift_percent"))
-        .collect();
-    if effects.is_empty() || constants.is_empty() {
+pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Result<Option<Figure>> {
+    if spots.is_empty() || constants.is_empty() {
         return Ok(None);
     }
     // effects stand with their parameters here
     const WIDE: u32 = 264;
     let size = (
         WIDE + PANEL * constants.len() as u32 + 16,
-        64 + ROW * effects.len() as u32,
+        64 + ROW * spots.len() as u32,
     );
     let alt = "Shift of each constant, in percent, if an effect acted at its plausible size and the model lacked it; red: these data would not show it, blue: they would; an arrow: more than 20 %, where the linear estimate ends";
-    draw(name, alt, size, |root, _| {
-        let act = || -> Drawn<()> {
-            for (c, constant) in constants.iter().enumerate() {
-                let shifts = sheet.numbers(&format!("{constant}_shift_percent"));
-                let largest = span(shifts.iter().map(|s| s.abs()))[1];
-                let reach = largest.clamp(1e-3, LINEAR_PERCENT);
-                let left = (WIDE + PANEL * c as u32) as i32;
-                let middle = left + PANEL as i32 / 2;
-                let half = f64::from(PANEL) / 2.0 - 20.0;
-                root.draw(&Text::new(
-                    (*constant).to_string(),
-                    (middle, 12),
-                    text_about(12),
-                ))?;
-                rule(root, middle, 24, size.1 as i32 - 38, INK)?;
-                for side in [-1.0, 1.0] {
-                    let x = middle + (side * half) as i32;
-                    rule(root, x, 24, size.1 as i32 - 38, GRID)?;
-                    let place = (x, size.1 as i32 - 28);
-                    let figure = format!("{:.1$}", side * reach, decimals(reach));
-                    root.draw(&Text::new(
-                        figure.replace('-', "\u{2212}"),
-                        place,
-                        text_about(10),
-                    ))?;
-                }
-                let unit = (middle, size.1 as i32 - 12);
-                root.draw(&Text::new("shift, %", unit, text_about(11)))?;
-                for (k, shift) in shifts.iter().enumerate().filter(|(_, s)| s.is_finite()) {
-                    let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
-                    let end = middle + ((shift / reach).clamp(-1.0, 1.0) * half) as i32;
-                    let colour = if seen[k] == "yes" { MAIN } else { TRUTH };
-                    bar(root, [middle.min(end), middle.max(end)], y, colour)?;
-                    if shift.abs() > reach {
-                        let tip = end + 9 * shift.signum() as i32;
-                        let arrow = vec![(end, y - 6), (end, y + 6), (tip, y)];
-                        root.draw(&Polygon::new(arrow, colour.filled()))?;
-                    }
+    draw("blind-spots", alt, size, |root, _| {
+        for (c, constant) in constants.iter().enumerate() {
+            let shifts = spots.iter().map(|s| s.shift(constant).unwrap_or(f64::NAN));
+            let shifts: Vec<f64> = shifts.collect();
+            let largest = span(shifts.iter().map(|s| s.abs()))[1];
+            let reach = largest.clamp(1e-3, LINEAR_PERCENT);
+            let left = (WIDE + PANEL * c as u32) as i32;
+            let middle = left + PANEL as i32 / 2;
+            let half = f64::from(PANEL) / 2.0 - 20.0;
+            say(root, *constant, (middle, 12), 12, HPos::Center)?;
+            rule(root, middle, 24, size.1 as i32 - 38, INK)?;
+            for side in [-1.0, 1.0] {
+                let x = middle + (side * half) as i32;
+                rule(root, x, 24, size.1 as i32 - 38, GRID)?;
+                let place = (x, size.1 as i32 - 28);
+                let figure = format!("{:.1$}", side * reach, decimals(reach));
+                say(
+                    root,
+                    figure.replace('-', "\u{2212}"),
+                    place,
+                    10,
+                    HPos::Center,
+                )?;
+            }
+            let unit = (middle, size.1 as i32 - 12);
+            say(root, "shift, %", unit, 11, HPos::Center)?;
+            for (k, shift) in shifts.iter().enumerate().filter(|(_, s)| s.is_finite()) {
+                let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
+                let end = middle + ((shift / reach).clamp(-1.0, 1.0) * half) as i32;
+                let colour = if spots[k].would_be_seen { MAIN } else { TRUTH };
+                bar(root, [middle.min(end), middle.max(end)], y, colour)?;
+                if shift.abs() > reach {
+                    let tip = end + 9 * shift.signum() as i32;
+                    let arrow = vec![(end, y - 6), (end, y + 6), (tip, y)];
+                    root.draw(&Polygon::new(arrow, colour.filled()))?;
                 }
             }
-            for (k, effect) in effects.iter().enumerate() {
-                label(root, effect, [WIDE, k as u32 * ROW + ROW / 2 + 26])?;
-            }
-            Ok(())
-        };
-        act().map_err(|e| cannot(&e))
+        }
+        for (k, spot) in spots.iter().enumerate() {
+            label(root, &spot.name(), [WIDE, k as u32 * ROW + ROW / 2 + 26])?;
+        }
+        Ok(())
     })
     .map(Some)
 }
@@ -179,16 +147,15 @@ fn decimals(size: f64) -> usize {
 }
 
 /// 95 % intervals of each constant: prior, each round, averaged; the truth where it is known.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn intervals(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let constants = sheet.distinct("parameter");
-    let Some(rows) = constants
-        .iter()
-        .map(|c| sheet.only("parameter", c).rows.len())
-        .max()
-    else {
+pub fn intervals(lines: &[IntervalLine]) -> Result<Option<Figure>> {
+    let mut constants: Keyed<Vec<&IntervalLine>> = Keyed::new();
+    for line in lines {
+        constants
+            .entry(line.parameter.clone())
+            .or_default()
+            .push(line);
+    }
+    let Some(rows) = constants.values().map(Vec::len).max() else {
         return Ok(None);
     };
     const PANEL: u32 = 340;
@@ -197,23 +164,21 @@ pub fn intervals(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
     let height = 66 + ROW * rows as u32;
     let size = (across * PANEL, down * height);
     let alt = "Constants with 95 % intervals: prior, posterior of each round, and averaged over effects that may act unseen; the truth, where it is known, as a red line";
-    draw(name, alt, size, |root, _| {
+    draw("intervals", alt, size, |root, _| {
         let areas = root.split_evenly((down as usize, across as usize));
-        for (constant, area) in constants.iter().zip(&areas) {
-            panel(area, &sheet.only("parameter", constant), constant).map_err(|e| cannot(&e))?;
+        for ((constant, lines), area) in constants.iter().zip(&areas) {
+            panel(area, lines, constant)?;
         }
         Ok(())
     })
     .map(Some)
 }
 
-fn panel(area: &Area<'_>, sheet: &Sheet, constant: &str) -> Drawn<()> {
-    let (low, high) = (sheet.numbers("low"), sheet.numbers("high"));
-    let (mean, truth) = (sheet.numbers("mean"), sheet.numbers("truth"));
-    let all = low.iter().chain(&high).chain(&truth).copied();
-    let [a, b] = span(all);
+fn panel(area: &Area<'_>, lines: &[&IntervalLine], constant: &str) -> Result<()> {
+    let truth = lines.iter().find_map(|l| l.truth);
+    let [a, b] = span(lines.iter().flat_map(|l| [l.low, l.high]).chain(truth));
     let room = 0.06 * (b - a);
-    let rows = sheet.rows.len();
+    let rows = lines.len();
     area.draw(&Text::new(constant.to_string(), (92, 6), text(12)))?;
     let mut chart = ChartBuilder::on(area)
         .margin_top(24)
@@ -232,50 +197,42 @@ fn panel(area: &Area<'_>, sheet: &Sheet, constant: &str) -> Drawn<()> {
         .x_labels(6)
         .x_label_formatter(&step)
         .draw()?;
-    if let Some(truth) = truth.iter().find(|t| t.is_finite()) {
-        let line = [(*truth, 0.0), (*truth, rows as f64)];
+    if let Some(truth) = truth {
+        let line = [(truth, 0.0), (truth, rows as f64)];
         chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(2)))?;
     }
-    for (k, what) in sheet.texts("what").iter().enumerate() {
+    for (k, line) in lines.iter().enumerate() {
         let y = k as f64 + 0.5;
-        let colour = if *what == "prior" { PRIOR } else { MAIN };
+        let colour = if line.what == "prior" { PRIOR } else { MAIN };
         chart.draw_series(LineSeries::new(
-            [(low[k], y), (high[k], y)],
+            [(line.low, y), (line.high, y)],
             colour.stroke_width(3),
         ))?;
-        chart.draw_series([Circle::new((mean[k], y), 4, colour.filled())])?;
+        chart.draw_series([Circle::new((line.mean, y), 4, colour.filled())])?;
         let (_, at) = chart.backend_coord(&(a, y));
         let (_, top) = area.get_base_pixel();
-        area.draw(&Text::new(
-            (*what).to_string(),
-            (84, at - top),
-            text_left_of(11),
-        ))?;
+        say(area, &line.what, (84, at - top), 11, HPos::Right)?;
     }
     Ok(())
 }
 
-fn bar(root: &Area<'_>, [from, to]: [i32; 2], y: i32, colour: RGBColor) -> Drawn<()> {
-    root.draw(&Rectangle::new(
-        [(from, y - 6), (to.max(from + 1), y + 6)],
-        colour.filled(),
-    ))
+fn bar(root: &Area<'_>, [from, to]: [i32; 2], y: i32, colour: RGBColor) -> Result<()> {
+    let corners = [(from, y - 6), (to.max(from + 1), y + 6)];
+    Ok(root.draw(&Rectangle::new(corners, colour.filled()))?)
 }
 
-fn rule(root: &Area<'_>, x: i32, top: i32, bottom: i32, colour: RGBColor) -> Drawn<()> {
-    root.draw(&PathElement::new(
-        vec![(x, top), (x, bottom)],
-        colour.stroke_width(1),
-    ))
+fn rule(root: &Area<'_>, x: i32, top: i32, bottom: i32, colour: RGBColor) -> Result<()> {
+    let line = vec![(x, top), (x, bottom)];
+    Ok(root.draw(&PathElement::new(line, colour.stroke_width(1)))?)
 }
 
-fn label(root: &Area<'_>, name: &str, [left, y]: [u32; 2]) -> Drawn<()> {
+fn label(root: &Area<'_>, name: &str, [left, y]: [u32; 2]) -> Result<()> {
     let place = (left as i32 - 8, y as i32);
-    root.draw(&Text::new(name.to_string(), place, text_left_of(12)))
+    say(root, name, place, 12, HPos::Right)
 }
 
 /// Axis and grid lines from `low` to `high` under the rows, in quarters.
-fn scale(root: &Area<'_>, [low, high]: [f64; 2], right: u32, name: &str) -> Drawn<()> {
+fn scale(root: &Area<'_>, [low, high]: [f64; 2], right: u32, name: &str) -> Result<()> {
     let (width, height) = root.dim_in_pixel();
     let reach = f64::from(width - NAMES - right);
     for k in 0..=4 {
@@ -289,16 +246,14 @@ fn scale(root: &Area<'_>, [low, high]: [f64; 2], right: u32, name: &str) -> Draw
             if k == 0 { INK } else { GRID },
         )?;
         let place = (x, height as i32 - 28);
-        root.draw(&Text::new(
+        say(
+            root,
             step(&(low + f * (high - low))),
             place,
-            text_about(10),
-        ))?;
+            10,
+            HPos::Center,
+        )?;
     }
     let middle = NAMES as i32 + (0.5 * reach) as i32;
-    root.draw(&Text::new(
-        name.to_string(),
-        (middle, height as i32 - 12),
-        text_about(11),
-    ))
+    say(root, name, (middle, height as i32 - 12), 11, HPos::Center)
 }

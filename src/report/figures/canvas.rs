@@ -6,6 +6,7 @@ use std::ops::Range;
 use plotters::coord::Shift;
 use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::error::{Error, Result};
 
@@ -34,30 +35,21 @@ pub const SERIES: [RGBColor; 6] = [
 /// A drawing area of a figure.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// What the library's drawing calls return.
-pub type Drawn<T> = std::result::Result<T, DrawingAreaErrorKind<std::io::Error>>;
-
 /// Type at `size` pixels.
 pub fn text(size: u32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
 }
 
-/// Type anchored at its right end and vertical middle.
-pub fn text_left_of(size: u32) -> TextStyle<'static> {
-    use plotters::style::text_anchor::{HPos, Pos, VPos};
-    text(size).pos(Pos::new(HPos::Right, VPos::Center))
-}
-
-/// Type anchored at its left end and vertical middle.
-pub fn text_right_of(size: u32) -> TextStyle<'static> {
-    use plotters::style::text_anchor::{HPos, Pos, VPos};
-    text(size).pos(Pos::new(HPos::Left, VPos::Center))
-}
-
-/// Type centred about its place.
-pub fn text_about(size: u32) -> TextStyle<'static> {
-    use plotters::style::text_anchor::{HPos, Pos, VPos};
-    text(size).pos(Pos::new(HPos::Center, VPos::Center))
+/// Words of a size at a place: from it to the right, up to it from the left, or about it.
+pub fn say(
+    area: &Area<'_>,
+    words: impl Into<String>,
+    place: (i32, i32),
+    size: u32,
+    side: HPos,
+) -> Result<()> {
+    let style = text(size).pos(Pos::new(side, VPos::Center));
+    Ok(area.draw(&Text::new(words.into(), place, style))?)
 }
 
 /// An image to be stretched over an area.
@@ -83,10 +75,8 @@ pub struct Figure {
     pub size: (u32, u32),
 }
 
-/// Draw on an SVG canvas. Images come after everything that `act` draws.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
+/// Draw on an SVG canvas. Images come after everything that `act` draws. All figures fail as this does, with the program's fault if
+/// the library cannot draw.
 pub fn draw(
     name: impl Into<String>,
     alt: impl Into<String>,
@@ -99,7 +89,7 @@ pub fn draw(
     {
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         act(&root, &mut images)?;
-        root.present().map_err(|e| cannot(&e))?;
+        root.present()?;
     }
     if let Some(end) = svg.rfind("</svg>") {
         svg.truncate(end);
@@ -131,8 +121,10 @@ pub fn draw(
 }
 
 /// What the library says when it cannot draw.
-pub fn cannot(error: &dyn std::fmt::Display) -> Error {
-    Error::program("figure", "a drawing").found(error)
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for Error {
+    fn from(error: DrawingAreaErrorKind<E>) -> Self {
+        Error::program("figure", "a drawing").found(error)
+    }
 }
 
 /// A number for an axis: as short as it can be.

@@ -1,10 +1,13 @@
 //! How the chains behaved: traces, ranks, autocorrelation; and the residual's variogram.
 
+use indexmap::IndexMap;
 use plotters::prelude::*;
 
-use super::canvas::{Area, Drawn, Figure, GRID, INK, SERIES, cannot, draw, span, step, text};
+use super::canvas::{Area, Figure, GRID, INK, SERIES, draw, span, step, text};
+use super::data::{LagPoint, RankBin, TracePoint};
 use crate::error::Result;
-use crate::report::sheet::Sheet;
+use crate::report::json::Keyed;
+use crate::report::residual::VariogramLag;
 
 /// Panels of a parameter each, in rows of so many.
 const ACROSS: usize = 3;
@@ -27,134 +30,96 @@ struct Panel {
 }
 
 /// Traces of one chain of each ensemble.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn traces(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let panels = by_ensemble(sheet, "draw", "value", false);
+pub fn traces(points: &[TracePoint]) -> Result<Option<Figure>> {
+    let points = points.iter();
+    let panels = panels(points.map(|p| (&p.parameter, p.ensemble, (p.draw as f64, p.value))));
     let alt = "Traces: one chain of each independent ensemble, by stored draw";
-    grid(panels, name, alt, ["stored draw", ""])
+    grid(panels, alt, ["stored draw", ""])
 }
 
 /// Rank plots.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn ranks(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let mut panels = by_ensemble(sheet, "bin", "relative_count", true);
+pub fn ranks(bins: &[RankBin]) -> Result<Option<Figure>> {
+    let bins = bins.iter();
+    let bins = bins.map(|b| (&b.parameter, b.ensemble, (b.bin as f64, b.relative_count)));
+    let mut panels = panels(bins);
     for panel in &mut panels {
         panel.level = Some(1.0);
+        panel.steps = true;
         panel.y = [panel.y[0].min(0.8), panel.y[1].max(1.2)];
         panel.x = [0.5, panel.x[1] + 0.5];
     }
     let alt = "Rank plots: the share of each ensemble's draws in twenty bins of the ranks among all draws, relative to equal shares; level lines mean that the ensembles agree";
-    grid(panels, name, alt, ["rank, twentieths", ""])
+    grid(panels, alt, ["rank, twentieths", ""])
 }
 
 /// Autocorrelation functions.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn autocorrelation(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let panel = |parameter: String| {
-        let of = sheet.only("parameter", &parameter);
-        let lags = of.numbers("lag");
-        let points: Vec<(f64, f64)> = lags
-            .into_iter()
-            .zip(of.numbers("autocorrelation"))
-            .collect();
-        Panel {
-            title: parameter,
-            x: span(points.iter().map(|p| p.0)),
-            y: [span(points.iter().map(|p| p.1))[0].min(-0.1), 1.0],
-            lines: vec![Line {
-                points,
-                colour: SERIES[0],
-            }],
-            level: Some(0.0),
-            steps: false,
-        }
-    };
-    let panels = sheet.distinct("parameter").into_iter().map(panel).collect();
+pub fn autocorrelation(lags: &[LagPoint]) -> Result<Option<Figure>> {
+    let rho = |l: &LagPoint| l.autocorrelation.unwrap_or(f64::NAN);
+    let lags = lags.iter();
+    let mut panels = panels(lags.map(|l| (&l.parameter, 1, (l.lag as f64, rho(l)))));
+    for panel in &mut panels {
+        panel.level = Some(0.0);
+        panel.y = [panel.y[0].min(-0.1), 1.0];
+    }
     let alt = "Autocorrelation of the walkers by lag in stored draws";
-    grid(panels, name, alt, ["lag, stored draws", ""])
+    grid(panels, alt, ["lag, stored draws", ""])
 }
 
 /// The variogram of the residual's block averages.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn variogram(sheet: &Sheet, name: &str) -> Result<Option<Figure>> {
-    let distance = sheet.numbers("distance_mm");
-    let panel = |c: usize| {
-        let values = sheet.numbers(&format!("u{c}_nm2"));
-        let points: Vec<(f64, f64)> = distance.iter().copied().zip(values).collect();
-        Panel {
-            title: format!("u{c}, semivariance in nm\u{b2}"),
-            x: [0.0, span(distance.iter().copied())[1]],
-            y: [0.0, 1.08 * span(points.iter().map(|p| p.1))[1].max(1e-12)],
-            lines: vec![Line {
-                points,
-                colour: SERIES[c - 1],
-            }],
-            level: None,
-            steps: false,
-        }
-    };
-    let panels = if distance.is_empty() {
-        Vec::new()
-    } else {
-        [1, 2].map(panel).into()
-    };
+pub fn variogram(lags: &[VariogramLag]) -> Result<Option<Figure>> {
+    let both = |l: &VariogramLag| [(1, l.u1_nm2), (2, l.u2_nm2)].map(|v| (l.distance_mm, v));
+    let titles = [1, 2].map(|c| format!("u{c}, semivariance in nm\u{b2}"));
+    let points = lags.iter().flat_map(both);
+    let mut panels = panels(points.map(|(d, (c, value))| (&titles[c - 1], c, (d, value))));
+    for (k, panel) in panels.iter_mut().enumerate() {
+        panel.x[0] = 0.0;
+        panel.y = [0.0, 1.08 * panel.y[1].max(1e-12)];
+        panel.lines[0].colour = SERIES[k];
+    }
     let alt = "Variogram of the residual's block averages: level for noise without structure, rising where neighbours are alike";
-    grid(panels, name, alt, ["distance, mm", ""])
+    grid(panels, alt, ["distance, mm", ""])
 }
 
-fn by_ensemble(sheet: &Sheet, x: &str, y: &str, steps: bool) -> Vec<Panel> {
-    let panel = |parameter: String| {
-        let of = sheet.only("parameter", &parameter);
-        let lines = of
-            .distinct("ensemble")
-            .iter()
-            .enumerate()
-            .map(|(e, ensemble)| {
-                let of = of.only("ensemble", ensemble);
-                Line {
-                    points: of.numbers(x).into_iter().zip(of.numbers(y)).collect(),
-                    colour: SERIES[e % SERIES.len()],
-                }
-            })
-            .collect();
-        Panel {
-            title: parameter,
-            x: span(of.numbers(x).into_iter()),
-            y: span(of.numbers(y).into_iter()),
-            lines,
-            level: None,
-            steps,
-        }
+/// A panel for each title and in it a line for each number, in their order.
+fn panels<'a>(points: impl Iterator<Item = (&'a String, usize, (f64, f64))>) -> Vec<Panel> {
+    let mut series: Keyed<IndexMap<usize, Vec<(f64, f64)>>> = Keyed::new();
+    for (title, number, point) in points {
+        let lines = series.entry(title.clone()).or_default();
+        lines.entry(number).or_default().push(point);
+    }
+    let panel = |(title, lines): (String, IndexMap<usize, Vec<(f64, f64)>>)| Panel {
+        title,
+        x: span(lines.values().flatten().map(|p| p.0)),
+        y: span(lines.values().flatten().map(|p| p.1)),
+        lines: lines
+            .into_values()
+            .zip(SERIES.into_iter().cycle())
+            .map(|(points, colour)| Line { points, colour })
+            .collect(),
+        level: None,
+        steps: false,
     };
-    sheet.distinct("parameter").into_iter().map(panel).collect()
+    series.into_iter().map(panel).collect()
 }
 
-fn grid(panels: Vec<Panel>, name: &str, alt: &str, labels: [&str; 2]) -> Result<Option<Figure>> {
+fn grid(panels: Vec<Panel>, alt: &str, labels: [&str; 2]) -> Result<Option<Figure>> {
     if panels.is_empty() {
         return Ok(None);
     }
     let across = panels.len().min(ACROSS);
     let rows = panels.len().div_ceil(across);
     let size = (across as u32 * PANEL.0, rows as u32 * PANEL.1);
-    draw(name, alt, size, |root, _| {
+    draw("", alt, size, |root, _| {
         let areas = root.split_evenly((rows, across));
         for (panel, area) in panels.iter().zip(&areas) {
-            show(area, panel, labels).map_err(|e| cannot(&e))?;
+            show(area, panel, labels)?;
         }
         Ok(())
     })
     .map(Some)
 }
 
-fn show(area: &Area<'_>, panel: &Panel, labels: [&str; 2]) -> Drawn<()> {
+fn show(area: &Area<'_>, panel: &Panel, labels: [&str; 2]) -> Result<()> {
     area.draw(&Text::new(panel.title.clone(), (56, 4), text(12)))?;
     let mut chart = ChartBuilder::on(area)
         .margin_top(22)

@@ -16,39 +16,15 @@ pub enum Palette {
 }
 
 /// Viridis at sixteenths.
-const VIRIDIS: [[u8; 3]; 17] = [
-    [68, 1, 84],
-    [72, 24, 106],
-    [71, 45, 123],
-    [66, 64, 134],
-    [59, 82, 139],
-    [51, 99, 141],
-    [44, 114, 142],
-    [38, 130, 142],
-    [33, 145, 140],
-    [31, 160, 136],
-    [40, 174, 128],
-    [63, 188, 115],
-    [94, 201, 98],
-    [132, 212, 75],
-    [173, 220, 48],
-    [216, 226, 25],
-    [253, 231, 37],
+const VIRIDIS: [u32; 17] = [
+    0x440154, 0x48186a, 0x472d7b, 0x424086, 0x3b528b, 0x33638d, 0x2c728e, 0x26828e, 0x21918c,
+    0x1fa088, 0x28ae80, 0x3fbc73, 0x5ec962, 0x84d44b, 0xaddc30, 0xd8e219, 0xfde725,
 ];
 
 /// `RdBu`, turned so that positive values are red.
-const DIFFERENCE: [[u8; 3]; 11] = [
-    [5, 48, 97],
-    [33, 102, 172],
-    [67, 147, 195],
-    [146, 197, 222],
-    [209, 229, 240],
-    [247, 247, 247],
-    [253, 219, 199],
-    [244, 165, 130],
-    [214, 96, 77],
-    [178, 24, 43],
-    [103, 0, 31],
+const DIFFERENCE: [u32; 11] = [
+    0x053061, 0x2166ac, 0x4393c3, 0x92c5de, 0xd1e5f0, 0xf7f7f7, 0xfddbc7, 0xf4a582, 0xd6604d,
+    0xb2182b, 0x67001f,
 ];
 
 /// Colours of an image; index 0 is kept for "nothing there".
@@ -57,17 +33,18 @@ const SHADES: usize = 255;
 impl Palette {
     /// The colour at `at` in [0, 1].
     pub fn at(self, at: f64) -> RGBColor {
-        let list: &[[u8; 3]] = match self {
+        let list: &[u32] = match self {
             Self::Field => &VIRIDIS,
             Self::Difference => &DIFFERENCE,
         };
         let place = at.clamp(0.0, 1.0) * (list.len() - 1) as f64;
         let k = (place as usize).min(list.len() - 2);
         let t = place - k as f64;
-        let mix = |c: usize| {
-            (f64::from(list[k][c]) * (1.0 - t) + f64::from(list[k + 1][c]) * t).round() as u8
+        let mix = |shift: u32| {
+            let [a, b] = [list[k], list[k + 1]].map(|c| f64::from((c >> shift) & 0xff));
+            (a * (1.0 - t) + b * t).round() as u8
         };
-        RGBColor(mix(0), mix(1), mix(2))
+        RGBColor(mix(16), mix(8), mix(0))
     }
 
     /// A PNG as a data URI: `values`, row by row from the top, coloured between `low` and `high`; NaN is transparent.

@@ -3,29 +3,17 @@
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
-use super::canvas::{
-    Area, Drawn, Figure, GRID, INK, MAIN, PRIOR, TRUTH, cannot, draw, span, step, text,
-};
+use super::canvas::{Area, Figure, GRID, INK, MAIN, PRIOR, TRUTH, draw, span, step, text};
+use super::data::{FigureData, JointBin, ParameterLine};
 use crate::error::Result;
-use crate::report::sheet::Sheet;
-
-/// The sheets of a corner plot.
-pub struct Corner<'a> {
-    /// Summary, prior, cut, truth a parameter.
-    pub parameters: &'a Sheet,
-    /// Marginal densities.
-    pub marginals: &'a Sheet,
-    /// Joint densities.
-    pub joint: &'a Sheet,
-}
 
 /// What is known of one parameter.
-struct Axis {
+struct CornerAxis {
     name: String,
     range: [f64; 2],
     marginal: Vec<(f64, f64)>,
     prior: Option<[f64; 2]>,
-    cut: [f64; 2],
+    cut: [Option<f64>; 2],
     truth: Option<f64>,
 }
 
@@ -37,11 +25,8 @@ const BOTTOM: u32 = 54;
 const MOST: usize = 10;
 
 /// Draw the corner plot.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
-pub fn corner(sheets: &Corner<'_>, name: &str) -> Result<Option<Figure>> {
-    let axes = axes(sheets);
+pub fn corner(data: &FigureData) -> Result<Option<Figure>> {
+    let axes = axes(data);
     let d = axes.len().min(MOST);
     if d == 0 {
         return Ok(None);
@@ -52,7 +37,7 @@ pub fn corner(sheets: &Corner<'_>, name: &str) -> Result<Option<Figure>> {
         "Corner plot of the posterior of {}: marginal densities, with the priors dashed, on the diagonal; joint densities below it",
         names.join(", ")
     );
-    draw(name, alt, size, |root, _| {
+    draw("", alt, size, |root, _| {
         for j in 0..d {
             for i in 0..=j {
                 let at = [i, j].map(|k| k as u32 * CELL);
@@ -63,44 +48,35 @@ pub fn corner(sheets: &Corner<'_>, name: &str) -> Result<Option<Figure>> {
                 let drawn = if i == j {
                     diagonal(&cell, &axes[i])
                 } else {
-                    joint(&cell, &axes[i], &axes[j], sheets.joint)
+                    joint(&cell, &axes[i], &axes[j], &data.corner)
                 };
-                drawn.map_err(|e| cannot(&e))?;
+                drawn?;
             }
-            labels(root, &axes[j], j as u32, d as u32).map_err(|e| cannot(&e))?;
+            labels(root, &axes[j], j as u32, d as u32)?;
         }
         Ok(())
     })
     .map(Some)
 }
 
-fn axes(sheets: &Corner<'_>) -> Vec<Axis> {
-    let p = sheets.parameters;
-    let columns =
-        ["prior_mean", "prior_sd", "cut_low", "cut_high", "truth"].map(|name| p.numbers(name));
-    let names = p.texts("parameter");
-    let axis = |(k, name): (usize, &&str)| {
-        let of = sheets.marginals.only("parameter", name);
-        let marginal: Vec<(f64, f64)> = of
-            .numbers("value")
-            .into_iter()
-            .zip(of.numbers("density"))
-            .collect();
-        let finite = |c: usize| Some(columns[c][k]).filter(|v| v.is_finite());
-        Axis {
-            name: (*name).to_string(),
+fn axes(data: &FigureData) -> Vec<CornerAxis> {
+    let axis = |p: &ParameterLine| {
+        let bins = data.marginals.iter().filter(|b| b.parameter == p.parameter);
+        let marginal: Vec<(f64, f64)> = bins.map(|b| (b.value, b.density)).collect();
+        CornerAxis {
+            name: p.parameter.clone(),
             range: span(marginal.iter().map(|m| m.0)),
             marginal,
-            prior: finite(0).zip(finite(1)).map(|(m, s)| [m, s]),
-            cut: [columns[2][k], columns[3][k]],
-            truth: finite(4),
+            prior: p.prior_mean.zip(p.prior_sd).map(|(m, s)| [m, s]),
+            cut: [p.cut_low, p.cut_high],
+            truth: p.truth,
         }
     };
-    names.iter().enumerate().map(axis).collect()
+    data.parameters.iter().map(axis).collect()
 }
 
 /// A marginal with its prior, cut and truth.
-fn diagonal(cell: &Area<'_>, axis: &Axis) -> Drawn<()> {
+fn diagonal(cell: &Area<'_>, axis: &CornerAxis) -> Result<()> {
     let [low, high] = axis.range;
     let top = 1.12 * axis.marginal.iter().fold(0.0_f64, |m, d| m.max(d.1));
     let mut chart = ChartBuilder::on(cell)
@@ -128,7 +104,12 @@ fn diagonal(cell: &Area<'_>, axis: &Axis) -> Drawn<()> {
             .plotting_area()
             .draw(&DashedPathElement::new(points, 5, 4, PRIOR.stroke_width(1)))?;
     }
-    for cut in axis.cut.into_iter().filter(|c| (low..=high).contains(c)) {
+    for cut in axis
+        .cut
+        .into_iter()
+        .flatten()
+        .filter(|c| (low..=high).contains(c))
+    {
         let line = vec![(cut, 0.0), (cut, top)];
         chart
             .plotting_area()
@@ -144,15 +125,11 @@ fn diagonal(cell: &Area<'_>, axis: &Axis) -> Drawn<()> {
 }
 
 /// A joint density as shaded cells with two contours' cells framed by shade, and the truth.
-fn joint(cell: &Area<'_>, x: &Axis, y: &Axis, sheet: &Sheet) -> Drawn<()> {
-    let of = sheet.only("first", &x.name).only("second", &y.name);
-    let cells: Vec<[f64; 3]> = of
-        .numbers("x")
-        .into_iter()
-        .zip(of.numbers("y"))
-        .zip(of.numbers("relative_density"))
-        .map(|((x, y), d)| [x, y, d])
-        .collect();
+fn joint(cell: &Area<'_>, x: &CornerAxis, y: &CornerAxis, bins: &[JointBin]) -> Result<()> {
+    let of = bins
+        .iter()
+        .filter(|b| b.first == x.name && b.second == y.name);
+    let cells: Vec<[f64; 3]> = of.map(|b| [b.x, b.y, b.relative_density]).collect();
     let mut chart = ChartBuilder::on(cell)
         .margin(2)
         .build_cartesian_2d(x.range[0]..x.range[1], y.range[0]..y.range[1])?;
@@ -234,16 +211,14 @@ fn shade(density: f64, levels: &[f64; 3]) -> usize {
     levels.iter().filter(|l| density >= **l).count()
 }
 
-fn frame(cell: &Area<'_>) -> Drawn<()> {
+fn frame(cell: &Area<'_>) -> Result<()> {
     let (w, h) = cell.dim_in_pixel();
-    cell.draw(&Rectangle::new(
-        [(2, 2), (w as i32 - 2, h as i32 - 2)],
-        GRID.stroke_width(1),
-    ))
+    let corners = [(2, 2), (w as i32 - 2, h as i32 - 2)];
+    Ok(cell.draw(&Rectangle::new(corners, GRID.stroke_width(1)))?)
 }
 
 /// Name and two values along the lower and the left side.
-fn labels(root: &Area<'_>, axis: &Axis, k: u32, d: u32) -> Drawn<()> {
+fn labels(root: &Area<'_>, axis: &CornerAxis, k: u32, d: u32) -> Result<()> {
     use plotters::style::text_anchor::{HPos, Pos, VPos};
     let [low, high] = axis.range;
     let decimals = (1.0 - (high - low).log10().floor()).clamp(0.0, 9.0) as usize;

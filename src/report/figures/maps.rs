@@ -2,16 +2,40 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{
-    Area, Drawn, Figure, INK, NOT_MEASURED, Stretched, cannot, draw, span, step, text,
-};
+use super::canvas::{Area, Figure, INK, NOT_MEASURED, Stretched, draw, span, step, text};
 use super::colour::Palette;
+use super::data::MapCell;
 use crate::error::Result;
 use crate::numeric::quantile;
-use crate::report::sheet::Sheet;
 
 /// What of a round is mapped.
-pub const WHAT: [&str; 3] = ["measured", "predicted", "residual"];
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mapped {
+    Measured,
+    Predicted,
+    Residual,
+}
+
+impl Mapped {
+    pub const ALL: [Self; 3] = [Self::Measured, Self::Predicted, Self::Residual];
+
+    pub fn name(self) -> &'static str {
+        ["measured", "predicted", "residual"][self as usize]
+    }
+
+    /// Its value in a cell; NaN where nothing was measured.
+    fn of(self, cell: &MapCell, component: usize) -> f64 {
+        let value = match (self, component) {
+            (Self::Measured, 1) => cell.u1_measured_um,
+            (Self::Measured, _) => cell.u2_measured_um,
+            (Self::Predicted, 1) => cell.u1_predicted_um,
+            (Self::Predicted, _) => cell.u2_predicted_um,
+            (Self::Residual, 1) => cell.u1_residual_nm,
+            (Self::Residual, _) => cell.u2_residual_nm,
+        };
+        value.unwrap_or(f64::NAN)
+    }
+}
 
 /// A field on a raster.
 struct Raster {
@@ -22,22 +46,18 @@ struct Raster {
 }
 
 impl Raster {
-    fn of(sheet: &Sheet, column: &str) -> Self {
-        let axis = |name: &str| {
-            let mut values = sheet.numbers(name);
+    fn of(cells: &[MapCell], component: usize, what: Mapped) -> Self {
+        let axis = |place: &dyn Fn(&MapCell) -> f64| {
+            let mut values: Vec<f64> = cells.iter().map(place).collect();
             values.retain(|v| v.is_finite());
             values.sort_by(f64::total_cmp);
             values.dedup();
             values
         };
-        let (x, y) = (axis("x_mm"), axis("y_mm"));
-        let mut values = sheet.numbers(column);
+        let (x, y) = (axis(&|c| c.x_mm), axis(&|c| c.y_mm));
+        let mut values: Vec<f64> = cells.iter().map(|c| what.of(c, component)).collect();
         values.resize(x.len() * y.len(), f64::NAN);
         Self { x, y, values }
-    }
-
-    fn is_empty(&self) -> bool {
-        self.x.is_empty() || self.y.is_empty()
     }
 
     /// Outer edges of the cells.
@@ -65,18 +85,12 @@ pub struct Scale {
     pub unit: &'static str,
 }
 
-/// The column of a sheet of maps.
-pub fn column(component: usize, what: &str) -> String {
-    let unit = if what == "residual" { "nm" } else { "um" };
-    format!("u{component}_{what}_{unit}")
-}
-
 /// The scale of a component's field: what the measured and predicted values of a round span.
-pub fn field_scale(sheet: &Sheet, component: usize) -> Scale {
-    let values = ["measured", "predicted"].map(|w| sheet.numbers(&column(component, w)));
+pub fn field_scale(cells: &[MapCell], component: usize) -> Scale {
+    let of = |c: &MapCell| [Mapped::Measured, Mapped::Predicted].map(|w| w.of(c, component));
     Scale {
         palette: Palette::Field,
-        range: span(values.into_iter().flatten()),
+        range: span(cells.iter().flat_map(of)),
         unit: "\u{b5}m",
     }
 }
@@ -85,13 +99,10 @@ pub fn field_scale(sheet: &Sheet, component: usize) -> Scale {
 const COVERED: f64 = 0.995;
 
 /// The scale of residuals of both components over several rounds, symmetric about zero.
-pub fn residual_scale<'a>(sheets: impl Iterator<Item = &'a Sheet>) -> Scale {
-    let mut sizes: Vec<f64> = sheets
-        .flat_map(|s| [1, 2].map(|c| s.numbers(&column(c, "residual"))))
-        .flatten()
-        .filter(|v| v.is_finite())
-        .map(f64::abs)
-        .collect();
+pub fn residual_scale(rounds: &[&[MapCell]]) -> Scale {
+    let cells = rounds.iter().copied().flatten();
+    let both = cells.flat_map(|c| [1, 2].map(|k| Mapped::Residual.of(c, k).abs()));
+    let mut sizes: Vec<f64> = both.filter(|v| v.is_finite()).collect();
     sizes.sort_by(f64::total_cmp);
     let reach = Some(quantile(&sizes, COVERED)).filter(|r| *r > 0.0);
     let reach = reach.unwrap_or(1.0);
@@ -120,69 +131,52 @@ fn panel(raster: &Raster, width: u32) -> (u32, u32) {
     )
 }
 
-/// One map on its own.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
+/// One map on its own. Scales are those of fields and of residuals.
 pub fn one(
-    sheet: &Sheet,
+    cells: &[MapCell],
     component: usize,
-    what: &str,
-    scale: Scale,
+    what: Mapped,
+    scales: [Scale; 2],
     name: &str,
-) -> Result<Option<Figure>> {
-    let raster = Raster::of(sheet, &column(component, what));
-    if raster.is_empty() {
-        return Ok(None);
-    }
+) -> Result<Figure> {
+    let raster = Raster::of(cells, component, what);
+    let scale = scales[usize::from(what == Mapped::Residual)];
     let size = panel(&raster, 270);
     let title = title(component, what, scale.unit);
     let alt = format!(
-        "Map of the {what} displacement u{component}, {}",
+        "Map of the {} displacement u{component}, {}",
+        what.name(),
         scale.unit
     );
-    let figure = draw(name, alt, size, |root, images| {
+    draw(name, alt, size, |root, images| {
         map(root, images, &raster, scale, &title)
-    })?;
-    Ok(Some(figure))
+    })
 }
 
-fn title(component: usize, what: &str, unit: &str) -> String {
+fn title(component: usize, what: Mapped, unit: &str) -> String {
     let direction = ["along the load", "across"][component.clamp(1, 2) - 1];
-    format!("u{component} {what}, {unit} ({direction})")
+    format!("u{component} {}, {unit} ({direction})", what.name())
 }
 
 /// Measured, predicted and residual of a component side by side, for a paper.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
 pub fn side_by_side(
-    sheet: &Sheet,
+    cells: &[MapCell],
     component: usize,
     scales: [Scale; 2],
     name: &str,
     alt: &str,
-) -> Result<Option<Figure>> {
-    let rasters = WHAT.map(|w| Raster::of(sheet, &column(component, w)));
-    if rasters[0].is_empty() {
-        return Ok(None);
-    }
+) -> Result<Figure> {
+    let rasters = Mapped::ALL.map(|w| Raster::of(cells, component, w));
     let (width, height) = panel(&rasters[0], 270);
-    let figure = draw(name, alt, (3 * width, height), |root, images| {
+    draw(name, alt, (3 * width, height), |root, images| {
         let areas = root.split_evenly((1, 3));
-        for ((area, raster), what) in areas.iter().zip(&rasters).zip(WHAT) {
-            let scale = scales[usize::from(what == "residual")];
-            map(
-                area,
-                images,
-                raster,
-                scale,
-                &title(component, what, scale.unit),
-            )?;
+        for ((area, raster), what) in areas.iter().zip(&rasters).zip(Mapped::ALL) {
+            let scale = scales[usize::from(what == Mapped::Residual)];
+            let title = title(component, what, scale.unit);
+            map(area, images, raster, scale, &title)?;
         }
         Ok(())
-    })?;
-    Ok(Some(figure))
+    })
 }
 
 fn map(
@@ -194,7 +188,7 @@ fn map(
 ) -> Result<()> {
     let (_, height) = area.dim_in_pixel();
     let (upper, lower) = area.split_vertically(height - BAR);
-    let over = axes(&upper, raster, title).map_err(|e| cannot(&e))?;
+    let over = axes(&upper, raster, title)?;
     images.push(Stretched {
         data: scale
             .palette
@@ -202,7 +196,7 @@ fn map(
         over,
         range: Some((scale.range, scale.unit)),
     });
-    let over = bar(&lower, scale).map_err(|e| cannot(&e))?;
+    let over = bar(&lower, scale)?;
     let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();
     images.push(Stretched {
         data: scale.palette.image(&ramp, 255, [0.0, 1.0])?,
@@ -214,7 +208,7 @@ fn map(
 
 type Pixels = (std::ops::Range<i32>, std::ops::Range<i32>);
 
-fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Drawn<Pixels> {
+fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Result<Pixels> {
     let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
     area.draw(&Text::new(title.to_string(), (LEFT as i32, 4), text(13)))?;
     let mut chart = ChartBuilder::on(area)
@@ -242,7 +236,7 @@ fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Drawn<Pixels> {
     Ok(chart.plotting_area().get_pixel_range())
 }
 
-fn bar(area: &Area<'_>, scale: Scale) -> Drawn<Pixels> {
+fn bar(area: &Area<'_>, scale: Scale) -> Result<Pixels> {
     let [low, high] = scale.range;
     let mut chart = ChartBuilder::on(area)
         .margin_top(8)

@@ -1,22 +1,27 @@
-//! Figures: each is drawn from sheets, and its sheets lie beside it as CSV.
+//! Figures: each is drawn from the report and from tables that lie beside it as CSV.
 
 mod bars;
 mod canvas;
+mod cells;
 mod chains;
 mod colour;
 mod corner;
+pub mod data;
+mod gather;
 mod maps;
 mod raster;
 
 pub use bars::SMALLEST_BAR;
 pub use canvas::Figure;
+pub use cells::FieldCells;
 pub use colour::Palette;
+pub use data::FigureData;
 pub use raster::png;
 
-use super::page::Page;
-use super::sheet::Sheet;
+use super::page::{Page, places};
 use crate::error::Result;
-use corner::Corner;
+use data::MapCell;
+use maps::Mapped;
 
 /// Figures of the whole run that a page shows, by their place in it.
 pub struct Figures {
@@ -46,9 +51,6 @@ impl Figures {
 const FAINT: f64 = 0.5;
 
 /// Draw all figures of a page.
-///
-/// # Errors
-/// The program's fault if the library cannot draw.
 pub fn all(page: &Page) -> Result<Figures> {
     let mut figures = Figures {
         panels: Vec::new(),
@@ -57,70 +59,68 @@ pub fn all(page: &Page) -> Result<Figures> {
         papers: Vec::new(),
     };
     draw_maps(page, &mut figures)?;
-    let empty = Sheet::new("", &[]);
-    let sheet = |name: String| page.sheet(&name).unwrap_or(&empty);
     let mut others = vec![
-        bars::intervals(sheet("intervals".into()), "intervals")?,
-        bars::blind_spots(sheet("blind-spots".into()), "blind-spots")?,
+        bars::intervals(&page.intervals())?,
+        bars::blind_spots(page.report.blind_spots(), &page.constants())?,
     ];
-    for k in 0..page.rounds().len() {
-        let named = |what: &str| format!("{what}-{k}");
-        let of = |what: &str| sheet(named(what));
-        let sheets = Corner {
-            parameters: of("parameters"),
-            marginals: of("marginals"),
-            joint: of("corner"),
-        };
-        others.push(corner::corner(&sheets, &named("corner"))?);
-        others.push(chains::traces(of("trace"), &named("trace"))?);
-        others.push(chains::ranks(of("rank"), &named("rank"))?);
-        others.push(chains::autocorrelation(
-            of("autocorrelation"),
-            &named("autocorrelation"),
-        )?);
-        others.push(chains::variogram(of("variogram"), &named("variogram"))?);
-        others.push(bars::breakdown(of("breakdown"), &named("breakdown"))?);
-        others.push(bars::ranking(of("candidates"), &named("candidates"))?);
+    for (k, (round, data)) in page.report.rounds.iter().zip(&page.figures).enumerate() {
+        let residual = &round.residual;
+        let candidates = round.tracing.as_ref();
+        let drawn = [
+            ("corner", corner::corner(data)?),
+            ("trace", chains::traces(&data.trace)?),
+            ("rank", chains::ranks(&data.rank)?),
+            (
+                "autocorrelation",
+                chains::autocorrelation(&data.autocorrelation)?,
+            ),
+            ("variogram", chains::variogram(&residual.variogram)?),
+            ("breakdown", bars::breakdown(&places(residual))?),
+            ("candidates", candidates.map_or(Ok(None), bars::ranking)?),
+        ];
+        others.extend(drawn.into_iter().map(|(name, figure)| {
+            let name = format!("{name}-{k}");
+            figure.map(|f| Figure { name, ..f })
+        }));
     }
     figures.others = others.into_iter().flatten().collect();
     Ok(figures)
 }
 
 fn draw_maps(page: &Page, figures: &mut Figures) -> Result<()> {
-    let sheets: Vec<&Sheet> = (0..page.rounds().len())
-        .filter_map(|k| page.sheet(&format!("maps-{k}")))
-        .collect();
-    let residual = maps::residual_scale(sheets.iter().copied());
-    for (k, sheet) in sheets.iter().enumerate() {
+    let fields = page.figures.iter().map(|f| &f.maps[..]);
+    let placed = |m: &&[MapCell]| {
+        m.iter().any(|c| c.x_mm.is_finite()) && m.iter().any(|c| c.y_mm.is_finite())
+    };
+    let fields: Vec<&[MapCell]> = fields.filter(placed).collect();
+    let residual = maps::residual_scale(&fields);
+    for (k, field) in fields.iter().enumerate() {
         let mut panels = Vec::new();
         for component in [1, 2] {
-            let field = maps::field_scale(sheet, component);
-            for what in maps::WHAT {
-                let scale = if what == "residual" { residual } else { field };
-                let name = format!("map-{k}-u{component}-{what}");
-                panels.extend(maps::one(sheet, component, what, scale, &name)?);
+            let scales = [maps::field_scale(field, component), residual];
+            for what in Mapped::ALL {
+                let name = format!("map-{k}-u{component}-{}", what.name());
+                panels.push(maps::one(field, component, what, scales, &name)?);
             }
             let name = format!("maps-{k}-u{component}");
             let alt = format!(
                 "Maps of u{component} in round {k}: measured, predicted, and residual on the scale that all rounds share"
             );
-            let both = [field, residual];
-            figures
-                .papers
-                .extend(maps::side_by_side(sheet, component, both, &name, &alt)?);
+            let paper = maps::side_by_side(field, component, scales, &name, &alt)?;
+            figures.papers.push(paper);
         }
         figures.panels.push(panels);
     }
-    let Some(last) = sheets.last().filter(|_| sheets.len() > 1) else {
+    let Some(last) = fields.last().filter(|_| fields.len() > 1) else {
         return Ok(());
     };
-    let own = maps::residual_scale(std::iter::once(*last));
+    let own = maps::residual_scale(&[last]);
     if own.range[1] < FAINT * residual.range[1] {
         for component in [1, 2] {
-            let name = format!("map-{}-u{component}-residual-closer", sheets.len() - 1);
-            figures
-                .closer
-                .extend(maps::one(last, component, "residual", own, &name)?);
+            let name = format!("map-{}-u{component}-residual-closer", fields.len() - 1);
+            let scales = [own, own];
+            let closer = maps::one(last, component, Mapped::Residual, scales, &name)?;
+            figures.closer.push(closer);
         }
     }
     Ok(())

@@ -1,82 +1,87 @@
 //! Several runs side by side.
 
 use maud::html;
-use serde_json::Value;
 
-use super::tables::{list, moments};
-use super::{document, short, table, with_sd};
-use crate::report::page::{Page, words};
+use super::tables::{Number, RESIDUAL};
+use super::{DASH, document, mean_sd, row, short, table, with_sd};
+use crate::report::page::Page;
+use crate::report::round::RoundReport;
+
+/// What of a round's chains is shown.
+const CHAINS: [Number; 2] = [
+    ("R-hat, largest", |r| r.convergence.rhat_max),
+    ("ESS bulk, smallest", |r| r.convergence.ess_bulk_min),
+];
 
 /// A page that shows the last round of each run, and its averaged posterior, side by side. Runs go by their names.
 pub fn comparison(runs: &[(String, Page)]) -> String {
-    let mut header = vec![String::new()];
-    header.extend(runs.iter().map(|(name, _)| name.clone()));
-    let mut constants: Vec<String> = Vec::new();
-    for name in runs.iter().flat_map(|(_, page)| page.constants()) {
+    let header = row("", runs.iter().map(|(name, _)| name.clone()));
+    let pages: Vec<&Page> = runs.iter().map(|(_, page)| page).collect();
+    let mut constants: Vec<&str> = Vec::new();
+    for name in pages.iter().flat_map(|page| page.constants()) {
         if !constants.contains(&name) {
             constants.push(name);
         }
     }
-    let last = |page: &Page| page.rounds().last().cloned().unwrap_or_default();
-    let of = |pick: &dyn Fn(&Page, &str) -> Value| -> Vec<Vec<String>> {
-        constants
-            .iter()
-            .map(|name| row(name, runs.iter().map(|(_, p)| interval(&pick(p, name)))))
-            .collect()
+    let intervals = |pick: &dyn Fn(&Page, &str) -> Option<[f64; 4]>| -> Vec<Vec<String>> {
+        let of = |name: &&str| row(*name, pages.iter().map(|p| interval(pick(p, name))));
+        constants.iter().map(of).collect()
     };
-    let bare = of(&|page, name| last(page)["posterior"][name].clone());
-    let averaged = of(&|page, name| page.report["averaged_posterior"][name].clone());
-    let numbers = [
-        ("residual RMS u1, nm", "/residual/rms_nm/u1"),
-        ("residual RMS u2, nm", "/residual/rms_nm/u2"),
-        ("noise u1, nm", "/residual/noise_nm/u1"),
-        ("noise u2, nm", "/residual/noise_nm/u2"),
-        ("reduced \u{3c7}\u{b2}", "/residual/chi2_reduced"),
-        ("held-out RMS, nm", "/residual/holdout_rms_nm"),
-        ("R-hat, largest", "/convergence/rhat_max"),
-        ("ESS bulk, smallest", "/convergence/ess_bulk_min"),
-    ]
-    .map(|(what, key)| {
-        let cell = |page: &Page| short(last(page).pointer(key).unwrap_or(&Value::Null));
-        row(what, runs.iter().map(|(_, p)| cell(p)))
+    let bare = intervals(&|page, name| {
+        let s = page.report.last()?.posterior.get(name)?;
+        Some([s.mean, s.sd, s.low, s.high])
     });
-    let plain = |what: &str, cell: &dyn Fn(&Page) -> String| {
-        row(what, runs.iter().map(|(_, p)| or_dash(cell(p))))
+    let averaged = intervals(&|page, name| {
+        let a = page.report.averaged(name)?;
+        Some([a.mean, a.sd, a.low, a.high])
+    });
+    let numbers = RESIDUAL.iter().chain(&CHAINS).map(|(what, of)| {
+        row(
+            *what,
+            pages.iter().map(|p| short(p.report.last().and_then(of))),
+        )
+    });
+    let said = |what: &str, cell: &dyn Fn(&Page) -> String| {
+        let cells = pages.iter().map(|p| cell(p));
+        row(
+            what,
+            cells.map(|text| if text.is_empty() { DASH.into() } else { text }),
+        )
     };
+    let of_last =
+        |p: &Page, of: &dyn Fn(&RoundReport) -> String| p.report.last().map_or(String::new(), of);
     let about = [
-        plain("model", &|p| words(&p.report["model"])),
-        plain("effects declared", &|p| {
-            list(&last(p)["effects_declared"]).join(", ")
+        said("model", &|p| p.report.model.clone()),
+        said("effects declared", &|p| {
+            of_last(p, &|r| r.effects_declared.join(", "))
         }),
-        plain("verdict", &|p| {
-            words(&p.report["verdict"]["status"]).replace('_', " ")
+        said("verdict", &|p| {
+            let closing = p.report.closing.as_ref();
+            closing.map_or(String::new(), |c| c.verdict.status.words().into())
         }),
-        plain("rounds", &|p| p.rounds().len().to_string()),
-        plain("seed", &|p| p.report["seed"].to_string()),
-        plain("version", &|p| words(&p.manifest["version"])),
-        plain("data", &data),
+        said("rounds", &|p| p.report.rounds.len().to_string()),
+        said("seed", &|p| p.report.seed.to_string()),
+        said("version", &|p| p.manifest.version.clone()),
+        said("data", &data),
     ];
-    let any_averaged = runs
-        .iter()
-        .any(|(_, p)| p.report["averaged_posterior"].is_object());
     let body = html! {
         header { h1 { "Runs side by side" } }
         main {
-            section { h2 { "Runs" } (table("What was run", &header, &about, false)) }
+            section { h2 { "Runs" } (table("What was run", &header, about, false)) }
             section {
                 h2 { "Constants" }
-                (table("Posterior of the last round: mean \u{b1} sd [95 % interval]", &header, &bare, false))
-                @if any_averaged {
-                    (table("Averaged over effects that may act unseen", &header, &averaged, false))
+                (table("Posterior of the last round: mean \u{b1} sd [95 % interval]", &header, bare, false))
+                @if pages.iter().any(|p| p.report.closing.is_some()) {
+                    (table("Averaged over effects that may act unseen", &header, averaged, false))
                 }
             }
-            section { h2 { "Residual and chains" } (table("Last round", &header, &numbers, false)) }
+            section { h2 { "Residual and chains" } (table("Last round", &header, numbers, false)) }
             section {
                 h2 { "What was said" }
                 @for (name, page) in runs {
                     h3 { (name) }
-                    @if let Some(text) = page.report["verdict"]["text"].as_str() { p { (text) } }
-                    ul.warnings { @for w in list(&last(page)["warnings"]) { li { (w) } } }
+                    @if let Some(closing) = &page.report.closing { p { (closing.verdict.text) } }
+                    ul.warnings { @for w in page.report.last().iter().flat_map(|r| &r.warnings) { li { (w) } } }
                 }
             }
         }
@@ -85,44 +90,17 @@ pub fn comparison(runs: &[(String, Page)]) -> String {
     document("plychain: runs side by side", &body)
 }
 
-fn row(name: &str, cells: impl Iterator<Item = String>) -> Vec<String> {
-    std::iter::once(name.to_string()).chain(cells).collect()
-}
-
-fn or_dash(text: String) -> String {
-    if text.is_empty() {
-        "\u{2013}".into()
-    } else {
-        text
-    }
-}
-
-fn interval(entry: &Value) -> String {
-    let Some((mean, sd)) = moments(entry) else {
-        return "\u{2013}".into();
+fn interval(entry: Option<[f64; 4]>) -> String {
+    let Some([mean, sd, low, high]) = entry else {
+        return DASH.into();
     };
-    let end = |key: &str| {
-        entry[key]
-            .as_f64()
-            .map_or("\u{2013}".into(), |v| with_sd(v, sd))
-    };
-    format!(
-        "{} \u{b1} {} [{}, {}]",
-        with_sd(mean, sd),
-        with_sd(sd, sd),
-        end("q2.5"),
-        end("q97.5")
-    )
+    let [low, high] = [low, high].map(|v| with_sd(v, sd));
+    format!("{} [{low}, {high}]", mean_sd(Some((mean, sd))))
 }
 
 /// The hashes of a run's data, short: equal ones are equal data.
 fn data(page: &Page) -> String {
-    let inputs = page.manifest["inputs_sha256"].as_object();
-    let files: Vec<String> = inputs
-        .into_iter()
-        .flatten()
-        .skip(1)
-        .map(|(_, hash)| words(hash).chars().take(8).collect())
-        .collect();
+    let files = page.manifest.inputs_sha256.values().skip(1);
+    let files: Vec<String> = files.map(|hash| hash.chars().take(8).collect()).collect();
     files.join(" ")
 }

@@ -5,11 +5,13 @@ mod effects;
 mod sections;
 mod tables;
 
+use std::iter::once;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use serde_json::Value;
 
 use super::figures::{Figure, Figures};
-use super::page::{Page, words};
+use super::page::Page;
+use crate::quantity::significant;
 pub use compare::comparison;
 
 const STYLE: &str = include_str!("style.css");
@@ -43,7 +45,7 @@ fn document(title: &str, body: &Markup) -> String {
 
 /// The report of a run.
 pub fn report(page: &Page, figures: &Figures) -> String {
-    let name = words(&page.report["model"]);
+    let name = &page.report.model;
     let sections = [
         ("before-after", "Before and after", tables::rounds(page)),
         ("maps", "Maps", sections::maps(page, figures)),
@@ -70,8 +72,8 @@ pub fn report(page: &Page, figures: &Figures) -> String {
         header {
             h1 { "Identification of " (name) }
             p.soft {
-                "plychain " (words(&page.manifest["version"])) ", seed " (page.report["seed"])
-                @if let Some(data) = data_files(page) { ", " (data) }
+                "plychain " (page.manifest.version) ", seed " (page.report.seed) ", "
+                (page.manifest.inputs_sha256.len()) " input files"
             }
             (sections::verdict(page))
             nav aria-label="Sections" { ul {
@@ -86,11 +88,6 @@ pub fn report(page: &Page, figures: &Figures) -> String {
         footer.soft { "Units stand in the names: GPa, mm, \u{b5}m, nm. Intervals hold 95 % of the posterior." }
     };
     document(&format!("{name}: plychain report"), &body)
-}
-
-fn data_files(page: &Page) -> Option<String> {
-    let n = page.manifest["inputs_sha256"].as_object()?.len();
-    Some(format!("{n} input files"))
 }
 
 /// A figure that scales with the page.
@@ -112,7 +109,13 @@ fn wide(figure: &Figure) -> Markup {
 const LONG: usize = 28;
 
 /// A table: its caption, header and rows; the first column holds the rows' names.
-fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool) -> Markup {
+fn table(
+    caption: &str,
+    header: &[impl AsRef<str>],
+    rows: impl IntoIterator<Item = Vec<String>>,
+    sortable: bool,
+) -> Markup {
+    let rows: Vec<_> = rows.into_iter().collect();
     let long = |k: usize| {
         let mut cells = rows.iter().filter_map(|row| row.get(k));
         k > 0 && cells.any(|cell| cell.chars().count() > LONG)
@@ -124,11 +127,11 @@ fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool)
                 caption { span { (caption) } }
                 thead { tr {
                     @for (h, long) in header.iter().zip(&long) {
-                        @if *long { th.long scope="col" { (h) } } @else { th scope="col" { (h) } }
+                        th.long[*long] scope="col" { (h.as_ref()) }
                     }
                 } }
                 tbody {
-                    @for row in rows {
+                    @for row in &rows {
                         tr {
                             @for (k, cell) in row.iter().enumerate() {
                                 @if k == 0 { th scope="row" { (cell) } }
@@ -143,20 +146,44 @@ fn table(caption: &str, header: &[String], rows: &[Vec<String>], sortable: bool)
     }
 }
 
-/// A number of the report as text, with three digits after the point or three significant ones.
-fn short(value: &Value) -> String {
-    match value.as_f64() {
-        None => "\u{2013}".into(),
+/// What stands where there is no number.
+const DASH: &str = "\u{2013}";
+
+/// A number with three digits after the point or three significant ones.
+fn short(value: impl Into<Option<f64>>) -> String {
+    match value.into().filter(|v| v.is_finite()) {
+        None => DASH.into(),
         Some(0.0) => "0".into(),
-        Some(v) if v.abs() >= 1e5 || v.abs() < 1e-3 => format!("{v:.2e}").replace('-', "\u{2212}"),
+        Some(v) if v.abs() >= 1e5 || v.abs() < 1e-3 => minus(&format!("{v:.2e}")),
         Some(v) => {
             let decimals = (2.0 - v.abs().log10().floor()).clamp(0.0, 6.0) as usize;
-            format!("{v:.decimals$}").replace('-', "\u{2212}")
+            minus(&format!("{v:.decimals$}"))
         }
     }
 }
 
+/// A number with so many decimals.
+fn fixed(value: Option<f64>, decimals: usize) -> String {
+    value.map_or(DASH.into(), |v| minus(&format!("{v:.decimals$}")))
+}
+
 /// A value with as many decimals as its sd asks for.
 fn with_sd(value: f64, sd: f64) -> String {
-    super::terminal::significant(value, sd).replace('-', "\u{2212}")
+    minus(&significant(value, sd))
+}
+
+/// Mean and sd.
+fn mean_sd(moments: Option<(f64, f64)>) -> String {
+    moments.map_or(DASH.into(), |(mean, sd)| {
+        format!("{} \u{b1} {}", with_sd(mean, sd), with_sd(sd, sd))
+    })
+}
+
+fn minus(text: &str) -> String {
+    text.replace('-', "\u{2212}")
+}
+
+/// A row of a name and cells.
+fn row(name: impl Into<String>, cells: impl IntoIterator<Item = String>) -> Vec<String> {
+    once(name.into()).chain(cells).collect()
 }

@@ -1,55 +1,49 @@
 //! The sections of a report.
 
 use maud::{Markup, html};
-use serde_json::Value;
 
-use super::tables::{list, moments, names};
-use super::{figure, short, table, wide, with_sd};
+use super::tables::names;
+use super::{figure, fixed, mean_sd, minus, row, short, table, wide, with_sd};
 use crate::report::figures::Figures;
-use crate::report::page::{Page, words};
-use crate::report::sheet::Sheet;
+use crate::report::page::Page;
+use crate::report::round::{PosteriorSummary, RoundReport};
+use crate::report::tracing::Interval;
+use crate::report::verdict::ConfirmReport;
+use crate::trace::Status;
 
 /// The verdict in a sentence, and what should be known before the numbers are used.
 pub fn verdict(page: &Page) -> Markup {
-    let verdict = &page.report["verdict"];
-    let last = page.rounds().last().unwrap_or(&Value::Null);
-    let text = verdict["text"].as_str().map(String::from);
-    let status = verdict["status"].as_str();
-    let warnings = list(&last["warnings"]);
-    let open = match status {
-        Some(status) => status == "unexplained",
-        None => !warnings.is_empty(),
+    let Some(last) = page.report.last() else {
+        return html! {};
     };
+    let verdict = page.report.closing.as_ref().map(|c| &c.verdict);
+    let open = match verdict {
+        Some(verdict) => verdict.status == Status::Unexplained,
+        None => !last.warnings.is_empty(),
+    };
+    let sentence = sentence(page, last);
     html! {
         p.verdict.open[open] {
-            @if let Some(status) = status { strong { (capital(&status.replace('_', " "))) ". " } }
-            (text.map_or_else(|| sentence(page), |t| t.replace("+-", "\u{b1}")))
+            @if let Some(verdict) = verdict {
+                strong { (capital(verdict.status.words())) ". " } (verdict.text.replace("+-", "\u{b1}"))
+            } @else { (sentence) }
         }
-        @if status.is_some() { p { (sentence(page)) } }
-        (confirming(verdict))
-        @if !warnings.is_empty() {
+        @if let Some(verdict) = verdict { p { (sentence) } (confirming(&verdict.confirm)) }
+        @if !last.warnings.is_empty() {
             h3 { "Before you use these numbers" }
-            ul.warnings { @for warning in &warnings { li { (options_kept(warning)) } } }
+            ul.warnings { @for warning in &last.warnings { li { (options_kept(warning)) } } }
         }
     }
 }
 
 /// The test of every member of every group that the verdict names.
-fn confirming(verdict: &Value) -> Markup {
-    let groups = verdict["confirm"].as_array().map_or(&[][..], Vec::as_slice);
+fn confirming(groups: &[ConfirmReport]) -> Markup {
     html! {
         @for group in groups {
-            @let tests = group["tests"].as_array().map_or(&[][..], Vec::as_slice);
-            @let leader = tests.first().map_or(String::new(), |t| words(&t["effect"]));
-            h3 {
-                @if tests.len() > 1 { "What would tell " (leader) " from what could stand in for it" }
-                @else { "What would confirm " (leader) }
-            }
-            @if let [test] = tests { p { (words(&test["test"])) } }
+            h3 { (group.question()) }
+            @if let [only] = &group.tests[..] { p { (only.test) } }
             @else {
-                ul.warnings { @for test in tests {
-                    li { strong { (words(&test["effect"])) } ": " (words(&test["test"])) }
-                } }
+                ul.warnings { @for t in &group.tests { li { strong { (t.effect) } ": " (t.test) } } }
             }
         }
     }
@@ -72,48 +66,37 @@ fn options_kept(text: &str) -> Markup {
 }
 
 /// The constants and the residual of the last round in a sentence.
-fn sentence(page: &Page) -> String {
-    let last = page.rounds().last().unwrap_or(&Value::Null);
-    let averaged = &page.report["averaged_posterior"];
-    let alone = constants(page, &last["posterior"]);
-    let constants = if averaged.is_object() {
-        format!(
-            "Averaged over effects that may act unseen: {}. The last round's model alone: {alone}",
-            constants(page, averaged)
-        )
+fn sentence(page: &Page, last: &RoundReport) -> String {
+    let alone = constants(page, &|name| last.moments(name));
+    let constants = match &page.report.closing {
+        Some(_) => {
+            let of = |name: &str| page.report.averaged(name).map(|a| (a.mean, a.sd));
+            let averaged = constants(page, &of);
+            format!(
+                "Averaged over effects that may act unseen: {averaged}. The last round's model alone: {alone}"
+            )
+        }
+        None => alone,
+    };
+    let r = &last.residual;
+    let not = if last.convergence.converged {
+        ""
     } else {
-        alone
+        "NOT "
     };
-    let rms = |c: &str| {
-        let ratio =
-            last["residual"]["rms_nm"][c].as_f64()? / last["residual"]["noise_nm"][c].as_f64()?;
-        Some(format!("{ratio:.2}"))
-    };
-    let ratio = rms("u1").zip(rms("u2"));
-    let residual = ratio.map_or(String::new(), |(u1, u2)| {
-        format!(
-            " The residual is {u1} times the noise in u1 and {u2} times in u2; reduced \u{3c7}\u{b2} {}.",
-            short(&last["residual"]["chi2_reduced"])
-        )
-    });
-    let converged = match last["convergence"]["converged"].as_bool() {
-        Some(true) => " The chains have converged.",
-        Some(false) => " The chains have NOT converged.",
-        None => "",
-    };
-    format!("{constants}.{residual}{converged}")
+    format!(
+        "{constants}. The residual is {:.2} times the noise in u1 and {:.2} times in u2; reduced \u{3c7}\u{b2} {}. The chains have {not}converged.",
+        r.rms_nm.u1 / r.noise_nm.u1,
+        r.rms_nm.u2 / r.noise_nm.u2,
+        short(r.chi2_reduced)
+    )
 }
 
-/// Mean and sd of each constant in a posterior of the report.
-fn constants(page: &Page, posterior: &Value) -> String {
-    let one = |name: &String| {
-        let (mean, sd) = moments(&posterior[name])?;
+/// Mean and sd of each constant.
+fn constants(page: &Page, moments: &dyn Fn(&str) -> Option<(f64, f64)>) -> String {
+    let one = |name: &&str| {
         let (symbol, unit) = name.split_once('_').unwrap_or((name, ""));
-        let text = format!(
-            "{symbol} = {} \u{b1} {} {unit}",
-            with_sd(mean, sd),
-            with_sd(sd, sd)
-        );
+        let text = format!("{symbol} = {} {unit}", mean_sd(Some(moments(name)?)));
         Some(text.trim_end().replace(' ', "\u{a0}"))
     };
     let said: Vec<String> = page.constants().iter().filter_map(one).collect();
@@ -137,67 +120,48 @@ pub fn maps(page: &Page, figures: &Figures) -> Markup {
                 "Cells are means of the points in them; grey where nothing was measured. Measured and predicted share a scale; residuals share one over components and rounds, white at zero, which covers 99.5 % of them. Point at a map for the value of a cell."
             }
         }
-        (variograms(page, figures))
-        (breakdowns(page, figures))
+        (by_round(page, figures, "Variogram of the residual", "variogram"))
+        (by_round(page, figures, "Residual by rings and quadrants", "breakdown"))
     }
 }
 
-/// Where the residual lies: rings about the hole, and quadrants.
-fn breakdowns(page: &Page, figures: &Figures) -> Markup {
+/// A figure of every round.
+fn by_round(page: &Page, figures: &Figures, title: &str, figure: &str) -> Markup {
     html! {
-        @for (k, name) in (0..).zip(names(page)) {
-            @if let Some(figure) = figures.get(&format!("breakdown-{k}")) {
-                h3 { "Residual by rings and quadrants: " (name) }
+        @for (k, name) in names(page).iter().enumerate() {
+            @if let Some(figure) = figures.get(&format!("{figure}-{k}")) {
+                h3 { (title) ": " (name) }
                 (wide(figure))
             }
         }
     }
 }
 
-fn variograms(page: &Page, figures: &Figures) -> Markup {
-    html! {
-        @for (k, name) in (0..).zip(names(page)) {
-            @if let Some(figure) = figures.get(&format!("variogram-{k}")) {
-                h3 { "Variogram of the residual: " (name) }
-                (wide(figure))
-            }
-        }
-    }
+/// A row of the posterior's table.
+fn summary(name: &str, [mean, sd, low, median, high]: [f64; 5]) -> Vec<String> {
+    row(name, [mean, sd, low, median, high].map(|v| with_sd(v, sd)))
 }
 
 /// Constants: prior, rounds, averaged; summary; correlation; corner plots.
 pub fn posterior(page: &Page, figures: &Figures) -> Markup {
-    let last = page.rounds().len().saturating_sub(1);
-    let header: Vec<String> = ["", "mean", "sd", "2.5 %", "median", "97.5 %"]
-        .map(String::from)
-        .into();
-    let of = |entries: &Value| -> Vec<Vec<String>> {
-        let entries = entries.as_object().into_iter().flatten();
-        entries
-            .map(|(name, e)| {
-                let sd = e["sd"].as_f64().unwrap_or(f64::NAN);
-                let cell = |key: &str| {
-                    e[key]
-                        .as_f64()
-                        .map_or("\u{2013}".into(), |v| with_sd(v, sd))
-                };
-                std::iter::once(name.clone())
-                    .chain(["mean", "sd", "q2.5", "median", "q97.5"].map(cell))
-                    .collect()
-            })
-            .collect()
+    let rounds = &page.report.rounds;
+    let last = rounds.len().saturating_sub(1);
+    let header = ["", "mean", "sd", "2.5 %", "median", "97.5 %"];
+    let drawn = |(name, s): (&String, &PosteriorSummary)| {
+        summary(name, [s.mean, s.sd, s.low, s.median, s.high])
     };
-    let averaged = of(&page.report["averaged_posterior"]);
+    let mixed =
+        |(name, a): (&String, &Interval)| summary(name, [a.mean, a.sd, a.low, a.median, a.high]);
     html! {
         @if let Some(figure) = figures.get("intervals") { (wide(figure)) }
-        @for (round, name) in page.rounds().iter().zip(names(page)) {
-            (table(&format!("Posterior: {name}"), &header, &of(&round["posterior"]), false))
+        @for (round, name) in rounds.iter().zip(names(page)) {
+            (table(&format!("Posterior: {name}"), &header, round.posterior.iter().map(drawn), false))
         }
-        @if !averaged.is_empty() {
-            (table("Averaged over effects that may act unseen", &header, &averaged, false))
-            @if let Some(note) = page.report["averaged_note"].as_str() { p { (note) } }
+        @if let Some(closing) = &page.report.closing {
+            (table("Averaged over effects that may act unseen", &header, closing.averaged_posterior.iter().map(mixed), false))
+            @if let Some(note) = &closing.averaged_note { p { (note) } }
         }
-        @if let Some(round) = page.rounds().last() { (correlation(round)) }
+        @if let Some(round) = rounds.last() { (correlation(round)) }
         @for k in [0, last].into_iter().take(1 + usize::from(last > 0)) {
             @if let Some(figure) = figures.get(&format!("corner-{k}")) {
                 h3 { "Joint posterior: " (names(page)[k]) }
@@ -208,54 +172,30 @@ pub fn posterior(page: &Page, figures: &Figures) -> Markup {
     }
 }
 
-fn correlation(round: &Value) -> Markup {
-    let names = list(&round["correlation"]["names"]);
-    let rows: Vec<Vec<String>> = names
-        .iter()
-        .zip(
-            round["correlation"]["matrix"]
-                .as_array()
-                .into_iter()
-                .flatten(),
-        )
-        .map(|(name, row)| {
-            let cells = row.as_array().into_iter().flatten();
-            let cell = |v: &Value| {
-                v.as_f64().map_or("\u{2013}".into(), |v| {
-                    format!("{v:.3}").replace('-', "\u{2212}")
-                })
-            };
-            std::iter::once(name.clone())
-                .chain(cells.map(cell))
-                .collect()
-        })
+fn correlation(round: &RoundReport) -> Markup {
+    let names = &round.correlation.names;
+    let rows = names.iter().zip(&round.correlation.matrix);
+    let rows: Vec<_> = rows
+        .map(|(name, r)| row(name, r.iter().map(|v| fixed(*v, 3))))
         .collect();
-    let header: Vec<String> = std::iter::once(String::new())
-        .chain(names.iter().cloned())
-        .collect();
-    html! { @if !rows.is_empty() { (table("Correlation of the draws", &header, &rows, false)) } }
+    let header = row("", names.iter().cloned());
+    html! { @if !rows.is_empty() { (table("Correlation of the draws", &header, rows, false)) } }
 }
 
 /// Whether the draws can be used.
 pub fn convergence(page: &Page, figures: &Figures) -> Markup {
-    let last = page.rounds().len().saturating_sub(1);
-    let header: Vec<String> = ["", "R-hat", "ESS bulk", "ESS tail", "MCSE of the mean"]
-        .map(String::from)
-        .into();
+    let last = page.report.rounds.len().saturating_sub(1);
+    let header = ["", "R-hat", "ESS bulk", "ESS tail", "MCSE of the mean"];
+    let line = |(name, s): (&String, &PosteriorSummary)| {
+        let ess = [s.ess_bulk, s.ess_tail].map(|v| fixed(v, 0));
+        let [bulk, tail] = ess;
+        row(name, [fixed(s.rhat, 4), bulk, tail, short(s.mcse_mean)])
+    };
     html! {
-        @for (round, name) in page.rounds().iter().zip(names(page)) {
-            @let rows: Vec<Vec<String>> = round["posterior"].as_object().into_iter().flatten().map(|(name, e)| vec![
-                name.clone(),
-                e["rhat"].as_f64().map_or("\u{2013}".into(), |v| format!("{v:.4}")),
-                e["ess_bulk"].as_f64().map_or("\u{2013}".into(), |v| format!("{v:.0}")),
-                e["ess_tail"].as_f64().map_or("\u{2013}".into(), |v| format!("{v:.0}")),
-                short(&e["mcse_mean"]),
-            ]).collect();
-            (table(&format!("Chains of {name}"), &header, &rows, true))
-            p.soft {
-                (words(&round["convergence"]["text"])) ". Not stored: "
-                (words(&round["convergence"]["burn_in"])) ". Ended because " (words(&round["convergence"]["stopped"])) "."
-            }
+        @for (round, name) in page.report.rounds.iter().zip(names(page)) {
+            (table(&format!("Chains of {name}"), &header, round.posterior.iter().map(line), true))
+            @let c = &round.convergence;
+            p.soft { (c.text) ". Not stored: " (c.burn_in) ". Ended because " (c.stopped) "." }
         }
         @for what in ["trace", "rank", "autocorrelation"] {
             @if let Some(figure) = figures.get(&format!("{what}-{last}")) { (wide(figure)) }
@@ -265,56 +205,57 @@ pub fn convergence(page: &Page, figures: &Figures) -> Markup {
 
 /// The reduced model's errors.
 pub fn surrogate(page: &Page) -> Markup {
-    let count = page.rounds().len().saturating_sub(1);
-    let Some(last) = page.rounds().last() else {
+    let (Some(last), Some(data)) = (page.report.last(), page.figures.last()) else {
         return html! {};
     };
-    let s = &last["surrogate"];
-    let outside = s["draws_outside_doe"].as_f64().unwrap_or_default();
-    let error = s["max_error_in_posterior_sd"].as_f64().unwrap_or_default();
+    let s = &last.surrogate;
+    let truncation = data.truncation.iter().map(|t| {
+        let numbers = [t.eps, t.cv_rms_mm, t.cv_rms_percent].map(scientific);
+        row(
+            t.modes.to_string(),
+            [t.component.clone()].into_iter().chain(numbers),
+        )
+    });
+    let surfaces = data.surfaces.iter().map(|s| {
+        let numbers = [s.mean_mm, s.sd_mm, s.r2, s.rms_mm, s.press_mm];
+        row(&s.coefficient, numbers.map(scientific))
+    });
+    let [truncation, surfaces]: [Vec<_>; 2] = [truncation.collect(), surfaces.collect()];
     html! {
         p {
-            "Against the finite elements at " (s["truth_draws"]) " draws of the last posterior the reduced model moves no constant by more than "
-            (short(&Value::from(100.0 * error))) " % of its posterior sd; "
-            (short(&s["field_error_nm"]["max"])) " nm is the largest error of the field. "
-            (short(&Value::from(100.0 * outside))) " % of the draws lie outside its box."
+            "Against the finite elements at " (s.truth_draws) " draws of the last posterior the reduced model moves no constant by more than "
+            (short(100.0 * s.max_error_in_posterior_sd)) " % of its posterior sd; "
+            (short(s.field_error_nm.max)) " nm is the largest error of the field. "
+            (short(100.0 * s.draws_outside_doe)) " % of the draws lie outside its box."
         }
-        @if let Some(sheet) = page.sheet(&format!("truncation-{count}")) {
-            (of_sheet("Truncation error (Table 3 of the article) and leave-one-out error (Table 8) by number of modes", sheet))
+        @if !truncation.is_empty() {
+            (table("Truncation error (Table 3 of the article) and leave-one-out error (Table 8) by number of modes", &["modes", "component", "eps", "cv_rms_mm", "cv_rms_percent"], truncation, true))
         }
-        @if let Some(sheet) = page.sheet(&format!("surfaces-{count}")) {
-            (of_sheet("Response surfaces of the POD coefficients (Tables 9 and 10)", sheet))
+        @if !surfaces.is_empty() {
+            (table("Response surfaces of the POD coefficients (Tables 9 and 10)", &["coefficient", "mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"], surfaces, true))
         }
     }
 }
 
-fn of_sheet(caption: &str, sheet: &Sheet) -> Markup {
-    let cell = |text: &String| match text.parse::<f64>() {
-        Ok(v) if text.contains(['.', 'e']) && (v - 1.0).abs() < 0.1 => format!("{v:.6}"),
-        Ok(v) if text.contains(['.', 'e']) => format!("{v:.3e}").replace('-', "\u{2212}"),
-        _ if text.is_empty() => "\u{2013}".into(),
-        _ => text.clone(),
-    };
-    let rows: Vec<Vec<String>> = sheet
-        .rows
-        .iter()
-        .map(|row| row.iter().map(cell).collect())
-        .collect();
-    table(caption, &sheet.header, &rows, true)
+/// Four significant digits; about 1, as coefficients of determination are, six decimals.
+fn scientific(value: Option<f64>) -> String {
+    match value {
+        Some(v) if (v - 1.0).abs() >= 0.1 => minus(&format!("{v:.3e}")),
+        other => fixed(other, 6),
+    }
 }
 
 /// How the run can be made again.
 pub fn provenance(page: &Page) -> Markup {
-    let command: Vec<String> = list(&page.manifest["command"]);
-    let inputs = page.manifest["inputs_sha256"].as_object();
+    let manifest = &page.manifest;
     html! {
         dl {
-            dt { "command" } dd { code { "plychain " (command.join(" ")) } }
-            dt { "version" } dd { (words(&page.manifest["version"])) }
-            dt { "seed" } dd { (page.report["seed"]) }
-            dt { "seconds" } dd { (short(&page.manifest["seconds"])) }
-            @for (path, hash) in inputs.into_iter().flatten() {
-                dt { "SHA-256" } dd { code { (path) } br; code { (words(hash)) } }
+            dt { "command" } dd { code { "plychain " (manifest.command.join(" ")) } }
+            dt { "version" } dd { (manifest.version) }
+            dt { "seed" } dd { (page.report.seed) }
+            dt { "seconds" } dd { (short(manifest.seconds)) }
+            @for (path, hash) in &manifest.inputs_sha256 {
+                dt { "SHA-256" } dd { code { (path) } br; code { (hash) } }
             }
         }
         p.soft { "Draws: chain.zarr and chain.csv. Numbers: report.json. Figures with their numbers as CSV: figures/." }

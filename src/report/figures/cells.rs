@@ -2,7 +2,7 @@
 
 /// A regular grid of cells in the data's frame, and the cell of each point.
 #[derive(Debug, Clone)]
-pub struct Cells {
+pub struct FieldCells {
     /// Centres of the columns, mm, ascending.
     pub x: Vec<f64>,
     /// Centres of the rows, mm, ascending.
@@ -20,7 +20,7 @@ const MOST: usize = 33_000;
 /// Points that lie scattered need larger cells than their spacing, or many cells stay empty.
 const SCATTERED: f64 = 1.6;
 
-impl Cells {
+impl FieldCells {
     /// Cells for points (x, y). Points on a lattice go to cells of whole lattice steps.
     pub fn new(points: &[[f64; 2]]) -> Self {
         let sides = [0, 1].map(|k| lattice(points, k));

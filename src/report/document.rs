@@ -1,0 +1,87 @@
+//! `report.json`: one [`Report`], whose types in this and the following files are the published schema.
+
+use std::path::Path;
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::json::{Keyed, part, read};
+use super::round::RoundReport;
+use super::tracing::{BlindSpotReport, Interval};
+use super::verdict::{BeforeAfter, VerdictReport};
+use crate::error::{Error, Result};
+use crate::files;
+
+/// The schema of `report.json`. Keys are only ever added to it.
+pub const SCHEMA: &str = "plychain-report/1";
+
+/// What a run found. Numbers that can be infinite or NaN are options: JSON has `null` for them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    pub schema: String,
+    pub model: String,
+    pub seed: u64,
+    /// One identification of `identify`; those of a loop in order, the first of the model as it was given.
+    pub rounds: Vec<RoundReport>,
+    /// What a loop adds.
+    #[serde(flatten, deserialize_with = "closing")]
+    pub closing: Option<Closing>,
+}
+
+/// What a loop adds to its rounds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Closing {
+    /// The constants averaged over what may act unseen.
+    pub averaged_posterior: Keyed<Interval>,
+    /// Why that is wider, or narrower, than the posterior of the model alone.
+    #[serde(default)]
+    pub averaged_note: Option<String>,
+    /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
+    #[serde(default)]
+    pub with_discrepancy: Option<RoundReport>,
+    /// What could hide in the last residual.
+    pub blind_spots: Vec<BlindSpotReport>,
+    /// First and last round beside each other.
+    pub before_after: BeforeAfter,
+    pub verdict: VerdictReport,
+}
+
+impl Report {
+    /// The report in the folder of a finished run.
+    ///
+    /// # Errors
+    /// The input's fault, with the file and the key, if it is missing, of another schema, or cannot be read.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let (file, text) = read(folder, "report.json")?;
+        let Versioned { schema } = files::parse_json(&text, &file)?;
+        if schema != SCHEMA {
+            return Err(Error::input(file, format!("\"schema\": \"{SCHEMA}\""))
+                .found(schema)
+                .hint("this run is of another version: identify anew"));
+        }
+        files::parse_json(&text, &file)
+    }
+
+    /// What could hide in the last residual of a loop.
+    pub fn blind_spots(&self) -> &[BlindSpotReport] {
+        self.closing.as_ref().map_or(&[], |c| &c.blind_spots)
+    }
+
+    /// An averaged constant of a loop.
+    pub fn averaged(&self, name: &str) -> Option<&Interval> {
+        self.closing.as_ref()?.averaged_posterior.get(name)
+    }
+
+    /// The last round.
+    pub fn last(&self) -> Option<&RoundReport> {
+        self.rounds.last()
+    }
+}
+
+#[derive(Deserialize)]
+struct Versioned {
+    schema: String,
+}
+
+fn closing<'de, D: Deserializer<'de>>(rest: D) -> std::result::Result<Option<Closing>, D::Error> {
+    part(rest, "verdict")
+}

@@ -1,0 +1,283 @@
+//! [`FigureData`] gathered from a finished identification.
+
+use super::cells::FieldCells;
+use super::data::{
+    FigureData, JointBin, LagPoint, MapCell, MarginalBin, ParameterLine, RankBin, SurfaceLine,
+    TracePoint, TruncationLine,
+};
+use crate::chain::Draws;
+use crate::diagnose::autocorrelation;
+use crate::identify::Identification;
+use crate::numeric::quantile;
+use crate::quantity::{NM_PER_MM, UM_PER_MM};
+use crate::report::manifest::KnownTruth;
+use crate::report::tables::{COMPONENTS, coefficients};
+
+impl FigureData {
+    /// The tables of a round. `truth` is known of simulated data.
+    pub fn gather(round: &Identification, truth: Option<&KnownTruth>) -> Self {
+        let draws = &round.draws;
+        let ranges: Vec<[f64; 2]> = (0..draws.dim()).map(|p| reach(draws, p)).collect();
+        Self {
+            maps: maps(round),
+            parameters: parameters(round, truth),
+            marginals: marginals(draws, &ranges),
+            corner: densities(draws, &ranges),
+            trace: traces(draws),
+            rank: ranks(draws),
+            autocorrelation: autocorrelations(draws),
+            truncation: truncation(round),
+            surfaces: surfaces(round),
+        }
+    }
+}
+
+/// As many decimals as a figure shows; `None` if it is not finite.
+fn rounded(value: f64, decimals: usize) -> Option<f64> {
+    format!("{value:.decimals$}")
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite())
+}
+
+/// So many significant digits.
+fn significant(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
+}
+
+/// Cell means of both components in the data's frame.
+fn maps(round: &Identification) -> Vec<MapCell> {
+    let field = &round.inverse.prepared.observation.field;
+    let residual = &round.residual.field;
+    let points = field.points.iter().map(|&p| field.frame.data_point(p));
+    let cells = FieldCells::new(&points.collect::<Vec<_>>());
+    let means = [0, 1].map(|c| {
+        let of = |i: usize| (field.displacement[i][c], residual[i][c]);
+        [
+            cells.mean(|i| UM_PER_MM * of(i).0),
+            cells.mean(|i| UM_PER_MM * (of(i).0 - of(i).1)),
+            cells.mean(|i| NM_PER_MM * of(i).1),
+        ]
+    });
+    let place = |v: f64| rounded(v, 5).unwrap_or(v);
+    let cell = |k: usize| {
+        let [u1, u2] = [0, 1].map(|c| [0, 1, 2].map(|w| rounded(means[c][w][k], [5, 5, 2][w])));
+        MapCell {
+            x_mm: place(cells.x[k % cells.x.len()]),
+            y_mm: place(cells.y[k / cells.x.len()]),
+            u1_measured_um: u1[0],
+            u1_predicted_um: u1[1],
+            u1_residual_nm: u1[2],
+            u2_measured_um: u2[0],
+            u2_predicted_um: u2[1],
+            u2_residual_nm: u2[2],
+        }
+    };
+    (0..cells.len()).map(cell).collect()
+}
+
+fn parameters(round: &Identification, truth: Option<&KnownTruth>) -> Vec<ParameterLine> {
+    let line = |(i, row): (usize, &crate::diagnose::Row)| {
+        let prior = round.inverse.posterior.marginals().get(i);
+        let cut = prior.and_then(|p| p.truncate);
+        ParameterLine {
+            parameter: row.name.clone(),
+            mean: row.mean,
+            sd: row.sd,
+            low: row.low,
+            median: row.median,
+            high: row.high,
+            prior_mean: prior.map(|p| p.mean),
+            prior_sd: prior.map(|p| p.sd),
+            cut_low: cut.map(|c| c[0]),
+            cut_high: cut.map(|c| c[1]),
+            truth: truth.and_then(|t| t.of(&row.name)),
+        }
+    };
+    round.verdict.rows.iter().enumerate().map(line).collect()
+}
+
+/// Bins of a marginal.
+const BINS: usize = 60;
+
+/// Bins of a joint density along each side.
+const JOINT_BINS: usize = 32;
+
+/// The middle 99.8 % of a parameter, a little widened.
+fn reach(draws: &Draws, k: usize) -> [f64; 2] {
+    let mut values: Vec<f64> = draws.points().map(|x| x[k]).collect();
+    values.sort_by(f64::total_cmp);
+    if values.is_empty() {
+        return [0.0, 1.0];
+    }
+    let (low, high) = (quantile(&values, 0.001), quantile(&values, 0.999));
+    let room = 0.05 * (high - low).max(1e-12 * high.abs().max(1e-300));
+    [low - room, high + room]
+}
+
+/// The bin of a value, if it is in the range.
+fn bin(value: f64, [low, high]: [f64; 2], bins: usize) -> Option<usize> {
+    let at = (value - low) / (high - low);
+    (0.0..1.0)
+        .contains(&at)
+        .then(|| ((at * bins as f64) as usize).min(bins - 1))
+}
+
+fn centre([low, high]: [f64; 2], bins: usize, k: usize) -> f64 {
+    significant(low + (high - low) * (k as f64 + 0.5) / bins as f64, 8)
+}
+
+fn marginals(draws: &Draws, ranges: &[[f64; 2]]) -> Vec<MarginalBin> {
+    let mut rows = Vec::new();
+    for (p, (name, &range)) in draws.names().iter().zip(ranges).enumerate() {
+        let mut counts = [0.0; BINS];
+        for x in draws.points() {
+            if let Some(b) = bin(x[p], range, BINS) {
+                counts[b] += 1.0;
+            }
+        }
+        let whole = draws.len() as f64 * (range[1] - range[0]) / BINS as f64;
+        rows.extend(counts.iter().enumerate().map(|(b, count)| MarginalBin {
+            parameter: name.clone(),
+            value: centre(range, BINS, b),
+            density: significant(count / whole, 5),
+        }));
+    }
+    rows
+}
+
+/// Relative densities below a thousandth are left out.
+const NEXT_TO_NONE: f64 = 1e-3;
+
+fn densities(draws: &Draws, ranges: &[[f64; 2]]) -> Vec<JointBin> {
+    let mut rows = Vec::new();
+    for j in 1..draws.dim() {
+        for i in 0..j {
+            let mut counts = vec![0.0_f64; JOINT_BINS * JOINT_BINS];
+            for x in draws.points() {
+                let cell = bin(x[i], ranges[i], JOINT_BINS).zip(bin(x[j], ranges[j], JOINT_BINS));
+                if let Some((a, b)) = cell {
+                    counts[b * JOINT_BINS + a] += 1.0;
+                }
+            }
+            let largest = counts.iter().fold(1.0_f64, |m, c| m.max(*c));
+            let relative = counts.iter().map(|c| c / largest).enumerate();
+            rows.extend(
+                relative
+                    .filter(|(_, d)| *d >= NEXT_TO_NONE)
+                    .map(|(cell, d)| JointBin {
+                        first: draws.names()[i].clone(),
+                        second: draws.names()[j].clone(),
+                        x: centre(ranges[i], JOINT_BINS, cell % JOINT_BINS),
+                        y: centre(ranges[j], JOINT_BINS, cell / JOINT_BINS),
+                        relative_density: rounded(d, 4).unwrap_or(d),
+                    }),
+            );
+        }
+    }
+    rows
+}
+
+/// Draws of a trace, at most.
+const TRACE: usize = 240;
+
+fn traces(draws: &Draws) -> Vec<TracePoint> {
+    let mut rows = Vec::new();
+    let stride = draws.draws().div_ceil(TRACE).max(1);
+    for (p, name) in draws.names().iter().enumerate() {
+        let series = draws.series(p);
+        for (e, chains) in series.groups().iter().enumerate() {
+            let chain = series.chain(chains[0]);
+            rows.extend((0..draws.draws()).step_by(stride).map(|draw| TracePoint {
+                parameter: name.clone(),
+                ensemble: e + 1,
+                draw,
+                value: significant(chain[draw], 7),
+            }));
+        }
+    }
+    rows
+}
+
+/// Bins of a rank plot.
+const RANKS: usize = 20;
+
+fn ranks(draws: &Draws) -> Vec<RankBin> {
+    let mut rows = Vec::new();
+    for (p, name) in draws.names().iter().enumerate() {
+        let series = draws.series(p);
+        let mut order: Vec<usize> = (0..series.values.len()).collect();
+        order.sort_by(|&a, &b| series.values[a].total_cmp(&series.values[b]));
+        let groups = series.groups();
+        let mut group_of = vec![0; series.chains()];
+        for (e, chains) in groups.iter().enumerate() {
+            chains.iter().for_each(|&c| group_of[c] = e);
+        }
+        let mut counts = vec![[0.0; RANKS]; groups.len()];
+        for (rank, &i) in order.iter().enumerate() {
+            counts[group_of[i / series.draws.max(1)]][rank * RANKS / order.len()] += 1.0;
+        }
+        for (e, (counts, chains)) in counts.iter().zip(&groups).enumerate() {
+            let expected = (chains.len() * series.draws) as f64 / RANKS as f64;
+            rows.extend(counts.iter().enumerate().map(|(b, count)| RankBin {
+                parameter: name.clone(),
+                ensemble: e + 1,
+                bin: b + 1,
+                relative_count: rounded(count / expected, 4).unwrap_or_default(),
+            }));
+        }
+    }
+    rows
+}
+
+/// Lags of an autocorrelation, at most.
+const LAGS: usize = 100;
+
+fn autocorrelations(draws: &Draws) -> Vec<LagPoint> {
+    let of = |(p, name): (usize, &String)| {
+        let rho = autocorrelation(&draws.series(p), LAGS);
+        let line = |(lag, rho): (usize, &f64)| LagPoint {
+            parameter: name.clone(),
+            lag,
+            autocorrelation: rounded(*rho, 5),
+        };
+        rho.iter().enumerate().map(line).collect::<Vec<_>>()
+    };
+    draws.names().iter().enumerate().flat_map(of).collect()
+}
+
+fn truncation(round: &Identification) -> Vec<TruncationLine> {
+    let reduced = &round.inverse.prepared.reduced;
+    let mut rows = Vec::new();
+    for (c, component) in COMPONENTS.into_iter().enumerate() {
+        let cross = &reduced.cross_validation[c];
+        let finite = |v: Option<&f64>| v.copied().filter(|v| v.is_finite());
+        rows.extend(
+            reduced.truncation[c]
+                .iter()
+                .enumerate()
+                .map(|(n, eps)| TruncationLine {
+                    modes: n + 1,
+                    component: component.into(),
+                    eps: finite(Some(eps)),
+                    cv_rms_mm: finite(cross.mm.get(n)),
+                    cv_rms_percent: finite(cross.percent.get(n)),
+                }),
+        );
+    }
+    rows
+}
+
+fn surfaces(round: &Identification) -> Vec<SurfaceLine> {
+    let finite = |v: f64| Some(v).filter(|v| v.is_finite());
+    coefficients(&round.inverse.prepared.reduced.surface)
+        .map(|(coefficient, q)| SurfaceLine {
+            coefficient,
+            mean_mm: finite(q.mean),
+            sd_mm: finite(q.sd),
+            r2: finite(q.r2),
+            rms_mm: finite(q.rms),
+            press_mm: finite(q.press),
+        })
+        .collect()
+}

@@ -1,0 +1,68 @@
+//! `run.json`, what a run was, and `truth.json`, what simulated data were made of.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::json::{Keyed, read};
+use crate::error::Result;
+use crate::files;
+
+/// `run.json` of a finished run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    pub program: String,
+    pub version: String,
+    pub command: Vec<String>,
+    pub seed: u64,
+    /// SHA-256 of every input file by path, the model's first.
+    pub inputs_sha256: Keyed<String>,
+    /// Seconds that the run took.
+    pub seconds: f64,
+}
+
+impl Manifest {
+    /// The manifest in the folder of a finished run.
+    ///
+    /// # Errors
+    /// The input's fault, with the file and the key, if the run is not finished or the file cannot be read.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let (file, text) = read(folder, "run.json")?;
+        files::parse_json(&text, &file).map_err(|e| {
+            e.hint(
+                "an interrupted run is gone on with by the same command with --out FOLDER --resume",
+            )
+        })
+    }
+}
+
+/// `truth.json` beside simulated data, which other programs may have written: what it does not say is not known.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct KnownTruth(Value);
+
+impl KnownTruth {
+    /// What `truth.json` in a folder says; `None` if there is none.
+    ///
+    /// # Errors
+    /// The input's fault, with the file, if it is no JSON.
+    pub fn load(folder: &Path) -> Result<Option<Self>> {
+        if !folder.join("truth.json").is_file() {
+            return Ok(None);
+        }
+        let (file, text) = read(folder, "truth.json")?;
+        files::parse_json(&text, &file).map(Some)
+    }
+
+    /// The true value of a constant or of an effect's amplitude (`effect.parameter`; 0 if the effect did not act).
+    pub fn of(&self, name: &str) -> Option<f64> {
+        let Some((effect, parameter)) = name.split_once('.') else {
+            return self.0.get("constants")?.get(name)?.as_f64();
+        };
+        match self.0.get("effects")?.as_object()?.get(effect) {
+            None => Some(0.0),
+            Some(amplitudes) => amplitudes.get(parameter)?.as_f64(),
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! The residual and the noise in `report.json`: lengths in mm, displacements in nm, of u1 along the load and u2 across.
+
+use serde::{Deserialize, Serialize};
+
+use crate::field::Rejected;
+
+/// A quantity of each displacement component.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ByComponent<T> {
+    pub u1: T,
+    pub u2: T,
+}
+
+impl<T> From<[T; 2]> for ByComponent<T> {
+    fn from([u1, u2]: [T; 2]) -> Self {
+        Self { u1, u2 }
+    }
+}
+
+/// What the posterior mean leaves unexplained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResidualReport {
+    pub rms_nm: RmsReport,
+    /// Standard deviation of the noise at a point.
+    pub noise_nm: ByComponent<f64>,
+    pub chi2_reduced: f64,
+    /// Share of the mean square that is not noise.
+    pub structured_fraction: f64,
+    /// Probability of so much spatial autocorrelation by noise alone.
+    pub p_spatial: f64,
+    /// Moran's I of adjacent blocks.
+    pub morans_i: ByComponent<Option<f64>>,
+    #[serde(default)]
+    pub variogram: Vec<VariogramLag>,
+    /// Rings about the hole, from the inside.
+    #[serde(default)]
+    pub rings: Vec<RingRms>,
+    /// Quadrants about the hole: (+1, +2), (-1, +2), (-1, -2), (+1, -2).
+    #[serde(default)]
+    pub quadrants_nm: Vec<ByComponent<f64>>,
+    #[serde(default)]
+    pub patterns: PatternsReport,
+    pub n: usize,
+    /// Number of independent values of both components that they count as.
+    pub n_eff: f64,
+    /// RMS error of held-out block averages, where the residual was traced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holdout_rms_nm: Option<f64>,
+}
+
+/// Root mean squares, nm.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RmsReport {
+    pub u1: f64,
+    pub u2: f64,
+    pub all: f64,
+}
+
+/// One distance of a variogram.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct VariogramLag {
+    pub distance_mm: f64,
+    pub u1_nm2: f64,
+    pub u2_nm2: f64,
+}
+
+/// RMS of the block averages in one ring.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RingRms {
+    pub to_radius_mm: f64,
+    pub u1_nm: f64,
+    pub u2_nm: f64,
+}
+
+/// What stationary noise does not do.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct PatternsReport {
+    #[serde(rename = "breakout")]
+    pub exceedance: Option<ExceedanceReport>,
+    pub wave: Option<WaveReport>,
+}
+
+/// Block averages that exceed what the noise allows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExceedanceReport {
+    /// `u1` or `u2`.
+    pub component: String,
+    /// How many there are.
+    pub blocks: usize,
+    pub of: usize,
+    /// How many the noise alone would have.
+    pub expected: f64,
+    /// Probability of as many by noise alone.
+    pub p: f64,
+    /// Where the largest is, in the data's coordinates.
+    pub place_in_data_mm: [f64; 2],
+    /// How many sds the largest is away.
+    pub sds: f64,
+}
+
+/// A wave in part of the field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WaveReport {
+    /// `u1` or `u2`.
+    pub component: String,
+    pub length_mm: f64,
+    /// Shortest and longest that the data cannot tell from it.
+    pub length_range_mm: [f64; 2],
+    /// Unit vector in the data's coordinates.
+    pub direction_in_data: [f64; 2],
+    pub amplitude_nm: f64,
+    /// Where it is clearest, in the data's coordinates.
+    pub place_in_data_mm: [f64; 2],
+    /// Share of the field in which it stands out.
+    pub share: f64,
+    /// Probability of one as large in noise without a preferred direction.
+    pub p: f64,
+}
+
+/// The measurement's noise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NoiseReport {
+    pub u1: NoiseComponent,
+    pub u2: NoiseComponent,
+    pub block_mm: f64,
+    pub blocks: usize,
+    /// Points that were not used, by reason.
+    pub points_dropped: Rejected,
+}
+
+/// Noise of one component: standard deviations, and the length of the correlated part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NoiseComponent {
+    /// Of the white part, from neighbouring points.
+    pub white_nm: f64,
+    /// Of the white part, as the block averages have it.
+    pub block_white_nm: f64,
+    /// Of the correlated part.
+    pub correlated_nm: f64,
+    pub length_mm: f64,
+}

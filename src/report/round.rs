@@ -1,0 +1,118 @@
+//! One identification in `report.json`.
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::json::{Keyed, part};
+use super::residual::{NoiseReport, ResidualReport};
+use super::surrogate::SurrogateReport;
+use super::tracing::TracingReport;
+
+/// One identification, and in a loop what its residual was traced to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RoundReport {
+    pub effects_declared: Vec<String>,
+    /// Every sampled parameter: constants, amplitudes of mechanical effects (`effect.parameter`), the noise.
+    pub posterior: Keyed<PosteriorSummary>,
+    /// Amplitudes of all declared effects.
+    #[serde(default)]
+    pub effect_amplitudes: Keyed<MeanAndSd>,
+    pub correlation: Correlation,
+    pub convergence: Convergence,
+    pub residual: ResidualReport,
+    /// Sentences about results that should not be trusted as they stand.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+    pub noise: NoiseReport,
+    pub surrogate: SurrogateReport,
+    #[serde(flatten, deserialize_with = "tracing")]
+    pub tracing: Option<TracingReport>,
+}
+
+fn tracing<'de, D: Deserializer<'de>>(
+    rest: D,
+) -> std::result::Result<Option<TracingReport>, D::Error> {
+    part(rest, "candidates")
+}
+
+impl RoundReport {
+    /// Names of the elastic constants: sampled parameters that are no effect's amplitude, and not the noise.
+    pub fn constants(&self) -> impl Iterator<Item = &str> {
+        let names = self.posterior.keys().map(String::as_str);
+        names.filter(|name| !name.contains('.') && *name != crate::infer::NOISE)
+    }
+
+    /// Mean and sd of the constants by this round's model alone.
+    pub fn alone(&self) -> Keyed<MeanAndSd> {
+        let constants = self.constants().map(|name| (name, &self.posterior[name]));
+        let alone = |s: &PosteriorSummary| MeanAndSd {
+            mean: s.mean,
+            sd: s.sd,
+        };
+        constants
+            .map(|(name, s)| (name.to_string(), alone(s)))
+            .collect()
+    }
+
+    /// Posterior mean and sd of a sampled parameter or a declared effect's amplitude, border units.
+    pub fn moments(&self, name: &str) -> Option<(f64, f64)> {
+        let sampled = self.posterior.get(name).map(|s| (s.mean, s.sd));
+        sampled.or_else(|| self.effect_amplitudes.get(name).map(|a| (a.mean, a.sd)))
+    }
+}
+
+/// The marginal posterior of one parameter, border units.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PosteriorSummary {
+    pub mean: f64,
+    pub sd: f64,
+    #[serde(rename = "q2.5")]
+    pub low: f64,
+    pub median: f64,
+    #[serde(rename = "q97.5")]
+    pub high: f64,
+    pub mcse_mean: Option<f64>,
+    pub rhat: Option<f64>,
+    pub ess_bulk: Option<f64>,
+    pub ess_tail: Option<f64>,
+}
+
+/// Mean and sd, border units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MeanAndSd {
+    pub mean: f64,
+    pub sd: f64,
+}
+
+/// Correlation of the draws.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Correlation {
+    pub names: Vec<String>,
+    /// Row by row; `null` for a parameter that does not vary.
+    pub matrix: Vec<Vec<Option<f64>>>,
+}
+
+/// What the chains are worth. Times count stored draws.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Convergence {
+    pub rhat_max: Option<f64>,
+    pub ess_bulk_min: Option<f64>,
+    pub ess_tail_min: Option<f64>,
+    pub tau_max: Option<f64>,
+    /// Whether every parameter satisfies the rule.
+    pub converged: bool,
+    /// The verdict on the chains in one line.
+    pub text: String,
+    /// Steps of each ensemble before the first that is stored.
+    pub warmup_steps: usize,
+    /// Steps from one stored draw to the next.
+    pub thin: usize,
+    /// What was not stored, in words.
+    pub burn_in: String,
+    /// Why sampling ended, in words.
+    pub stopped: String,
+    pub ensembles: usize,
+    /// Chains of all ensembles.
+    pub chains: usize,
+    /// Draws a chain.
+    pub draws: usize,
+}

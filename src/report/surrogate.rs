@@ -1,0 +1,53 @@
+//! The reduced model in `report.json`.
+
+use serde::{Deserialize, Serialize};
+
+use super::json::Keyed;
+use crate::reduce::Choice;
+
+/// The reduced model's own error, measured by the finite elements at draws of the posterior.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SurrogateReport {
+    /// Largest shift of any parameter, posterior sds.
+    pub max_error_in_posterior_sd: f64,
+    pub error_in_posterior_sd: Keyed<f64>,
+    /// Mean shift of each: what does not average out.
+    #[serde(default)]
+    pub bias_in_posterior_sd: Keyed<f64>,
+    /// Draws at which the finite elements were solved.
+    pub truth_draws: usize,
+    pub field_error_nm: FieldErrorReport,
+    pub draws_outside_doe: f64,
+    pub variables: Choice,
+    pub modes: usize,
+    /// Low and high side of the box.
+    pub doe: Keyed<[f64; 2]>,
+    /// Predicted residual error of each coefficient.
+    #[serde(default)]
+    pub press_mm: Vec<f64>,
+    /// Whether it was found in the cache.
+    pub cached: bool,
+    /// The reduced models used: the first, then every refinement.
+    #[serde(default)]
+    pub refinement: Vec<RefinementReport>,
+}
+
+/// Error of a field, nm.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FieldErrorReport {
+    pub max: f64,
+    pub rms: f64,
+}
+
+/// One reduced model on the way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RefinementReport {
+    /// Largest shift of any parameter, posterior sds.
+    pub max_error_in_posterior_sd: f64,
+    pub max_field_error_nm: f64,
+    pub draws_outside_doe: f64,
+    pub snapshots: usize,
+    pub modes: usize,
+    /// Low and high side of the box.
+    pub doe: Keyed<[f64; 2]>,
+}

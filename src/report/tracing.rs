@@ -1,0 +1,157 @@
+//! Effects in `report.json`: what a residual was traced to, and what could hide in it.
+
+use serde::{Deserialize, Serialize};
+
+use super::json::Keyed;
+
+/// What tracing found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TracingReport {
+    /// Effects weighed, the most probable first.
+    pub candidates: Vec<CandidateReport>,
+    /// Alias groups of the best subset, the strongest first.
+    #[serde(default)]
+    pub groups: Vec<AliasGroupReport>,
+    /// The effect that was called for, if one was.
+    #[serde(default)]
+    pub accepted: Vec<String>,
+    /// Groups that the data speak for without being sure.
+    #[serde(default)]
+    pub undecided: Vec<Vec<String>>,
+    /// Probability of smooth structure that no effect explains.
+    #[serde(default)]
+    pub discrepancy_probability: Option<f64>,
+    /// The constants averaged over what may act unseen.
+    #[serde(default)]
+    pub averaged_posterior: Keyed<Interval>,
+    #[serde(default)]
+    pub left_out: Vec<LeftOut>,
+}
+
+/// An averaged constant, border units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    pub mean: f64,
+    pub sd: f64,
+    #[serde(rename = "q2.5")]
+    pub low: f64,
+    pub median: f64,
+    #[serde(rename = "q97.5")]
+    pub high: f64,
+}
+
+/// An effect weighed against the residual. `null`: no finite number.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CandidateReport {
+    pub effect: String,
+    /// Posterior probability that it acts.
+    pub inclusion_probability: f64,
+    pub log_bayes_factor: Option<f64>,
+    pub amplitude: Vec<AmplitudeReport>,
+    /// Largest amplitude over its prior sd.
+    #[serde(default)]
+    pub plausible_multiple: Option<f64>,
+    /// Whether that is too much.
+    #[serde(default)]
+    pub implausible: bool,
+    /// Share of the structured part of chi^2 that it explains alone.
+    pub explained_fraction: Option<f64>,
+    /// Smallest amplitude that would have been found; `null` if none would.
+    pub detectable: Option<f64>,
+    pub aliases: Vec<AliasReport>,
+}
+
+/// An amplitude, border units.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AmplitudeReport {
+    pub parameter: String,
+    pub mean: f64,
+    pub sd: f64,
+}
+
+/// An effect of similar signature.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AliasReport {
+    pub effect: String,
+    pub cosine: f64,
+}
+
+/// Effects that the data cannot tell apart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AliasGroupReport {
+    /// The member with the largest evidence.
+    pub leader: String,
+    /// All single members.
+    pub members: Vec<String>,
+    /// Pairs that together could stand in.
+    pub pairs: Vec<[String; 2]>,
+    /// Effects outside the group that leave almost the same field.
+    #[serde(default)]
+    pub resembling: Vec<ResemblingReport>,
+    /// Probability that some member acts.
+    pub probability: f64,
+    /// Log evidence lost when the group is dropped.
+    pub log_evidence_lost_without: Option<f64>,
+    /// Whether held-out blocks are predicted better with it.
+    pub predicts_held_out_blocks: bool,
+}
+
+/// An effect outside a group that leaves almost the same field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResemblingReport {
+    pub effect: String,
+    /// Cosine of the leader's part of the field and the nearest field of this effect.
+    pub cosine: f64,
+    /// The amplitudes that it would need.
+    pub amplitude: Vec<NeededAmplitude>,
+    /// The largest of them over its prior sd.
+    pub plausible_multiple: Option<f64>,
+    /// Log evidence lost with it in the leader's place.
+    pub log_evidence_lost: Option<f64>,
+}
+
+/// An amplitude that would be needed, border units.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NeededAmplitude {
+    pub parameter: String,
+    pub value: f64,
+}
+
+/// An effect that was not weighed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    pub effect: String,
+    pub reason: String,
+}
+
+/// What an effect would do at its prior sd if it acted and the model lacked it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BlindSpotReport {
+    pub effect: String,
+    pub parameter: String,
+    /// Prior sd, border units.
+    pub plausible: f64,
+    /// Unit of both sizes.
+    pub unit: String,
+    /// Shift of each constant, % of its value.
+    pub shift_in_percent: Keyed<Option<f64>>,
+    /// Constants whose shift is larger than sensitivities can say.
+    #[serde(default)]
+    pub beyond_linear: Vec<String>,
+    /// Smallest amplitude that these data would show; `null` if none.
+    pub detectable: Option<f64>,
+    /// Whether that is below the prior sd.
+    pub would_be_seen: bool,
+}
+
+impl BlindSpotReport {
+    /// Shift of a constant, % of its value, if it is finite.
+    pub fn shift(&self, constant: &str) -> Option<f64> {
+        self.shift_in_percent.get(constant).copied().flatten()
+    }
+
+    /// `effect.parameter`.
+    pub fn name(&self) -> String {
+        format!("{}.{}", self.effect, self.parameter)
+    }
+}

@@ -1,0 +1,146 @@
+//! What the terminal and the page say in the same words.
+
+use super::json::Keyed;
+use super::round::MeanAndSd;
+use super::tracing::{BlindSpotReport, TracingReport};
+use crate::identify::PRIOR_SDS;
+use crate::trace::UNEXPLAINED;
+
+/// Amplitudes of more prior sds are flagged.
+pub const IMPLAUSIBLE: f64 = 4.0;
+
+/// Shifts of a constant are by sensitivities; beyond this many percent of it they say no more than that they are large.
+pub const LINEAR_PERCENT: f64 = 20.0;
+
+/// What those shifts mean, in a sentence.
+pub const LINEAR: &str = "Shifts are by the sensitivities of the model, which hold for small ones: beyond 20 % only the direction and that the shift is large can be said.";
+
+/// Cosine from which an effect is shown as one that resembles another.
+pub const ALIKE: f64 = 0.5;
+
+/// From this probability on it is said what an effect explains: an improbable one, alone, takes what a probable one explains.
+pub const PROBABLE: f64 = 0.5;
+
+/// A shift in percent; beyond [`LINEAR_PERCENT`] that it is.
+pub fn shift(percent: f64, decimals: usize) -> String {
+    match percent {
+        s if s > LINEAR_PERCENT => format!("> +{LINEAR_PERCENT}"),
+        s if s < -LINEAR_PERCENT => format!("< -{LINEAR_PERCENT}"),
+        s if s.abs() < 0.5 * 10_f64.powi(-(decimals as i32)) => "0".into(),
+        s => format!("{s:+.decimals$}"),
+    }
+}
+
+/// The unit in a parameter's name: `angle_deg` deg, `uniform_per_m` 1/m, `gradient_per_m_per_mm` 1/(m mm), `percent_at_12mm` percent.
+pub fn unit(parameter: &str) -> String {
+    let parameter = parameter.split("_at_").next().unwrap_or(parameter);
+    let mut parts = parameter.split("_per_");
+    let head = parts.next().unwrap_or(parameter);
+    let below: Vec<&str> = parts.collect();
+    match below[..] {
+        [] => head.rsplit('_').next().unwrap_or(head).to_string(),
+        [one] => format!("1/{one}"),
+        _ => format!("1/({})", below.join(" ")),
+    }
+}
+
+/// What is said of a constant that lies `sds` prior sds from its prior's mean, if it is too far.
+pub fn contradiction(sds: f64) -> Option<String> {
+    (sds.abs() > PRIOR_SDS).then(|| format!("contradicts the prior by {sds:+.1} sd"))
+}
+
+/// Ratios of the averaged sd to that of the model alone of which nothing is said.
+const SIMILAR: std::ops::Range<f64> = 0.8..1.1;
+
+/// Why the averaged sd of a constant is larger, or smaller, than that of the model `alone`; nothing where all are alike. Of
+/// the most widened constant it is said which unseen effects move it most.
+pub fn widening(
+    alone: &Keyed<MeanAndSd>,
+    tracing: &TracingReport,
+    spots: &[BlindSpotReport],
+) -> Option<String> {
+    let averaged = &tracing.averaged_posterior;
+    let mut ratios: Vec<(f64, &str)> = alone
+        .iter()
+        .filter_map(|(name, bare)| Some((averaged.get(name)?.sd / bare.sd, name.as_str())))
+        .collect();
+    ratios.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let list = |chosen: &dyn Fn(f64) -> bool| {
+        let chosen = ratios.iter().filter(|(ratio, _)| chosen(*ratio));
+        let said = chosen.map(|(ratio, name)| format!("{name} {ratio:.1} times"));
+        said.collect::<Vec<_>>().join(", ")
+    };
+    let (most, most_of) = ratios.first()?;
+    if *most >= SIMILAR.end {
+        let left = tracing
+            .discrepancy_probability
+            .is_some_and(|p| p > UNEXPLAINED);
+        let cause = if left {
+            "because the structure that is left is weighed as a smooth error of the model, and effects too small to be seen may act"
+        } else {
+            "because effects too small to be seen may act"
+        };
+        return Some(format!(
+            "The averaged sd is larger than that of the model alone ({}), {cause}.{} What could move {most_of} most without being seen, with the shift by the largest plausible amplitude below detection: {}.",
+            list(&|ratio| ratio >= SIMILAR.end),
+            moved(alone, tracing),
+            movers(spots, most_of)
+        ));
+    }
+    let narrower = list(&|ratio| ratio < SIMILAR.start);
+    let mut candidates = tracing.candidates.iter();
+    let cause = if candidates.any(|c| c.inclusion_probability >= PROBABLE) {
+        "the model alone takes for noise, or for unnamed errors of the model, what the effects weighed here explain"
+    } else {
+        "the two weigh the noise in different ways, and where no effect was added the wider is the safer to quote"
+    };
+    (!narrower.is_empty()).then(|| {
+        format!("The averaged sd is smaller than that of the model alone ({narrower}): {cause}.")
+    })
+}
+
+/// A constant that moves by more of the model's own sds is said to.
+const MOVED_SDS: f64 = 2.0;
+
+/// A sentence about the constants whose averaged mean lies far from the model's own.
+fn moved(alone: &Keyed<MeanAndSd>, tracing: &TracingReport) -> String {
+    let shifts = alone.iter().filter_map(|(name, bare)| {
+        let shift = tracing.averaged_posterior.get(name)?.mean - bare.mean;
+        let far = shift.abs() > MOVED_SDS * bare.sd;
+        far.then(|| format!("{name} by {:+.1} %", 100.0 * shift / bare.mean.abs()))
+    });
+    let shifts: Vec<String> = shifts.collect();
+    if shifts.is_empty() {
+        return String::new();
+    }
+    format!(" The means move with it ({}).", shifts.join(", "))
+}
+
+/// Blind spots named, at most.
+const NAMED: usize = 3;
+
+/// Those that do less than this share of what the first does are not named.
+const SHARE: f64 = 0.2;
+
+/// The blind spots that move a constant most while these data do not show them.
+fn movers(spots: &[BlindSpotReport], constant: &str) -> String {
+    let unseen = |spot: &BlindSpotReport| {
+        let share = spot
+            .detectable
+            .map_or(1.0, |d| (d / spot.plausible).min(1.0));
+        let shift = spot.shift_in_percent.get(constant).copied();
+        share * shift.map_or(0.0, |s| s.map_or(f64::NAN, f64::abs))
+    };
+    let mut spots: Vec<(f64, String)> = spots.iter().map(|s| (unseen(s), s.name())).collect();
+    spots.retain(|(shift, _)| shift.is_finite());
+    spots.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let first = spots.first().map_or(0.0, |(shift, _)| *shift);
+    let named = spots
+        .iter()
+        .take(NAMED)
+        .filter(|(shift, _)| *shift > SHARE * first);
+    let named: Vec<String> = named
+        .map(|(shift, name)| format!("{name} ({shift:.1} %)"))
+        .collect();
+    named.join(", ")
+}
