@@ -12,6 +12,7 @@ mod size;
 mod solve;
 mod structure;
 mod surrogate;
+mod tiles;
 mod warnings;
 mod waves;
 
