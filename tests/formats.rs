@@ -139,7 +139,7 @@ fn other_programs_read_the_files() {
     );
 }
 
-/// The Python of the README, word for word, on a run of the usual shape.
+/// The Python of runs/README.md, word for word, on a run of the usual shape.
 #[test]
 fn the_scripts_of_the_readme_run() {
     let python = std::env::var("PLYCHAIN_PYTHON").unwrap_or_else(|_| "python3".into());
@@ -149,7 +149,7 @@ fn the_scripts_of_the_readme_run() {
         println!("skipped: {python} lacks one of: {modules}");
         return;
     }
-    let readme = std::fs::read_to_string("README.md").unwrap();
+    let readme = std::fs::read_to_string("runs/README.md").unwrap();
     let script = readme.split("```python\n").nth(1).unwrap();
     let script = script.split("```").next().unwrap();
     let getdist = readme

@@ -177,9 +177,11 @@ fn completions_and_manual_pages_know_every_verb() {
     }
 }
 
-/// Commands of the README's blocks of shell, without `plychain`.
+/// Commands of the blocks of shell in README.md and runs/README.md, without `plychain`.
 fn readmes_commands() -> Vec<Vec<String>> {
-    let readme = read(&root().join("README.md"));
+    let readme = ["README.md", "runs/README.md"]
+        .map(|name| read(&root().join(name)))
+        .concat();
     let mut blocks = readme.split("```");
     let mut commands = Vec::new();
     while let (Some(_), Some(block)) = (blocks.next(), blocks.next()) {
@@ -206,7 +208,7 @@ fn the_readmes_commands_are_understood_and_the_quick_ones_work() {
     copy(&root().join("models"), &at("models"));
     std::fs::create_dir_all(at("runs")).unwrap();
     copy(run(), &at("runs/openhole"));
-    copy(run(), &at("runs/openhole-2"));
+    copy(run(), &at("runs/specimen"));
     let mut csv = String::from("X,Y,Z,U,V,W\n");
     for k in 0..40 * 20 {
         let (x, y) = (f64::from(k % 40), f64::from(k / 40));

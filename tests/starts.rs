@@ -1,4 +1,4 @@
-//! Starts that are refused, densities that are not numbers, and the mixture that is declared.
+//! Starts that are refused, densities that are not numbers.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -137,19 +137,6 @@ fn mixtures_are_declared_and_counted() {
     let rate = info.acceptance.iter().sum::<f64>() / info.acceptance.len() as f64;
     let accepted: u64 = info.moves.iter().map(|m| m.accepted).sum();
     assert!((rate - accepted as f64 / proposed as f64).abs() < 1e-12);
-}
-
-/// What README declares is what runs.
-#[test]
-fn the_declared_mixture_is_the_default() {
-    let readme = std::fs::read_to_string("README.md").unwrap();
-    let declared = readme.split('`').find(|t| t.starts_with("independence="));
-    let declared = Mixture::parse(declared.unwrap()).unwrap();
-    let default = Mixture::default();
-    assert_eq!(declared.parts().len(), default.parts().len());
-    for ((a, p), (b, q)) in declared.parts().iter().zip(default.parts()) {
-        assert!(a.name() == b.name() && (p - q).abs() < 1e-12);
-    }
 }
 
 /// Ends a run after a number of reports.

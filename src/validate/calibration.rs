@@ -1,5 +1,11 @@
 //! Simulation-based calibration (Talts et al. 2018): draws from the prior, simulated measurements of them, the whole
 //! identification of each, and where the truth lies among the posterior's draws.
+//!
+//! With 200 replicates each (about half an hour of one core) the ranks of the four constants are uniform (Kolmogorov-Smirnov
+//! p between 0.2 and 0.9) and their 90 % intervals hold 86 to 92 % of the truths, with white noise and with noise correlated
+//! over 1 mm (two seeds) alike. Those of `noise_nm` are so in white noise (p = 0.7, 88 % held); in noise correlated over 1 mm
+//! (p = 0.02 and 0.08, 92 % held) it is a quarter and an eighth of its sd too large on average, as noise correlated over
+//! 1 mm might have a white part.
 
 use std::fs::OpenOptions;
 use std::io::Write;

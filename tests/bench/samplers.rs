@@ -2,6 +2,11 @@
 //!
 //! `cargo bench --bench samplers`: the tabulated posterior beside this file. The other program gets the faster of two
 //! evaluations of one point: the plain formula below, with vectors over the eight coordinates, and ours.
+//!
+//! On one core of a shared Zen 4 machine (AVX-512), with the kernel that served this table alone before there was one for all
+//! posteriors: the default mixture gave 5.6 times the effective draws a second of `hammer-and-sample`'s differential evolution,
+//! ours alone 2.1 times, stretch 2.3 to 2.5 times; one log posterior took 15 ns in a batch (16.5 with AVX2) and 59 to 67 ns
+//! alone, where a formula written out for it took 44 to 58.
 
 use std::cell::Cell;
 use std::hint::black_box;
