@@ -10,6 +10,7 @@ mod effects;
 mod folder;
 mod identify;
 mod init;
+#[cfg(feature = "manual")]
 mod manual;
 mod mappings;
 mod report;
@@ -76,8 +77,10 @@ enum Verb {
     /// Write a model file to start from, for your own specimen
     Init(init::Arguments),
     /// Print completions for a shell
+    #[cfg(feature = "manual")]
     Completions(manual::CompletionsArguments),
     /// Print the manual page, or write those of all verbs
+    #[cfg(feature = "manual")]
     Man(manual::ManArguments),
 }
 
@@ -128,7 +131,9 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
         Verb::Init(arguments) => init::run(&arguments),
+        #[cfg(feature = "manual")]
         Verb::Completions(arguments) => manual::completions(&arguments),
+        #[cfg(feature = "manual")]
         Verb::Man(arguments) => manual::man(&arguments),
     }
 }

@@ -1,6 +1,6 @@
 //! What someone new to the program meets: init, help, completions, manual pages, and the README's commands.
 
-use crate::program::{copy, fresh, root, succeed};
+use crate::program::{copy, root};
 use crate::report::{json, read, run};
 
 #[test]
@@ -142,8 +142,11 @@ fn init_takes_the_units_from_the_header() {
     }
 }
 
+#[cfg(feature = "manual")]
 #[test]
 fn completions_and_manual_pages_know_every_verb() {
+    use crate::program::{fresh, succeed};
+
     let help = succeed(&["--help"]);
     let verbs: Vec<&str> = help
         .lines()

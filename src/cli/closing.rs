@@ -24,7 +24,7 @@ use crate::trace::{self, Closed};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain loop                                    models/openhole.json and its sample measurement
-  plychain loop specimen.json --out runs/first --png
+  plychain loop specimen.json --out runs/first
   plychain loop specimen.json --out runs/first --resume    go on with an interrupted loop")]
 pub struct LoopArguments {
     #[command(flatten)]

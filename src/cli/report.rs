@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::print;
+use super::running::check_png;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::report::{Page, comparison};
@@ -12,13 +13,13 @@ use crate::report::{Page, comparison};
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  plychain report runs/openhole --png
+  plychain report runs/openhole
   plychain report runs/openhole runs/openhole-2")]
 pub struct Arguments {
     /// Run folders; one is reported again, several are compared
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Write the figures of a single run as PNG too
+    /// Write the figures of a single run as PNG too (of a program built with `--features png`)
     #[arg(long)]
     png: bool,
     /// Where a comparison goes (default: comparison.html in the first run's folder)
@@ -28,6 +29,7 @@ pub struct Arguments {
 
 /// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
+    check_png(arguments.png)?;
     if let [folder] = arguments.runs.as_slice() {
         if arguments.out.is_some() {
             return Err(Error::input("--out", "several runs to compare")

@@ -41,7 +41,7 @@ pub struct Running {
     /// Exit with an error if chains have not converged
     #[arg(long)]
     strict: bool,
-    /// Write the figures as PNG too
+    /// Write the figures as PNG too (of a program built with `--features png`)
     #[arg(long)]
     pub png: bool,
     #[command(flatten)]
@@ -66,6 +66,7 @@ pub struct Plan {
 impl Running {
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<Plan> {
+        check_png(self.png)?;
         let model = load(&self.model, self.data.as_ref())?;
         let sampler = sampler(&self.sampler)?;
         let mut schedule = Schedule {
@@ -165,6 +166,17 @@ impl Limits {
                 Error::input("--time-limit", "a number of seconds above 0").found(seconds)
             })
     }
+}
+
+/// An error if figures are wanted as PNG and the program was built without it.
+pub fn check_png(wanted: bool) -> Result<()> {
+    if wanted && !cfg!(feature = "png") {
+        return Err(
+            Error::input("--png", "a program built with the feature `png`")
+                .hint("cargo install --path . --features png; the SVG files are there in any case"),
+        );
+    }
+    Ok(())
 }
 
 /// Read a model, with its measurement elsewhere if `data` says so.

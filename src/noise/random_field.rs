@@ -5,6 +5,8 @@
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
 
 /// Correlation lengths that the torus extends beyond the lattice: the correlation there is below 1e-5.
 const MARGIN_LENGTHS: f64 = 8.0;
@@ -58,74 +60,42 @@ fn on_lattice(shape: [usize; 2], spacing: [f64; 2], l: f64, rng: &mut impl Rng) 
     });
     let distance = |i: usize, k: usize| i.min(size[k] - i) as f64 * spacing[k];
     let rate = 3_f64.sqrt() / l;
-    let mut spectrum = vec![[0.0; 2]; size[0] * size[1]];
+    let mut spectrum = vec![Complex::default(); size[0] * size[1]];
     for i in 0..size[0] {
         for j in 0..size[1] {
             let ad = rate * distance(i, 0).hypot(distance(j, 1));
-            spectrum[i * size[1] + j][0] = (1.0 + ad) * (-ad).exp();
+            spectrum[i * size[1] + j].re = (1.0 + ad) * (-ad).exp();
         }
     }
     transform(&mut spectrum, size);
     let points = (size[0] * size[1]) as f64;
     for value in &mut spectrum {
         // What rounding and the cut at the margin make negative is as good as zero.
-        let amplitude = (value[0].max(0.0) / points).sqrt();
+        let amplitude = (value.re.max(0.0) / points).sqrt();
         let (a, b): (f64, f64) = (StandardNormal.sample(rng), StandardNormal.sample(rng));
-        *value = [amplitude * a, amplitude * b];
+        *value = Complex::new(amplitude * a, amplitude * b);
     }
     transform(&mut spectrum, size);
-    [0, 1].map(|part| {
-        let rows = (0..shape[0]).map(|i| &spectrum[i * size[1]..i * size[1] + shape[1]]);
-        rows.flatten().map(|value| value[part]).collect()
-    })
+    let rows = (0..shape[0]).map(|i| &spectrum[i * size[1]..i * size[1] + shape[1]]);
+    rows.flatten()
+        .map(|value| (value.re, value.im))
+        .unzip()
+        .into()
 }
 
-/// Discrete Fourier transform of both axes, in place; sizes are powers of two.
-fn transform(values: &mut [[f64; 2]], [rows, cols]: [usize; 2]) {
-    for row in values.chunks_exact_mut(cols) {
-        radix2(row);
-    }
-    let mut column = vec![[0.0; 2]; rows];
+/// Discrete Fourier transform of both axes, in place.
+fn transform(values: &mut [Complex<f64>], [rows, cols]: [usize; 2]) {
+    let mut planner = FftPlanner::new();
+    planner.plan_fft_forward(cols).process(values);
+    let along_columns = planner.plan_fft_forward(rows);
+    let mut column = vec![Complex::default(); rows];
     for j in 0..cols {
         for (i, value) in column.iter_mut().enumerate() {
             *value = values[i * cols + j];
         }
-        radix2(&mut column);
+        along_columns.process(&mut column);
         for (i, value) in column.iter().enumerate() {
             values[i * cols + j] = *value;
         }
-    }
-}
-
-/// Cooley and Tukey's transform of a power of two of complex values.
-fn radix2(values: &mut [[f64; 2]]) {
-    let n = values.len();
-    if n < 2 {
-        return;
-    }
-    let bits = n.trailing_zeros();
-    for i in 0..n {
-        let j = i.reverse_bits() >> (usize::BITS - bits);
-        if i < j {
-            values.swap(i, j);
-        }
-    }
-    let mut length = 2;
-    while length <= n {
-        let half = length / 2;
-        let turns: Vec<[f64; 2]> = (0..half)
-            .map(|k| {
-                let (sin, cos) = (-std::f64::consts::TAU * k as f64 / length as f64).sin_cos();
-                [cos, sin]
-            })
-            .collect();
-        for block in values.chunks_exact_mut(length) {
-            let (low, high) = block.split_at_mut(half);
-            for ((a, b), w) in low.iter_mut().zip(high).zip(&turns) {
-                let t = [b[0] * w[0] - b[1] * w[1], b[0] * w[1] + b[1] * w[0]];
-                (*a, *b) = ([a[0] + t[0], a[1] + t[1]], [a[0] - t[0], a[1] - t[1]]);
-            }
-        }
-        length *= 2;
     }
 }

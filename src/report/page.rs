@@ -101,7 +101,8 @@ impl Page {
         Some((self.report.rounds.get(k)?.posterior.get(name)?.mean - mean) / sd)
     }
 
-    /// Write figures, their numbers, and `report.html` into a run's folder. With `png` the figures are written as PNG too.
+    /// Write figures, their numbers, and `report.html` into a run's folder. With `png` the figures are written as PNG too, where
+    /// the feature `png` is built in.
     ///
     /// # Errors
     /// The input's fault if a file cannot be written; the program's if a figure cannot be drawn.

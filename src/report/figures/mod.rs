@@ -9,6 +9,7 @@ mod corner;
 pub mod data;
 mod gather;
 mod maps;
+#[cfg(feature = "png")]
 mod raster;
 
 pub use bars::SMALLEST_BAR;
@@ -16,12 +17,23 @@ pub use canvas::Figure;
 pub use cells::FieldCells;
 pub use colour::Palette;
 pub use data::FigureData;
+#[cfg(feature = "png")]
 pub use raster::png;
 
 use super::page::{Page, places};
 use crate::error::Result;
 use data::MapCell;
 use maps::Mapped;
+
+/// Without the feature `png` there is nothing to draw one with.
+///
+/// # Errors
+/// Always.
+#[cfg(not(feature = "png"))]
+pub fn png(figure: &Figure) -> Result<Vec<u8>> {
+    let place = format!("figure {}", figure.name);
+    Err(crate::error::Error::program(place, "the feature `png`"))
+}
 
 /// Figures of the whole run that a page shows, by their place in it.
 pub struct Figures {
