@@ -19,9 +19,9 @@ fn kernels() -> Vec<(String, Box<dyn Sampler>)> {
     for entry in SAMPLERS {
         kernels.push((entry.name.to_string(), (entry.build)()));
     }
-    for entry in MOVES {
-        let only = Ensemble::with(Mixture::only((entry.build)()));
-        kernels.push((format!("only {}", entry.name), Box::new(only)));
+    for build in MOVES {
+        let only = Ensemble::with(Mixture::only(build()));
+        kernels.push((format!("only {}", build().name()), Box::new(only)));
     }
     kernels
 }

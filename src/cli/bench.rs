@@ -91,9 +91,9 @@ const DEFAULT: &str = "default mixture";
 /// The default mixture, and every move alone.
 fn samplers() -> Vec<(&'static str, Box<dyn Sampler>)> {
     let mut all: Vec<(&str, Box<dyn Sampler>)> = vec![(DEFAULT, Box::new(Ensemble::default()))];
-    for entry in MOVES {
-        let alone = Ensemble::with(Mixture::only((entry.build)()));
-        all.push((entry.name, Box::new(alone)));
+    for build in MOVES {
+        let (name, alone) = (build().name(), Ensemble::with(Mixture::only(build())));
+        all.push((name, Box::new(alone)));
     }
     all
 }

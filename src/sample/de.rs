@@ -1,8 +1,8 @@
 //! Differential evolution, ter Braak (2006), Stat. Comput. 16, 239, on the two halves of an ensemble (Nelson, Ford,
 //! Payne 2014).
 
-use super::moves::{Fit, Move, Walkers};
-use super::numbers::{Needs, Numbers, pick};
+use super::moves::{Move, Proposal};
+use super::numbers::{Needs, pick};
 
 /// y = x + gamma (z1 - z2) with z1, z2 two walkers of the complementary half; symmetric, so the factor is 1.
 #[derive(Debug, Clone, Copy)]
@@ -41,15 +41,15 @@ impl Move for De {
         }
     }
 
-    fn propose(
-        &self,
-        own: Walkers<'_>,
-        others: Walkers<'_>,
-        _fit: &Fit,
-        numbers: &Numbers,
-        y: &mut [f64],
-        factor: &mut [f64],
-    ) {
+    fn propose(&self, proposal: Proposal<'_>) {
+        let Proposal {
+            own,
+            others,
+            numbers,
+            y,
+            factor,
+            ..
+        } = proposal;
         let usual = self.scale * 2.38 / (2.0 * own.dim() as f64).sqrt();
         for walker in 0..own.count() {
             let u = |k| numbers.uniform(k)[walker];

@@ -4,7 +4,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::mixture::Mixture;
-use super::moves::{Fit, Move, Walkers};
+use super::moves::{Fit, Move, Proposal, Walkers};
 use super::numbers::Numbers;
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
@@ -201,14 +201,14 @@ impl Scratch {
         if !self.evaluated {
             return;
         }
-        kernel.propose(
-            own.walkers(),
-            others.walkers(),
-            &self.fit,
-            &self.numbers,
-            &mut self.y,
-            &mut self.factor,
-        );
+        kernel.propose(Proposal {
+            own: own.walkers(),
+            others: others.walkers(),
+            fit: &self.fit,
+            numbers: &self.numbers,
+            y: &mut self.y,
+            factor: &mut self.factor,
+        });
         target.log_density_batch(&self.y, &mut self.lp);
         pulp::Arch::new().dispatch(Settle { own, scratch: self });
     }

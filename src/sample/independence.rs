@@ -4,8 +4,8 @@
 use pulp::{Simd, WithSimd};
 
 use super::gaussian::{cholesky, scatter};
-use super::moves::{Fit, Move, Walkers};
-use super::numbers::{Needs, Numbers};
+use super::moves::{Fit, Move, Proposal, Walkers};
+use super::numbers::Needs;
 use crate::infer::lanes::{Lanes, WIDTH, each, ln};
 
 /// Tails of the fitted proposal.
@@ -80,31 +80,9 @@ impl Move for Independence {
         cholesky(&mut fit.lower, dim)
     }
 
-    fn propose(
-        &self,
-        own: Walkers<'_>,
-        _others: Walkers<'_>,
-        fit: &Fit,
-        numbers: &Numbers,
-        y: &mut [f64],
-        factor: &mut [f64],
-    ) {
-        pulp::Arch::new().dispatch(Proposal {
-            own,
-            fit,
-            numbers,
-            y,
-            factor,
-        });
+    fn propose(&self, proposal: Proposal<'_>) {
+        pulp::Arch::new().dispatch(proposal);
     }
-}
-
-struct Proposal<'a> {
-    own: Walkers<'a>,
-    fit: &'a Fit,
-    numbers: &'a Numbers,
-    y: &'a mut [f64],
-    factor: &'a mut [f64],
 }
 
 impl WithSimd for Proposal<'_> {

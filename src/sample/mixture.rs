@@ -7,32 +7,12 @@ use super::snooker::Snooker;
 use super::stretch::Stretch;
 use crate::error::{Error, Result};
 
-/// A move by name.
-pub struct MoveEntry {
-    /// Canonical name.
-    pub name: &'static str,
-    /// The move with its default constants.
-    pub build: fn() -> Box<dyn Move>,
-}
-
-/// Every move. A new one is one file and one line here.
-pub static MOVES: &[MoveEntry] = &[
-    MoveEntry {
-        name: "stretch",
-        build: || Box::new(Stretch::default()),
-    },
-    MoveEntry {
-        name: "de",
-        build: || Box::new(De::default()),
-    },
-    MoveEntry {
-        name: "snooker",
-        build: || Box::new(Snooker::default()),
-    },
-    MoveEntry {
-        name: "independence",
-        build: || Box::new(Independence::default()),
-    },
+/// Every move with its default constants. A new one is one file and one line here.
+pub static MOVES: &[fn() -> Box<dyn Move>] = &[
+    || Box::new(Stretch::default()),
+    || Box::new(De::default()),
+    || Box::new(Snooker::default()),
+    || Box::new(Independence::default()),
 ];
 
 /// Moves with their probabilities.
@@ -93,14 +73,15 @@ impl Mixture {
         let mut parts = Vec::new();
         for item in text.split(',').map(str::trim) {
             let (name, weight) = item.split_once('=').unwrap_or((item, "1"));
-            let entry = MOVES.iter().find(|e| e.name == name).ok_or_else(|| {
-                let known: Vec<&str> = MOVES.iter().map(|e| e.name).collect();
+            let known = || MOVES.iter().map(|build| build());
+            let chosen = known().find(|m| m.name() == name).ok_or_else(|| {
+                let known: Vec<&str> = known().map(|m| m.name()).collect();
                 Error::input("mixture", format!("one of {}", known.join(", "))).found(name)
             })?;
             let weight = weight.parse().map_err(|_| {
                 Error::input(format!("mixture, weight of {name}"), "a number").found(weight)
             })?;
-            parts.push(((entry.build)(), weight));
+            parts.push((chosen, weight));
         }
         Self::new(parts)
     }

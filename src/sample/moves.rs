@@ -76,15 +76,22 @@ pub trait Move: Send + Sync {
         true
     }
 
-    /// Proposes `y` (laid out as `own`) for every walker of a half; `factor` takes their log factors,
-    /// log q(y -> x) - log q(x -> y) with the Jacobian.
-    fn propose(
-        &self,
-        own: Walkers<'_>,
-        others: Walkers<'_>,
-        fit: &Fit,
-        numbers: &Numbers,
-        y: &mut [f64],
-        factor: &mut [f64],
-    );
+    /// Proposes a point for every walker of a half.
+    fn propose(&self, proposal: Proposal<'_>);
+}
+
+/// What a proposal is made from, and where it goes.
+pub struct Proposal<'a> {
+    /// The walkers that may move.
+    pub own: Walkers<'a>,
+    /// The complementary half.
+    pub others: Walkers<'a>,
+    /// What [`Move::fit`] learnt.
+    pub fit: &'a Fit,
+    /// Random numbers, as many as [`Move::needs`] says.
+    pub numbers: &'a Numbers,
+    /// The proposed points, laid out as `own`.
+    pub y: &'a mut [f64],
+    /// Their log factors, log q(y -> x) - log q(x -> y) with the Jacobian.
+    pub factor: &'a mut [f64],
 }

@@ -1,7 +1,7 @@
 //! The snooker update of ter Braak & Vrugt (2008), Stat. Comput. 18, 435, Eqs. 3 to 5.
 
-use super::moves::{Fit, Move, Walkers};
-use super::numbers::{Needs, Numbers, pick};
+use super::moves::{Move, Proposal};
+use super::numbers::{Needs, pick};
 use crate::infer::lanes::ln_all;
 
 /// Along the line through x and a walker z of the complementary half, x moves by gamma times the difference of two
@@ -34,15 +34,15 @@ impl Move for Snooker {
         }
     }
 
-    fn propose(
-        &self,
-        own: Walkers<'_>,
-        others: Walkers<'_>,
-        _fit: &Fit,
-        numbers: &Numbers,
-        y: &mut [f64],
-        factor: &mut [f64],
-    ) {
+    fn propose(&self, proposal: Proposal<'_>) {
+        let Proposal {
+            own,
+            others,
+            numbers,
+            y,
+            factor,
+            ..
+        } = proposal;
         for walker in 0..own.count() {
             let u = |k| numbers.uniform(k)[walker];
             let [axis, first, second] = pick([u(0), u(1), u(2)], others.count());

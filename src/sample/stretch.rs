@@ -1,7 +1,7 @@
 //! The stretch move of Goodman & Weare (2010), Comm. App. Math. Comp. Sci. 5, 65, Eqs. 7 and 8.
 
-use super::moves::{Fit, Move, Walkers};
-use super::numbers::{Needs, Numbers, index};
+use super::moves::{Move, Proposal};
+use super::numbers::{Needs, index};
 use crate::infer::lanes::ln_all;
 
 /// y = c + z (x - c) with c a walker of the complementary half and z of density proportional to 1/sqrt(z) on
@@ -34,15 +34,15 @@ impl Move for Stretch {
         }
     }
 
-    fn propose(
-        &self,
-        own: Walkers<'_>,
-        others: Walkers<'_>,
-        _fit: &Fit,
-        numbers: &Numbers,
-        y: &mut [f64],
-        factor: &mut [f64],
-    ) {
+    fn propose(&self, proposal: Proposal<'_>) {
+        let Proposal {
+            own,
+            others,
+            numbers,
+            y,
+            factor,
+            ..
+        } = proposal;
         let (pick, root) = (numbers.uniform(0), numbers.uniform(1));
         for (z, u) in factor.iter_mut().zip(root) {
             let root = (self.a - 1.0) * u + 1.0;
