@@ -101,13 +101,13 @@ impl Outline {
         match edge {
             LOW => Some(end(End::Low, s - self.s[0])),
             HIGH => Some(end(End::High, self.s[1] - s)),
-            SIDES => Some(self.from_sides(s, from_axis)),
+            SIDES => Some(self.distance_to_sides(s, from_axis)),
             _ => None,
         }
     }
 
     /// Distance from the sides at a distance from the axis between them: each is a line and the arc of a fillet.
-    fn from_sides(&self, s: f64, from_axis: f64) -> f64 {
+    fn distance_to_sides(&self, s: f64, from_axis: f64) -> f64 {
         let half = 0.5 * self.width();
         let mut line = self.s;
         let mut nearest = f64::INFINITY;

@@ -227,7 +227,7 @@ impl Layout {
 fn name_edges(mesh: &mut Mesh, [low, high]: [&Lattice; 2], bottom: &[u32], top: &[u32]) {
     let (first, last) = (&low[low.len() - 1], &high[high.len() - 1]);
     mesh.name_edges(LOW, &[first.iter().rev().copied().collect()]);
-    mesh.name_edges(HIGH, &[last.clone()]);
+    mesh.name_edges(HIGH, std::slice::from_ref(last));
     let column = |lattice: &Lattice, i: usize| -> Vec<u32> {
         lattice.iter().skip(1).map(|row| row[i]).collect()
     };

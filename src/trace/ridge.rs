@@ -85,14 +85,14 @@ impl Sensitivities {
         let mut gram = DMatrix::zeros(p, p);
         let mut right = DVector::zeros(p);
         let mut total = 0.0;
-        for c in 0..2 {
+        for (c, residual) in residual.iter().enumerate() {
             let mut weighted = DMatrix::zeros(count.len(), p + 1);
             for (b, &n) in count.iter().enumerate() {
                 let root = (n as f64).sqrt();
                 for (k, column) in columns.iter().enumerate() {
                     weighted[(b, k)] = root * column.values[c][b];
                 }
-                weighted[(b, p)] = root * residual[c][b];
+                weighted[(b, p)] = root * residual[b];
             }
             let all = weighted.tr_mul(&weighted);
             gram += all.view((0, 0), (p, p));

@@ -247,10 +247,9 @@ impl Linearised<'_> {
 
     /// Prior sd of an amplitude, border units.
     fn prior_sd(&self, effect: &'static dyn Effect, k: usize) -> f64 {
-        self.model.prior_sd(effect, k).unwrap_or_else(|| {
-            // only translations are free: their unit is the micrometre
-            FREE * self.size_mm * crate::quantity::UM_PER_MM
-        })
+        // only translations are free: their unit is the micrometre
+        let free = FREE * self.size_mm * crate::quantity::UM_PER_MM;
+        self.model.prior_sd(effect, k).unwrap_or(free)
     }
 }
 
