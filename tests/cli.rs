@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::program::{copy, fresh, model, plychain, root, succeed};
+use crate::program::{coarse, copy, fresh, model, plychain, root, succeed};
 
 /// Run and expect exit code 1 with one line that holds all of `words`, and that `out` was not left behind.
 fn refuse(arguments: &[&str], out: &Path, words: &[&str]) {
@@ -204,7 +204,7 @@ fn broken_matrices_are_named_with_file_and_place() {
     for (name, change, words) in cases {
         let data = data_with(name, change);
         refuse(
-            &["identify", &model("openhole.json"), "--data", &data],
+            &["identify", &coarse(), "--data", &data],
             &fresh("out"),
             words,
         );
@@ -220,7 +220,7 @@ fn broken_matrices_are_named_with_file_and_place() {
 #[test]
 fn a_time_limit_that_leaves_no_draws_is_refused_in_words() {
     for verb in ["identify", "loop"] {
-        let arguments = [verb, &model("openhole.json"), "--time-limit", "0.001"];
+        let arguments = [verb, &coarse(), "--time-limit", "0.001"];
         refuse(
             &arguments,
             &fresh("out"),
@@ -286,7 +286,7 @@ fn wrong_units_and_axes_are_noticed() {
         let v = std::fs::read_to_string(folder.join("V.txt")).unwrap();
         std::fs::write(folder.join("V.txt"), scaled(&v, factor)).unwrap();
         refuse(
-            &["identify", &model("openhole.json"), "--data", &data],
+            &["identify", &coarse(), "--data", &data],
             &fresh("out"),
             &["displacements", "times"],
         );
@@ -324,12 +324,7 @@ fn places_that_cannot_be_written_are_refused_before_the_work() {
     let existing = fresh("existing");
     std::fs::create_dir(&existing).unwrap();
     std::fs::write(existing.join("precious.txt"), "keep").unwrap();
-    let output = plychain(&[
-        "identify",
-        &model("openhole.json"),
-        "--out",
-        existing.to_str().unwrap(),
-    ]);
+    let output = plychain(&["identify", &coarse(), "--out", existing.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
         String::from_utf8(output.stderr)
@@ -342,7 +337,7 @@ fn places_that_cannot_be_written_are_refused_before_the_work() {
     );
     let below_a_file = existing.join("precious.txt").join("run");
     refuse(
-        &["identify", &model("openhole.json")],
+        &["identify", &coarse()],
         &below_a_file,
         &["precious.txt", "written"],
     );
@@ -350,7 +345,7 @@ fn places_that_cannot_be_written_are_refused_before_the_work() {
 
 #[test]
 fn bad_arguments_of_simulate_are_refused() {
-    let file = model("openhole.json");
+    let file = coarse();
     let cases: &[(&[&str], &[&str])] = &[
         (
             &["--effect", "load_missalignment=1"],
@@ -378,7 +373,7 @@ fn bad_arguments_of_simulate_are_refused() {
 
 #[test]
 fn the_second_run_solves_nothing_and_says_so() {
-    let file = model("openhole.json");
+    let file = coarse();
     let run = || {
         let out = fresh("run");
         let output = plychain(&["identify", &file, "--out", out.to_str().unwrap()]);
@@ -394,7 +389,7 @@ fn build_prints_the_error_tables_and_writes_the_model() {
     let out = fresh("build");
     let text = succeed(&[
         "build",
-        &model("openhole.json"),
+        &coarse(),
         "--quiet",
         "--out",
         out.to_str().unwrap(),

@@ -2,17 +2,7 @@
 
 use serde_json::Value;
 
-use crate::program::{fresh, model, plychain, succeed};
-
-/// A model file of the repository, changed.
-fn changed(name: &str, change: impl Fn(&mut Value)) -> String {
-    let text = std::fs::read_to_string(model(name)).unwrap();
-    let mut value: Value = serde_json::from_str(&text).unwrap();
-    change(&mut value);
-    let file = fresh("changed.json");
-    std::fs::write(&file, value.to_string()).unwrap();
-    file.display().to_string()
-}
+use crate::program::{changed, coarse, fresh, model, plychain, succeed};
 
 /// Run, expect exit code 1 and one line with all of `words`.
 fn refused(arguments: &[&str], words: &[&str]) {
@@ -150,7 +140,7 @@ fn the_dictionary_of_a_model_has_its_sizes_and_obstacles() {
 /// One file of a simulated measurement, as numbers.
 fn simulated(effects: &[&str], file: &str) -> Vec<f64> {
     let out = fresh("data").display().to_string();
-    let model = model("openhole.json");
+    let model = coarse();
     let mut arguments = vec![
         "simulate",
         &model,

@@ -3,24 +3,10 @@
 mod readers;
 mod statistics;
 
-use std::path::PathBuf;
-
 use plychain::field::{Axis, Field, Frame, Grid, MeasurementSpec};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
-
-/// The shared reference data, where they are at hand.
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared/data")
-        .join(path);
-    if !path.exists() {
-        println!("skipped: no {path:?}");
-        return None;
-    }
-    Some(path)
-}
 
 /// A measurement from its JSON text.
 pub fn spec(json: &str) -> MeasurementSpec {

@@ -4,7 +4,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 use plychain::chain::{
     Draws, Layout, Store, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_stan,
@@ -15,18 +14,18 @@ use plychain::infer::Model;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Dxsm;
 
-/// No reader may take longer on these small files.
-const LONGEST: Duration = Duration::from_secs(5);
+/// Processor time that all readers may take on all files, s: several times what they need, but no reader that hangs ends.
+const PROCESSOR: u64 = 1800;
 
 /// Memory that the readers may have, KiB.
 const MEMORY: u64 = 1 << 20;
 
 #[test]
 fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
-    // in a process of its own, whose memory is limited: an allocation beyond it ends that process
+    // in a process of its own, whose memory and processor time are limited: a reader that asks for more ends it
     let own = std::env::current_exe().unwrap();
     let script = format!(
-        "ulimit -d {MEMORY} && exec \"$0\" fuzz::all_readers --exact --ignored --nocapture"
+        "ulimit -d {MEMORY} && ulimit -t {PROCESSOR} && exec \"$0\" fuzz::all_readers --exact --ignored --nocapture"
     );
     let output = Command::new("sh")
         .args(["-c", &script])
@@ -43,7 +42,7 @@ fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
 }
 
 #[test]
-#[ignore = "run by the test above in a process with limited memory"]
+#[ignore = "run by the test above in a process of limited memory, 1 minute"]
 fn all_readers() {
     let place = tempfile::tempdir().unwrap();
     let at = |name: &str| place.path().join(name);
@@ -155,14 +154,7 @@ fn feed(
     read(original).unwrap_or_else(|e| panic!("{what}: the original is refused: {e}"));
     for _ in 0..count {
         let mutated = mutate(original, &mut rng);
-        let start = Instant::now();
         let outcome = read(&mutated);
-        assert!(
-            start.elapsed() < LONGEST,
-            "{what} took {:?} for {:?}",
-            start.elapsed(),
-            String::from_utf8_lossy(&mutated)
-        );
         if let Err(error) = outcome {
             refused += 1;
             named(what, &error, names, &mutated);
@@ -355,11 +347,9 @@ fn zarr(path: &Path) {
         for _ in 0..each {
             let mutated = mutate(&original, &mut rng);
             fs::write(&file, &mutated).unwrap();
-            let start = Instant::now();
             if let Err(error) = read_zarr(path, None) {
                 named("zarr", &error, &["chain.zarr"], &mutated);
             }
-            assert!(start.elapsed() < LONGEST, "{}", file.display());
         }
         fs::write(&file, original).unwrap();
     }
@@ -413,14 +403,8 @@ fn reports(folder: &Path) {
         for _ in 0..400 {
             let mutated = mutate(text.as_bytes(), &mut rng);
             write(name, &mutated);
-            let start = Instant::now();
             let made =
                 plychain::report::Page::load(folder).and_then(|page| page.write(folder, false));
-            assert!(
-                start.elapsed() < LONGEST,
-                "{name}: {:?}",
-                String::from_utf8_lossy(&mutated)
-            );
             if let Err(error) = made {
                 named(name, &error, &["run", "figure"], &mutated);
             }

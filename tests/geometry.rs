@@ -93,7 +93,6 @@ fn meshes_cover_the_specimen_and_elements_are_not_inverted() {
         let error = |density: Density| (of(density) / area(&specimen) - 1.0).abs();
         // Arcs are parabolas between three nodes; a fillet is a steep one and begins anywhere in an element.
         let errors = [Density(0.5), Density(2.0)].map(error);
-        println!("{} {:?}: {errors:?}", geometry.name(), specimen.clamp);
         let most = if specimen.clamp.is_some() { 1e-3 } else { 1e-6 };
         assert!(
             errors[1] < most && errors[1] <= errors[0].max(1e-11),
@@ -334,7 +333,6 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
     let found = identify(&model, &options, &Silent).unwrap();
     for (name, truth, most) in [("E_GPa", 190.0, 0.5), ("nu", 0.31, 0.003)] {
         let (mean, sd) = found.moments(name).unwrap();
-        println!("{name} {mean} +- {sd}");
         assert!(
             (mean - truth).abs() < 4.0 * sd && sd < most,
             "{name}: {mean} +- {sd}"

@@ -1,5 +1,6 @@
 //! Imports run one way, files stay small, and nothing of the machine gets into the repository.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -80,6 +81,196 @@ fn imports_point_only_to_the_left() {
         }
     }
     assert!(seen > 50, "only {seen} imports seen");
+}
+
+/// Circles of files that import each other. The registries (`effect`, `geometry`) and the verbs of `cli` are three: each lists
+/// files that use what stands beside the list.
+const CIRCLES: usize = 9;
+
+/// The modules of the crate: path from the root, and the code without comments and without tests of its own.
+fn modules() -> BTreeMap<Vec<String>, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    sources(&root, &mut found);
+    let mut modules = BTreeMap::new();
+    for path in found {
+        let inside = path.strip_prefix(&root).unwrap().with_extension("");
+        let mut place: Vec<String> = inside
+            .iter()
+            .map(|part| part.to_str().unwrap().to_string())
+            .filter(|part| part != "mod")
+            .collect();
+        if place == ["lib"] || place == ["main"] {
+            place.clear();
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        let lines = code.lines().map(|l| l.split("//").next().unwrap());
+        modules.insert(place, lines.collect::<Vec<_>>().join("\n"));
+    }
+    modules.remove(&Vec::new());
+    modules
+}
+
+/// Paths of a `use` with its braces written out.
+fn written_out(tree: &str) -> Vec<String> {
+    let Some((before, rest)) = tree.split_once('{') else {
+        let path = tree.split(" as ").next().unwrap();
+        return vec![path.split_whitespace().collect()];
+    };
+    let inside = &rest[..rest.rfind('}').unwrap()];
+    let mut depth = 0;
+    let mut parts = vec![String::new()];
+    for c in inside.chars() {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        if c == ',' && depth == 0 {
+            parts.push(String::new());
+        } else {
+            parts.last_mut().unwrap().push(c);
+        }
+    }
+    parts
+        .iter()
+        .filter(|part| !part.trim().is_empty())
+        .flat_map(|part| written_out(&format!("{before}{}", part.trim())))
+        .collect()
+}
+
+/// Paths that a module names, and those that it hands on with `pub use`.
+fn named(code: &str) -> (Vec<String>, Vec<String>) {
+    let (mut used, mut handed_on) = (Vec::new(), Vec::new());
+    let mut rest = String::new();
+    for statement in code.split_inclusive(';') {
+        let words = statement.trim().trim_end_matches(';');
+        let Some((before, tree)) = words.rsplit_once("use ").filter(|(before, _)| {
+            let last = before.lines().last().unwrap_or("").trim();
+            last.is_empty() || last.starts_with("pub")
+        }) else {
+            rest += statement;
+            continue;
+        };
+        let public = before.lines().last().is_some_and(|l| l.contains("pub"));
+        let list = if public { &mut handed_on } else { &mut used };
+        list.extend(written_out(tree));
+        rest += before;
+    }
+    let part = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let paths = rest.split(|c| !part(c)).filter(|p| p.contains("::"));
+    used.extend(paths.map(|p| p.trim_matches(':').to_string()));
+    (used, handed_on)
+}
+
+/// A path from the root, if it begins in the crate.
+fn absolute(
+    modules: &BTreeMap<Vec<String>, String>,
+    from: &[String],
+    path: &str,
+) -> Option<Vec<String>> {
+    let mut parts: Vec<String> = path.split("::").map(String::from).collect();
+    let mut base = from.to_vec();
+    match parts[0].as_str() {
+        "crate" => base.clear(),
+        "super" => {
+            while parts.first().is_some_and(|p| p == "super") {
+                base.pop();
+                parts.remove(0);
+            }
+            return Some([base, parts].concat());
+        }
+        "self" => {}
+        child => {
+            base.push(child.to_string());
+            if !modules.contains_key(&base) {
+                return None;
+            }
+        }
+    }
+    parts.remove(0);
+    Some([base, parts].concat())
+}
+
+/// The module that defines what a path names, following what modules hand on.
+fn defined(
+    modules: &BTreeMap<Vec<String>, String>,
+    handed_on: &BTreeMap<Vec<String>, Vec<String>>,
+    path: &[String],
+    depth: usize,
+) -> Option<Vec<String>> {
+    let length = (1..=path.len()).rev();
+    let length = length
+        .into_iter()
+        .find(|&k| modules.contains_key(&path[..k]))?;
+    let module = path[..length].to_vec();
+    let Some(name) = path.get(length).filter(|_| depth < 6) else {
+        return Some(module);
+    };
+    let through = handed_on[&module]
+        .iter()
+        .filter(|p| p.rsplit("::").next() == Some(name))
+        .filter_map(|p| absolute(modules, &module, p))
+        .find_map(|p| defined(modules, handed_on, &p, depth + 1));
+    Some(through.unwrap_or(module))
+}
+
+#[test]
+fn circles_of_files_stay_few_and_inside_rooms() {
+    let modules = modules();
+    let mut used = BTreeMap::new();
+    let mut handed_on = BTreeMap::new();
+    for (module, code) in &modules {
+        let (uses, hands_on) = named(code);
+        used.insert(module.clone(), uses);
+        handed_on.insert(module.clone(), hands_on);
+    }
+    let mut reach: BTreeMap<&Vec<String>, BTreeSet<Vec<String>>> = BTreeMap::new();
+    for (module, uses) in &used {
+        let targets = uses.iter().filter_map(|p| {
+            let path = absolute(&modules, module, p)?;
+            defined(&modules, &handed_on, &path, 0)
+        });
+        reach.insert(module, targets.filter(|t| t != module).collect());
+    }
+    let direct: usize = reach.values().map(BTreeSet::len).sum();
+    assert!(direct > 400, "only {direct} imports seen");
+    // everything that can be reached
+    let mut grows = true;
+    while grows {
+        grows = false;
+        for module in modules.keys() {
+            let further: BTreeSet<Vec<String>> = reach[module]
+                .iter()
+                .flat_map(|t| reach[t].iter().cloned())
+                .collect();
+            let own = reach.get_mut(module).unwrap();
+            let before = own.len();
+            own.extend(further);
+            grows |= own.len() > before;
+        }
+    }
+    let circles: BTreeSet<Vec<&Vec<String>>> = modules
+        .keys()
+        .filter(|m| reach[m].contains(*m))
+        .map(|m| {
+            let mutual = reach[m].iter().filter(|t| reach[t].contains(m));
+            mutual
+                .map(|t| modules.get_key_value(t).unwrap().0)
+                .collect()
+        })
+        .collect();
+    for circle in &circles {
+        assert!(
+            circle.iter().all(|m| m[0] == circle[0][0]),
+            "files of different rooms import each other in a circle: {circle:?}"
+        );
+    }
+    assert!(
+        circles.len() <= CIRCLES,
+        "{} circles: {circles:#?}",
+        circles.len()
+    );
+    // of the same kind: the code sees what it is there to see
+    let registry = circles.iter().find(|c| c[0][0] == "effect").unwrap();
+    assert!(registry.len() > plychain::effect::EFFECTS.len());
 }
 
 #[test]

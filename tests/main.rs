@@ -18,8 +18,8 @@ mod kernel;
 mod laminate;
 mod layering;
 mod marginal;
-mod measure;
 mod mechanics;
+#[cfg(target_os = "linux")]
 mod memory;
 mod model;
 mod newcomer;

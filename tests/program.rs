@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use assert_cmd::Command;
@@ -66,6 +67,32 @@ pub fn model(name: &str) -> String {
     root().join("models").join(name).display().to_string()
 }
 
+/// A model file of the repository, changed; its measurement stays where it is.
+pub fn changed(name: &str, change: impl Fn(&mut Value)) -> String {
+    let text = std::fs::read_to_string(model(name)).unwrap();
+    let mut value: Value = serde_json::from_str(&text).unwrap();
+    if let Some(dir) = value["experiments"][0]["measurement"].get_mut("dir") {
+        let folder = root().join("models").join(dir.as_str().unwrap());
+        *dir = folder.display().to_string().into();
+    }
+    change(&mut value);
+    let file = fresh("changed.json");
+    std::fs::write(&file, value.to_string()).unwrap();
+    file.display().to_string()
+}
+
+/// The default model on a coarse mesh, for what does not depend on the mesh.
+pub fn coarse() -> String {
+    static FILE: OnceLock<String> = OnceLock::new();
+    FILE.get_or_init(|| changed("openhole.json", |m| set_coarse(m)))
+        .clone()
+}
+
+/// A third of the elements along each direction: a solution costs a tenth.
+pub fn set_coarse(model: &mut Value) {
+    model["experiments"][0]["mesh_density"] = 0.3.into();
+}
+
 /// Identify and return the first round of `report.json`.
 pub fn identify(model: &str, extra: &[&str]) -> Value {
     let out = fresh("run");
@@ -84,12 +111,13 @@ pub fn posterior(round: &Value, name: &str) -> (f64, f64) {
     (p["mean"].as_f64().unwrap(), p["sd"].as_f64().unwrap())
 }
 
-/// A folder of `../shared/data`, or a line that says why the test is skipped.
-pub fn shared(name: &str) -> Option<PathBuf> {
-    let path = root().join("../shared/data").join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("skipped: {} is not here", path.display());
-    None
+/// A file or folder of `../shared/data`; for tests that are ignored because they need it.
+pub fn shared(name: &str) -> PathBuf {
+    root().join("../shared/data").join(name)
+}
+
+/// A Python with NumPy, ArviZ, xarray, Zarr, GetDist, pandas and Matplotlib; for tests that are ignored because they need it.
+pub fn python() -> std::process::Command {
+    let named = std::env::var("PLYCHAIN_PYTHON");
+    std::process::Command::new(named.unwrap_or_else(|_| "python3".into()))
 }

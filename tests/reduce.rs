@@ -334,7 +334,7 @@ fn the_article_s_box_gives_its_tables_in_figures_without_a_length() {
     test.specimen.length_mm = 200.0;
     test.window = [[-12.15; 2], [12.15; 2]];
     test.density = Density(0.28);
-    let problem = Reference::Gogu2013.problem(&problem_of(test));
+    let problem = problem_of(test).of_reference(Reference::Gogu2013);
     let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
     let model = ReducedModel::build(&problem, &snapshots).unwrap();
     for c in 0..2 {

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use plychain::report::{FieldCells, Page, Palette, Report};
 use serde_json::{Value, json};
 
-use crate::program::{copy, fresh, model, plychain, root, succeed};
+use crate::program::{coarse, copy, fresh, plychain, root, succeed};
 
 /// Asks for PNG where the program can draw them.
 const PNG: &[&str] = if cfg!(feature = "png") {
@@ -22,7 +22,7 @@ pub fn run() -> &'static Path {
     RUN.get_or_init(|| {
         let out = fresh("reported");
         let path = out.display().to_string();
-        let openhole = model("openhole.json");
+        let openhole = coarse();
         let mut arguments = vec!["identify", &openhole, "--quiet", "--out", &path];
         arguments.extend(PNG);
         succeed(&arguments);

@@ -93,7 +93,7 @@ fn kernel(name: &str) -> Box<dyn Sampler> {
 }
 
 /// Sum and count of the squared deviations, and the failures in words.
-pub fn judge(
+fn judge(
     name: &str,
     sampler: &dyn Sampler,
     target: &Known,
@@ -109,13 +109,6 @@ pub fn judge(
         };
         let outcome = sample(sampler, target, &schedule);
         let verdict = diagnose(&outcome.draws, &Rule::default());
-        if !verdict.converged {
-            println!(
-                "{name:18} on {:18} seed {seed}: {}",
-                target.name,
-                verdict.line()
-            );
-        }
         for (k, (label, z)) in deviations(target, &verdict).into_iter().enumerate() {
             squares += z * z;
             count += 1;
@@ -125,12 +118,6 @@ pub fn judge(
             sums[k].1 += z / (seeds.len() as f64).sqrt();
         }
     }
-    let rms = (squares / count as f64).sqrt();
-    println!(
-        "{name:18} on {:18} deviations spread by {rms:.2} standard errors, sums by {:.2}",
-        target.name,
-        (sums.iter().map(|s| s.1 * s.1).sum::<f64>() / sums.len() as f64).sqrt()
-    );
     let failures = sums
         .into_iter()
         .filter(|(_, z)| z.is_nan() || z.abs() >= 4.0)

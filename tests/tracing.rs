@@ -19,7 +19,7 @@ use plychain::trace::{Tracing, attribute, extended};
 
 use serde_json::Value;
 
-use crate::program::{fresh, model, shared, succeed, workplace};
+use crate::program::{coarse, fresh, model, shared, succeed, workplace};
 
 /// Constants of the simulated specimens.
 const TRUTH: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
@@ -37,9 +37,14 @@ pub enum Noise {
     Field(f64, f64),
 }
 
-/// A simulated measurement of the default model with some effects (`name=a,b`).
+/// A simulated measurement of the default model on a coarse mesh with some effects (`name=a,b`).
 pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
-    let nominal = Model::load(Path::new(&model("openhole.json"))).unwrap();
+    measured_with(&coarse(), effects, noise, seed)
+}
+
+/// A simulated measurement of a model with some effects.
+fn measured_with(file: &str, effects: &[&str], noise: Noise, seed: u64) -> Model {
+    let nominal = Model::load(Path::new(file)).unwrap();
     let acting: Vec<Acting> = effects
         .iter()
         .map(|text| Acting::parse("test", text).unwrap())
@@ -133,11 +138,21 @@ pub const CLEAR: [&str; 20] = [
 /// constants. Of 20 runs 19 must be right; of 80 intervals of 95 % at least nine tenths must hold the truth (chance of fewer: 2 %).
 #[test]
 fn every_effect_is_named_and_the_averaged_posterior_covers_the_truth() {
+    all_named(&coarse());
+}
+
+#[test]
+#[ignore = "the default mesh, 4 minutes"]
+fn every_effect_is_named_on_the_default_mesh() {
+    all_named(&model("openhole.json"));
+}
+
+fn all_named(file: &str) {
     let mut wrong = Vec::new();
     let mut covered = 0;
     for (k, case) in CLEAR.iter().enumerate() {
         let name = case.split('=').next().unwrap();
-        let (accepted, last) = traced(&measured(&[case], Noise::White, 100 + k as u64));
+        let (accepted, last) = traced(&measured_with(file, &[case], Noise::White, 100 + k as u64));
         let right = accepted.len() == 1 && accepted[0].1.contains(&name);
         if !right || last.discrepancy > 0.5 {
             wrong.push(format!(
@@ -178,11 +193,21 @@ fn two_effects_together_are_both_named() {
     }
 }
 
-/// Four fields of white noise, four of noise correlated over 1 mm: nothing is there, and nothing is found.
+/// White noise and noise correlated over 1 mm: nothing is there, and nothing is found.
 #[test]
 fn nothing_is_found_where_nothing_is() {
+    silent(0..1);
+}
+
+#[test]
+#[ignore = "six more fields, 1 minute"]
+fn nothing_is_found_in_many_fields_where_nothing_is() {
+    silent(1..4);
+}
+
+fn silent(seeds: std::ops::Range<u64>) {
     let mut found = Vec::new();
-    for seed in 0..4 {
+    for seed in seeds {
         for noise in [Noise::White, Noise::Correlated(1.0)] {
             let (accepted, last) = traced(&measured(&[], noise, 300 + seed));
             if !accepted.is_empty() || last.discrepancy > 0.5 {
@@ -193,7 +218,7 @@ fn nothing_is_found_where_nothing_is() {
             }
         }
     }
-    assert!(found.len() <= 1, "{found:#?}");
+    assert!(found.is_empty(), "{found:#?}");
 }
 
 /// A smooth field of 50 nm over 4 mm that no effect makes is called unexplained, and no effect is blamed for it.
@@ -265,7 +290,7 @@ fn the_loop_closes_on_the_default_model() {
 fn an_effect_that_no_round_could_add_is_called_for() {
     let out = fresh("bare");
     let run = out.display().to_string();
-    let file = model("openhole.json");
+    let file = coarse();
     let text = succeed(&["loop", &file, "--rounds", "0", "--quiet", "--out", &run]);
     assert!(!text.contains("nothing missing"), "{text}");
     let report: Value =
@@ -399,11 +424,10 @@ fn bending_is_never_named_without_the_taper_that_looks_like_it() {
 /// The measured steel strip: the loop finds the rigid motion that the published calibration lacks, goes on to structure that it
 /// cannot name, and its averaged posterior does not exclude what steel is known to have.
 #[test]
+#[ignore = "needs ../shared"]
 fn the_loop_on_measured_steel_ends_honestly() {
-    let Some(data) = shared("steel-s235") else {
-        return;
-    };
-    let data = data.join("displacements_raw.csv").display().to_string();
+    let data = shared("steel-s235/displacements_raw.csv");
+    let data = data.display().to_string();
     let out = fresh("steel");
     let run = out.display().to_string();
     succeed(&[
@@ -430,69 +454,38 @@ fn the_loop_on_measured_steel_ends_honestly() {
     assert!(low < 212.0 && high > 205.0, "E from {low} to {high} GPa");
 }
 
-/// When tracing is right, and when it is wrong: simulated fields of the default model with 10 nm of noise, the fit told nothing, for
-/// example `PLYCHAIN_TRACE="load_misalignment=1;none" cargo test --release tracing::survey -- --ignored --nocapture`.
+/// When tracing is right, and when it is wrong: simulated fields of the default model with 10 nm of noise, the fit told nothing. Of an
+/// effect that acts and is out of the dictionary something is said: structure is unexplained, or a neighbour takes its place.
 ///
 /// | field | what tracing said |
 /// |---|---|
-/// | no effect, 40 seeds: 14 of white noise, 13 correlated over 1 mm, 13 over 0.5 mm (`PLYCHAIN_NOISE`, `PLYCHAIN_SEEDS`) | nothing accepted, nothing undecided |
-/// | 18 effects at a size that leaves a residual of 1.2 times the noise, or at a clear size if the model absorbs more of it (`PLYCHAIN_MARGINAL=all cargo test --release marginal`) | 18 named |
-/// | the effect that acts left out of the dictionary (`PLYCHAIN_WITHOUT`), 19 effects, two seeds each | structure called unexplained in 28 of 38, in 15 of them beside a neighbour that took a share; neighbours alone in 10 (a thermal strain as the uniform strain that it is, a hole's size as damage of its edge and the reverse, a taper as bending in and out of the plane, shear nonlinearity as hole size and thermal strain) |
+/// | no effect, 40 seeds: 14 of white noise, 13 correlated over 1 mm, 13 over 0.5 mm | nothing accepted, nothing undecided |
+/// | 18 effects at a size that leaves a residual of 1.2 times the noise, or at a clear size if the model absorbs more of it (`cargo test --release marginal -- --ignored`) | 18 named |
+/// | the effect that acts left out of the dictionary, 19 effects, two seeds each | structure called unexplained in 28 of 38, in 15 of them beside a neighbour that took a share; neighbours alone in 10 (a thermal strain as the uniform strain that it is, a hole's size as damage of its edge and the reverse, a taper as bending in and out of the plane, shear nonlinearity as hole size and thermal strain) |
 ///
 /// A real measurement may well be of the last kind: `unexplained` there means that structure is left, sometimes beside a neighbour that
 /// took its share.
 #[test]
-#[ignore = "prints a table"]
-fn survey() {
-    let cases = std::env::var("PLYCHAIN_TRACE").unwrap_or_else(|_| "none".into());
-    let noise = match std::env::var("PLYCHAIN_NOISE").as_deref() {
-        Ok("field") => Noise::Field(50.0, 4.0),
-        Ok(length) => Noise::Correlated(length.parse().unwrap()),
-        Err(_) => Noise::White,
-    };
-    let first: u64 = std::env::var("PLYCHAIN_FIRST").map_or(1, |t| t.parse().unwrap());
-    let seeds: u64 = std::env::var("PLYCHAIN_SEEDS").map_or(1, |t| t.parse().unwrap());
-    for case in cases.split(';') {
-        for seed in first..first + seeds {
-            let effects: Vec<&str> = case.split('+').filter(|e| *e != "none").collect();
-            let start = std::time::Instant::now();
-            let mut model = measured(&effects, noise, seed);
-            if std::env::var("PLYCHAIN_WITHOUT").is_ok() {
-                // the true effects are taken out of the dictionary
-                let names = EFFECTS.iter().map(|e| e.name().to_string());
-                let missing = |name: &String| !case.contains(name.as_str());
-                model.experiment_mut().candidates = Some(names.filter(missing).collect());
-            }
-            let (accepted, tracing) = traced(&model);
-            println!(
-                "{case} seed {seed}: accepted {accepted:?} undecided {:?} P(discrepancy) {:.2} l {:?} holdout {:.2} nm, {:.1} s",
-                tracing.undecided,
-                tracing.discrepancy,
-                tracing.length_mm,
-                tracing.holdout_rms_nm,
-                start.elapsed().as_secs_f64()
-            );
-            for g in &tracing.groups {
-                println!(
-                    "    group {:?} P {:.3} drop {:.1} predicts {}",
-                    g.members, g.probability, g.log_bayes_factor, g.predicts
-                );
-            }
-            for (a, truth) in tracing.averaged.iter().zip(TRUTH) {
-                println!(
-                    "    {} {:.4} +- {:.4} z {:.2}",
-                    a.name,
-                    a.mean,
-                    a.sd,
-                    (a.mean - truth) / a.sd
-                );
-            }
+#[ignore = "19 effects, 2 minutes"]
+fn effects_out_of_the_dictionary_do_not_go_unsaid() {
+    let (mut unexplained, mut unsaid) = (0, Vec::new());
+    for case in &CLEAR[..19] {
+        let name = case.split('=').next().unwrap();
+        let mut model = measured(&[case], Noise::White, 1);
+        let others = EFFECTS.iter().map(|e| e.name()).filter(|e| *e != name);
+        model.experiment_mut().candidates = Some(others.map(String::from).collect());
+        let (accepted, last) = traced(&model);
+        unexplained += usize::from(last.leaves_structure());
+        if accepted.is_empty() && last.undecided.is_empty() && !last.leaves_structure() {
+            unsaid.push(name);
         }
     }
+    assert!(unsaid.len() <= 3, "{unsaid:?}");
+    assert!(unexplained >= 10, "{unexplained} of 19 unexplained");
 }
 
-/// The quiet effects of the table of `quiet`, at the sizes that a laboratory may well have.
-const QUIET: [&str; 6] = [
+/// Weakly observable effects at sizes that a laboratory may well have.
+const WEAK: [&str; 6] = [
     "magnification=0.5",
     "hole_size=2",
     "out_of_plane_bending=0.025,0",
@@ -504,7 +497,7 @@ const QUIET: [&str; 6] = [
 /// What unseen effects do to the constants: simulated fields of the default model with 10 nm of noise and one effect that nobody
 /// declared. The bare model is the normal approximation of its posterior; the averaged one is `averaged_posterior` of `report.json`.
 /// Errors are root mean squares over the seeds, in % of the truth; "held" counts the 95 % intervals that hold the truth.
-/// `cargo test --release tracing::quiet -- --ignored --nocapture` prints:
+/// The test asks for the numbers of intervals; with three seeds an effect on the default mesh they are:
 ///
 /// | effect | bare: error % (E1, E2, nu12, G12) | held | averaged: error % | held |
 /// |---|---|---|---|---|
@@ -515,15 +508,11 @@ const QUIET: [&str; 6] = [
 /// | `lens_distortion=0.3` | 1.1, 17.3, 34.1, 8.9 | 3 of 12 | 0.0, 0.5, 1.3, 0.3 | 12 of 12 |
 /// | `shear_nonlinearity=1e-7` | 0.5, 3.1, 7.9, 1.3 | 6 of 12 | 0.0, 0.7, 1.2, 0.3 | 12 of 12 |
 #[test]
-#[ignore = "prints a table"]
-fn quiet() {
+#[ignore = "18 fields, 2 minutes"]
+fn the_averaged_posterior_holds_what_the_bare_model_misses() {
     const SEEDS: u64 = 3;
-    println!("| effect | bare: error % (E1, E2, nu12, G12) | held | averaged: error % | held |");
-    println!("|---|---|---|---|---|");
-    let mut totals = [0; 2];
-    for case in QUIET {
-        let mut errors = [[0.0_f64; 4]; 2];
-        let mut held = [0; 2];
+    let (mut bare_held, mut averaged_held) = (0, 0);
+    for case in WEAK {
         for seed in 0..SEEDS {
             let model = measured(&[case], Noise::White, 500 + seed);
             let cache = workplace().join("runs/.cache");
@@ -531,43 +520,15 @@ fn quiet() {
             let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
             let bare = start(&inverse.posterior).unwrap();
             let (_, last) = traced(&model);
-            for k in 0..4 {
+            for (k, truth) in TRUTH.iter().enumerate() {
                 let dim = bare.mode.len();
                 let sd = bare.covariance[k * dim + k].sqrt();
-                let intervals = [
-                    (
-                        bare.mode[k],
-                        bare.mode[k] - 1.96 * sd,
-                        bare.mode[k] + 1.96 * sd,
-                    ),
-                    (
-                        last.averaged[k].mean,
-                        last.averaged[k].low,
-                        last.averaged[k].high,
-                    ),
-                ];
-                for (which, (mean, low, high)) in intervals.into_iter().enumerate() {
-                    let error = 100.0 * (mean / TRUTH[k] - 1.0);
-                    errors[which][k] += error * error / SEEDS as f64;
-                    held[which] += usize::from((low..high).contains(&TRUTH[k]));
-                }
+                bare_held += usize::from((bare.mode[k] - truth).abs() < 1.96 * sd);
+                let averaged = &last.averaged[k];
+                averaged_held += usize::from((averaged.low..averaged.high).contains(truth));
             }
         }
-        let show = |e: [f64; 4]| e.map(|e| format!("{:.1}", e.sqrt())).join(", ");
-        let of = 4 * SEEDS;
-        println!(
-            "| `{case}` | {} | {} of {of} | {} | {} of {of} |",
-            show(errors[0]),
-            held[0],
-            show(errors[1]),
-            held[1]
-        );
-        totals = [totals[0] + held[0], totals[1] + held[1]];
     }
-    println!(
-        "held in all: bare {}, averaged {} of {}",
-        totals[0],
-        totals[1],
-        24 * SEEDS
-    );
+    assert!(averaged_held >= 64, "{averaged_held} of 72");
+    assert!(bare_held < averaged_held - 20, "{bare_held} of 72");
 }

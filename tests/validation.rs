@@ -12,7 +12,7 @@ use rand_pcg::Pcg64Dxsm;
 use serde_json::Value;
 
 use crate::kernel::table;
-use crate::program::{fresh, model, plychain, root, succeed};
+use crate::program::{changed, coarse, fresh, plychain, set_coarse, succeed};
 
 fn posterior() -> (Posterior, Laplace, Vec<[f64; 2]>) {
     let posterior = table().posterior();
@@ -234,7 +234,7 @@ fn refused(arguments: &[&str], expected: &str) {
 fn a_run_is_validated_and_what_is_not_one_is_refused() {
     let run = fresh("run");
     let out = run.to_str().unwrap();
-    let default = model("openhole.json");
+    let default = coarse();
     let empty = fresh("empty");
     std::fs::create_dir_all(&empty).unwrap();
     refused(&["validate", empty.to_str().unwrap()], "run.json");
@@ -282,24 +282,20 @@ fn a_run_is_validated_and_what_is_not_one_is_refused() {
 }
 
 /// The default model with three modes, few snapshots, and a box that misses the sample's E1.
-fn coarse() -> String {
-    let text = std::fs::read_to_string(model("openhole.json")).unwrap();
-    let mut file: Value = serde_json::from_str(&text).unwrap();
-    file["experiments"][0]["measurement"]["dir"] =
-        root().join("models/openhole").display().to_string().into();
-    file["reduced_model"] = serde_json::json!({
-        "snapshots": 60, "modes": 3, "degree": 3, "doe": { "E1_GPa": [150.0, 210.0] },
-    });
-    let path = fresh("coarse.json");
-    std::fs::write(&path, file.to_string()).unwrap();
-    path.display().to_string()
+fn crude() -> String {
+    changed("openhole.json", |m| {
+        set_coarse(m);
+        m["reduced_model"] = serde_json::json!({
+            "snapshots": 60, "modes": 3, "degree": 3, "doe": { "E1_GPa": [150.0, 210.0] },
+        });
+    })
 }
 
 /// A run is validated with the reduced model that its chain was drawn with: a coarse one is caught, and what the finite
 /// elements make of the draws stands beside them; the same run refined is within the tolerance.
 #[test]
 fn a_refined_run_is_validated_with_its_refined_model() {
-    let file = coarse();
+    let file = crude();
     let validated = |extra: &[&str]| {
         let run = fresh("run");
         let out = run.to_str().unwrap();
@@ -340,7 +336,7 @@ fn a_refined_run_is_validated_with_its_refined_model() {
 fn a_small_calibration_is_resumable_and_covers_the_truth() {
     use statrs::distribution::{ChiSquared, ContinuousCDF};
     let folder = fresh("sbc");
-    let default = model("openhole.json");
+    let default = coarse();
     let arguments = |n: &'static str| -> Vec<String> {
         [
             "validate",

@@ -6,8 +6,8 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::draws::{Chains, Draws};
-use super::store::FORMAT;
 use super::zarr;
+use super::zarr::FORMAT;
 use crate::error::{Error, Result};
 
 /// Takes the first draw of a chunk, its number of draws, and its arrays (the parameters, then the log density; each

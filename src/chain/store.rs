@@ -10,11 +10,8 @@ use serde_json::{Value, json};
 
 use super::draws::Draws;
 use super::reader::Reader;
-use super::zarr::{self, Kind};
+use super::zarr::{self, FORMAT, Kind};
 use crate::error::{Error, Result};
-
-/// Version of the store's own conventions.
-pub(super) const FORMAT: &str = "plychain-chain/1";
 
 /// Floats of a chunk, about 1 MiB.
 const CHUNK: usize = 1 << 17;

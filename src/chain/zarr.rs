@@ -8,6 +8,9 @@ use serde_json::{Value, json};
 use crate::error::{Error, Result};
 use crate::files;
 
+/// Version of the store's own conventions.
+pub(super) const FORMAT: &str = "plychain-chain/1";
+
 /// Type of an array's elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {

@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     print(&tables::text(&prepared.reduced))?;
     let mut value = json!({ "schema": SCHEMA, "tables": tables::numbers(&prepared.reduced) });
     if let Some(reference) = model.file.reduced_model.reference {
-        let problem = reference.problem(&prepared.problem);
+        let problem = prepared.problem.of_reference(reference);
         let (built, _) = reduced_models::obtain(&problem, &cache(), console)?;
         print(&tables::comparison_text(reference, &built))?;
         value["comparison"] = tables::comparison_numbers(reference, &built);

@@ -13,12 +13,12 @@ mod surface;
 mod variables;
 
 pub use cross::{CrossValidation, leave_one_out};
-pub use design::{Dimension, latin_hypercube};
+pub use design::{Dimension, exponents, latin_hypercube, monomial};
 pub use model::ReducedModel;
 pub use modes::{AUTO_MM, Modes};
 pub use pod::{Pod, decompose};
 pub use problem::{Problem, ReducedSpec, THICKNESS};
 pub use reference::{GOGU_2013, Published, Reference, TRUNCATIONS};
 pub use snapshots::Snapshots;
-pub use surface::{Quality, Surface, exponents, monomial};
+pub use surface::{Quality, Surface};
 pub use variables::{Choice, Variables};

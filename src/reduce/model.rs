@@ -172,7 +172,7 @@ fn best_surface(
     }
     for degree in problem.spec.degree..=problem.spec.degree + 3 {
         let dims = Variables::new(Choice::Ratios, problem, points).count();
-        if 3 * super::surface::exponents(dims, degree).len() > points.len() {
+        if 3 * super::design::exponents(dims, degree).len() > points.len() {
             break;
         }
         let surface = fit(problem, Choice::Ratios, degree, points, values)?;

@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::design::Dimension;
+use super::design::{Dimension, enough_samples};
 use super::modes::Modes;
 use super::reference::Reference;
-use super::surface::enough_samples;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Effect};
 use crate::error::{Error, Result};
@@ -162,6 +161,38 @@ impl Problem {
             )?;
         }
         Ok(())
+    }
+
+    /// The problem of the published tables on this plate, load and window: their box, cubic surfaces of 4
+    /// modes. The total thickness is that of all plies.
+    pub fn of_reference(&self, reference: Reference) -> Problem {
+        let published = reference.published();
+        let plies = self.experiment.scene().setup.angles.len() as f64;
+        let names = self.material().constants().iter().copied();
+        let dimensions = names
+            .chain([THICKNESS])
+            .zip(published.bounds)
+            .map(|(name, [low, high])| {
+                let unit = if name == THICKNESS { plies } else { 1.0 };
+                Dimension {
+                    name: name.into(),
+                    low: unit * low,
+                    high: unit * high,
+                }
+            })
+            .collect();
+        Problem {
+            dimensions,
+            effects: Vec::new(),
+            spec: ReducedSpec {
+                snapshots: published.snapshots,
+                modes: Modes::Count(4),
+                degree: 3,
+                doe: None,
+                reference: None,
+            },
+            ..self.clone()
+        }
     }
 
     /// Check, before anything is solved, that every corner of the box has an admissible ply and every side some length,

@@ -5,10 +5,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::design::Dimension;
-use super::modes::Modes;
-use super::problem::{Problem, ReducedSpec, THICKNESS};
-
 /// A published reduced model that a model file names with `reduced_model.reference`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reference {
@@ -83,38 +79,6 @@ impl Reference {
     pub fn published(self) -> &'static Published {
         match self {
             Reference::Gogu2013 => &GOGU_2013,
-        }
-    }
-
-    /// The problem of the published tables on the plate, load and window of `problem`: their box, cubic surfaces of 4
-    /// modes. The total thickness is that of all plies.
-    pub fn problem(self, problem: &Problem) -> Problem {
-        let published = self.published();
-        let plies = problem.experiment.scene().setup.angles.len() as f64;
-        let names = problem.material().constants().iter().copied();
-        let dimensions = names
-            .chain([THICKNESS])
-            .zip(published.bounds)
-            .map(|(name, [low, high])| {
-                let unit = if name == THICKNESS { plies } else { 1.0 };
-                Dimension {
-                    name: name.into(),
-                    low: unit * low,
-                    high: unit * high,
-                }
-            })
-            .collect();
-        Problem {
-            dimensions,
-            effects: Vec::new(),
-            spec: ReducedSpec {
-                snapshots: published.snapshots,
-                modes: Modes::Count(4),
-                degree: 3,
-                doe: None,
-                reference: None,
-            },
-            ..problem.clone()
         }
     }
 }

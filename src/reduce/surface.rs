@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use super::design::{enough_samples, exponents, monomial};
 use super::variables::Variables;
 use crate::error::{Error, Result};
 
@@ -34,54 +35,6 @@ pub struct Quality {
     pub rms: f64,
     /// Root mean square leave-one-out residual, from the hat matrix.
     pub press: f64,
-}
-
-/// All exponents of `dims` variables up to total degree `degree`, ordered by degree.
-pub fn exponents(dims: usize, degree: usize) -> Vec<Vec<u8>> {
-    fn extend(prefix: &mut Vec<u8>, dims: usize, left: usize, out: &mut Vec<Vec<u8>>) {
-        if prefix.len() + 1 == dims {
-            prefix.push(left as u8);
-            out.push(prefix.clone());
-            prefix.pop();
-            return;
-        }
-        for e in (0..=left).rev() {
-            prefix.push(e as u8);
-            extend(prefix, dims, left - e, out);
-            prefix.pop();
-        }
-    }
-    let mut out = Vec::new();
-    for total in 0..=degree {
-        extend(&mut Vec::new(), dims, total, &mut out);
-    }
-    out
-}
-
-/// Check that `samples` determine a polynomial of total degree `degree` in `dims` variables, with one to spare.
-///
-/// # Errors
-/// Of the input, naming `reduced_model.snapshots`.
-pub fn enough_samples(samples: usize, degree: usize, dims: usize) -> Result<()> {
-    let least = exponents(dims, degree).len() + 1;
-    if samples >= least {
-        return Ok(());
-    }
-    Err(Error::input(
-        "reduced_model.snapshots",
-        format!("at least {least} for degree {degree} in {dims} variables"),
-    )
-    .found(samples)
-    .hint("raise snapshots or lower degree"))
-}
-
-/// Value of a monomial.
-pub fn monomial(exponents: &[u8], z: &[f64]) -> f64 {
-    exponents
-        .iter()
-        .zip(z)
-        .map(|(&e, &z)| z.powi(i32::from(e)))
-        .product()
 }
 
 impl Surface {

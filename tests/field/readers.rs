@@ -5,7 +5,8 @@ use plychain::error::{Blame, Error};
 use plychain::field::{Axis, Field, Frame, Grid, MeasurementSpec, READERS, Source, matrices};
 use proptest::prelude::*;
 
-use super::{STEEL, open_hole, shared, spec};
+use super::{STEEL, open_hole, spec};
+use crate::program::shared;
 
 const FRAME_Y: Frame = Frame {
     loading_axis: Axis::Y,
@@ -406,10 +407,9 @@ fn a_wrong_hole_centre_is_refused_with_the_void_that_is_there() {
 }
 
 #[test]
+#[ignore = "needs ../shared"]
 fn the_steel_measurement_is_read() {
-    let Some(dir) = shared("steel-s235") else {
-        return;
-    };
+    let dir = shared("steel-s235");
     let field = spec(STEEL).read(&dir, None).unwrap();
     assert_eq!(field.len() + field.rejected.outliers, 5475);
     assert!((0.55..0.61).contains(&field.spacing_mm()));

@@ -124,7 +124,7 @@ fn a_reference_needs_a_laminate() {
     )
     .unwrap();
     problem.validate().unwrap();
-    let published = problem.spec.reference.unwrap().problem(&problem);
+    let published = problem.of_reference(problem.spec.reference.unwrap());
     assert_eq!(published.dimensions[4].low, 6.0 * 0.12);
     published.validate().unwrap();
     let test = small_test();

@@ -1,4 +1,10 @@
-//! Measurements behind the defaults; printed, not asserted: `cargo test --release measure -- --ignored --nocapture`.
+//! What the default mixture of moves rests on: ESS per evaluation of moves and mixtures on targets of known answers.
+//!
+//! `cargo bench --bench moves`.
+
+#[path = "../targets.rs"]
+#[allow(dead_code)]
+mod targets;
 
 use rayon::prelude::*;
 
@@ -8,8 +14,7 @@ use plychain::sample::{
     Tail, run,
 };
 
-use crate::samplers::judge;
-use crate::targets::{self, Known};
+use targets::Known;
 
 /// Weights of independence (with its tail), DE, stretch and snooker.
 struct Recipe(&'static str, Tail, [f64; 4]);
@@ -74,9 +79,7 @@ fn efficiency(sampler: &dyn Sampler, target: &Known) -> (f64, f64) {
     )
 }
 
-#[test]
-#[ignore = "a measurement"]
-fn measure_moves() {
+fn main() {
     for walkers in [32, 64] {
         let rows: Vec<String> = RECIPES
             .par_iter()
@@ -94,21 +97,4 @@ fn measure_moves() {
         );
         rows.iter().for_each(|row| println!("{row}"));
     }
-}
-
-/// Spread of the deviations in standard errors over 24 seeds: 1 if the standard errors are right.
-#[test]
-#[ignore = "a measurement"]
-fn measure_calibration() {
-    let seeds: Vec<u64> = (100..124).collect();
-    RECIPES.par_iter().for_each(|recipe| {
-        for target in [
-            targets::correlated(5, 1e6),
-            targets::student(3, 5.0),
-            targets::banana(),
-        ] {
-            let (_, _, failures) = judge(recipe.0, &build(recipe, 64), &target, &seeds);
-            println!("{failures:?}");
-        }
-    });
 }
