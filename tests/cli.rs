@@ -103,7 +103,7 @@ fn a_broken_model_is_named_with_file_key_value_and_expectation() {
                 "gauge.zero_at_mm",
                 "[0.5, -0.5]",
                 "in the hole",
-                "0.707 mm",
+                "1.293 mm from its edge",
             ],
         ),
         (
