@@ -85,7 +85,7 @@ fn imports_point_only_to_the_left() {
 
 /// Circles of files that import each other. The registries (`effect`, `geometry`) and the verbs of `cli` are three: each lists
 /// files that use what stands beside the list.
-const CIRCLES: usize = 7;
+const CIRCLES: usize = 6;
 
 /// The modules of the crate: path from the root, and the code without comments and without tests of its own.
 fn modules() -> BTreeMap<Vec<String>, String> {
