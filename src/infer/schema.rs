@@ -13,7 +13,7 @@ use crate::files::{parse_json, unique};
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::ReducedSpec;
 
-/// The schema that this program writes. It reads [`version1::SCHEMA`] too.
+/// The schema that this program writes. It reads `version1::SCHEMA` too.
 pub const SCHEMA: &str = "plychain-model/2";
 
 /// A model file. Unknown keys are errors.
