@@ -84,7 +84,7 @@ pub fn changed(name: &str, change: impl Fn(&mut Value)) -> String {
 /// The default model on a coarse mesh, for what does not depend on the mesh.
 pub fn coarse() -> String {
     static FILE: OnceLock<String> = OnceLock::new();
-    FILE.get_or_init(|| changed("openhole.json", |m| set_coarse(m)))
+    FILE.get_or_init(|| changed("openhole.json", set_coarse))
         .clone()
 }
 
