@@ -161,7 +161,8 @@ fn a_taper_across_bends_the_far_field_as_the_beam_does() {
     let width = setup.width();
     let compliance = setup.membrane(&PLY).matrix().try_inverse().unwrap();
     let e0 = setup.load.axial / width * compliance[(0, 0)] / (1.0 - f * f / 12.0);
-    let points: Vec<[f64; 2]> = [-11.0, -6.0, 0.0, 4.0, 12.0].map(|t| [-70.0, t]).into();
+    // as far from both ends as can be, whose own fields have decayed there
+    let points: Vec<[f64; 2]> = [-11.0, -6.0, 0.0, 4.0, 12.0].map(|t| [0.0, t]).into();
     for (p, strain) in points.iter().zip(strains(&plate, &setup, &points)) {
         let wanted = e0 * (1.0 - f * p[1] / width);
         let ratio = compliance[(1, 0)] / compliance[(0, 0)];
