@@ -31,6 +31,7 @@ mod reduce;
 mod report;
 mod resume;
 mod samplers;
+mod schema;
 mod starts;
 mod targets;
 mod tracing;

@@ -30,7 +30,7 @@ pub fn identified(model: &Model, rounds: &[Identification], seed: u64) -> Report
 /// The report of a loop.
 pub fn closed(closed: &Closed, seed: u64) -> Report {
     let rounds: Vec<RoundReport> = closed.rounds.iter().map(traced).collect();
-    let [first, last] = ends(&closed.rounds);
+    let [first, last] = [&closed.rounds[0], &closed.rounds[closed.rounds.len() - 1]];
     let blind_spots = blind_spots(&last.tracing);
     let conclusion = &closed.conclusion;
     let note = rounds
@@ -77,10 +77,6 @@ fn report(model: &Model, seed: u64, rounds: Vec<RoundReport>) -> Report {
     }
 }
 
-fn ends(steps: &[Round]) -> [&Round; 2] {
-    [&steps[0], &steps[steps.len() - 1]]
-}
-
 fn traced(step: &Round) -> RoundReport {
     let mut round = round(&step.model, &step.identification);
     round.residual.holdout_rms_nm = finite(step.tracing.holdout_rms_nm);
@@ -92,10 +88,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
     let rows = &round.verdict.rows;
     RoundReport {
         effects_declared: map(&model.effects, |e| e.name().into()),
-        posterior: rows
-            .iter()
-            .map(|row| (row.name.clone(), summary(row)))
-            .collect(),
+        posterior: rows.iter().map(summary).collect(),
         effect_amplitudes: amplitudes(round),
         correlation: Correlation {
             names: map(rows, |r| r.name.clone()),
@@ -110,8 +103,8 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
     }
 }
 
-fn summary(row: &crate::diagnose::Row) -> PosteriorSummary {
-    PosteriorSummary {
+fn summary(row: &crate::diagnose::Row) -> (String, PosteriorSummary) {
+    let summary = PosteriorSummary {
         mean: row.mean,
         sd: row.sd,
         low: row.low,
@@ -121,7 +114,8 @@ fn summary(row: &crate::diagnose::Row) -> PosteriorSummary {
         rhat: finite(row.rhat),
         ess_bulk: finite(row.ess_bulk),
         ess_tail: finite(row.ess_tail),
-    }
+    };
+    (row.name.clone(), summary)
 }
 
 /// Amplitudes of all declared effects: closed-form ones, and mechanical ones, which are sampled.
@@ -291,29 +285,19 @@ fn doe(dimensions: &[Dimension]) -> Keyed<[f64; 2]> {
 
 fn before_after(first: &Round, last: &Round) -> BeforeAfter {
     let both = |f: &dyn Fn(&Round) -> f64| [first, last].map(|s| finite(f(s)));
-    let constants = first
-        .identification
-        .verdict
-        .rows
-        .iter()
-        .filter_map(|before| {
-            let after = last
-                .identification
-                .verdict
-                .rows
-                .iter()
-                .find(|r| r.name == before.name)?;
-            let shifted = Shifted {
-                mean: [before.mean, after.mean],
-                sd: [before.sd, after.sd],
-                shift_in_sd: finite((after.mean - before.mean) / before.sd),
-                from_prior_in_prior_sd: [
-                    from_prior(first, &before.name, before.mean),
-                    from_prior(last, &before.name, after.mean),
-                ],
-            };
-            Some((before.name.clone(), shifted))
-        });
+    let [before, after] = [first, last].map(|s| s.identification.verdict.rows.iter());
+    let constants = before.filter_map(|before| {
+        let name = &before.name;
+        let after = after.clone().find(|r| r.name == *name)?;
+        let shifted = Shifted {
+            mean: [before.mean, after.mean],
+            sd: [before.sd, after.sd],
+            shift_in_sd: finite((after.mean - before.mean) / before.sd),
+            from_prior_in_prior_sd: [(first, before.mean), (last, after.mean)]
+                .map(|(round, mean)| from_prior(round, name, mean)),
+        };
+        Some((name.clone(), shifted))
+    });
     BeforeAfter {
         residual_rms_nm: both(&|s| s.identification.residual.rms_all_nm()),
         residual_rms_u1_nm: both(&|s| s.identification.residual.rms_nm[0]),

@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use serde_json::{Map, Value, json};
 
-use super::terminal::table;
+use super::terminal::{mean_sd, table};
 use crate::diagnose::Row;
 use crate::identify::SurrogateError;
-use crate::quantity::significant;
+use crate::quantity::{plus_minus, significant};
 use crate::validate::grid::Grid;
 use crate::validate::priors::Table;
 use crate::validate::quadrature::Moments;
@@ -177,11 +177,7 @@ impl Validation<'_> {
             });
         }
         let rows = self.chain.iter().enumerate().map(|(k, row)| {
-            let mut cells = vec![
-                row.name.clone(),
-                significant(row.mean, row.sd),
-                significant(row.sd, row.sd),
-            ];
+            let mut cells = mean_sd(&row.name, row.mean, row.sd);
             for (_, d) in &all {
                 let (mean, sd) = d.get(k).copied().unwrap_or((f64::NAN, f64::NAN));
                 cells.extend([format!("{mean:+.3}"), format!("{sd:+.2}")]);
@@ -250,13 +246,7 @@ impl Validation<'_> {
         header.extend(priors.rows[0].moments.names[..d].iter().map(String::as_str));
         let rows = priors.rows.iter().map(|row| {
             let m = &row.moments;
-            let cell = |k: usize| {
-                format!(
-                    "{} +- {}",
-                    significant(m.mean[k], m.sd[k]),
-                    significant(m.sd[k], m.sd[k])
-                )
-            };
+            let cell = |k: usize| plus_minus(m.mean[k], m.sd[k]);
             std::iter::once(row.prior.clone())
                 .chain((0..d).map(cell))
                 .collect()
@@ -276,13 +266,9 @@ impl Validation<'_> {
 fn reweighted(truth: &SurrogateError) -> String {
     let rows = truth.moments.iter().map(|m| {
         let ([mean, sd], [by_weight, sd_by_weight]) = (m.plain, m.weighted);
-        vec![
-            m.name.clone(),
-            significant(mean, sd),
-            significant(sd, sd),
-            significant(by_weight, sd),
-            significant(sd_by_weight, sd),
-        ]
+        let mut cells = mean_sd(&m.name, mean, sd);
+        cells.extend([by_weight, sd_by_weight].map(|v| significant(v, sd)));
+        cells
     });
     let header = ["", "mean", "sd", "weighted mean", "weighted sd"];
     format!(

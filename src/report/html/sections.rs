@@ -175,11 +175,9 @@ pub fn posterior(page: &Page, figures: &Figures) -> Markup {
 fn correlation(round: &RoundReport) -> Markup {
     let names = &round.correlation.names;
     let rows = names.iter().zip(&round.correlation.matrix);
-    let rows: Vec<_> = rows
-        .map(|(name, r)| row(name, r.iter().map(|v| fixed(*v, 3))))
-        .collect();
+    let rows = rows.map(|(name, r)| row(name, r.iter().map(|v| fixed(*v, 3))));
     let header = row("", names.iter().cloned());
-    html! { @if !rows.is_empty() { (table("Correlation of the draws", &header, rows, false)) } }
+    table("Correlation of the draws", &header, rows, false)
 }
 
 /// Whether the draws can be used.
@@ -187,8 +185,7 @@ pub fn convergence(page: &Page, figures: &Figures) -> Markup {
     let last = page.report.rounds.len().saturating_sub(1);
     let header = ["", "R-hat", "ESS bulk", "ESS tail", "MCSE of the mean"];
     let line = |(name, s): (&String, &PosteriorSummary)| {
-        let ess = [s.ess_bulk, s.ess_tail].map(|v| fixed(v, 0));
-        let [bulk, tail] = ess;
+        let [bulk, tail] = [s.ess_bulk, s.ess_tail].map(|v| fixed(v, 0));
         row(name, [fixed(s.rhat, 4), bulk, tail, short(s.mcse_mean)])
     };
     html! {
