@@ -141,7 +141,7 @@ fn mutate(bytes: &[u8], rng: &mut Pcg64Dxsm) -> Vec<u8> {
     out
 }
 
-/// Read `count` mutated versions of `original`; an error must name one of `names`. Some must be refused, or nothing was linearised.
+/// Read `count` mutated versions of `original`; an error must name one of `names`. Some must be refused, or nothing was tested.
 fn feed(
     what: &str,
     original: &[u8],

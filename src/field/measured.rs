@@ -67,7 +67,7 @@ pub struct Rejected {
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,
-    /// A outlier.
+    /// An outlier.
     Outlier,
     /// Outside the plate or inside the hole.
     OutsidePlate,

@@ -1,6 +1,6 @@
 //! Outliers: points that contradict all their neighbours, found without any model of the field.
 //!
-//! Each point is predicted by a quadratic through its nearest neighbours. It is a outlier where the residual exceeds
+//! Each point is predicted by a quadratic through its nearest neighbours. It is an outlier where the residual exceeds
 //! [`MULTIPLE`] standard deviations (a MAD, of the field or of the point's part of it, whichever is larger, widened
 //! by the leverage) *and* hardly any neighbour shares the deviation: a region shifted by a fringe order is no outlier.
 
@@ -12,7 +12,7 @@ use super::local::{LocalFit, mad};
 use super::measured::{Field, Reason, bounds};
 use crate::numeric::median;
 
-/// A residual beyond this many standard deviations makes a outlier (6e-7 of good Gaussian points).
+/// A residual beyond this many standard deviations makes an outlier (6e-7 of good Gaussian points).
 pub const MULTIPLE: f64 = 5.0;
 /// Least-squares residuals beyond this many standard deviations are looked at again, robustly.
 const SUSPICIOUS: f64 = 3.0;

@@ -46,7 +46,7 @@ impl Graph {
     }
 
     /// Phase of `values` (cycles), within half a cycle of zero, averaged over each point and its neighbours as unit
-    /// vectors: whole cycles do not show in it, and a outlier counts no more than any other point.
+    /// vectors: whole cycles do not show in it, and an outlier counts no more than any other point.
     pub(super) fn smoothed_phase(&self, values: &[f64]) -> Vec<f64> {
         let vectors: Vec<(f64, f64)> = values
             .iter()
