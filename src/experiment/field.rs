@@ -193,6 +193,10 @@ impl Experiment for FieldExperiment {
             gradient,
         })
     }
+
+    fn rest(&self) {
+        self.plate.rest();
+    }
 }
 
 /// Nodes of all elements whose bounding box meets the window, in increasing order.

@@ -62,6 +62,9 @@ pub trait Experiment: Send + Sync {
     /// # Errors
     /// Those of the mechanics; constants that are not admissible.
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
+
+    /// Free what is kept between predictions.
+    fn rest(&self) {}
 }
 
 /// A field as the camera reports it, before the gauge. One entry a point of the sight, `further` ones included.

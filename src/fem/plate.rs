@@ -128,6 +128,11 @@ impl Plate {
         Factor::new(&self.symbolic, &self.assembly, &self.pool)
     }
 
+    /// Free the work spaces of factorisations that are over.
+    pub fn rest(&self) {
+        self.pool.clear();
+    }
+
     /// Stored entries of the Cholesky factor.
     pub fn factor_entries(&self) -> usize {
         self.symbolic.factor_entries()

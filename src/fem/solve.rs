@@ -96,6 +96,11 @@ impl Drop for Factor<'_> {
 }
 
 impl Pool {
+    /// Free what waits.
+    pub fn clear(&self) {
+        self.lock().clear();
+    }
+
     fn lock(&self) -> MutexGuard<'_, Vec<Workspace>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

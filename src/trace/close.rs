@@ -48,6 +48,7 @@ pub fn close<'a>(
         let accepted = tracing.accepted.filter(|_| go_on);
         let amplitude = tracing.accepted_amplitude.clone();
         let averaged = tracing.averaged.clone();
+        identification.inverse.prepared.problem.experiment.rest();
         rounds.push(Round {
             model: model.clone(),
             identification,
