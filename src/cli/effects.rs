@@ -83,7 +83,7 @@ fn numbers(entry: &Entry, with_model: bool) -> Value {
         .collect();
     let mut value = json!({
         "name": effect.name(), "kind": effect.kind().words(), "parameters": parameters,
-        "about": effect.about(), "confirm": effect.confirm(),
+        "about": effect.entry().about, "confirm": effect.entry().confirm,
     });
     if with_model {
         value["cannot_act"] = json!(entry.obstacle);
@@ -119,8 +119,8 @@ fn text(entries: &[Entry], model: Option<&Model>) -> String {
                 size(parameter, *plausible)
             );
         }
-        text += &wrap("  what     ", "           ", effect.about());
-        text += &wrap("  confirm  ", "           ", effect.confirm());
+        text += &wrap("  what     ", "           ", effect.entry().about);
+        text += &wrap("  confirm  ", "           ", effect.entry().confirm);
         if entry.declared {
             text += "  declared in this model\n";
         }

@@ -55,7 +55,7 @@ fn effects_help() -> String {
             "  {}={}: {}",
             effect.name(),
             parameters.join(","),
-            effect.about()
+            effect.entry().about
         )
     });
     std::iter::once(

@@ -157,23 +157,41 @@ pub struct Scene {
     pub material: Material,
 }
 
+/// An effect in the dictionary.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    /// Canonical name.
+    pub name: &'static str,
+    /// How it acts.
+    pub kind: Kind,
+    /// Its parameters. Amplitudes are given in this order, in border units.
+    pub parameters: &'static [Parameter],
+    /// What it is, in a sentence.
+    pub about: &'static str,
+    /// What experiment would confirm it.
+    pub confirm: &'static str,
+}
+
 /// A physical effect that a model may lack. Points are (s, t) and displacements (u1, u2), both in mm, in the model's
 /// frame (origin at the hole's centre, direction 1 along the load).
 pub trait Effect: Sync {
+    /// What it is called, what is known of it beforehand, and what is said of it.
+    fn entry(&self) -> Entry;
+
     /// Canonical name.
-    fn name(&self) -> &'static str;
+    fn name(&self) -> &'static str {
+        self.entry().name
+    }
 
     /// Its parameters. Amplitudes are given in this order, in border units.
-    fn parameters(&self) -> &'static [Parameter];
+    fn parameters(&self) -> &'static [Parameter] {
+        self.entry().parameters
+    }
 
     /// How it acts.
-    fn kind(&self) -> Kind;
-
-    /// What it is, in a sentence.
-    fn about(&self) -> &'static str;
-
-    /// What experiment would confirm it.
-    fn confirm(&self) -> &'static str;
+    fn kind(&self) -> Kind {
+        self.entry().kind
+    }
 
     /// A mechanical effect's change to the test.
     fn alter(&self, _amplitude: &[f64], _setup: &mut Setup) {}

@@ -111,7 +111,7 @@ fn confirming(group: &Named, added: bool) -> Confirming {
             names.push(name);
         }
     }
-    let test = |name: &'static str| Some((name, effect(name)?.confirm()));
+    let test = |name: &'static str| Some((name, effect(name)?.entry().confirm));
     Confirming {
         added,
         tests: names.into_iter().filter_map(test).collect(),
