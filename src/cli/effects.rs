@@ -35,7 +35,6 @@ struct Entry {
     candidate: bool,
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let model = arguments.model.as_deref().map(Model::load).transpose()?;
     let entries: Vec<Entry> = EFFECTS

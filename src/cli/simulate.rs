@@ -67,7 +67,6 @@ fn effects_help() -> String {
     .join("\n")
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let model = Model::load(&arguments.model)?;
     let reader = reader(&arguments.format)?;

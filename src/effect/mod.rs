@@ -129,7 +129,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind in words.
     pub fn words(self) -> &'static str {
         match self {
             Kind::Additive => "a displacement field that is added",
@@ -145,7 +144,6 @@ impl Kind {
 pub struct Scene {
     /// The data's frame.
     pub frame: Frame,
-    /// The nominal test.
     pub setup: Setup,
     /// The ply at the nominal constants.
     pub ply: Ply,
@@ -178,17 +176,14 @@ pub trait Effect: Sync {
     /// What it is called, what is known of it beforehand, and what is said of it.
     fn entry(&self) -> Entry;
 
-    /// Canonical name.
     fn name(&self) -> &'static str {
         self.entry().name
     }
 
-    /// Its parameters. Amplitudes are given in this order, in border units.
     fn parameters(&self) -> &'static [Parameter] {
         self.entry().parameters
     }
 
-    /// How it acts.
     fn kind(&self) -> Kind {
         self.entry().kind
     }
@@ -259,9 +254,7 @@ pub fn find(place: &str, name: &str) -> Result<&'static dyn Effect> {
 /// An effect with its amplitudes, one a parameter, in border units.
 #[derive(Clone)]
 pub struct Acting {
-    /// The effect.
     pub effect: &'static dyn Effect,
-    /// Its amplitudes.
     pub amplitude: Vec<f64>,
 }
 
