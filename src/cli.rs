@@ -109,7 +109,6 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Carry out what the arguments ask for.
 pub fn run(cli: Cli) -> Result<()> {
     if let Some(threads) = cli.global.threads {
         rayon::ThreadPoolBuilder::new()

@@ -11,7 +11,6 @@ pub trait Progress: Sync {
     /// Something worth saying about the stage in a few words.
     fn say(&self, what: &str);
 
-    /// The stage is done.
     fn end(&self);
 }
 

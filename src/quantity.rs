@@ -14,15 +14,10 @@ pub const URAD_PER_RAD: f64 = 1e6;
 /// A unit of length that a data file may declare.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Length {
-    /// Metres.
     Metre,
-    /// Millimetres.
     Millimetre,
-    /// Micrometres.
     Micrometre,
-    /// Nanometres.
     Nanometre,
-    /// Inches.
     Inch,
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
-use plychain::effect::{self, Acting, EFFECTS, Effect, Kind, Parameter, Scene};
+use plychain::effect::{self, Acting, EFFECTS, Effect, Entry, Kind, Parameter, Scene};
 use plychain::experiment::{Gauge, Sight, gauged};
 use plychain::fem::verify::{difference, window_points, without_rigid_motion};
 use plychain::fem::{Locator, Plate, Setup};
@@ -441,20 +441,14 @@ const SHIFT: [Parameter; 1] = [Parameter {
 }];
 
 impl Effect for Shifted {
-    fn name(&self) -> &'static str {
-        "shifted"
-    }
-    fn parameters(&self) -> &'static [Parameter] {
-        &SHIFT
-    }
-    fn kind(&self) -> Kind {
-        Kind::Optical
-    }
-    fn about(&self) -> &'static str {
-        ""
-    }
-    fn confirm(&self) -> &'static str {
-        ""
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "shifted",
+            kind: Kind::Optical,
+            parameters: &SHIFT,
+            about: "",
+            confirm: "",
+        }
     }
     fn true_point(&self, amplitude: &[f64], _: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {
         [s - amplitude[0], t]

@@ -55,7 +55,6 @@ impl Series {
         }
     }
 
-    /// Number of chains.
     pub fn chains(&self) -> usize {
         self.ensemble.len()
     }

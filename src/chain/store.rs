@@ -21,16 +21,13 @@ const CHUNK: usize = 1 << 17;
 pub struct Layout {
     /// Names of the parameters.
     pub names: Vec<String>,
-    /// Walkers of an ensemble.
     pub walkers: usize,
-    /// Ensembles.
     pub ensembles: usize,
     /// Measured numbers that the posterior depends on, by name.
     pub observed: Vec<(String, Vec<f64>)>,
 }
 
 impl Layout {
-    /// Number of chains.
     pub fn chains(&self) -> usize {
         self.walkers * self.ensembles
     }

@@ -38,7 +38,6 @@ pub struct BenchArguments {
     repeat: usize,
 }
 
-/// Run the verb.
 pub fn run(arguments: &BenchArguments, global: &Global, console: &Console) -> Result<()> {
     let (posterior, normal, known) = match &arguments.file {
         Some(path) => tabulated(&Tabulated::load(path)?)?,

@@ -40,7 +40,6 @@ pub struct Arguments {
 /// model file names a reference), `model` (the reduced model itself).
 const SCHEMA: &str = "plychain-reduced-model/1";
 
-/// Run the verb.
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let model = load(&arguments.model, arguments.data.as_ref())?;
     let folder = Folder::create(

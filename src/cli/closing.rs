@@ -34,7 +34,6 @@ pub struct LoopArguments {
     rounds: u8,
 }
 
-/// Run `loop`.
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
     let plan = running.plan(global)?;

@@ -30,7 +30,6 @@ pub struct Arguments {
     walkers: Option<usize>,
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
     if let [folder] = &arguments.files[..] {
         say_round(folder);
@@ -140,7 +139,6 @@ pub struct ExportArguments {
     out: Option<PathBuf>,
 }
 
-/// Run the verb.
 pub fn export(arguments: &ExportArguments) -> Result<()> {
     say_round(&arguments.run);
     let folder = if arguments.run.join("chain.zarr").is_dir() {

@@ -35,7 +35,6 @@ struct Entry {
     candidate: bool,
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let model = arguments.model.as_deref().map(Model::load).transpose()?;
     let entries: Vec<Entry> = EFFECTS
@@ -83,7 +82,7 @@ fn numbers(entry: &Entry, with_model: bool) -> Value {
         .collect();
     let mut value = json!({
         "name": effect.name(), "kind": effect.kind().words(), "parameters": parameters,
-        "about": effect.about(), "confirm": effect.confirm(),
+        "about": effect.entry().about, "confirm": effect.entry().confirm,
     });
     if with_model {
         value["cannot_act"] = json!(entry.obstacle);
@@ -119,8 +118,8 @@ fn text(entries: &[Entry], model: Option<&Model>) -> String {
                 size(parameter, *plausible)
             );
         }
-        text += &wrap("  what     ", "           ", effect.about());
-        text += &wrap("  confirm  ", "           ", effect.confirm());
+        text += &wrap("  what     ", "           ", effect.entry().about);
+        text += &wrap("  confirm  ", "           ", effect.entry().confirm);
         if entry.declared {
             text += "  declared in this model\n";
         }

@@ -124,7 +124,6 @@ impl Folder {
         })
     }
 
-    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }

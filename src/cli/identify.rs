@@ -28,7 +28,6 @@ pub struct Arguments {
     running: Running,
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
     let plan = running.plan(global)?;

@@ -50,7 +50,6 @@ impl Like {
     }
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let path = PathBuf::from(format!("{}.json", arguments.name));
     let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);

@@ -18,7 +18,6 @@ pub struct CompletionsArguments {
     shell: Shell,
 }
 
-/// Run `completions`.
 pub fn completions(arguments: &CompletionsArguments) -> Result<()> {
     let mut text = Vec::new();
     clap_complete::generate(arguments.shell, &mut Cli::command(), "plychain", &mut text);
@@ -36,7 +35,6 @@ pub struct ManArguments {
     out: Option<PathBuf>,
 }
 
-/// Run `man`.
 pub fn man(arguments: &ManArguments) -> Result<()> {
     let command = Cli::command().name("plychain");
     let Some(folder) = &arguments.out else {

@@ -2,7 +2,6 @@
 
 /// Columns of one program's export.
 pub struct Mapping {
-    /// The program.
     pub program: &'static str,
     /// Header names of x, y, ux, uy.
     pub columns: [&'static str; 4],

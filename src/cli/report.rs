@@ -27,7 +27,6 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments) -> Result<()> {
     check_png(arguments.png)?;
     if let [folder] = arguments.runs.as_slice() {

@@ -50,7 +50,6 @@ pub struct Running {
 
 /// A run before its first draw.
 pub struct Plan {
-    /// The model.
     pub model: Model,
     /// Where everything is kept.
     pub folder: Folder,
@@ -207,7 +206,6 @@ pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Re
     }))
 }
 
-/// The sampler of a name.
 pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
     SAMPLERS
         .iter()

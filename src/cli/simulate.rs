@@ -55,7 +55,7 @@ fn effects_help() -> String {
             "  {}={}: {}",
             effect.name(),
             parameters.join(","),
-            effect.about()
+            effect.entry().about
         )
     });
     std::iter::once(
@@ -67,7 +67,6 @@ fn effects_help() -> String {
     .join("\n")
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let model = Model::load(&arguments.model)?;
     let reader = reader(&arguments.format)?;

@@ -67,7 +67,6 @@ pub struct Arguments {
     pub(super) reduced: bool,
 }
 
-/// Run the verb.
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
     if arguments.target.is_dir() {
         return run_folder(arguments, global, console);

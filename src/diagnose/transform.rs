@@ -3,7 +3,6 @@
 use crate::chain::Series;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Mean of all values.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }

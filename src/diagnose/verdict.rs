@@ -45,13 +45,10 @@ impl Default for Rule {
 pub struct Row {
     /// Name with its unit.
     pub name: String,
-    /// Posterior mean.
     pub mean: f64,
-    /// Posterior standard deviation.
     pub sd: f64,
     /// 2.5 % quantile.
     pub low: f64,
-    /// Median.
     pub median: f64,
     /// 97.5 % quantile.
     pub high: f64,
@@ -107,7 +104,6 @@ impl Verdict {
         worst(self.rows.iter().map(|r| r.tau), f64::max)
     }
 
-    /// The verdict in one line.
     pub fn line(&self) -> String {
         let [ensembles, chains, draws] = self.shape;
         let shape = format!("{ensembles} independent ensembles, {chains} chains x {draws} draws");

@@ -1,29 +1,19 @@
 //! The camera's axes are not the specimen's.
 
 use super::optics::in_data_axes;
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct CameraRotation;
 
 impl Effect for CameraRotation {
-    fn name(&self) -> &'static str {
-        "camera_rotation"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("angle_deg", 0.5, 180.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Optical
-    }
-
-    fn about(&self) -> &'static str {
-        "The camera's axes are not the specimen's: what is reported, coordinates and components, is the truth turned about the hole's centre by the angle, counter-clockwise in the data's x-y plane (the camera itself is turned clockwise)."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Measure the angle of the specimen's straight edges against the pixel rows of the picture; or turn the camera by a known angle and repeat: this angle changes by as much, a leaning load or a ply angle does not."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "camera_rotation",
+            kind: Kind::Optical,
+            parameters: const { &[Parameter::new("angle_deg", 0.5, 180.0)] },
+            about: "The camera's axes are not the specimen's: what is reported, coordinates and components, is the truth turned about the hole's centre by the angle, counter-clockwise in the data's x-y plane (the camera itself is turned clockwise).",
+            confirm: "Measure the angle of the specimen's straight edges against the pixel rows of the picture; or turn the camera by a known angle and repeat: this angle changes by as much, a leaning load or a ply angle does not.",
+        }
     }
 
     /// true X = R(-angle) reported X.

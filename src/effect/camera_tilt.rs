@@ -1,34 +1,24 @@
 //! The camera looks at the specimen at an angle.
 
 use super::optics::{displacements_are_imaged, imaged, in_data_axes};
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct CameraTilt;
 
 impl Effect for CameraTilt {
-    fn name(&self) -> &'static str {
-        "camera_tilt"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::new("x_per_mm", 1e-4, 2e-3),
-                Parameter::new("y_per_mm", 1e-4, 2e-3),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "camera_tilt",
+            kind: Kind::Optical,
+            parameters: const {
+                &[
+                    Parameter::new("x_per_mm", 1e-4, 2e-3),
+                    Parameter::new("y_per_mm", 1e-4, 2e-3),
+                ]
+            },
+            about: "The camera looks at an angle, so that the scale changes over the picture: true X = X (1 - (a x + b y)) with a, b along the data's x and y (tangent of the tilt over the distance to the specimen). Displacements read from fringes stay right; those from image coordinates are distorted too.",
+            confirm: "Picture a calibrated grid in the plane of the specimen: its parallel lines converge; or square the camera by the reflection of its lens in a mirror on the specimen, and repeat.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Optical
-    }
-
-    fn about(&self) -> &'static str {
-        "The camera looks at an angle, so that the scale changes over the picture: true X = X (1 - (a x + b y)) with a, b along the data's x and y (tangent of the tilt over the distance to the specimen). Displacements read from fringes stay right; those from image coordinates are distorted too."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Picture a calibrated grid in the plane of the specimen: its parallel lines converge; or square the camera by the reflection of its lens in a mirror on the specimen, and repeat."
     }
 
     fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {

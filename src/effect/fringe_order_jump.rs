@@ -1,36 +1,26 @@
 //! Fringes miscounted in a region.
 
-use super::{Effect, Kind, NEEDS_FRINGES, Parameter, Scene};
+use super::{Effect, Entry, Kind, NEEDS_FRINGES, Parameter, Scene};
 
 pub struct FringeOrderJump;
 
 impl Effect for FringeOrderJump {
-    fn name(&self) -> &'static str {
-        "fringe_order_jump"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::unbounded("x_orders", 1e3),
-                Parameter::unbounded("y_orders", 1e3),
-                Parameter::unbounded("x_mm", 1e5),
-                Parameter::unbounded("y_mm", 1e5),
-                Parameter::unbounded("radius_mm", 1e5),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "fringe_order_jump",
+            kind: Kind::Recorded,
+            parameters: const {
+                &[
+                    Parameter::unbounded("x_orders", 1e3),
+                    Parameter::unbounded("y_orders", 1e3),
+                    Parameter::unbounded("x_mm", 1e5),
+                    Parameter::unbounded("y_mm", 1e5),
+                    Parameter::unbounded("radius_mm", 1e5),
+                ]
+            },
+            about: "Fringes miscounted by whole orders of the displacement along the data's x, along its y, or both (each has its own fringes), in a region: simulated as a disc about a point of the data's coordinates, traced as whatever region the residual shows.",
+            confirm: "Unwrap the phase along another path, or count the fringes across the region's border in the picture; or follow the fringes up from a smaller load.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Recorded
-    }
-
-    fn about(&self) -> &'static str {
-        "Fringes miscounted by whole orders of the displacement along the data's x, along its y, or both (each has its own fringes), in a region: simulated as a disc about a point of the data's coordinates, traced as whatever region the residual shows."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Unwrap the phase along another path, or count the fringes across the region's border in the picture; or follow the fringes up from a smaller load."
     }
 
     fn fault(&self, amplitude: &[f64]) -> Option<&'static str> {

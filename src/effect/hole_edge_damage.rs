@@ -1,6 +1,6 @@
 //! Drilling has damaged the laminate about the hole.
 
-use super::{Effect, Kind, Parameter, Scene, unless_offered};
+use super::{Effect, Entry, Kind, Parameter, Scene, unless_offered};
 use crate::fem::{Annulus, Setup};
 use crate::geometry::Change;
 
@@ -10,24 +10,14 @@ pub struct HoleEdgeDamage;
 const REACH: f64 = 1.3;
 
 impl Effect for HoleEdgeDamage {
-    fn name(&self) -> &'static str {
-        "hole_edge_damage"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("loss_percent", 20.0, 95.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "The laminate within 1.3 radii of the hole's centre has lost this percentage of its stiffness; below 0 it would be stiffer, which only the symmetry of the prior asks for."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "hole_edge_damage",
+            kind: Kind::Mechanical,
+            parameters: const { &[Parameter::new("loss_percent", 20.0, 95.0)] },
+            about: "The laminate within 1.3 radii of the hole's centre has lost this percentage of its stiffness; below 0 it would be stiffer, which only the symmetry of the prior asks for.",
+            confirm: "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat.",
+        }
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

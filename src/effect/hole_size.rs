@@ -1,30 +1,20 @@
 //! The hole is larger or smaller than nominal.
 
-use super::{Effect, Kind, Parameter, Scene, unless_offered};
+use super::{Effect, Entry, Kind, Parameter, Scene, unless_offered};
 use crate::fem::Setup;
 use crate::geometry::Change;
 
 pub struct HoleSize;
 
 impl Effect for HoleSize {
-    fn name(&self) -> &'static str {
-        "hole_size"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("diameter_percent", 2.0, 90.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "The hole's diameter differs from the nominal one by this percentage of it."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Measure the hole's diameter with pin gauges, a calliper or a microscope, along and across the load and on both faces."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "hole_size",
+            kind: Kind::Mechanical,
+            parameters: const { &[Parameter::new("diameter_percent", 2.0, 90.0)] },
+            about: "The hole's diameter differs from the nominal one by this percentage of it.",
+            confirm: "Measure the hole's diameter with pin gauges, a calliper or a microscope, along and across the load and on both faces.",
+        }
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

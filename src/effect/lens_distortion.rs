@@ -1,7 +1,7 @@
 //! Radial distortion by the lens.
 
 use super::optics::{displacements_are_imaged, imaged};
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct LensDistortion;
 
@@ -14,24 +14,14 @@ fn coefficient(amplitude: &[f64]) -> f64 {
 }
 
 impl Effect for LensDistortion {
-    fn name(&self) -> &'static str {
-        "lens_distortion"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("percent_at_12mm", 0.3, 2.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Optical
-    }
-
-    fn about(&self) -> &'static str {
-        "Radial distortion about the hole's centre: true X = X (1 - k r^2), stated as k r^2 at a radius of 12 mm. Displacements read from fringes stay right; those from image coordinates are distorted too."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Picture a calibrated grid of dots over the whole field of view; or move the specimen across the field of view and repeat: the distortion stays with the picture."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "lens_distortion",
+            kind: Kind::Optical,
+            parameters: const { &[Parameter::new("percent_at_12mm", 0.3, 2.0)] },
+            about: "Radial distortion about the hole's centre: true X = X (1 - k r^2), stated as k r^2 at a radius of 12 mm. Displacements read from fringes stay right; those from image coordinates are distorted too.",
+            confirm: "Picture a calibrated grid of dots over the whole field of view; or move the specimen across the field of view and repeat: the distortion stays with the picture.",
+        }
     }
 
     fn true_point(&self, amplitude: &[f64], _scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {

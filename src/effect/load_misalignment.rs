@@ -1,29 +1,19 @@
 //! The load's resultant leans towards direction 2.
 
-use super::{Effect, Kind, Parameter};
+use super::{Effect, Entry, Kind, Parameter};
 use crate::fem::Setup;
 
 pub struct LoadMisalignment;
 
 impl Effect for LoadMisalignment {
-    fn name(&self) -> &'static str {
-        "load_misalignment"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("angle_deg", 1.0, 20.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "The pull through the plate's centre leans by the angle from direction 1 towards direction 2, in the frame of the machine: end shear, with the end moments that balance it."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Measure the offset between the upper and the lower grip across the load (plumb line or dial gauge): the free length times the tangent of the angle. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the load stays and that of the plies changes its sign."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "load_misalignment",
+            kind: Kind::Mechanical,
+            parameters: const { &[Parameter::new("angle_deg", 1.0, 20.0)] },
+            about: "The pull through the plate's centre leans by the angle from direction 1 towards direction 2, in the frame of the machine: end shear, with the end moments that balance it.",
+            confirm: "Measure the offset between the upper and the lower grip across the load (plumb line or dial gauge): the free length times the tangent of the angle. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the load stays and that of the plies changes its sign.",
+        }
     }
 
     /// End shear F sin a, parabolic, with end moments +-F (L/2) sin a; axial F cos a.

@@ -1,29 +1,19 @@
 //! The load is not the one that was read.
 
-use super::{Effect, Kind, Parameter};
+use super::{Effect, Entry, Kind, Parameter};
 use crate::fem::Setup;
 
 pub struct LoadScale;
 
 impl Effect for LoadScale {
-    fn name(&self) -> &'static str {
-        "load_scale"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("percent", 0.5, 99.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "The true load differs from the declared one by this percentage. All moduli scaled together do exactly the same to the field."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Calibrate the load cell against dead weights or a reference cell; the displacement field cannot tell."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "load_scale",
+            kind: Kind::Mechanical,
+            parameters: const { &[Parameter::new("percent", 0.5, 99.0)] },
+            about: "The true load differs from the declared one by this percentage. All moduli scaled together do exactly the same to the field.",
+            confirm: "Calibrate the load cell against dead weights or a reference cell; the displacement field cannot tell.",
+        }
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

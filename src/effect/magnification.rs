@@ -1,7 +1,7 @@
 //! The size of a pixel is not what it is taken for.
 
 use super::optics::displacements_are_imaged;
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct Magnification;
 
@@ -11,24 +11,14 @@ fn scale(amplitude: &[f64]) -> f64 {
 }
 
 impl Effect for Magnification {
-    fn name(&self) -> &'static str {
-        "magnification"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("percent", 1.0, 20.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Optical
-    }
-
-    fn about(&self) -> &'static str {
-        "The pixel scale is wrong by s: reported X = (1 + s) true X about the hole's centre. Displacements read from fringes stay right; those from image coordinates are scaled too."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Picture a calibrated target (a scale or a grid of dots) in the plane of the specimen; or compare the specimen's width and the hole's diameter in the picture with those by calliper."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "magnification",
+            kind: Kind::Optical,
+            parameters: const { &[Parameter::new("percent", 1.0, 20.0)] },
+            about: "The pixel scale is wrong by s: reported X = (1 + s) true X about the hole's centre. Displacements read from fringes stay right; those from image coordinates are scaled too.",
+            confirm: "Picture a calibrated target (a scale or a grid of dots) in the plane of the specimen; or compare the specimen's width and the hole's diameter in the picture with those by calliper.",
+        }
     }
 
     fn true_point(&self, amplitude: &[f64], _scene: &Scene, reported: [f64; 2]) -> [f64; 2] {

@@ -129,7 +129,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind in words.
     pub fn words(self) -> &'static str {
         match self {
             Kind::Additive => "a displacement field that is added",
@@ -145,7 +144,6 @@ impl Kind {
 pub struct Scene {
     /// The data's frame.
     pub frame: Frame,
-    /// The nominal test.
     pub setup: Setup,
     /// The ply at the nominal constants.
     pub ply: Ply,
@@ -157,23 +155,38 @@ pub struct Scene {
     pub material: Material,
 }
 
+/// An effect in the dictionary.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    /// Canonical name.
+    pub name: &'static str,
+    /// How it acts.
+    pub kind: Kind,
+    /// Its parameters. Amplitudes are given in this order, in border units.
+    pub parameters: &'static [Parameter],
+    /// What it is, in a sentence.
+    pub about: &'static str,
+    /// What experiment would confirm it.
+    pub confirm: &'static str,
+}
+
 /// A physical effect that a model may lack. Points are (s, t) and displacements (u1, u2), both in mm, in the model's
 /// frame (origin at the hole's centre, direction 1 along the load).
 pub trait Effect: Sync {
-    /// Canonical name.
-    fn name(&self) -> &'static str;
+    /// What it is called, what is known of it beforehand, and what is said of it.
+    fn entry(&self) -> Entry;
 
-    /// Its parameters. Amplitudes are given in this order, in border units.
-    fn parameters(&self) -> &'static [Parameter];
+    fn name(&self) -> &'static str {
+        self.entry().name
+    }
 
-    /// How it acts.
-    fn kind(&self) -> Kind;
+    fn parameters(&self) -> &'static [Parameter] {
+        self.entry().parameters
+    }
 
-    /// What it is, in a sentence.
-    fn about(&self) -> &'static str;
-
-    /// What experiment would confirm it.
-    fn confirm(&self) -> &'static str;
+    fn kind(&self) -> Kind {
+        self.entry().kind
+    }
 
     /// A mechanical effect's change to the test.
     fn alter(&self, _amplitude: &[f64], _setup: &mut Setup) {}
@@ -241,9 +254,7 @@ pub fn find(place: &str, name: &str) -> Result<&'static dyn Effect> {
 /// An effect with its amplitudes, one a parameter, in border units.
 #[derive(Clone)]
 pub struct Acting {
-    /// The effect.
     pub effect: &'static dyn Effect,
-    /// Its amplitudes.
     pub amplitude: Vec<f64>,
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::laminate::abd;
 
 /// Millimetres in one metre.
@@ -11,29 +11,19 @@ const MM_PER_M: f64 = 1e3;
 pub struct OutOfPlaneBending;
 
 impl Effect for OutOfPlaneBending {
-    fn name(&self) -> &'static str {
-        "out_of_plane_bending"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::new("uniform_per_m", 0.025, 100.0),
-                Parameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "out_of_plane_bending",
+            kind: Kind::Additive,
+            parameters: const {
+                &[
+                    Parameter::new("uniform_per_m", 0.025, 100.0),
+                    Parameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
+                ]
+            },
+            about: "The load acts off the middle surface, so that the specimen bends out of its plane. The curvature along the load, at the hole and its change a mm along the load, is positive where it stretches the face that is seen (z = +h/2).",
+            confirm: "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Additive
-    }
-
-    fn about(&self) -> &'static str {
-        "The load acts off the middle surface, so that the specimen bends out of its plane. The curvature along the load, at the hole and its change a mm along the load, is positive where it stretches the face that is seen (z = +h/2)."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself."
     }
 
     /// Surface strains (h/2) kappa with kappa = D^-1 (M, 0, 0), scaled so that kappa_1 is the amplitude; for a stack

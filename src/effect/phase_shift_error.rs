@@ -1,34 +1,24 @@
 //! Wrong steps of the phase shifter print a ripple at twice the fringe frequency.
 
-use super::{Effect, Kind, NEEDS_FRINGES, Parameter, Scene};
+use super::{Effect, Entry, Kind, NEEDS_FRINGES, Parameter, Scene};
 use crate::quantity::NM_PER_MM;
 
 pub struct PhaseShiftError;
 
 impl Effect for PhaseShiftError {
-    fn name(&self) -> &'static str {
-        "phase_shift_error"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::new("sin_nm", 20.0, 1e3),
-                Parameter::new("cos_nm", 20.0, 1e3),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "phase_shift_error",
+            kind: Kind::Recorded,
+            parameters: const {
+                &[
+                    Parameter::new("sin_nm", 20.0, 1e3),
+                    Parameter::new("cos_nm", 20.0, 1e3),
+                ]
+            },
+            about: "Wrong steps of the phase shifter add to each component F of the displacement, its translation included, a sin(2 pi 2 f F) + b cos(2 pi 2 f F), f being the fringe frequency.",
+            confirm: "Calibrate the phase shifter (piezo); or repeat with another number of phase steps: the ripple changes, the displacement does not.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Recorded
-    }
-
-    fn about(&self) -> &'static str {
-        "Wrong steps of the phase shifter add to each component F of the displacement, its translation included, a sin(2 pi 2 f F) + b cos(2 pi 2 f F), f being the fringe frequency."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Calibrate the phase shifter (piezo); or repeat with another number of phase steps: the ripple changes, the displacement does not."
     }
 
     fn recorded(

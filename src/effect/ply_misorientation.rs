@@ -1,30 +1,20 @@
 //! All plies are turned against the specimen's axis.
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::fem::Setup;
 use crate::laminate::Material;
 
 pub struct PlyMisorientation;
 
 impl Effect for PlyMisorientation {
-    fn name(&self) -> &'static str {
-        "ply_misorientation"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("angle_deg", 1.0, 45.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, in the frame of the specimen, so that a balanced laminate couples extension and shear."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Measure the fibres' angles against the cut edge on a piece that is sectioned or burnt off. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the plies changes its sign and that of the load stays (turned end for end, both stay)."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "ply_misorientation",
+            kind: Kind::Mechanical,
+            parameters: const { &[Parameter::new("angle_deg", 1.0, 45.0)] },
+            about: "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, in the frame of the specimen, so that a balanced laminate couples extension and shear.",
+            confirm: "Measure the fibres' angles against the cut edge on a piece that is sectioned or burnt off. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the plies changes its sign and that of the load stays (turned end for end, both stay).",
+        }
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

@@ -1,34 +1,24 @@
 //! The hole's centre was set wrongly in the measured frame.
 
 use super::optics::in_data_axes;
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct RegistrationOffset;
 
 impl Effect for RegistrationOffset {
-    fn name(&self) -> &'static str {
-        "registration_offset"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::new("dx_mm", 0.1, 2.0),
-                Parameter::new("dy_mm", 0.1, 2.0),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "registration_offset",
+            kind: Kind::Optical,
+            parameters: const {
+                &[
+                    Parameter::new("dx_mm", 0.1, 2.0),
+                    Parameter::new("dy_mm", 0.1, 2.0),
+                ]
+            },
+            about: "The origin of the reported coordinates is not the hole's centre: reported = true + (dx, dy) along the data's x and y.",
+            confirm: "Fit a circle to the hole's edge in the picture and compare its centre with the origin of the coordinates.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Optical
-    }
-
-    fn about(&self) -> &'static str {
-        "The origin of the reported coordinates is not the hole's centre: reported = true + (dx, dy) along the data's x and y."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Fit a circle to the hole's edge in the picture and compare its centre with the origin of the coordinates."
     }
 
     /// Displacements stay as they are, also those from image coordinates: a shift has no gradient.

@@ -1,29 +1,19 @@
 //! Small rigid rotation of the specimen in its plane.
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::quantity::URAD_PER_RAD;
 
 pub struct RigidRotation;
 
 impl Effect for RigidRotation {
-    fn name(&self) -> &'static str {
-        "rigid_rotation"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("angle_urad", 100.0, 1e4)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Additive
-    }
-
-    fn about(&self) -> &'static str {
-        "The specimen turned in its plane between the two exposures; counter-clockwise in the data's x-y plane is positive."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Unload, unclamp, clamp anew and repeat: the angle changes while the constants stay; or track two marks on each grip between the exposures."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "rigid_rotation",
+            kind: Kind::Additive,
+            parameters: const { &[Parameter::new("angle_urad", 100.0, 1e4)] },
+            about: "The specimen turned in its plane between the two exposures; counter-clockwise in the data's x-y plane is positive.",
+            confirm: "Unload, unclamp, clamp anew and repeat: the angle changes while the constants stay; or track two marks on each grip between the exposures.",
+        }
     }
 
     /// Loading along y: u1 += w x, u2 -= w y.

@@ -1,34 +1,24 @@
 //! Rigid translation of the observed field.
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::quantity::UM_PER_MM;
 
 pub struct RigidTranslation;
 
 impl Effect for RigidTranslation {
-    fn name(&self) -> &'static str {
-        "rigid_translation"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::unbounded("tx_um", 1e6),
-                Parameter::unbounded("ty_um", 1e6),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "rigid_translation",
+            kind: Kind::Additive,
+            parameters: const {
+                &[
+                    Parameter::unbounded("tx_um", 1e6),
+                    Parameter::unbounded("ty_um", 1e6),
+                ]
+            },
+            about: "The whole field is shifted along the data's x and y: a fringe order has no origin, and a specimen moves in its grips.",
+            confirm: "Nothing to confirm: any displacement measurement carries it unless a point is held fixed.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Additive
-    }
-
-    fn about(&self) -> &'static str {
-        "The whole field is shifted along the data's x and y: a fringe order has no origin, and a specimen moves in its grips."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Nothing to confirm: any displacement measurement carries it unless a point is held fixed."
     }
 
     fn displacement(&self, amplitude: &[f64], scene: &Scene, _point: [f64; 2]) -> [f64; 2] {

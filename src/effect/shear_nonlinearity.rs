@@ -1,30 +1,20 @@
 //! The plies soften in shear as the load grows.
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::fem::Setup;
 use crate::laminate::Material;
 
 pub struct ShearNonlinearity;
 
 impl Effect for ShearNonlinearity {
-    fn name(&self) -> &'static str {
-        "shear_nonlinearity"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("beta_per_MPa3", 1e-7, 1e-6)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "Hahn and Tsai's shear law of every ply, gamma12 = tau12 / G12 + beta tau12^3; below 0 the ply stiffens by what it would lose at -beta."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Repeat at half the load: the linear part of the field halves, this part falls to an eighth; or test a [45, -45]s coupon in tension (ASTM D3518)."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "shear_nonlinearity",
+            kind: Kind::Mechanical,
+            parameters: const { &[Parameter::new("beta_per_MPa3", 1e-7, 1e-6)] },
+            about: "Hahn and Tsai's shear law of every ply, gamma12 = tau12 / G12 + beta tau12^3; below 0 the ply stiffens by what it would lose at -beta.",
+            confirm: "Repeat at half the load: the linear part of the field halves, this part falls to an eighth; or test a [45, -45]s coupon in tension (ASTM D3518).",
+        }
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

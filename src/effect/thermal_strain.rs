@@ -1,29 +1,19 @@
 //! The specimen was warmer or colder when it was loaded.
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::laminate::free_expansion;
 
 pub struct ThermalStrain;
 
 impl Effect for ThermalStrain {
-    fn name(&self) -> &'static str {
-        "thermal_strain"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const { &[Parameter::new("dT_K", 3.0, 300.0)] }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Additive
-    }
-
-    fn about(&self) -> &'static str {
-        "The specimen was warmer by dT when it was loaded than at the reference exposure, and expanded freely, as its plies' coefficients have it."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Read a thermocouple on the specimen at both exposures; or compare two exposures at one and the same load, an hour apart."
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "thermal_strain",
+            kind: Kind::Additive,
+            parameters: const { &[Parameter::new("dT_K", 3.0, 300.0)] },
+            about: "The specimen was warmer by dT when it was loaded than at the reference exposure, and expanded freely, as its plies' coefficients have it.",
+            confirm: "Read a thermocouple on the specimen at both exposures; or compare two exposures at one and the same load, an hour apart.",
+        }
     }
 
     /// u = eps (s, t), eps = A^-1 N_T for the nominal ply, about the hole's centre.

@@ -1,34 +1,24 @@
 //! The plate is thicker on one side, or at one end.
 
-use super::{Effect, Kind, Parameter};
+use super::{Effect, Entry, Kind, Parameter};
 use crate::fem::Setup;
 
 pub struct ThicknessTaper;
 
 impl Effect for ThicknessTaper {
-    fn name(&self) -> &'static str {
-        "thickness_taper"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::new("across_percent", 2.0, 190.0),
-                Parameter::new("along_percent", 2.0, 190.0),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "thickness_taper",
+            kind: Kind::Mechanical,
+            parameters: const {
+                &[
+                    Parameter::new("across_percent", 2.0, 190.0),
+                    Parameter::new("along_percent", 2.0, 190.0),
+                ]
+            },
+            about: "The thickness grows by these percentages from edge to edge along direction 2 and from end to end along direction 1, in the frame of the specimen; its middle value stays, and so does the uniform end force.",
+            confirm: "Measure the thickness with a micrometer at five places at least along each edge. Or remount the specimen turned end for end: as the camera sees it, a taper changes sides and bending from the grips stays.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Mechanical
-    }
-
-    fn about(&self) -> &'static str {
-        "The thickness grows by these percentages from edge to edge along direction 2 and from end to end along direction 1, in the frame of the specimen; its middle value stays, and so does the uniform end force."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Measure the thickness with a micrometer at five places at least along each edge. Or remount the specimen turned end for end: as the camera sees it, a taper changes sides and bending from the grips stays."
     }
 
     /// h(t') = h (1 + f t' / W) and h(s') = h (1 + g s' / L), from the plate's middle.

@@ -1,6 +1,6 @@
 //! A uniform strain that the load did not cause.
 
-use super::{Effect, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene};
 
 /// Strain in one microstrain.
 const MICRO: f64 = 1e-6;
@@ -8,30 +8,20 @@ const MICRO: f64 = 1e-6;
 pub struct UniformStrain;
 
 impl Effect for UniformStrain {
-    fn name(&self) -> &'static str {
-        "uniform_strain"
-    }
-
-    fn parameters(&self) -> &'static [Parameter] {
-        const {
-            &[
-                Parameter::new("exx_microstrain", 10.0, 1e4),
-                Parameter::new("eyy_microstrain", 10.0, 1e4),
-                Parameter::new("exy_microstrain", 10.0, 1e4),
-            ]
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "uniform_strain",
+            kind: Kind::Additive,
+            parameters: const {
+                &[
+                    Parameter::new("exx_microstrain", 10.0, 1e4),
+                    Parameter::new("eyy_microstrain", 10.0, 1e4),
+                    Parameter::new("exy_microstrain", 10.0, 1e4),
+                ]
+            },
+            about: "A uniform strain along the data's x and y, which the load did not cause: motion towards the camera, a change of magnification during the test, or a carrier of fringes. exy is the tensor shear, half of gamma.",
+            confirm: "Two exposures at one and the same load: whatever strain they show, the load did not cause. Or repeat at half the load step: this strain does not halve. A second camera (3-D DIC) or a dial gauge on the face shows motion towards the camera; exposing the carrier alone shows that.",
         }
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Additive
-    }
-
-    fn about(&self) -> &'static str {
-        "A uniform strain along the data's x and y, which the load did not cause: motion towards the camera, a change of magnification during the test, or a carrier of fringes. exy is the tensor shear, half of gamma."
-    }
-
-    fn confirm(&self) -> &'static str {
-        "Two exposures at one and the same load: whatever strain they show, the load did not cause. Or repeat at half the load step: this strain does not halve. A second camera (3-D DIC) or a dial gauge on the face shows motion towards the camera; exposing the carrier alone shows that."
     }
 
     /// ux = exx x + exy y, uy = exy x + eyy y about the hole's centre: no rotation, and the hole's centre at rest.

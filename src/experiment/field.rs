@@ -17,9 +17,7 @@ use crate::laminate::{LoadSpec, SpecimenSpec};
 /// Everything that determines what a field experiment predicts.
 #[derive(Debug, Clone, Serialize)]
 pub struct FieldTest {
-    /// The specimen.
     pub specimen: SpecimenSpec,
-    /// The load.
     pub load: LoadSpec,
     /// The data's frame.
     pub frame: Frame,

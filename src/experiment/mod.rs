@@ -30,7 +30,6 @@ pub trait Experiment: Send + Sync {
     /// What effects need to know of the nominal test.
     fn scene(&self) -> &Scene;
 
-    /// How the rigid motion of predicted fields is fixed.
     fn gauge(&self) -> Gauge;
 
     /// Bounding box of the measured points, low and high corner, mm.

@@ -4,7 +4,6 @@ use super::{Experiment, Prediction, Sight, State, gauged, load_response, predict
 use crate::effect::{Effect, Kind, LOAD_SCALE};
 use crate::error::Result;
 
-/// A parameter that varies.
 #[derive(Clone, Copy)]
 pub enum Direction {
     /// An elastic constant, by its index.

@@ -20,7 +20,6 @@ pub struct Truth {
     pub constants: Vec<f64>,
     /// Total thickness, mm.
     pub thickness_mm: f64,
-    /// Effects that act.
     pub effects: Vec<Acting>,
     /// Total noise sd of a point, nm.
     pub noise_nm: f64,

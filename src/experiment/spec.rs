@@ -21,17 +21,14 @@ pub struct ExperimentSpec {
     pub name: String,
     /// What was observed.
     pub kind: ExperimentKind,
-    /// The specimen.
     pub specimen: SpecimenSpec,
     /// An imported mesh in place of the strip.
     #[serde(default, skip_serializing)]
     pub mesh: NotYet,
-    /// The load.
     pub load: LoadSpec,
     /// How the rigid motion of predictions is fixed.
     #[serde(default)]
     pub gauge: Gauge,
-    /// The measured field.
     pub measurement: MeasurementSpec,
     /// A series of loads in place of one.
     #[serde(default, skip_serializing)]

@@ -6,7 +6,6 @@ use super::measured::{Field, GridShape, Rejected};
 /// A field on a matrix, row by row; `points` and `displacement` have `rows * cols` entries.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// Rows.
     pub rows: usize,
     /// Columns.
     pub cols: usize,

@@ -67,7 +67,6 @@ pub struct Rejected {
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,
-    /// An outlier.
     Outlier,
     /// Outside the plate or inside the hole.
     OutsidePlate,

@@ -34,9 +34,7 @@ pub const READERS: &[&dyn Reader] = &[&Matrices, &Csv];
 /// The file or files of a measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
-    /// The format.
     pub reader: &'static dyn Reader,
-    /// The directory or the file.
     pub path: PathBuf,
     /// What is declared of the columns, where the format has some.
     pub columns: Option<ColumnMap>,
@@ -78,7 +76,6 @@ struct Keys {
     outliers: OutlierRule,
 }
 
-/// A key that the format needs.
 fn needed<T>(value: Option<T>, format: &str, key: &str) -> Result<T> {
     value.ok_or_else(|| {
         Error::input(

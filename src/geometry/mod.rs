@@ -25,7 +25,6 @@ pub const LOW: &str = "low";
 pub const HIGH: &str = "high";
 /// Both edges along direction 1.
 pub const SIDES: &str = "sides";
-/// The hole's edge.
 pub const HOLE: &str = "hole";
 
 /// The edge at an end.
@@ -42,7 +41,6 @@ pub type Builder = fn(&SpecimenSpec) -> Option<Arc<dyn Geometry>>;
 /// Every known kind of geometry. A specimen's is the first whose builder takes it.
 pub static GEOMETRIES: &[Builder] = &[strip_with_hole::build, plain_strip::build];
 
-/// The geometry that a specimen declares.
 pub fn declared(specimen: &SpecimenSpec) -> Arc<dyn Geometry> {
     GEOMETRIES
         .iter()
@@ -84,11 +82,8 @@ pub struct Morph {
 /// A change of shape that a geometry may offer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
-    /// [`Morph::hole_size`]
     HoleSize,
-    /// [`Morph::hole_offset`]
     HoleOffset,
-    /// [`Morph::ring`]
     Ring,
 }
 

@@ -12,14 +12,12 @@ pub struct Outline {
     pub s: [f64; 2],
     /// Sides along direction 2 of the parallel part: `[low, high]`, mm.
     pub t: [f64; 2],
-    /// A clamped end, if there is one.
     pub clamp: Option<Clamp>,
 }
 
 /// The shape of a clamped end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clamp {
-    /// Which end.
     pub end: End,
     /// Width of the plate at the clamp over its width elsewhere, at least 1.
     pub widening: f64,

@@ -12,7 +12,6 @@ use crate::laminate::{End, SpecimenSpec};
 /// A strip without a hole, with the origin at its centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainStrip {
-    /// The outer edge.
     pub outline: Outline,
 }
 

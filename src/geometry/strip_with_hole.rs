@@ -14,7 +14,6 @@ use crate::laminate::{End, SpecimenSpec};
 /// A strip with a circular hole at the origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripWithHole {
-    /// The outer edge.
     pub outline: Outline,
     /// The hole's radius, mm.
     pub radius: f64,

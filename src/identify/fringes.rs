@@ -102,7 +102,6 @@ pub fn phase_prior_sd_nm(model: &Model, effect: &dyn Effect) -> [f64; 2] {
     [0, 1].map(|k| model.prior_sd(effect, k).unwrap_or_else(|| bound(k)))
 }
 
-/// A declared effect by its name.
 fn declared(model: &Model, name: &str) -> Option<&'static dyn Effect> {
     model.effects.iter().find(|e| e.name() == name).copied()
 }

@@ -14,9 +14,7 @@ use crate::sample::Stopped;
 pub struct Identification {
     /// Reduced model, columns, noise, statistics of the data and the sampled density.
     pub inverse: InverseProblem,
-    /// The draws.
     pub draws: Draws,
-    /// Why sampling ended.
     pub stopped: Stopped,
     /// Convergence of the chains, and moments of every parameter.
     pub verdict: Verdict,
@@ -52,7 +50,6 @@ impl Identification {
 /// What one refinement worked with and how far it got.
 #[derive(Debug, Clone)]
 pub struct Refinement {
-    /// The DoE box.
     pub dimensions: Vec<Dimension>,
     /// Snapshots solved.
     pub snapshots: usize,

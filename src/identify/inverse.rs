@@ -18,7 +18,6 @@ use super::size::check_size;
 pub struct Prepared {
     /// The problem it solves.
     pub problem: Problem,
-    /// The reduced model.
     pub reduced: ReducedModel,
     /// Whether it came from the cache.
     pub cached: bool,
@@ -34,11 +33,8 @@ pub struct InverseProblem {
     pub prepared: Prepared,
     /// Columns at the measured points.
     pub columns: Columns,
-    /// Noise of the measurement.
     pub noise: Noise,
-    /// What the data say.
     pub statistics: Statistics,
-    /// The density to sample.
     pub posterior: Posterior,
 }
 

@@ -24,7 +24,6 @@ pub struct Region {
     pub component: usize,
     /// Orders that the measurement has too many.
     pub orders: i32,
-    /// Number of points.
     pub points: usize,
     /// Mean (s, t) of the points, mm.
     pub centre_mm: [f64; 2],

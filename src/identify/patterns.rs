@@ -34,7 +34,6 @@ pub struct Exceedance {
 pub struct Patterns {
     /// Where the residual breaks out of the noise.
     pub exceedance: Option<Exceedance>,
-    /// The clearest fine wave.
     pub wave: Option<Wave>,
 }
 

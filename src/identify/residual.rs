@@ -20,7 +20,6 @@ pub struct Residual {
     pub chi2_reduced: f64,
     /// Share of the residual's variance that is not noise.
     pub structured_fraction: f64,
-    /// Number of points.
     pub points: usize,
     /// Effective number of independent values (both components), given the noise's correlation.
     pub effective_points: f64,

@@ -34,7 +34,6 @@ pub struct SurrogateError {
 /// Mean and sd of a parameter over the draws at which the finite elements were solved.
 #[derive(Debug, Clone)]
 pub struct Reweighted {
-    /// The parameter.
     pub name: String,
     /// With equal weights.
     pub plain: [f64; 2],

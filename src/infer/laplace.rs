@@ -8,11 +8,9 @@ use crate::error::{Error, Result};
 /// Normal approximation of a density about its mode.
 #[derive(Debug, Clone)]
 pub struct Laplace {
-    /// The mode.
     pub mode: Vec<f64>,
     /// Inverse of the negative Hessian there, dim x dim, row-major.
     pub covariance: Vec<f64>,
-    /// Log density at the mode.
     pub log_density: f64,
 }
 

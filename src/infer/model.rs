@@ -21,9 +21,7 @@ use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
 /// A validated model and where it came from.
 #[derive(Clone)]
 pub struct Model {
-    /// The file as read.
     pub file: ModelFile,
-    /// Its path.
     pub path: PathBuf,
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
@@ -79,7 +77,6 @@ impl Model {
         )
     }
 
-    /// The experiment that was made.
     pub fn experiment(&self) -> &ExperimentSpec {
         &self.file.experiments[0]
     }

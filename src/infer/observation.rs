@@ -26,9 +26,7 @@ pub struct Observation {
 pub struct RecordedAmplitude {
     /// `effect.parameter`.
     pub name: String,
-    /// Posterior mean.
     pub mean: f64,
-    /// Posterior standard deviation.
     pub sd: f64,
 }
 

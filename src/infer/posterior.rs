@@ -59,7 +59,6 @@ impl Posterior {
         self
     }
 
-    /// The likelihood.
     pub fn likelihood(&self) -> &Likelihood {
         &self.likelihood
     }

@@ -7,20 +7,13 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum PriorSpec {
     /// Normal, in the parameter's unit.
-    Normal {
-        /// Mean.
-        mean: f64,
-        /// Standard deviation.
-        sd: f64,
-    },
+    Normal { mean: f64, sd: f64 },
 }
 
 /// One parameter's normal prior, cut at bounds if there are any.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Marginal {
-    /// Mean.
     pub mean: f64,
-    /// Standard deviation.
     pub sd: f64,
     /// Bounds outside which the density is zero.
     pub truncate: Option<[f64; 2]>,
@@ -50,7 +43,6 @@ impl Marginal {
         -self.sd.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
     }
 
-    /// Log density.
     pub fn log_density(&self, x: f64) -> f64 {
         let [low, high] = self.bounds();
         if !(low..=high).contains(&x) {

@@ -24,16 +24,13 @@ pub struct ModelFile {
     pub schema: String,
     /// Name, which also names run folders.
     pub name: String,
-    /// Free text.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
     /// The material that all experiments share.
     pub material: MaterialSpec,
     /// What was measured; one experiment for now.
     pub experiments: Vec<ExperimentSpec>,
-    /// Sizes of the reduced model.
     pub reduced_model: ReducedSpec,
-    /// Constants of the likelihood.
     pub likelihood: LikelihoodSpec,
 }
 
@@ -62,7 +59,6 @@ pub struct MaterialSpec {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterSpec {
-    /// The prior.
     pub prior: PriorSpec,
     /// Bounds at which the prior is cut, as in the article's Table 5; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -35,7 +35,7 @@ pub struct Tabulated {
     pub t0: f64,
     /// Sd of the laminate thickness, mm.
     pub sigma_h: f64,
-    /// Priors of the four constants.
+    /// Of the four constants, independent and normal.
     pub prior: Priors,
     /// Points and their log posterior.
     #[serde(default)]
@@ -45,12 +45,9 @@ pub struct Tabulated {
     pub reference: Option<TabulatedMoments>,
 }
 
-/// Independent normal priors.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Priors {
-    /// Means.
     pub mean: Vec<f64>,
-    /// Standard deviations.
     pub sd: Vec<f64>,
 }
 
@@ -66,9 +63,7 @@ pub struct TestPoint {
 /// Known moments of a tabulated posterior.
 #[derive(Debug, Clone, Deserialize)]
 pub struct TabulatedMoments {
-    /// Means.
     pub mean: Vec<f64>,
-    /// Standard deviations.
     pub sd: Vec<f64>,
 }
 

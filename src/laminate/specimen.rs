@@ -14,7 +14,6 @@ pub struct SpecimenSpec {
     pub length_mm: f64,
     /// Width along direction 2, mm.
     pub width_mm: f64,
-    /// The hole, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hole: Option<HoleSpec>,
     /// Ply angles from the loading axis, degrees, counter-clockwise in the data's x-y plane, from one face to the other; none
@@ -31,11 +30,9 @@ pub struct SpecimenSpec {
     pub note: Option<String>,
 }
 
-/// The circular hole.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HoleSpec {
-    /// Diameter, mm.
     pub diameter_mm: f64,
     /// Place of the hole relative to the plate's centre, (direction 1, direction 2), mm.
     pub center_mm: [f64; 2],
@@ -45,7 +42,6 @@ pub struct HoleSpec {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeanSd {
-    /// Mean.
     pub mean: f64,
     /// Standard deviation; 0 if it is known exactly.
     pub sd: f64,
@@ -243,7 +239,6 @@ impl SpecimenSpec {
 }
 
 impl LoadSpec {
-    /// Check the force.
     pub fn validate(&self) -> Result<()> {
         positive("load.force_N", self.force_n)
     }

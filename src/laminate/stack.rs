@@ -39,17 +39,11 @@ pub fn abd(ply: &Ply, angles: &[f64], thickness: f64) -> Abd {
 /// The six in-plane stiffness components on which the plane-stress plate depends, N/mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Membrane {
-    /// A11.
     pub a11: f64,
-    /// A12.
     pub a12: f64,
-    /// A22.
     pub a22: f64,
-    /// A16.
     pub a16: f64,
-    /// A26.
     pub a26: f64,
-    /// A66.
     pub a66: f64,
 }
 

@@ -13,9 +13,7 @@ use crate::error::{Error, Result};
 pub struct Dimension {
     /// Name with its unit (`E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`).
     pub name: String,
-    /// Lower bound.
     pub low: f64,
-    /// Upper bound.
     pub high: f64,
 }
 

@@ -15,7 +15,6 @@ use crate::experiment::{Experiment, Sight, gauged};
 /// A reduced model, as it is saved.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ReducedModel {
-    /// The DoE box.
     pub dimensions: Vec<Dimension>,
     /// `modes[c][k][i]`: mode k of component c at point i of the experiment's support; orthonormal over it.
     pub modes: [Vec<Vec<f64>>; 2],
@@ -27,7 +26,6 @@ pub struct ReducedModel {
     pub truncation: [Vec<f64>; 2],
     /// Leave-one-out truncation error CV_RMS (article Table 8) of each component for K = 1, 2, ...
     pub cross_validation: [CrossValidation; 2],
-    /// Number of snapshots.
     pub snapshots: usize,
     /// Elements and unknowns of the mesh.
     pub mesh_size: [usize; 2],

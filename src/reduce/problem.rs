@@ -17,7 +17,6 @@ use crate::laminate::Material;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReducedSpec {
-    /// Number of snapshots.
     pub snapshots: usize,
     /// POD modes kept for each displacement component: a number, or `"auto"`.
     pub modes: Modes,
@@ -62,7 +61,6 @@ pub struct Problem {
     /// The DoE box: elastic constants, the effects' amplitudes, and last the thickness if it is uncertain. What is sampled
     /// stands first, so that a point of the posterior is the beginning of one of the design.
     pub dimensions: Vec<Dimension>,
-    /// Sizes.
     pub spec: ReducedSpec,
 }
 

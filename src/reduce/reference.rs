@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 /// A published reduced model that a model file names with `reduced_model.reference`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reference {
-    /// Gogu et al. 2013.
     #[serde(rename = "gogu-2013")]
     Gogu2013,
 }
@@ -28,7 +27,6 @@ pub struct Published {
     pub surfaces: [[[f64; 5]; 4]; 2],
     /// Nodes on which a field was given.
     pub nodes: usize,
-    /// Snapshots.
     pub snapshots: usize,
 }
 
@@ -75,7 +73,6 @@ pub const GOGU_2013: Published = Published {
 };
 
 impl Reference {
-    /// Its figures.
     pub fn published(self) -> &'static Published {
         match self {
             Reference::Gogu2013 => &GOGU_2013,

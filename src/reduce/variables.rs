@@ -20,7 +20,6 @@ pub enum Choice {
 /// Map from parameters (border units) to the surface's scaled variables and its common factor.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Variables {
-    /// Which variables.
     pub choice: Choice,
     material: Material,
     constants: usize,

@@ -71,7 +71,6 @@ impl Report {
         self.closing.as_ref()?.averaged_posterior.get(name)
     }
 
-    /// The last round.
     pub fn last(&self) -> Option<&RoundReport> {
         self.rounds.last()
     }

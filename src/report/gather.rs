@@ -18,7 +18,6 @@ use crate::reduce::Dimension;
 use crate::sample::Stopped;
 use crate::trace::{Closed, Round};
 
-/// The report of identifications of one model.
 pub fn identified(model: &Model, rounds: &[Identification], seed: u64) -> Report {
     report(
         model,

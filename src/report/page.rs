@@ -14,7 +14,6 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::identify::Identification;
 
-/// What a report shows.
 #[derive(Debug, Clone)]
 pub struct Page {
     pub report: Report,
@@ -73,7 +72,6 @@ impl Page {
         })
     }
 
-    /// The elastic constants.
     pub fn constants(&self) -> Vec<&str> {
         let first = self.report.rounds.first();
         first.into_iter().flat_map(|r| r.constants()).collect()

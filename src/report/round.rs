@@ -83,7 +83,6 @@ pub struct MeanAndSd {
     pub sd: f64,
 }
 
-/// Correlation of the draws.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Correlation {
     pub names: Vec<String>,

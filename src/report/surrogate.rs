@@ -25,7 +25,6 @@ pub struct SurrogateReport {
     /// Predicted residual error of each coefficient.
     #[serde(default)]
     pub press_mm: Vec<f64>,
-    /// Whether it was found in the cache.
     pub cached: bool,
     /// The reduced models used: the first, then every refinement.
     #[serde(default)]

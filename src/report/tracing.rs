@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
 
-/// What tracing found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TracingReport {
     /// Effects weighed, the most probable first.

@@ -24,14 +24,12 @@ pub struct Warm {
     pub thin: usize,
     /// Whether the last window looked stationary.
     pub settled: bool,
-    /// Whether warm-up is over.
     pub over: bool,
 }
 
 /// Everything a run needs to go on, apart from its draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
-    /// Warm-up.
     pub warm: Warm,
     /// State of each ensemble.
     pub states: Vec<State>,

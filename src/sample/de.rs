@@ -42,14 +42,8 @@ impl Move for De {
     }
 
     fn propose(&self, proposal: Proposal<'_>) {
-        let Proposal {
-            own,
-            others,
-            numbers,
-            y,
-            factor,
-            ..
-        } = proposal;
+        let (own, others, numbers) = (proposal.own, proposal.others, proposal.numbers);
+        let (y, factor) = (proposal.y, proposal.factor);
         let usual = self.scale * 2.38 / (2.0 * own.dim() as f64).sqrt();
         for walker in 0..own.count() {
             let u = |k| numbers.uniform(k)[walker];

@@ -17,7 +17,6 @@ const CONDITION: f64 = 1e8;
 /// Affine-invariant ensemble sampler with a mixture of moves.
 #[derive(Default)]
 pub struct Ensemble {
-    /// The moves.
     pub mixture: Mixture,
     /// Walkers of an ensemble; by default the larger of 64 and 8 d, which keeps the fitted proposal close to the target.
     pub walkers: Option<usize>,

@@ -56,7 +56,6 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    /// Makes a new store.
     pub(super) fn create(keeping: &Keeping, layout: Layout) -> Result<Self> {
         if keeping.checkpoint.exists() {
             return Err(
@@ -105,7 +104,6 @@ impl Keeper {
         Ok(Some((keeper, checkpoint)))
     }
 
-    /// Records blocks of draws.
     pub(super) fn record(&mut self, blocks: &[Block]) -> Result<()> {
         let parts: Vec<(&[f64], &[f64])> = blocks.iter().map(|b| (&*b.x, &*b.lp)).collect();
         self.store.record(&parts)

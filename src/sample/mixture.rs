@@ -86,7 +86,6 @@ impl Mixture {
         Self::new(parts)
     }
 
-    /// The moves and their probabilities.
     pub fn parts(&self) -> &[(Box<dyn Move>, f64)] {
         &self.parts
     }

@@ -45,7 +45,6 @@ use crate::infer::LogDensity;
 /// What the next step of one ensemble needs, and nothing else.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
-    /// Steps taken.
     pub step: u64,
     /// Positions, walker x parameter.
     pub x: Vec<f64>,
@@ -60,7 +59,6 @@ pub struct State {
 /// A stretch of steps to take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
-    /// Number of steps.
     pub steps: usize,
     /// Keep the state after every `thin`-th step; at least 1.
     pub thin: usize,
@@ -77,11 +75,9 @@ pub struct Block {
     pub lp: Vec<f64>,
     /// Steps in which each walker moved.
     pub accepted: Vec<u64>,
-    /// Tally of each move.
     pub moves: Vec<MoveTally>,
     /// Evaluations that gave NaN or +inf.
     pub nan: u64,
-    /// Evaluations.
     pub evaluations: u64,
 }
 

@@ -86,7 +86,6 @@ pub struct Proposal<'a> {
     pub own: Walkers<'a>,
     /// The complementary half.
     pub others: Walkers<'a>,
-    /// What [`Move::fit`] learnt.
     pub fit: &'a Fit,
     /// Random numbers, as many as [`Move::needs`] says.
     pub numbers: &'a Numbers,

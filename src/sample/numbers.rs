@@ -8,7 +8,6 @@ use crate::infer::lanes::{WIDTH, each, ln, sin_cos_turns};
 /// How many numbers a proposal takes for each walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needs {
-    /// Uniform numbers.
     pub uniforms: usize,
     /// Standard normal numbers.
     pub normals: usize,

@@ -21,14 +21,12 @@ pub trait Stop: Sync {
 pub enum Phase {
     /// Adapting and forgetting the start; draws are thrown away.
     Warmup,
-    /// Keeping draws.
     Sampling,
 }
 
 /// How far a run has come.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseReport {
-    /// Warm-up or sampling.
     pub phase: Phase,
     /// Steps of each ensemble so far.
     pub steps: u64,
@@ -92,7 +90,6 @@ impl Default for Schedule {
     }
 }
 
-/// Why a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stopped {
     /// The stopping rule was satisfied.
@@ -103,12 +100,10 @@ pub enum Stopped {
     Interrupted,
 }
 
-/// What a run gives.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// Draws after warm-up.
     pub draws: Draws,
-    /// Why the run ended.
     pub stopped: Stopped,
     /// Whether warm-up settled before its limit (true where its length was prescribed).
     pub settled: bool,

@@ -35,14 +35,8 @@ impl Move for Snooker {
     }
 
     fn propose(&self, proposal: Proposal<'_>) {
-        let Proposal {
-            own,
-            others,
-            numbers,
-            y,
-            factor,
-            ..
-        } = proposal;
+        let (own, others, numbers) = (proposal.own, proposal.others, proposal.numbers);
+        let (y, factor) = (proposal.y, proposal.factor);
         for walker in 0..own.count() {
             let u = |k| numbers.uniform(k)[walker];
             let [axis, first, second] = pick([u(0), u(1), u(2)], others.count());

@@ -35,14 +35,8 @@ impl Move for Stretch {
     }
 
     fn propose(&self, proposal: Proposal<'_>) {
-        let Proposal {
-            own,
-            others,
-            numbers,
-            y,
-            factor,
-            ..
-        } = proposal;
+        let (own, others, numbers) = (proposal.own, proposal.others, proposal.numbers);
+        let (y, factor) = (proposal.y, proposal.factor);
         let (pick, root) = (numbers.uniform(0), numbers.uniform(1));
         for (z, u) in factor.iter_mut().zip(root) {
             let root = (self.a - 1.0) * u + 1.0;

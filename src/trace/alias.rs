@@ -88,7 +88,6 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
 /// An effect outside a group whose signature comes close to the leader's: finer shape or plausible size speak against it.
 #[derive(Debug, Clone)]
 pub struct Lookalike {
-    /// The candidate.
     pub candidate: usize,
     /// Cosine of the angle between the leader's part of the field and the nearest field of this effect, both with
     /// everything absorbable projected out.

@@ -17,15 +17,12 @@ const MULTIPLES: [f64; 7] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
 /// One constant of the averaged posterior.
 #[derive(Debug, Clone)]
 pub struct Averaged {
-    /// Its name.
     pub name: String,
     /// Mean, border units.
     pub mean: f64,
-    /// Standard deviation.
     pub sd: f64,
     /// 2.5 % quantile.
     pub low: f64,
-    /// Median.
     pub median: f64,
     /// 97.5 % quantile.
     pub high: f64,

@@ -18,7 +18,6 @@ pub struct Closed {
     pub rounds: Vec<Round>,
     /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
     pub with_discrepancy: Option<Identification>,
-    /// The conclusion.
     pub conclusion: Conclusion,
 }
 

@@ -22,7 +22,6 @@ pub enum Status {
 }
 
 impl Status {
-    /// In words.
     pub fn words(self) -> &'static str {
         match self {
             Self::NothingMissing => "nothing missing",
@@ -32,16 +31,13 @@ impl Status {
     }
 }
 
-/// What the loop concludes.
 #[derive(Debug, Clone)]
 pub struct Conclusion {
-    /// How it ended.
     pub status: Status,
     /// Effects added, in order.
     pub effects: Vec<&'static str>,
     /// The alias group of each added effect that has one.
     pub alias_groups: Vec<Vec<&'static str>>,
-    /// In words.
     pub text: String,
     /// What would confirm each effect named, and tell it from its stand-ins.
     pub confirm: Vec<Confirming>,
@@ -56,7 +52,6 @@ pub struct Confirming {
     pub tests: Vec<(&'static str, &'static str)>,
 }
 
-/// The conclusion of all rounds.
 pub fn conclude(rounds: &[Round]) -> Conclusion {
     let last = &rounds[rounds.len() - 1];
     let mut groups: Vec<&Named> = rounds.iter().filter_map(accepted).collect();
@@ -111,7 +106,7 @@ fn confirming(group: &Named, added: bool) -> Confirming {
             names.push(name);
         }
     }
-    let test = |name: &'static str| Some((name, effect(name)?.confirm()));
+    let test = |name: &'static str| Some((name, effect(name)?.entry().confirm));
     Confirming {
         added,
         tests: names.into_iter().filter_map(test).collect(),

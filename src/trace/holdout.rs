@@ -11,7 +11,6 @@ use crate::quantity::NM_PER_MM;
 /// neighbours, 19 of 20 wrong groups predicted such squares too (measured on the program as built).
 const SQUARE_MM: f64 = 3.0;
 
-/// Folds.
 pub const FOLDS: usize = 4;
 
 /// Blocks of each fold, and the variance of every block average.

@@ -6,10 +6,7 @@ use crate::infer::Model;
 
 /// An identification and what tracing made of its residual.
 pub struct Round {
-    /// The model that was identified.
     pub model: Model,
-    /// The identification.
     pub identification: Identification,
-    /// What its residual says.
     pub tracing: Tracing,
 }

@@ -31,9 +31,7 @@ pub struct Column {
 /// An effect that the model lacks, or might.
 #[derive(Clone)]
 pub struct Candidate {
-    /// The effect.
     pub effect: &'static dyn Effect,
-    /// Its parameters.
     pub columns: Vec<Column>,
 }
 
@@ -52,7 +50,6 @@ pub struct Sensitivities {
 
 /// The measured field as block averages.
 pub struct Measured {
-    /// Their geometry.
     pub blocks: Blocks,
     /// Averages of (u1, u2), mm.
     pub averages: [DVector<f64>; 2],
@@ -83,9 +80,7 @@ fn averages(blocks: &Blocks, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
     })
 }
 
-/// The test that is linearised.
 pub struct Linearised<'a> {
-    /// The model.
     pub model: &'a Model,
     /// Plate and measured points.
     pub prepared: &'a Prepared,
@@ -93,7 +88,6 @@ pub struct Linearised<'a> {
     pub size_mm: f64,
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
-    /// Called after each column.
     pub step: &'a (dyn Fn() + Sync),
 }
 

@@ -7,7 +7,6 @@ use crate::noise::Hyperparameters;
 /// An effect weighed against the data.
 #[derive(Clone)]
 pub struct Found {
-    /// The effect.
     pub effect: &'static dyn Effect,
     /// Posterior probability that it acts.
     pub inclusion_probability: f64,
@@ -25,7 +24,6 @@ pub struct Found {
     pub aliases: Vec<(&'static str, f64)>,
 }
 
-/// What tracing found.
 pub struct Tracing {
     /// All candidates, the most probable first.
     pub candidates: Vec<Found>,
@@ -66,7 +64,6 @@ impl Tracing {
     }
 }
 
-/// An alias group by names.
 #[derive(Debug, Clone)]
 pub struct Named {
     /// The member with the largest evidence.

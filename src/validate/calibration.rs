@@ -37,16 +37,13 @@ pub const RANK_DRAWS: usize = 99;
 /// Levels of the intervals whose coverage is counted.
 pub const LEVELS: [f64; 3] = [0.5, 0.9, 0.95];
 
-/// What to calibrate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Number of replicates.
     pub replicates: usize,
     /// Correlation length of the noise, mm; 0 for white noise.
     pub correlation_mm: f64,
     /// Fields by the reduced model instead of the finite elements.
     pub reduced: bool,
-    /// Seed.
     pub seed: u64,
     /// Points along a side of the lattice.
     pub grid: usize,
@@ -55,7 +52,6 @@ pub struct Plan {
 /// One line of the record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Replicate {
-    /// Its number.
     pub replicate: usize,
     /// True value of each parameter.
     pub truth: Vec<f64>,
@@ -67,14 +63,12 @@ pub struct Replicate {
     pub rank: Vec<usize>,
     /// Share of all draws below the truth.
     pub below: Vec<f64>,
-    /// Whether the chains converged.
     pub converged: bool,
 }
 
 /// How one parameter fared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Its name.
     pub name: String,
     /// p-value of the Kolmogorov-Smirnov test of the shares below the truth against uniformity.
     pub p_ks: f64,
@@ -88,14 +82,11 @@ pub struct Parameter {
     pub z: [f64; 2],
 }
 
-/// The summary of one record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// What was calibrated.
     pub plan: Plan,
     /// Replicates done, and those whose chains converged.
     pub done: [usize; 2],
-    /// By parameter.
     pub parameters: Vec<Parameter>,
     /// For each of [`LEVELS`] the counts between which a calibrated posterior lies in 99 % of cases.
     pub bands: [[usize; 2]; 3],

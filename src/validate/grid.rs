@@ -22,7 +22,6 @@ pub struct Grid {
     pub bounds: Vec<[f64; 2]>,
     /// Nodes along each side.
     pub side: usize,
-    /// Mean, sd, correlation, evidence.
     pub moments: Moments,
     /// Coordinates of each side's nodes, and the share of the probability at each.
     pub marginals: Vec<Vec<(f64, f64)>>,

@@ -9,9 +9,7 @@ use crate::infer::{LogDensity, Marginal, Posterior, laplace};
 
 /// One choice of prior.
 pub struct Row {
-    /// What the prior is.
     pub prior: String,
-    /// Moments by the grid.
     pub moments: Moments,
     /// Warnings of its grid.
     pub warnings: Vec<String>,

@@ -113,9 +113,7 @@ impl<'a> Marginalised<'a> {
 pub struct Moments {
     /// Names of the parameters; the noise last, unless it is declared.
     pub names: Vec<String>,
-    /// Means.
     pub mean: Vec<f64>,
-    /// Standard deviations.
     pub sd: Vec<f64>,
     /// Correlation of the structural parameters, row by row.
     pub correlation: Vec<Vec<f64>>,

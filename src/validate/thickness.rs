@@ -17,7 +17,6 @@ const LANE: u64 = 1 << 62;
 /// Both ways at some nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Number of nodes.
     pub nodes: usize,
     /// Samples of the thickness at each.
     pub samples: usize,

@@ -18,7 +18,6 @@ use crate::quantity::NM_PER_MM;
 pub struct Truth {
     /// Constants, then mechanical amplitudes, border units.
     pub theta: Vec<f64>,
-    /// Thickness, mm.
     pub thickness_mm: f64,
     /// Amplitudes of the declared closed-form effects' columns, border units.
     pub additive: Vec<f64>,
@@ -100,7 +99,6 @@ impl Twin {
         }
     }
 
-    /// Number of points.
     pub fn points(&self) -> usize {
         self.index.len()
     }

@@ -12,11 +12,9 @@ use crate::error::{Error, Result};
 
 /// Axes and text.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
-/// Grid lines.
 pub const GRID: RGBColor = RGBColor(222, 222, 222);
 /// What was believed before: priors.
 pub const PRIOR: RGBColor = RGBColor(140, 140, 140);
-/// The main colour.
 pub const MAIN: RGBColor = RGBColor(42, 111, 151);
 /// What is known to be true.
 pub const TRUTH: RGBColor = RGBColor(200, 85, 61);
@@ -69,7 +67,6 @@ pub struct Figure {
     pub name: String,
     /// What it shows, for those who cannot see it and as its caption.
     pub alt: String,
-    /// The drawing.
     pub svg: String,
     /// Width and height, pixels.
     pub size: (u32, u32),

@@ -19,7 +19,6 @@ struct Line {
     colour: RGBColor,
 }
 
-/// One panel.
 struct Panel {
     title: String,
     x: [f64; 2],
@@ -37,7 +36,6 @@ pub fn traces(points: &[TracePoint]) -> Result<Option<Figure>> {
     grid(panels, alt, ["stored draw", ""])
 }
 
-/// Rank plots.
 pub fn ranks(bins: &[RankBin]) -> Result<Option<Figure>> {
     let bins = bins.iter();
     let bins = bins.map(|b| (&b.parameter, b.ensemble, (b.bin as f64, b.relative_count)));
@@ -52,7 +50,6 @@ pub fn ranks(bins: &[RankBin]) -> Result<Option<Figure>> {
     grid(panels, alt, ["rank, twentieths", ""])
 }
 
-/// Autocorrelation functions.
 pub fn autocorrelation(lags: &[LagPoint]) -> Result<Option<Figure>> {
     let rho = |l: &LagPoint| l.autocorrelation.unwrap_or(f64::NAN);
     let lags = lags.iter();

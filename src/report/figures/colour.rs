@@ -6,7 +6,6 @@ use plotters::style::RGBColor;
 
 use crate::error::{Error, Result};
 
-/// Colours of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Palette {
     /// Viridis, perceptually uniform (van der Walt and Smith), for a field.

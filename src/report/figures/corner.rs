@@ -24,7 +24,6 @@ const BOTTOM: u32 = 54;
 /// Parameters in a corner plot, at most: more cannot be read.
 const MOST: usize = 10;
 
-/// Draw the corner plot.
 pub fn corner(data: &FigureData) -> Result<Option<Figure>> {
     let axes = axes(data);
     let d = axes.len().min(MOST);

@@ -16,7 +16,6 @@ pub struct FigureData {
     pub maps: Vec<MapCell>,
     /// Posterior summary, prior, cut and truth of each parameter.
     pub parameters: Vec<ParameterLine>,
-    /// Marginal densities.
     pub marginals: Vec<MarginalBin>,
     /// Joint densities of each pair of parameters; where there is next to none, bins are left out.
     pub corner: Vec<JointBin>,
@@ -28,7 +27,6 @@ pub struct FigureData {
     pub autocorrelation: Vec<LagPoint>,
     /// Errors by number of modes.
     pub truncation: Vec<TruncationLine>,
-    /// Errors of the response surfaces.
     pub surfaces: Vec<SurfaceLine>,
 }
 

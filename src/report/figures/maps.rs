@@ -37,7 +37,6 @@ impl Mapped {
     }
 }
 
-/// A field on a raster.
 struct Raster {
     x: Vec<f64>,
     y: Vec<f64>,
@@ -77,11 +76,9 @@ impl Raster {
 /// Colours and range of a map.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
-    /// Colours.
     pub palette: Palette,
     /// Values at the ends.
     pub range: [f64; 2],
-    /// Unit.
     pub unit: &'static str,
 }
 

@@ -48,7 +48,6 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// The figure called `name`.
     pub fn get(&self, name: &str) -> Option<&Figure> {
         self.others.iter().find(|f| f.name == name)
     }

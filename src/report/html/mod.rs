@@ -172,7 +172,6 @@ fn with_sd(value: f64, sd: f64) -> String {
     minus(&significant(value, sd))
 }
 
-/// Mean and sd.
 fn mean_sd(moments: Option<(f64, f64)>) -> String {
     moments.map_or(DASH.into(), |(mean, sd)| {
         format!("{} \u{b1} {}", with_sd(mean, sd), with_sd(sd, sd))
@@ -183,7 +182,6 @@ fn minus(text: &str) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// A row of a name and cells.
 fn row(name: impl Into<String>, cells: impl IntoIterator<Item = String>) -> Vec<String> {
     once(name.into()).chain(cells).collect()
 }
