@@ -79,7 +79,18 @@ fn without_patterns(fields: std::ops::Range<usize>) {
 /// White noise averaged over squares of 3 x 3 or 7 x 7 points, as subsets of image correlation do, prefers some directions; it has no wave.
 #[test]
 fn noise_of_square_subsets_has_no_patterns() {
-    for (seed, half) in [(750, 1), (751, 3)] {
+    without_patterns_of_squares(&[(750, 1)]);
+}
+
+#[test]
+#[ignore = "larger squares, 1 minute"]
+fn noise_of_larger_square_subsets_has_no_patterns() {
+    without_patterns_of_squares(&[(751, 3), (752, 2), (753, 3)]);
+}
+
+/// Seeds, and half the squares' sides in points.
+fn without_patterns_of_squares(cases: &[(u64, usize)]) {
+    for &(seed, half) in cases {
         let mut rng = Pcg64Dxsm::seed_from_u64(seed);
         let side = 121 + 2 * half;
         let white: Vec<[f64; 2]> = (0..side * side)

@@ -172,7 +172,7 @@ fn a_killed_loop_goes_on_to_the_same_report() {
             "--data",
             "leaning",
             "--max-draws",
-            "400000",
+            "150000",
             "--min-ess",
             "1e9",
             "--out",

@@ -23,7 +23,14 @@ pub struct Blocks {
     pub places: Places,
     /// The block of each point of the field; `None` outside of all blocks.
     pub of_point: Vec<Option<u32>>,
+    /// Longest correlation length that counts as noise, mm: two subsets where they are declared, or a tenth of the
+    /// window's shorter side. In a single field nothing tells longer noise from an error of the model.
+    pub noise_length_mm: f64,
 }
+
+/// Noise is correlated over at most so many subsets, or so much of the window.
+const SUBSETS: f64 = 2.0;
+const WINDOWS: f64 = 0.1;
 
 impl Blocks {
     /// At most about this many blocks: the covariance of a component is a dense matrix over them.
@@ -93,8 +100,11 @@ impl Blocks {
         } else {
             Places::Many
         };
+        let [low, high] = bounds(&field.points);
+        let shorter = (high[0] - low[0]).min(high[1] - low[1]);
         Self {
             size_mm,
+            noise_length_mm: (SUBSETS * field.subset_mm.unwrap_or(0.0)).max(WINDOWS * shorter),
             spread: spread.collect(),
             places,
             count: members.values().map(Vec::len).collect(),
@@ -189,6 +199,15 @@ fn tile_members(
             .push(i);
     }
     members
+}
+
+/// Which points stand for the square tiles of side `size_mm`: the first of each.
+pub fn one_a_tile(points: &[[f64; 2]], size_mm: f64) -> Vec<bool> {
+    let mut kept = vec![false; points.len()];
+    for members in tile_members(points, size_mm, |_| true).values() {
+        kept[members[0]] = true;
+    }
+    kept
 }
 
 /// Number of points of a typical full tile: the upper quartile, since tiles at borders and holes hold fewer.

@@ -53,6 +53,7 @@ impl Grid {
                 index,
             }),
             fringe_frequency_per_mm: None,
+            subset_mm: None,
             files: Vec::new(),
         }
     }

@@ -34,6 +34,8 @@ pub struct Field {
     pub outlying: Vec<[f64; 2]>,
     /// Frequency of a moire grating, lines per mm of displacement.
     pub fringe_frequency_per_mm: Option<f64>,
+    /// Side of the subsets of an image correlation, mm, where it is declared.
+    pub subset_mm: Option<f64>,
     /// The files that were read, for the manifest's hashes.
     pub files: Vec<PathBuf>,
 }

@@ -11,7 +11,6 @@ use super::outliers;
 use super::reader::{ColumnMap, Columns, Reader, Units};
 use super::table::Csv;
 use crate::error::{Error, Result};
-use crate::files::NotYet;
 use crate::quantity::Length;
 
 /// A declared measurement. In JSON its fields lie flat beside `format`; an unknown key is an error.
@@ -24,6 +23,8 @@ pub struct MeasurementSpec {
     pub frame: Frame,
     /// Frequency f_s of a moire grating in lines per mm of displacement (a fringe order is 1/f_s), if it is one.
     pub fringe_frequency_per_mm: Option<f64>,
+    /// How images were correlated, if they were.
+    pub image_correlation: Option<ImageCorrelation>,
     /// What happens to outliers.
     pub outliers: OutlierRule,
 }
@@ -38,6 +39,30 @@ pub struct Source {
     pub path: PathBuf,
     /// What is declared of the columns, where the format has some.
     pub columns: Option<ColumnMap>,
+}
+
+/// The `image_correlation` object of a measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImageCorrelation {
+    /// Side of a subset, mm: over about as much the noise is correlated.
+    pub subset_mm: f64,
+    /// Distance of neighbouring points, mm, where it is declared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step_mm: Option<f64>,
+}
+
+impl ImageCorrelation {
+    fn check(&self) -> Result<()> {
+        let step_mm = self.step_mm.unwrap_or(self.subset_mm);
+        for (key, value) in [("subset_mm", self.subset_mm), ("step_mm", step_mm)] {
+            if !(value.is_finite() && value > 0.0) {
+                let place = format!("image_correlation.{key}");
+                return Err(Error::input(place, "a positive length in mm").found(value));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// What happens to points that [`outliers::outliers`] finds.
@@ -70,8 +95,8 @@ struct Keys {
     hole_center_in_data_mm: Option<[f64; 2]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     fringe_frequency_per_mm: Option<f64>,
-    #[serde(default, rename = "image_correlation", skip_serializing)]
-    _image_correlation: NotYet,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    image_correlation: Option<ImageCorrelation>,
     #[serde(default)]
     outliers: OutlierRule,
 }
@@ -142,6 +167,7 @@ impl TryFrom<Keys> for MeasurementSpec {
                 hole_center_mm,
             },
             fringe_frequency_per_mm: keys.fringe_frequency_per_mm,
+            image_correlation: keys.image_correlation,
             outliers: keys.outliers,
         };
         spec.check()?;
@@ -171,7 +197,7 @@ impl From<MeasurementSpec> for Keys {
             loading_axis: spec.frame.loading_axis,
             hole_center_in_data_mm: Some(spec.frame.hole_center_mm),
             fringe_frequency_per_mm: spec.fringe_frequency_per_mm,
-            _image_correlation: NotYet,
+            image_correlation: spec.image_correlation,
             outliers: spec.outliers,
         }
     }
@@ -194,6 +220,9 @@ impl MeasurementSpec {
                 "a positive number of lines per mm",
             )
             .found(f));
+        }
+        if let Some(correlation) = &self.image_correlation {
+            correlation.check()?;
         }
         if let Some(ColumnMap { columns, units }) = &self.source.columns {
             Length::parse("units.coordinates", &units.coordinates)?;
@@ -275,6 +304,7 @@ impl MeasurementSpec {
         } = &self.source;
         let mut field = reader.read(&base_dir.join(path), columns.as_ref(), self.frame)?;
         field.fringe_frequency_per_mm = self.fringe_frequency_per_mm;
+        field.subset_mm = self.image_correlation.map(|c| c.subset_mm);
         if let Some(window) = window_mm {
             field.restrict_to(window);
         }

@@ -112,6 +112,7 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
         rejected: Rejected::default(),
         outlying: Vec::new(),
         fringe_frequency_per_mm: None,
+        subset_mm: None,
         files: vec![path.to_owned()],
     };
     let mut record = StringRecord::new();

@@ -17,13 +17,18 @@ use crate::field::Blocks;
 use crate::field::places::Places;
 use crate::numeric::legendre;
 
-/// Correlation lengths that count as noise, mm. In the prototype study (about 280 simulated moire fields, blocks of 0.6 to 1 mm) a
-/// likelihood of white noise raised false alarms in up to 97 % of fields whose noise was correlated over 1 mm; with these lengths it
-/// was 0 of 500 for white noise and noise correlated over 0.3 to 1 mm.
-pub const NOISE_LENGTHS_MM: [f64; 3] = [0.4, 0.8, 1.5];
+/// Correlation lengths that count as noise, mm, the longest last. A likelihood of white noise raised false alarms in up to 97 % of fields
+/// whose noise was correlated over 1 mm; with lengths of 0.4 to 1.5 mm in windows of 24 mm it was 0 of 500 (prototype study).
+pub fn noise_lengths_mm(blocks: &Blocks) -> [f64; 3] {
+    [0.28, 0.53, 1.0].map(|share| share * blocks.noise_length_mm)
+}
+
 /// Correlation lengths that count as discrepancy of the model, mm: 38 of 38 smooth random fields outside the dictionary were called
-/// unexplained with them (prototype study). The price is that noise correlated over 3 mm is called so too.
-pub const DISCREPANCY_LENGTHS_MM: [f64; 3] = [3.0, 6.0, 12.0];
+/// unexplained with lengths of 3 to 12 mm in windows of 24 mm (prototype study). The gap to the noise keeps apart what a few dozen
+/// correlation areas can tell apart.
+pub fn discrepancy_lengths_mm(blocks: &Blocks) -> [f64; 3] {
+    [1.5, 3.0, 6.0].map(|share| share * blocks.noise_length_mm)
+}
 /// Ratios rho of the correlated to the white variance of a block, about half a decade apart; the last is noise that is correlated
 /// alone, as overlapping subsets leave it.
 pub const RATIOS: [f64; 11] = [

@@ -5,15 +5,15 @@ use nalgebra::{DMatrix, DVector};
 use super::hyperparameters::{ComponentNoise, LocalVariance};
 use super::normal::solve;
 use super::reml::{Contrasts, Hyperparameters, Reml};
-use super::white::{Leftover, white};
+use super::white::{Leftover, WhiteNoise, white};
 use super::{BlockCovariance, Matern};
 use crate::error::{Error, Result};
-use crate::field::{Blocks, Field};
+use crate::field::{Blocks, Field, Reason};
 use crate::quantity::NM_PER_MM;
 
-/// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, mm at least.
-/// Misfit that is smooth on this scale does not pass for noise.
-const SQUARE_MM: f64 = 6.0;
+/// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, in longest lengths of noise, at
+/// least. Misfit that is smooth on this scale does not pass for noise.
+const SQUARE: f64 = 4.0;
 
 /// Relative error that local differences may have beside their sampling error, from curvature that they do not follow.
 const LOCAL_BIAS: f64 = 0.005;
@@ -38,7 +38,7 @@ pub struct Noise {
 
 impl Noise {
     /// Estimate from contrasts orthogonal to the model's columns and to local quadratics (restricted maximum
-    /// likelihood over correlation lengths up to 1.5 mm). `modes` are those of u1, then of u2, and `effects` the columns of
+    /// likelihood over correlation lengths up to [`Blocks::noise_length_mm`]). `modes` are those of u1, then of u2, and `effects` the columns of
     /// declared effects, both in mm at the points.
     ///
     /// # Errors
@@ -61,11 +61,19 @@ impl Noise {
         }
         let smooth = smooth_columns(&blocks, fitted);
         // Local fits follow the residual of a global one more easily than the field about the hole.
-        let seen = white(&Field {
+        let left = Field {
             displacement: residual_of_fit(field, modes),
             ..field.clone()
-        });
-        let leftover = Leftover::new(field);
+        };
+        let seen = white(&left);
+        let coarser = coarser(&left, &blocks);
+        let strides: Vec<(&Field, f64)> = std::iter::once((&left, 1.0))
+            .chain(coarser.iter().map(|(field, stride)| (field, *stride)))
+            .collect();
+        let differences: Vec<(WhiteNoise, Leftover<'_>, f64)> = strides
+            .into_iter()
+            .map(|(field, stride)| (white(field), Leftover::new(field), stride))
+            .collect();
         let estimate = |c: usize| -> Result<ComponentNoise> {
             let explained = component(modes.iter().chain(effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
@@ -73,12 +81,13 @@ impl Noise {
             all.columns_mut(explained.ncols(), smooth.ncols())
                 .copy_from(&smooth);
             let y = blocks.average(&field.component(c));
-            let local = LocalVariance {
+            let locals = differences.iter().map(|(seen, leftover, stride)| LocalVariance {
                 variance: seen.sd_mm[c].powi(2),
-                error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS),
-                leftover: &leftover,
-            };
-            ComponentNoise::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &local)
+                error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS * stride * stride),
+                leftover,
+            });
+            let locals: Vec<LocalVariance<'_>> = locals.collect();
+            ComponentNoise::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &locals)
         };
         let (a, b) = (estimate(0)?, estimate(1)?);
         let effective_points = a.covariance.effective_points() + b.covariance.effective_points();
@@ -141,12 +150,34 @@ impl Noise {
     }
 }
 
+/// Thinned fields with their stride, 2, 4, .. spacings, up to half a block: differences over more than the correlation length see all of the
+/// noise, those of neighbours only what is white in it.
+fn coarser(field: &Field, blocks: &Blocks) -> Vec<(Field, f64)> {
+    let spacing = field.spacing_mm();
+    let mut thinned = Vec::new();
+    let mut stride = 2.0;
+    while stride * spacing <= 0.5 * blocks.size_mm {
+        let kept = crate::field::blocks::one_a_tile(&field.points, stride * spacing);
+        let mut field = field.clone();
+        field.retain(Reason::OutsideWindow, |i| kept[i]);
+        if field.len() < FEWEST_THINNED {
+            break;
+        }
+        thinned.push((field, stride));
+        stride *= 2.0;
+    }
+    thinned
+}
+
+/// Points that a thinned field must have for its differences to say anything.
+const FEWEST_THINNED: usize = 200;
+
 /// Contrasts needed beside the fitted columns.
 const FEWEST_CONTRASTS: usize = 20;
 
 /// Local polynomials of the highest degree that leaves most contrasts to the noise.
 fn smooth_columns(blocks: &Blocks, fitted: usize) -> DMatrix<f64> {
-    let side = SQUARE_MM.max(6.0 * blocks.size_mm);
+    let side = (SQUARE * blocks.noise_length_mm).max(6.0 * blocks.size_mm);
     [2, 1]
         .map(|degree| blocks.local_polynomials(side, degree))
         .into_iter()

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::covariance::{NOISE_LENGTHS_MM, RATIOS};
+use super::covariance::{RATIOS, noise_lengths_mm};
 use super::lattice::{FLAT, Quadratic};
 use super::reml::{Contrasts, Hyperparameters, Reml};
 use super::white::Leftover;
@@ -64,27 +64,35 @@ struct Scored {
 struct Search<'a> {
     blocks: &'a Blocks,
     contrasts: &'a Contrasts<'a>,
-    local: &'a LocalVariance<'a>,
+    locals: &'a [LocalVariance<'a>],
+    /// Smallest and largest logarithm of the length, and of the share, of correlated noise.
+    low: [f64; 2],
+    high: [f64; 2],
 }
 
 impl ComponentNoise {
     pub fn new(
         blocks: &Blocks,
         contrasts: &Contrasts<'_>,
-        local: &LocalVariance<'_>,
+        locals: &[LocalVariance<'_>],
     ) -> Result<Self> {
+        let longest = blocks.noise_length_mm;
+        let spacing = blocks.size_mm / blocks.mean_count().sqrt();
         let search = Search {
             blocks,
             contrasts,
-            local,
+            locals,
+            low: [spacing.min(longest / SHORTEST).ln(), -SHARE],
+            high: [longest.ln(), SHARE],
         };
-        let mut reml = contrasts.table(&NOISE_LENGTHS_MM, &RATIOS)?;
-        let fractions = NOISE_LENGTHS_MM.map(|l| (l, local.leftover.fraction(l)));
+        let lengths_mm = noise_lengths_mm(blocks);
+        let mut reml = contrasts.table(&lengths_mm, &RATIOS)?;
+        let fractions = lengths_mm.map(|l| (l, search.fractions(l)));
         let of = |at: &Hyperparameters| fractions.iter().find(|(l, _)| *l == at.length_mm);
         let table: Vec<Scored> = reml
             .table
             .iter()
-            .map(|at| search.weigh(at, of(at).map_or(0.0, |f| f.1)))
+            .map(|at| search.weigh(at, of(at).map_or(&[], |f| &f.1)))
             .collect();
         let found = search.parts(&table)?;
         // White noise where it is the more probable, else the likeliest correlated noise.
@@ -116,14 +124,25 @@ impl ComponentNoise {
 impl Search<'_> {
     /// Hyperparameters with the white noise of local differences taken into account: the restricted likelihood times a
     /// lognormal for what they see, s^2 (nbar + rho f).
-    fn weigh(&self, at: &Hyperparameters, fraction: f64) -> Scored {
+    fn weigh(&self, at: &Hyperparameters, fractions: &[f64]) -> Scored {
         let nu = self.contrasts.count() as f64;
         let nbar = self.blocks.mean_count();
-        let seen = nbar + at.ratio * fraction;
-        let expected = (self.local.variance / seen).max(f64::MIN_POSITIVE).ln();
-        // Real noise need not be Matern's at distances far below its length: the blocks decide over its correlated part.
-        let share = at.ratio * fraction / seen;
-        let precision = 1.0 / (self.local.error.powi(2) + (SHAPE_ERROR * share).powi(2));
+        // what each of the local differences says of ln s^2, and how precisely
+        let said: Vec<(f64, f64)> = self
+            .locals
+            .iter()
+            .zip(fractions.iter().chain(std::iter::repeat(&0.0)))
+            .map(|(local, fraction)| {
+                let seen = nbar + at.ratio * fraction;
+                let expected = (local.variance / seen).max(f64::MIN_POSITIVE).ln();
+                // Real noise need not be Matern's at distances far below its length: of what is hardly seen there the blocks decide.
+                let share = at.ratio * fraction / seen;
+                let shape = SHAPE_ERROR * share * (1.0 - fraction);
+                (expected, 1.0 / (local.error.powi(2) + shape.powi(2)))
+            })
+            .collect();
+        let precision: f64 = said.iter().map(|(_, p)| p).sum();
+        let expected = said.iter().map(|(e, p)| e * p).sum::<f64>() / precision;
         let profile = at.scale2.ln();
         let mut x = profile;
         let mut curvature = 0.5 * nu;
@@ -134,20 +153,27 @@ impl Search<'_> {
             x += (slope / curvature).clamp(-1.0, 1.0);
         }
         let lost = 0.5 * nu * (x - profile + (profile - x).exp() - 1.0);
-        let penalty = 0.5 * (x - expected).powi(2) * precision;
+        let penalty: f64 = said.iter().map(|(e, p)| 0.5 * (x - e).powi(2) * p).sum();
+        let known: f64 = said.iter().map(|(_, p)| p.ln()).sum();
         Scored {
             at: Hyperparameters {
                 scale2: x.exp(),
                 ..*at
             },
             log_variance: (x + (nbar + at.ratio).ln(), 1.0 / curvature),
-            log_density: at.log_likelihood - lost - penalty + 0.5 * (precision / curvature).ln(),
+            log_density: at.log_likelihood - lost - penalty + 0.5 * (known - curvature.ln()),
         }
     }
 
-    fn at(&self, matern: &Matern, fraction: f64, ratio: f64) -> Result<Scored> {
+    /// What each of the local differences sees of correlated noise of unit variance.
+    fn fractions(&self, length_mm: f64) -> Vec<f64> {
+        let seen = self.locals.iter().map(|l| l.leftover.fraction(length_mm));
+        seen.collect()
+    }
+
+    fn at(&self, matern: &Matern, fractions: &[f64], ratio: f64) -> Result<Scored> {
         let covariance = BlockCovariance::new(self.blocks, matern, ratio)?;
-        Ok(self.weigh(&self.contrasts.at(&covariance)?, fraction))
+        Ok(self.weigh(&self.contrasts.at(&covariance)?, fractions))
     }
 
     /// Hyperparameters with their posterior probabilities. Half the prior probability lies on white noise: a correlation is found where
@@ -185,9 +211,9 @@ impl Search<'_> {
     /// both sources of information ask for the same scale at each length.
     fn refine(&self, start: Scored) -> Result<Option<Vec<(f64, Scored)>>> {
         let length = start.at.length_mm;
-        let fraction = self.local.leftover.fraction(length);
+        let fraction = self.fractions(length)[0];
         let share = (start.at.ratio * fraction / self.blocks.mean_count()).ln();
-        let mut centre = [length.ln(), share.clamp(LOW[1], HIGH[1])];
+        let mut centre = [length.ln(), share.clamp(self.low[1], self.high[1])];
         let mut step = [0.25, 0.8];
         let mut around = self.around(centre, step)?;
         for _ in 0..ROUNDS {
@@ -205,7 +231,7 @@ impl Search<'_> {
             for k in 0..2 {
                 // towards the maximum, but not to where the lattice says it is lower
                 let by = newton[k].clamp(lattice[k] - 0.6, lattice[k] + 0.6);
-                let to = (centre[k] + by * step[k]).clamp(LOW[k], HIGH[k]);
+                let to = (centre[k] + by * step[k]).clamp(self.low[k], self.high[k]);
                 close &= (to - centre[k]).abs() < 0.3 * sd[k] * step[k];
                 centre[k] = to;
                 let wanted = sd[k].clamp(0.3, 1.5);
@@ -236,14 +262,14 @@ impl Search<'_> {
         }
         let correlation = covariance[0][1] / (covariance[0][0] * covariance[1][1]).sqrt();
         let rest = sd[1] * (1.0 - correlation * correlation).sqrt();
-        let area: f64 = (0..2).map(|k| HIGH[k] - LOW[k]).product();
+        let area: f64 = (0..2).map(|k| self.high[k] - self.low[k]).product();
         let (mut places, mut logs) = (Vec::new(), Vec::new());
         let legendre = legendre(NODES);
         for (z, weight) in hermite(NODES) {
             let middle = centre[1] + sd[1] * correlation * z;
-            let middle = middle.clamp(LOW[1] + rest, HIGH[1] - rest.min(1.0));
-            let low = (middle - REACH * rest).max(LOW[1]);
-            let high = (middle + REACH * rest).min(HIGH[1]);
+            let middle = middle.clamp(self.low[1] + rest, self.high[1] - rest.min(1.0));
+            let low = (middle - REACH * rest).max(self.low[1]);
+            let high = (middle + REACH * rest).min(self.high[1]);
             let volume = weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd[0]).ln() - area.ln();
             for &(x, weight) in &legendre {
                 places.push([centre[0] + sd[0] * z, low + x * (high - low)]);
@@ -268,7 +294,7 @@ impl Search<'_> {
     /// the logs of their probabilities relative to the prior's.
     fn alone(&self, start: f64, sd: f64) -> Result<Vec<(f64, Scored)>> {
         let places = |around: f64, sd: f64, z: &[f64]| -> Vec<[f64; 2]> {
-            z.iter().map(|z| [around + sd * z, HIGH[1]]).collect()
+            z.iter().map(|z| [around + sd * z, self.high[1]]).collect()
         };
         let near = self.at_places(&places(start, sd, &[-1.0, 0.0, 1.0]), 1)?;
         let [low, middle, high] = [0, 1, 2].map(|k: usize| near[k].log_density);
@@ -278,7 +304,7 @@ impl Search<'_> {
         let rule = hermite(NODES);
         let nodes: Vec<f64> = rule.iter().map(|(z, _)| *z).collect();
         let found = self.at_places(&places(centre, sd, &nodes), 1)?;
-        let side = HIGH[0] - LOW[0];
+        let side = self.high[0] - self.low[0];
         let log =
             |(z, weight): (f64, f64)| weight.ln() + 0.5 * z * z + (TAU.sqrt() * sd / side).ln();
         let parts = found.into_iter().zip(rule);
@@ -300,17 +326,17 @@ impl Search<'_> {
 
     /// Hyperparameters at places (log length, share), `each` of one length in a row.
     fn at_places(&self, places: &[[f64; 2]], each: usize) -> Result<Vec<Scored>> {
-        let lengths: Vec<(Matern, f64)> = places
+        let lengths: Vec<(Matern, Vec<f64>)> = places
             .par_chunks(each)
             .map(|row| {
                 let l = row[0][0].exp();
-                (Matern::new(self.blocks, l), self.local.leftover.fraction(l))
+                (Matern::new(self.blocks, l), self.fractions(l))
             })
             .collect();
         let one = |(i, place): (usize, &[f64; 2])| -> Result<Scored> {
-            let (matern, fraction) = &lengths[i / each];
-            let ratio = place[1].exp() * self.blocks.mean_count() / fraction.max(1e-9);
-            self.at(matern, *fraction, ratio)
+            let (matern, fractions) = &lengths[i / each];
+            let ratio = place[1].exp() * self.blocks.mean_count() / fractions[0].max(1e-9);
+            self.at(matern, fractions, ratio)
         };
         let results: Vec<Result<Scored>> = places.par_iter().enumerate().map(one).collect();
         results.into_iter().collect()
@@ -325,9 +351,11 @@ fn log_densities(around: &[Scored]) -> [f64; 9] {
 /// Sds of the share to either side over which the density is integrated.
 const REACH: f64 = 3.0;
 
-/// Logarithms of the lengths (0.2 to 1.5 mm), and the shares, between which correlated noise is sought.
-const LOW: [f64; 2] = [-1.609, -6.0];
-const HIGH: [f64; 2] = [0.405, 6.0];
+/// Correlated noise is sought down to the spacing of points, at least to this part of the longest length.
+const SHORTEST: f64 = 7.5;
+
+/// Largest logit of the share of correlated noise.
+const SHARE: f64 = 6.0;
 
 /// The lattice is not made coarser than this.
 const LARGEST_STEP: [f64; 2] = [0.3, 1.5];

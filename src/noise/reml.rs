@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::covariance::{BlockCovariance, DISCREPANCY_LENGTHS_MM, over_grid};
+use super::covariance::{BlockCovariance, discrepancy_lengths_mm, over_grid};
 use super::normal::NormalEquations;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
@@ -23,8 +23,8 @@ pub struct Hyperparameters {
 
 impl Hyperparameters {
     /// Whether they describe a smooth discrepancy of the model rather than noise.
-    pub fn is_discrepancy(&self) -> bool {
-        self.ratio > 0.0 && self.length_mm >= DISCREPANCY_LENGTHS_MM[0]
+    pub fn is_discrepancy(&self, blocks: &Blocks) -> bool {
+        self.ratio > 0.0 && self.length_mm >= discrepancy_lengths_mm(blocks)[0]
     }
 }
 

@@ -117,7 +117,7 @@ impl Evidence<'_> {
             undecided,
             discrepancy: self.subsets.discrepancy,
             length_mm: noise.map(|h| if h.ratio > 0.0 { h.length_mm } else { 0.0 }),
-            structure: noise.map(|h| h.is_discrepancy().then_some(*h)),
+            structure: noise.map(|h| h.is_discrepancy(&self.measured.blocks).then_some(*h)),
             averaged: averaged(&self.weighing, &self.sensitivities)?,
             blind_spots: self
                 .load_scale()

@@ -9,7 +9,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::sensitivities::{Measured, Sensitivities};
 use crate::error::{Error, Result};
-use crate::noise::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
+use crate::field::Blocks;
+use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::Contrasts;
 use crate::noise::{Hyperparameters, NormalEquations};
 
@@ -19,6 +20,9 @@ pub const DISCREPANCY: f64 = 0.07;
 
 /// Ratios rho weighed here: all but that of noise that is correlated alone.
 const TRACED: &[f64] = RATIOS.split_at(RATIOS.len() - 1).0;
+
+/// Lengths weighed, half of them noise and half discrepancy.
+const LENGTHS: usize = 6;
 
 /// The data and all columns of one component under one choice of its covariance hyperparameters.
 #[derive(Debug, Clone)]
@@ -68,7 +72,7 @@ const KEPT: usize = 6;
 impl Weighing {
     /// How often [`Weighing::new`] calls its `step`.
     pub fn steps() -> usize {
-        2 * (1 + (TRACED.len() - 1) * (NOISE_LENGTHS_MM.len() + DISCREPANCY_LENGTHS_MM.len()))
+        2 * (1 + (TRACED.len() - 1) * LENGTHS)
     }
 
     /// Weigh the sensitivities' columns over blocks; `step` is called after each of them.
@@ -83,7 +87,7 @@ impl Weighing {
         let component = |c: usize| choices(measured, sensitivities, c, step);
         let choices = [component(0)?, component(1)?];
         Ok(Self {
-            pairs: pairs(&choices),
+            pairs: pairs(&choices, &measured.blocks),
             choices,
             base: sensitivities.base.len(),
         })
@@ -155,11 +159,7 @@ fn choices(
     let contrasts = Contrasts::new(blocks, y.clone(), &all)?;
     let mut with_data = all.clone().insert_column(all.ncols(), 0.0);
     with_data.set_column(all.ncols(), y);
-    let lengths: Vec<f64> = NOISE_LENGTHS_MM
-        .iter()
-        .chain(&DISCREPANCY_LENGTHS_MM)
-        .copied()
-        .collect();
+    let lengths = [noise_lengths_mm(blocks), discrepancy_lengths_mm(blocks)].concat();
     let mut found = over_grid(blocks, &lengths, TRACED, |covariance| {
         step();
         let at = contrasts.at(covariance)?;
@@ -173,7 +173,7 @@ fn choices(
     found.sort_by(|a, b| b.at.log_likelihood.total_cmp(&a.at.log_likelihood));
     let mut kept = [0, 0];
     found.retain(|w| {
-        let class = usize::from(w.at.is_discrepancy());
+        let class = usize::from(w.at.is_discrepancy(blocks));
         kept[class] += 1;
         kept[class] <= KEPT || w.at.ratio == 0.0
     });
@@ -181,23 +181,23 @@ fn choices(
 }
 
 /// Within the noise, half the probability is on white noise; all correlated noise of the grid is as probable.
-fn log_prior(at: &Hyperparameters) -> f64 {
-    let correlated = (TRACED.len() - 1) as f64;
-    if at.is_discrepancy() {
-        -(correlated * DISCREPANCY_LENGTHS_MM.len() as f64).ln()
+fn log_prior(at: &Hyperparameters, blocks: &Blocks) -> f64 {
+    let correlated = ((TRACED.len() - 1) * LENGTHS / 2) as f64;
+    if at.is_discrepancy(blocks) {
+        -correlated.ln()
     } else if at.ratio > 0.0 {
-        -(2.0 * correlated * NOISE_LENGTHS_MM.len() as f64).ln()
+        -(2.0 * correlated).ln()
     } else {
         -std::f64::consts::LN_2
     }
 }
 
 /// All pairs: a discrepancy in u1, in u2 or in both shares [`DISCREPANCY`] equally.
-fn pairs(choices: &[Vec<NoiseChoice>; 2]) -> Vec<NoisePair> {
+fn pairs(choices: &[Vec<NoiseChoice>; 2], blocks: &Blocks) -> Vec<NoisePair> {
     let mut pairs = Vec::new();
     for (i, first) in choices[0].iter().enumerate() {
         for (j, second) in choices[1].iter().enumerate() {
-            let discrepancy = first.at.is_discrepancy() || second.at.is_discrepancy();
+            let discrepancy = first.at.is_discrepancy(blocks) || second.at.is_discrepancy(blocks);
             let class = if discrepancy {
                 DISCREPANCY / 3.0
             } else {
@@ -205,7 +205,7 @@ fn pairs(choices: &[Vec<NoiseChoice>; 2]) -> Vec<NoisePair> {
             };
             pairs.push(NoisePair {
                 of: [i, j],
-                log_prior: class.ln() + log_prior(&first.at) + log_prior(&second.at),
+                log_prior: class.ln() + log_prior(&first.at, blocks) + log_prior(&second.at, blocks),
                 discrepancy,
             });
         }

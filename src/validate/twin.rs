@@ -65,6 +65,7 @@ impl Twin {
             rejected: Rejected::default(),
             outlying: Vec::new(),
             fringe_frequency_per_mm: None,
+            subset_mm: None,
             files: Vec::new(),
         };
         let observation = Observation::new(field, &*experiment)?;

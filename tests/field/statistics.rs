@@ -1,7 +1,7 @@
 use nalgebra::{DMatrix, DVector};
 use plychain::field::places::Places;
 use plychain::field::{Blocks, Field, MeasurementSpec, Reason, outliers};
-use plychain::noise::covariance::{DISCREPANCY_LENGTHS_MM, NOISE_LENGTHS_MM, RATIOS, over_grid};
+use plychain::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use plychain::noise::reml::{Contrasts, Reml, orthonormal};
 use plychain::noise::{self, BlockCovariance, Matern};
 use rand::RngExt;
@@ -326,7 +326,7 @@ fn scattered_points_have_a_covariance_of_every_setting() {
     }
     let blocks = blocks_of(&field);
     assert!(matches!(blocks.places, Places::Anywhere(_)));
-    over_grid(&blocks, &NOISE_LENGTHS_MM, &RATIOS, |_| Ok(())).unwrap();
+    over_grid(&blocks, &noise_lengths_mm(&blocks), &RATIOS, |_| Ok(())).unwrap();
 }
 
 /// The table of a lattice's distances gives what the sum over pairs of points does, with points missing here and there and
@@ -425,11 +425,8 @@ fn reml_recovers_white_and_correlated_noise() {
 
 #[test]
 fn reml_takes_short_correlation_for_noise_not_discrepancy() {
-    let lengths: Vec<f64> = NOISE_LENGTHS_MM
-        .iter()
-        .chain(&DISCREPANCY_LENGTHS_MM)
-        .copied()
-        .collect();
+    let blocks = blocks_of(&simulated(101, 10.0, 1));
+    let lengths = [noise_lengths_mm(&blocks), discrepancy_lengths_mm(&blocks)].concat();
     let (white, rough, variance, found) = recovered(&lengths, &RATIOS, 6);
     assert!(found.iter().all(|length| *length <= 0.8), "{found:?}");
     // half a millimetre is no point of the grid: its neighbours share the variance out differently
@@ -448,7 +445,7 @@ fn reml_finds_no_correlation_in_white_noise() {
             &blocks,
             &blocks.average(&field.component(1)),
             &columns(&blocks, &field, 1),
-            &NOISE_LENGTHS_MM,
+            &noise_lengths_mm(&blocks),
             &RATIOS,
         )
         .unwrap();
@@ -472,7 +469,7 @@ fn reml_is_blind_to_its_columns_and_to_threads() {
     let x = columns(&blocks, &field, 0);
     let y = blocks.average(&field.component(0));
     let shifted = &y + &x * DVector::from_fn(x.ncols(), |j, _| 1e-4 * (j as f64 - 3.0));
-    let run = |y| reml(&blocks, y, &x, &NOISE_LENGTHS_MM, &RATIOS).unwrap();
+    let run = |y| reml(&blocks, y, &x, &noise_lengths_mm(&blocks), &RATIOS).unwrap();
     let (a, b) = (run(&y), run(&shifted));
     for (a, b) in a.table.iter().zip(&b.table) {
         assert!((a.log_likelihood - b.log_likelihood).abs() < 1e-5);
