@@ -3,9 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use indexmap::IndexMap;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
+
+/// A JSON object of entries by name, in their order.
+pub type Keyed<T> = IndexMap<String, T>;
 
 /// Write a file beside its place and move it there, so that neither a kill nor a reader at the same time finds half of it.
 ///

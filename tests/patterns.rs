@@ -125,7 +125,7 @@ fn a_fine_wave_is_found_in_noise_twice_as_large() {
         };
         let found = patterns(&with(noise, 720 + seed as u64, wave));
         let wave = found.wave.expect("a wave");
-        assert_eq!((wave.component, found.exceedance), (0, None));
+        assert_eq!((wave.component.as_str(), found.exceedance), ("u1", None));
         // half a period more or less passes through a part of 4.8 mm
         assert!(
             (4.8 / wave.length_mm - 4.8 / length).abs() < 1.0,
@@ -134,9 +134,9 @@ fn a_fine_wave_is_found_in_noise_twice_as_large() {
         // a wave between two numbers of both axes shows 28 % smaller under the window; the rest is noise twice as large
         assert!((wave.amplitude_nm / 5.0 - 1.0).abs() < 0.5, "{wave:?}");
         assert!(wave.share > 0.5, "{wave:?}");
-        // direction 1 is y here, and a wave runs both ways
-        let [s, t] = wave.direction;
-        let along = (s * angle.sin()).abs() + (t * angle.cos()).abs();
+        // a wave runs both ways
+        let [x, y] = wave.direction_in_data;
+        let along = (x * angle.cos()).abs() + (y * angle.sin()).abs();
         assert!(along > 0.97, "{wave:?}");
     }
 }
@@ -150,9 +150,9 @@ fn a_patch_is_found_where_it_is() {
     };
     let found = patterns(&with(Noise::White, 730, patch));
     let exceedance = found.exceedance.expect("an exceedance");
-    assert_eq!(exceedance.component, 1);
-    let [y, x] = exceedance.place_mm;
-    assert!(((x.abs() - 5.0).hypot(y + 6.0)) < 3.5, "{exceedance:?}");
+    assert_eq!(exceedance.component, "u2");
+    let [x, y] = exceedance.place_in_data_mm;
+    assert!((x.abs() - 5.0).hypot(y + 6.0) < 3.5, "{exceedance:?}");
 }
 
 /// Miscounted orders, or the ripple of a phase-shift error, out of the dictionary: the verdict is that something is unexplained.

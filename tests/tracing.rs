@@ -103,7 +103,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
         let group = tracing.groups.iter().find(|g| g.leader == effect.name());
         accepted.push((effect.name(), group.unwrap().members.clone()));
         let amplitude = tracing.accepted_amplitude.clone();
-        state.constants = tracing.averaged.iter().map(|a| a.mean).collect();
+        state.constants = tracing.averaged.values().map(|a| a.mean).collect();
         model = extended(&model, effect, &amplitude, &tracing.averaged);
         if effect.kind() == Kind::Recorded {
             // corrected in the field, which the reduced model does not depend on
@@ -175,7 +175,7 @@ fn all_named(file: &str, grid: usize, noise: Noise) {
         }
         covered += last
             .averaged
-            .iter()
+            .values()
             .zip(TRUTH)
             .filter(|(a, truth)| (a.low..a.high).contains(truth))
             .count();
@@ -358,12 +358,12 @@ fn what_cannot_be_seen_is_said_to_be() {
         let sd = |name: &str, sd: f64| if name == "E2_GPa" { share * sd } else { sd };
         let constants = tracing.averaged.iter();
         constants
-            .map(|a| {
+            .map(|(name, a)| {
                 (
-                    a.name.clone(),
+                    name.clone(),
                     MeanAndSd {
                         mean: a.mean,
-                        sd: sd(&a.name, a.sd),
+                        sd: sd(name, a.sd),
                     },
                 )
             })

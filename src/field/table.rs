@@ -78,16 +78,7 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
         ("ux", &columns.ux),
         ("uy", &columns.uy),
     ];
-    let mut reader = ReaderBuilder::new()
-        .delimiter(delimiter(&text))
-        .comment(Some(b'#'))
-        .trim(Trim::All)
-        .flexible(true)
-        .from_reader(text.as_bytes());
-    let headers = reader
-        .headers()
-        .map_err(|e| Error::input(path.display(), "a header line").found(e))?
-        .clone();
+    let (mut reader, headers) = opened(path, &text)?;
     if headers.is_empty() {
         return Err(
             Error::input(path.display(), "a header line and rows of numbers")
@@ -154,16 +145,23 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
 /// Of the input: a missing, empty or non-text file.
 pub fn header(path: &Path) -> Result<Vec<String>> {
     let text = read_text(path)?;
+    let (_, headers) = opened(path, &text)?;
+    Ok(headers.iter().map(String::from).collect())
+}
+
+/// A reader of the rows of a table, and its header.
+fn opened<'a>(path: &Path, text: &'a str) -> Result<(csv::Reader<&'a [u8]>, StringRecord)> {
     let mut reader = ReaderBuilder::new()
-        .delimiter(delimiter(&text))
+        .delimiter(delimiter(text))
         .comment(Some(b'#'))
         .trim(Trim::All)
         .flexible(true)
         .from_reader(text.as_bytes());
     let headers = reader
         .headers()
-        .map_err(|e| Error::input(path.display(), "a header line").found(e))?;
-    Ok(headers.iter().map(String::from).collect())
+        .map_err(|e| Error::input(path.display(), "a header line").found(e))?
+        .clone();
+    Ok((reader, headers))
 }
 
 /// The column called `name`, which must be there once.

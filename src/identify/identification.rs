@@ -1,5 +1,7 @@
 //! One identification: the inverse problem, its draws, and what they are worth.
 
+use serde::{Deserialize, Serialize};
+
 use super::inverse::InverseProblem;
 use super::patterns::Patterns;
 use super::residual::Residual;
@@ -7,7 +9,7 @@ use super::structure::Structure;
 use super::surrogate::{SurrogateError, TOLERANCE};
 use crate::chain::Draws;
 use crate::diagnose::Verdict;
-use crate::reduce::Dimension;
+use crate::files::Keyed;
 use crate::sample::Stopped;
 
 /// One identification: the inverse problem, its draws and what they are worth.
@@ -47,20 +49,20 @@ impl Identification {
     }
 }
 
-/// What one refinement worked with and how far it got.
-#[derive(Debug, Clone)]
+/// One reduced model on the way: what it worked with and how far it got.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refinement {
-    pub dimensions: Vec<Dimension>,
-    /// Snapshots solved.
+    /// Largest shift of any parameter, posterior sds.
+    pub max_error_in_posterior_sd: f64,
+    /// Largest error of the field at a measured point, nm.
+    pub max_field_error_nm: f64,
+    /// Draws outside the DoE box, as a fraction.
+    pub draws_outside_doe: f64,
     pub snapshots: usize,
     /// Modes kept for each component.
     pub modes: usize,
-    /// Largest error of any constant, in posterior standard deviations.
-    pub max_error_sd: f64,
-    /// Largest error of the field at a measured point, nm.
-    pub max_field_nm: f64,
-    /// Draws outside the DoE box, as a fraction.
-    pub outside_doe: f64,
+    /// Low and high side of the box.
+    pub doe: Keyed<[f64; 2]>,
 }
 
 impl Refinement {
@@ -68,17 +70,17 @@ impl Refinement {
     pub fn of(found: &Identification) -> Self {
         let reduced = &found.inverse.prepared.reduced;
         Self {
-            dimensions: reduced.dimensions.clone(),
+            max_error_in_posterior_sd: found.surrogate.max_sd(),
+            max_field_error_nm: found.surrogate.max_field_nm,
+            draws_outside_doe: found.outside_doe,
             snapshots: reduced.snapshots,
             modes: reduced.modes_per_component(),
-            max_error_sd: found.surrogate.max_sd(),
-            max_field_nm: found.surrogate.max_field_nm,
-            outside_doe: found.outside_doe,
+            doe: reduced.sides(),
         }
     }
 
     /// Whether the reduced model needs no refinement: its error is within the tolerance, and no draw extrapolates.
     pub fn is_enough(&self) -> bool {
-        self.max_error_sd <= TOLERANCE && self.outside_doe == 0.0
+        self.max_error_in_posterior_sd <= TOLERANCE && self.draws_outside_doe == 0.0
     }
 }

@@ -4,6 +4,7 @@
 //! passes for noise, does not go unsaid.
 
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
 use super::waves::{self, IMPROBABLE, Wave};
@@ -11,10 +12,10 @@ use crate::field::Field;
 use crate::noise::Noise;
 
 /// Block averages of one component that the noise does not explain, close to each other or not.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Exceedance {
-    /// 0 for u1, 1 for u2.
-    pub component: usize,
+    /// `u1` or `u2`.
+    pub component: String,
     /// Number of block averages more than 4 sds away from what the noise and the blocks before them allow.
     pub blocks: usize,
     /// Of how many.
@@ -23,16 +24,17 @@ pub struct Exceedance {
     pub expected: f64,
     /// Probability of as many by noise alone.
     pub p: f64,
-    /// Where the largest is: (s, t) in mm.
-    pub place_mm: [f64; 2],
+    /// Where the largest is, in the data's coordinates.
+    pub place_in_data_mm: [f64; 2],
     /// How many sds the largest is away.
     pub sds: f64,
 }
 
 /// What has to be said of a residual beside its smooth structure.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Patterns {
     /// Where the residual breaks out of the noise.
+    #[serde(rename = "breakout")]
     pub exceedance: Option<Exceedance>,
     pub wave: Option<Wave>,
 }
@@ -48,22 +50,18 @@ impl Patterns {
         noise: &Noise,
         clear: &dyn Fn([f64; 2]) -> bool,
     ) -> Self {
-        let exceedances = [0, 1].map(|c| exceedance(residual, noise, c, clear));
+        let exceedances = [0, 1].map(|c| exceedance(field, residual, noise, c, clear));
         let exceedance = exceedances
-            .iter()
+            .into_iter()
             .flatten()
-            .copied()
             .min_by(|a, b| a.p.total_cmp(&b.p));
         let beyond = |i: usize| clear(field.points[i]);
-        Self {
-            exceedance,
-            // an edge in the residual has waves of every length
-            wave: if exceedance.is_none() {
-                waves::clearest(field, residual, beyond)
-            } else {
-                None
-            },
-        }
+        // an edge in the residual has waves of every length
+        let wave = match exceedance {
+            None => waves::clearest(field, residual, beyond),
+            Some(_) => None,
+        };
+        Self { exceedance, wave }
     }
 
     /// Whether there is any.
@@ -74,6 +72,7 @@ impl Patterns {
 
 /// Each block average is compared with what those before it predict: the whitened averages are independent and of unit variance.
 fn exceedance(
+    field: &Field,
     residual: &[[f64; 2]],
     noise: &Noise,
     c: usize,
@@ -99,12 +98,12 @@ fn exceedance(
         count => (2.0 * Poisson::new(expected).ok()?.sf(count as u64 - 1)).min(1.0),
     };
     (p < IMPROBABLE).then_some(Exceedance {
-        component: c,
+        component: ["u1", "u2"][c].into(),
         blocks: count,
         of: looked_at.len(),
         expected,
         p,
-        place_mm: blocks.centroid[largest],
+        place_in_data_mm: field.frame.data_point(blocks.centroid[largest]),
         sds: of(&largest),
     })
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Gamma};
 
 use crate::field::{Blocks, Field};
@@ -10,20 +11,20 @@ use crate::numeric::median;
 use crate::quantity::NM_PER_MM;
 
 /// A wave in one part of one component.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Wave {
-    /// 0 for u1, 1 for u2.
-    pub component: usize,
+    /// `u1` or `u2`.
+    pub component: String,
     /// Its length, mm. A wave shorter than two spacings of the points shows as a longer one.
     pub length_mm: f64,
     /// Shortest and longest that a part of this size tells from it, mm: half a period more or less in the part.
     pub length_range_mm: [f64; 2],
-    /// Direction in which it runs: unit vector (s, t).
-    pub direction: [f64; 2],
+    /// Direction in which it runs: unit vector in the data's coordinates.
+    pub direction_in_data: [f64; 2],
     /// Its amplitude at one wave number, nm: less than the wave's own where its length drifts or lies between two.
     pub amplitude_nm: f64,
-    /// Centre of the part where it is clearest: (s, t) in mm.
-    pub place_mm: [f64; 2],
+    /// Centre of the part where it is clearest, in the data's coordinates.
+    pub place_in_data_mm: [f64; 2],
     /// Share of the parts looked at (0 to 1) in which it stands out of the noise.
     pub share: f64,
     /// Probability of one as large in noise without a preferred direction.
@@ -117,12 +118,12 @@ pub fn clearest(
     let [a, b] = numbers[peak.number];
     let number = a.hypot(b);
     Some(Wave {
-        component: peak.component,
+        component: ["u1", "u2"][peak.component].into(),
         length_mm: side / number,
         length_range_mm: [side / (number + 0.5), side / (number - 0.5)],
-        direction: [a / number, b / number],
+        direction_in_data: field.frame.vector([a / number, b / number]),
         amplitude_nm: peak.amplitude * NM_PER_MM,
-        place_mm: parts.centroid[peak.part],
+        place_in_data_mm: field.frame.data_point(parts.centroid[peak.part]),
         share: peak.share,
         p: peak.p,
     })

@@ -11,6 +11,7 @@ use super::surface::Surface;
 use super::variables::{Choice, Variables};
 use crate::error::Result;
 use crate::experiment::{Experiment, Sight, gauged};
+use crate::files::Keyed;
 
 /// A reduced model, as it is saved.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -77,6 +78,12 @@ impl ReducedModel {
             snapshots: snapshots.points.len(),
             mesh_size: problem.experiment.mesh_size(),
         })
+    }
+
+    /// Low and high side of the DoE box, by name.
+    pub fn sides(&self) -> Keyed<[f64; 2]> {
+        let sides = self.dimensions.iter();
+        sides.map(|d| (d.name.clone(), [d.low, d.high])).collect()
     }
 
     /// Points of the support on which the modes are given.

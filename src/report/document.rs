@@ -6,10 +6,11 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::json::{Keyed, part, read};
 use super::round::RoundReport;
-use super::tracing::{BlindSpotReport, Interval};
-use super::verdict::{BeforeAfter, VerdictReport};
+use super::tracing::BlindSpotReport;
+use super::verdict::BeforeAfter;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::trace::{Conclusion, Interval};
 
 /// The schema of `report.json`. Keys are only ever added to it.
 pub const SCHEMA: &str = "plychain-report/1";
@@ -42,7 +43,7 @@ pub struct Closing {
     pub blind_spots: Vec<BlindSpotReport>,
     /// First and last round beside each other.
     pub before_after: BeforeAfter,
-    pub verdict: VerdictReport,
+    pub verdict: Conclusion,
 }
 
 impl Report {

@@ -3,18 +3,16 @@
 use super::document::{Closing, Report, SCHEMA};
 use super::json::{Keyed, finite};
 use super::residual::{
-    ExceedanceReport, NoiseComponent, NoiseReport, PatternsReport, ResidualReport, RingRms,
-    RmsReport, VariogramLag, WaveReport,
+    NoiseComponent, NoiseReport, ResidualReport, RingRms, RmsReport, VariogramLag,
 };
 use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
-use super::surrogate::{FieldErrorReport, RefinementReport, SurrogateReport};
-use super::traced::{averaged, blind_spots, map, texts, tracing};
-use super::verdict::{BeforeAfter, ConfirmReport, Shifted, TestReport, VerdictReport};
+use super::surrogate::{FieldErrorReport, SurrogateReport};
+use super::traced::{blind_spots, map, tracing};
+use super::verdict::{BeforeAfter, Shifted};
 use super::words::widening;
 use crate::identify::Identification;
 use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::Dimension;
 use crate::sample::Stopped;
 use crate::trace::{Closed, Round};
 
@@ -31,19 +29,11 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
     let rounds: Vec<RoundReport> = closed.rounds.iter().map(traced).collect();
     let [first, last] = [&closed.rounds[0], &closed.rounds[closed.rounds.len() - 1]];
     let blind_spots = blind_spots(&last.tracing);
-    let conclusion = &closed.conclusion;
     let note = rounds
         .last()
         .and_then(|r| widening(&r.alone(), r.tracing.as_ref()?, &blind_spots));
-    let confirm = conclusion.confirm.iter().map(|group| ConfirmReport {
-        added: group.added,
-        tests: map(&group.tests, |(effect, test)| TestReport {
-            effect: (*effect).into(),
-            test: (*test).into(),
-        }),
-    });
     let closing = Closing {
-        averaged_posterior: averaged(&last.tracing),
+        averaged_posterior: last.tracing.averaged.clone(),
         averaged_note: note,
         with_discrepancy: closed
             .with_discrepancy
@@ -51,14 +41,7 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
             .map(|r| round(&last.model, r)),
         blind_spots,
         before_after: before_after(first, last),
-        verdict: VerdictReport {
-            status: conclusion.status,
-            effects: texts(&conclusion.effects),
-            alias_groups: map(&conclusion.alias_groups, |g| texts(g)),
-            undecided: map(&last.tracing.undecided, |g| texts(g)),
-            text: conclusion.text.clone(),
-            confirm: confirm.collect(),
-        },
+        verdict: closed.conclusion.clone(),
     };
     Report {
         closing: Some(closing),
@@ -196,37 +179,10 @@ fn residual(round: &Identification) -> ResidualReport {
             u2_nm: *u2,
         }),
         quadrants_nm: map(&structure.quadrants, |q| (*q).into()),
-        patterns: patterns(round),
+        patterns: round.patterns.clone(),
         n: r.points,
         n_eff: r.effective_points,
         holdout_rms_nm: None,
-    }
-}
-
-/// In the data's directions.
-fn patterns(round: &Identification) -> PatternsReport {
-    let frame = &round.inverse.prepared.observation.field.frame;
-    let component = |c: usize| ["u1", "u2"][c].to_string();
-    PatternsReport {
-        exceedance: round.patterns.exceedance.map(|e| ExceedanceReport {
-            component: component(e.component),
-            blocks: e.blocks,
-            of: e.of,
-            expected: e.expected,
-            p: e.p,
-            place_in_data_mm: frame.data_point(e.place_mm),
-            sds: e.sds,
-        }),
-        wave: round.patterns.wave.map(|w| WaveReport {
-            component: component(w.component),
-            length_mm: w.length_mm,
-            length_range_mm: w.length_range_mm,
-            direction_in_data: frame.vector(w.direction),
-            amplitude_nm: w.amplitude_nm,
-            place_in_data_mm: frame.data_point(w.place_mm),
-            share: w.share,
-            p: w.p,
-        }),
     }
 }
 
@@ -263,23 +219,11 @@ fn surrogate(round: &Identification) -> SurrogateReport {
         draws_outside_doe: round.outside_doe,
         variables: reduced.surface.variables.choice,
         modes: reduced.modes_per_component(),
-        doe: doe(&reduced.dimensions),
+        doe: reduced.sides(),
         press_mm: map(&reduced.surface.quality, |q| q.press),
         cached: round.inverse.prepared.cached,
-        refinement: map(&round.refinements, |step| RefinementReport {
-            max_error_in_posterior_sd: step.max_error_sd,
-            max_field_error_nm: step.max_field_nm,
-            draws_outside_doe: step.outside_doe,
-            snapshots: step.snapshots,
-            modes: step.modes,
-            doe: doe(&step.dimensions),
-        }),
+        refinement: round.refinements.clone(),
     }
-}
-
-fn doe(dimensions: &[Dimension]) -> Keyed<[f64; 2]> {
-    let sides = dimensions.iter();
-    sides.map(|d| (d.name.clone(), [d.low, d.high])).collect()
 }
 
 fn before_after(first: &Round, last: &Round) -> BeforeAfter {

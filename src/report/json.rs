@@ -2,15 +2,13 @@
 
 use std::path::Path;
 
-use indexmap::IndexMap;
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
 
-/// A JSON object of entries by name, in their order.
-pub type Keyed<T> = IndexMap<String, T>;
+pub use crate::files::Keyed;
 
 /// Name and text of a file in the folder of a finished run.
 ///

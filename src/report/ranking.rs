@@ -9,10 +9,9 @@ use super::page::Page;
 use super::round::MeanAndSd;
 use super::terminal::{mean_sd, table, wrap};
 use super::tracing::{BlindSpotReport, CandidateReport, TracingReport};
-use super::verdict::ConfirmReport;
 use super::words::{ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, contradiction, shift, unit, widening};
 use crate::quantity::{plus_minus, significant};
-use crate::trace::Status;
+use crate::trace::{Confirming, Status};
 
 /// Effects listed below the accepted ones.
 const LISTED: usize = 8;
@@ -219,7 +218,7 @@ fn constants(page: &Page) -> String {
 }
 
 /// The test of every member of every group that was named.
-fn confirm(groups: &[ConfirmReport]) -> String {
+fn confirm(groups: &[Confirming]) -> String {
     let mut text = String::new();
     for group in groups {
         let _ = writeln!(text, "\n{}", group.question().replacen('W', "w", 1));

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::field::Rejected;
+use crate::identify::Patterns;
 
 /// A quantity of each displacement component.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -39,7 +40,7 @@ pub struct ResidualReport {
     #[serde(default)]
     pub quadrants_nm: Vec<ByComponent<f64>>,
     #[serde(default)]
-    pub patterns: PatternsReport,
+    pub patterns: Patterns,
     pub n: usize,
     /// Number of independent values of both components that they count as.
     pub n_eff: f64,
@@ -70,51 +71,6 @@ pub struct RingRms {
     pub to_radius_mm: f64,
     pub u1_nm: f64,
     pub u2_nm: f64,
-}
-
-/// What stationary noise does not do.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct PatternsReport {
-    #[serde(rename = "breakout")]
-    pub exceedance: Option<ExceedanceReport>,
-    pub wave: Option<WaveReport>,
-}
-
-/// Block averages that exceed what the noise allows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ExceedanceReport {
-    /// `u1` or `u2`.
-    pub component: String,
-    /// How many there are.
-    pub blocks: usize,
-    pub of: usize,
-    /// How many the noise alone would have.
-    pub expected: f64,
-    /// Probability of as many by noise alone.
-    pub p: f64,
-    /// Where the largest is, in the data's coordinates.
-    pub place_in_data_mm: [f64; 2],
-    /// How many sds the largest is away.
-    pub sds: f64,
-}
-
-/// A wave in part of the field.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct WaveReport {
-    /// `u1` or `u2`.
-    pub component: String,
-    pub length_mm: f64,
-    /// Shortest and longest that the data cannot tell from it.
-    pub length_range_mm: [f64; 2],
-    /// Unit vector in the data's coordinates.
-    pub direction_in_data: [f64; 2],
-    pub amplitude_nm: f64,
-    /// Where it is clearest, in the data's coordinates.
-    pub place_in_data_mm: [f64; 2],
-    /// Share of the field in which it stands out.
-    pub share: f64,
-    /// Probability of one as large in noise without a preferred direction.
-    pub p: f64,
 }
 
 /// The measurement's noise.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
+use crate::identify::Refinement;
 use crate::reduce::Choice;
 
 /// The reduced model's own error, measured by the finite elements at draws of the posterior.
@@ -28,7 +29,7 @@ pub struct SurrogateReport {
     pub cached: bool,
     /// The reduced models used: the first, then every refinement.
     #[serde(default)]
-    pub refinement: Vec<RefinementReport>,
+    pub refinement: Vec<Refinement>,
 }
 
 /// Error of a field, nm.
@@ -36,17 +37,4 @@ pub struct SurrogateReport {
 pub struct FieldErrorReport {
     pub max: f64,
     pub rms: f64,
-}
-
-/// One reduced model on the way.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RefinementReport {
-    /// Largest shift of any parameter, posterior sds.
-    pub max_error_in_posterior_sd: f64,
-    pub max_field_error_nm: f64,
-    pub draws_outside_doe: f64,
-    pub snapshots: usize,
-    pub modes: usize,
-    /// Low and high side of the box.
-    pub doe: Keyed<[f64; 2]>,
 }

@@ -30,7 +30,7 @@ pub fn numbers(reduced: &ReducedModel) -> Value {
         "unknowns": reduced.mesh_size[1],
         "nodes_in_window": reduced.points(),
         "modes": reduced.modes_per_component(),
-        "doe": reduced.dimensions.iter().map(|d| (d.name.clone(), json!([d.low, d.high]))).collect::<Map<_, _>>(),
+        "doe": reduced.sides(),
         "table_3_truncation_error_K_1_up": by_component(&|c| json!(reduced.truncation[c])),
         "table_8_cv_rms_mm_K_1_up": by_component(&|c| json!(reduced.cross_validation[c].mm)),
         "table_8_cv_rms_percent_K_1_up": by_component(&|c| json!(reduced.cross_validation[c].percent)),

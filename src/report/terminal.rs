@@ -4,7 +4,8 @@ use std::fmt::Write;
 use std::iter::once;
 
 use super::round::RoundReport;
-use super::surrogate::{RefinementReport, SurrogateReport};
+use super::surrogate::SurrogateReport;
+use crate::identify::Refinement;
 use crate::quantity::significant;
 
 /// Aligned columns: the first to the left, the others to the right.
@@ -98,7 +99,7 @@ fn surrogate(reduced: &SurrogateReport) -> String {
         reduced.field_error_nm.max
     );
     if reduced.refinement.len() > 1 {
-        let row = |(k, r): (usize, &RefinementReport)| {
+        let row = |(k, r): (usize, &Refinement)| {
             vec![
                 if k == 0 {
                     "first".into()

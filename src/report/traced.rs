@@ -2,13 +2,13 @@
 
 use serde_json::{Value, json};
 
-use super::json::{Keyed, finite};
+use super::json::finite;
 use super::tracing::{
-    AliasGroupReport, AliasReport, AmplitudeReport, BlindSpotReport, CandidateReport, Interval,
-    LeftOut, NeededAmplitude, ResemblingReport, TracingReport,
+    AliasGroupReport, AliasReport, AmplitudeReport, BlindSpotReport, CandidateReport, LeftOut,
+    NeededAmplitude, ResemblingReport, TracingReport,
 };
 use super::words::{IMPLAUSIBLE, LINEAR_PERCENT, unit};
-use crate::trace::{Averaged, BlindSpot, Found, Named, Resembling, Tracing};
+use crate::trace::{BlindSpot, Found, Named, Resembling, Tracing, texts};
 
 /// What one tracing found.
 pub fn tracing(tracing: &Tracing) -> TracingReport {
@@ -18,7 +18,7 @@ pub fn tracing(tracing: &Tracing) -> TracingReport {
         accepted: tracing.accepted.iter().map(|e| e.name().into()).collect(),
         undecided: map(&tracing.undecided, |g| texts(g)),
         discrepancy_probability: finite(tracing.discrepancy),
-        averaged_posterior: averaged(tracing),
+        averaged_posterior: tracing.averaged.clone(),
         left_out: map(&tracing.left_out, |(effect, reason)| LeftOut {
             effect: (*effect).into(),
             reason: reason.clone(),
@@ -94,18 +94,6 @@ fn resembling(other: &Resembling) -> ResemblingReport {
     }
 }
 
-pub fn averaged(tracing: &Tracing) -> Keyed<Interval> {
-    let of = |a: &Averaged| Interval {
-        mean: a.mean,
-        sd: a.sd,
-        low: a.low,
-        median: a.median,
-        high: a.high,
-    };
-    let constants = tracing.averaged.iter();
-    constants.map(|a| (a.name.clone(), of(a))).collect()
-}
-
 /// What could hide in the residual.
 pub fn blind_spots(tracing: &Tracing) -> Vec<BlindSpotReport> {
     map(&tracing.blind_spots, |(effect, spot)| {
@@ -131,8 +119,4 @@ fn blind_spot(effect: &str, spot: &BlindSpot) -> BlindSpotReport {
 
 pub(super) fn map<T, U>(items: &[T], of: impl Fn(&T) -> U) -> Vec<U> {
     items.iter().map(of).collect()
-}
-
-pub(super) fn texts(names: &[&str]) -> Vec<String> {
-    map(names, |n| (*n).to_string())
 }

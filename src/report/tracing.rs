@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
+use crate::trace::Interval;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TracingReport {
@@ -25,18 +26,6 @@ pub struct TracingReport {
     pub averaged_posterior: Keyed<Interval>,
     #[serde(default)]
     pub left_out: Vec<LeftOut>,
-}
-
-/// An averaged constant, border units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Interval {
-    pub mean: f64,
-    pub sd: f64,
-    #[serde(rename = "q2.5")]
-    pub low: f64,
-    pub median: f64,
-    #[serde(rename = "q97.5")]
-    pub high: f64,
 }
 
 /// An effect weighed against the residual. `null`: no finite number.

@@ -46,18 +46,8 @@ struct File {
     warm: Warm,
     draws: usize,
     digest: u64,
-    states: Vec<Saved>,
+    states: Vec<State>,
     totals: Vec<Totals>,
-}
-
-/// A state whose floats are written as their bits: infinities survive, and nothing is rounded.
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    step: u64,
-    x: Vec<u64>,
-    lp: Vec<u64>,
-    drawn: u64,
-    memory: Vec<u64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -68,27 +58,12 @@ struct Totals {
     evaluations: u64,
 }
 
-fn bits(values: &[f64]) -> Vec<u64> {
-    values.iter().map(|v| v.to_bits()).collect()
-}
-
-fn floats(values: &[u64]) -> Vec<f64> {
-    values.iter().map(|v| f64::from_bits(*v)).collect()
-}
-
 impl Checkpoint {
     /// Writes the file; `identity` is what a run that resumes must share.
     ///
     /// # Errors
     /// The input's fault if it cannot be written.
     pub fn write(&self, path: &Path, identity: &Value) -> Result<()> {
-        let states = self.states.iter().map(|s| Saved {
-            step: s.step,
-            x: bits(&s.x),
-            lp: bits(&s.lp),
-            drawn: s.drawn,
-            memory: bits(&s.memory),
-        });
         let totals = self.totals.iter().map(|t| Totals {
             accepted: t.accepted.clone(),
             moves: t
@@ -105,7 +80,7 @@ impl Checkpoint {
             warm: self.warm,
             draws: self.stored.0,
             digest: self.stored.1,
-            states: states.collect(),
+            states: self.states.clone(),
             totals: totals.collect(),
         };
         let text = serde_json::to_string(&file)
@@ -140,13 +115,6 @@ impl Checkpoint {
         }
         same_run(path, identity, &value["identity"])?;
         let file: File = serde_json::from_value(value).map_err(|e| damaged(&e))?;
-        let states = file.states.iter().map(|s| State {
-            step: s.step,
-            x: floats(&s.x),
-            lp: floats(&s.lp),
-            drawn: s.drawn,
-            memory: floats(&s.memory),
-        });
         let totals = file.totals.iter().map(|t| Block {
             accepted: t.accepted.clone(),
             moves: t.moves.iter().map(tally).collect(),
@@ -156,7 +124,7 @@ impl Checkpoint {
         });
         Ok(Self {
             warm: file.warm,
-            states: states.collect(),
+            states: file.states,
             totals: totals.collect(),
             stored: (file.draws, file.digest),
         })

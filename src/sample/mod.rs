@@ -38,21 +38,26 @@ pub use start::Start;
 pub use stream::{Key, Stream};
 pub use stretch::Stretch;
 
+use serde::{Deserialize, Serialize};
+
 use crate::chain::MoveTally;
 use crate::error::Result;
 use crate::infer::LogDensity;
 
 /// What the next step of one ensemble needs, and nothing else.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct State {
     pub step: u64,
     /// Positions, walker x parameter.
+    #[serde(with = "crate::numeric::bits")]
     pub x: Vec<f64>,
     /// Log density of each walker.
+    #[serde(with = "crate::numeric::bits")]
     pub lp: Vec<f64>,
     /// Place that the random streams have reached.
     pub drawn: u64,
     /// What the sampler has learned, in an order of its own.
+    #[serde(with = "crate::numeric::bits")]
     pub memory: Vec<f64>,
 }
 

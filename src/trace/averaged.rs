@@ -1,11 +1,13 @@
 //! The constants' posterior averaged over what may act unseen, and what each unseen effect would do to them.
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::sensitivities::Sensitivities;
 use super::subsets::log_sum;
 use super::weighing::Weighing;
 use crate::error::{Error, Result};
+use crate::files::Keyed;
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
 
@@ -14,17 +16,15 @@ use crate::numeric::bisect;
 /// instead of 95 %, this mixture in 98 % (prototype study).
 const MULTIPLES: [f64; 7] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
 
-/// One constant of the averaged posterior.
-#[derive(Debug, Clone)]
-pub struct Averaged {
-    pub name: String,
-    /// Mean, border units.
+/// An averaged constant, border units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
     pub mean: f64,
     pub sd: f64,
-    /// 2.5 % quantile.
+    #[serde(rename = "q2.5")]
     pub low: f64,
     pub median: f64,
-    /// 97.5 % quantile.
+    #[serde(rename = "q97.5")]
     pub high: f64,
 }
 
@@ -53,7 +53,7 @@ struct Part {
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
-pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Vec<Averaged>> {
+pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Keyed<Interval>> {
     let p = sensitivities.base.len();
     let mut parts = Vec::new();
     for pair in &weighing.pairs {
@@ -85,7 +85,12 @@ pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Ve
     }
     let total = log_sum(parts.iter().map(|p| p.log_weight));
     Ok((0..sensitivities.constants)
-        .map(|k| mixture(&sensitivities.base[k].name, &parts, total, k))
+        .map(|k| {
+            (
+                sensitivities.base[k].name.clone(),
+                mixture(&parts, total, k),
+            )
+        })
         .collect())
 }
 
@@ -93,7 +98,7 @@ fn not_finite() -> Error {
     Error::program("trace::averaged", "finite columns of model and effects")
 }
 
-fn mixture(name: &str, parts: &[Part], total: f64, k: usize) -> Averaged {
+fn mixture(parts: &[Part], total: f64, k: usize) -> Interval {
     let weighed = || {
         parts
             .iter()
@@ -112,8 +117,7 @@ fn mixture(name: &str, parts: &[Part], total: f64, k: usize) -> Averaged {
             .sum()
     };
     let quantile = |q: f64| bisect(mean - 40.0 * sd, mean + 40.0 * sd, |x| below(x) < q);
-    Averaged {
-        name: name.into(),
+    Interval {
         mean,
         sd,
         low: quantile(0.025),

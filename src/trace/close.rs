@@ -3,11 +3,12 @@
 use std::time::Instant;
 
 use super::attribute::attribute;
-use super::averaged::Averaged;
+use super::averaged::Interval;
 use super::conclusion::{Conclusion, Status, conclude};
 use super::round::Round;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
+use crate::files::Keyed;
 use crate::identify::{Identification, Options, identify};
 use crate::infer::Model;
 use crate::progress::Progress;
@@ -88,7 +89,7 @@ pub fn extended(
     model: &Model,
     effect: &'static dyn Effect,
     amplitude: &[(f64, f64)],
-    averaged: &[Averaged],
+    averaged: &Keyed<Interval>,
 ) -> Model {
     let mut model = model.clone();
     narrow(&mut model, averaged);
@@ -136,17 +137,17 @@ const CONSTANT_SDS: f64 = 8.0;
 const CONSTANT_SHARE: f64 = 0.05;
 
 /// Draw the DoE box in about the constants' averaged posterior, within the priors' box.
-fn narrow(model: &mut Model, averaged: &[Averaged]) {
+fn narrow(model: &mut Model, averaged: &Keyed<Interval>) {
     let widest = model.prior_box();
     let doe = model.file.reduced_model.doe.get_or_insert_default();
-    for (constant, widest) in averaged.iter().zip(widest) {
+    for ((name, constant), widest) in averaged.iter().zip(widest) {
         let half = (CONSTANT_SDS * constant.sd).max(CONSTANT_SHARE * constant.mean.abs());
         let side = [
             (constant.mean - half).max(widest.low),
             (constant.mean + half).min(widest.high),
         ];
         if side[0] < side[1] {
-            doe.insert(constant.name.clone(), side);
+            doe.insert(name.clone(), side);
         }
     }
 }

@@ -31,25 +31,56 @@ impl Status {
     }
 }
 
-#[derive(Debug, Clone)]
+/// What the loop concludes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Conclusion {
     pub status: Status,
     /// Effects added, in order.
-    pub effects: Vec<&'static str>,
+    #[serde(default)]
+    pub effects: Vec<String>,
     /// The alias group of each added effect that has one.
-    pub alias_groups: Vec<Vec<&'static str>>,
+    #[serde(default)]
+    pub alias_groups: Vec<Vec<String>>,
+    /// Groups that the data speak for without being sure.
+    #[serde(default)]
+    pub undecided: Vec<Vec<String>>,
     pub text: String,
     /// What would confirm each effect named, and tell it from its stand-ins.
+    #[serde(default)]
     pub confirm: Vec<Confirming>,
 }
 
 /// The tests that would tell the members of a group apart.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Confirming {
     /// Whether the group's leader is part of the last model.
     pub added: bool,
-    /// Effect and test: the leader, what could stand in for it alone or in a pair, and what leaves almost the same field.
-    pub tests: Vec<(&'static str, &'static str)>,
+    /// Of the leader, of what could stand in for it alone or in a pair, and of what leaves almost the same field.
+    pub tests: Vec<Test>,
+}
+
+/// A test in the laboratory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Test {
+    pub effect: String,
+    pub test: String,
+}
+
+impl Confirming {
+    /// What the tests would show.
+    pub fn question(&self) -> String {
+        let leader = self.tests.first().map_or("", |t| &t.effect);
+        if self.tests.len() > 1 {
+            format!("What would tell {leader} from what could stand in for it")
+        } else {
+            format!("What would confirm {leader}")
+        }
+    }
+}
+
+/// Names as the report keeps them.
+pub fn texts(names: &[&str]) -> Vec<String> {
+    names.iter().map(|n| (*n).to_string()).collect()
 }
 
 pub fn conclude(rounds: &[Round]) -> Conclusion {
@@ -68,19 +99,20 @@ pub fn conclude(rounds: &[Round]) -> Conclusion {
     confirm.extend(wanted.map(|g| confirming(g, false)));
     for members in &last.tracing.undecided {
         let group = last.tracing.groups.iter().find(|g| g.members == *members);
-        let known = |c: &Confirming| c.tests.iter().any(|(name, _)| *name == members[0]);
+        let known = |c: &Confirming| c.tests.iter().any(|t| t.effect == members[0]);
         if !confirm.iter().any(known) {
             confirm.extend(group.map(|g| confirming(g, false)));
         }
     }
     Conclusion {
         status,
-        effects: groups.iter().map(|g| g.leader).collect(),
+        effects: groups.iter().map(|g| g.leader.into()).collect(),
         alias_groups: groups
             .iter()
             .filter(|g| g.members.len() > 1)
-            .map(|g| g.members.clone())
+            .map(|g| texts(&g.members))
             .collect(),
+        undecided: last.tracing.undecided.iter().map(|g| texts(g)).collect(),
         text: words(rounds, &groups, wanted, structure),
         confirm,
     }
@@ -106,7 +138,12 @@ fn confirming(group: &Named, added: bool) -> Confirming {
             names.push(name);
         }
     }
-    let test = |name: &'static str| Some((name, effect(name)?.entry().confirm));
+    let test = |name: &str| {
+        Some(Test {
+            effect: name.into(),
+            test: effect(name)?.entry().confirm.into(),
+        })
+    };
     Confirming {
         added,
         tests: names.into_iter().filter_map(test).collect(),
@@ -259,15 +296,11 @@ const EVERYWHERE: f64 = 0.8;
 
 /// Sentences about what stationary noise does not do.
 fn pattern_words(round: &Identification, structure: bool) -> Vec<String> {
-    let frame = &round.inverse.prepared.observation.field.frame;
-    let place = |p: [f64; 2]| {
-        let [x, y] = frame.data_point(p);
-        format!("({x:.1}, {y:.1}) mm of the data")
-    };
-    let exceedance = round.patterns.exceedance.map(|b| {
+    let place = |[x, y]: [f64; 2]| format!("({x:.1}, {y:.1}) mm of the data");
+    let exceedance = round.patterns.exceedance.as_ref().map(|b| {
         let begin = format!(
-            "In u{} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
-            b.component + 1, b.blocks, b.of, round.inverse.noise.blocks.size_mm, b.expected
+            "In {} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
+            b.component, b.blocks, b.of, round.inverse.noise.blocks.size_mm, b.expected
         );
         if b.blocks > b.of / 10 {
             return format!("{begin}, all over the field: the model as it is does not describe it.");
@@ -275,22 +308,22 @@ fn pattern_words(round: &Identification, structure: bool) -> Vec<String> {
         format!(
             "{begin}, the farthest {:.0} sd, at {}. That is an edge, a patch of bad data or a local defect{}; look at the residual's map there, and mask what is the data's fault, or explain it.",
             b.sds,
-            place(b.place_mm),
+            place(b.place_in_data_mm),
             if structure { ", or a peak of the structure that is left" } else { "" }
         )
     });
-    let wave = round.patterns.wave.map(|w| {
-        let [dx, dy] = frame.vector(w.direction);
+    let wave = round.patterns.wave.as_ref().map(|w| {
+        let [dx, dy] = w.direction_in_data;
         let angle = dy.atan2(dx).to_degrees().rem_euclid(180.0);
         let extent = if w.share > EVERYWHERE {
             "all over the field".to_string()
         } else {
             let share = 100.0 * w.share;
-            format!("clearest about {}, in {share:.0} % of the parts looked at", place(w.place_mm))
+            format!("clearest about {}, in {share:.0} % of the parts looked at", place(w.place_in_data_mm))
         };
         format!(
-            "In u{} a fine wave is left (about {:.2} mm long, {:.2} to {:.2}, running at {angle:.0} deg from x, {:.0} nm in amplitude, {}), such as a phase-shift error, the interpolation of image correlation or the raster of a camera leaves. It is counted as noise.",
-            w.component + 1, w.length_mm, w.length_range_mm[0], w.length_range_mm[1], w.amplitude_nm, extent
+            "In {} a fine wave is left (about {:.2} mm long, {:.2} to {:.2}, running at {angle:.0} deg from x, {:.0} nm in amplitude, {}), such as a phase-shift error, the interpolation of image correlation or the raster of a camera leaves. It is counted as noise.",
+            w.component, w.length_mm, w.length_range_mm[0], w.length_range_mm[1], w.amplitude_nm, extent
         )
     });
     exceedance.into_iter().chain(wave).collect()

@@ -16,8 +16,8 @@ mod tracing;
 mod weighing;
 
 pub use attribute::{attribute, candidates};
-pub use averaged::{Averaged, BlindSpot};
+pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, close, extended};
-pub use conclusion::{Conclusion, Confirming, Status};
+pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use round::Round;
 pub use tracing::{Found, Named, Resembling, Tracing, UNEXPLAINED};

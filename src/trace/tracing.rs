@@ -1,7 +1,8 @@
 //! What tracing found: candidates, alias groups, what is to be added, what could hide.
 
-use super::averaged::{Averaged, BlindSpot};
+use super::averaged::{BlindSpot, Interval};
 use crate::effect::Effect;
+use crate::files::Keyed;
 use crate::noise::Hyperparameters;
 
 /// An effect weighed against the data.
@@ -43,7 +44,7 @@ pub struct Tracing {
     /// The likeliest hyperparameters of each component, where they are a discrepancy.
     pub structure: [Option<Hyperparameters>; 2],
     /// The constants, averaged over what may act unseen.
-    pub averaged: Vec<Averaged>,
+    pub averaged: Keyed<Interval>,
     /// What could hide in the residual.
     pub blind_spots: Vec<(&'static str, BlindSpot)>,
     /// RMS error of held-out block averages by the model as it is, nm.

@@ -176,15 +176,15 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
     let (first, last) = (&steps[0], &steps[steps.len() - 1]);
     assert_eq!(round.surrogate.draws, CHECKED_DRAWS);
     assert!(
-        first.max_error_sd > TOLERANCE && first.outside_doe > 0.5,
+        first.max_error_in_posterior_sd > TOLERANCE && first.draws_outside_doe > 0.5,
         "{first:?}"
     );
     assert!(steps.len() > 1 && last.modes > 3, "{last:?}");
     assert!(
-        last.max_error_sd <= TOLERANCE && last.outside_doe == 0.0,
+        last.max_error_in_posterior_sd <= TOLERANCE && last.draws_outside_doe == 0.0,
         "{steps:?}"
     );
-    assert!(last.max_field_nm < 0.2 * first.max_field_nm);
+    assert!(last.max_field_error_nm < 0.2 * first.max_field_error_nm);
     let e1 = &round.verdict.rows[0];
     assert!(
         (e1.mean - 140.0).abs() < 4.0 * e1.sd,

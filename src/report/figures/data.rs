@@ -36,19 +36,16 @@ impl FigureData {
     /// # Errors
     /// The input's fault if a file cannot be written.
     pub fn write(&self, folder: &Path, k: usize) -> Result<()> {
-        write(folder, &format!("maps-{k}"), &self.maps)?;
-        write(folder, &format!("parameters-{k}"), &self.parameters)?;
-        write(folder, &format!("marginals-{k}"), &self.marginals)?;
-        write(folder, &format!("corner-{k}"), &self.corner)?;
-        write(folder, &format!("trace-{k}"), &self.trace)?;
-        write(folder, &format!("rank-{k}"), &self.rank)?;
-        write(
-            folder,
-            &format!("autocorrelation-{k}"),
-            &self.autocorrelation,
-        )?;
-        write(folder, &format!("truncation-{k}"), &self.truncation)?;
-        write(folder, &format!("surfaces-{k}"), &self.surfaces)
+        let of = |table: &str| format!("{table}-{k}");
+        write(folder, &of("maps"), &self.maps)?;
+        write(folder, &of("parameters"), &self.parameters)?;
+        write(folder, &of("marginals"), &self.marginals)?;
+        write(folder, &of("corner"), &self.corner)?;
+        write(folder, &of("trace"), &self.trace)?;
+        write(folder, &of("rank"), &self.rank)?;
+        write(folder, &of("autocorrelation"), &self.autocorrelation)?;
+        write(folder, &of("truncation"), &self.truncation)?;
+        write(folder, &of("surfaces"), &self.surfaces)
     }
 
     /// The tables of round `k`; without rows where there is no file.
@@ -56,16 +53,17 @@ impl FigureData {
     /// # Errors
     /// The input's fault, with file and line, if a file cannot be read.
     pub fn read(folder: &Path, k: usize) -> Result<Self> {
+        let of = |table: &str| format!("{table}-{k}");
         Ok(Self {
-            maps: read(folder, &format!("maps-{k}"))?,
-            parameters: read(folder, &format!("parameters-{k}"))?,
-            marginals: read(folder, &format!("marginals-{k}"))?,
-            corner: read(folder, &format!("corner-{k}"))?,
-            trace: read(folder, &format!("trace-{k}"))?,
-            rank: read(folder, &format!("rank-{k}"))?,
-            autocorrelation: read(folder, &format!("autocorrelation-{k}"))?,
-            truncation: read(folder, &format!("truncation-{k}"))?,
-            surfaces: read(folder, &format!("surfaces-{k}"))?,
+            maps: read(folder, &of("maps"))?,
+            parameters: read(folder, &of("parameters"))?,
+            marginals: read(folder, &of("marginals"))?,
+            corner: read(folder, &of("corner"))?,
+            trace: read(folder, &of("trace"))?,
+            rank: read(folder, &of("rank"))?,
+            autocorrelation: read(folder, &of("autocorrelation"))?,
+            truncation: read(folder, &of("truncation"))?,
+            surfaces: read(folder, &of("surfaces"))?,
         })
     }
 }

@@ -7,9 +7,7 @@ use super::{figure, fixed, mean_sd, minus, row, short, table, wide, with_sd};
 use crate::report::figures::Figures;
 use crate::report::page::Page;
 use crate::report::round::{PosteriorSummary, RoundReport};
-use crate::report::tracing::Interval;
-use crate::report::verdict::ConfirmReport;
-use crate::trace::Status;
+use crate::trace::{Confirming, Interval, Status};
 
 /// The verdict in a sentence, and what should be known before the numbers are used.
 pub fn verdict(page: &Page) -> Markup {
@@ -37,7 +35,7 @@ pub fn verdict(page: &Page) -> Markup {
 }
 
 /// The test of every member of every group that the verdict names.
-fn confirming(groups: &[ConfirmReport]) -> Markup {
+fn confirming(groups: &[Confirming]) -> Markup {
     html! {
         @for group in groups {
             h3 { (group.question()) }
