@@ -14,8 +14,8 @@ impl Effect for HoleEdgeDamage {
         Entry {
             name: "hole_edge_damage",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("loss_percent", 20.0, 95.0)] },
-            about: "The laminate within 1.3 radii of the hole's centre has lost this percentage of its stiffness; below 0 it would be stiffer, which only the symmetry of the prior asks for.",
+            parameters: const { &[Parameter::positive("loss_percent", 20.0, 95.0)] },
+            about: "The laminate within 1.3 radii of the hole's centre has lost this percentage of its stiffness.",
             confirm: "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat.",
         }
     }

@@ -82,6 +82,8 @@ pub struct Parameter {
     pub prior_sd: Option<f64>,
     /// Largest amplitude for which the effect is modelled.
     pub bound: f64,
+    /// Whether nature knows no negative amplitude: the prior is half a normal one.
+    pub positive: bool,
 }
 
 impl Parameter {
@@ -91,6 +93,15 @@ impl Parameter {
             name,
             prior_sd: Some(prior_sd),
             bound,
+            positive: false,
+        }
+    }
+
+    /// The same of an amplitude that cannot be negative.
+    pub const fn positive(name: &'static str, prior_sd: f64, bound: f64) -> Self {
+        Self {
+            positive: true,
+            ..Self::new(name, prior_sd, bound)
         }
     }
 
@@ -100,6 +111,7 @@ impl Parameter {
             name,
             prior_sd: None,
             bound,
+            positive: false,
         }
     }
 

@@ -304,7 +304,7 @@ impl Field {
 }
 
 /// The smallest and largest coordinates of `points`; zeros if there are none.
-pub(super) fn bounds(points: &[[f64; 2]]) -> [[f64; 2]; 2] {
+pub fn bounds(points: &[[f64; 2]]) -> [[f64; 2]; 2] {
     let Some(&first) = points.first() else {
         return [[0.0; 2]; 2];
     };

@@ -20,7 +20,7 @@ pub mod table;
 pub use blocks::Blocks;
 pub use frame::{Axis, Frame};
 pub use grid::Grid;
-pub use measured::{Field, GridShape, Reason, Rejected};
+pub use measured::{Field, GridShape, Reason, Rejected, bounds};
 pub(crate) use reader::unreadable;
 pub use reader::{ColumnMap, Columns, Reader, Units};
 pub use spec::{MeasurementSpec, READERS, Source};

@@ -154,7 +154,7 @@ pub fn posterior(
             marginals.push(Marginal {
                 mean: 0.0,
                 sd,
-                truncate: None,
+                truncate: parameter.positive.then_some([0.0, parameter.bound]),
             });
         }
     }

@@ -46,7 +46,7 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
         s
     };
     let log_bayes_factor = reference - subsets.log_evidence(&without);
-    let free: Vec<usize> = (0..subsets.ranges.len())
+    let free: Vec<usize> = (0..subsets.layout.ranges.len())
         .filter(|k| !best.contains(k))
         .collect();
     let mut members: Vec<(f64, usize)> = vec![(reference, leader)];
@@ -103,14 +103,14 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
     let best = subsets.best();
     let (mean, _) = subsets.amplitudes(best);
     let before = best.iter().take_while(|k| **k != group.leader);
-    let at: usize = before.map(|&k| subsets.ranges[k].len()).sum();
-    let own = &subsets.ranges[group.leader];
+    let at: usize = before.map(|&k| subsets.layout.ranges[k].len()).sum();
+    let own = &subsets.layout.ranges[group.leader];
     let a = mean.rows(at, own.len());
     let g = &subsets.projected[subsets.best_pair].g;
     let norm2 = a.dot(&(block(g, own, own) * a));
     let reference = subsets.log_evidence(best);
     let one = |candidate: usize| -> Option<Lookalike> {
-        let other = &subsets.ranges[candidate];
+        let other = &subsets.layout.ranges[candidate];
         let towards = block(g, other, own) * a;
         // with its prior, so that what cannot be seen stays where it is
         let precision = block(g, other, other);
@@ -130,8 +130,8 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
             log_bayes_factor_lost: reference - subsets.log_evidence(&swapped),
         })
     };
-    let others = (0..subsets.ranges.len()).filter(|k| {
-        !best.contains(k) && !group.members.contains(k) && !subsets.ranges[*k].is_empty()
+    let others = (0..subsets.layout.ranges.len()).filter(|k| {
+        !best.contains(k) && !group.members.contains(k) && !subsets.layout.ranges[*k].is_empty()
     });
     let mut found: Vec<Lookalike> = others
         .filter_map(one)

@@ -138,7 +138,7 @@ fn adopt(state: &mut State, evidence: &Evidence<'_>, leader: usize, before: Opti
     let at = best
         .iter()
         .take_while(|k| **k != leader)
-        .map(|&k| subsets.ranges[k].len())
+        .map(|&k| subsets.layout.ranges[k].len())
         .sum::<usize>();
     let candidate = &sensitivities.candidates[leader];
     let mut moved = 0.0_f64;

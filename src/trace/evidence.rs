@@ -2,7 +2,7 @@
 
 use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
-use super::holdout::{Holdout, gains, rms_nm};
+use super::holdout::{Holdout, gains};
 use super::sensitivities::{Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
 use super::tracing::{Found, Named, Resembling, Tracing};
@@ -20,11 +20,13 @@ const MENTION: f64 = 0.3;
 /// Above this probability of a discrepancy an effect must do more than fit.
 const DOUBT: f64 = 0.5;
 
-/// What it must do then: have a log Bayes factor of this against dropping it, at no more than this many prior sds. The first was set
-/// in the prototype study after 2 of 38 smooth fields outside the dictionary were given a false name beside the discrepancy. Beside
-/// no discrepancy nothing bounds the amplitude: a hole size of 4.1 prior sds was accepted.
+/// What it must do then: have a log Bayes factor of this against dropping it. Set in the prototype study after 2 of 38 smooth fields
+/// outside the dictionary were given a false name beside the discrepancy.
 const DOUBT_LOG_BAYES_FACTOR: f64 = 40.0;
-const DOUBT_MULTIPLE: f64 = 4.0;
+
+/// An amplitude of more prior sds is never accepted, whatever the evidence: another effect is the likelier cause, or the model of
+/// this one does not hold. A hole size of 4.1 prior sds was accepted (measured on the program as built).
+pub const LARGEST_MULTIPLE: f64 = 4.0;
 
 /// What the data say of every candidate.
 pub struct Evidence<'a> {
@@ -47,8 +49,7 @@ pub fn evidence<'a>(
     step: &(dyn Fn() + Sync),
 ) -> Result<Evidence<'a>> {
     let weighing = Weighing::new(measured, &sensitivities, step)?;
-    let counts = sensitivities.candidates.iter().map(|c| c.columns.len());
-    let subsets = Subsets::new(&weighing, &counts.collect::<Vec<_>>())?;
+    let subsets = Subsets::new(&weighing, &sensitivities.candidates)?;
     Ok(Evidence {
         measured,
         sensitivities,
@@ -73,17 +74,17 @@ impl Evidence<'_> {
         let holdout = Holdout::new(
             self.measured,
             &self.sensitivities,
-            &self.subsets.ranges,
+            &self.subsets.layout.ranges,
             noise,
         );
         let best = self.subsets.best().clone();
-        let with = holdout.errors(&best);
+        let with = holdout.scores(&best);
         let found = groups(&self.subsets);
         let named: Vec<Named> = found
             .iter()
             .map(|g| {
                 let rest: Subset = best.iter().copied().filter(|&k| k != g.leader).collect();
-                self.named(g, gains(&with, &holdout.errors(&rest)))
+                self.named(g, gains(&with, &holdout.scores(&rest)))
             })
             .collect();
         let mut spots = blind_spots(
@@ -125,7 +126,7 @@ impl Evidence<'_> {
                 .map(|s| (LOAD_SCALE.name(), s))
                 .chain(spots.into_iter().map(|(k, spot)| (self.name(k), spot)))
                 .collect(),
-            holdout_rms_nm: rms_nm(&holdout.errors(&Vec::new())),
+            holdout_rms_nm: holdout.rms_nm(&Vec::new()),
             left_out: Vec::new(),
         })
     }
@@ -200,14 +201,11 @@ impl Evidence<'_> {
 
     fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
         let doubtful = self.subsets.discrepancy > DOUBT;
-        let multiple = candidates
-            .iter()
-            .find(|f| f.effect.name() == group.leader)
-            .map_or(f64::INFINITY, |f| f.multiple);
+        let found = candidates.iter().find(|f| f.effect.name() == group.leader);
         group.probability > ACCEPT
             && group.predicts
-            && (!doubtful
-                || (group.log_bayes_factor > DOUBT_LOG_BAYES_FACTOR && multiple < DOUBT_MULTIPLE))
+            && found.is_some_and(|f| f.multiple < LARGEST_MULTIPLE && !f.is_impossible())
+            && (!doubtful || group.log_bayes_factor > DOUBT_LOG_BAYES_FACTOR)
     }
 
     fn ranked(&self, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Vec<Found> {
@@ -240,7 +238,7 @@ impl Evidence<'_> {
         let at: usize = with
             .iter()
             .take_while(|j| **j != k)
-            .map(|&j| subsets.ranges[j].len())
+            .map(|&j| subsets.layout.ranges[j].len())
             .sum();
         let amplitude: Vec<(String, f64, f64)> = candidate
             .columns
@@ -280,9 +278,9 @@ impl Evidence<'_> {
     fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, f64)> {
         let subsets = &self.subsets;
         let projected = &subsets.projected[subsets.best_pair];
-        let of = |j: usize| cosine(projected, &subsets.ranges[k], &subsets.ranges[j]);
+        let of = |j: usize| cosine(projected, &subsets.layout.ranges[k], &subsets.layout.ranges[j]);
         let group = groups.iter().find(|g| g.members.contains(&k));
-        let mut aliases: Vec<(&'static str, f64)> = (0..subsets.ranges.len())
+        let mut aliases: Vec<(&'static str, f64)> = (0..subsets.layout.ranges.len())
             .filter(|j| *j != k)
             .map(|j| (group.is_some_and(|g| g.members.contains(&j)), j, of(j)))
             .filter(|(member, _, cosine)| {

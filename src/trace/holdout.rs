@@ -1,32 +1,36 @@
-//! Prediction of parts of the field that were not fitted: squares of several correlation lengths, in four folds.
+//! Prediction of parts of the field that were not fitted: half-planes, quadrants and rings, which a smooth impostor cannot
+//! interpolate from fitted neighbours. Of squares of 3 mm among fitted ones, 19 of 20 wrong groups predicted those too.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::sensitivities::{Column, Measured, Sensitivities};
 use super::subsets::{Subset, columns};
 use crate::noise::{Hyperparameters, NormalEquations};
+use crate::numeric::quantile;
 use crate::quantity::NM_PER_MM;
 
-/// Side of the squares that are held out, mm; more than the correlation length of any noise. It is a weak test: among fitted
-/// neighbours, 19 of 20 wrong groups predicted such squares too (measured on the program as built).
-const SQUARE_MM: f64 = 3.0;
+/// Half-planes along each direction, quadrants, rings.
+pub const DIVISIONS: usize = 4;
 
-pub const FOLDS: usize = 4;
+/// Rings of about equally many blocks.
+const RINGS: usize = 3;
 
-/// Blocks of each fold, and the variance of every block average.
+/// Blocks of each region of each division, and the variance of every block average.
 pub struct Holdout<'a> {
     sensitivities: &'a Sensitivities,
     ranges: &'a [Vec<usize>],
-    fold: Vec<usize>,
+    /// Region of each block.
+    region: [Vec<usize>; DIVISIONS],
     variance: [DVector<f64>; 2],
     residual: [DVector<f64>; 2],
 }
 
-/// Error of held-out blocks, by fold: sum over variance, sum of squares (mm^2), number of values.
-pub type Errors = [(f64, f64, usize); FOLDS];
+/// Normal equations of some blocks: X' V^-1 X and X' V^-1 y.
+type Normal = (DMatrix<f64>, DVector<f64>);
 
 impl<'a> Holdout<'a> {
-    /// Lay the squares; variances from the hyperparameters of each component.
+    /// Divide the field; variances from the hyperparameters of each component. Correlated noise counts as white noise that
+    /// leaves averages over large areas as uncertain: Matern-3/2 noise of length l is one value in each area of 2 pi l^2.
     pub fn new(
         measured: &Measured,
         sensitivities: &'a Sensitivities,
@@ -34,113 +38,130 @@ impl<'a> Holdout<'a> {
         at: [&Hyperparameters; 2],
     ) -> Self {
         let blocks = &measured.blocks;
-        // at least three blocks a side, whatever their size
-        let side = SQUARE_MM.max(3.0 * blocks.size_mm);
-        let fold = blocks
-            .centroid
-            .iter()
-            .map(|c| {
-                let [i, j] = c.map(|x| (x / side).floor() as i64);
-                (i + 2 * j).rem_euclid(FOLDS as i64) as usize
-            })
-            .collect();
         let mean = blocks.mean_count();
         let variance = at.map(|s| {
+            let area = 2.0 * std::f64::consts::PI * s.length_mm * s.length_mm;
+            let together = (area / (blocks.size_mm * blocks.size_mm)).max(1.0);
+            let counts = blocks.count.iter();
             DVector::from_iterator(
                 blocks.len(),
-                blocks
-                    .count
-                    .iter()
-                    .map(|&n| s.scale2 * (mean / n as f64 + s.ratio)),
+                counts.map(|&n| s.scale2 * (mean / n as f64 + s.ratio * together)),
             )
         });
         Self {
             sensitivities,
             ranges,
-            fold,
+            region: divisions(&blocks.centroid),
             variance,
             residual: measured.residual(sensitivities),
         }
     }
 
-    /// Prediction errors of every fold by a model with a subset of the candidates, fitted to the other folds.
-    pub fn errors(&self, subset: &Subset) -> Errors {
-        let all: Vec<&Column> = self
-            .sensitivities
-            .candidates
-            .iter()
-            .flat_map(|c| &c.columns)
-            .collect();
-        let chosen = columns(self.ranges, subset);
-        let fitted: Vec<&Column> = self
-            .sensitivities
-            .base
-            .iter()
-            .chain(chosen.iter().map(|&k| all[k]))
-            .collect();
-        let (total, by_fold) = self.normal(&fitted);
-        let mut errors = [(0.0, 0.0, 0); FOLDS];
-        for (f, error) in errors.iter_mut().enumerate() {
-            let (gram, right) = (&total.0 - &by_fold[f].0, &total.1 - &by_fold[f].1);
-            let Some(fit) = NormalEquations::with_unit_prior(gram, right) else {
+    /// Log probability of every division's regions, each given all others, by a model with a subset of the candidates; the same constant,
+    /// which no model changes, is left out of all.
+    pub fn scores(&self, subset: &Subset) -> [f64; DIVISIONS] {
+        let fitted = self.fitted(subset);
+        [0, 1, 2, 3].map(|division| {
+            let regions = self.normal(&fitted, division);
+            let all = sum(&regions, fitted.len());
+            let evidence = |(gram, right): Normal| {
+                NormalEquations::with_unit_prior(gram, right).map_or(0.0, |fit| fit.log_evidence())
+            };
+            let whole = evidence(all.clone());
+            let left_out = regions
+                .iter()
+                .map(|own| whole - evidence((&all.0 - &own.0, &all.1 - &own.1)));
+            left_out.sum()
+        })
+    }
+
+    /// Root mean square error of the block averages of quadrants that were not fitted, nm, by a model with a subset of the candidates.
+    pub fn rms_nm(&self, subset: &Subset) -> f64 {
+        let fitted = self.fitted(subset);
+        let regions = self.normal(&fitted, QUADRANTS);
+        let all = sum(&regions, fitted.len());
+        let (mut square, mut count) = (0.0, 0);
+        for (region, own) in regions.iter().enumerate() {
+            let rest = (&all.0 - &own.0, &all.1 - &own.1);
+            let Some(fit) = NormalEquations::with_unit_prior(rest.0, rest.1) else {
                 continue;
             };
             let x = fit.mean();
-            for c in 0..2 {
-                for b in (0..self.fold.len()).filter(|&b| self.fold[b] == f) {
-                    let predicted: f64 = fitted
-                        .iter()
-                        .zip(x.iter())
-                        .map(|(col, x)| col.values[c][b] * x)
-                        .sum();
-                    let r = self.residual[c][b] - predicted;
-                    error.0 += r * r / self.variance[c][b];
-                    error.1 += r * r;
-                    error.2 += 1;
+            for b in (0..self.region[QUADRANTS].len()).filter(|&b| self.region[QUADRANTS][b] == region) {
+                for c in 0..2 {
+                    let columns = fitted.iter().zip(x.iter());
+                    let predicted: f64 = columns.map(|(col, x)| col.values[c][b] * x).sum();
+                    square += (self.residual[c][b] - predicted).powi(2);
+                    count += 1;
                 }
             }
         }
-        errors
+        (square / count.max(1) as f64).sqrt() * NM_PER_MM
     }
 
-    /// Normal equations of all blocks, and of each fold alone.
-    #[allow(clippy::type_complexity)]
-    fn normal(
-        &self,
-        fitted: &[&Column],
-    ) -> (
-        (DMatrix<f64>, DVector<f64>),
-        Vec<(DMatrix<f64>, DVector<f64>)>,
-    ) {
+    /// Columns of a model with a subset of the candidates.
+    fn fitted(&self, subset: &Subset) -> Vec<&Column> {
+        let candidates = self.sensitivities.candidates.iter();
+        let all: Vec<&Column> = candidates.flat_map(|c| &c.columns).collect();
+        let chosen = columns(self.ranges, subset).into_iter().map(|k| all[k]);
+        self.sensitivities.base.iter().chain(chosen).collect()
+    }
+
+    /// Normal equations of each region of a division.
+    fn normal(&self, fitted: &[&Column], division: usize) -> Vec<Normal> {
+        let region = &self.region[division];
         let p = fitted.len();
-        let zero = || (DMatrix::<f64>::zeros(p, p), DVector::<f64>::zeros(p));
-        let mut by_fold: Vec<_> = (0..FOLDS).map(|_| zero()).collect();
+        let count = region.iter().max().map_or(0, |last| last + 1);
+        let mut regions = vec![(DMatrix::zeros(p, p), DVector::zeros(p)); count];
         let mut row = DVector::zeros(p);
         for c in 0..2 {
-            for b in 0..self.fold.len() {
+            for (b, &own) in region.iter().enumerate() {
                 for (x, column) in row.iter_mut().zip(fitted) {
                     *x = column.values[c][b];
                 }
-                let (gram, right) = &mut by_fold[self.fold[b]];
                 let weight = 1.0 / self.variance[c][b];
+                let (gram, right) = &mut regions[own];
                 gram.ger(weight, &row, &row, 1.0);
                 right.axpy(weight * self.residual[c][b], &row, 1.0);
             }
         }
-        let total = by_fold.iter().fold(zero(), |a, b| (a.0 + &b.0, a.1 + &b.1));
-        (total, by_fold)
+        regions
     }
 }
 
-/// Root mean square error of the held-out block averages, nm.
-pub fn rms_nm(errors: &Errors) -> f64 {
-    let (sum, count) = errors.iter().fold((0.0, 0), |(s, n), e| (s + e.1, n + e.2));
-    (sum / count.max(1) as f64).sqrt() * NM_PER_MM
+fn sum(regions: &[Normal], p: usize) -> Normal {
+    let zero = (DMatrix::zeros(p, p), DVector::zeros(p));
+    regions
+        .iter()
+        .fold(zero, |all, own| (all.0 + &own.0, all.1 + &own.1))
 }
 
-/// Whether `with` predicts better than `without`: in total, and in at least three folds of four.
-pub fn gains(with: &Errors, without: &Errors) -> bool {
-    let total = |e: &Errors| e.iter().map(|f| f.0).sum::<f64>();
-    let better = with.iter().zip(without).filter(|(a, b)| a.0 < b.0).count();
-    total(with) < total(without) && better + 1 >= FOLDS
+const QUADRANTS: usize = 2;
+
+/// Region of each block in each division: half-planes along either direction, quadrants, rings about the middle.
+fn divisions(centroids: &[[f64; 2]]) -> [Vec<usize>; DIVISIONS] {
+    let [low, high] = crate::field::bounds(centroids);
+    let middle = [0, 1].map(|k| 0.5 * (low[k] + high[k]));
+    let side = |c: &[f64; 2], k: usize| usize::from(c[k] > middle[k]);
+    let radius = |c: &[f64; 2]| (c[0] - middle[0]).hypot(c[1] - middle[1]);
+    let mut radii: Vec<f64> = centroids.iter().map(radius).collect();
+    radii.sort_by(f64::total_cmp);
+    let limits: Vec<f64> = (1..RINGS)
+        .map(|k| quantile(&radii, k as f64 / RINGS as f64))
+        .collect();
+    let ring = |c: &[f64; 2]| limits.iter().filter(|&&limit| radius(c) > limit).count();
+    let by = |of: &dyn Fn(&[f64; 2]) -> usize| centroids.iter().map(of).collect();
+    [
+        by(&|c| side(c, 0)),
+        by(&|c| side(c, 1)),
+        by(&|c| 2 * side(c, 0) + side(c, 1)),
+        by(&ring),
+    ]
+}
+
+/// Whether `with` predicts better than `without`: over all divisions together, and in all but one of them.
+pub fn gains(with: &[f64; DIVISIONS], without: &[f64; DIVISIONS]) -> bool {
+    let total = |scores: &[f64; DIVISIONS]| scores.iter().sum::<f64>();
+    let better = with.iter().zip(without).filter(|(a, b)| a > b).count();
+    total(with) > total(without) && better + 1 >= DIVISIONS
 }

@@ -24,6 +24,8 @@ pub struct Column {
     pub sd: f64,
     /// Value at which the test was linearised.
     pub at: f64,
+    /// Whether the parameter cannot be negative.
+    pub positive: bool,
     /// Change of the block averages of (u1, u2) for one prior sd, mm.
     pub values: [DVector<f64>; 2],
 }
@@ -235,6 +237,7 @@ impl Linearised<'_> {
             mean,
             sd,
             at: value,
+            positive: matches!(direction, Direction::Amplitude(effect, k) if effect.parameters()[k].positive),
             values: averages(self.blocks, &slope).map(|values| values * sd),
         })
     }

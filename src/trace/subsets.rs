@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::sensitivities::Candidate;
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::noise::NormalEquations;
@@ -42,41 +43,130 @@ pub struct Subsets {
     pub discrepancy: f64,
     /// The most probable pair of hyperparameters.
     pub best_pair: usize,
-    /// Columns of each candidate among the candidates' columns.
-    pub ranges: Vec<Vec<usize>>,
+    /// The candidates' columns.
+    pub layout: Layout,
     /// Candidates' normal equations under every pair.
     pub projected: Vec<Projected>,
     /// Prior log probability of a subset by its size.
     log_prior: Vec<f64>,
 }
 
+/// Which columns are whose, and what their amplitudes cannot be.
+pub struct Layout {
+    /// Columns of each candidate among the candidates' columns.
+    pub ranges: Vec<Vec<usize>>,
+    /// Whether a column's amplitude cannot be negative: its prior is half a normal one.
+    positive: Vec<bool>,
+}
+
+/// Two parts of a field whose cosine is below minus this are one effect taken twice with opposite signs: a hole size and an edge
+/// damage of opposite signs were accepted together (measured on the program as built).
+const OPPOSITE: f64 = 0.95;
+
+impl Layout {
+    /// Of candidates in order.
+    pub fn new(candidates: &[Candidate]) -> Self {
+        let mut next = 0;
+        let ranges = candidates.iter().map(|c| {
+            next += c.columns.len();
+            (next - c.columns.len()..next).collect()
+        });
+        let columns = candidates.iter().flat_map(|c| &c.columns);
+        Self {
+            ranges: ranges.collect(),
+            positive: columns.map(|c| c.positive).collect(),
+        }
+    }
+
+    /// Columns of a subset among the candidates' columns.
+    fn columns(&self, subset: &Subset) -> Vec<usize> {
+        columns(&self.ranges, subset)
+    }
+
+    /// Log Bayes factor of a subset against no effect: that of normal priors, times the share of the posterior where
+    /// amplitudes that cannot be negative are not; none for effects that undo each other.
+    fn log_bayes_factor(&self, projected: &Projected, subset: &Subset) -> f64 {
+        if subset.is_empty() {
+            return 0.0;
+        }
+        let columns = self.columns(subset);
+        let Some(fit) = restrict(projected, &columns) else {
+            return f64::NEG_INFINITY;
+        };
+        let mut log = fit.log_evidence();
+        let signed = columns.iter().any(|&k| self.positive[k]);
+        if !signed && subset.len() < 2 {
+            return log;
+        }
+        let mean = fit.mean();
+        if signed {
+            let covariance = fit.covariance();
+            for (i, _) in columns.iter().enumerate().filter(|(_, k)| self.positive[**k]) {
+                log += log_positive(mean[i] / covariance[(i, i)].sqrt());
+            }
+        }
+        if self.opposed(projected, subset, &mean) {
+            return f64::NEG_INFINITY;
+        }
+        log
+    }
+
+    /// Whether two effects of a subset undo each other at amplitudes `mean`, what the base model absorbs left aside.
+    fn opposed(&self, projected: &Projected, subset: &Subset, mean: &DVector<f64>) -> bool {
+        let mut at = 0;
+        let parts: Vec<(&Vec<usize>, usize)> = subset
+            .iter()
+            .map(|&k| {
+                at += self.ranges[k].len();
+                (&self.ranges[k], at - self.ranges[k].len())
+            })
+            .collect();
+        let product = |a: &(&Vec<usize>, usize), b: &(&Vec<usize>, usize)| {
+            let mut sum = 0.0;
+            for (i, &p) in a.0.iter().enumerate() {
+                for (j, &q) in b.0.iter().enumerate() {
+                    sum += mean[a.1 + i] * projected.g[(p, q)] * mean[b.1 + j];
+                }
+            }
+            sum
+        };
+        parts.iter().enumerate().any(|(k, a)| {
+            parts[..k].iter().any(|b| {
+                let ab = product(a, b);
+                ab < 0.0 && ab * ab > OPPOSITE * OPPOSITE * product(a, a) * product(b, b)
+            })
+        })
+    }
+}
+
+/// log (2 Phi(z)): what a half-normal prior makes of evidence under a normal one, for an amplitude `z` sds from zero.
+fn log_positive(z: f64) -> f64 {
+    if z < -30.0 {
+        return -0.5 * z * z;
+    }
+    statrs::function::erf::erfc(-z / std::f64::consts::SQRT_2).ln()
+}
+
 impl Subsets {
-    /// Enumerate; `counts[k]` is the number of columns of candidate k.
+    /// Enumerate.
     ///
     /// # Errors
     /// Of the program, for columns that are not finite.
-    pub fn new(weighing: &Weighing, counts: &[usize]) -> Result<Self> {
-        let mut next = 0;
-        let ranges: Vec<Vec<usize>> = counts
-            .iter()
-            .map(|&n| {
-                next += n;
-                (next - n..next).collect()
-            })
-            .collect();
+    pub fn new(weighing: &Weighing, candidates: &[Candidate]) -> Result<Self> {
+        let layout = Layout::new(candidates);
         let projected: Vec<Projected> = weighing
             .pairs
             .par_iter()
             .map(|pair| weighing.project(pair))
             .collect::<Result<_>>()?;
-        let log_prior = log_priors(counts.len());
-        let all = subsets(counts.len());
+        let log_prior = log_priors(candidates.len());
+        let all = subsets(candidates.len());
         let mut chosen: BTreeSet<Subset> = BTreeSet::new();
-        for pair in leading_pairs(weighing, &projected, &ranges, &all, &log_prior) {
+        for pair in leading_pairs(weighing, &projected, &layout, &all, &log_prior) {
             let mut scored: Vec<(f64, &Subset)> = all
                 .par_iter()
                 .map(|s| {
-                    let score = log_bayes_factor(&projected[pair], &columns(&ranges, s));
+                    let score = layout.log_bayes_factor(&projected[pair], s);
                     (score + log_prior[s.len()], s)
                 })
                 .collect();
@@ -89,7 +179,7 @@ impl Subsets {
             ranked: Vec::new(),
             discrepancy: 0.0,
             best_pair: 0,
-            ranges,
+            layout,
             projected,
             log_prior,
         };
@@ -141,10 +231,9 @@ impl Subsets {
     }
 
     fn evidence_by_pair(&self, subset: &Subset) -> Vec<f64> {
-        let columns = columns(&self.ranges, subset);
         self.projected
             .iter()
-            .map(|p| p.log_base + log_bayes_factor(p, &columns))
+            .map(|p| p.log_base + self.layout.log_bayes_factor(p, subset))
             .collect()
     }
 
@@ -196,7 +285,7 @@ impl Subsets {
                 known
             }
         };
-        let candidates = self.ranges.len() as f64;
+        let candidates = self.layout.ranges.len() as f64;
         let mean_size: f64 = SIZES.iter().enumerate().map(|(n, p)| n as f64 * p).sum();
         let prior = (mean_size / candidates).clamp(1e-6, 1.0 - 1e-6);
         side(true) - side(false) - (prior / (1.0 - prior)).ln()
@@ -204,7 +293,7 @@ impl Subsets {
 
     /// Mean and covariance of the amplitudes of a subset's columns, prior sds, under the most probable noise.
     pub fn amplitudes(&self, subset: &Subset) -> (DVector<f64>, DMatrix<f64>) {
-        let columns = columns(&self.ranges, subset);
+        let columns = self.layout.columns(subset);
         restrict(&self.projected[self.best_pair], &columns).map_or_else(
             || {
                 let n = columns.len();
@@ -216,7 +305,7 @@ impl Subsets {
 
     /// Drop in chi^2 of the data, under the most probable noise, when a subset acts at its best amplitudes.
     pub fn explained(&self, subset: &Subset) -> f64 {
-        let columns = columns(&self.ranges, subset);
+        let columns = self.layout.columns(subset);
         let Some(fit) = restrict(&self.projected[self.best_pair], &columns) else {
             return 0.0;
         };
@@ -241,25 +330,17 @@ fn restrict(projected: &Projected, columns: &[usize]) -> Option<NormalEquations>
     NormalEquations::with_unit_prior(g, z)
 }
 
-/// Log Bayes factor of columns against none.
-pub fn log_bayes_factor(projected: &Projected, columns: &[usize]) -> f64 {
-    if columns.is_empty() {
-        return 0.0;
-    }
-    restrict(projected, columns).map_or(f64::NEG_INFINITY, |f| f.log_evidence())
-}
-
 /// The likeliest pair of hyperparameters without and with a discrepancy, each for the best subset it would have.
 fn leading_pairs(
     weighing: &Weighing,
     projected: &[Projected],
-    ranges: &[Vec<usize>],
+    layout: &Layout,
     all: &[Subset],
     log_prior: &[f64],
 ) -> Vec<usize> {
     let greedy: Vec<f64> = projected
         .par_iter()
-        .map(|p| p.log_base + best_of_growing(p, ranges, log_prior))
+        .map(|p| p.log_base + best_of_growing(p, layout, log_prior))
         .collect();
     debug_assert!(!all.is_empty());
     [false, true]
@@ -273,16 +354,16 @@ fn leading_pairs(
 }
 
 /// Score of the best subset found by adding one candidate at a time.
-fn best_of_growing(p: &Projected, ranges: &[Vec<usize>], log_prior: &[f64]) -> f64 {
+fn best_of_growing(p: &Projected, layout: &Layout, log_prior: &[f64]) -> f64 {
     let mut subset: Subset = Vec::new();
     let mut best = log_prior[0];
     while subset.len() + 1 < log_prior.len() {
-        let grown = (0..ranges.len())
+        let grown = (0..layout.ranges.len())
             .filter(|k| !subset.contains(k))
             .map(|k| {
                 let mut s = subset.clone();
                 s.push(k);
-                (log_bayes_factor(p, &columns(ranges, &s)), s)
+                (layout.log_bayes_factor(p, &s), s)
             })
             .max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((score, grown)) = grown else { break };

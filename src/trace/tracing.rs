@@ -25,6 +25,14 @@ pub struct Found {
     pub aliases: Vec<(&'static str, f64)>,
 }
 
+impl Found {
+    /// Whether an amplitude that cannot be negative is.
+    pub fn is_impossible(&self) -> bool {
+        let mut parameters = self.effect.parameters().iter().zip(&self.amplitude);
+        parameters.any(|(p, (_, mean, _))| p.positive && *mean < 0.0)
+    }
+}
+
 pub struct Tracing {
     /// All candidates, the most probable first.
     pub candidates: Vec<Found>,
