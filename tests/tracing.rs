@@ -159,13 +159,7 @@ fn all_named(file: &str, grid: usize, noise: Noise) {
     let mut covered = 0;
     for (k, case) in CLEAR.iter().enumerate() {
         let name = case.split('=').next().unwrap();
-        let (accepted, last) = traced(&measured_with(
-            file,
-            grid,
-            &[case],
-            noise,
-            100 + k as u64,
-        ));
+        let (accepted, last) = traced(&measured_with(file, grid, &[case], noise, 100 + k as u64));
         let right = accepted.len() == 1 && accepted[0].1.contains(&name);
         if !right || last.discrepancy > 0.5 {
             wrong.push(format!(

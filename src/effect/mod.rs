@@ -4,6 +4,8 @@
 
 mod camera_rotation;
 mod camera_tilt;
+mod component_sensitivity;
+mod fibre_nonlinearity;
 mod fringe_order_jump;
 mod hole_edge_damage;
 mod hole_offset;
@@ -23,6 +25,7 @@ mod rigid_rotation;
 mod rigid_translation;
 mod seen;
 mod shear_nonlinearity;
+mod single_ply_misorientation;
 mod thermal_strain;
 mod thickness_taper;
 mod uniform_strain;
@@ -46,6 +49,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &magnification::Magnification,
     &camera_tilt::CameraTilt,
     &lens_distortion::LensDistortion,
+    &component_sensitivity::ComponentSensitivity,
     &phase_shift_error::PhaseShiftError,
     &fringe_order_jump::FringeOrderJump,
     &load_misalignment::LoadMisalignment,
@@ -54,9 +58,13 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &hole_offset::HoleOffset,
     &hole_size::HoleSize,
     &ply_misorientation::PlyMisorientation,
+    &single_ply_misorientation::SinglePlyMisorientation(0),
+    &single_ply_misorientation::SinglePlyMisorientation(1),
+    &single_ply_misorientation::SinglePlyMisorientation(2),
     &thickness_taper::ThicknessTaper,
     &hole_edge_damage::HoleEdgeDamage,
     &shear_nonlinearity::ShearNonlinearity,
+    &fibre_nonlinearity::FibreNonlinearity,
     &load_scale::LoadScale,
 ];
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::Serialize;
 
 use super::gauge::{Gauge, ZeroAt, hold_window};
-use super::{Experiment, Look, Sight, State};
+use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
@@ -190,6 +190,28 @@ impl Experiment for FieldExperiment {
             displacement,
             gradient,
         })
+    }
+
+    fn near_edge(&self, state: &State, sight: &Sight) -> Result<Vec<Vec<[f64; 2]>>> {
+        let ply = self.scene.material.ply(&state.constants);
+        let setup = self.setup(state)?;
+        let (mesh, fields) = self.plate.near_edge(
+            &setup,
+            &ply.admissible("elastic constants")?,
+            NEAR_EDGE_REACH,
+            NEAR_EDGE_HARMONICS,
+        )?;
+        let nominal = setup.load.axial / setup.width();
+        let camera = Seen::new(state.acting(), &self.scene);
+        let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();
+        let observer = Locator::new(&mesh).observe_extended(&places);
+        let seen = |nodal: &Vec<f64>| {
+            let u = observer.displacement(nodal);
+            let u: Vec<[f64; 2]> = u.into_iter().map(|u| u.map(|u| nominal * u)).collect();
+            // where the specimen stands still does not matter to a rival: without the rigid motion of the window
+            gauged(Gauge::Window, sight, &u)
+        };
+        Ok(fields.iter().map(seen).collect())
     }
 
     fn rest(&self) {

@@ -62,9 +62,23 @@ pub trait Experiment: Send + Sync {
     /// Those of the mechanics; constants that are not admissible.
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
 
+    /// What any change of stiffness within [`NEAR_EDGE_REACH`] radii of the hole adds elsewhere, as the camera reports it at a sight's
+    /// points: fields (mm) of initial stresses there that are as large as the nominal stress of the specimen's gross section. None without a
+    /// hole.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn near_edge(&self, _state: &State, _sight: &Sight) -> Result<Vec<Vec<[f64; 2]>>> {
+        Ok(Vec::new())
+    }
+
     /// Free what is kept between predictions.
     fn rest(&self) {}
 }
+
+/// Hole radii within which the near-edge rival's stresses act, and the harmonics of their distribution.
+pub const NEAR_EDGE_REACH: f64 = 1.3;
+pub const NEAR_EDGE_HARMONICS: usize = 4;
 
 /// A field as the camera reports it, before the gauge. One entry a point of the sight, `further` ones included.
 pub struct Look {

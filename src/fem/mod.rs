@@ -3,13 +3,14 @@
 mod assemble;
 mod beyond;
 pub mod element;
+mod initial_stress;
 mod lekhnitskii;
 mod load;
 mod observe;
 mod plate;
+mod ply_law;
 mod profile;
 mod setup;
-mod shear;
 mod solve;
 pub mod verify;
 

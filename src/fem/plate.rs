@@ -3,9 +3,12 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 use super::assemble::Assembly;
+use super::initial_stress::{add_forces, gauss_points};
+use super::ply_law::PlyLaw;
 use super::setup::Setup;
-use super::shear::ShearLaw;
 use super::solve::{Factor, Pool, Symbolic};
 use crate::error::{Error, Result};
 use crate::geometry::{Density, Geometry, HIGH, LOW, Mesh, Morph};
@@ -95,10 +98,61 @@ impl Plate {
         let load = mesh.end_forces(&setup.load);
         let mut nodal = load.clone();
         factor.solve(&mut nodal);
-        if let Some(law) = ShearLaw::new(setup, ply) {
+        if let Some(law) = PlyLaw::new(setup, ply) {
             law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
         }
         Ok(Solution { mesh, nodal })
+    }
+
+    /// Displacements of a test's mesh under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
+    /// N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`. Whatever changes the stiffness there, its
+    /// field outside is a sum of such fields. Empty without a hole.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn near_edge(
+        &self,
+        setup: &Setup,
+        ply: &Ply,
+        reach: f64,
+        harmonics: usize,
+    ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
+        let mesh = self.mesh_of(setup)?;
+        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        if geometry.hole_radius().is_none() {
+            return Ok((mesh, Vec::new()));
+        }
+        let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
+        let mut factor = self.factor();
+        factor.factorise_with(
+            &self.assembly.integrals(&mesh, &scale),
+            &setup.membrane(ply),
+        )?;
+        let gauss = gauss_points(&mesh);
+        let still = vec![0.0; mesh.unknowns()];
+        let mut loads = Vec::new();
+        for wave in 0..=2 * harmonics {
+            for component in 0..3 {
+                let stress = |p: [f64; 2]| {
+                    let near = geometry.hole_radii(p).is_some_and(|radii| radii < reach);
+                    let angle = wave.div_ceil(2) as f64 * p[1].atan2(p[0]);
+                    let value = if wave % 2 == 1 {
+                        angle.sin()
+                    } else {
+                        angle.cos()
+                    };
+                    let mut n = Vector3::zeros();
+                    n[component] = if near { value } else { 0.0 };
+                    n
+                };
+                let mut load = vec![0.0; mesh.unknowns()];
+                add_forces(&mesh, &gauss, &still, &|at, _| stress(at.place), &mut load);
+                loads.extend(load);
+            }
+        }
+        factor.solve(&mut loads);
+        let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
+        Ok((mesh, fields))
     }
 
     /// The mesh of a test: this one's, or one of the same connectivity where the test has another shape or a ring about

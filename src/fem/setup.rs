@@ -25,6 +25,8 @@ pub struct Setup {
     pub profile: Profile,
     /// Cubic coefficient beta of the plies' shear law, MPa^-3: gamma12 = tau12 / G12 + beta tau12^3.
     pub shear_cubic: f64,
+    /// Relative growth k of the plies' E1 with the strain along their fibres.
+    pub fibre_quadratic: f64,
     /// Tractions on the edges `low` and `high`.
     pub load: EndLoad,
     /// +1 where (direction 1, direction 2) is right-handed in the data's x-y plane, -1 where it is not: the
@@ -47,6 +49,7 @@ impl Setup {
             thickness: specimen.thickness_mm.mean,
             profile: Profile::default(),
             shear_cubic: 0.0,
+            fibre_quadratic: 0.0,
             load: EndLoad {
                 axial: load.force_n,
                 ..EndLoad::default()

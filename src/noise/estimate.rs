@@ -81,11 +81,13 @@ impl Noise {
             all.columns_mut(explained.ncols(), smooth.ncols())
                 .copy_from(&smooth);
             let y = blocks.average(&field.component(c));
-            let locals = differences.iter().map(|(seen, leftover, stride)| LocalVariance {
-                variance: seen.sd_mm[c].powi(2),
-                error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS * stride * stride),
-                leftover,
-            });
+            let locals = differences
+                .iter()
+                .map(|(seen, leftover, stride)| LocalVariance {
+                    variance: seen.sd_mm[c].powi(2),
+                    error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS * stride * stride),
+                    leftover,
+                });
             let locals: Vec<LocalVariance<'_>> = locals.collect();
             ComponentNoise::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &locals)
         };

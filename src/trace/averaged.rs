@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::sensitivities::Sensitivities;
+use super::sensitivities::{Column, Sensitivities};
 use super::subsets::log_sum;
-use super::weighing::Weighing;
+use super::weighing::{NoisePair, Weighing};
 use crate::error::{Error, Result};
 use crate::files::Keyed;
 use crate::noise::NormalEquations;
@@ -42,7 +42,7 @@ pub struct BlindSpot {
 }
 
 /// A normal component of a mixture.
-struct Part {
+pub struct Part {
     log_weight: f64,
     mean: Vec<f64>,
     sd: Vec<f64>,
@@ -54,44 +54,64 @@ struct Part {
 /// # Errors
 /// Of the program, for columns that are not finite.
 pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Keyed<Interval>> {
-    let p = sensitivities.base.len();
     let mut parts = Vec::new();
     for pair in &weighing.pairs {
-        let gram = weighing.gram(pair);
-        let base = weighing.project(pair)?;
         for multiple in MULTIPLES {
-            let all = gram.nrows() - 1;
-            let scale = |k: usize| if k < p { 1.0 } else { multiple };
-            let fit = NormalEquations::with_unit_prior(
-                DMatrix::from_fn(all, all, |i, j| scale(i) * scale(j) * gram[(i, j)]),
-                DVector::from_fn(all, |k, _| scale(k) * gram[(k, all)]),
-            )
-            .ok_or_else(not_finite)?;
-            let (solved, covariance) = (fit.mean(), fit.covariance());
-            // evidence against the base model alone, whose own is known
-            let effects =
-                NormalEquations::with_unit_prior(multiple * multiple * &base.g, multiple * &base.z)
-                    .ok_or_else(not_finite)?;
-            parts.push(Part {
-                log_weight: base.log_base + effects.log_evidence(),
-                mean: (0..sensitivities.constants)
-                    .map(|k| sensitivities.base[k].mean + sensitivities.base[k].sd * solved[k])
-                    .collect(),
-                sd: (0..sensitivities.constants)
-                    .map(|k| sensitivities.base[k].sd * covariance[(k, k)].sqrt())
-                    .collect(),
-            });
+            parts.push(part(weighing, sensitivities, pair, [multiple, 0.0])?);
         }
     }
-    let total = log_sum(parts.iter().map(|p| p.log_weight));
-    Ok((0..sensitivities.constants)
-        .map(|k| {
-            (
-                sensitivities.base[k].name.clone(),
-                mixture(&parts, total, k),
-            )
+    Ok(mixtures(sensitivities, &parts))
+}
+
+/// The constants where all undeclared effects act with `effects` times their prior sds, and the near-edge rival with stresses of
+/// `rival` times the nominal one.
+///
+/// # Errors
+/// Of the program, for columns that are not finite.
+pub fn part(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    pair: &NoisePair,
+    [effects, rival]: [f64; 2],
+) -> Result<Part> {
+    let gram = weighing.gram(pair);
+    let data = gram.nrows() - 1;
+    let base = sensitivities.base.len();
+    let first_rival = data - sensitivities.near_edge.len();
+    let scaled: Vec<(usize, f64)> = (0..data)
+        .map(|k| match k {
+            k if k < base => (k, 1.0),
+            k if k < first_rival => (k, effects),
+            k => (k, rival),
         })
-        .collect())
+        .filter(|(_, scale)| *scale > 0.0)
+        .collect();
+    let (n, at) = (scaled.len(), |i: usize| scaled[i]);
+    let fit = NormalEquations::with_unit_prior(
+        DMatrix::from_fn(n, n, |i, j| at(i).1 * at(j).1 * gram[(at(i).0, at(j).0)]),
+        DVector::from_fn(n, |i, _| at(i).1 * gram[(at(i).0, data)]),
+    )
+    .ok_or_else(not_finite)?;
+    let columns = sensitivities.base.iter().take(sensitivities.constants);
+    let (solved, covariance) = (fit.mean(), fit.covariance());
+    let of = |k: usize| (solved[k], covariance[(k, k)].sqrt());
+    let moments = columns
+        .enumerate()
+        .map(|(k, c)| (c.mean + c.sd * of(k).0, c.sd * of(k).1));
+    let (mean, sd) = moments.unzip();
+    Ok(Part {
+        log_weight: weighing.log_data(pair) + fit.log_evidence(),
+        mean,
+        sd,
+    })
+}
+
+/// The constants' mixtures of weighted parts.
+pub fn mixtures(sensitivities: &Sensitivities, parts: &[Part]) -> Keyed<Interval> {
+    let total = log_sum(parts.iter().map(|p| p.log_weight));
+    let columns = sensitivities.base.iter().take(sensitivities.constants);
+    let mixed = |(k, c): (usize, &Column)| (c.name.clone(), mixture(parts, total, k));
+    columns.enumerate().map(mixed).collect()
 }
 
 fn not_finite() -> Error {
@@ -142,12 +162,13 @@ pub fn blind_spots(
     let projected = weighing.project(pair)?;
     let p = sensitivities.base.len();
     let all = gram.ncols() - 1;
+    let candidates = all - p - sensitivities.near_edge.len();
     let base = NormalEquations::with_unit_prior(
         gram.view((0, 0), (p, p)).into_owned(),
         gram.view((0, all), (p, 1)).column(0).into_owned(),
     )
     .ok_or_else(not_finite)?;
-    let shift = base.solve(&gram.view((0, p), (p, all - p)).into_owned());
+    let shift = base.solve(&gram.view((0, p), (p, candidates)).into_owned());
     let prior =
         super::subsets::SIZES[1] / sensitivities.candidates.len() as f64 / super::subsets::SIZES[0];
     let mut spots = Vec::new();

@@ -5,6 +5,7 @@ use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::sensitivities::{Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
+use super::suspect::{Suspect, suspect};
 use super::tracing::{Found, Named, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
@@ -33,7 +34,8 @@ pub struct Evidence<'a> {
     measured: &'a Measured,
     /// The prediction linearised.
     pub sensitivities: Sensitivities,
-    weighing: Weighing,
+    /// Data and columns under every choice of the noise.
+    pub weighing: Weighing,
     /// The posterior over subsets.
     pub subsets: Subsets,
 }
@@ -110,6 +112,8 @@ impl Evidence<'_> {
             .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
             .map(|g| g.members.clone())
             .collect();
+        let average = averaged(&self.weighing, &self.sensitivities)?;
+        let suspect = suspect(self, &average)?;
         Ok(Tracing {
             candidates,
             groups: named,
@@ -119,7 +123,8 @@ impl Evidence<'_> {
             discrepancy: self.subsets.discrepancy,
             length_mm: noise.map(|h| if h.ratio > 0.0 { h.length_mm } else { 0.0 }),
             structure: noise.map(|h| h.is_discrepancy(&self.measured.blocks).then_some(*h)),
-            averaged: averaged(&self.weighing, &self.sensitivities)?,
+            averaged: suspect.as_ref().map_or(average, Suspect::hull),
+            suspect,
             blind_spots: self
                 .load_scale()
                 .into_iter()
@@ -278,7 +283,13 @@ impl Evidence<'_> {
     fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, f64)> {
         let subsets = &self.subsets;
         let projected = &subsets.projected[subsets.best_pair];
-        let of = |j: usize| cosine(projected, &subsets.layout.ranges[k], &subsets.layout.ranges[j]);
+        let of = |j: usize| {
+            cosine(
+                projected,
+                &subsets.layout.ranges[k],
+                &subsets.layout.ranges[j],
+            )
+        };
         let group = groups.iter().find(|g| g.members.contains(&k));
         let mut aliases: Vec<(&'static str, f64)> = (0..subsets.layout.ranges.len())
             .filter(|j| *j != k)

@@ -87,7 +87,9 @@ impl<'a> Holdout<'a> {
                 continue;
             };
             let x = fit.mean();
-            for b in (0..self.region[QUADRANTS].len()).filter(|&b| self.region[QUADRANTS][b] == region) {
+            for b in
+                (0..self.region[QUADRANTS].len()).filter(|&b| self.region[QUADRANTS][b] == region)
+            {
                 for c in 0..2 {
                     let columns = fitted.iter().zip(x.iter());
                     let predicted: f64 = columns.map(|(col, x)| col.values[c][b] * x).sum();

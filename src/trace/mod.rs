@@ -12,6 +12,7 @@ mod ridge;
 mod round;
 mod sensitivities;
 mod subsets;
+mod suspect;
 mod tracing;
 mod weighing;
 
@@ -20,4 +21,5 @@ pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use round::Round;
+pub use suspect::{Answer, Suspect};
 pub use tracing::{Found, Named, Resembling, Tracing, UNEXPLAINED};

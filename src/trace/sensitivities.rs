@@ -48,6 +48,9 @@ pub struct Sensitivities {
     pub constants: usize,
     /// Effects that are not declared.
     pub candidates: Vec<Candidate>,
+    /// Block averages of (u1, u2), mm, of the near-edge rival's fields ([`crate::experiment::Experiment::near_edge`]); none where no
+    /// effect is a candidate.
+    pub near_edge: Vec<[DVector<f64>; 2]>,
 }
 
 /// The measured field as block averages.
@@ -133,6 +136,12 @@ impl Linearised<'_> {
             .collect::<Result<_>>()?;
         let mut predicted = averages(self.blocks, &here.field);
         move_to_means(&mut predicted, columns.iter());
+        let near_edge = if candidates.is_empty() {
+            Vec::new()
+        } else {
+            experiment.near_edge(at, &self.prepared.observation.sight)?
+        };
+        let near_edge = near_edge.iter().map(|u| averages(self.blocks, u)).collect();
         let mut columns = columns.into_iter();
         let base = columns.by_ref().take(declared).collect();
         let candidates = candidates
@@ -147,6 +156,7 @@ impl Linearised<'_> {
             base,
             constants: at.constants.len(),
             candidates,
+            near_edge,
         })
     }
 
@@ -188,6 +198,7 @@ impl Linearised<'_> {
         let kept = before.candidates.iter().flat_map(|c| &c.columns);
         move_to_means(&mut sensitivities.predicted, kept);
         sensitivities.candidates = before.candidates.clone();
+        sensitivities.near_edge = before.near_edge.clone();
         Ok(sensitivities)
     }
 

@@ -79,7 +79,7 @@ impl Layout {
     }
 
     /// Columns of a subset among the candidates' columns.
-    fn columns(&self, subset: &Subset) -> Vec<usize> {
+    pub fn columns(&self, subset: &Subset) -> Vec<usize> {
         columns(&self.ranges, subset)
     }
 
@@ -101,7 +101,11 @@ impl Layout {
         let mean = fit.mean();
         if signed {
             let covariance = fit.covariance();
-            for (i, _) in columns.iter().enumerate().filter(|(_, k)| self.positive[**k]) {
+            for (i, _) in columns
+                .iter()
+                .enumerate()
+                .filter(|(_, k)| self.positive[**k])
+            {
                 log += log_positive(mean[i] / covariance[(i, i)].sqrt());
             }
         }
@@ -240,6 +244,11 @@ impl Subsets {
     /// Log evidence of any subset, averaged over the noise.
     pub fn log_evidence(&self, subset: &Subset) -> f64 {
         log_sum(self.evidence_by_pair(subset).into_iter())
+    }
+
+    /// Log prior probability of a subset of so many effects.
+    pub fn log_prior(&self, size: usize) -> f64 {
+        self.log_prior[size]
     }
 
     /// The most probable subset.

@@ -1,6 +1,7 @@
 //! What tracing found: candidates, alias groups, what is to be added, what could hide.
 
 use super::averaged::{BlindSpot, Interval};
+use super::suspect::Suspect;
 use crate::effect::Effect;
 use crate::files::Keyed;
 use crate::noise::Hyperparameters;
@@ -51,8 +52,10 @@ pub struct Tracing {
     pub length_mm: [f64; 2],
     /// The likeliest hyperparameters of each component, where they are a discrepancy.
     pub structure: [Option<Hyperparameters>; 2],
-    /// The constants, averaged over what may act unseen.
+    /// The constants, averaged over what may act unseen; where the account is suspect, what spans the answers there.
     pub averaged: Keyed<Interval>,
+    /// Whether the account of the residual is suspect, and the answers that `averaged` spans then.
+    pub suspect: Option<Suspect>,
     /// What could hide in the residual.
     pub blind_spots: Vec<(&'static str, BlindSpot)>,
     /// RMS error of held-out block averages by the model as it is, nm.

@@ -11,8 +11,8 @@ use super::sensitivities::{Measured, Sensitivities};
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
-use crate::noise::reml::Contrasts;
-use crate::noise::{Hyperparameters, NormalEquations};
+use crate::noise::reml::{Contrasts, orthonormal};
+use crate::noise::{Hyperparameters, NormalEquations, solve};
 
 /// Prior probability of a smooth discrepancy. With it the prototype study called 38 of 38 smooth random fields outside the
 /// dictionary unexplained, and none of 500 fields of noise alone.
@@ -33,6 +33,8 @@ pub struct NoiseChoice {
     log_det: f64,
     /// X' C^-1 X of all columns and, last, the data.
     gram: DMatrix<f64>,
+    /// The scale s^2 of contrasts that are orthogonal to the near-edge rival too, over that of `at`.
+    beyond_rival: f64,
 }
 
 /// Hyperparameters of both components that are worth weighing together.
@@ -41,8 +43,10 @@ pub struct Weighing {
     pub choices: [Vec<NoiseChoice>; 2],
     /// Pairs of them, with their log prior probability.
     pub pairs: Vec<NoisePair>,
-    /// Number of base columns.
+    /// Number of base columns, which come first, before those of the candidates and of the near-edge rival.
     base: usize,
+    /// Number of blocks.
+    blocks: usize,
 }
 
 /// A choice for each component.
@@ -56,7 +60,8 @@ pub struct NoisePair {
     pub discrepancy: bool,
 }
 
-/// Candidates' normal equations under one pair, with the base columns eliminated.
+/// Normal equations of the candidates and the near-edge rival under one pair, with the base columns eliminated.
+#[derive(Clone)]
 pub struct Projected {
     /// X' M (data).
     pub z: DVector<f64>,
@@ -90,7 +95,22 @@ impl Weighing {
             pairs: pairs(&choices, &measured.blocks),
             choices,
             base: sensitivities.base.len(),
+            blocks: measured.blocks.len(),
         })
+    }
+
+    /// The same with noise of the scale that the near-edge rival leaves.
+    pub fn beyond_rival(&self) -> Self {
+        let rescaled = |choice: &NoiseChoice| NoiseChoice {
+            gram: &choice.gram / choice.beyond_rival,
+            log_det: choice.log_det + self.blocks as f64 * choice.beyond_rival.ln(),
+            ..choice.clone()
+        };
+        Self {
+            choices: [0, 1].map(|c: usize| self.choices[c].iter().map(rescaled).collect()),
+            pairs: self.pairs.clone(),
+            ..*self
+        }
     }
 
     /// Normal equations of all columns and, last, the data, under a pair.
@@ -111,15 +131,20 @@ impl Weighing {
         )
         .ok_or_else(|| Error::program("trace::weighing", "finite columns of the base model"))?;
         let x = gram.view((0, p), (p, all - p)).into_owned();
-        let log_det: f64 = [0, 1]
-            .map(|c| self.choices[c][pair.of[c]].log_det)
-            .iter()
-            .sum();
         Ok(Projected {
             z: gram.view((p, all), (all - p, 1)).column(0) - x.tr_mul(&base.mean()),
             g: gram.view((p, p), (all - p, all - p)) - x.tr_mul(&base.solve(&x)),
-            log_base: pair.log_prior - 0.5 * (log_det + gram[(all, all)]) + base.log_evidence(),
+            log_base: self.log_data(pair) + base.log_evidence(),
         })
+    }
+
+    /// Log evidence of a model without a column, with the pair's log prior, up to a constant.
+    pub fn log_data(&self, pair: &NoisePair) -> f64 {
+        let log = |c: usize| {
+            let choice = &self.choices[c][pair.of[c]];
+            choice.log_det + choice.gram[(choice.gram.nrows() - 1, choice.gram.nrows() - 1)]
+        };
+        pair.log_prior - 0.5 * (log(0) + log(1))
     }
 
     /// The covariance hyperparameters of both components in a pair.
@@ -157,17 +182,30 @@ fn choices(
         .hint("restrict the dictionary with \"candidates\", or measure more densely"));
     }
     let contrasts = Contrasts::new(blocks, y.clone(), &all)?;
-    let mut with_data = all.clone().insert_column(all.ncols(), 0.0);
-    with_data.set_column(all.ncols(), y);
+    let rival = sensitivities.near_edge.iter().map(|u| u[c].clone());
+    let columns: Vec<DVector<f64>> = columns
+        .into_iter()
+        .chain(rival)
+        .chain([y.clone()])
+        .collect();
+    let with_data = DMatrix::from_columns(&columns);
+    let last = columns.len() - 1;
+    let rank = orthonormal(&with_data.columns(0, last).into_owned()).ncols();
     let lengths = [noise_lengths_mm(blocks), discrepancy_lengths_mm(blocks)].concat();
     let mut found = over_grid(blocks, &lengths, TRACED, |covariance| {
         step();
         let at = contrasts.at(covariance)?;
         let white = covariance.whiten(&with_data);
+        let gram = white.tr_mul(&white) / at.scale2;
+        let explained = gram.view((0, last), (last, 1)).column(0).into_owned();
+        let fit = solve(&gram.view((0, 0), (last, last)).into_owned(), &explained);
+        let left = (gram[(last, last)] - fit.dot(&explained)).max(f64::MIN_POSITIVE);
+        let freedom = blocks.len().saturating_sub(rank).max(1);
         Ok(NoiseChoice {
             at,
             log_det: covariance.log_det() + blocks.len() as f64 * at.scale2.ln(),
-            gram: white.tr_mul(&white) / at.scale2,
+            gram,
+            beyond_rival: left / freedom as f64,
         })
     })?;
     found.sort_by(|a, b| b.at.log_likelihood.total_cmp(&a.at.log_likelihood));
@@ -205,7 +243,9 @@ fn pairs(choices: &[Vec<NoiseChoice>; 2], blocks: &Blocks) -> Vec<NoisePair> {
             };
             pairs.push(NoisePair {
                 of: [i, j],
-                log_prior: class.ln() + log_prior(&first.at, blocks) + log_prior(&second.at, blocks),
+                log_prior: class.ln()
+                    + log_prior(&first.at, blocks)
+                    + log_prior(&second.at, blocks),
                 discrepancy,
             });
         }

@@ -1,25 +1,29 @@
-//! Plies whose shear strain grows faster than their shear stress (Hahn and Tsai, J. Composite Materials 7 (1973)).
+//! Plies whose stress does not grow with their strain: softer in shear (Hahn and Tsai, J. Composite Materials 7 (1973)), stiffer along
+//! stretched fibres.
 
 use nalgebra::Vector3;
 
-use super::element::{self, GAUSS};
+use super::initial_stress::{Gauss, add_forces, gauss_points};
 use super::setup::Setup;
 use super::solve::Factor;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::laminate::{Ply, strain_rotation};
 
-/// gamma12 = tau12 / G12 + beta tau12^3 in every ply. Shear and normal stresses of a ply in its own axes do not act on
+/// gamma12 = tau12 / G12 + beta tau12^3 and sigma1 = E1 (1 + k epsilon1) epsilon1 + .. in every ply. Shear and normal stresses of a ply in its own axes do not act on
 /// each other, so that a ply's shear stress follows from its shear strain alone. What it lacks against G12 gamma12 is
-/// an initial stress of the linear plate.
+/// an initial stress of the linear plate, and so is what a ply has beyond E1 epsilon1 along its fibres.
 ///
 /// For a negative beta that relation ends at some stress. There the ply stiffens by what it would lose at -beta: defined
 /// for any strain, the same to first order, and odd in beta.
-pub struct ShearLaw {
+pub struct PlyLaw {
     beta: f64,
     g12: f64,
-    /// Different ply angles: the row that takes laminate strains to the ply's shear strain, and the plies' thickness, mm.
-    plies: Vec<(Vector3<f64>, f64)>,
+    /// E1 k, MPa.
+    fibre: f64,
+    /// Different ply angles: the rows that take laminate strains to the ply's strain along its fibres and to its shear strain, and the
+    /// plies' thickness, mm.
+    plies: Vec<([Vector3<f64>; 2], f64)>,
 }
 
 /// Relative change of the field at which the iteration ends.
@@ -28,10 +32,10 @@ const TOLERANCE: f64 = 1e-11;
 /// Most iterations.
 const MOST: usize = 200;
 
-impl ShearLaw {
+impl PlyLaw {
     /// The law of a test; none where it is linear.
     pub fn new(setup: &Setup, ply: &Ply) -> Option<Self> {
-        if setup.shear_cubic == 0.0 {
+        if setup.shear_cubic == 0.0 && setup.fibre_quadratic == 0.0 {
             return None;
         }
         let thickness = setup.thickness / setup.angles.len() as f64;
@@ -42,11 +46,12 @@ impl ShearLaw {
                 None => plies.push((angle, thickness)),
             }
         }
-        let row = |angle: f64| -> Vector3<f64> { strain_rotation(angle).row(2).transpose() };
+        let rows = |angle: f64| [0, 2].map(|k| strain_rotation(angle).row(k).transpose());
         Some(Self {
             beta: setup.shear_cubic,
             g12: ply.g12,
-            plies: plies.into_iter().map(|(a, h)| (row(a), h)).collect(),
+            fibre: setup.fibre_quadratic * ply.e1,
+            plies: plies.into_iter().map(|(a, h)| (rows(a), h)).collect(),
         })
     }
 
@@ -61,7 +66,11 @@ impl ShearLaw {
     fn resultant_deficit(&self, strain: &Vector3<f64>) -> Vector3<f64> {
         self.plies
             .iter()
-            .map(|(row, h)| row * (h * self.deficit(row.dot(strain))))
+            .map(|([along, shear], h)| {
+                let fibre = along.dot(strain);
+                along * (-h * self.fibre * fibre * fibre)
+                    + shear * (h * self.deficit(shear.dot(strain)))
+            })
             .sum()
     }
 
@@ -78,10 +87,13 @@ impl ShearLaw {
         factor: &mut Factor<'_>,
         nodal: &mut Vec<f64>,
     ) -> Result<()> {
-        let gauss = gauss_points(mesh, scale);
+        let gauss = gauss_points(mesh);
         for _ in 0..MOST {
             let mut next = load.to_vec();
-            self.add_forces(mesh, &gauss, nodal, &mut next);
+            let lacking = |at: &Gauss, strain: &Vector3<f64>| {
+                self.resultant_deficit(strain) * scale(at.place)
+            };
+            add_forces(mesh, &gauss, nodal, &lacking, &mut next);
             factor.solve(&mut next);
             let size = next.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
             let change = next
@@ -94,52 +106,12 @@ impl ShearLaw {
             }
         }
         Err(Error::input(
-            "shear_nonlinearity",
-            "a shear law under which the plate comes to rest",
+            "shear_nonlinearity, fibre_nonlinearity",
+            "plies under which the plate comes to rest",
         )
-        .found(format!("{:e} MPa^-3", self.beta))
-        .hint(
-            "make the coefficient or the load smaller: the plies' shear stiffness is all but gone",
-        ))
+        .found(format!("{:e} MPa^-3, {:e} MPa", self.beta, self.fibre))
+        .hint("make the coefficient or the load smaller: the plies' stiffness is all but gone"))
     }
-
-    fn add_forces(&self, mesh: &Mesh, gauss: &[Gauss], nodal: &[f64], force: &mut [f64]) {
-        let points = GAUSS.len() * GAUSS.len();
-        for (nodes, gauss) in mesh.elements.iter().zip(gauss.chunks(points)) {
-            let u = nodes.map(|n| [nodal[2 * n as usize], nodal[2 * n as usize + 1]]);
-            for (g, weight) in gauss {
-                let mut strain = Vector3::zeros();
-                for (g, u) in g.iter().zip(u) {
-                    strain.x += g[0] * u[0];
-                    strain.y += g[1] * u[1];
-                    strain.z += g[1] * u[0] + g[0] * u[1];
-                }
-                let n = self.resultant_deficit(&strain) * *weight;
-                for (node, g) in nodes.iter().zip(g) {
-                    force[2 * *node as usize] += g[0] * n.x + g[1] * n.z;
-                    force[2 * *node as usize + 1] += g[1] * n.y + g[0] * n.z;
-                }
-            }
-        }
-    }
-}
-
-/// Gradients of an element's shape functions at a Gauss point, and its weight (mm^2, the scale included).
-type Gauss = ([[f64; 2]; 8], f64);
-
-fn gauss_points(mesh: &Mesh, scale: &dyn Fn([f64; 2]) -> f64) -> Vec<Gauss> {
-    let mut points = Vec::with_capacity(9 * mesh.elements.len());
-    for e in 0..mesh.elements.len() {
-        let x = mesh.corners(e);
-        for (a, wa) in GAUSS {
-            for (b, wb) in GAUSS {
-                let (g, det) = element::physical_gradient(&x, a, b);
-                let p = element::position(&x, &element::shape(a, b));
-                points.push((g, wa * wb * det * scale(p)));
-            }
-        }
-    }
-    points
 }
 
 /// The root f of f + x f^3 = 1 for x >= 0: shear stress over its linear value.

@@ -1,0 +1,32 @@
+//! The instrument scales the two components of the displacement.
+
+use super::{Effect, Entry, Kind, Parameter, Scene};
+
+pub struct ComponentSensitivity;
+
+impl Effect for ComponentSensitivity {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "component_sensitivity",
+            kind: Kind::Optical,
+            parameters: const {
+                &[
+                    Parameter::new("u1_percent", 0.5, 20.0),
+                    Parameter::new("u2_percent", 0.5, 20.0),
+                ]
+            },
+            about: "Displacements along the load and across it are reported too large by these percentages: gratings of another frequency, beams at another angle, pixels that are not square.",
+            confirm: "Shift the specimen by a known amount along either direction and compare; or measure the frequency of the gratings, or the sides of a pixel, on a calibrated target.",
+        }
+    }
+
+    fn components(
+        &self,
+        amplitude: &[f64],
+        _scene: &Scene,
+        _reported: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        [0, 1].map(|k| u[k] * (1.0 + 0.01 * amplitude[k]))
+    }
+}
