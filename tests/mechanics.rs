@@ -434,11 +434,7 @@ fn an_isotropic_plate_has_no_effects_of_its_plies() {
 /// Points are reported beside their places, and displacements turned by a right angle.
 struct Shifted;
 
-const SHIFT: [Parameter; 1] = [Parameter {
-    name: "shift_mm",
-    prior_sd: Some(0.1),
-    bound: 1.0,
-}];
+const SHIFT: [Parameter; 1] = [Parameter::new("shift_mm", 0.1, 1.0)];
 
 impl Effect for Shifted {
     fn entry(&self) -> Entry {

@@ -96,7 +96,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
     let mut state = model.state(&|_| None);
     let mut accepted = Vec::new();
     loop {
-        let tracing = attribute(&model, &prepared, state.clone(), &Silent).unwrap();
+        let tracing = attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
         let Some(effect) = tracing.accepted.filter(|_| accepted.len() < 5) else {
             return (accepted, tracing);
         };
@@ -396,7 +396,7 @@ fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
     let state = model.state(&|_| None);
-    let tracing = attribute(&model, &prepared, state, &Silent).unwrap();
+    let tracing = attribute(&model, &prepared, state, &|_| true, &Silent).unwrap();
     let group = &tracing.groups[0];
     assert_eq!(group.leader, "in_plane_bending");
     if group.members.contains(&"thickness_taper") {

@@ -113,7 +113,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
     let prepared = crate::identify::prepare(&model, &cache(), console)?;
-    let tracing = trace::attribute(&model, &prepared, start, console)?;
+    let tracing = trace::attribute(&model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
     print(&ranking::tracing(&found))?;
     print(&ranking::averaged(&found, &spots, &alone))?;

@@ -34,6 +34,10 @@ pub struct Identification {
     pub structure: Structure,
     /// What stationary noise does not do.
     pub patterns: Patterns,
+    /// Whether the posterior has a mode that is not absurd; if not, its constants were held within reason.
+    pub determined: bool,
+    /// Probability of a misfit of the modes as large as at the posterior mean.
+    pub misfit_p: f64,
     /// Sentences about results that should not be trusted as they stand.
     pub warnings: Vec<String>,
 }

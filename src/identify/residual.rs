@@ -18,6 +18,8 @@ pub struct Residual {
     pub noise_nm: [f64; 2],
     /// chi^2 of the block averages by their covariance, per degree of freedom.
     pub chi2_reduced: f64,
+    /// Probability of a larger one, the uncertainty of the noise's size counted.
+    pub p_chi2: f64,
     /// Share of the residual's variance that is not noise.
     pub structured_fraction: f64,
     pub points: usize,
@@ -67,10 +69,15 @@ impl Residual {
         let noise_nm = [0, 1].map(|c| noise.point_sd_nm(c));
         let total: f64 = rms_nm.iter().map(|v| v * v).sum();
         let random: f64 = noise_nm.iter().map(|v| v * v).sum();
+        let chi2_reduced = statistics.reduced_chi2(alpha);
+        let scale = 0.25 * (noise.log_variance[0].1 + noise.log_variance[1].1);
+        let error = (1.0 / noise.blocks.len() as f64 + scale).sqrt();
+        let z = (chi2_reduced - 1.0) / error;
         Self {
             rms_nm,
             noise_nm,
-            chi2_reduced: statistics.reduced_chi2(alpha),
+            chi2_reduced,
+            p_chi2: 0.5 * statrs::function::erf::erfc(z / std::f64::consts::SQRT_2),
             structured_fraction: (1.0 - random / total).max(0.0),
             points: field.len(),
             effective_points: noise.effective_points,

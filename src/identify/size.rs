@@ -9,6 +9,9 @@ use crate::reduce::ReducedModel;
 /// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
 const MOST_RATIO: f64 = 5.0;
 
+/// Fields of a smaller cosine differ by more than a factor, which no mistake in the units makes.
+const SIMILAR: f64 = 0.8;
+
 /// A field many times too large, too small, or of the wrong sign for the model's own constants (`nominal`, a point of
 /// the reduced model's parameters) is a mistake in the units, the axes or the load, and no posterior should come of it.
 ///
@@ -31,6 +34,12 @@ pub fn check_size(
                 .map(|(a, b)| a[c] * b[c])
                 .sum::<f64>()
         };
+        let square: f64 = measured.iter().map(|u| u[c] * u[c]).sum();
+        let cosine = dot(&measured) / (square * dot(&predicted)).sqrt();
+        if cosine.abs() < SIMILAR {
+            // another field altogether: what the model lacks may be larger than what it has
+            continue;
+        }
         let ratio = dot(&measured) / dot(&predicted);
         if (1.0 / MOST_RATIO..MOST_RATIO).contains(&ratio) {
             continue;

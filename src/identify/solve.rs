@@ -10,11 +10,11 @@ use super::refine::enrich;
 use super::residual::{Residual, effect_amplitudes};
 use super::structure::Structure;
 use super::surrogate::SurrogateError;
-use super::warnings::warnings;
+use super::warnings::{modal_misfit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::infer::{LogDensity, Model, Posterior};
+use crate::infer::{Laplace, LogDensity, Model, Posterior};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 use crate::sample::{
@@ -51,7 +51,25 @@ pub fn identify(
     let mut prepared = prepare(model, &options.cache, progress)?;
     prepared.discrepancy = options.discrepancy;
     let mut found = identify_prepared(model, prepared, options, progress)?;
-    let mut history = vec![Refinement::of(&found)];
+    found.refinements = vec![Refinement::of(&found)];
+    if !found.determined {
+        return Ok(found);
+    }
+    refine(model, found, options, progress)
+}
+
+/// Refine the reduced model about the posterior, and sample that again, while the finite elements ask for it and `options.refinements`
+/// allows it.
+///
+/// # Errors
+/// Those of [`identify`].
+pub fn refine(
+    model: &Model,
+    mut found: Identification,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<Identification> {
+    let mut history = std::mem::take(&mut found.refinements);
     for k in 1..=options.refinements {
         if history.last().is_some_and(Refinement::is_enough) {
             break;
@@ -78,11 +96,19 @@ fn identify_prepared(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let inverse = inverse_problem(model, prepared, progress)?;
-    let (draws, stopped) = draw(&inverse.posterior, options, progress)?;
+    let mut inverse = inverse_problem(model, prepared, progress)?;
+    let mode = start(&inverse.posterior).ok();
+    let mode = mode.filter(|mode| inverse.posterior.is_credible(&mode.mode));
+    let determined = mode.is_some();
+    if !determined {
+        inverse.posterior = inverse.posterior.within_reason();
+    }
+    let mode = mode.unwrap_or_else(|| from_prior(&inverse.posterior));
+    let (draws, stopped) = draw(&inverse.posterior, &mode, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let residual = Residual::at(&inverse, &mean);
+    let (_, _, misfit_p) = modal_misfit(&inverse, &mean);
     let surrogate = SurrogateError::measure(&inverse, &draws, progress)?;
     let field = &inverse.prepared.observation.field;
     let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
@@ -94,6 +120,8 @@ fn identify_prepared(
         structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
         warnings: Vec::new(),
         refinements: Vec::new(),
+        determined,
+        misfit_p,
         inverse,
         draws,
         stopped,
@@ -111,12 +139,29 @@ const FEWEST_DRAWS: usize = 4;
 /// Spread of the start about the mode, in units of its normal approximation.
 const SPREAD: f64 = 3.0;
 
+/// Spread of a start from the prior, prior sds.
+const PRIOR_SPREAD: f64 = 0.1;
+
+/// Where chains start that have no mode: about the prior's mean.
+fn from_prior(posterior: &Posterior) -> Laplace {
+    let (mode, sd) = posterior.start();
+    let mut covariance = vec![0.0; sd.len() * sd.len()];
+    for (k, sd) in sd.iter().enumerate() {
+        covariance[k * (mode.len() + 1)] = (PRIOR_SPREAD * sd / SPREAD).powi(2);
+    }
+    Laplace {
+        log_density: posterior.log_density(&mode),
+        mode,
+        covariance,
+    }
+}
+
 fn draw(
     posterior: &Posterior,
+    mode: &Laplace,
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<(Draws, Stopped)> {
-    let mode = start(posterior)?;
     let start = Start::Ball {
         centre: &mode.mode,
         covariance: &mode.covariance,

@@ -3,9 +3,10 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::identification::Identification;
+use super::inverse::InverseProblem;
 use super::surrogate::TOLERANCE;
 use crate::field::rigid;
-use crate::infer::Model;
+use crate::infer::{Model, REASON_SDS};
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
 
 /// Structure is spoken of where the residual's chi^2 exceeds 1 by this many standard errors of chi^2.
@@ -23,10 +24,10 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     let mean: Vec<f64> = of.verdict.rows.iter().map(|row| row.mean).collect();
     let theta = &mean[..posterior.structural()];
     let scale = posterior.scale(&mean);
-    let likelihood = posterior.likelihood();
-    let (misfit, coordinates) = likelihood.misfit(theta, scale);
-    let freedom = coordinates.saturating_sub(theta.len()).max(1);
-    let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
+    if !of.determined {
+        said.push(format!("These constants are not determined: what the model lacks drives them beyond {REASON_SDS} prior sd, and they were held within. Only the further rounds of a loop can say more."));
+    }
+    let (misfit, freedom, p) = modal_misfit(&of.inverse, &mean);
     if p < 1e-3 {
         said.push(format!(
             "No constants within the priors fit the measured modes: their misfit is {misfit:.1} with {freedom} degrees of freedom."
@@ -66,6 +67,16 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
         ));
     }
     said
+}
+
+/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one.
+pub fn modal_misfit(of: &InverseProblem, mean: &[f64]) -> (f64, usize, f64) {
+    let posterior = &of.posterior;
+    let theta = &mean[..posterior.structural()];
+    let (misfit, coordinates) = posterior.likelihood().misfit(theta, posterior.scale(mean));
+    let freedom = coordinates.saturating_sub(theta.len()).max(1);
+    let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
+    (misfit, freedom, p)
 }
 
 fn structure(of: &Identification, said: &mut Vec<String>) {

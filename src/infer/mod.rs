@@ -22,7 +22,7 @@ pub use laplace::{Laplace, laplace};
 pub use likelihood::Likelihood;
 pub use model::Model;
 pub use observation::{Columns, Observation, RecordedAmplitude};
-pub use posterior::{NOISE, Posterior};
+pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
 pub use statistics::{Statistics, Whitened};

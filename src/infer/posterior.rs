@@ -7,6 +7,9 @@ use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
 
+/// Parameters farther from their priors' means, prior sds, are no finding: what the model lacks has driven them there.
+pub const REASON_SDS: f64 = 6.0;
+
 /// Name of the noise parameter.
 pub const NOISE: &str = "noise_nm";
 
@@ -93,6 +96,32 @@ impl Posterior {
         other.normals = NormalPrior::of(&marginals);
         other.marginals = marginals;
         other
+    }
+
+    /// Whether a point's parameters without the noise lie within [`REASON_SDS`] of their priors' means.
+    pub fn is_credible(&self, x: &[f64]) -> bool {
+        let mut pairs = self.marginals.iter().zip(x);
+        pairs.all(|(m, x)| (x - m.mean).abs() <= REASON_SDS * m.sd)
+    }
+
+    /// The same density, cut off [`REASON_SDS`] from the priors' means and a tenth of the elastic constants' from zero.
+    #[must_use]
+    pub fn within_reason(&self) -> Self {
+        let constants = self.material.constants().len();
+        let cut = |(k, m): (usize, &Marginal)| {
+            let [low, high] = m.bounds();
+            let floor = if k < constants {
+                0.1 * m.mean
+            } else {
+                f64::NEG_INFINITY
+            };
+            let reach = REASON_SDS * m.sd;
+            Marginal {
+                truncate: Some([low.max(m.mean - reach).max(floor), high.min(m.mean + reach)]),
+                ..*m
+            }
+        };
+        self.with_marginals(self.marginals.iter().enumerate().map(cut).collect())
     }
 
     /// Whether a point (its first parameters are the elastic constants) is an admissible ply.

@@ -70,11 +70,15 @@ fn candidate(found: &Found) -> CandidateReport {
 }
 
 fn group(group: &Named) -> AliasGroupReport {
+    let outside = group
+        .resembling
+        .iter()
+        .filter(|r| !group.members.contains(&r.effect));
     AliasGroupReport {
         leader: group.leader.into(),
         members: texts(&group.members),
         pairs: map(&group.pairs, |pair| pair.map(String::from)),
-        resembling: map(&group.resembling, resembling),
+        resembling: outside.map(resembling).collect(),
         probability: group.probability,
         log_evidence_lost_without: finite(group.log_bayes_factor),
         predicts_held_out_blocks: group.predicts,

@@ -98,7 +98,7 @@ pub struct Lookalike {
     pub log_bayes_factor_lost: f64,
 }
 
-/// What resembles a group's leader as it acts in the best subset, the most similar first.
+/// What resembles a group's leader as it acts in the best subset, members of the group or not, the most similar first.
 pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
     let best = subsets.best();
     let (mean, _) = subsets.amplitudes(best);
@@ -130,9 +130,8 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
             log_bayes_factor_lost: reference - subsets.log_evidence(&swapped),
         })
     };
-    let others = (0..subsets.layout.ranges.len()).filter(|k| {
-        !best.contains(k) && !group.members.contains(k) && !subsets.layout.ranges[*k].is_empty()
-    });
+    let others = (0..subsets.layout.ranges.len())
+        .filter(|k| !best.contains(k) && !subsets.layout.ranges[*k].is_empty());
     let mut found: Vec<Lookalike> = others
         .filter_map(one)
         .filter(|l| l.cosine > SIMILAR)

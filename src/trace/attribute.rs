@@ -50,7 +50,8 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
     (chosen, left_out)
 }
 
-/// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`.
+/// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`, to the effects that are
+/// `wanted` by name.
 ///
 /// # Errors
 /// Those of finite-element solutions; too few blocks for the dictionary.
@@ -58,9 +59,11 @@ pub fn attribute(
     model: &Model,
     prepared: &Prepared,
     start: State,
+    wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
 ) -> Result<Tracing> {
-    let (effects, left_out) = candidates(model);
+    let (mut effects, left_out) = candidates(model);
+    effects.retain(|e| wanted(e.name()));
     let own = &prepared.observation.field;
     let sight = &prepared.observation.sight;
     let view = |state: &State| predict(&*prepared.problem.experiment, state, sight);

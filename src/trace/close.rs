@@ -6,12 +6,16 @@ use super::attribute::attribute;
 use super::averaged::Interval;
 use super::conclusion::{Conclusion, Status, conclude};
 use super::round::Round;
+use super::tracing::Tracing;
+use super::vetoes::{contradiction, surrogate};
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
+use crate::experiment::State;
 use crate::files::Keyed;
-use crate::identify::{Identification, Options, identify};
+use crate::identify::{Identification, Options, Prepared, identify, refine};
 use crate::infer::Model;
 use crate::progress::Progress;
+use crate::sample::Keeping;
 
 /// All rounds and the conclusion.
 pub struct Closed {
@@ -25,8 +29,11 @@ pub struct Closed {
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline. `options` gives each
 /// round its own. A later round that the deadline cuts off before there is anything to say of it does not count.
 ///
+/// An added effect whose refit contradicts its tracing, or cannot be fitted at all, is taken out again and its residual traced anew
+/// about the refit, once; then it is left undecided. The reduced model of the last round follows the posterior.
+///
 /// # Errors
-/// Those of identification and tracing.
+/// Those of identifying and tracing the model as it was given.
 pub fn close<'a>(
     model: &Model,
     most: usize,
@@ -34,50 +41,210 @@ pub fn close<'a>(
     progress: &dyn Progress,
 ) -> Result<Closed> {
     let mut rounds: Vec<Round> = Vec::new();
+    let mut doubts = Doubts::default();
     let mut model = model.clone();
     loop {
-        let deadline = options(rounds.len()).deadline;
-        let is_over = || deadline.is_some_and(|end| Instant::now() >= end);
-        let identification = match identify(&model, &options(rounds.len()), progress) {
-            Err(e) if !rounds.is_empty() && e.blame() == Blame::Limit => break,
-            other => other?,
+        let options = options(rounds.len());
+        let is_over = || options.deadline.is_some_and(|end| Instant::now() >= end);
+        let identification = match identify(&model, &options, progress) {
+            Ok(found) => found,
+            Err(e) if rounds.is_empty() => return Err(e),
+            Err(e) if e.blame() == Blame::Limit => break,
+            Err(e) => {
+                doubts.refuse(&mut rounds, e.to_string());
+                let Some(next) = doubts.again(&mut rounds, None, progress)? else {
+                    break;
+                };
+                forget(&options)?;
+                model = next;
+                continue;
+            }
         };
-        let start = model.state(&|name| identification.moments(name).map(|(mean, _)| mean));
-        let tracing = attribute(&model, &identification.inverse.prepared, start, progress)?;
-        let go_on = rounds.len() < most && !is_over();
-        let accepted = tracing.accepted.filter(|_| go_on);
-        let amplitude = tracing.accepted_amplitude.clone();
-        let averaged = tracing.averaged.clone();
+        if let Some(why) = rounds
+            .last()
+            .and_then(|before| contradiction(before, &model, &identification))
+        {
+            doubts.refuse(&mut rounds, why);
+            let next = doubts.again(&mut rounds, Some((&model, &identification)), progress)?;
+            let Some(next) = next.filter(|_| !is_over()) else {
+                break;
+            };
+            forget(&options)?;
+            model = next;
+            continue;
+        }
+        let start = start(&model, &identification);
+        let tracing =
+            doubts.attribute(&model, &identification.inverse.prepared, start, progress)?;
         identification.inverse.prepared.problem.experiment.rest();
         rounds.push(Round {
             model: model.clone(),
             identification,
             tracing,
         });
-        let Some(effect) = accepted else { break };
-        model = extended(&model, effect, &amplitude, &averaged);
-    }
-    let conclusion = conclude(&rounds);
-    let structure = rounds[rounds.len() - 1].tracing.structure;
-    let options = Options {
-        discrepancy: structure,
-        ..options(rounds.len())
-    };
-    let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
-    let over = || options.deadline.is_some_and(|end| Instant::now() >= end);
-    let with_discrepancy = if wanted && !over() {
-        match identify(&rounds[rounds.len() - 1].model, &options, progress) {
-            Err(e) if e.blame() == Blame::Limit => None,
-            other => Some(other?),
+        if rounds.len() > most || is_over() {
+            break;
         }
-    } else {
-        None
-    };
+        let Some(next) = next_model(&rounds[rounds.len() - 1]) else {
+            break;
+        };
+        model = next;
+    }
+    follow(&mut rounds, options, progress)?;
+    let conclusion = conclude(&rounds, &doubts.refused);
+    let with_discrepancy = with_discrepancy(&rounds, &conclusion, options, progress)?;
     Ok(Closed {
         rounds,
         with_discrepancy,
         conclusion,
     })
+}
+
+/// Effects that were added and taken out again.
+#[derive(Default)]
+struct Doubts {
+    /// Effect and reason, once for each time.
+    refused: Vec<(&'static str, String)>,
+}
+
+/// An effect that is refused so often is not traced any more.
+const REFUSALS: usize = 2;
+
+impl Doubts {
+    /// Note why what the last round called for did not hold.
+    fn refuse(&mut self, rounds: &mut [Round], why: String) {
+        let effect = rounds.last().and_then(|r| r.tracing.accepted);
+        self.refused.extend(effect.map(|e| (e.name(), why)));
+    }
+
+    /// Trace the last round anew, about the refit of the effect that it called for where there is one; the model that it calls for now.
+    fn again(
+        &self,
+        rounds: &mut [Round],
+        refit: Option<(&Model, &Identification)>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Model>> {
+        let Some(round) = rounds.last_mut() else {
+            return Ok(None);
+        };
+        let (model, found) = refit.unwrap_or((&round.model, &round.identification));
+        let start = start(model, found);
+        let prepared = &round.identification.inverse.prepared;
+        round.tracing = self.attribute(&round.model, prepared, start, progress)?;
+        Ok(next_model(round))
+    }
+
+    /// Trace a residual to the effects that have not been refused for good; those are undecided.
+    fn attribute(
+        &self,
+        model: &Model,
+        prepared: &Prepared,
+        start: State,
+        progress: &dyn Progress,
+    ) -> Result<Tracing> {
+        let count = |name: &str| self.refused.iter().filter(|(n, _)| *n == name).count();
+        let left = |name: &str| count(name) < REFUSALS;
+        let mut tracing = attribute(model, prepared, start, &left, progress)?;
+        for (name, why) in &self.refused {
+            let known = tracing.left_out.iter().any(|(n, _)| n == name);
+            if !left(name) && !known {
+                tracing
+                    .left_out
+                    .push((name, format!("added and taken out again: {why}")));
+                tracing.undecided.push(vec![name]);
+            }
+        }
+        Ok(tracing)
+    }
+}
+
+/// Forget the chains of a round that is to be run again with another effect.
+fn forget(options: &Options<'_>) -> Result<()> {
+    options.keeping.as_ref().map_or(Ok(()), Keeping::clear)
+}
+
+/// Where tracing starts: at the posterior means, or at the prior means where constants are not determined, because the ridge's steps from
+/// there are too short to come back from absurd ones.
+fn start(model: &Model, identification: &Identification) -> State {
+    let moments = |name: &str| identification.moments(name).map(|(mean, _)| mean);
+    let mut state = model.state(&moments);
+    let far = model.marginals().into_iter().zip(&state.constants);
+    if far
+        .into_iter()
+        .any(|(m, x)| (x - m.mean).abs() > FAR * m.sd)
+    {
+        state.constants = model.state(&|_| None).constants;
+    }
+    state
+}
+
+/// Constants that lie farther from their prior means, prior sds, are no start for tracing.
+const FAR: f64 = 2.5;
+
+/// The model that a round's tracing calls for.
+fn next_model(round: &Round) -> Option<Model> {
+    let Tracing {
+        accepted,
+        accepted_amplitude,
+        averaged,
+        ..
+    } = &round.tracing;
+    Some(extended(
+        &round.model,
+        (*accepted)?,
+        accepted_amplitude,
+        averaged,
+    ))
+}
+
+/// Let the reduced model of the last round follow its posterior where the finite elements ask for it.
+fn follow<'a>(
+    rounds: &mut Vec<Round>,
+    options: &dyn Fn(usize) -> Options<'a>,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let options = options(rounds.len().saturating_sub(1));
+    let is_over = options.deadline.is_some_and(|end| Instant::now() >= end);
+    let Some(mut round) = rounds.pop() else {
+        return Ok(());
+    };
+    let asks = surrogate(&round.identification).is_some() && round.identification.determined;
+    if asks && !is_over {
+        let options = Options {
+            refinements: options.refinements.max(REFINEMENTS),
+            ..options
+        };
+        round.identification = refine(&round.model, round.identification, &options, progress)?;
+    }
+    rounds.push(round);
+    Ok(())
+}
+
+/// Refinements of the last round's reduced model, at most.
+const REFINEMENTS: usize = 3;
+
+/// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
+fn with_discrepancy<'a>(
+    rounds: &[Round],
+    conclusion: &Conclusion,
+    options: &dyn Fn(usize) -> Options<'a>,
+    progress: &dyn Progress,
+) -> Result<Option<Identification>> {
+    let last = &rounds[rounds.len() - 1];
+    let structure = last.tracing.structure;
+    let options = Options {
+        discrepancy: structure,
+        ..options(rounds.len())
+    };
+    let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
+    let over = options.deadline.is_some_and(|end| Instant::now() >= end);
+    if !wanted || over {
+        return Ok(None);
+    }
+    match identify(&last.model, &options, progress) {
+        Err(e) if e.blame() == Blame::Limit => Ok(None),
+        found => found.map(Some),
+    }
 }
 
 /// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.

@@ -3,8 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::round::Round;
+use super::suspect::Suspect;
 use super::tracing::{Named, Resembling};
+use super::vetoes::vetoes;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
+use crate::files::Keyed;
 use crate::identify::Identification;
 use crate::quantity::{plus_minus, significant};
 
@@ -38,9 +41,19 @@ pub struct Conclusion {
     /// Effects added, in order.
     #[serde(default)]
     pub effects: Vec<String>,
-    /// The alias group of each added effect that has one.
+    /// Effects that leave the same field as an added one, or almost: those that the evidence does not tell from it, and those of a cosine
+    /// above 0.95.
     #[serde(default)]
     pub alias_groups: Vec<Vec<String>>,
+    /// What the members of the groups beside the added effects would need to stand in for them.
+    #[serde(default)]
+    pub alias_sizes: Vec<AliasSize>,
+    /// What forbids a verdict of `closed` or `nothing_missing`.
+    #[serde(default)]
+    pub vetoes: Vec<String>,
+    /// Why the account of the residual is not unique, and the answers that the quoted intervals span then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub suspect: Option<Suspect>,
     /// Groups that the data speak for without being sure.
     #[serde(default)]
     pub undecided: Vec<Vec<String>>,
@@ -48,6 +61,20 @@ pub struct Conclusion {
     /// What would confirm each effect named, and tell it from its stand-ins.
     #[serde(default)]
     pub confirm: Vec<Confirming>,
+}
+
+/// The size that an effect would need to leave almost the field of another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AliasSize {
+    pub effect: String,
+    /// Whose field it would leave.
+    pub instead_of: String,
+    /// Cosine of the two fields.
+    pub cosine: f64,
+    /// Amplitudes, border units.
+    pub amplitude: Keyed<f64>,
+    /// The largest of them over its prior sd.
+    pub plausible_multiple: f64,
 }
 
 /// The tests that would tell the members of a group apart.
@@ -83,14 +110,18 @@ pub fn texts(names: &[&str]) -> Vec<String> {
     names.iter().map(|n| (*n).to_string()).collect()
 }
 
-pub fn conclude(rounds: &[Round]) -> Conclusion {
+/// The conclusion of all rounds; `refused` are effects that were added and taken out again, with the reason.
+pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclusion {
     let last = &rounds[rounds.len() - 1];
     let mut groups: Vec<&Named> = rounds.iter().filter_map(accepted).collect();
     // the last round's is called for, but there was no round to add it
     let wanted = accepted(last).and_then(|_| groups.pop());
     let structure = last.tracing.leaves_structure();
     let patterns = last.identification.patterns.any();
-    let status = match (structure || patterns || wanted.is_some(), groups.is_empty()) {
+    let suspect = &last.tracing.suspect;
+    let vetoes = vetoes(rounds);
+    let open = structure || patterns || wanted.is_some() || suspect.is_some() || !vetoes.is_empty();
+    let status = match (open, groups.is_empty()) {
         (true, _) => Status::Unexplained,
         (false, true) => Status::NothingMissing,
         (false, false) => Status::Closed,
@@ -109,13 +140,69 @@ pub fn conclude(rounds: &[Round]) -> Conclusion {
         effects: groups.iter().map(|g| g.leader.into()).collect(),
         alias_groups: groups
             .iter()
-            .filter(|g| g.members.len() > 1)
-            .map(|g| texts(&g.members))
+            .map(|g| alike(g))
+            .filter(|g| g.len() > 1)
             .collect(),
+        alias_sizes: groups.iter().flat_map(|g| alias_sizes(g)).collect(),
         undecided: last.tracing.undecided.iter().map(|g| texts(g)).collect(),
-        text: words(rounds, &groups, wanted, structure),
+        text: words(rounds, &groups, wanted, structure)
+            + &objections(status, &vetoes, suspect.as_ref())
+            + &taken_out(refused),
+        vetoes,
+        suspect: suspect.clone(),
         confirm,
     }
+}
+
+/// An effect, what the evidence does not tell from it, and what leaves almost the same field.
+fn alike(group: &Named) -> Vec<String> {
+    let mut names = texts(&group.members);
+    for other in same_field(group) {
+        if !group.members.contains(&other.effect) {
+            names.push(other.effect.into());
+        }
+    }
+    names
+}
+
+/// What the others would need to leave the field of a group's leader.
+fn alias_sizes(group: &Named) -> Vec<AliasSize> {
+    let size = |r: &Resembling| AliasSize {
+        effect: r.effect.into(),
+        instead_of: group.leader.into(),
+        cosine: r.cosine,
+        amplitude: r.amplitude.iter().cloned().collect(),
+        plausible_multiple: r.multiple,
+    };
+    group
+        .resembling
+        .iter()
+        .filter(|r| r.cosine > NEARLY_THE_SAME || group.members.contains(&r.effect))
+        .map(size)
+        .collect()
+}
+
+/// What stands against a verdict, as sentences.
+fn objections(status: Status, vetoes: &[String], suspect: Option<&Suspect>) -> String {
+    let mut text = String::new();
+    if let (Status::Unexplained, false) = (status, vetoes.is_empty()) {
+        text += &format!(" Not closed, because {}.", vetoes.join("; "));
+    }
+    if let Some(suspect) = suspect {
+        text += &format!(
+            " The account is not unique: {}. The intervals to quote span three answers.",
+            suspect.reasons.join("; ")
+        );
+    }
+    text
+}
+
+/// What was added and taken out again, as sentences.
+fn taken_out(refused: &[(&'static str, String)]) -> String {
+    let said = refused
+        .iter()
+        .map(|(effect, why)| format!(" {effect} was added and taken out again: {why}."));
+    said.collect()
 }
 
 /// The group of the effect that a round's tracing accepted.
@@ -240,10 +327,18 @@ const WORTH_NAMING: usize = 2;
 /// uniform strain at a cosine of 0.995 (measured on the program as built).
 const NEARLY_THE_SAME: f64 = 0.95;
 
-/// The effects outside a group that leave almost the same field as its leader.
+/// The effects that leave almost the same field as a group's leader.
+fn same_field(group: &Named) -> impl Iterator<Item = &Resembling> {
+    group
+        .resembling
+        .iter()
+        .filter(|r| r.cosine > NEARLY_THE_SAME)
+}
+
+/// Those of them outside the group that are named in words.
 fn resembling(group: &Named) -> impl Iterator<Item = &Resembling> {
-    let near = |r: &&Resembling| r.cosine > NEARLY_THE_SAME;
-    group.resembling.iter().filter(near).take(WORTH_NAMING)
+    let outside = |r: &&Resembling| !group.members.contains(&r.effect);
+    same_field(group).filter(outside).take(WORTH_NAMING)
 }
 
 fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: bool) -> String {

@@ -14,6 +14,7 @@ mod sensitivities;
 mod subsets;
 mod suspect;
 mod tracing;
+mod vetoes;
 mod weighing;
 
 pub use attribute::{attribute, candidates};

@@ -1,0 +1,155 @@
+//! What forbids a verdict of `closed` or `nothing_missing`, one function a condition. Each says in words what it objects to.
+
+use super::averaged::Interval;
+use super::evidence::LARGEST_MULTIPLE;
+use super::round::Round;
+use crate::effect::{Effect, Kind, amplitude_name};
+use crate::identify::Identification;
+use crate::infer::Model;
+use crate::quantity::plus_minus;
+
+/// Largest error of the reduced model, posterior sds, and share of draws outside its box.
+const SURROGATE_SDS: f64 = 0.05;
+const OUTSIDE: f64 = 0.01;
+
+/// Smallest probability of a misfit as large as the one found.
+const MISFIT: f64 = 1e-3;
+
+/// A refit and its tracing agree within so many combined sds, and a refit lies so many sds from zero.
+const AGREE_SDS: f64 = 4.0;
+const ACTS_SDS: f64 = 2.0;
+
+/// The quoted posterior and the last model's agree within so many combined sds.
+const QUOTED_SDS: f64 = 3.0;
+
+/// All objections to the last round of a loop, of which `first` is the model as it was given.
+pub fn vetoes(rounds: &[Round]) -> Vec<String> {
+    let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
+    let found = &last.identification;
+    let mut said: Vec<String> = [determined(found), surrogate(found), misfit(found)]
+        .into_iter()
+        .flatten()
+        .collect();
+    for pair in rounds.windows(2) {
+        let refit = contradiction(&pair[0], &pair[1].model, &last.identification);
+        said.extend(refit);
+        said.extend(held_out(&pair[0]));
+    }
+    let own = |e: &&&'static dyn Effect| first.model.effects.iter().any(|o| o.name() == e.name());
+    for effect in last.model.effects.iter().filter(|e| !own(e)) {
+        said.extend(impossible(*effect, &last.model, found));
+    }
+    said.extend(quoted(last));
+    said
+}
+
+/// Constants that the data drive to absurd values.
+fn determined(found: &Identification) -> Option<String> {
+    (!found.determined)
+        .then(|| "the constants are not determined: the data drive them beyond 6 prior sd".into())
+}
+
+/// 1. The reduced model at draws of the posterior.
+pub fn surrogate(found: &Identification) -> Option<String> {
+    let error = found.surrogate.max_sd();
+    if error > SURROGATE_SDS {
+        let percent = 100.0 * error;
+        return Some(format!(
+            "the reduced model is {percent:.0} % of a posterior sd off, after refinement"
+        ));
+    }
+    let percent = 100.0 * found.outside_doe;
+    (found.outside_doe > OUTSIDE).then(|| {
+        format!(
+            "{percent:.1} % of the draws lie outside the box of the reduced model, after refinement"
+        )
+    })
+}
+
+/// 2. The misfit of modes and of block averages.
+fn misfit(found: &Identification) -> Option<String> {
+    let p = found.misfit_p.min(found.residual.p_chi2);
+    (p < MISFIT).then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
+}
+
+/// 3. The refit of what a round called for against its tracing.
+pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> Option<String> {
+    let effect = before
+        .tracing
+        .accepted
+        .filter(|e| model.effects.iter().any(|o| o.name() == e.name()))?;
+    if effect.kind() == Kind::Recorded {
+        // taken out of the field as it was found
+        return None;
+    }
+    let mut acts = false;
+    for (parameter, &(traced, traced_sd)) in effect
+        .parameters()
+        .iter()
+        .zip(&before.tracing.accepted_amplitude)
+    {
+        let name = amplitude_name(effect, parameter);
+        let (mean, sd) = refit.moments(&name)?;
+        if (mean - traced).abs() > AGREE_SDS * sd.hypot(traced_sd) {
+            return Some(format!(
+                "{name} is {} when fitted, and {} when traced",
+                plus_minus(mean, sd),
+                plus_minus(traced, traced_sd)
+            ));
+        }
+        acts |= mean.abs() > ACTS_SDS * sd;
+    }
+    (!acts).then(|| {
+        format!(
+            "{} is not told from nothing once it is fitted",
+            effect.name()
+        )
+    })
+}
+
+/// 4. Amplitudes that cannot be.
+fn impossible(
+    effect: &'static dyn Effect,
+    model: &Model,
+    found: &Identification,
+) -> Option<String> {
+    effect
+        .parameters()
+        .iter()
+        .enumerate()
+        .find_map(|(k, parameter)| {
+            let name = amplitude_name(effect, parameter);
+            let (mean, sd) = found.moments(&name)?;
+            if parameter.positive && mean < 0.0 {
+                return Some(format!(
+                    "{name} is {}, and cannot be negative",
+                    plus_minus(mean, sd)
+                ));
+            }
+            let multiple = mean.abs() / model.prior_sd(effect, k)?;
+            (multiple > LARGEST_MULTIPLE && effect.kind() != Kind::Recorded)
+                .then(|| format!("{name} is {multiple:.1} times its plausible size"))
+        })
+}
+
+/// 5. The quoted constants against the last model's.
+fn quoted(last: &Round) -> Option<String> {
+    let far = |(name, quoted): (&String, &Interval)| {
+        let (mean, sd) = last.identification.moments(name)?;
+        let sds = (quoted.mean - mean) / sd.hypot(quoted.sd);
+        (sds.abs() > QUOTED_SDS)
+            .then(|| format!("the quoted {name} lies {sds:+.1} sd from that of the last model"))
+    };
+    last.tracing.averaged.iter().find_map(far)
+}
+
+/// 6. Prediction of held-out regions by what a round called for.
+fn held_out(before: &Round) -> Option<String> {
+    let effect = before.tracing.accepted?;
+    let group = before
+        .tracing
+        .groups
+        .iter()
+        .find(|g| g.leader == effect.name())?;
+    (!group.predicts).then(|| format!("{} does not predict held-out regions", effect.name()))
+}
