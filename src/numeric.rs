@@ -53,6 +53,14 @@ pub fn median(values: &mut [f64]) -> f64 {
     *median
 }
 
+/// Add `amplitude` times a column to a field, of (u1, u2) each.
+pub fn add_scaled(field: &mut [[f64; 2]], column: &[[f64; 2]], amplitude: f64) {
+    for (u, c) in field.iter_mut().zip(column) {
+        u[0] += amplitude * c[0];
+        u[1] += amplitude * c[1];
+    }
+}
+
 /// Where `is_below` turns from true to false between `low` and `high`, to rounding.
 pub fn bisect(mut low: f64, mut high: f64, is_below: impl Fn(f64) -> bool) -> f64 {
     loop {

@@ -21,6 +21,7 @@ const CHUNK: usize = 1 << 17;
 pub struct Layout {
     /// Names of the parameters.
     pub names: Vec<String>,
+    /// Walkers of an ensemble.
     pub walkers: usize,
     pub ensembles: usize,
     /// Measured numbers that the posterior depends on, by name.

@@ -297,12 +297,10 @@ impl MeasurementSpec {
     pub fn read(&self, base_dir: &Path, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
         check_window(window_mm)?;
         self.files(base_dir)?;
-        let Source {
-            reader,
-            path,
-            columns,
-        } = &self.source;
-        let mut field = reader.read(&base_dir.join(path), columns.as_ref(), self.frame)?;
+        let source = &self.source;
+        let path = base_dir.join(&source.path);
+        let columns = source.columns.as_ref();
+        let mut field = source.reader.read(&path, columns, self.frame)?;
         field.fringe_frequency_per_mm = self.fringe_frequency_per_mm;
         field.subset_mm = self.image_correlation.map(|c| c.subset_mm);
         if let Some(window) = window_mm {

@@ -2,6 +2,7 @@
 
 use crate::effect::amplitude_name;
 use crate::error::Result;
+use crate::experiment::{Prediction, State, predict};
 use crate::field::spec::OutlierRule;
 use crate::geometry::Geometry;
 use crate::infer::{
@@ -25,6 +26,16 @@ pub struct Prepared {
     pub observation: Observation,
     /// Structure that is to be counted as a discrepancy of the model.
     pub discrepancy: [Option<Hyperparameters>; 2],
+}
+
+impl Prepared {
+    /// What the finite elements predict at the measured points.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn predict(&self, state: &State) -> Result<Prediction> {
+        predict(&*self.problem.experiment, state, &self.observation.sight)
+    }
 }
 
 /// A posterior with everything it was made of, not sampled yet.

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::inverse::InverseProblem;
 use crate::infer::{Columns, Observation, Statistics};
 use crate::noise::Noise;
+use crate::numeric::add_scaled;
 use crate::quantity::NM_PER_MM;
 
 /// The residual field and its size.
@@ -58,10 +59,7 @@ impl Residual {
         let mut field = observation.field.displacement.clone();
         let amplitudes = alpha.iter().chain(beta.iter());
         for (column, &a) in columns.modes.iter().chain(&columns.effects).zip(amplitudes) {
-            for (r, u) in field.iter_mut().zip(column) {
-                r[0] -= a * u[0];
-                r[1] -= a * u[1];
-            }
+            add_scaled(&mut field, column, -a);
         }
         let n = field.len() as f64;
         let square = |c: usize| field.iter().map(|r| r[c] * r[c]).sum::<f64>() / n;

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64Dxsm;
+use serde::{Deserialize, Serialize};
 
 use crate::field::Blocks;
 use crate::noise::Noise;
@@ -17,12 +18,27 @@ pub struct Structure {
     /// Probability of a Moran's I as large, of either component, from the estimated noise alone, by permutation of the
     /// whitened residual.
     pub p_spatial: f64,
-    /// Distance (mm) and semivariance (nm^2) of each component.
-    pub variogram: Vec<(f64, [f64; 2])>,
-    /// Outer radius (mm) of each ring about the hole, and the RMS of each component of the block averages in it, nm.
-    pub rings: Vec<(f64, [f64; 2])>,
+    pub variogram: Vec<VariogramLag>,
+    /// Rings about the hole, from the inside.
+    pub rings: Vec<RingRms>,
     /// RMS of the quadrants (+s +t, -s +t, -s -t, +s -t) of each component's block averages, nm.
     pub quadrants: [[f64; 2]; 4],
+}
+
+/// One distance of a variogram, with the semivariance of each component.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct VariogramLag {
+    pub distance_mm: f64,
+    pub u1_nm2: f64,
+    pub u2_nm2: f64,
+}
+
+/// RMS of the block averages in one ring.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RingRms {
+    pub to_radius_mm: f64,
+    pub u1_nm: f64,
+    pub u2_nm: f64,
 }
 
 /// Permutations behind a p-value.
@@ -115,7 +131,7 @@ fn permuted(
         .collect()
 }
 
-fn variogram(blocks: &Blocks, r: &[DVector<f64>; 2]) -> Vec<(f64, [f64; 2])> {
+fn variogram(blocks: &Blocks, r: &[DVector<f64>; 2]) -> Vec<VariogramLag> {
     let mut bins = vec![([0.0; 2], 0_usize); LAGS];
     for i in 0..blocks.len() {
         for j in i + 1..blocks.len() {
@@ -135,7 +151,12 @@ fn variogram(blocks: &Blocks, r: &[DVector<f64>; 2]) -> Vec<(f64, [f64; 2])> {
         .filter(|(_, (_, count))| *count > 0)
         .map(|(k, (sum, count))| {
             let nm2 = NM_PER_MM * NM_PER_MM / *count as f64;
-            ((k + 1) as f64 * blocks.size_mm, sum.map(|s| s * nm2))
+            let [u1_nm2, u2_nm2] = sum.map(|s| s * nm2);
+            VariogramLag {
+                distance_mm: (k + 1) as f64 * blocks.size_mm,
+                u1_nm2,
+                u2_nm2,
+            }
         })
         .collect()
 }
@@ -145,13 +166,20 @@ fn rms(r: &[DVector<f64>; 2], members: &[usize]) -> [f64; 2] {
     [0, 1].map(|c| (members.iter().map(|&b| r[c][b].powi(2)).sum::<f64>() / n).sqrt() * NM_PER_MM)
 }
 
-fn rings(blocks: &Blocks, r: &[DVector<f64>; 2]) -> Vec<(f64, [f64; 2])> {
+fn rings(blocks: &Blocks, r: &[DVector<f64>; 2]) -> Vec<RingRms> {
     let radius = |b: usize| blocks.centroid[b][0].hypot(blocks.centroid[b][1]);
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|&a, &b| radius(a).total_cmp(&radius(b)));
     order
         .chunks(blocks.len().div_ceil(RINGS).max(1))
-        .map(|members| (members.last().map_or(0.0, |&b| radius(b)), rms(r, members)))
+        .map(|members| {
+            let [u1_nm, u2_nm] = rms(r, members);
+            RingRms {
+                to_radius_mm: members.last().map_or(0.0, |&b| radius(b)),
+                u1_nm,
+                u2_nm,
+            }
+        })
         .collect()
 }
 

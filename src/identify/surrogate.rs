@@ -3,11 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::inverse::{InverseProblem, Prepared};
+use super::inverse::InverseProblem;
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::experiment::predict;
 use crate::infer::{LogDensity, Posterior, Whitened};
+use crate::numeric::add_scaled;
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 
@@ -171,19 +171,11 @@ struct FieldError {
 }
 
 fn field_error(run: &InverseProblem, whitened: &Whitened, theta: &[f64]) -> Result<FieldError> {
-    let Prepared {
-        problem,
-        observation,
-        ..
-    } = &run.prepared;
-    let state = problem.state(theta);
-    let mut error = predict(&*problem.experiment, &state, &observation.sight)?.loaded;
+    let state = run.prepared.problem.state(theta);
+    let mut error = run.prepared.predict(&state)?.loaded;
     let alpha = run.posterior.likelihood().surface_prediction(theta);
     for (column, a) in run.columns.modes.iter().zip(alpha) {
-        for (e, u) in error.iter_mut().zip(column) {
-            e[0] -= a * u[0];
-            e[1] -= a * u[1];
-        }
+        add_scaled(&mut error, column, -a);
     }
     let all = || error.iter().flatten();
     Ok(FieldError {

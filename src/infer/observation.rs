@@ -12,6 +12,7 @@ use crate::noise::residual_of_fit;
 use crate::reduce::ReducedModel;
 
 /// The measured points on the plate.
+#[derive(Clone)]
 pub struct Observation {
     /// The field, without points outside the plate.
     pub field: Field,

@@ -2,9 +2,7 @@
 
 use super::document::{Closing, Report, SCHEMA};
 use super::json::{Keyed, finite};
-use super::residual::{
-    NoiseComponent, NoiseReport, ResidualReport, RingRms, RmsReport, VariogramLag,
-};
+use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
 use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
 use super::surrogate::{FieldErrorReport, SurrogateReport};
 use super::traced::{blind_spots, map, tracing};
@@ -168,16 +166,8 @@ fn residual(round: &Identification) -> ResidualReport {
         structured_fraction: r.structured_fraction,
         p_spatial: structure.p_spatial,
         morans_i: structure.moran.map(finite).into(),
-        variogram: map(&structure.variogram, |(d, [u1, u2])| VariogramLag {
-            distance_mm: *d,
-            u1_nm2: *u1,
-            u2_nm2: *u2,
-        }),
-        rings: map(&structure.rings, |(radius, [u1, u2])| RingRms {
-            to_radius_mm: *radius,
-            u1_nm: *u1,
-            u2_nm: *u2,
-        }),
+        variogram: structure.variogram.clone(),
+        rings: structure.rings.clone(),
         quadrants_nm: map(&structure.quadrants, |q| (*q).into()),
         patterns: round.patterns.clone(),
         n: r.points,

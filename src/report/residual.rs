@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::field::Rejected;
-use crate::identify::Patterns;
+use crate::identify::{Patterns, RingRms, VariogramLag};
 
 /// A quantity of each displacement component.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -55,22 +55,6 @@ pub struct RmsReport {
     pub u1: f64,
     pub u2: f64,
     pub all: f64,
-}
-
-/// One distance of a variogram.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct VariogramLag {
-    pub distance_mm: f64,
-    pub u1_nm2: f64,
-    pub u2_nm2: f64,
-}
-
-/// RMS of the block averages in one ring.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct RingRms {
-    pub to_radius_mm: f64,
-    pub u1_nm: f64,
-    pub u2_nm: f64,
 }
 
 /// The measurement's noise.

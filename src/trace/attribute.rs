@@ -10,7 +10,7 @@ use super::tracing::Tracing;
 use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE};
 use crate::error::Result;
-use crate::experiment::{State, predict};
+use crate::experiment::State;
 use crate::identify::{Prepared, is_clear};
 use crate::infer::Model;
 use crate::progress::Progress;
@@ -65,10 +65,8 @@ pub fn attribute(
     let (mut effects, left_out) = candidates(model);
     effects.retain(|e| wanted(e.name()));
     let own = &prepared.observation.field;
-    let sight = &prepared.observation.sight;
-    let view = |state: &State| predict(&*prepared.problem.experiment, state, sight);
     progress.begin("the field at the constants found", None);
-    let (corrected, jumps) = recording::find_jumps(model, own, &view(&start)?.field)?;
+    let (corrected, jumps) = recording::find_jumps(model, own, &prepared.predict(&start)?.field)?;
     progress.end();
     let field = corrected.as_ref().unwrap_or(own);
     let geometry = &*prepared.problem.experiment.scene().setup.geometry;
@@ -86,7 +84,7 @@ pub fn attribute(
     progress.begin("tracing: held-out blocks, blind spots", None);
     let mut tracing = evidence.tracing(&state.constants)?;
     tracing.left_out = left_out;
-    let phase = recording::find_phase(model, field, &view(&state)?.field)?;
+    let phase = recording::find_phase(model, field, &prepared.predict(&state)?.field)?;
     tracing.add_recorded(jumps, phase);
     progress.end();
     Ok(tracing)

@@ -230,16 +230,11 @@ impl Linearised<'_> {
                 (name, 0.0, sd, at.amplitude(effect)[k], AMPLITUDE_STEP * sd)
             }
         };
-        let Prepared {
-            problem,
-            observation,
-            ..
-        } = self.prepared;
         let slope = sensitivity(
-            &*problem.experiment,
+            &*self.prepared.problem.experiment,
             at,
             here,
-            &observation.sight,
+            &self.prepared.observation.sight,
             direction,
             step,
         )?;

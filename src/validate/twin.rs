@@ -6,11 +6,12 @@ use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::experiment::{load_response, predict};
+use crate::experiment::load_response;
 use crate::field::{Field, Rejected};
 use crate::identify::Prepared;
 use crate::infer::{Columns, Model, Observation};
 use crate::noise::matern_pair;
+use crate::numeric::add_scaled;
 use crate::quantity::NM_PER_MM;
 
 /// What is true of one simulated measurement.
@@ -85,19 +86,9 @@ impl Twin {
 
     /// The points with displacements `u` (mm) in place of none.
     pub fn observed(&self, u: Vec<[f64; 2]>) -> Observation {
-        let Observation {
-            field,
-            sight,
-            recorded,
-        } = &self.prepared.observation;
-        Observation {
-            field: Field {
-                displacement: u,
-                ..field.clone()
-            },
-            recorded: recorded.clone(),
-            sight: sight.clone(),
-        }
+        let mut observed = self.prepared.observation.clone();
+        observed.field.displacement = u;
+        observed
     }
 
     pub fn points(&self) -> usize {
@@ -125,16 +116,11 @@ impl Twin {
         truths: &[Truth],
         step: &(dyn Fn() + Sync),
     ) -> Result<Vec<Vec<[f64; 2]>>> {
-        let Prepared {
-            problem,
-            observation,
-            ..
-        } = &self.prepared;
         let field = |truth: &Truth| {
-            let state = problem.state(&self.point(truth));
-            let mut u = predict(&*problem.experiment, &state, &observation.sight)?.field;
+            let state = self.prepared.problem.state(&self.point(truth));
+            let mut u = self.prepared.predict(&state)?.field;
             for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
-                add(&mut u, column, *a);
+                add_scaled(&mut u, column, *a);
             }
             step();
             Ok(u)
@@ -153,7 +139,7 @@ impl Twin {
         let mut u = vec![[0.0; 2]; self.points()];
         let columns = self.columns.modes.iter().chain(&self.columns.effects);
         for (column, a) in columns.zip(alpha.iter().chain(&truth.additive)) {
-            add(&mut u, column, *a);
+            add_scaled(&mut u, column, *a);
         }
         u
     }
@@ -172,12 +158,5 @@ impl Twin {
         let [a, b] = matern_pair(self.shape, self.spacing, correlation_mm, &mut rng);
         let value = |&i: &usize| [sd * a[i], sd * b[i]];
         self.index.iter().map(value).collect()
-    }
-}
-
-fn add(u: &mut [[f64; 2]], column: &[[f64; 2]], amplitude: f64) {
-    for (u, c) in u.iter_mut().zip(column) {
-        u[0] += amplitude * c[0];
-        u[1] += amplitude * c[1];
     }
 }

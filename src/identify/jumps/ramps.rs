@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::FEWEST;
 use super::graph::{Graph, Offsets};
+use crate::numeric::median;
 
 /// A slope beyond this makes a point steep, orders a spacing: half that of one order over five points.
 const STEEP: f64 = 0.1;
@@ -94,8 +95,7 @@ fn levels(
 ) -> BTreeMap<u32, i32> {
     let mut steps: Vec<(usize, u32, u32, i32)> = Vec::new();
     for (&(a, b), values) in contacts.iter_mut() {
-        values.sort_unstable_by(f64::total_cmp);
-        let whole = values[values.len() / 2].round();
+        let whole = median(values).round();
         let agree = values
             .iter()
             .filter(|v| (**v - whole).abs() < WHOLE)

@@ -3,6 +3,8 @@
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
+use crate::numeric::median;
+
 type Cubic = SVector<f64, 10>;
 
 /// `values` at `points` less a cubic of the place, fitted robustly. What a jump bends it is spread over the
@@ -61,9 +63,7 @@ pub(super) fn without(points: &[[f64; 2]], values: &[f64]) -> Vec<f64> {
             .iter()
             .map(|(row, value)| (value - row.dot(&fit)).abs())
             .collect();
-        let mut sorted = deviation.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let typical = median(&mut deviation.clone());
         // absolute deviations first; then whole jumps lose their say, where they are what is left
         let waves = typical > ALIKE;
         for (d, w) in deviation.iter().zip(&mut weights) {
