@@ -335,7 +335,13 @@ fn what_cannot_be_seen_is_said_to_be() {
     );
     assert!(spot("magnification") < 20.0);
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
-    let text = ranking::averaged(&found, &spots, &Keyed::new());
+    let text = ranking::averaged(
+        &found,
+        &found.averaged_posterior,
+        None,
+        &spots,
+        &Keyed::new(),
+    );
     for line in text
         .lines()
         .filter(|l| l.contains("thermal_strain") || l.contains("load_scale"))
@@ -364,7 +370,13 @@ fn what_cannot_be_seen_is_said_to_be() {
             .collect()
     };
     let said = |share: f64| {
-        let text = ranking::averaged(&found, &spots, &alone(share));
+        let text = ranking::averaged(
+            &found,
+            &found.averaged_posterior,
+            None,
+            &spots,
+            &alone(share),
+        );
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let hidden = |(_, s): &(&str, plychain::trace::BlindSpot)| {

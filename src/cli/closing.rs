@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::report::json::Keyed;
 use crate::report::round::MeanAndSd;
 use crate::report::{Page, Report, gather, ranking, terminal, traced};
-use crate::trace::{self, Closed};
+use crate::trace::{self, Closed, Suspect};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
@@ -116,7 +116,9 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let tracing = trace::attribute(&model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
     print(&ranking::tracing(&found))?;
-    print(&ranking::averaged(&found, &spots, &alone))?;
+    let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
+    let quoted = suspect.map_or_else(|| tracing.averaged.clone(), Suspect::hull);
+    print(&ranking::averaged(&found, &quoted, suspect, &spots, &alone))?;
     let path = arguments.run.join("trace.json");
     files::write_json(&path, &traced::trace_file(&tracing, &found, &spots))?;
     print(&format!("written to {}\n", path.display()))

@@ -89,10 +89,14 @@ pub fn is_clear(geometry: &dyn Geometry, point: [f64; 2]) -> bool {
         .is_none_or(|radii| radii >= CLEAR_RADII)
 }
 
-/// Prior means, mean thickness, no effect.
+/// Prior means, mean thickness, no effect; as near to them as the design comes.
 fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
     let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
-    problem.point(&means, problem.thickness_mm())
+    let mut point = problem.point(&means, problem.thickness_mm());
+    for (value, side) in point.iter_mut().zip(&problem.dimensions) {
+        *value = value.clamp(side.low, side.high);
+    }
+    point
 }
 
 /// Reduce the measurement to a posterior.

@@ -31,7 +31,7 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
         .last()
         .and_then(|r| widening(&r.alone(), r.tracing.as_ref()?, &blind_spots));
     let closing = Closing {
-        averaged_posterior: last.tracing.averaged.clone(),
+        averaged_posterior: closed.quoted(),
         averaged_note: note,
         with_discrepancy: closed
             .with_discrepancy

@@ -11,7 +11,7 @@ use super::terminal::{mean_sd, table, wrap};
 use super::tracing::{BlindSpotReport, CandidateReport, TracingReport};
 use super::words::{ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, contradiction, shift, unit, widening};
 use crate::quantity::{plus_minus, significant};
-use crate::trace::{Confirming, Status};
+use crate::trace::{Confirming, Interval, Status, Suspect};
 
 /// Effects listed below the accepted ones.
 const LISTED: usize = 8;
@@ -82,17 +82,24 @@ fn row(found: &CandidateReport) -> Vec<String> {
     ]
 }
 
-/// What could hide in the residual, and the constants averaged over it beside those of the model `alone`.
+/// What could hide in the residual, and the `quoted` constants beside those of the model `alone`, with the answers that they span
+/// where the account is suspect.
 pub fn averaged(
     tracing: &TracingReport,
+    quoted: &Keyed<Interval>,
+    suspect: Option<&Suspect>,
     spots: &[BlindSpotReport],
     alone: &Keyed<MeanAndSd>,
 ) -> String {
-    let averaged = &tracing.averaged_posterior;
-    let names: Vec<&str> = averaged.keys().map(String::as_str).collect();
+    let names: Vec<&str> = quoted.keys().map(String::as_str).collect();
     let mut text = blind_spots(spots, &names);
-    text += "\nconstants averaged over what may act unseen: the intervals to quote\n\n";
-    let rows = averaged.iter().map(|(name, a)| {
+    text += match suspect {
+        Some(_) => {
+            "\nconstants: the intervals to quote span three answers, because the account is not unique\n\n"
+        }
+        None => "\nconstants averaged over what may act unseen: the intervals to quote\n\n",
+    };
+    let rows = quoted.iter().map(|(name, a)| {
         let bare = alone.get(name).map(|m| plus_minus(m.mean, m.sd));
         once(name.clone())
             .chain([a.mean, a.sd, a.low, a.high].map(|v| significant(v, a.sd)))
@@ -101,9 +108,39 @@ pub fn averaged(
     });
     let header = ["", "mean", "sd", "2.5 %", "97.5 %", "model alone"];
     text += &table(&header, rows);
-    if let Some(note) = widening(alone, tracing, spots) {
+    if let Some(suspect) = suspect {
+        text += &answers(suspect);
+    } else if let Some(note) = widening(alone, tracing, spots) {
         text += "\n";
         text += &wrap("  ", "  ", &note);
+    }
+    text
+}
+
+/// The constants by each answer.
+fn answers(suspect: &Suspect) -> String {
+    let names: Vec<&String> = suspect
+        .answers
+        .iter()
+        .take(1)
+        .flat_map(|a| a.constants.keys())
+        .collect();
+    let header: Vec<&str> = once("").chain(names.iter().map(|n| n.as_str())).collect();
+    let letters = suspect.answers.iter().zip('A'..);
+    let rows = letters.clone().map(|(answer, letter)| {
+        let cell = |name: &&String| {
+            answer
+                .constants
+                .get(name.as_str())
+                .map_or("-".into(), |i| plus_minus(i.mean, i.sd))
+        };
+        once(letter.to_string())
+            .chain(names.iter().map(cell))
+            .collect()
+    });
+    let mut text = format!("\n{}", table(&header, rows));
+    for (answer, letter) in letters {
+        text += &wrap("  ", "    ", &format!("{letter}: {}", answer.supposing));
     }
     text
 }
@@ -179,7 +216,11 @@ pub fn closed(page: &Page, closing: &Closing) -> String {
         text += &table(&["", "mean", "sd"], rows);
     }
     if let Some((last, found)) = rounds.last().and_then(|r| Some((r, r.tracing.as_ref()?))) {
-        text += &averaged(found, &closing.blind_spots, &last.alone());
+        let (quoted, suspect) = (
+            &closing.averaged_posterior,
+            closing.verdict.suspect.as_ref(),
+        );
+        text += &averaged(found, quoted, suspect, &closing.blind_spots, &last.alone());
     }
     let verdict = &closing.verdict;
     let headline = match verdict.status {

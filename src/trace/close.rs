@@ -26,6 +26,16 @@ pub struct Closed {
     pub conclusion: Conclusion,
 }
 
+impl Closed {
+    /// The constants to quote: averaged over what may act unseen, or what spans all answers where the account is suspect.
+    pub fn quoted(&self) -> Keyed<Interval> {
+        match &self.conclusion.suspect {
+            Some(suspect) => suspect.hull(),
+            None => self.rounds[self.rounds.len() - 1].tracing.averaged.clone(),
+        }
+    }
+}
+
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline. `options` gives each
 /// round its own. A later round that the deadline cuts off before there is anything to say of it does not count.
 ///
@@ -42,62 +52,53 @@ pub fn close<'a>(
 ) -> Result<Closed> {
     let mut rounds: Vec<Round> = Vec::new();
     let mut doubts = Doubts::default();
-    let mut model = model.clone();
-    loop {
+    let mut next = Some(model.clone());
+    while let Some(model) = next.take() {
         let options = options(rounds.len());
         let is_over = || options.deadline.is_some_and(|end| Instant::now() >= end);
-        let identification = match identify(&model, &options, progress) {
-            Ok(found) => found,
+        match identify(&model, &options, progress) {
+            Ok(found) => rounds.push(doubts.round(model, found, progress)?),
             Err(e) if rounds.is_empty() => return Err(e),
             Err(e) if e.blame() == Blame::Limit => break,
             Err(e) => {
-                doubts.refuse(&mut rounds, e.to_string());
-                let Some(next) = doubts.again(&mut rounds, None, progress)? else {
-                    break;
-                };
+                // the fit of what was called for: without it the loop goes on
+                doubts.refuse(&rounds[rounds.len() - 1], e.to_string());
+                next = doubts.again(&mut rounds, None, progress)?;
                 forget(&options)?;
-                model = next;
                 continue;
             }
-        };
-        if let Some(why) = rounds
-            .last()
-            .and_then(|before| contradiction(before, &model, &identification))
-        {
-            doubts.refuse(&mut rounds, why);
-            let next = doubts.again(&mut rounds, Some((&model, &identification)), progress)?;
-            let Some(next) = next.filter(|_| !is_over()) else {
-                break;
-            };
-            forget(&options)?;
-            model = next;
+        }
+        if is_over() {
+            break;
+        }
+        next = next_model(&rounds[rounds.len() - 1]).filter(|_| rounds.len() <= most);
+        if next.is_some() {
             continue;
         }
-        let start = start(&model, &identification);
-        let tracing =
-            doubts.attribute(&model, &identification.inverse.prepared, start, progress)?;
-        identification.inverse.prepared.problem.experiment.rest();
-        rounds.push(Round {
-            model: model.clone(),
-            identification,
-            tracing,
-        });
-        if rounds.len() > most || is_over() {
-            break;
+        if let Some((at, why)) = contradicted(&rounds) {
+            let last = rounds.split_off(at + 1).pop();
+            doubts.refuse(&rounds[at], why);
+            next = doubts
+                .again(&mut rounds, last.as_ref(), progress)?
+                .filter(|_| rounds.len() <= most);
         }
-        let Some(next) = next_model(&rounds[rounds.len() - 1]) else {
-            break;
-        };
-        model = next;
     }
     follow(&mut rounds, options, progress)?;
     let conclusion = conclude(&rounds, &doubts.refused);
-    let with_discrepancy = with_discrepancy(&rounds, &conclusion, options, progress)?;
+    let with_discrepancy = with_discrepancy(&rounds, &conclusion, options, progress);
     Ok(Closed {
         rounds,
         with_discrepancy,
         conclusion,
     })
+}
+
+/// The round whose effect does not hold once all others are in the model, and why.
+fn contradicted(rounds: &[Round]) -> Option<(usize, String)> {
+    let last = rounds.last()?;
+    let mut called = rounds[..rounds.len() - 1].iter().enumerate();
+    called
+        .find_map(|(k, round)| Some((k, contradiction(round, &last.model, &last.identification)?)))
 }
 
 /// Effects that were added and taken out again.
@@ -111,24 +112,41 @@ struct Doubts {
 const REFUSALS: usize = 2;
 
 impl Doubts {
-    /// Note why what the last round called for did not hold.
-    fn refuse(&mut self, rounds: &mut [Round], why: String) {
-        let effect = rounds.last().and_then(|r| r.tracing.accepted);
-        self.refused.extend(effect.map(|e| (e.name(), why)));
+    /// Note why what a round called for did not hold.
+    fn refuse(&mut self, round: &Round, why: String) {
+        self.refused
+            .extend(round.tracing.accepted.map(|e| (e.name(), why)));
     }
 
-    /// Trace the last round anew, about the refit of the effect that it called for where there is one; the model that it calls for now.
+    /// What an identification leaves, traced.
+    fn round(
+        &self,
+        model: Model,
+        identification: Identification,
+        progress: &dyn Progress,
+    ) -> Result<Round> {
+        let start = start(&model, &identification);
+        let tracing = self.attribute(&model, &identification.inverse.prepared, start, progress)?;
+        identification.inverse.prepared.problem.experiment.rest();
+        Ok(Round {
+            model,
+            identification,
+            tracing,
+        })
+    }
+
+    /// Trace the last of some rounds anew, about the refit that was refused where there is one; the model that it calls for now.
     fn again(
         &self,
         rounds: &mut [Round],
-        refit: Option<(&Model, &Identification)>,
+        refit: Option<&Round>,
         progress: &dyn Progress,
     ) -> Result<Option<Model>> {
         let Some(round) = rounds.last_mut() else {
             return Ok(None);
         };
-        let (model, found) = refit.unwrap_or((&round.model, &round.identification));
-        let start = start(model, found);
+        let about = refit.unwrap_or(round);
+        let start = start(&about.model, &about.identification);
         let prepared = &round.identification.inverse.prepared;
         round.tracing = self.attribute(&round.model, prepared, start, progress)?;
         Ok(next_model(round))
@@ -229,7 +247,7 @@ fn with_discrepancy<'a>(
     conclusion: &Conclusion,
     options: &dyn Fn(usize) -> Options<'a>,
     progress: &dyn Progress,
-) -> Result<Option<Identification>> {
+) -> Option<Identification> {
     let last = &rounds[rounds.len() - 1];
     let structure = last.tracing.structure;
     let options = Options {
@@ -238,13 +256,8 @@ fn with_discrepancy<'a>(
     };
     let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
     let over = options.deadline.is_some_and(|end| Instant::now() >= end);
-    if !wanted || over {
-        return Ok(None);
-    }
-    match identify(&last.model, &options, progress) {
-        Err(e) if e.blame() == Blame::Limit => Ok(None),
-        found => found.map(Some),
-    }
+    // the loop has ended without it: where it cannot be identified, nothing is lost
+    (wanted && !over).then(|| identify(&last.model, &options, progress).ok())?
 }
 
 /// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.

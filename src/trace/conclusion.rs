@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::round::Round;
 use super::suspect::Suspect;
 use super::tracing::{Named, Resembling};
-use super::vetoes::vetoes;
+use super::vetoes::{surrogate, vetoes};
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::files::Keyed;
 use crate::identify::Identification;
@@ -118,8 +118,12 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     let wanted = accepted(last).and_then(|_| groups.pop());
     let structure = last.tracing.leaves_structure();
     let patterns = last.identification.patterns.any();
-    let suspect = &last.tracing.suspect;
-    let vetoes = vetoes(rounds);
+    let mut vetoes = vetoes(rounds);
+    let mut suspect = last.tracing.suspect.clone();
+    suspect.reasons.extend(vetoes.iter().cloned());
+    // the quoted constants do not come from the reduced model
+    vetoes.extend(surrogate(&last.identification));
+    let suspect = (!suspect.reasons.is_empty()).then_some(suspect);
     let open = structure || patterns || wanted.is_some() || suspect.is_some() || !vetoes.is_empty();
     let status = match (open, groups.is_empty()) {
         (true, _) => Status::Unexplained,

@@ -5,7 +5,7 @@ use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::sensitivities::{Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
-use super::suspect::{Suspect, suspect};
+use super::suspect::suspect;
 use super::tracing::{Found, Named, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
@@ -113,7 +113,16 @@ impl Evidence<'_> {
             .map(|g| g.members.clone())
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities)?;
-        let suspect = suspect(self, &average)?;
+        let mut suspect = suspect(self, &average)?;
+        for g in named
+            .iter()
+            .filter(|g| g.probability > ACCEPT && !self.acceptable(g, &candidates))
+        {
+            suspect.reasons.push(format!(
+                "{} is called for and cannot be accepted",
+                g.members.join(" or ")
+            ));
+        }
         Ok(Tracing {
             candidates,
             groups: named,
@@ -123,7 +132,7 @@ impl Evidence<'_> {
             discrepancy: self.subsets.discrepancy,
             length_mm: noise.map(|h| if h.ratio > 0.0 { h.length_mm } else { 0.0 }),
             structure: noise.map(|h| h.is_discrepancy(&self.measured.blocks).then_some(*h)),
-            averaged: suspect.as_ref().map_or(average, Suspect::hull),
+            averaged: average,
             suspect,
             blind_spots: self
                 .load_scale()

@@ -19,12 +19,12 @@ use crate::files::Keyed;
 use crate::noise::NormalEquations;
 use crate::noise::reml::orthonormal;
 
-/// An account of the residual that is not unique.
+/// Whether an account of the residual is not unique, and what the constants are under others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Suspect {
-    /// Why, in words.
+    /// Why it is not, in words; empty where nothing says so.
     pub reasons: Vec<String>,
-    /// The constants by each answer.
+    /// The constants by each answer, the averaged ones first.
     pub answers: Vec<Answer>,
 }
 
@@ -50,11 +50,11 @@ const SETTINGS: usize = 8;
 /// Settings of smaller evidence than the best of their class, in nats, do not count.
 const WITHIN: f64 = 8.0;
 
-/// The account's faults, if there are some, and the three answers.
+/// The account's faults and the three answers.
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
-pub fn suspect(evidence: &Evidence<'_>, averaged: &Keyed<Interval>) -> Result<Option<Suspect>> {
+pub fn suspect(evidence: &Evidence<'_>, averaged: &Keyed<Interval>) -> Result<Suspect> {
     let sensitivities = &evidence.sensitivities;
     let wide = evidence.weighing.beyond_rival();
     let settings = settings(&wide, sensitivities)?;
@@ -73,9 +73,6 @@ pub fn suspect(evidence: &Evidence<'_>, averaged: &Keyed<Interval>) -> Result<Op
     let rival = near_edge_probability(evidence, &settings);
     if rival > UNEXPLAINED {
         reasons.push(format!("a change of stiffness beside the hole that is in no dictionary explains more (probability {rival:.2})"));
-    }
-    if reasons.is_empty() {
-        return Ok(None);
     }
     let has_rival = !sensitivities.near_edge.is_empty();
     let sizes: &[f64] = if has_rival { &RIVAL } else { &[0.0] };
@@ -107,7 +104,7 @@ pub fn suspect(evidence: &Evidence<'_>, averaged: &Keyed<Interval>) -> Result<Op
             constants: answer(0.0)?,
         },
     ];
-    Ok(Some(Suspect { reasons, answers }))
+    Ok(Suspect { reasons, answers })
 }
 
 impl Suspect {

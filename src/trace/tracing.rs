@@ -52,10 +52,10 @@ pub struct Tracing {
     pub length_mm: [f64; 2],
     /// The likeliest hyperparameters of each component, where they are a discrepancy.
     pub structure: [Option<Hyperparameters>; 2],
-    /// The constants, averaged over what may act unseen; where the account is suspect, what spans the answers there.
+    /// The constants, averaged over what may act unseen.
     pub averaged: Keyed<Interval>,
-    /// Whether the account of the residual is suspect, and the answers that `averaged` spans then.
-    pub suspect: Option<Suspect>,
+    /// Whether the account of the residual is suspect, and what else the constants could be.
+    pub suspect: Suspect,
     /// What could hide in the residual.
     pub blind_spots: Vec<(&'static str, BlindSpot)>,
     /// RMS error of held-out block averages by the model as it is, nm.

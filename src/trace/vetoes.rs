@@ -22,11 +22,11 @@ const ACTS_SDS: f64 = 2.0;
 /// The quoted posterior and the last model's agree within so many combined sds.
 const QUOTED_SDS: f64 = 3.0;
 
-/// All objections to the last round of a loop, of which `first` is the model as it was given.
+/// All objections to the last round of a loop but that to its reduced model ([`surrogate`]).
 pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
     let found = &last.identification;
-    let mut said: Vec<String> = [determined(found), surrogate(found), misfit(found)]
+    let mut said: Vec<String> = [determined(found), misfit(found)]
         .into_iter()
         .flatten()
         .collect();

@@ -6,6 +6,7 @@ use super::{DASH, mean_sd, minus, row, short, table};
 use crate::report::page::Page;
 use crate::report::round::RoundReport;
 use crate::report::words::contradiction;
+use crate::trace::Suspect;
 
 /// Names of the rounds: what each added to the model.
 pub fn names(page: &Page) -> Vec<String> {
@@ -64,11 +65,35 @@ pub fn rounds(page: &Page) -> Markup {
     }
 }
 
+/// The constants by each answer, where the account of the residual is not unique.
+fn answers(suspect: &Suspect) -> Markup {
+    let constants = suspect.answers.first().map(|a| &a.constants);
+    let mut header = vec!["supposing".to_string()];
+    header.extend(constants.into_iter().flat_map(|c| c.keys().cloned()));
+    let rows = suspect.answers.iter().map(|answer| {
+        let moments = answer
+            .constants
+            .values()
+            .map(|i| mean_sd(Some((i.mean, i.sd))));
+        row(&answer.supposing, moments)
+    });
+    let why = suspect.reasons.join("; ");
+    html! {
+        p { "The account of the residual is not unique: " (why) "." }
+        (table("Constants by each answer: mean \u{b1} sd", &header, rows.collect(), false))
+    }
+}
+
 /// Constants of every round and averaged, and their errors where the truth is known.
 fn constants(page: &Page, header: &[String]) -> Markup {
     let closing = page.report.closing.as_ref();
     let mut header = header.to_vec();
-    header.extend(closing.map(|_| "averaged over unseen effects".into()));
+    let suspect = closing.and_then(|c| c.verdict.suspect.as_ref());
+    let quoted = match suspect {
+        Some(_) => "to quote: spans the answers below",
+        None => "averaged over unseen effects",
+    };
+    header.extend(closing.map(|_| quoted.into()));
     let without_truth = header.clone();
     if page
         .constants()
@@ -101,7 +126,8 @@ fn constants(page: &Page, header: &[String]) -> Markup {
     }
     html! {
         (table("Constants: posterior mean \u{b1} sd", &header, rows, false))
-        @if let Some(note) = closing.and_then(|c| c.averaged_note.as_ref()) { p { (note) } }
+        @if let Some(suspect) = suspect { (answers(suspect)) }
+        @else if let Some(note) = closing.and_then(|c| c.averaged_note.as_ref()) { p { (note) } }
         @if !errors.is_empty() {
             (table("Error of the mean against the truth of the simulation, and in posterior sd", &without_truth, errors, false))
         }
