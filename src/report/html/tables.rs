@@ -80,7 +80,7 @@ fn answers(suspect: &Suspect) -> Markup {
     let why = suspect.reasons.join("; ");
     html! {
         p { "The account of the residual is not unique: " (why) "." }
-        (table("Constants by each answer: mean \u{b1} sd", &header, rows.collect(), false))
+        (table("Constants by each answer: mean \u{b1} sd", &header, rows.collect::<Vec<_>>(), false))
     }
 }
 
