@@ -182,7 +182,7 @@ fn simulated_effects_act_in_the_stated_order() {
         .map(|i| plain[i] + 0.1 * y[i] + 0.05 * x[i] + 0.1)
         .collect();
     assert!(apart(&with, expected.iter().copied()) < 1e-4);
-    let all = [added[0], added[1], "phase_shift_error=20,-30"];
+    let all = [added[0], added[1], "phase_shift_error=20,-30,20,-30"];
     let ripple = expected.iter().map(|u| {
         let phase = 4.0 * std::f64::consts::PI * 2400.0 * u / 1000.0;
         u + 0.020 * phase.sin() - 0.030 * phase.cos()
@@ -212,7 +212,7 @@ fn simulate_refuses_what_cannot_be() {
             &["exx_microstrain,eyy_microstrain"],
         ),
         (&moire, "magnification=50", &["20", "50"]),
-        (&steel, "phase_shift_error=1,1", &["fringe_frequency"]),
+        (&steel, "phase_shift_error=1,1,1,1", &["fringe_frequency"]),
     ] {
         let out = fresh("out").display().to_string();
         refused(

@@ -414,7 +414,11 @@ fn physics_does_not_depend_on_the_axis_of_the_load() {
         ("magnification", &[1.0], &[1.0]),
         ("camera_tilt", &[2e-4, 3e-4], &[-3e-4, 2e-4]),
         ("lens_distortion", &[0.5], &[0.5]),
-        ("phase_shift_error", &[10.0, 0.0], &[10.0, 0.0]),
+        (
+            "phase_shift_error",
+            &[10.0, 0.0, 3.0, 4.0],
+            &[10.0, 0.0, 3.0, 4.0],
+        ),
         (
             "fringe_order_jump",
             &[1.0, 2.0, 4.0, -2.0, 6.0],
@@ -457,8 +461,8 @@ fn a_phase_shift_error_is_a_ripple_at_twice_the_fringe_frequency() {
     let ripple = effect("phase_shift_error");
     let scene = scene(Axis::Y, &[0.0], FRINGES);
     let order = 1.0 / 2400.0;
-    let read = |a: [f64; 2], u: f64| {
-        let [u1, u2] = ripple.recorded(&a, &scene, [0.0; 2], [u, -u]);
+    let read = |[a, b]: [f64; 2], u: f64| {
+        let [u1, u2] = ripple.recorded(&[a, b, a, b], &scene, [0.0; 2], [u, -u]);
         (u1 - u, u2 + u)
     };
     // sin(4 pi f F) is 1 at an eighth of an order, the cosine at whole halves.
@@ -470,10 +474,14 @@ fn a_phase_shift_error_is_a_ripple_at_twice_the_fringe_frequency() {
     }
     let points = POINTS.to_vec();
     let smooth: Vec<_> = points.iter().map(|&p| field(p)).collect();
-    let columns = [0, 1].map(|k| recorded_column(ripple, k, &scene, &points, &smooth));
+    let columns = [0, 1, 2, 3].map(|k| recorded_column(ripple, k, &scene, &points, &smooth));
     for (i, &u) in smooth.iter().enumerate() {
-        let seen = ripple.recorded(&[3.0, -4.0], &scene, points[i], u);
-        let linear = [0, 1].map(|c| u[c] + 3.0 * columns[0][i][c] - 4.0 * columns[1][i][c]);
+        let seen = ripple.recorded(&[3.0, -4.0, 5.0, 2.0], &scene, points[i], u);
+        let added = |c: usize| -> f64 {
+            let columns = columns.iter().zip([3.0, -4.0, 5.0, 2.0]);
+            columns.map(|(column, a)| a * column[i][c]).sum()
+        };
+        let linear = [0, 1].map(|c| u[c] + added(c));
         close(seen, linear, 1e-15, "linear in its amplitudes");
     }
 }

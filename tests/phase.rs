@@ -8,7 +8,7 @@ use crate::field::{normal, open_hole, rng, simulated};
 
 const ORDER: f64 = 1.0 / 2400.0;
 const NM: f64 = 1e-6;
-const PRIOR_SD_NM: [f64; 2] = [20.0; 2];
+const PRIOR_SD_NM: [[f64; 2]; 2] = [[20.0; 2]; 2];
 
 /// What a field holds besides the elastic displacement.
 struct Case {

@@ -127,7 +127,7 @@ pub const CLEAR: [&str; 20] = [
     "magnification=0.5",
     "camera_tilt=1e-4,-0.5e-4",
     "lens_distortion=0.3",
-    "phase_shift_error=15,-5",
+    "phase_shift_error=15,-5,15,-5",
     "fringe_order_jump=1,0,5,6,3",
     "load_misalignment=1",
     "in_plane_bending=0.2",
@@ -183,7 +183,7 @@ fn two_effects_together_are_both_named() {
     for (k, pair) in [
         ["load_misalignment=1", "in_plane_bending=0.2"],
         ["registration_offset=0.1,0.05", "ply_misorientation=1"],
-        ["rigid_rotation=50", "phase_shift_error=8,3"],
+        ["rigid_rotation=50", "phase_shift_error=8,3,8,3"],
     ]
     .iter()
     .enumerate()

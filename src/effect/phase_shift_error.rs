@@ -12,11 +12,13 @@ impl Effect for PhaseShiftError {
             kind: Kind::Recorded,
             parameters: const {
                 &[
-                    Parameter::new("sin_nm", 20.0, 1e3),
-                    Parameter::new("cos_nm", 20.0, 1e3),
+                    Parameter::new("u1_sin_nm", 20.0, 1e3),
+                    Parameter::new("u1_cos_nm", 20.0, 1e3),
+                    Parameter::new("u2_sin_nm", 20.0, 1e3),
+                    Parameter::new("u2_cos_nm", 20.0, 1e3),
                 ]
             },
-            about: "Wrong steps of the phase shifter add to each component F of the displacement, its translation included, a sin(2 pi 2 f F) + b cos(2 pi 2 f F), f being the fringe frequency.",
+            about: "Wrong steps of the phase shifter add to each component F of the displacement (u1 along the load, u2 across it), its translation included, its own a sin(2 pi 2 f F) + b cos(2 pi 2 f F), f being the fringe frequency.",
             confirm: "Calibrate the phase shifter (piezo); or repeat with another number of phase steps: the ripple changes, the displacement does not.",
         }
     }
@@ -31,10 +33,10 @@ impl Effect for PhaseShiftError {
         let Some(frequency) = scene.fringe_frequency_per_mm else {
             return u;
         };
-        let [a, b] = [amplitude[0] / NM_PER_MM, amplitude[1] / NM_PER_MM];
-        u.map(|u| {
-            let (sin, cos) = (2.0 * std::f64::consts::TAU * frequency * u).sin_cos();
-            u + a * sin + b * cos
+        [0, 1].map(|c| {
+            let [a, b] = [amplitude[2 * c], amplitude[2 * c + 1]].map(|nm| nm / NM_PER_MM);
+            let (sin, cos) = (2.0 * std::f64::consts::TAU * frequency * u[c]).sin_cos();
+            u[c] + a * sin + b * cos
         })
     }
 

@@ -63,17 +63,16 @@ pub fn correct_phase(
         .map(|(u, r)| [u[0] - r[0], u[1] - r[1]])
         .collect();
     let found = find_phase(model, effect, &observation.field, &fitted, order_mm);
-    let amplitude = [found.both.sin_nm, found.both.cos_nm];
+    let amplitude = found.amplitudes_nm();
     let scene = experiment.scene();
-    for (k, mean) in amplitude.into_iter().enumerate() {
+    for (k, (mean, _)) in amplitude.into_iter().enumerate() {
         let field = &mut observation.field;
         let column = recorded_column(effect, k, scene, &field.points, &found.smooth);
         for (u, c) in field.displacement.iter_mut().zip(&column) {
             *u = [u[0] - mean * c[0], u[1] - mean * c[1]];
         }
     }
-    let values = amplitude.into_iter().zip(found.both.sd_nm);
-    let parameters = effect.parameters().iter().zip(values);
+    let parameters = effect.parameters().iter().zip(amplitude);
     observation.recorded = parameters
         .map(|(parameter, (mean, sd))| RecordedAmplitude {
             name: amplitude_name(effect, parameter),
@@ -96,10 +95,11 @@ pub fn find_phase(
     phase::find(field, &blocks, predicted, order_mm, prior_sd)
 }
 
-/// Prior sd of the sine's and the cosine's amplitude, nm.
-pub fn phase_prior_sd_nm(model: &Model, effect: &dyn Effect) -> [f64; 2] {
+/// Prior sd of the sine's and the cosine's amplitude, nm, for (u1, u2).
+pub fn phase_prior_sd_nm(model: &Model, effect: &dyn Effect) -> [[f64; 2]; 2] {
     let bound = |k: usize| effect.parameters().get(k).map_or(NM_PER_MM, |p| p.bound);
-    [0, 1].map(|k| model.prior_sd(effect, k).unwrap_or_else(|| bound(k)))
+    let of = |k: usize| model.prior_sd(effect, k).unwrap_or_else(|| bound(k));
+    [0, 1].map(|c| [of(2 * c), of(2 * c + 1)])
 }
 
 fn declared(model: &Model, name: &str) -> Option<&'static dyn Effect> {

@@ -153,7 +153,7 @@ pub fn posterior(
     statistics: &Statistics,
     noise: &Noise,
 ) -> Result<Posterior> {
-    let thickness = model.experiment().specimen.thickness_mm;
+    let thickness = model.loaded_thickness_mm();
     let likelihood = Likelihood::new(
         statistics,
         reduced,

@@ -31,9 +31,9 @@ pub struct Ripple {
 /// The phase-shift error of a field.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhaseError {
-    /// One amplitude pair for both components, as one camera and one piezo give it.
+    /// The same error in both components, as one camera and one piezo may give it: it speaks louder than either alone.
     pub both: Ripple,
-    /// Each component by itself, for errors in one of them only.
+    /// Each component by itself: what is taken out of the field.
     pub component: [Ripple; 2],
     /// What the fringes show without the error and the pixels' noise: model, planes of the blocks, at every point, mm.
     pub smooth: Vec<[f64; 2]>,
@@ -42,6 +42,25 @@ pub struct PhaseError {
     /// Variance of the amplitudes at other multiples of the fringe frequency over that of white noise of `within_nm`, for
     /// (u1, u2); at least 1.
     pub inflation: [f64; 2],
+}
+
+impl PhaseError {
+    /// Mean and sd of the amplitudes, nm: sine and cosine of u1, then of u2.
+    pub fn amplitudes_nm(&self) -> [(f64, f64); 4] {
+        let [a, b] = &self.component;
+        [
+            (a.sin_nm, a.sd_nm[0]),
+            (a.cos_nm, a.sd_nm[1]),
+            (b.sin_nm, b.sd_nm[0]),
+            (b.cos_nm, b.sd_nm[1]),
+        ]
+    }
+
+    /// Log Bayes factor of an error against none: the same in both components, one of its own in either, or in both.
+    pub fn log_bayes_factor(&self) -> f64 {
+        let [a, b] = self.component.map(|ripple| ripple.log_bayes_factor);
+        self.both.log_bayes_factor.max(a).max(b).max(a + b)
+    }
 }
 
 /// Multiples of the fringe frequency at which there is nothing to find: what the regression finds there is its null distribution.
@@ -56,7 +75,7 @@ const FREEDOM: f64 = 20.0;
 const REPETITIONS: usize = 12;
 const CONVERGED_NM: f64 = 1e-3;
 
-/// Estimate the phase-shift error of `field` within `blocks`, its sine and cosine amplitudes having the prior sd `prior_sd_nm`.
+/// Estimate the phase-shift error of `field` within `blocks`, its sine and cosine amplitudes in (u1, u2) having the prior sds `prior_sd_nm`.
 ///
 /// `model` is the fitted displacement (u1, u2) in mm at every point, its translation included or not: the blocks' own
 /// planes are added to it. The measured displacement in its place would have noise in the argument: 5 nm showed as 13 nm in the
@@ -67,7 +86,7 @@ pub fn find(
     blocks: &Blocks,
     model: &[[f64; 2]],
     order_mm: f64,
-    prior_sd_nm: [f64; 2],
+    prior_sd_nm: [[f64; 2]; 2],
 ) -> PhaseError {
     let tiles = Tiles::new(field, blocks, order_mm);
     let misfits = [0, 1].map(|c| {
@@ -121,12 +140,12 @@ pub fn find(
         right: a.right + b.right,
     };
     let smooth = [0, 1].map(|c| {
-        let argument = misfits[c].argument(&tiles, joint);
+        let argument = misfits[c].argument(&tiles, amplitude[c]);
         tiles.everywhere(field, blocks, &argument, |i| model[i][c])
     });
     PhaseError {
-        both: both.ripple(prior_sd_nm),
-        component: own.each_ref().map(|n| information(n).ripple(prior_sd_nm)),
+        both: both.ripple(prior_sd_nm[0]),
+        component: [0, 1].map(|c| information(&own[c]).ripple(prior_sd_nm[c])),
         smooth: (0..field.len())
             .map(|i| [smooth[0][i], smooth[1][i]])
             .collect(),

@@ -70,7 +70,7 @@ impl Likelihood {
         let raw = DMatrix::from_fn(p, surface.exponents.len(), |k, m| {
             surface.coefficients[k][m]
         });
-        let slope = thickness_slope(&surface, &raw).map(|s| &forward * s);
+        let slope = thickness_slope(&surface, &raw, thickness.0).map(|s| &forward * s);
         let mut likelihood = Self {
             polynomial: &forward * raw,
             slope,
@@ -103,7 +103,7 @@ impl Likelihood {
         });
         let forward = DMatrix::from_fn(p, p, |i, k| if i == k { 1.0 / sd[k] } else { 0.0 });
         let mut likelihood = Self {
-            slope: thickness_slope(&surface, &raw).map(|s| &forward * s),
+            slope: thickness_slope(&surface, &raw, thickness.0).map(|s| &forward * s),
             polynomial: &forward * raw,
             surface,
             measured: DVector::from_fn(p, |k, _| measured[k] / sd[k]),
@@ -355,13 +355,14 @@ impl pulp::WithSimd for AtOnePoint<'_> {
 }
 
 /// Coefficients of d alpha / d h over the same monomials, for a surface that has the thickness among its variables
-/// and no factor; `None` where the factor carries the thickness as 1/h.
-fn thickness_slope(surface: &Surface, raw: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+/// and no factor; `None` where the factor carries the thickness as 1/h. Without the thickness (mean `mean`, mm) among the variables the
+/// field goes with 1/h all the same.
+fn thickness_slope(surface: &Surface, raw: &DMatrix<f64>, mean: f64) -> Option<DMatrix<f64>> {
     if surface.variables.choice == Choice::Ratios {
         return None;
     }
     let Some(k) = surface.variables.thickness() else {
-        return Some(DMatrix::zeros(raw.nrows(), raw.ncols()));
+        return Some(raw / -mean);
     };
     let half = surface.variables.half_width(k);
     let mut slope = DMatrix::zeros(raw.nrows(), raw.ncols());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
-use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name};
+use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
@@ -15,7 +15,7 @@ use crate::experiment::{
 use crate::fem::Setup;
 use crate::field::{Field, Grid};
 use crate::geometry;
-use crate::laminate::Material;
+use crate::laminate::{Material, MeanSd};
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
 
 /// A validated model and where it came from.
@@ -166,6 +166,19 @@ impl Model {
             .plausible
             .get(&amplitude_name(effect, parameter));
         own.copied().or(parameter.prior_sd)
+    }
+
+    /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
+    /// load where its scale is declared as an effect of its own.
+    pub fn loaded_thickness_mm(&self) -> MeanSd {
+        let MeanSd { mean, sd } = self.experiment().specimen.thickness_mm;
+        let declared = self.effects.iter().any(|e| e.name() == LOAD_SCALE.name());
+        let percent = self.prior_sd(LOAD_SCALE, 0).filter(|_| !declared);
+        let load = mean * 0.01 * percent.unwrap_or(0.0);
+        MeanSd {
+            mean,
+            sd: sd.hypot(load),
+        }
     }
 
     /// What effects may need to know of the nominal test: prior means, mean thickness.

@@ -96,13 +96,10 @@ pub fn find_phase(
     let effect = effect::find("dictionary", PHASE)?;
     let phase = fringes::find_phase(model, effect, field, predicted, order_mm);
     let prior_sd = fringes::phase_prior_sd_nm(model, effect);
-    let ripple = phase.both;
-    let log_bayes_factor = [ripple, phase.component[0], phase.component[1]]
-        .iter()
-        .fold(f64::NEG_INFINITY, |m, r| m.max(r.log_bayes_factor));
+    let log_bayes_factor = phase.log_bayes_factor();
     // even odds would ignore that there are two dozen effects
     let odds = (log_bayes_factor - (effect::EFFECTS.len() as f64).ln()).exp();
-    let mean = [ripple.sin_nm, ripple.cos_nm];
+    let amplitude = phase.amplitudes_nm();
     let found = Found {
         effect,
         inclusion_probability: if odds.is_finite() {
@@ -114,19 +111,21 @@ pub fn find_phase(
         amplitude: effect
             .parameters()
             .iter()
-            .zip(mean.iter().zip(ripple.sd_nm))
-            .map(|(p, (m, s))| (effect::amplitude_name(effect, p), *m, s))
+            .zip(amplitude)
+            .map(|(p, (m, s))| (effect::amplitude_name(effect, p), m, s))
             .collect(),
-        multiple: (0..2).fold(0.0_f64, |a, k| a.max(mean[k].abs() / prior_sd[k])),
-        explained_fraction: explained(field, predicted, mean),
-        detectable: ripple.sd_nm[0] * (2.0 * (PHASE_LOG_BAYES_FACTOR + 6.0)).sqrt(),
+        multiple: (0..4).fold(0.0_f64, |a, k| {
+            a.max(amplitude[k].0.abs() / prior_sd[k / 2][k % 2])
+        }),
+        explained_fraction: explained(field, predicted, amplitude.map(|(mean, _)| mean)),
+        detectable: phase.both.sd_nm[0] * (2.0 * (PHASE_LOG_BAYES_FACTOR + 6.0)).sqrt(),
         aliases: Vec::new(),
     };
     Ok(Some((found, log_bayes_factor > PHASE_LOG_BAYES_FACTOR)))
 }
 
 /// Share of the mean square misfit (translation aside) that a ripple of these amplitudes makes.
-fn explained(field: &Field, predicted: &[[f64; 2]], [a, b]: [f64; 2]) -> f64 {
+fn explained(field: &Field, predicted: &[[f64; 2]], amplitude_nm: [f64; 4]) -> f64 {
     let n = field.len().max(1) as f64;
     let misfit: f64 = field
         .displacement
@@ -135,5 +134,6 @@ fn explained(field: &Field, predicted: &[[f64; 2]], [a, b]: [f64; 2]) -> f64 {
         .map(|(u, p)| (u[0] - p[0]).powi(2) + (u[1] - p[1]).powi(2))
         .sum::<f64>()
         / n;
-    ((a * a + b * b) / (NM_PER_MM * NM_PER_MM) / misfit.max(f64::MIN_POSITIVE)).min(1.0)
+    let ripple = 0.5 * amplitude_nm.iter().map(|a| a * a).sum::<f64>();
+    (ripple / (NM_PER_MM * NM_PER_MM) / misfit.max(f64::MIN_POSITIVE)).min(1.0)
 }

@@ -220,7 +220,7 @@ fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
     for parameter in model.sampled().iter().flat_map(|e| e.parameters()) {
         theta.push(parameter.prior_sd.unwrap_or(parameter.bound) * normal());
     }
-    let thickness = model.experiment().specimen.thickness_mm;
+    let thickness = model.loaded_thickness_mm();
     let additive = model.additive();
     let additive = additive.iter().flat_map(|e| e.parameters());
     // an amplitude with a flat prior is as good as any other
