@@ -65,7 +65,8 @@ fn place(folder: &Path, round: usize) -> PathBuf {
 }
 
 fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<Page> {
-    for (k, step) in closed.rounds.iter().enumerate() {
+    for step in &closed.rounds {
+        let k = step.attempt;
         let place = place(folder.path(), k);
         write_csv(&step.identification.draws, &place.join("chain.csv"))?;
         let name = if k == 0 {

@@ -208,10 +208,14 @@ fn hash(path: &Path) -> Result<String> {
     Ok(hex(&Sha256::digest(bytes)))
 }
 
+/// Attempts at rounds that a loop may have made.
+const MOST_ATTEMPTS: usize = 100;
+
 /// Says of a loop's folder that its chains are those of the first round, and where those of the last are.
 pub fn say_round(folder: &Path) {
     let of = |k: usize| folder.join(format!("round-{k}"));
-    let later = (1..).take_while(|k| of(*k).join("chain.csv").is_file());
+    // an attempt that was taken back has no chain.csv
+    let later = (1..MOST_ATTEMPTS).filter(|k| of(*k).join("chain.csv").is_file());
     if let Some(last) = later.last() {
         line(&format!(
             "  {} is of a loop: these are the draws of its first round, the model as it was given; those of the last are in {}",

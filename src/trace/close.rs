@@ -15,7 +15,6 @@ use crate::files::Keyed;
 use crate::identify::{Identification, Options, Prepared, identify, refine};
 use crate::infer::Model;
 use crate::progress::Progress;
-use crate::sample::Keeping;
 
 /// All rounds and the conclusion.
 pub struct Closed {
@@ -37,7 +36,7 @@ impl Closed {
 }
 
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline. `options` gives each
-/// round its own. A later round that the deadline cuts off before there is anything to say of it does not count.
+/// attempt at a round its own. A later round that the deadline cuts off before there is anything to say of it does not count.
 ///
 /// An added effect whose refit contradicts its tracing, or cannot be fitted at all, is taken out again and its residual traced anew
 /// about the refit, once; then it is left undecided. The reduced model of the last round follows the posterior.
@@ -53,18 +52,20 @@ pub fn close<'a>(
     let mut rounds: Vec<Round> = Vec::new();
     let mut doubts = Doubts::default();
     let mut next = Some(model.clone());
+    let mut attempts = 0;
     while let Some(model) = next.take() {
-        let options = options(rounds.len());
+        let attempt = attempts;
+        attempts += 1;
+        let options = options(attempt);
         let is_over = || options.deadline.is_some_and(|end| Instant::now() >= end);
         match identify(&model, &options, progress) {
-            Ok(found) => rounds.push(doubts.round(model, found, progress)?),
+            Ok(found) => rounds.push(doubts.round(model, attempt, found, progress)?),
             Err(e) if rounds.is_empty() => return Err(e),
             Err(e) if e.blame() == Blame::Limit => break,
             Err(e) => {
                 // the fit of what was called for: without it the loop goes on
                 doubts.refuse(&rounds[rounds.len() - 1], e.to_string());
                 next = doubts.again(&mut rounds, None, progress)?;
-                forget(&options)?;
                 continue;
             }
         }
@@ -83,9 +84,11 @@ pub fn close<'a>(
                 .filter(|_| rounds.len() <= most);
         }
     }
-    follow(&mut rounds, options, progress)?;
+    if follow(&mut rounds, attempts, options, progress)? {
+        attempts += 1;
+    }
     let conclusion = conclude(&rounds, &doubts.refused);
-    let with_discrepancy = with_discrepancy(&rounds, &conclusion, options, progress);
+    let with_discrepancy = with_discrepancy(&rounds, &conclusion, options(attempts), progress);
     Ok(Closed {
         rounds,
         with_discrepancy,
@@ -122,6 +125,7 @@ impl Doubts {
     fn round(
         &self,
         model: Model,
+        attempt: usize,
         identification: Identification,
         progress: &dyn Progress,
     ) -> Result<Round> {
@@ -130,6 +134,7 @@ impl Doubts {
         identification.inverse.prepared.problem.experiment.rest();
         Ok(Round {
             model,
+            attempt,
             identification,
             tracing,
         })
@@ -176,11 +181,6 @@ impl Doubts {
     }
 }
 
-/// Forget the chains of a round that is to be run again with another effect.
-fn forget(options: &Options<'_>) -> Result<()> {
-    options.keeping.as_ref().map_or(Ok(()), Keeping::clear)
-}
-
 /// Where tracing starts: at the posterior means, or at the prior means where constants are not determined, because the ridge's steps from
 /// there are too short to come back from absurd ones.
 fn start(model: &Model, identification: &Identification) -> State {
@@ -215,44 +215,47 @@ fn next_model(round: &Round) -> Option<Model> {
     ))
 }
 
-/// Let the reduced model of the last round follow its posterior where the finite elements ask for it.
+/// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt; whether it did.
 fn follow<'a>(
     rounds: &mut Vec<Round>,
+    attempt: usize,
     options: &dyn Fn(usize) -> Options<'a>,
     progress: &dyn Progress,
-) -> Result<()> {
-    let options = options(rounds.len().saturating_sub(1));
+) -> Result<bool> {
+    let options = options(attempt);
     let is_over = options.deadline.is_some_and(|end| Instant::now() >= end);
-    let Some(mut round) = rounds.pop() else {
-        return Ok(());
+    let asks = |round: &Round| {
+        let found = &round.identification;
+        surrogate(found).is_some() && found.determined
     };
-    let asks = surrogate(&round.identification).is_some() && round.identification.determined;
-    if asks && !is_over {
-        let options = Options {
-            refinements: options.refinements.max(REFINEMENTS),
-            ..options
-        };
-        round.identification = refine(&round.model, round.identification, &options, progress)?;
-    }
+    let Some(mut round) = rounds.pop_if(|round| !is_over && asks(round)) else {
+        return Ok(false);
+    };
+    let options = Options {
+        refinements: options.refinements.max(REFINEMENTS),
+        ..options
+    };
+    round.identification = refine(&round.model, round.identification, &options, progress)?;
+    round.attempt = attempt;
     rounds.push(round);
-    Ok(())
+    Ok(true)
 }
 
 /// Refinements of the last round's reduced model, at most.
 const REFINEMENTS: usize = 3;
 
 /// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
-fn with_discrepancy<'a>(
+fn with_discrepancy(
     rounds: &[Round],
     conclusion: &Conclusion,
-    options: &dyn Fn(usize) -> Options<'a>,
+    options: Options<'_>,
     progress: &dyn Progress,
 ) -> Option<Identification> {
     let last = &rounds[rounds.len() - 1];
     let structure = last.tracing.structure;
     let options = Options {
         discrepancy: structure,
-        ..options(rounds.len())
+        ..options
     };
     let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
     let over = options.deadline.is_some_and(|end| Instant::now() >= end);

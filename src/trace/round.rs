@@ -6,6 +6,8 @@ use crate::infer::Model;
 
 /// An identification and what tracing made of its residual.
 pub struct Round {
+    /// The number of the attempt that it was: some are taken back.
+    pub attempt: usize,
     pub model: Model,
     pub identification: Identification,
     pub tracing: Tracing,

@@ -99,7 +99,9 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
         }
         acts |= mean.abs() > ACTS_SDS * sd;
     }
-    (!acts).then(|| {
+    // of several amplitudes only a combination may be known
+    let alone = effect.parameters().len() == 1;
+    (alone && !acts).then(|| {
         format!(
             "{} is not told from nothing once it is fitted",
             effect.name()
