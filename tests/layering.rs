@@ -275,7 +275,7 @@ fn circles_of_files_stay_few_and_inside_rooms() {
 
 /// An entry is a file of its room and a line of the room's registry.
 #[test]
-fn every_file_of_a_registry_is_listed_once() {
+fn every_file_of_a_registry_is_listed() {
     for (room, of, list, length) in [
         (
             "effect",
@@ -308,8 +308,10 @@ fn every_file_of_a_registry_is_listed_once() {
             let within = format!("{}::", module[module.len() - 1]);
             let found = lines.iter().map(|l| l.trim().trim_start_matches('&'));
             let found = found.filter(|l| l.starts_with(&within) || *l == name);
-            assert_eq!(found.count(), 1, "{module:?} in {list}");
-            entries += 1;
+            // one type may stand for several entries
+            let count = found.count();
+            assert!(count > 0, "{module:?} in {list}");
+            entries += count;
         }
         assert_eq!(entries, length, "{list}");
     }

@@ -33,6 +33,7 @@ mod resume;
 mod samplers;
 mod schema;
 mod starts;
+mod suspect;
 mod targets;
 mod tracing;
 mod validation;

@@ -22,7 +22,7 @@ use serde_json::Value;
 use crate::program::{coarse, fresh, model, shared, succeed, workplace};
 
 /// Constants of the simulated specimens.
-const TRUTH: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
+pub const TRUTH: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
 
 /// Noise of the simulated measurements.
 #[derive(Clone, Copy)]
@@ -45,12 +45,12 @@ pub fn measured(effects: &[&str], noise: Noise, seed: u64) -> Model {
 /// Points along each side of the window, and fewer where many fields are traced: the time of tracing goes with the third power
 /// of the number of blocks, which follows from it.
 const FULL_GRID: usize = 121;
-const COARSE_GRID: usize = 51;
+pub const COARSE_GRID: usize = 51;
 /// As much noise on the coarse grid as says what 10 nm say on the full one.
-const COARSE_NOISE: Noise = Noise::Of(10.0 * 51.0 / 121.0);
+pub const COARSE_NOISE: Noise = Noise::Of(10.0 * 51.0 / 121.0);
 
 /// A simulated measurement of a model with some effects, on a grid of so many points along each side.
-fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, seed: u64) -> Model {
+pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, seed: u64) -> Model {
     let nominal = Model::load(Path::new(file)).unwrap();
     let acting: Vec<Acting> = effects
         .iter()

@@ -50,12 +50,32 @@ pub struct ImageCorrelation {
     /// Distance of neighbouring points, mm, where it is declared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_mm: Option<f64>,
+    /// Shape function of the subsets, where it is declared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<SubsetShape>,
+    /// Distance of the camera from the specimen, mm, where it is declared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_distance_mm: Option<f64>,
+}
+
+/// How the displacement varies over a subset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SubsetShape {
+    Full,
+    Affine,
+    Quadratic,
 }
 
 impl ImageCorrelation {
     fn check(&self) -> Result<()> {
-        let step_mm = self.step_mm.unwrap_or(self.subset_mm);
-        for (key, value) in [("subset_mm", self.subset_mm), ("step_mm", step_mm)] {
+        let given = [
+            ("subset_mm", Some(self.subset_mm)),
+            ("step_mm", self.step_mm),
+            ("camera_distance_mm", self.camera_distance_mm),
+        ];
+        for (key, value) in given {
+            let value = value.unwrap_or(1.0);
             if !(value.is_finite() && value > 0.0) {
                 let place = format!("image_correlation.{key}");
                 return Err(Error::input(place, "a positive length in mm").found(value));

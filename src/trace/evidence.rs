@@ -34,8 +34,7 @@ pub struct Evidence<'a> {
     measured: &'a Measured,
     /// The prediction linearised.
     pub sensitivities: Sensitivities,
-    /// Data and columns under every choice of the noise.
-    pub weighing: Weighing,
+    weighing: Weighing,
     /// The posterior over subsets.
     pub subsets: Subsets,
 }
@@ -113,7 +112,7 @@ impl Evidence<'_> {
             .map(|g| g.members.clone())
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities)?;
-        let mut suspect = suspect(self, &average)?;
+        let mut suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?;
         for g in named
             .iter()
             .filter(|g| g.probability > ACCEPT && !self.acceptable(g, &candidates))

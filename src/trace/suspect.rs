@@ -9,9 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::averaged::{Interval, mixtures, part};
-use super::evidence::Evidence;
 use super::sensitivities::{Column, Sensitivities};
-use super::subsets::log_sum;
+use super::subsets::{Subsets, log_sum};
 use super::tracing::UNEXPLAINED;
 use super::weighing::{NoisePair, Projected, Weighing};
 use crate::error::Result;
@@ -54,23 +53,27 @@ const WITHIN: f64 = 8.0;
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
-pub fn suspect(evidence: &Evidence<'_>, averaged: &Keyed<Interval>) -> Result<Suspect> {
-    let sensitivities = &evidence.sensitivities;
-    let wide = evidence.weighing.beyond_rival();
+pub fn suspect(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    subsets: &Subsets,
+    averaged: &Keyed<Interval>,
+) -> Result<Suspect> {
+    let wide = weighing.beyond_rival();
     let settings = settings(&wide, sensitivities)?;
     let mut reasons = Vec::new();
-    let discrepancy = evidence.subsets.discrepancy;
+    let discrepancy = subsets.discrepancy;
     if discrepancy > UNEXPLAINED {
         reasons.push(format!(
             "smooth structure is left that no effect explains (probability {discrepancy:.2})"
         ));
     }
-    if let Some((a, b, cosine)) = alike(evidence) {
+    if let Some((a, b, cosine)) = alike(sensitivities, subsets) {
         reasons.push(format!(
             "{a} and {b} do each other's work (cosine of their fields {cosine:+.2})"
         ));
     }
-    let rival = near_edge_probability(evidence, &settings);
+    let rival = near_edge_probability(sensitivities, subsets, &settings);
     if rival > UNEXPLAINED {
         reasons.push(format!("a change of stiffness beside the hole that is in no dictionary explains more (probability {rival:.2})"));
     }
@@ -192,15 +195,19 @@ fn log_evidence(projected: &Projected, columns: &[usize], scale: &dyn Fn(usize) 
 
 /// Probability of the near-edge rival beside the likeliest subsets, of prior probability one half; it is only read off here: in the
 /// choice of the subsets it takes no part.
-fn near_edge_probability(evidence: &Evidence<'_>, settings: &[(NoisePair, Projected)]) -> f64 {
-    let count = evidence.sensitivities.near_edge.len();
+fn near_edge_probability(
+    sensitivities: &Sensitivities,
+    subsets: &Subsets,
+    settings: &[(NoisePair, Projected)],
+) -> f64 {
+    let count = sensitivities.near_edge.len();
     if count == 0 {
         return 0.0;
     }
     let (mut without, mut with) = (Vec::new(), Vec::new());
-    for weighed in evidence.subsets.ranked.iter().take(SUBSETS) {
-        let own = evidence.subsets.layout.columns(&weighed.subset);
-        let prior = evidence.subsets.log_prior(weighed.subset.len());
+    for weighed in subsets.ranked.iter().take(SUBSETS) {
+        let own = subsets.layout.columns(&weighed.subset);
+        let prior = subsets.log_prior(weighed.subset.len());
         for (_, projected) in settings {
             let all = projected.z.len();
             let both: Vec<usize> = own.iter().copied().chain(all - count..all).collect();
@@ -218,8 +225,7 @@ fn near_edge_probability(evidence: &Evidence<'_>, settings: &[(NoisePair, Projec
 
 /// The two effects, declared or of the best subset, whose parts of the field are most alike or most opposite, if they are too much so.
 /// Constants and translations are projected out.
-fn alike(evidence: &Evidence<'_>) -> Option<(String, String, f64)> {
-    let sensitivities = &evidence.sensitivities;
+fn alike(sensitivities: &Sensitivities, subsets: &Subsets) -> Option<(String, String, f64)> {
     let stacked = |column: &Column| -> DVector<f64> {
         DVector::from_iterator(
             column.values[0].len() + column.values[1].len(),
@@ -254,8 +260,8 @@ fn alike(evidence: &Evidence<'_>) -> Option<(String, String, f64)> {
             );
         }
     }
-    let best = evidence.subsets.best();
-    let (amplitude, _) = evidence.subsets.amplitudes(best);
+    let best = subsets.best();
+    let (amplitude, _) = subsets.amplitudes(best);
     let columns = best.iter().flat_map(|&k| {
         let candidate = &sensitivities.candidates[k];
         candidate

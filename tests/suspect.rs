@@ -1,0 +1,176 @@
+//! Fields that carry what the dictionary lacks: verdicts, and coverage of the intervals to quote.
+
+use plychain::effect::EFFECTS;
+use plychain::trace::{Suspect, Tracing};
+
+use crate::program::coarse;
+use crate::tracing::{COARSE_GRID, COARSE_NOISE, TRUTH, measured_with, traced};
+
+/// Effects of which less than about a ninth lies outside the span of the constants' own fields: from one field no rule can keep
+/// what they do out of the constants unless they are in the dictionary.
+const SILENT: [&str; 10] = [
+    "uniform_strain",
+    "thermal_strain",
+    "out_of_plane_bending",
+    "magnification",
+    "component_sensitivity",
+    "shear_nonlinearity",
+    "fibre_nonlinearity",
+    "single_ply_misorientation_1",
+    "single_ply_misorientation_2",
+    "single_ply_misorientation_3",
+];
+
+/// Effects withheld from the dictionary while they act, at their plausible size, with what is visible of them.
+const WITHHELD: [(&str, &str); 12] = [
+    ("rigid_rotation", "rigid_rotation=100"),
+    ("registration_offset", "registration_offset=0.1,-0.06"),
+    ("camera_rotation", "camera_rotation=0.5"),
+    ("camera_tilt", "camera_tilt=1e-4,-0.5e-4"),
+    ("lens_distortion", "lens_distortion=0.3"),
+    ("load_misalignment", "load_misalignment=1"),
+    ("in_plane_bending", "in_plane_bending=0.2"),
+    ("hole_offset", "hole_offset=0.3,0"),
+    ("hole_size", "hole_size=2"),
+    ("ply_misorientation", "ply_misorientation=1"),
+    ("thickness_taper", "thickness_taper=2,1"),
+    ("hole_edge_damage", "hole_edge_damage=20"),
+];
+
+/// What became of one field.
+struct Outcome {
+    case: String,
+    /// Sds by which the quoted intervals miss each constant, those that hold it with their distance from the mean.
+    z: Vec<f64>,
+    held: usize,
+    /// Whether the account is called closed, with which effects.
+    closed: bool,
+    named: Vec<&'static str>,
+}
+
+/// The intervals to quote of a tracing.
+fn quoted(last: &Tracing) -> Vec<[f64; 4]> {
+    let suspect = Some(&last.suspect).filter(|s| !s.reasons.is_empty());
+    let quoted = suspect.map_or_else(|| last.averaged.clone(), Suspect::hull);
+    quoted
+        .values()
+        .map(|i| [i.low, i.high, i.mean, i.sd])
+        .collect()
+}
+
+fn outcome(withheld: &str, acting: &[&str], seed: u64) -> Outcome {
+    let mut model = measured_with(&coarse(), COARSE_GRID, acting, COARSE_NOISE, seed);
+    let left = EFFECTS
+        .iter()
+        .map(|e| e.name())
+        .filter(|name| *name != withheld);
+    model.experiment_mut().candidates = Some(left.map(String::from).collect());
+    let (accepted, last) = traced(&model);
+    let quoted = quoted(&last);
+    Outcome {
+        case: acting.join(" "),
+        held: quoted
+            .iter()
+            .zip(TRUTH)
+            .filter(|([low, high, ..], t)| (*low..*high).contains(t))
+            .count(),
+        z: quoted
+            .iter()
+            .zip(TRUTH)
+            .map(|([.., mean, sd], t)| (mean - t) / sd)
+            .collect(),
+        closed: last.suspect.reasons.is_empty(),
+        named: accepted.iter().map(|(name, _)| *name).collect(),
+    }
+}
+
+/// Visible culprits: at least 93 % of the intervals hold the truth, none misses by more than 5 sd, and at most a tenth reads closed under
+/// a wrong name.
+fn judge(outcomes: &[Outcome], share: f64) {
+    for o in outcomes {
+        let z: Vec<String> = o.z.iter().map(|z| format!("{z:+.1}")).collect();
+        println!(
+            "{:40} held {} z {} closed {} {:?}",
+            o.case,
+            o.held,
+            z.join(" "),
+            o.closed,
+            o.named
+        );
+    }
+    let held: usize = outcomes.iter().map(|o| o.held).sum();
+    let all = 4 * outcomes.len();
+    assert!(
+        held as f64 >= share * all as f64,
+        "{held} of {all} intervals hold the truth"
+    );
+    let worst = outcomes
+        .iter()
+        .flat_map(|o| &o.z)
+        .fold(0.0_f64, |m, z| m.max(z.abs()));
+    assert!(worst < 5.0, "an interval misses by {worst:.1} sd");
+    let wrong = outcomes
+        .iter()
+        .filter(|o| o.closed && !o.named.is_empty())
+        .count();
+    assert!(
+        wrong <= outcomes.len().div_ceil(10),
+        "{wrong} of {} close under a wrong name",
+        outcomes.len()
+    );
+}
+
+/// Three of the visible culprits that have close neighbours.
+#[test]
+fn intervals_hold_the_truth_where_the_culprit_is_withheld() {
+    let cases = ["hole_size", "lens_distortion", "hole_edge_damage"];
+    let chosen = WITHHELD.iter().filter(|(name, _)| cases.contains(name));
+    let outcomes: Vec<Outcome> = chosen
+        .zip(800..)
+        .map(|((name, case), seed)| outcome(name, &[case], seed))
+        .collect();
+    // of 12 intervals, 11
+    judge(&outcomes, 0.91);
+}
+
+#[test]
+#[ignore = "24 fields, 3 minutes"]
+fn intervals_hold_the_truth_for_every_visible_culprit() {
+    let outcomes: Vec<Outcome> = (0..2)
+        .flat_map(|k| WITHHELD.iter().zip(810 + 20 * k..))
+        .map(|((name, case), seed)| outcome(name, &[case], seed))
+        .collect();
+    judge(&outcomes, 0.93);
+}
+
+/// What is covered of the silent culprits where they are withheld: reported, and never so small that nothing would be.
+#[test]
+#[ignore = "silent culprits, 1 minute"]
+fn silent_culprits_are_covered_in_part() {
+    let cases = [
+        ("thermal_strain", "thermal_strain=3"),
+        ("uniform_strain", "uniform_strain=10,-5,8"),
+        ("magnification", "magnification=1"),
+        ("component_sensitivity", "component_sensitivity=0.5,-0.5"),
+        ("shear_nonlinearity", "shear_nonlinearity=1e-7"),
+        ("fibre_nonlinearity", "fibre_nonlinearity=15"),
+        (
+            "single_ply_misorientation_2",
+            "single_ply_misorientation_2=2",
+        ),
+    ];
+    assert!(cases.iter().all(|(name, _)| SILENT.contains(name)));
+    let outcomes: Vec<Outcome> = cases
+        .iter()
+        .zip(870..)
+        .map(|((name, case), seed)| outcome(name, &[case], seed))
+        .collect();
+    for o in &outcomes {
+        println!(
+            "{:40} held {} closed {} {:?}",
+            o.case, o.held, o.closed, o.named
+        );
+    }
+    let held: usize = outcomes.iter().map(|o| o.held).sum();
+    assert!(2 * held >= 4 * outcomes.len(), "{held}");
+}
