@@ -331,7 +331,8 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
         deadline: None,
     };
     let found = identify(&model, &options, &Silent).unwrap();
-    for (name, truth, most) in [("E_GPa", 190.0, 0.5), ("nu", 0.31, 0.003)] {
+    // half a percent of the load is half a percent of E
+    for (name, truth, most) in [("E_GPa", 190.0, 1.1), ("nu", 0.31, 0.003)] {
         let (mean, sd) = found.moments(name).unwrap();
         assert!(
             (mean - truth).abs() < 4.0 * sd && sd < most,

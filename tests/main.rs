@@ -23,6 +23,7 @@ mod mechanics;
 mod memory;
 mod model;
 mod newcomer;
+mod nulls;
 mod optics;
 mod patterns;
 mod phase;
