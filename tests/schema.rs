@@ -82,6 +82,7 @@ fn a_report_goes_through_its_type_unchanged() {
         let verdict = report["verdict"].clone();
         report["verdict"] = json!({
             "status": verdict["status"], "effects": ["load_misalignment"], "alias_groups": [["a", "b"]],
+            "alias_sizes": [], "vetoes": ["the misfit is larger than noise makes it"],
             "undecided": [], "text": verdict["text"], "confirm": verdict["confirm"],
         });
     });

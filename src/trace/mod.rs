@@ -22,5 +22,5 @@ pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use round::Round;
-pub use suspect::{Answer, Suspect};
-pub use tracing::{Found, Named, Resembling, Tracing, UNEXPLAINED};
+pub use suspect::{Answer, Suspect, UNEXPLAINED};
+pub use tracing::{Found, Named, Resembling, Tracing};

@@ -1,7 +1,7 @@
 //! What tracing found: candidates, alias groups, what is to be added, what could hide.
 
 use super::averaged::{BlindSpot, Interval};
-use super::suspect::Suspect;
+use super::suspect::{Suspect, UNEXPLAINED};
 use crate::effect::Effect;
 use crate::files::Keyed;
 use crate::noise::Hyperparameters;
@@ -63,11 +63,6 @@ pub struct Tracing {
     /// Effects left out, with the reason.
     pub left_out: Vec<(&'static str, String)>,
 }
-
-/// Above this probability the structure left is called unexplained. Of 38 fields whose effect had been left out of the dictionary 28
-/// were, and 10 were given a neighbouring effect alone (measured on the program as built): named effects are consistent with the data,
-/// never proved by them.
-pub const UNEXPLAINED: f64 = 0.5;
 
 impl Tracing {
     /// Whether smooth structure is left that no effect explains.
