@@ -38,7 +38,9 @@ impl Blocks {
     /// A typical block of at most so many points is not taken for evenly covered: a lattice of 4 x 4 points that is makes
     /// a correlation length of 1 mm 0.5 % too long.
     const FEW: f64 = 16.0;
-    /// At least about this many points in a full block.
+    /// Blocks that a field should have.
+    const FEWEST: usize = 150;
+    /// At least about this many points in a full block, where that leaves enough blocks.
     pub const FEWEST_POINTS: usize = 4;
 
     /// The block size for a field: as small as [`Blocks::MOST`] blocks and [`Blocks::FEWEST_POINTS`] points a block
@@ -57,9 +59,12 @@ impl Blocks {
             .map(|m| (m.len() as f64 / typical).min(1.0) * tile * tile)
             .sum();
         let per_point = area / field.len() as f64;
+        // of a small field every point counts: effects must be told from noise by more blocks than they have columns
+        let enough = field.len() >= Self::FEWEST_POINTS * Self::FEWEST;
+        let fewest = if enough { Self::FEWEST_POINTS } else { 1 };
         (area / Self::MOST as f64)
             .sqrt()
-            .max((Self::FEWEST_POINTS as f64 * per_point).sqrt() * 1.05)
+            .max((fewest as f64 * per_point).sqrt() * 1.05)
     }
 
     /// Blocks of side `size_mm` over the points of `field` for which `used(index)` holds (for instance those beyond

@@ -108,6 +108,9 @@ const CONSTANT_STEP: f64 = 0.01;
 /// Step of an amplitude's central difference, prior sds.
 const AMPLITUDE_STEP: f64 = 0.5;
 
+/// Rotation that goes with near-edge stresses of the nominal size, rad.
+const ROTATION: f64 = 1e-3;
+
 /// Prior sd of an amplitude that nothing bounds, times the size of the measured field.
 const FREE: f64 = 10.0;
 
@@ -139,7 +142,7 @@ impl Linearised<'_> {
         let near_edge = if candidates.is_empty() {
             Vec::new()
         } else {
-            experiment.near_edge(at, &self.prepared.observation.sight)?
+            self.rival(at)?
         };
         let near_edge = near_edge.iter().map(|u| averages(self.blocks, u)).collect();
         let mut columns = columns.into_iter();
@@ -158,6 +161,18 @@ impl Linearised<'_> {
             candidates,
             near_edge,
         })
+    }
+
+    /// Fields of the rival, mm: what any change of stiffness beside the hole does elsewhere and, since no rig holds a specimen to a
+    /// microradian, a rotation in the plane.
+    fn rival(&self, at: &State) -> Result<Vec<Vec<[f64; 2]>>> {
+        let sight = &self.prepared.observation.sight;
+        let mut fields = self.prepared.problem.experiment.near_edge(at, sight)?;
+        if !fields.is_empty() {
+            let turned = |p: &[f64; 2]| [-ROTATION * p[1], ROTATION * p[0]];
+            fields.push(sight.points().iter().map(turned).collect());
+        }
+        Ok(fields)
     }
 
     /// How many columns [`Linearised::sensitivities`] has for `candidates`: those of the model, and those of the candidates.
