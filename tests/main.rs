@@ -8,6 +8,7 @@ mod dictionary;
 mod experiment;
 mod fem;
 mod field;
+mod foreign;
 mod formats;
 mod fuzz;
 mod geometry;

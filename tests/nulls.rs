@@ -4,6 +4,11 @@
 use plychain::identify::{inverse_problem, prepare};
 use plychain::progress::Silent;
 
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
+
+use crate::patterns::with;
 use crate::program::{changed, set_coarse, workplace};
 use crate::tracing::{Noise, measured_with, traced};
 
@@ -121,4 +126,34 @@ fn noise_is_measured_and_nothing_is_found_at_any_spacing() {
         case(80.0, 161, 3.0),
     ];
     judge(&cases, 1..3);
+}
+
+/// Noise whose sd grows by a factor 1.5 from the middle of the field to its corners: nothing is found, and its size is the mean one's.
+#[test]
+fn noise_that_varies_over_the_field_is_noise() {
+    let mut rng = Pcg64Dxsm::seed_from_u64(77);
+    let mut square = [0.0, 0.0];
+    let varying = |[x, y]: [f64; 2]| {
+        let sd = 8.0 * (1.0 + 0.5 * x.hypot(y) / 17.2);
+        square = [square[0] + sd * sd, square[1] + 1.0];
+        [(); 2].map(|()| {
+            let z: f64 = StandardNormal.sample(&mut rng);
+            sd * z
+        })
+    };
+    let model = with(Noise::Of(0.01), 950, varying);
+    let mean = (square[0] / square[1]).sqrt();
+    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let found = inverse_problem(&model, prepared, &Silent).unwrap().noise;
+    for c in 0..2 {
+        let ratio = found.point_sd_nm(c) / mean;
+        assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    }
+    let (accepted, last) = traced(&model);
+    assert!(accepted.is_empty(), "{accepted:?}");
+    assert!(
+        last.suspect.reasons.is_empty(),
+        "{:?}",
+        last.suspect.reasons
+    );
 }

@@ -39,7 +39,7 @@ fn patterns(model: &Model) -> Patterns {
 }
 
 /// A measurement to which something was added: (x, y) in mm to (U, V) in nm.
-fn with(noise: Noise, seed: u64, added: impl Fn([f64; 2]) -> [f64; 2]) -> Model {
+pub fn with(noise: Noise, seed: u64, mut added: impl FnMut([f64; 2]) -> [f64; 2]) -> Model {
     let mut model = measured(&[], noise, seed);
     let field = model.read_field().unwrap();
     let mut grid = plychain::field::Grid::regular([[-12.15; 2], [12.15; 2]], 121, 121);

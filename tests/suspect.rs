@@ -1,6 +1,7 @@
 //! Fields that carry what the dictionary lacks: verdicts, and coverage of the intervals to quote.
 
 use plychain::effect::EFFECTS;
+use plychain::infer::Model;
 use plychain::trace::{Suspect, Tracing};
 
 use crate::program::coarse;
@@ -38,13 +39,16 @@ const WITHHELD: [(&str, &str); 12] = [
 ];
 
 /// What became of one field.
-struct Outcome {
+pub struct Outcome {
     case: String,
     /// Sds by which the quoted intervals miss each constant, those that hold it with their distance from the mean.
     z: Vec<f64>,
     held: usize,
     /// Whether the account is called closed, with which effects.
     closed: bool,
+    /// Groups of the last tracing and those that were added: how many had a probability above 0.95, and how many of them predict
+    /// regions that were not fitted.
+    held_out: [usize; 2],
     named: Vec<&'static str>,
 }
 
@@ -65,10 +69,16 @@ fn outcome(withheld: &str, acting: &[&str], seed: u64) -> Outcome {
         .map(|e| e.name())
         .filter(|name| *name != withheld);
     model.experiment_mut().candidates = Some(left.map(String::from).collect());
-    let (accepted, last) = traced(&model);
+    of_model(&acting.join(" "), &model)
+}
+
+/// What becomes of a measured model.
+pub fn of_model(case: &str, model: &Model) -> Outcome {
+    let (accepted, last) = traced(model);
     let quoted = quoted(&last);
+    let probable = last.groups.iter().filter(|g| g.probability > 0.95);
     Outcome {
-        case: acting.join(" "),
+        case: case.into(),
         held: quoted
             .iter()
             .zip(TRUTH)
@@ -79,6 +89,10 @@ fn outcome(withheld: &str, acting: &[&str], seed: u64) -> Outcome {
             .zip(TRUTH)
             .map(|([.., mean, sd], t)| (mean - t) / sd)
             .collect(),
+        held_out: [
+            accepted.len() + probable.clone().count(),
+            accepted.len() + probable.filter(|g| g.predicts).count(),
+        ],
         closed: last.suspect.reasons.is_empty(),
         named: accepted.iter().map(|(name, _)| *name).collect(),
     }
@@ -86,7 +100,7 @@ fn outcome(withheld: &str, acting: &[&str], seed: u64) -> Outcome {
 
 /// Visible culprits: at least 93 % of the intervals hold the truth, none misses by more than 5 sd, and at most a tenth reads closed under
 /// a wrong name.
-fn judge(outcomes: &[Outcome], share: f64) {
+pub fn judge(outcomes: &[Outcome], share: f64) {
     for o in outcomes {
         let z: Vec<String> = o.z.iter().map(|z| format!("{z:+.1}")).collect();
         println!(
@@ -98,6 +112,11 @@ fn judge(outcomes: &[Outcome], share: f64) {
             o.named
         );
     }
+    let [probable, predicted] =
+        [0, 1].map(|k| outcomes.iter().map(|o| o.held_out[k]).sum::<usize>());
+    println!(
+        "wrong groups of a probability above 0.95: {probable}, of which {predicted} predict regions that were not fitted"
+    );
     let held: usize = outcomes.iter().map(|o| o.held).sum();
     let all = 4 * outcomes.len();
     assert!(

@@ -85,9 +85,16 @@ impl ComponentNoise {
             low: [spacing.min(longest / SHORTEST).ln(), -SHARE],
             high: [longest.ln(), SHARE],
         };
-        let lengths_mm = noise_lengths_mm(blocks);
+        let mut lengths_mm = noise_lengths_mm(blocks).to_vec();
+        // what blocks cannot tell from white noise, local differences can
+        while lengths_mm[0] > 2.0 * FINER * spacing {
+            lengths_mm.insert(0, lengths_mm[0] / FINER);
+        }
         let mut reml = contrasts.table(&lengths_mm, &RATIOS)?;
-        let fractions = lengths_mm.map(|l| (l, search.fractions(l)));
+        let fractions: Vec<(f64, Vec<f64>)> = lengths_mm
+            .iter()
+            .map(|&l| (l, search.fractions(l)))
+            .collect();
         let of = |at: &Hyperparameters| fractions.iter().find(|(l, _)| *l == at.length_mm);
         let table: Vec<Scored> = reml
             .table
@@ -353,6 +360,9 @@ const REACH: f64 = 3.0;
 
 /// Correlated noise is sought down to the spacing of points, at least to this part of the longest length.
 const SHORTEST: f64 = 7.5;
+
+/// Ratio of neighbouring lengths in the table.
+const FINER: f64 = 1.9;
 
 /// Largest logit of the share of correlated noise.
 const SHARE: f64 = 6.0;

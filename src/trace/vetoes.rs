@@ -19,6 +19,9 @@ const MISFIT: f64 = 1e-3;
 const AGREE_SDS: f64 = 4.0;
 const ACTS_SDS: f64 = 2.0;
 
+/// By so many prior sds a traced amplitude may be off, because it is that beside the other effects of the best subset.
+const CONDITIONAL: f64 = 0.1;
+
 /// The quoted posterior and the last model's agree within so many combined sds.
 const QUOTED_SDS: f64 = 3.0;
 
@@ -83,14 +86,15 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
         return None;
     }
     let mut acts = false;
-    for (parameter, &(traced, traced_sd)) in effect
-        .parameters()
-        .iter()
-        .zip(&before.tracing.accepted_amplitude)
+    let traced = before.tracing.accepted_amplitude.iter();
+    for (k, (parameter, &(traced, traced_sd))) in effect.parameters().iter().zip(traced).enumerate()
     {
         let name = amplitude_name(effect, parameter);
         let (mean, sd) = refit.moments(&name)?;
-        if (mean - traced).abs() > AGREE_SDS * sd.hypot(traced_sd) {
+        // where the specimen stands is nothing to hold a fit against
+        let prior_sd = model.prior_sd(effect, k)?;
+        let combined = sd.hypot(traced_sd).hypot(CONDITIONAL * prior_sd);
+        if (mean - traced).abs() > AGREE_SDS * combined {
             return Some(format!(
                 "{name} is {} when fitted, and {} when traced",
                 plus_minus(mean, sd),
