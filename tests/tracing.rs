@@ -10,7 +10,7 @@ use plychain::effect::{Acting, EFFECTS, Kind};
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
-use plychain::infer::Model;
+use plychain::infer::{Marginal, Model};
 use plychain::progress::Silent;
 use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
@@ -103,7 +103,12 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
         let group = tracing.groups.iter().find(|g| g.leader == effect.name());
         accepted.push((effect.name(), group.unwrap().members.clone()));
         let amplitude = tracing.accepted_amplitude.clone();
-        state.constants = tracing.averaged.values().map(|a| a.mean).collect();
+        let means: Vec<f64> = tracing.averaged.values().map(|a| a.mean).collect();
+        let priors = model.marginals();
+        let near = |(x, m): (&f64, &Marginal)| (x - m.mean).abs() < 2.5 * m.sd;
+        if means.iter().zip(&priors).all(near) {
+            state.constants = means;
+        }
         model = extended(&model, effect, &amplitude, &tracing.averaged);
         if effect.kind() == Kind::Recorded {
             // corrected in the field, which the reduced model does not depend on

@@ -14,6 +14,10 @@ pub const CONVERGED: f64 = 0.05;
 /// Steps of the Gauss-Newton iteration.
 pub const STEPS: usize = 4;
 
+/// Constants stay within so many prior sds of their prior means, and above this share of them: what is beyond is no ply's.
+const FARTHEST: f64 = 4.0;
+const SMALLEST: f64 = 0.2;
+
 /// Move the constants and declared amplitudes to where the data want them with every effect present under its prior, and return the
 /// sensitivities there. A fit without the effects runs to absurd constants when a weakly observable one acts: with a hole 5 % larger
 /// than declared its mode lies at E2 = 0.008 GPa (measured on the program as built).
@@ -48,7 +52,9 @@ fn ridge_step(
         // a prior sd a step keeps the constants admissible and the linearisation valid
         let wanted = column.mean + column.sd * solution[k];
         let step = (wanted - *value).clamp(-column.sd, column.sd);
-        *value += step;
+        let reach = FARTHEST * column.sd;
+        let low = (column.mean - reach).max(SMALLEST * column.mean);
+        *value = (*value + step).clamp(low, column.mean + reach);
         moved = moved.max(step.abs() / column.sd);
     }
     for effect in &linearised.model.effects {
