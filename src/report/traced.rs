@@ -38,6 +38,7 @@ pub fn trace_file(tracing: &Tracing, found: &TracingReport, spots: &[BlindSpotRe
         "length_mm": { "u1": tracing.length_mm[0], "u2": tracing.length_mm[1] },
         "holdout_rms_nm": tracing.holdout_rms_nm,
         "averaged_posterior": found.averaged_posterior,
+        "suspect": tracing.suspect,
         "blind_spots": spots,
         "left_out": found.left_out,
     })
