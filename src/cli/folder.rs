@@ -215,8 +215,8 @@ const MOST_ATTEMPTS: usize = 100;
 pub fn say_round(folder: &Path) {
     let of = |k: usize| folder.join(format!("round-{k}"));
     // an attempt that was taken back has no chain.csv
-    let later = (1..MOST_ATTEMPTS).filter(|k| of(*k).join("chain.csv").is_file());
-    if let Some(last) = later.last() {
+    let has_chain = |k: &usize| of(*k).join("chain.csv").is_file();
+    if let Some(last) = (1..MOST_ATTEMPTS).rev().find(has_chain) {
         line(&format!(
             "  {} is of a loop: these are the draws of its first round, the model as it was given; those of the last are in {}",
             folder.display(),

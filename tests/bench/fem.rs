@@ -42,6 +42,7 @@ fn setup() -> Setup {
         thickness: 0.78,
         profile: Profile::default(),
         shear_cubic: 0.0,
+        fibre_quadratic: 0.0,
         load: EndLoad {
             axial: 700.0,
             ..EndLoad::default()
