@@ -64,7 +64,16 @@ fn deviations(target: &Known, verdict: &Verdict) -> Vec<(String, f64)> {
 /// within a run, so no closer).
 #[test]
 fn moments_within_four_standard_errors() {
-    let seeds = [21, 22, 23, 24];
+    within_four_standard_errors(&[21, 22]);
+}
+
+#[test]
+#[ignore = "more seeds, 1 minute"]
+fn moments_within_four_standard_errors_for_more_seeds() {
+    within_four_standard_errors(&[23, 24, 25, 26]);
+}
+
+fn within_four_standard_errors(seeds: &[u64]) {
     let cases: Vec<(String, Box<dyn Sampler>, Known)> = kernels()
         .into_iter()
         .map(|(name, _)| name)
@@ -76,7 +85,7 @@ fn moments_within_four_standard_errors() {
         .collect();
     let judged: Vec<(f64, usize, Vec<String>)> = cases
         .par_iter()
-        .map(|(name, sampler, target)| judge(name, &**sampler, target, &seeds))
+        .map(|(name, sampler, target)| judge(name, &**sampler, target, seeds))
         .collect();
     let failures: Vec<&String> = judged.iter().flat_map(|j| &j.2).collect();
     assert!(failures.is_empty(), "{failures:#?}");
@@ -198,15 +207,30 @@ fn after(sampler: &dyn Sampler, target: &Known, key: Key, dim: usize) -> Vec<f64
 /// 2e-7, and there are 12 of them.
 #[test]
 fn ranks_on_prior_predictive_data_are_uniform() {
+    uniform(0..200);
+}
+
+#[test]
+#[ignore = "more replicas, 1 minute"]
+fn ranks_on_more_prior_predictive_data_are_uniform() {
+    uniform(200..600);
+}
+
+fn uniform(replicas: std::ops::Range<u64>) {
+    let expected = (replicas.end - replicas.start) as f64 / 16.0;
     for (name, sampler) in kernels() {
-        let ranks: Vec<[usize; 2]> = (0..400u64)
+        let ranks: Vec<[usize; 2]> = replicas
+            .clone()
             .into_par_iter()
             .map(|k| rank(&*sampler, k))
             .collect();
         for parameter in 0..2 {
             let mut bins = [0.0; 16];
             ranks.iter().for_each(|r| bins[r[parameter]] += 1.0);
-            let chi2: f64 = bins.iter().map(|b: &f64| (b - 25.0).powi(2) / 25.0).sum();
+            let chi2: f64 = bins
+                .iter()
+                .map(|b: &f64| (b - expected).powi(2) / expected)
+                .sum();
             assert!(
                 chi2 < 60.0,
                 "{name}, parameter {parameter}: chi^2 {chi2:.0}, {bins:?}"
@@ -267,18 +291,38 @@ fn rank(sampler: &dyn Sampler, replica: u64) -> [usize; 2] {
 /// Snooker on a standard normal in several dimensions, where emcee 3.1.6's gives sd 0.857.
 #[test]
 fn snooker_is_exact() {
+    exact(&[31]);
+}
+
+#[test]
+#[ignore = "more seeds, 1 minute"]
+fn snooker_is_exact_for_more_seeds() {
+    exact(&[32, 33, 34]);
+}
+
+fn exact(seeds: &[u64]) {
     let sampler = Ensemble::with(Mixture::parse("snooker").unwrap());
     for dim in [1, 2, 3, 8] {
         let target = targets::correlated(dim, 1.0);
-        let (_, _, failures) = judge("snooker", &sampler, &target, &[31, 32, 33, 34]);
+        let (_, _, failures) = judge("snooker", &sampler, &target, seeds);
         assert!(failures.is_empty(), "{failures:?}");
     }
 }
 
 #[test]
 fn the_funnel_is_flagged() {
+    flagged(&[1]);
+}
+
+#[test]
+#[ignore = "more seeds, 1 minute"]
+fn the_funnel_is_flagged_for_more_seeds() {
+    flagged(&[2, 3]);
+}
+
+fn flagged(seeds: &[u64]) {
     for entry in SAMPLERS {
-        for seed in [1, 2, 3] {
+        for &seed in seeds {
             let schedule = Schedule {
                 seed,
                 max_draws: 30_000,
