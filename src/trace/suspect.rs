@@ -107,7 +107,7 @@ pub fn suspect(
             constants: answer(1.0)?,
         },
         Answer {
-            supposing: format!("no further effect{beside}"),
+            supposing: format!("no effect that the model did not declare{beside}"),
             constants: answer(0.0)?,
         },
     ];
