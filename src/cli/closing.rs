@@ -10,7 +10,6 @@ use super::identify::{resolved, truth};
 use super::running::Running;
 use super::{Global, cache, print};
 use crate::chain::write_csv;
-use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
@@ -106,22 +105,12 @@ pub struct TraceArguments {
 pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let run = &arguments.run;
     let extended = run.join("model.extended.json");
-    let mut model = if extended.exists() {
+    let model = if extended.exists() {
         Model::load(&extended)
     } else {
         Model::load(&run.join("model.json"))
     }
     .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
-    if extended.exists() {
-        let own = Model::load(&run.join("model.json"))?.effects;
-        let is_added = |e: &&&dyn Effect| !own.iter().any(|o| o.name() == e.name());
-        model.added = model
-            .effects
-            .iter()
-            .filter(is_added)
-            .map(|e| e.name())
-            .collect();
-    }
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
     let prepared = crate::identify::prepare(&model, &cache(), console)?;

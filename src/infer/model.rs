@@ -25,8 +25,6 @@ pub struct Model {
     pub path: PathBuf,
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
-    /// Names of those that a loop has added.
-    pub added: Vec<&'static str>,
 }
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
@@ -58,7 +56,6 @@ impl Model {
             file,
             path: path.to_path_buf(),
             effects,
-            added: Vec::new(),
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
         Ok(model)

@@ -64,7 +64,7 @@ pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Ke
 }
 
 /// The constants where all undeclared effects act with `effects` times their prior sds, and the near-edge rival with stresses of
-/// `rival` times the nominal one. Without any effect those that a loop has added do not act either.
+/// `rival` times the nominal one.
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
@@ -80,10 +80,7 @@ pub fn part(
     let first_rival = data - sensitivities.near_edge.len();
     let scaled: Vec<(usize, f64)> = (0..data)
         .map(|k| match k {
-            k if k < base => {
-                let without = effects == 0.0 && sensitivities.base[k].added;
-                (k, if without { 0.0 } else { 1.0 })
-            }
+            k if k < base => (k, 1.0),
             k if k < first_rival => (k, effects),
             k => (k, rival),
         })

@@ -276,7 +276,6 @@ pub fn extended(
 ) -> Model {
     let mut model = model.clone();
     narrow(&mut model, averaged);
-    model.added.push(effect.name());
     model
         .experiment_mut()
         .effects

@@ -24,8 +24,6 @@ pub struct Column {
     pub sd: f64,
     /// Value at which the test was linearised.
     pub at: f64,
-    /// Whether it belongs to a declared effect that a loop has added.
-    pub added: bool,
     /// Whether the parameter cannot be negative.
     pub positive: bool,
     /// Change of the block averages of (u1, u2) for one prior sd, mm.
@@ -260,7 +258,6 @@ impl Linearised<'_> {
             mean,
             sd,
             at: value,
-            added: matches!(direction, Direction::Amplitude(effect, _) if self.model.added.contains(&effect.name())),
             positive: matches!(direction, Direction::Amplitude(effect, k) if effect.parameters()[k].positive),
             values: averages(self.blocks, &slope).map(|values| values * sd),
         })

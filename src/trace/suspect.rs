@@ -107,7 +107,7 @@ pub fn suspect(
             constants: answer(1.0)?,
         },
         Answer {
-            supposing: format!("no effect that the model did not declare{beside}"),
+            supposing: format!("no further effect{beside}"),
             constants: answer(0.0)?,
         },
     ];
