@@ -15,7 +15,7 @@ use plychain::progress::Silent;
 use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
 use plychain::report::{ranking, traced};
-use plychain::trace::{Tracing, attribute, extended};
+use plychain::trace::{Suspect, Tracing, attribute, extended};
 
 use serde_json::Value;
 
@@ -95,8 +95,11 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
     let mut model = model.clone();
     let mut state = model.state(&|_| None);
     let mut accepted = Vec::new();
+    let mut first: Option<Suspect> = None;
     loop {
-        let tracing = attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
+        let mut tracing = attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
+        let suspect = first.get_or_insert_with(|| tracing.suspect.clone());
+        tracing.suspect = suspect.beside(&tracing.suspect);
         let Some(effect) = tracing.accepted.filter(|_| accepted.len() < 5) else {
             return (accepted, tracing);
         };

@@ -119,7 +119,7 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     let structure = last.tracing.leaves_structure();
     let patterns = last.identification.patterns.any();
     let mut vetoes = vetoes(rounds);
-    let mut suspect = last.tracing.suspect.clone();
+    let mut suspect = rounds[0].tracing.suspect.beside(&last.tracing.suspect);
     suspect.reasons.extend(vetoes.iter().cloned());
     // the quoted constants do not come from the reduced model
     vetoes.extend(surrogate(&last.identification));

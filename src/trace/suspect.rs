@@ -107,7 +107,7 @@ pub fn suspect(
             constants: answer(1.0)?,
         },
         Answer {
-            supposing: format!("no further effect{beside}"),
+            supposing: format!("no effect but those declared from the start{beside}"),
             constants: answer(0.0)?,
         },
     ];
@@ -115,6 +115,19 @@ pub fn suspect(
 }
 
 impl Suspect {
+    /// This first round's answers without the effects that were added since, beside the last round's own: where a culprit that no
+    /// dictionary has was given neighbours' names, everything that is linearised about those is as wrong as they are.
+    #[must_use]
+    pub fn beside(&self, last: &Self) -> Self {
+        let mut answers = last.answers.clone();
+        answers.truncate(1);
+        answers.extend(self.answers.iter().skip(1).cloned());
+        Self {
+            reasons: last.reasons.clone(),
+            answers,
+        }
+    }
+
     /// The interval of every constant that spans those of all answers. Its sd is that of a normal distribution with such an interval.
     pub fn hull(&self) -> Keyed<Interval> {
         let names = self.answers[0].constants.keys();
