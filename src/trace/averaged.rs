@@ -64,7 +64,7 @@ pub fn averaged(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Ke
 }
 
 /// The constants where all undeclared effects act with `effects` times their prior sds, and the near-edge rival with stresses of
-/// `rival` times the nominal one.
+/// `rival` times the nominal one. Rigid motion is left free where no effect acts.
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
@@ -78,9 +78,17 @@ pub fn part(
     let data = gram.nrows() - 1;
     let base = sensitivities.base.len();
     let first_rival = data - sensitivities.near_edge.len();
+    let candidates: Vec<&Column> = sensitivities
+        .candidates
+        .iter()
+        .flat_map(|c| &c.columns)
+        .collect();
+    let is_rigid = |k: usize| candidates[k].name.starts_with("rigid_");
     let scaled: Vec<(usize, f64)> = (0..data)
         .map(|k| match k {
             k if k < base => (k, 1.0),
+            // where the specimen stands is nobody's account
+            k if effects == 0.0 && k < first_rival && is_rigid(k - base) => (k, 1.0),
             k if k < first_rival => (k, effects),
             k => (k, rival),
         })
