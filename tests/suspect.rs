@@ -133,7 +133,7 @@ pub fn judge(outcomes: &[Outcome], share: f64) {
         .filter(|o| o.closed && !o.named.is_empty())
         .count();
     assert!(
-        wrong <= outcomes.len().div_ceil(10),
+        10 * wrong <= outcomes.len(),
         "{wrong} of {} close under a wrong name",
         outcomes.len()
     );
@@ -158,7 +158,7 @@ fn intervals_hold_the_truth_where_the_culprit_is_withheld() {
 }
 
 #[test]
-#[ignore = "24 fields, 3 minutes"]
+#[ignore = "24 fields, 3 minutes; not met: 3 of 24 read closed under a wrong name by tracing alone, where 2 may"]
 fn intervals_hold_the_truth_for_every_visible_culprit() {
     let outcomes: Vec<Outcome> = (0..2)
         .flat_map(|k| WITHHELD.iter().zip(810 + 20 * k..))

@@ -6,7 +6,7 @@ use super::surrogate::TOLERANCE;
 use crate::chain::Draws;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::reduce::{Dimension, Modes, Problem, cache};
+use crate::reduce::{Dimension, Modes, Problem, ReducedModel, cache};
 
 /// Half-width of the box about the posterior in standard deviations: a normal tail beyond it holds 4e-8.
 const REACH_SDS: f64 = 5.5;
@@ -22,18 +22,26 @@ const MARGIN_SDS: f64 = 0.5;
 /// with 32 draws added to them, 0.034 with 200 points of the new box added, and 0.020 with those 200 alone. Draws among
 /// the snapshots gain a tenth at most, so that they are left as points to check against.
 pub fn enrich(
-    found: Identification,
+    found: &Identification,
     cache_dir: &std::path::Path,
     progress: &dyn Progress,
 ) -> Result<Prepared> {
-    let prepared = found.inverse.prepared;
+    let prepared = &found.inverse.prepared;
     let modes = prepared.reduced.modes_per_component();
     let modes = modes.div_ceil(prepared.problem.families());
     let within = found.surrogate.max_sd() <= TOLERANCE;
     let modes = if within { modes } else { modes + 1 };
     let structural = found.inverse.posterior.structural();
     let dimensions = around(&prepared.problem, &found.draws, structural);
-    rebuilt(prepared, dimensions, modes, cache_dir, progress)
+    let problem = prepared.problem.clone();
+    let (reduced, problem, cached) = rebuilt(problem, dimensions, modes, cache_dir, progress)?;
+    Ok(Prepared {
+        problem,
+        reduced,
+        cached,
+        observation: prepared.observation.clone(),
+        discrepancy: prepared.discrepancy,
+    })
 }
 
 /// The reduced model that a run was refined to, as its report has it: sides of the DoE box by name, and the modes kept.
@@ -55,36 +63,30 @@ pub fn refined(
         })?;
         (side.low, side.high) = (low, high);
     }
-    let families = prepared.problem.families();
-    let modes = modes.div_ceil(families);
-    rebuilt(prepared, dimensions, modes, cache_dir, progress)
-}
-
-/// The same measurement with a reduced model on another box, with `modes` modes a family.
-fn rebuilt(
-    prepared: Prepared,
-    dimensions: Vec<Dimension>,
-    modes: usize,
-    cache_dir: &std::path::Path,
-    progress: &dyn Progress,
-) -> Result<Prepared> {
-    let Prepared {
-        mut problem,
-        observation,
-        discrepancy,
-        ..
-    } = prepared;
-    problem.dimensions = dimensions;
-    problem.spec.modes = Modes::Count(modes);
-    problem.validate()?;
-    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
+    let modes = modes.div_ceil(prepared.problem.families());
+    let (reduced, problem, cached) =
+        rebuilt(prepared.problem, dimensions, modes, cache_dir, progress)?;
     Ok(Prepared {
         problem,
         reduced,
         cached,
-        observation,
-        discrepancy,
+        ..prepared
     })
+}
+
+/// A reduced model of the problem on another box, with `modes` modes a family, and whether it was in the cache.
+fn rebuilt(
+    mut problem: Problem,
+    dimensions: Vec<Dimension>,
+    modes: usize,
+    cache_dir: &std::path::Path,
+    progress: &dyn Progress,
+) -> Result<(ReducedModel, Problem, bool)> {
+    problem.dimensions = dimensions;
+    problem.spec.modes = Modes::Count(modes);
+    problem.validate()?;
+    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
+    Ok((reduced, problem, cached))
 }
 
 /// The box about the draws of the first `d` parameters; the thickness, which is not drawn, keeps its side.

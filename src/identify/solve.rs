@@ -55,21 +55,23 @@ pub fn identify(
     if !found.determined {
         return Ok(found);
     }
-    refine(model, found, options, progress)
+    let refined = refine(model, &found, options, progress)?;
+    Ok(refined.unwrap_or(found))
 }
 
 /// Refine the reduced model about the posterior, and sample that again, while the finite elements ask for it and `options.refinements`
-/// allows it.
+/// allows it; nothing where they do not.
 ///
 /// # Errors
 /// Those of [`identify`].
 pub fn refine(
     model: &Model,
-    mut found: Identification,
+    found: &Identification,
     options: &Options<'_>,
     progress: &dyn Progress,
-) -> Result<Identification> {
-    let mut history = std::mem::take(&mut found.refinements);
+) -> Result<Option<Identification>> {
+    let mut history = found.refinements.clone();
+    let mut newest: Option<Identification> = None;
     for k in 1..=options.refinements {
         if history.last().is_some_and(Refinement::is_enough) {
             break;
@@ -78,15 +80,18 @@ pub fn refine(
         let what = format!("refinement {k} of at most {most}: a box about the posterior");
         progress.begin(&what, None);
         progress.end();
-        let prepared = enrich(found, &options.cache, progress)?;
+        let prepared = enrich(newest.as_ref().unwrap_or(found), &options.cache, progress)?;
         if let Some(keeping) = &options.keeping {
             keeping.clear()?;
         }
-        found = identify_prepared(model, prepared, options, progress)?;
-        history.push(Refinement::of(&found));
+        let next = identify_prepared(model, prepared, options, progress)?;
+        history.push(Refinement::of(&next));
+        newest = Some(next);
     }
-    found.refinements = history;
-    Ok(found)
+    Ok(newest.map(|found| Identification {
+        refinements: history,
+        ..found
+    }))
 }
 
 /// Identify with a given reduced model.

@@ -7,8 +7,8 @@ use super::tracing::{
     AliasGroupReport, AliasReport, AmplitudeReport, BlindSpotReport, CandidateReport, LeftOut,
     NeededAmplitude, ResemblingReport, TracingReport,
 };
-use super::words::{IMPLAUSIBLE, LINEAR_PERCENT, unit};
-use crate::trace::{BlindSpot, Found, Named, Resembling, Tracing, texts};
+use super::words::{LINEAR_PERCENT, unit};
+use crate::trace::{BlindSpot, Found, LARGEST_MULTIPLE, Named, Resembling, Tracing, texts};
 
 /// What one tracing found.
 pub fn tracing(tracing: &Tracing) -> TracingReport {
@@ -60,7 +60,7 @@ fn candidate(found: &Found) -> CandidateReport {
             sd: *sd,
         }),
         plausible_multiple: finite(found.multiple),
-        implausible: found.multiple > IMPLAUSIBLE,
+        implausible: found.multiple > LARGEST_MULTIPLE,
         explained_fraction: finite(found.explained_fraction),
         detectable: finite(found.detectable),
         aliases: map(&found.aliases, |(effect, cosine)| AliasReport {

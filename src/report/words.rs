@@ -6,9 +6,6 @@ use super::tracing::{BlindSpotReport, TracingReport};
 use crate::identify::PRIOR_SDS;
 use crate::trace::UNEXPLAINED;
 
-/// Amplitudes of more prior sds are flagged.
-pub const IMPLAUSIBLE: f64 = 4.0;
-
 /// Shifts of a constant are by sensitivities; beyond this many percent of it they say no more than that they are large.
 pub const LINEAR_PERCENT: f64 = 20.0;
 

@@ -83,12 +83,11 @@ pub fn part(
         .iter()
         .flat_map(|c| &c.columns)
         .collect();
-    let is_rigid = |k: usize| candidates[k].name.starts_with("rigid_");
     let scaled: Vec<(usize, f64)> = (0..data)
         .map(|k| match k {
             k if k < base => (k, 1.0),
             // where the specimen stands is nobody's account
-            k if effects == 0.0 && k < first_rival && is_rigid(k - base) => (k, 1.0),
+            k if effects == 0.0 && k < first_rival && candidates[k - base].is_rigid() => (k, 1.0),
             k if k < first_rival => (k, effects),
             k => (k, rival),
         })

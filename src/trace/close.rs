@@ -58,8 +58,9 @@ pub fn close<'a>(
         attempts += 1;
         let options = options(attempt);
         let is_over = || options.deadline.is_some_and(|end| Instant::now() >= end);
-        match identify(&model, &options, progress) {
-            Ok(found) => rounds.push(doubts.round(model, attempt, found, progress)?),
+        let found = identify(&model, &options, progress);
+        match found.and_then(|found| doubts.round(model, attempt, found, progress)) {
+            Ok(round) => rounds.push(round),
             Err(e) if rounds.is_empty() => return Err(e),
             Err(e) if e.blame() == Blame::Limit => break,
             Err(e) => {
@@ -84,7 +85,8 @@ pub fn close<'a>(
                 .filter(|_| rounds.len() <= most);
         }
     }
-    if follow(&mut rounds, attempts, options, progress)? {
+    let last = rounds.last_mut();
+    if last.is_some_and(|round| follow(round, attempts, options(attempts), progress)) {
         attempts += 1;
     }
     let conclusion = conclude(&rounds, &doubts.refused);
@@ -216,29 +218,28 @@ fn next_model(round: &Round) -> Option<Model> {
 }
 
 /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt; whether it did.
-fn follow<'a>(
-    rounds: &mut Vec<Round>,
+/// One that cannot, or not in time, leaves the round as it is, and the verdict says of the reduced model what it is worth.
+fn follow(
+    round: &mut Round,
     attempt: usize,
-    options: &dyn Fn(usize) -> Options<'a>,
+    options: Options<'_>,
     progress: &dyn Progress,
-) -> Result<bool> {
-    let options = options(attempt);
+) -> bool {
+    let found = &round.identification;
     let is_over = options.deadline.is_some_and(|end| Instant::now() >= end);
-    let asks = |round: &Round| {
-        let found = &round.identification;
-        surrogate(found).is_some() && found.determined
-    };
-    let Some(mut round) = rounds.pop_if(|round| !is_over && asks(round)) else {
-        return Ok(false);
-    };
+    if is_over || !found.determined || surrogate(found).is_none() {
+        return false;
+    }
     let options = Options {
         refinements: options.refinements.max(REFINEMENTS),
         ..options
     };
-    round.identification = refine(&round.model, round.identification, &options, progress)?;
+    let Ok(Some(refined)) = refine(&round.model, found, &options, progress) else {
+        return false;
+    };
+    round.identification = refined;
     round.attempt = attempt;
-    rounds.push(round);
-    Ok(true)
+    true
 }
 
 /// Refinements of the last round's reduced model, at most.

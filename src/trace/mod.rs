@@ -21,6 +21,7 @@ pub use attribute::{attribute, candidates};
 pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, close, extended};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
+pub use evidence::LARGEST_MULTIPLE;
 pub use round::Round;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
 pub use tracing::{Found, Named, Resembling, Tracing};

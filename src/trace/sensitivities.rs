@@ -30,6 +30,13 @@ pub struct Column {
     pub values: [DVector<f64>; 2],
 }
 
+impl Column {
+    /// Whether it moves the specimen as a whole.
+    pub fn is_rigid(&self) -> bool {
+        self.name.starts_with("rigid_")
+    }
+}
+
 /// An effect that the model lacks, or might.
 #[derive(Clone)]
 pub struct Candidate {

@@ -266,11 +266,8 @@ fn alike(sensitivities: &Sensitivities, subsets: &Subsets) -> Option<(String, St
         None => parts.push((name.into(), field)),
     };
     for column in &sensitivities.base[sensitivities.constants..] {
-        if let Some((effect, _)) = column
-            .name
-            .split_once('.')
-            .filter(|(e, _)| !e.starts_with("rigid_") && *e != "load_scale")
-        {
+        let named = column.name.split_once('.');
+        if let Some((effect, _)) = named.filter(|_| !column.is_rigid()) {
             add(
                 effect,
                 stacked(column) * ((column.at - column.mean) / column.sd),
