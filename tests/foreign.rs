@@ -22,8 +22,8 @@ const POINTS: usize = 51;
 const NOISE_MM: f64 = 4.2e-6;
 
 /// What acts, as the factor on the stiffness at a point (s, t), the subset's side, and what the camera adds at a point.
-struct Culprit {
-    name: &'static str,
+pub struct Culprit {
+    pub name: &'static str,
     stiffness: fn([f64; 2]) -> f64,
     subset_mm: f64,
     camera: fn([f64; 2]) -> [f64; 2],
@@ -51,7 +51,7 @@ fn tilted([s, t]: [f64; 2]) -> [f64; 2] {
     [s * z, t * z]
 }
 
-fn culprits() -> Vec<Culprit> {
+pub fn culprits() -> Vec<Culprit> {
     let patch = |[s, t]: [f64; 2]| 1.0 - 0.4 * (-((s - 4.5).hypot(t - 2.0) / 1.5).powi(2)).exp();
     vec![
         Culprit {
@@ -83,7 +83,7 @@ fn culprits() -> Vec<Culprit> {
 }
 
 /// The measurement of a culprit: no code of the observation is shared but the elements.
-fn measured(culprit: &Culprit, seed: u64) -> Model {
+pub fn measured(culprit: &Culprit, seed: u64) -> Model {
     let mut model = Model::load(Path::new(&coarse())).unwrap();
     let scene = model.scene();
     let plate = Plate::new(&scene.setup, Density(0.45)).unwrap();

@@ -18,6 +18,7 @@ mod jumps;
 mod kernel;
 mod laminate;
 mod layering;
+mod loops;
 mod marginal;
 mod mechanics;
 #[cfg(target_os = "linux")]

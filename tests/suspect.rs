@@ -23,7 +23,7 @@ const SILENT: [&str; 10] = [
 ];
 
 /// Effects withheld from the dictionary while they act, at their plausible size, with what is visible of them.
-const WITHHELD: [(&str, &str); 12] = [
+pub const WITHHELD: [(&str, &str); 12] = [
     ("rigid_rotation", "rigid_rotation=100"),
     ("registration_offset", "registration_offset=0.1,-0.06"),
     ("camera_rotation", "camera_rotation=0.5"),

@@ -56,6 +56,23 @@ impl NormalEquations {
         Self::new(gram, right)
     }
 
+    /// Those of some columns of a larger system G x = z, each scaled: unknowns of prior N(0, scale^2); none unless P is positive
+    /// definite.
+    pub fn of_columns(
+        gram: &DMatrix<f64>,
+        right: impl Fn(usize) -> f64,
+        columns: &[(usize, f64)],
+    ) -> Option<Self> {
+        let n = columns.len();
+        Self::with_unit_prior(
+            DMatrix::from_fn(n, n, |i, j| {
+                let ((a, by_a), (b, by_b)) = (columns[i], columns[j]);
+                by_a * by_b * gram[(a, b)]
+            }),
+            DVector::from_fn(n, |i, _| columns[i].1 * right(columns[i].0)),
+        )
+    }
+
     /// Posterior mean, P^-1 z.
     pub fn mean(&self) -> DVector<f64> {
         self.factor.solve(&self.right).component_mul(&self.scaling)

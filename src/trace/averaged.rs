@@ -1,6 +1,5 @@
 //! The constants' posterior averaged over what may act unseen, and what each unseen effect would do to them.
 
-use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::sensitivities::{Column, Sensitivities};
@@ -93,12 +92,8 @@ pub fn part(
         })
         .filter(|(_, scale)| *scale > 0.0)
         .collect();
-    let (n, at) = (scaled.len(), |i: usize| scaled[i]);
-    let fit = NormalEquations::with_unit_prior(
-        DMatrix::from_fn(n, n, |i, j| at(i).1 * at(j).1 * gram[(at(i).0, at(j).0)]),
-        DVector::from_fn(n, |i, _| at(i).1 * gram[(at(i).0, data)]),
-    )
-    .ok_or_else(not_finite)?;
+    let right = |k: usize| gram[(k, data)];
+    let fit = NormalEquations::of_columns(&gram, right, &scaled).ok_or_else(not_finite)?;
     let columns = sensitivities.base.iter().take(sensitivities.constants);
     let (solved, covariance) = (fit.mean(), fit.covariance());
     let of = |k: usize| (solved[k], covariance[(k, k)].sqrt());
@@ -170,11 +165,9 @@ pub fn blind_spots(
     let p = sensitivities.base.len();
     let all = gram.ncols() - 1;
     let candidates = all - p - sensitivities.near_edge.len();
-    let base = NormalEquations::with_unit_prior(
-        gram.view((0, 0), (p, p)).into_owned(),
-        gram.view((0, all), (p, 1)).column(0).into_owned(),
-    )
-    .ok_or_else(not_finite)?;
+    let own: Vec<(usize, f64)> = (0..p).map(|k| (k, 1.0)).collect();
+    let base =
+        NormalEquations::of_columns(&gram, |k| gram[(k, all)], &own).ok_or_else(not_finite)?;
     let shift = base.solve(&gram.view((0, p), (p, candidates)).into_owned());
     let prior =
         super::subsets::SIZES[1] / sensitivities.candidates.len() as f64 / super::subsets::SIZES[0];

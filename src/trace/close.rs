@@ -5,10 +5,10 @@ use std::time::Instant;
 use super::attribute::attribute;
 use super::averaged::Interval;
 use super::conclusion::{Conclusion, Status, conclude};
+use super::extend::extended;
 use super::round::Round;
 use super::tracing::Tracing;
 use super::vetoes::{contradiction, surrogate};
-use crate::effect::{Effect, Kind, amplitude_name};
 use crate::error::{Blame, Result};
 use crate::experiment::State;
 use crate::files::Keyed;
@@ -262,76 +262,4 @@ fn with_discrepancy(
     let over = options.deadline.is_some_and(|end| Instant::now() >= end);
     // the loop has ended without it: where it cannot be identified, nothing is lost
     (wanted && !over).then(|| identify(&last.model, &options, progress).ok())?
-}
-
-/// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.
-const BOX_SDS: f64 = 8.0;
-const BOX_SHARE: f64 = 0.1;
-
-/// The model with one more declared effect. The DoE box lies about the amplitude's estimate and the averaged posterior.
-pub fn extended(
-    model: &Model,
-    effect: &'static dyn Effect,
-    amplitude: &[(f64, f64)],
-    averaged: &Keyed<Interval>,
-) -> Model {
-    let mut model = model.clone();
-    narrow(&mut model, averaged);
-    model
-        .experiment_mut()
-        .effects
-        .push(effect.name().to_string());
-    model.effects = crate::effect::EFFECTS
-        .iter()
-        .filter(|e| {
-            model
-                .experiment()
-                .effects
-                .iter()
-                .any(|name| name == e.name())
-        })
-        .copied()
-        .collect();
-    if !matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
-        let prior_sd: Vec<f64> = effect
-            .parameters()
-            .iter()
-            .enumerate()
-            .map(|(k, p)| model.prior_sd(effect, k).unwrap_or(p.bound))
-            .collect();
-        let doe = model.file.reduced_model.doe.get_or_insert_default();
-        let values = amplitude.iter().zip(prior_sd);
-        for (parameter, ((mean, sd), prior_sd)) in effect.parameters().iter().zip(values) {
-            let half = (BOX_SDS * sd)
-                .max(BOX_SHARE * prior_sd)
-                .min(3.0 * prior_sd.max(mean.abs()));
-            let reach = parameter.bound;
-            doe.insert(
-                amplitude_name(effect, parameter),
-                [(mean - half).max(-reach), (mean + half).min(reach)],
-            );
-        }
-        model.ask_for_snapshots();
-    }
-    model
-}
-
-/// Half-width of the constants' box about the averaged posterior: this many of its sds, and this share of the value at least.
-const CONSTANT_SDS: f64 = 8.0;
-const CONSTANT_SHARE: f64 = 0.05;
-
-/// Draw the DoE box in about the constants' averaged posterior, within the priors' box.
-fn narrow(model: &mut Model, averaged: &Keyed<Interval>) {
-    let widest = model.prior_box();
-    let doe = model.file.reduced_model.doe.get_or_insert_default();
-    for ((name, constant), widest) in averaged.iter().zip(widest) {
-        let half = (CONSTANT_SDS * constant.sd).max(CONSTANT_SHARE * constant.mean.abs());
-        let side = [
-            (constant.mean - half).max(widest.low),
-            (constant.mean + half).min(widest.high),
-        ];
-        if side[0] < side[1] {
-            doe.insert(name.clone(), side);
-        }
-    }
 }

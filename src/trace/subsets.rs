@@ -333,10 +333,8 @@ pub fn columns(ranges: &[Vec<usize>], subset: &Subset) -> Vec<usize> {
 
 /// (I + G) a = z of some columns; none where rounding leaves dependent columns without a factor.
 fn restrict(projected: &Projected, columns: &[usize]) -> Option<NormalEquations> {
-    let n = columns.len();
-    let z = DVector::from_fn(n, |i, _| projected.z[columns[i]]);
-    let g = DMatrix::from_fn(n, n, |i, j| projected.g[(columns[i], columns[j])]);
-    NormalEquations::with_unit_prior(g, z)
+    let unscaled: Vec<(usize, f64)> = columns.iter().map(|&k| (k, 1.0)).collect();
+    NormalEquations::of_columns(&projected.g, |k| projected.z[k], &unscaled)
 }
 
 /// The likeliest pair of hyperparameters without and with a discrepancy, each for the best subset it would have.

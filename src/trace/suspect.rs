@@ -199,15 +199,9 @@ fn settings(wide: &Weighing, sensitivities: &Sensitivities) -> Result<Vec<(Noise
 
 /// Log evidence of some columns, scaled, beside the base model.
 fn log_evidence(projected: &Projected, columns: &[usize], scale: &dyn Fn(usize) -> f64) -> f64 {
-    let n = columns.len();
-    let at = |i: usize| (columns[i], scale(columns[i]));
-    NormalEquations::with_unit_prior(
-        DMatrix::from_fn(n, n, |i, j| {
-            at(i).1 * at(j).1 * projected.g[(at(i).0, at(j).0)]
-        }),
-        DVector::from_fn(n, |i, _| at(i).1 * projected.z[at(i).0]),
-    )
-    .map_or(f64::NEG_INFINITY, |fit| fit.log_evidence())
+    let scaled: Vec<(usize, f64)> = columns.iter().map(|&k| (k, scale(k))).collect();
+    NormalEquations::of_columns(&projected.g, |k| projected.z[k], &scaled)
+        .map_or(f64::NEG_INFINITY, |fit| fit.log_evidence())
 }
 
 /// Probability of the near-edge rival beside the likeliest subsets, of prior probability one half; it is only read off here: in the
