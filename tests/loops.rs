@@ -383,17 +383,11 @@ fn what_the_first_release_failed_on() {
         let effects = effects.iter().map(|e| (*e).to_string()).collect();
         simulated(case.into(), coarse(), noise, effects, seed)
     };
-    let hole = {
-        let run = || {
-            let file = crate::program::model("openhole.json");
-            let model = measured_with(&file, 121, &["hole_size=5"], Noise::White, 61);
-            looped("hole_size", &model, &TRUTH)
-        };
-        (
-            String::new(),
-            Box::new(run) as Box<dyn Fn() -> Ended + Sync>,
-        )
-    };
+    let hole: Case = Box::new(|| {
+        let file = crate::program::model("openhole.json");
+        let model = measured_with(&file, 121, &["hole_size=5"], Noise::White, 61);
+        looped("hole_size", &model, &TRUTH)
+    });
     let ended = all(&[
         // "found no curvature"
         hole,
