@@ -31,6 +31,7 @@ mod patterns;
 mod phase;
 mod program;
 mod reduce;
+mod reduced_basis;
 mod report;
 mod resume;
 mod samplers;

@@ -39,6 +39,7 @@ pub fn small_test() -> FieldTest {
         fringe_frequency_per_mm: Some(2400.0),
         window: [[-8.0, -8.0], [8.0, 8.0]],
         density: Density(0.18),
+        full_order: false,
     }
 }
 
@@ -78,6 +79,7 @@ pub fn problem_of(test: FieldTest) -> Problem {
             degree: 3,
             doe: None,
             reference: None,
+            full_order: false,
         },
     }
 }

@@ -11,10 +11,12 @@ use super::running::load;
 use super::{DEFAULT_MODEL, cache, print};
 use crate::effect::Scene;
 use crate::error::{Error, Result};
-use crate::fem::verify::{Check, checks};
+use crate::experiment::State;
+use crate::fem::Certificate;
+use crate::fem::verify::{Check, basis, checks};
 use crate::identify::{self, Prepared};
 use crate::progress::Progress;
-use crate::reduce::cache as reduced_models;
+use crate::reduce::{cache as reduced_models, spread_over};
 use crate::report::tables;
 
 /// Arguments of `build`.
@@ -31,6 +33,9 @@ pub struct Arguments {
     /// Verify the finite elements against closed forms and under refinement, and print the figures
     #[arg(long)]
     verify: bool,
+    /// Solve the finite elements for every snapshot instead of answering from a reduced basis
+    #[arg(long)]
+    full_order: bool,
     /// Folder for reduced_model.json, which must not exist (default: the first free of runs/NAME-build, ...)
     #[arg(long)]
     out: Option<PathBuf>,
@@ -41,14 +46,21 @@ pub struct Arguments {
 const SCHEMA: &str = "plychain-reduced-model/1";
 
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let model = load(&arguments.model, arguments.data.as_ref())?;
+    let mut model = load(&arguments.model, arguments.data.as_ref())?;
+    model.file.reduced_model.full_order |= arguments.full_order;
     let folder = Folder::create(
         arguments.out.as_deref(),
         &format!("{}-build", model.file.name),
     )?;
     let prepared = identify::prepare(&model, &cache(), console)?;
     print(&tables::text(&prepared.reduced))?;
-    let mut value = json!({ "schema": SCHEMA, "tables": tables::numbers(&prepared.reduced) });
+    let certificates = certify(&prepared, arguments.verify, console)?;
+    print(&tables::basis_text(&certificates))?;
+    let mut value = json!({
+        "schema": SCHEMA,
+        "tables": tables::numbers(&prepared.reduced),
+        "reduced_basis": tables::basis_numbers(&certificates),
+    });
     if let Some(reference) = model.file.reduced_model.reference {
         let problem = prepared.problem.of_reference(reference);
         let (built, _) = reduced_models::obtain(&problem, &cache(), console)?;
@@ -56,7 +68,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         value["comparison"] = tables::comparison_numbers(reference, &built);
     }
     if arguments.verify {
-        let checks = verify_plate(&prepared, console)?;
+        let mut checks = verify_plate(&prepared, console)?;
+        if !certificates.is_empty() {
+            checks.extend(basis(&certificates));
+        }
         print(&tables::verification_text(&checks))?;
         value["verification"] = tables::verification_numbers(&checks);
     }
@@ -66,6 +81,25 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     print(&format!("\nwritten to {}\n", folder.path().display()))?;
     folder.keep();
     Ok(())
+}
+
+/// Points of the box at which a reduced basis is held against the solver, and at which it is verified.
+const COMPARED: usize = 20;
+const VERIFIED: usize = 100;
+
+/// Seed of those points, none of which the basis was made for.
+const POINTS_SEED: u64 = 16;
+
+/// The reduced basis beside the solver at random points of the box.
+fn certify(prepared: &Prepared, verify: bool, console: &Console) -> Result<Vec<Certificate>> {
+    let count = if verify { VERIFIED } else { COMPARED };
+    console.begin("reduced basis against the finite elements", None);
+    let problem = &prepared.problem;
+    let points = spread_over(problem, count, POINTS_SEED);
+    let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
+    let certificates = problem.experiment.certify(&states)?;
+    console.end();
+    Ok(certificates)
 }
 
 /// Verification figures at the prior means, over the window that was measured.

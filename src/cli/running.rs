@@ -41,6 +41,9 @@ pub struct Running {
     /// Exit with an error if chains have not converged
     #[arg(long)]
     strict: bool,
+    /// Solve the finite elements for every prediction instead of answering from a reduced basis
+    #[arg(long)]
+    full_order: bool,
     /// Write the figures as PNG too (of a program built with `--features png`)
     #[arg(long)]
     pub png: bool,
@@ -66,7 +69,8 @@ impl Running {
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<Plan> {
         check_png(self.png)?;
-        let model = load(&self.model, self.data.as_ref())?;
+        let mut model = load(&self.model, self.data.as_ref())?;
+        model.file.reduced_model.full_order |= self.full_order;
         let sampler = sampler(&self.sampler)?;
         let mut schedule = Schedule {
             seed: global.seed,

@@ -1,7 +1,9 @@
 //! A field experiment: a flat specimen under load, solved by finite elements and seen by a camera.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::gauge::{Gauge, ZeroAt, hold_window};
@@ -9,10 +11,10 @@ use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Locator, Plate, Setup, Solution};
+use crate::fem::{Certificate, Locator, Observer, Plate, Setup, Solution};
 use crate::field::Frame;
 use crate::geometry::{Density, Mesh};
-use crate::laminate::{LoadSpec, SpecimenSpec};
+use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
 
 /// Everything that determines what a field experiment predicts.
 #[derive(Debug, Clone, Serialize)]
@@ -29,6 +31,8 @@ pub struct FieldTest {
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
+    /// Solve for every prediction instead of answering from a reduced basis.
+    pub full_order: bool,
 }
 
 /// A meshed specimen, ready to be solved.
@@ -83,11 +87,16 @@ impl FieldExperiment {
         Ok(setup)
     }
 
-    /// Stages 1 and 2: the loaded specimen, `held` where its rigid motion matters before the gauge removes it.
-    fn loaded(&self, state: &State, held: bool) -> Result<Solution<'_>> {
+    /// The test of a state, and the ply.
+    fn tested(&self, state: &State) -> Result<(Setup, Ply)> {
         let ply = self.scene.material.ply(&state.constants);
         let ply = ply.admissible("elastic constants")?;
-        let setup = self.setup(state)?;
+        Ok((self.setup(state)?, ply))
+    }
+
+    /// Stages 1 and 2: the loaded specimen, `held` where its rigid motion matters before the gauge removes it.
+    fn loaded(&self, state: &State, held: bool) -> Result<Solution<'_>> {
+        let (setup, ply) = self.tested(state)?;
         let mut solution = self.plate.solve(&setup, &ply)?;
         match &self.zero {
             Some(zero) => zero.apply(&mut solution),
@@ -95,6 +104,22 @@ impl FieldExperiment {
             None => {}
         }
         Ok(solution)
+    }
+
+    /// What a nominal plate's displacements show under the gauge, by a plain camera.
+    fn shown(&self, nodal: Vec<f64>, observer: &Observer, sight: &Sight) -> Vec<[f64; 2]> {
+        let mut solution = Solution {
+            mesh: Cow::Borrowed(&self.plate.mesh),
+            nodal,
+        };
+        if let Some(zero) = &self.zero {
+            zero.apply(&mut solution);
+        }
+        gauged(
+            self.test.gauge,
+            sight,
+            &observer.displacement(&solution.nodal),
+        )
     }
 }
 
@@ -193,14 +218,10 @@ impl Experiment for FieldExperiment {
     }
 
     fn near_edge(&self, state: &State, sight: &Sight) -> Result<Vec<Vec<[f64; 2]>>> {
-        let ply = self.scene.material.ply(&state.constants);
-        let setup = self.setup(state)?;
-        let (mesh, fields) = self.plate.near_edge(
-            &setup,
-            &ply.admissible("elastic constants")?,
-            NEAR_EDGE_REACH,
-            NEAR_EDGE_HARMONICS,
-        )?;
+        let (setup, ply) = self.tested(state)?;
+        let (mesh, fields) =
+            self.plate
+                .near_edge(&setup, &ply, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?;
         let nominal = setup.load.axial / setup.width();
         let camera = Seen::new(state.acting(), &self.scene);
         let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();
@@ -212,6 +233,40 @@ impl Experiment for FieldExperiment {
             gauged(Gauge::Window, sight, &u)
         };
         Ok(fields.iter().map(seen).collect())
+    }
+
+    fn span(&self, states: &[State]) -> Result<()> {
+        if self.test.full_order {
+            return Ok(());
+        }
+        let tests = states.iter().map(|state| self.tested(state));
+        self.plate.span(&tests.collect::<Result<Vec<_>>>()?)
+    }
+
+    fn certify(&self, states: &[State]) -> Result<Vec<Certificate>> {
+        let certify = |state| {
+            let (setup, ply) = self.tested(state)?;
+            self.plate.certify(&setup, &ply)
+        };
+        let all: Result<Vec<_>> = states.iter().map(certify).collect();
+        Ok(all?.into_iter().flatten().collect())
+    }
+
+    fn spanning(&self, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
+        let (Some(basis), Some(observer)) = (self.plate.nominal_basis(), sight.observer()) else {
+            return Vec::new();
+        };
+        let fields = (0..basis.size()).into_par_iter();
+        let shown = |k: usize| self.shown(basis.vector(k).to_vec(), observer, sight);
+        fields.map(shown).collect()
+    }
+
+    fn coordinates(&self, state: &State) -> Option<Vec<f64>> {
+        if !Seen::new(state.acting(), &self.scene).is_plain() {
+            return None;
+        }
+        let (setup, ply) = self.tested(state).ok()?;
+        self.plate.coordinates(&setup, &ply)
     }
 
     fn rest(&self) {

@@ -23,6 +23,7 @@ pub use state::State;
 
 use crate::effect::{Acting, Kind, Scene};
 use crate::error::Result;
+use crate::fem::Certificate;
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
 /// (u1, u2), both in mm, direction 1 along the load, origin at the hole's centre or the declared origin.
@@ -69,6 +70,33 @@ pub trait Experiment: Send + Sync {
     /// # Errors
     /// Those of [`Experiment::look`].
     fn near_edge(&self, _state: &State, _sight: &Sight) -> Result<Vec<Vec<[f64; 2]>>> {
+        Ok(Vec::new())
+    }
+
+    /// Make many predictions about states like these cheap from now on, at no loss that can be seen.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn span(&self, _states: &[State]) -> Result<()> {
+        Ok(())
+    }
+
+    /// Fields at a sight's points, under the gauge, mm, whose sums are what the load causes in states that [`Experiment::coordinates`]
+    /// knows; empty before [`Experiment::span`].
+    fn spanning(&self, _sight: &Sight) -> Vec<Vec<[f64; 2]>> {
+        Vec::new()
+    }
+
+    /// The factors of those fields in a state; none where its field is not such a sum.
+    fn coordinates(&self, _state: &State) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// Hold the reduced basis against the solver in some states; empty where there is none.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn certify(&self, _states: &[State]) -> Result<Vec<Certificate>> {
         Ok(Vec::new())
     }
 

@@ -119,13 +119,13 @@ impl Assembly {
         }
     }
 
-    /// K u for one displacement vector and one membrane stiffness (without the pinning).
-    pub fn multiply(&self, a: &Membrane, u: &[f64]) -> Vec<f64> {
+    /// K u for one displacement vector, some integrals and a membrane stiffness (without the pinning).
+    pub fn multiply(&self, integral: &[[f64; 4]], a: &Membrane, u: &[f64]) -> Vec<f64> {
         let mut force = vec![0.0; u.len()];
         for b in 0..self.nodes {
             for k in self.first[b]..self.first[b + 1] {
                 let node = self.row[k] as usize;
-                let [xx, xy, yx, yy] = block(a, &self.integral[k]);
+                let [xx, xy, yx, yy] = block(a, &integral[k]);
                 force[2 * node] += xx * u[2 * b] + xy * u[2 * b + 1];
                 force[2 * node + 1] += yx * u[2 * b] + yy * u[2 * b + 1];
                 if node != b {

@@ -1,6 +1,7 @@
 //! Plane-stress finite elements of the whole plate: Q8 element, assembly, sparse Cholesky, observation.
 
 mod assemble;
+mod basis;
 mod beyond;
 pub mod element;
 mod initial_stress;
@@ -14,10 +15,11 @@ mod setup;
 mod solve;
 pub mod verify;
 
+pub use basis::{Answer, Basis, Query, TOLERANCE};
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use observe::{Locator, Nodal, Observer};
-pub use plate::{Plate, Solution};
+pub use plate::{Certificate, Plate, Solution};
 pub use profile::{Annulus, Profile};
 pub use setup::Setup;
 pub use solve::Factor;

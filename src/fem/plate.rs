@@ -1,13 +1,16 @@
 //! A meshed plate that can be solved for any laminate and any end load.
 
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Instant;
 
 use nalgebra::Vector3;
 
 use super::assemble::Assembly;
+use super::basis::{Basis, Query};
 use super::initial_stress::{add_forces, gauss_points};
 use super::ply_law::PlyLaw;
+use super::profile::Profile;
 use super::setup::Setup;
 use super::solve::{Factor, Pool, Symbolic};
 use crate::error::{Error, Result};
@@ -29,6 +32,29 @@ impl Solution<'_> {
     }
 }
 
+/// What a reduced basis answers to one test beside what the solver does.
+#[derive(Debug, Clone, Copy)]
+pub struct Certificate {
+    /// Solutions in the basis.
+    pub solutions: usize,
+    /// Bound of the error in the energy norm, over that of the answer.
+    pub bound: f64,
+    /// The error itself.
+    pub error: f64,
+    /// Largest difference at a node, mm.
+    pub largest_mm: f64,
+    /// Time of the answer and of the solution, s.
+    pub answer_s: f64,
+    pub solve_s: f64,
+}
+
+impl Certificate {
+    /// The bound over the error.
+    pub fn effectivity(&self) -> f64 {
+        self.bound / self.error
+    }
+}
+
 /// Mesh, assembly pattern and symbolic factorisation of one geometry.
 pub struct Plate {
     /// The geometry that was meshed.
@@ -41,6 +67,8 @@ pub struct Plate {
     pub assembly: Assembly,
     symbolic: Symbolic,
     pool: Pool,
+    /// Reduced bases and the radii of the ring about the hole in their meshes.
+    bases: RwLock<Vec<(Option<f64>, Arc<Basis>)>>,
 }
 
 impl Plate {
@@ -74,6 +102,7 @@ impl Plate {
             assembly,
             symbolic,
             pool: Pool::default(),
+            bases: RwLock::default(),
         })
     }
 
@@ -84,6 +113,20 @@ impl Plate {
     /// A test of another geometry or support than the plate's, one that cannot be meshed, a stiffness that is not positive
     /// definite, an iteration for the shear law that does not converge.
     pub fn solve(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
+        match self.spanned(setup, ply) {
+            Some(nodal) => Ok(Solution {
+                mesh: self.mesh_of(setup)?,
+                nodal,
+            }),
+            None => self.solve_full_order(setup, ply),
+        }
+    }
+
+    /// The same without a reduced basis.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn solve_full_order(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
         let mesh = self.mesh_of(setup)?;
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
@@ -102,6 +145,108 @@ impl Plate {
             law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
         }
         Ok(Solution { mesh, nodal })
+    }
+
+    /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh, to within [`super::TOLERANCE`] of the
+    /// field; what a basis cannot answer so well is solved.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn span(&self, tests: &[(Setup, Ply)]) -> Result<()> {
+        let mut kinds: Vec<(Option<f64>, bool, Vec<(&Setup, Query)>)> = Vec::new();
+        for (setup, ply) in tests {
+            let Some((ring, query)) = query(setup, ply) else {
+                continue;
+            };
+            let uniform = query.profile.is_uniform();
+            match kinds.iter_mut().find(|k| (k.0, k.1) == (ring, uniform)) {
+                Some((_, _, same)) => same.push((setup, query)),
+                None => kinds.push((ring, uniform, vec![(setup, query)])),
+            }
+        }
+        for (ring, _, same) in kinds.into_iter().filter(|k| k.2.len() >= WORTH_A_BASIS) {
+            let mesh = self.mesh_of(same[0].0)?;
+            let queries: Vec<Query> = same.into_iter().map(|(_, query)| query).collect();
+            let known = self.basis_of(ring, &queries[0].profile);
+            let is_answered = |b: &Basis, q| b.answer(self, q).is_some_and(|a| a.is_enough());
+            let answered = |b: &Arc<Basis>| queries.iter().all(|q| is_answered(b, q));
+            if known.as_ref().is_some_and(answered) {
+                continue;
+            }
+            let basis = Arc::new(Basis::greedy(self, &mesh, &queries)?);
+            let mut bases = self.bases.write().unwrap_or_else(PoisonError::into_inner);
+            bases.retain(|(_, b)| known.as_ref().is_none_or(|k| !Arc::ptr_eq(k, b)));
+            bases.push((ring, basis));
+        }
+        Ok(())
+    }
+
+    /// Hold a basis's answer to a test against the solver's; nothing where no basis answers for it.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn certify(&self, setup: &Setup, ply: &Ply) -> Result<Option<Certificate>> {
+        let Some((ring, query)) = query(setup, ply) else {
+            return Ok(None);
+        };
+        let Some(basis) = self.basis_of(ring, &query.profile) else {
+            return Ok(None);
+        };
+        let begin = Instant::now();
+        let Some(answer) = basis.answer(self, &query) else {
+            return Ok(None);
+        };
+        let nodal = basis.nodal(&answer);
+        let answer_s = begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        let solved = self.solve_full_order(setup, ply)?;
+        let solve_s = begin.elapsed().as_secs_f64();
+        let error: Vec<f64> = solved
+            .nodal
+            .iter()
+            .zip(&nodal)
+            .map(|(a, b)| a - b)
+            .collect();
+        Ok(Some(Certificate {
+            solutions: basis.size(),
+            bound: answer.relative(),
+            error: basis.energy(self, &solved.mesh, &error) / answer.energy,
+            largest_mm: error.iter().fold(0.0, |m, e| m.max(e.abs())),
+            answer_s,
+            solve_s,
+        }))
+    }
+
+    /// The basis of a uniform plate of the declared shape, if there is one.
+    pub fn nominal_basis(&self) -> Option<Arc<Basis>> {
+        self.basis_of(None, &Profile::default())
+    }
+
+    /// Coordinates of a test's answer in [`Plate::nominal_basis`]; none where that cannot answer well enough.
+    pub fn coordinates(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
+        let (ring, query) = query(setup, ply)?;
+        if ring.is_some() || !query.profile.is_uniform() {
+            return None;
+        }
+        let answer = self.nominal_basis()?.answer(self, &query)?;
+        answer
+            .is_enough()
+            .then(|| answer.coordinates.as_slice().to_vec())
+    }
+
+    /// The basis of a kind, if there is one.
+    fn basis_of(&self, ring: Option<f64>, profile: &Profile) -> Option<Arc<Basis>> {
+        let bases = self.bases.read().unwrap_or_else(PoisonError::into_inner);
+        let own = |(r, b): &&(Option<f64>, Arc<Basis>)| *r == ring && b.is_of(profile);
+        bases.iter().find(own).map(|(_, b)| b.clone())
+    }
+
+    /// A test's answer from a basis, where there is one that is good enough.
+    fn spanned(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
+        let (ring, query) = query(setup, ply)?;
+        let basis = self.basis_of(ring, &query.profile)?;
+        let answer = basis.answer(self, &query)?;
+        answer.is_enough().then(|| basis.nodal(&answer))
     }
 
     /// Displacements of a test's mesh under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
@@ -191,6 +336,22 @@ impl Plate {
     pub fn factor_entries(&self) -> usize {
         self.symbolic.factor_entries()
     }
+}
+
+/// Tests on one mesh from which a basis, which takes some ten solutions, is worth it.
+const WORTH_A_BASIS: usize = 30;
+
+/// What a basis would be asked for a test: the ring in its mesh, and the query; none where a basis cannot answer.
+fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
+    if setup.morph != Morph::NONE || PlyLaw::new(setup, ply).is_some() {
+        return None;
+    }
+    let query = Query {
+        membrane: setup.membrane(ply),
+        profile: setup.profile,
+        load: setup.load,
+    };
+    Some((setup.profile.annulus.map(|ring| ring.reach), query))
 }
 
 /// The unknowns held at zero: those of the held edge, or else three that fix the rigid motion without stress: both

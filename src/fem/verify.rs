@@ -8,7 +8,7 @@ use super::element::{self, GAUSS};
 use super::lekhnitskii::HoleSolution;
 use super::load::EndLoad;
 use super::observe::Locator;
-use super::plate::Plate;
+use super::plate::{Certificate, Plate};
 use super::setup::Setup;
 use crate::error::{Error, Result};
 use crate::field::rigid;
@@ -87,6 +87,29 @@ pub fn checks(setup: &Setup, ply: &Ply, half: f64) -> Result<Vec<Check>> {
     Ok(rows)
 }
 
+/// Answers of a reduced basis beside the solver's: the bound holds, is sharp, and nothing changes.
+pub fn basis(certificates: &[Certificate]) -> Vec<Check> {
+    let largest = |of: fn(&Certificate) -> f64| certificates.iter().map(of).fold(0.0, f64::max);
+    let n = certificates.len();
+    vec![
+        Check::new(
+            format!("reduced basis: error over its bound, largest of {n}"),
+            largest(|c| c.error / c.bound),
+            Bound::AtMost(1.0),
+        ),
+        Check::new(
+            format!("reduced basis: bound over the error, largest of {n}"),
+            largest(Certificate::effectivity),
+            Bound::AtMost(5.0),
+        ),
+        Check::new(
+            "reduced basis: largest difference at a node, mm",
+            largest(|c| c.largest_mm),
+            Bound::AtMost(1e-8),
+        ),
+    ]
+}
+
 /// A linear displacement field on the mesh leaves no nodal force off the boundary: largest inner residual
 /// over the largest nodal force.
 ///
@@ -100,7 +123,7 @@ pub fn patch_test(a: &Membrane) -> Result<Check> {
         .iter()
         .flat_map(|[x, y]| [1e-3 * x + 2e-3 * y, -5e-4 * x + 3e-4 * y])
         .collect();
-    let mut force = plate.assembly.multiply(a, &u);
+    let mut force = plate.assembly.multiply(plate.assembly.nominal(), a, &u);
     let largest = force.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     // The boundary carries the tractions of the uniform stress.
     for &node in plate.mesh.edges.values().flatten().flatten() {

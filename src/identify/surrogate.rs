@@ -41,8 +41,14 @@ pub struct Reweighted {
     pub weighted: [f64; 2],
 }
 
-/// Draws at which the finite elements are solved.
+/// Draws at which the finite elements are solved, one by one.
 pub const CHECKED_DRAWS: usize = 32;
+
+/// Draws at which they are known, where a reduced basis answers for them.
+const SPANNED_DRAWS: usize = 2000;
+
+/// Of those, the draws of the largest errors at which the field is looked at point by point.
+const LOOKED_AT: usize = 8;
 
 /// Largest error of a reduced model that needs no refinement, in posterior standard deviations.
 pub const TOLERANCE: f64 = 0.01;
@@ -59,7 +65,8 @@ impl SurrogateError {
         1.0 / weights.iter().map(|w| w * w).sum::<f64>()
     }
 
-    /// Solve at [`CHECKED_DRAWS`] draws, spread over all chains, the same for the same draws.
+    /// Compare at [`CHECKED_DRAWS`] draws, or many more where a reduced basis answers for the finite elements; spread over all chains, the
+    /// same for the same draws.
     ///
     /// With an error d of the predicted field, the posterior's gradient changes by g = grad (log L(d) - log L) and its
     /// mode by one Newton step, Sigma g, with Sigma the covariance of the draws.
@@ -67,21 +74,9 @@ impl SurrogateError {
     /// # Errors
     /// Those of a finite-element solution.
     pub fn measure(run: &InverseProblem, draws: &Draws, progress: &dyn Progress) -> Result<Self> {
-        let chosen = spread(draws, CHECKED_DRAWS);
-        progress.begin(
-            "finite elements at posterior draws",
-            Some(chosen.len() as u64),
-        );
         let d = run.posterior.structural();
         let whitened = Whitened::new(&run.columns, &run.noise);
-        let errors: Vec<FieldError> = chosen
-            .par_iter()
-            .map(|x| {
-                let error = field_error(run, &whitened, &x[..d])?;
-                progress.step();
-                Ok(error)
-            })
-            .collect::<Result<_>>()?;
+        let (chosen, errors) = compared(run, &whitened, draws, progress)?;
         let covariance = covariance(draws, d);
         let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
         let mut largest = vec![0.0_f64; d];
@@ -160,6 +155,31 @@ fn spread(draws: &Draws, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
+/// Draws at which the finite elements are known, and their differences from the reduced model there.
+fn compared(
+    run: &InverseProblem,
+    whitened: &Whitened,
+    draws: &Draws,
+    progress: &dyn Progress,
+) -> Result<(Vec<Vec<f64>>, Vec<FieldError>)> {
+    let d = run.posterior.structural();
+    let many = spread(draws, SPANNED_DRAWS);
+    let what = "finite elements at posterior draws";
+    if let Some(spanned) = Spanned::new(run, whitened, &many, d) {
+        progress.begin(what, None);
+        return Ok((many, spanned.errors()));
+    }
+    let few = spread(draws, CHECKED_DRAWS);
+    progress.begin(what, Some(few.len() as u64));
+    let error = |x: &Vec<f64>| {
+        let error = field_error(run, whitened, &x[..d]);
+        progress.step();
+        error
+    };
+    let errors: Result<Vec<FieldError>> = few.par_iter().map(error).collect();
+    Ok((few, errors?))
+}
+
 /// Finite elements minus reduced model at the measured points.
 struct FieldError {
     /// Largest component at a point, mm.
@@ -168,6 +188,78 @@ struct FieldError {
     mean_square: f64,
     /// What it adds to the data's weighted coefficients, 1/mm.
     weighted: DVector<f64>,
+}
+
+/// The errors at many draws, whose fields are sums of few: the basis of the finite elements and the modes of the reduced model.
+struct Spanned {
+    /// The fields, mm, and what each adds to the data's weighted coefficients.
+    fields: Vec<Vec<[f64; 2]>>,
+    weighted: DMatrix<f64>,
+    /// Their mean products over all points and components, mm^2.
+    gram: DMatrix<f64>,
+    /// Their factors at each draw.
+    factors: Vec<DVector<f64>>,
+}
+
+impl Spanned {
+    /// None where the finite elements have no basis for all of the draws.
+    fn new(
+        run: &InverseProblem,
+        whitened: &Whitened,
+        draws: &[Vec<f64>],
+        d: usize,
+    ) -> Option<Self> {
+        let (problem, sight) = (&run.prepared.problem, &run.prepared.observation.sight);
+        let likelihood = run.posterior.likelihood();
+        let factors = |x: &Vec<f64>| -> Option<DVector<f64>> {
+            let mut factors = problem.experiment.coordinates(&problem.state(&x[..d]))?;
+            factors.extend(likelihood.surface_prediction(&x[..d]).iter().map(|a| -a));
+            Some(DVector::from_vec(factors))
+        };
+        let factors: Vec<_> = draws.par_iter().map(factors).collect::<Option<_>>()?;
+        let mut fields = problem.experiment.spanning(sight);
+        fields.extend(run.columns.modes.iter().cloned());
+        let weighted: Vec<_> = fields
+            .par_iter()
+            .map(|field| run.statistics.weighted_of(whitened, &run.noise, field))
+            .collect();
+        let product = |a: &[[f64; 2]], b: &[[f64; 2]]| {
+            let sum: f64 = a
+                .iter()
+                .zip(b)
+                .map(|(u, v)| u[0] * v[0] + u[1] * v[1])
+                .sum();
+            sum / (2 * a.len()).max(1) as f64
+        };
+        Some(Self {
+            gram: DMatrix::from_fn(fields.len(), fields.len(), |i, j| {
+                product(&fields[i], &fields[j])
+            }),
+            weighted: DMatrix::from_columns(&weighted),
+            fields,
+            factors,
+        })
+    }
+
+    fn errors(&self) -> Vec<FieldError> {
+        let error = |f: &DVector<f64>| FieldError {
+            largest: 0.0,
+            mean_square: f.dot(&(&self.gram * f)).max(0.0),
+            weighted: &self.weighted * f,
+        };
+        let mut errors: Vec<FieldError> = self.factors.par_iter().map(error).collect();
+        let mut order: Vec<usize> = (0..errors.len()).collect();
+        order.sort_by(|&a, &b| errors[b].mean_square.total_cmp(&errors[a].mean_square));
+        for k in order.into_iter().take(LOOKED_AT) {
+            let mut sum = vec![[0.0; 2]; self.fields[0].len()];
+            for (field, factor) in self.fields.iter().zip(self.factors[k].iter()) {
+                add_scaled(&mut sum, field, *factor);
+            }
+            let all = sum.iter().flatten();
+            errors[k].largest = all.fold(0.0, |m, u| m.max(u.abs()));
+        }
+        errors
+    }
 }
 
 fn field_error(run: &InverseProblem, whitened: &Whitened, theta: &[f64]) -> Result<FieldError> {

@@ -223,6 +223,7 @@ impl Model {
             fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
             window,
             density: spec.density().scaled(finer),
+            full_order: self.file.reduced_model.full_order,
         };
         Ok(Arc::new(FieldExperiment::new(test, scene)?))
     }

@@ -8,12 +8,13 @@ use sha2::{Digest, Sha256};
 
 use super::model::ReducedModel;
 use super::problem::{Problem, ReducedSpec};
-use super::snapshots::Snapshots;
+use super::snapshots::{Snapshots, design};
 use crate::error::{Error, Result};
+use crate::experiment::State;
 use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 
 /// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]
@@ -55,6 +56,9 @@ pub fn obtain(
 ) -> Result<(ReducedModel, bool)> {
     let key = key(problem);
     let path = directory.join(format!("{key}.json"));
+    let design = design(problem);
+    let states: Vec<State> = design.iter().map(|point| problem.state(point)).collect();
+    problem.experiment.span(&states)?;
     if let Some(model) = read(&path, &key) {
         progress.begin("reduced model found in the cache, nothing to solve", None);
         progress.end();
@@ -64,7 +68,7 @@ pub fn obtain(
         "finite-element snapshots",
         Some(problem.spec.snapshots as u64),
     );
-    let snapshots = Snapshots::compute(problem, &|| progress.step())?;
+    let snapshots = Snapshots::at(problem, design, &|| progress.step())?;
     progress.end();
     progress.begin("modes and response surfaces", None);
     let model = ReducedModel::build(problem, &snapshots)?;

@@ -19,6 +19,6 @@ pub use modes::{AUTO_MM, Modes};
 pub use pod::{Pod, decompose};
 pub use problem::{Problem, ReducedSpec, THICKNESS};
 pub use reference::{GOGU_2013, Published, Reference, TRUNCATIONS};
-pub use snapshots::Snapshots;
+pub use snapshots::{Snapshots, spread_over};
 pub use surface::{Quality, Surface};
 pub use variables::{Choice, Variables};

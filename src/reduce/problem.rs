@@ -28,6 +28,9 @@ pub struct ReducedSpec {
     /// The published reduced model that this one is to be compared with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
+    /// Solve the finite elements for every prediction instead of answering from a reduced basis.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub full_order: bool,
 }
 
 impl ReducedSpec {
@@ -188,6 +191,7 @@ impl Problem {
                 degree: 3,
                 doe: None,
                 reference: None,
+                full_order: self.spec.full_order,
             },
             ..self.clone()
         }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
 use crate::error::{Error, Result};
-use crate::experiment::predict;
+use crate::experiment::{State, predict};
 
 /// Snapshots of both displacement components.
 pub struct Snapshots {
@@ -38,16 +38,7 @@ fn check_memory(nodes: usize, snapshots: usize) -> Result<()> {
 impl Snapshots {
     /// Predict over a Latin hypercube of `problem.spec.snapshots` points. `step` is called after each prediction.
     pub fn compute(problem: &Problem, step: &(dyn Fn() + Sync)) -> Result<Self> {
-        let design = latin_hypercube(
-            problem.spec.snapshots,
-            problem.dimensions.len(),
-            DESIGN_SEED,
-        );
-        let points: Vec<Vec<f64>> = design
-            .iter()
-            .map(|unit| scale(&problem.dimensions, unit))
-            .collect();
-        Self::at(problem, points, step)
+        Self::at(problem, design(problem), step)
     }
 
     /// Predict at given points of the design. `step` is called after each prediction.
@@ -59,10 +50,11 @@ impl Snapshots {
         let support = experiment.support();
         let count = support.points().len();
         check_memory(count, points.len())?;
-        let solutions: Vec<Vec<[f64; 2]>> = points
+        let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
+        let solutions: Vec<Vec<[f64; 2]>> = states
             .par_iter()
-            .map(|point| {
-                let seen = predict(experiment, &problem.state(point), support)?;
+            .map(|state| {
+                let seen = predict(experiment, state, support)?;
                 step();
                 Ok(seen.field)
             })
@@ -70,6 +62,19 @@ impl Snapshots {
         let fields = [0, 1].map(|c| Mat::from_fn(count, points.len(), |i, j| solutions[j][i][c]));
         Ok(Self { points, fields })
     }
+}
+
+/// The points of a problem's design, one row a snapshot.
+pub fn design(problem: &Problem) -> Vec<Vec<f64>> {
+    spread_over(problem, problem.spec.snapshots, DESIGN_SEED)
+}
+
+/// A Latin hypercube of so many points over a problem's box.
+pub fn spread_over(problem: &Problem, count: usize, seed: u64) -> Vec<Vec<f64>> {
+    latin_hypercube(count, problem.dimensions.len(), seed)
+        .iter()
+        .map(|unit| scale(&problem.dimensions, unit))
+        .collect()
 }
 
 fn scale(dimensions: &[Dimension], unit: &[f64]) -> Vec<f64> {

@@ -5,7 +5,9 @@ use std::fmt::Write;
 use serde_json::{Map, Value, json};
 
 use super::terminal::table;
+use crate::fem::Certificate;
 use crate::fem::verify::{Bound, Check};
+use crate::quantity::NM_PER_MM;
 use crate::reduce::{Published, Quality, ReducedModel, Reference, Surface, TRUNCATIONS};
 
 /// What the columns of Tables 9 and 10 are called, in `reduced_model.json` and on the terminal.
@@ -298,6 +300,33 @@ pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
 }
 
 /// Verification figures of the finite elements, each with what it is held against.
+/// A reduced basis beside the solver.
+pub fn basis_text(certificates: &[Certificate]) -> String {
+    let Some(first) = certificates.first() else {
+        return "\nno reduced basis: every prediction is solved\n".into();
+    };
+    let largest = |of: fn(&Certificate) -> f64| certificates.iter().map(of).fold(0.0, f64::max);
+    let mean = |of: fn(&Certificate) -> f64| {
+        certificates.iter().map(of).sum::<f64>() / certificates.len() as f64
+    };
+    format!(
+        "\nreduced basis of the finite elements: {} solutions; at {} random points of the box its error is at most {:.1e} of the energy norm ({:.1e} nm at a node), its bound at most {:.1e}; an answer takes {:.2} ms, a solution {:.1} ms\n",
+        first.solutions,
+        certificates.len(),
+        largest(|c| c.error),
+        NM_PER_MM * largest(|c| c.largest_mm),
+        largest(|c| c.bound),
+        1e3 * mean(|c| c.answer_s),
+        1e3 * mean(|c| c.solve_s),
+    )
+}
+
+/// [`basis_text`] as JSON.
+pub fn basis_numbers(certificates: &[Certificate]) -> Value {
+    let one = |c: &Certificate| json!({ "solutions": c.solutions, "bound": c.bound, "error": c.error, "largest_nm": NM_PER_MM * c.largest_mm, "effectivity": c.effectivity() });
+    certificates.iter().map(one).collect()
+}
+
 pub fn verification_text(checks: &[Check]) -> String {
     let rows = checks.iter().map(|check| {
         let bound = match check.bound {

@@ -1,0 +1,525 @@
+//! A certified reduced basis: the plate's answer for any membrane stiffness and any end load from a few solutions, with a rigorous bound
+//! of its error.
+//!
+//! The stiffness matrix is affine in the six membrane stiffnesses (times the few terms of a stiffness that varies over the plate) and the load
+//! in the three end resultants. A Galerkin solution in the span of a few solutions costs a small dense system; the dual norm of its
+//! residual over a lower bound of the coercivity bounds its error in the energy norm of a reference stiffness. (Rozza, Huynh and
+//! Patera, Arch. Comput. Methods Eng. 15 (2008); the residual's Riesz representers are orthonormalised, because their Gram matrix loses half
+//! of the digits.) The coercivity bound is the smallest eigenvalue of the membrane stiffness relative to the reference's: the bilinear
+//! form is an integral of strains under that stiffness, pointwise.
+
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Matrix3};
+use rayon::prelude::*;
+
+use super::load::EndLoad;
+use super::plate::Plate;
+use super::profile::Profile;
+use super::solve::Factor;
+use crate::error::{Error, Result};
+use crate::geometry::{Geometry, Mesh};
+use crate::laminate::Membrane;
+
+/// Bound of the error in the energy norm over that of the answer, at which a basis is large enough.
+pub const TOLERANCE: f64 = 1e-7;
+
+/// A basis is grown until all that it is made for stays below this share of the tolerance, so that what lies between does too.
+const MARGIN: f64 = 0.3;
+
+/// Solutions in a basis, at most.
+const MOST: usize = 60;
+
+/// Solutions that are added at once: there are as many factorisations to be made at the same time.
+const AT_ONCE: usize = 2;
+
+/// Components of the membrane stiffness.
+const COMPONENTS: usize = 6;
+
+/// What a plate is asked for: a stiffness and a load.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Query {
+    pub membrane: Membrane,
+    /// How the stiffness varies over the plate.
+    pub profile: Profile,
+    pub load: EndLoad,
+}
+
+/// An answer of a basis.
+pub struct Answer {
+    /// Coordinates in the basis.
+    pub coordinates: DVector<f64>,
+    /// Energy norm of the answer under the reference stiffness, (N mm)^1/2.
+    pub energy: f64,
+    /// Bound of the error in the same norm.
+    pub bound: f64,
+}
+
+impl Answer {
+    /// Bound of the error over the size of the answer.
+    pub fn relative(&self) -> f64 {
+        if self.bound == 0.0 {
+            return 0.0;
+        }
+        self.bound / self.energy
+    }
+
+    /// Whether that is within the tolerance.
+    pub fn is_enough(&self) -> bool {
+        self.relative() <= TOLERANCE
+    }
+}
+
+/// Solutions of one mesh that span its answers.
+pub struct Basis {
+    shape: Shape,
+    /// The reference membrane stiffness, with a factor of 1 everywhere.
+    reference: Membrane,
+    /// Inverse Cholesky factor of its matrix.
+    whitening: Matrix3<f64>,
+    /// Orthonormal in the reference's energy, zero at the supports.
+    vectors: Columns,
+    /// The stiffness terms in the basis, those of a membrane component together.
+    stiffness: Vec<DMatrix<f64>>,
+    /// The unit loads in the basis.
+    loads: [DVector<f64>; 3],
+    /// Coordinates, in an orthonormal basis of the residuals' duals, of the unit loads and of every vector's forces under every term.
+    residual: DMatrix<f64>,
+}
+
+/// How the stiffness may vary over the plate in the queries of one basis; each is a sum of fixed fields.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Shape {
+    Uniform,
+    Tapered,
+    /// A ring about the hole up to so many radii.
+    Ring(f64),
+}
+
+impl Shape {
+    /// The shape of a query; none where two of them meet.
+    fn of(profile: &Profile) -> Option<Self> {
+        let tapered = profile.along != 0.0 || profile.across != 0.0;
+        match profile.annulus {
+            Some(_) if tapered => None,
+            Some(ring) => Some(Self::Ring(ring.reach)),
+            None if tapered => Some(Self::Tapered),
+            None => Some(Self::Uniform),
+        }
+    }
+
+    /// The fixed fields at a point.
+    fn fields(self, geometry: &dyn Geometry, p: [f64; 2]) -> Vec<f64> {
+        let unit = |along: f64, across: f64| {
+            let profile = Profile {
+                along,
+                across,
+                annulus: None,
+            };
+            profile.factor(geometry, p) - 1.0
+        };
+        match self {
+            Self::Uniform => vec![1.0],
+            Self::Tapered => {
+                let (s, t) = (unit(1.0, 0.0), unit(0.0, 1.0));
+                vec![1.0, s, t, s * t]
+            }
+            Self::Ring(reach) => {
+                let inside = geometry.hole_radii(p).is_some_and(|radii| radii < reach);
+                let inside = f64::from(u8::from(inside));
+                vec![1.0 - inside, inside]
+            }
+        }
+    }
+
+    /// Their factors in a query, and the smallest value of their sum over the plate.
+    fn factors(self, profile: &Profile, widening: f64) -> (Vec<f64>, f64) {
+        match self {
+            Self::Uniform => (vec![1.0], 1.0),
+            Self::Tapered => {
+                let (s, t) = (profile.along, profile.across);
+                let least = (1.0 - 0.5 * s.abs()) * (1.0 - 0.5 * t.abs() * widening);
+                (vec![1.0, s, t, s * t], least)
+            }
+            Self::Ring(_) => {
+                let left = 1.0 - profile.annulus.map_or(0.0, |ring| ring.loss);
+                (vec![1.0, left], left.min(1.0))
+            }
+        }
+    }
+}
+
+impl Basis {
+    /// Grow a basis until it answers all queries, which share the mesh, within the tolerance.
+    ///
+    /// # Errors
+    /// Queries that no one basis can answer; those of a factorisation; a basis that would grow beyond what pays.
+    pub fn greedy(plate: &Plate, mesh: &Mesh, queries: &[Query]) -> Result<Self> {
+        let shape = queries.first().and_then(|q| Shape::of(&q.profile));
+        let shape = shape.ok_or_else(not_one)?;
+        if queries.iter().any(|q| Shape::of(&q.profile) != Some(shape)) {
+            return Err(not_one());
+        }
+        let mut growing = Growing::new(plate, mesh, shape, queries)?;
+        loop {
+            let bounds: Vec<f64> = queries
+                .par_iter()
+                .map(|q| {
+                    growing
+                        .basis
+                        .answer(plate, q)
+                        .map_or(f64::INFINITY, |a| a.relative())
+                })
+                .collect();
+            let mut worst: Vec<usize> = (0..queries.len()).collect();
+            worst.sort_by(|&a, &b| bounds[b].total_cmp(&bounds[a]).then(a.cmp(&b)));
+            worst.retain(|&k| bounds[k] > MARGIN * TOLERANCE);
+            worst.truncate(AT_ONCE);
+            if worst.is_empty() {
+                return Ok(growing.basis);
+            }
+            if growing.basis.size() + worst.len() > MOST {
+                return Err(
+                    Error::program("reduced basis", "one that spans its box").found(format!(
+                        "a bound of {:.0e} with {} solutions",
+                        bounds[worst[0]],
+                        growing.basis.size()
+                    )),
+                );
+            }
+            let chosen: Vec<&Query> = worst.iter().map(|&k| &queries[k]).collect();
+            growing.add(&chosen)?;
+        }
+    }
+
+    /// Number of solutions in it.
+    pub fn size(&self) -> usize {
+        self.vectors.count()
+    }
+
+    /// Whether it answers for such a stiffness over the plate.
+    pub fn is_of(&self, profile: &Profile) -> bool {
+        Shape::of(profile) == Some(self.shape)
+    }
+
+    /// One of the solutions, or what it adds to those before: nodal displacements of unit energy under the reference stiffness.
+    pub fn vector(&self, k: usize) -> &[f64] {
+        let n = self.vectors.rows;
+        &self.vectors.values[k * n..(k + 1) * n]
+    }
+
+    /// Galerkin solution and bound; none for a query of another kind, or with a stiffness that is not positive definite.
+    pub fn answer(&self, plate: &Plate, query: &Query) -> Option<Answer> {
+        if !self.is_of(&query.profile) {
+            return None;
+        }
+        let (factors, least) = self
+            .shape
+            .factors(&query.profile, plate.geometry.widening());
+        let weights = weights(&query.membrane, &factors);
+        let n = self.size();
+        let mut stiffness = DMatrix::zeros(n, n);
+        for (term, w) in self.stiffness.iter().zip(&weights) {
+            stiffness += term * *w;
+        }
+        let amplitudes = amplitudes(&query.load);
+        let mut load = DVector::zeros(n);
+        for (unit, a) in self.loads.iter().zip(amplitudes) {
+            load.axpy(a, unit, 1.0);
+        }
+        let coordinates = Cholesky::new(stiffness)?.solve(&load);
+        let mut residual = DVector::zeros(self.residual.nrows());
+        for (k, a) in amplitudes.into_iter().enumerate() {
+            residual.axpy(a, &self.residual.column(k), 1.0);
+        }
+        for (v, c) in coordinates.iter().enumerate() {
+            for (q, w) in weights.iter().enumerate() {
+                let column = self.residual.column(3 + v * weights.len() + q);
+                residual.axpy(-c * w, &column, 1.0);
+            }
+        }
+        let relative = self.whitening * query.membrane.matrix() * self.whitening.transpose();
+        let alpha = least * relative.symmetric_eigenvalues().min();
+        (alpha > 0.0).then(|| Answer {
+            energy: coordinates.norm(),
+            bound: residual.norm() / alpha,
+            coordinates,
+        })
+    }
+
+    /// Energy norm, under the reference stiffness, of nodal displacements of `mesh`, (N mm)^1/2.
+    pub fn energy(&self, plate: &Plate, mesh: &Mesh, nodal: &[f64]) -> f64 {
+        let integrals = plate.assembly.integrals(mesh, &|_| 1.0);
+        let forces = plate.assembly.multiply(&integrals, &self.reference, nodal);
+        let twice: f64 = forces.iter().zip(nodal).map(|(f, u)| f * u).sum();
+        twice.max(0.0).sqrt()
+    }
+
+    /// Nodal displacements of an answer, mm.
+    pub fn nodal(&self, answer: &Answer) -> Vec<f64> {
+        (self.vectors.view() * &answer.coordinates).data.into()
+    }
+}
+
+/// Weights of the stiffness terms: those of each field under all components together.
+fn weights(a: &Membrane, factors: &[f64]) -> Vec<f64> {
+    let components = [a.a11, a.a12, a.a22, a.a16, a.a26, a.a66];
+    let of = |factor: &f64| components.map(|c| factor * c);
+    factors.iter().flat_map(of).collect()
+}
+
+/// Weights of the unit loads.
+fn amplitudes(load: &EndLoad) -> [f64; 3] {
+    [load.axial, load.shear, load.moment]
+}
+
+/// The membrane stiffness of a single component.
+fn unit_membrane(component: usize) -> Membrane {
+    let one = |k: usize| f64::from(u8::from(k == component));
+    Membrane {
+        a11: one(0),
+        a12: one(1),
+        a22: one(2),
+        a16: one(3),
+        a26: one(4),
+        a66: one(5),
+    }
+}
+
+fn unit_load(k: usize) -> EndLoad {
+    let one = |j: usize| f64::from(u8::from(j == k));
+    EndLoad {
+        axial: one(0),
+        shear: one(1),
+        moment: one(2),
+    }
+}
+
+fn not_one() -> Error {
+    Error::program(
+        "reduced basis",
+        "queries of one mesh, each either tapered or with a ring",
+    )
+}
+
+/// A basis while it grows.
+struct Growing<'a> {
+    plate: &'a Plate,
+    basis: Basis,
+    /// Geometry integrals of the fields of the stiffness.
+    integrals: Vec<Vec<[f64; 4]>>,
+    /// The reference stiffness, factorised, and its geometry integrals.
+    reference: Factor<'a>,
+    everywhere: Vec<[f64; 4]>,
+    loads: [Vec<f64>; 3],
+    /// Orthonormal residuals, and their Riesz representers.
+    forces: Columns,
+    duals: Columns,
+}
+
+impl<'a> Growing<'a> {
+    fn new(plate: &'a Plate, mesh: &Mesh, shape: Shape, queries: &[Query]) -> Result<Self> {
+        let geometry = &*plate.geometry;
+        let count = shape.fields(geometry, [0.0; 2]).len();
+        let integrals: Vec<_> = (0..count)
+            .into_par_iter()
+            .map(|k| {
+                let field = |p: [f64; 2]| shape.fields(geometry, p)[k];
+                plate.assembly.integrals(mesh, &field)
+            })
+            .collect();
+        let everywhere = sum(&integrals, &shape.factors(&Profile::default(), 1.0).0);
+        let mean: Matrix3<f64> = queries.iter().map(|q| q.membrane.matrix()).sum();
+        let mean = mean / queries.len() as f64;
+        let mut reference = plate.factor();
+        reference.factorise_with(&everywhere, &Membrane::from(&mean))?;
+        let whitening = mean.cholesky().and_then(|c| c.l().try_inverse());
+        let whitening = whitening.ok_or_else(not_one)?;
+        let loads = [0, 1, 2].map(|k| {
+            let mut load = mesh.end_forces(&unit_load(k));
+            plate.assembly.pin_load(&mut load);
+            load
+        });
+        let n = mesh.unknowns();
+        let mut growing = Self {
+            plate,
+            basis: Basis {
+                shape,
+                reference: Membrane::from(&mean),
+                whitening,
+                vectors: Columns::new(n),
+                stiffness: vec![DMatrix::zeros(0, 0); COMPONENTS * count],
+                loads: [0, 1, 2].map(|_| DVector::zeros(0)),
+                residual: DMatrix::zeros(0, 0),
+            },
+            integrals,
+            reference,
+            everywhere,
+            loads,
+            forces: Columns::new(n),
+            duals: Columns::new(n),
+        };
+        let loads = growing.loads.concat();
+        growing.add_residuals(loads);
+        Ok(growing)
+    }
+
+    /// Solve some queries and add their answers.
+    fn add(&mut self, queries: &[&Query]) -> Result<()> {
+        let solve = |q: &&Query| -> Result<Vec<f64>> {
+            let (factors, _) = self.basis.shape.factors(&q.profile, 1.0);
+            let mut factor = self.plate.factor();
+            factor.factorise_with(&sum(&self.integrals, &factors), &q.membrane)?;
+            let mut nodal = vec![0.0; self.forces.rows];
+            for (load, a) in self.loads.iter().zip(amplitudes(&q.load)) {
+                for (sum, f) in nodal.iter_mut().zip(load) {
+                    *sum += a * f;
+                }
+            }
+            factor.solve(&mut nodal);
+            Ok(nodal)
+        };
+        let solutions: Vec<Vec<f64>> = queries.par_iter().map(solve).collect::<Result<_>>()?;
+        for solution in solutions {
+            self.add_vector(solution);
+        }
+        Ok(())
+    }
+
+    /// Orthonormalise a solution and add it with its forces under every term.
+    fn add_vector(&mut self, solution: Vec<f64>) {
+        let energy = |v: &DVector<f64>| {
+            let assembly = &self.plate.assembly;
+            DVector::from_vec(assembly.multiply(
+                &self.everywhere,
+                &self.basis.reference,
+                v.as_slice(),
+            ))
+        };
+        let mut v = DVector::from_vec(solution);
+        let scale = v.dot(&energy(&v)).sqrt();
+        // twice for the rounding
+        for _ in 0..2 {
+            let vectors = self.basis.vectors.view();
+            v -= vectors * vectors.tr_mul(&energy(&v));
+        }
+        let norm = v.dot(&energy(&v)).max(0.0).sqrt();
+        if norm <= LOST * scale {
+            return;
+        }
+        v /= norm;
+        self.basis.vectors.push(v.as_slice());
+        let assembly = &self.plate.assembly;
+        let terms: Vec<Vec<f64>> = (0..self.basis.stiffness.len())
+            .into_par_iter()
+            .map(|term| {
+                let a = unit_membrane(term % COMPONENTS);
+                let mut forces =
+                    assembly.multiply(&self.integrals[term / COMPONENTS], &a, v.as_slice());
+                assembly.pin_load(&mut forces);
+                forces
+            })
+            .collect();
+        let vectors = self.basis.vectors.view();
+        let n = vectors.ncols();
+        for (matrix, forces) in self.basis.stiffness.iter_mut().zip(&terms) {
+            let row = vectors.tr_mul(&DVector::from_column_slice(forces));
+            matrix.resize_mut(n, n, 0.0);
+            matrix.set_column(n - 1, &row);
+            matrix.set_row(n - 1, &row.transpose());
+        }
+        for (own, load) in self.basis.loads.iter_mut().zip(&self.loads) {
+            let last = v.dot(&DVector::from_column_slice(load));
+            *own = own.push(last);
+        }
+        self.add_residuals(terms.concat());
+    }
+
+    /// Add forces, one column after the other, to those that residuals are made of.
+    fn add_residuals(&mut self, forces: Vec<f64>) {
+        let n = self.forces.rows;
+        let count = forces.len() / n;
+        let mut dual = forces.clone();
+        self.reference.solve(&mut dual);
+        let mut force = DMatrix::from_vec(n, count, forces);
+        let mut dual = DMatrix::from_vec(n, count, dual);
+        let known = self.forces.count();
+        let mut coordinates = DMatrix::zeros(known, count);
+        for _ in 0..2 {
+            let along = self.duals.view().tr_mul(&force);
+            force -= self.forces.view() * &along;
+            dual -= self.duals.view() * &along;
+            coordinates += along;
+        }
+        coordinates.resize_mut(known + count, count, 0.0);
+        for k in 0..count {
+            let norm = |force: &DMatrix<f64>, dual: &DMatrix<f64>| {
+                dual.column(k).dot(&force.column(k)).max(0.0).sqrt()
+            };
+            let whole = norm(&force, &dual).hypot(coordinates.column(k).norm());
+            for _ in 0..2 {
+                for j in known..self.forces.count() {
+                    let c = self.duals.view().column(j).dot(&force.column(k));
+                    force
+                        .column_mut(k)
+                        .axpy(-c, &self.forces.view().column(j), 1.0);
+                    dual.column_mut(k)
+                        .axpy(-c, &self.duals.view().column(j), 1.0);
+                    coordinates[(j, k)] += c;
+                }
+            }
+            let norm = norm(&force, &dual);
+            if norm > LOST * whole {
+                coordinates[(self.forces.count(), k)] = norm;
+                self.forces.push((force.column(k) / norm).as_slice());
+                self.duals.push((dual.column(k) / norm).as_slice());
+            }
+        }
+        coordinates.resize_mut(self.forces.count(), count, 0.0);
+        let all = &mut self.basis.residual;
+        let before = all.ncols();
+        all.resize_mut(self.forces.count(), before + count, 0.0);
+        all.columns_mut(before, count).copy_from(&coordinates);
+    }
+}
+
+/// What is left of a column after what it shares with the others is taken out, over the column, below which it is rounding.
+const LOST: f64 = 1e-14;
+
+/// Geometry integrals of a sum of fields.
+fn sum(integrals: &[Vec<[f64; 4]>], factors: &[f64]) -> Vec<[f64; 4]> {
+    let mut all = vec![[0.0; 4]; integrals[0].len()];
+    for (one, factor) in integrals.iter().zip(factors) {
+        for (sum, x) in all.iter_mut().zip(one) {
+            for (s, x) in sum.iter_mut().zip(x) {
+                *s += factor * x;
+            }
+        }
+    }
+    all
+}
+
+/// A matrix that grows by columns.
+struct Columns {
+    rows: usize,
+    values: Vec<f64>,
+}
+
+impl Columns {
+    fn new(rows: usize) -> Self {
+        Self {
+            rows,
+            values: Vec::new(),
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.values.len() / self.rows
+    }
+
+    fn push(&mut self, column: &[f64]) {
+        self.values.extend_from_slice(column);
+    }
+
+    fn view(&self) -> DMatrixView<'_, f64> {
+        DMatrixView::from_slice(&self.values, self.rows, self.count())
+    }
+}
