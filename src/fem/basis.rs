@@ -22,6 +22,9 @@ use crate::laminate::Membrane;
 /// Bound of the error in the energy norm over that of the answer, at which a basis is large enough.
 pub const TOLERANCE: f64 = 1e-7;
 
+/// What a solution of the finite elements loses to rounding, in the same measure: no answer is known better.
+pub const ROUNDING: f64 = 1e-11;
+
 /// A basis is grown until all that it is made for stays below this share of the tolerance, so that what lies between does too.
 const MARGIN: f64 = 0.3;
 
@@ -56,10 +59,10 @@ pub struct Answer {
 impl Answer {
     /// Bound of the error over the size of the answer.
     pub fn relative(&self) -> f64 {
-        if self.bound == 0.0 {
-            return 0.0;
+        if self.energy == 0.0 && self.bound > 0.0 {
+            return f64::INFINITY;
         }
-        self.bound / self.energy
+        self.bound / self.energy.max(f64::MIN_POSITIVE)
     }
 
     /// Whether that is within the tolerance.
@@ -186,7 +189,11 @@ impl Basis {
                 );
             }
             let chosen: Vec<&Query> = worst.iter().map(|&k| &queries[k]).collect();
+            let size = growing.basis.size();
             growing.add(&chosen)?;
+            if growing.basis.size() == size {
+                return Ok(growing.basis);
+            }
         }
     }
 
@@ -238,9 +245,10 @@ impl Basis {
         }
         let relative = self.whitening * query.membrane.matrix() * self.whitening.transpose();
         let alpha = least * relative.symmetric_eigenvalues().min();
+        let energy = coordinates.norm();
         (alpha > 0.0).then(|| Answer {
-            energy: coordinates.norm(),
-            bound: residual.norm() / alpha,
+            energy,
+            bound: residual.norm() / alpha + ROUNDING * energy,
             coordinates,
         })
     }
@@ -402,6 +410,7 @@ impl<'a> Growing<'a> {
             v -= vectors * vectors.tr_mul(&energy(&v));
         }
         let norm = v.dot(&energy(&v)).max(0.0).sqrt();
+        // what rounding leaves of a solution that is known already
         if norm <= LOST * scale {
             return;
         }
@@ -433,56 +442,52 @@ impl<'a> Growing<'a> {
         self.add_residuals(terms.concat());
     }
 
-    /// Add forces, one column after the other, to those that residuals are made of.
+    /// Add forces, one column after the other, to those that residuals are made of. Some combination of a solution's forces is the load, up
+    /// to rounding: what is left of a force has to be solved for anew, or its representer would be made of rounding errors alone.
     fn add_residuals(&mut self, forces: Vec<f64>) {
         let n = self.forces.rows;
         let count = forces.len() / n;
-        let mut dual = forces.clone();
-        self.reference.solve(&mut dual);
         let mut force = DMatrix::from_vec(n, count, forces);
-        let mut dual = DMatrix::from_vec(n, count, dual);
-        let known = self.forces.count();
-        let mut coordinates = DMatrix::zeros(known, count);
-        for _ in 0..2 {
-            let along = self.duals.view().tr_mul(&force);
-            force -= self.forces.view() * &along;
-            dual -= self.duals.view() * &along;
-            coordinates += along;
-        }
-        coordinates.resize_mut(known + count, count, 0.0);
+        let mut dual = force.clone();
+        self.reference.solve(dual.as_mut_slice());
+        let along = self.duals.view().tr_mul(&force);
+        force -= self.forces.view() * &along;
+        dual.copy_from(&force);
+        self.reference.solve(dual.as_mut_slice());
+        let before = self.basis.residual.ncols();
         for k in 0..count {
-            let norm = |force: &DMatrix<f64>, dual: &DMatrix<f64>| {
-                dual.column(k).dot(&force.column(k)).max(0.0).sqrt()
-            };
-            let whole = norm(&force, &dual).hypot(coordinates.column(k).norm());
+            let mut coordinates: Vec<f64> = along.column(k).iter().copied().collect();
+            coordinates.resize(self.forces.count(), 0.0);
+            let mut coordinates = DVector::from_vec(coordinates);
+            let [mut f, mut d] = [&force, &dual].map(|m| m.column(k).clone_owned());
+            let whole = d.dot(&f).max(0.0).sqrt().hypot(coordinates.norm());
             for _ in 0..2 {
-                for j in known..self.forces.count() {
-                    let c = self.duals.view().column(j).dot(&force.column(k));
-                    force
-                        .column_mut(k)
-                        .axpy(-c, &self.forces.view().column(j), 1.0);
-                    dual.column_mut(k)
-                        .axpy(-c, &self.duals.view().column(j), 1.0);
-                    coordinates[(j, k)] += c;
+                let along = self.duals.view().tr_mul(&f);
+                f -= self.forces.view() * &along;
+                d -= self.duals.view() * &along;
+                coordinates += &along;
+                let left = d.dot(&f).max(0.0).sqrt();
+                if left < 0.1 * along.norm() {
+                    d.copy_from(&f);
+                    self.reference.solve(d.as_mut_slice());
                 }
             }
-            let norm = norm(&force, &dual);
+            let norm = d.dot(&f).max(0.0).sqrt();
             if norm > LOST * whole {
-                coordinates[(self.forces.count(), k)] = norm;
-                self.forces.push((force.column(k) / norm).as_slice());
-                self.duals.push((dual.column(k) / norm).as_slice());
+                coordinates = coordinates.push(norm);
+                self.forces.push((f / norm).as_slice());
+                self.duals.push((d / norm).as_slice());
             }
+            let all = &mut self.basis.residual;
+            all.resize_mut(self.forces.count(), before + k + 1, 0.0);
+            all.view_mut((0, before + k), (coordinates.len(), 1))
+                .copy_from(&coordinates);
         }
-        coordinates.resize_mut(self.forces.count(), count, 0.0);
-        let all = &mut self.basis.residual;
-        let before = all.ncols();
-        all.resize_mut(self.forces.count(), before + count, 0.0);
-        all.columns_mut(before, count).copy_from(&coordinates);
     }
 }
 
 /// What is left of a column after what it shares with the others is taken out, over the column, below which it is rounding.
-const LOST: f64 = 1e-14;
+const LOST: f64 = 1e-13;
 
 /// Geometry integrals of a sum of fields.
 fn sum(integrals: &[Vec<[f64; 4]>], factors: &[f64]) -> Vec<[f64; 4]> {

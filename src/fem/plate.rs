@@ -7,7 +7,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 
 use super::assemble::Assembly;
-use super::basis::{Basis, Query};
+use super::basis::{Basis, Query, ROUNDING};
 use super::initial_stress::{add_forces, gauss_points};
 use super::ply_law::PlyLaw;
 use super::profile::Profile;
@@ -49,9 +49,9 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    /// The bound over the error.
+    /// The bound over the error, where that is not all rounding.
     pub fn effectivity(&self) -> f64 {
-        self.bound / self.error
+        self.bound / self.error.max(ROUNDING)
     }
 }
 
