@@ -114,7 +114,16 @@ fn sensitivities_are_the_differences_of_predictions() {
         };
         let mut checked: Vec<(String, Field, Field)> = Vec::new();
         let mut check = |name: &str, direction, step, expected| {
-            let found = sensitivity(&*experiment, &at, &here, sight, direction, step).unwrap();
+            let anchor = experiment.anchor(&at).unwrap();
+            let found = sensitivity(
+                &*experiment,
+                (&at, anchor.as_ref()),
+                &here,
+                sight,
+                direction,
+                step,
+            )
+            .unwrap();
             checked.push((name.into(), found, expected));
         };
         let thickness = moved(&|s, by| s.thickness_mm += by, 1e-3);

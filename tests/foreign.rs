@@ -149,17 +149,3 @@ fn nothing_of_this_kind_is_nothing() {
     let outcome: Outcome = of_model("nothing", &measured(&NONE, 1));
     judge(&[outcome], 1.0);
 }
-
-#[test]
-#[ignore = "15 fields, 4 minutes"]
-fn intervals_hold_the_truth_where_no_dictionary_has_the_culprit() {
-    let culprits = culprits();
-    let outcomes: Vec<Outcome> = (0..3)
-        .flat_map(|seed| {
-            culprits
-                .iter()
-                .map(move |c| of_model(c.name, &measured(c, 10 + seed)))
-        })
-        .collect();
-    judge(&outcomes, 0.93);
-}

@@ -9,6 +9,7 @@ use plychain::effect::EFFECTS;
 use plychain::identify::Options;
 use plychain::infer::Model;
 use plychain::progress::Silent;
+use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Schedule};
 use plychain::trace::{Interval, Status, close};
 
@@ -270,15 +271,25 @@ fn judge_singles(ended: &[Ended]) {
     println!("{named} of {all} named that were seen, of {}", ended.len());
 }
 
+/// Each effect at two of its sizes, in turn in moire and in image correlation.
 #[test]
-#[ignore = "21 loops, 6 minutes"]
-fn loops_with_each_effect_at_one_of_its_sizes() {
-    let sizes = |k: usize| vec![[0.5, -4.0, 2.0, 4.0, -1.0][k % 5]];
-    judge_singles(&all(&every_effect(sizes, |k| vec![k % 2])));
+#[ignore = "42 loops, 8 minutes"]
+fn loops_with_each_effect_at_two_sizes() {
+    let sizes = [
+        [0.5, 4.0],
+        [-4.0, 1.0],
+        [2.0, -2.0],
+        [4.0, -1.0],
+        [-1.0, 2.0],
+    ];
+    judge_singles(&all(&every_effect(
+        |k| sizes[k % 5].to_vec(),
+        |k| vec![k % 2],
+    )));
 }
 
 #[test]
-#[ignore = "189 loops of every effect at four sizes, 50 minutes"]
+#[ignore = "by hand: 210 loops of every effect at five sizes, 40 minutes"]
 fn loops_with_every_effect_at_every_size() {
     let sizes = |_| vec![0.5, 1.0, 2.0, 4.0, -4.0];
     judge_singles(&all(&every_effect(sizes, |_| vec![0, 1])));
@@ -311,21 +322,18 @@ fn judge_nulls(ended: &[Ended]) {
 }
 
 #[test]
-#[ignore = "8 loops, 2 minutes"]
+#[ignore = "40 loops over nothing, 2 minutes"]
 fn loops_over_nothing_say_so() {
-    judge_nulls(&nulls(0..8));
-}
-
-#[test]
-#[ignore = "40 loops over nothing, 8 minutes"]
-fn many_loops_over_nothing_say_so() {
     judge_nulls(&nulls(0..40));
 }
 
 /// Effects withheld from the dictionary while they act.
-fn withheld(size: impl Fn(usize) -> Vec<f64>) -> Vec<Case> {
+fn withheld(
+    culprits: &[(&'static str, &'static str)],
+    size: impl Fn(usize) -> Vec<f64>,
+) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    for (k, &(name, effect)) in WITHHELD.iter().enumerate() {
+    for (k, &(name, effect)) in culprits.iter().enumerate() {
         for size in size(k) {
             let text = times(effect, size);
             let case = format!("withheld {text}");
@@ -360,19 +368,41 @@ fn judge_strangers(ended: &[Ended]) {
 }
 
 #[test]
-#[ignore = "17 loops over culprits that the dictionary lacks, 5 minutes"]
+#[ignore = "51 loops over culprits that the dictionary lacks, 15 minutes"]
 fn loops_over_culprits_that_the_dictionary_lacks() {
-    let mut cases = withheld(|k| vec![[0.7, 1.5, 3.0][k % 3]]);
-    cases.extend(strangers(0..1));
+    let mut cases = withheld(&WITHHELD, |_| vec![0.7, 1.5, 3.0]);
+    cases.extend(strangers(0..3));
     judge_strangers(&all(&cases));
 }
 
+/// Effects of which less than a ninth lies outside the span of the constants' own fields: where they are withheld no rule on one field
+/// keeps what they do out of the constants. The report says what is covered all the same.
+const SILENT: [(&str, &str); 7] = [
+    ("thermal_strain", "thermal_strain=3"),
+    ("uniform_strain", "uniform_strain=10,-5,8"),
+    ("magnification", "magnification=1"),
+    ("component_sensitivity", "component_sensitivity=0.5,-0.5"),
+    ("shear_nonlinearity", "shear_nonlinearity=1e-7"),
+    ("fibre_nonlinearity", "fibre_nonlinearity=15"),
+    (
+        "single_ply_misorientation_2",
+        "single_ply_misorientation_2=2",
+    ),
+];
+
 #[test]
-#[ignore = "51 loops over culprits that the dictionary lacks, 15 minutes"]
-fn many_loops_over_culprits_that_the_dictionary_lacks() {
-    let mut cases = withheld(|_| vec![0.7, 1.5, 3.0]);
-    cases.extend(strangers(0..3));
-    judge_strangers(&all(&cases));
+#[ignore = "14 loops over silent culprits, 3 minutes"]
+fn loops_over_silent_culprits_hold_what_the_report_says() {
+    let ended = all(&withheld(&SILENT, |_| vec![1.0, 2.0]));
+    let held: usize = ended.iter().map(Ended::held).sum();
+    println!("{held} of {} intervals hold the truth", 4 * ended.len());
+    let said = SILENT_HELD_PERCENT as f64 / 100.0 * 4.0 * ended.len() as f64;
+    // within the standard error of such a count
+    let error = 0.5 * (4.0 * ended.len() as f64).sqrt();
+    assert!(
+        (held as f64 - said).abs() <= error,
+        "{held}, and the report says {said}"
+    );
 }
 
 /// Fields that the first release failed on, which end right or `unexplained`, with intervals that hold the truth.

@@ -1,4 +1,4 @@
-//! Fields that carry what the dictionary lacks: verdicts, and coverage of the intervals to quote.
+//! Fields that carry what the dictionary lacks, by tracing alone; `loops` runs whole loops over many more.
 
 use plychain::effect::EFFECTS;
 use plychain::infer::Model;
@@ -6,21 +6,6 @@ use plychain::trace::{Suspect, Tracing};
 
 use crate::program::coarse;
 use crate::tracing::{COARSE_GRID, COARSE_NOISE, TRUTH, measured_with, traced};
-
-/// Effects of which less than about a ninth lies outside the span of the constants' own fields: from one field no rule can keep
-/// what they do out of the constants unless they are in the dictionary.
-const SILENT: [&str; 10] = [
-    "uniform_strain",
-    "thermal_strain",
-    "out_of_plane_bending",
-    "magnification",
-    "component_sensitivity",
-    "shear_nonlinearity",
-    "fibre_nonlinearity",
-    "single_ply_misorientation_1",
-    "single_ply_misorientation_2",
-    "single_ply_misorientation_3",
-];
 
 /// Effects withheld from the dictionary while they act, at their plausible size, with what is visible of them.
 pub const WITHHELD: [(&str, &str); 12] = [
@@ -46,9 +31,6 @@ pub struct Outcome {
     held: usize,
     /// Whether the account is called closed, with which effects.
     closed: bool,
-    /// Groups of the last tracing and those that were added: how many had a probability above 0.95, and how many of them predict
-    /// regions that were not fitted.
-    held_out: [usize; 2],
     named: Vec<&'static str>,
 }
 
@@ -76,7 +58,6 @@ fn outcome(withheld: &str, acting: &[&str], seed: u64) -> Outcome {
 pub fn of_model(case: &str, model: &Model) -> Outcome {
     let (accepted, last) = traced(model);
     let quoted = quoted(&last);
-    let probable = last.groups.iter().filter(|g| g.probability > 0.95);
     Outcome {
         case: case.into(),
         held: quoted
@@ -89,17 +70,13 @@ pub fn of_model(case: &str, model: &Model) -> Outcome {
             .zip(TRUTH)
             .map(|([.., mean, sd], t)| (mean - t) / sd)
             .collect(),
-        held_out: [
-            accepted.len() + probable.clone().count(),
-            accepted.len() + probable.filter(|g| g.predicts).count(),
-        ],
         closed: last.suspect.reasons.is_empty(),
         named: accepted.iter().map(|(name, _)| *name).collect(),
     }
 }
 
-/// Visible culprits: at least 93 % of the intervals hold the truth, none misses by more than 5 sd, and at most a tenth reads closed under
-/// a wrong name.
+/// Visible culprits: so large a share of the intervals holds the truth, none misses by more than 5 sd, and at most a tenth reads closed
+/// under a wrong name.
 pub fn judge(outcomes: &[Outcome], share: f64) {
     for o in outcomes {
         let z: Vec<String> = o.z.iter().map(|z| format!("{z:+.1}")).collect();
@@ -112,11 +89,6 @@ pub fn judge(outcomes: &[Outcome], share: f64) {
             o.named
         );
     }
-    let [probable, predicted] =
-        [0, 1].map(|k| outcomes.iter().map(|o| o.held_out[k]).sum::<usize>());
-    println!(
-        "wrong groups of a probability above 0.95: {probable}, of which {predicted} predict regions that were not fitted"
-    );
     let held: usize = outcomes.iter().map(|o| o.held).sum();
     let all = 4 * outcomes.len();
     assert!(
@@ -155,46 +127,4 @@ fn intervals_hold_the_truth_where_the_culprit_is_withheld() {
         .collect();
     // of 16 intervals, 15
     judge(&outcomes, 0.93);
-}
-
-#[test]
-#[ignore = "24 fields, 3 minutes; not met: 3 of 24 read closed under a wrong name by tracing alone, where 2 may"]
-fn intervals_hold_the_truth_for_every_visible_culprit() {
-    let outcomes: Vec<Outcome> = (0..2)
-        .flat_map(|k| WITHHELD.iter().zip(810 + 20 * k..))
-        .map(|((name, case), seed)| outcome(name, &[case], seed))
-        .collect();
-    judge(&outcomes, 0.93);
-}
-
-/// What is covered of the silent culprits where they are withheld: reported, and never so small that nothing would be.
-#[test]
-#[ignore = "silent culprits, 1 minute"]
-fn silent_culprits_are_covered_in_part() {
-    let cases = [
-        ("thermal_strain", "thermal_strain=3"),
-        ("uniform_strain", "uniform_strain=10,-5,8"),
-        ("magnification", "magnification=1"),
-        ("component_sensitivity", "component_sensitivity=0.5,-0.5"),
-        ("shear_nonlinearity", "shear_nonlinearity=1e-7"),
-        ("fibre_nonlinearity", "fibre_nonlinearity=15"),
-        (
-            "single_ply_misorientation_2",
-            "single_ply_misorientation_2=2",
-        ),
-    ];
-    assert!(cases.iter().all(|(name, _)| SILENT.contains(name)));
-    let outcomes: Vec<Outcome> = cases
-        .iter()
-        .zip(870..)
-        .map(|((name, case), seed)| outcome(name, &[case], seed))
-        .collect();
-    for o in &outcomes {
-        println!(
-            "{:40} held {} closed {} {:?}",
-            o.case, o.held, o.closed, o.named
-        );
-    }
-    let held: usize = outcomes.iter().map(|o| o.held).sum();
-    assert!(2 * held >= 4 * outcomes.len(), "{held}");
 }

@@ -11,7 +11,7 @@ use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Certificate, Locator, Observer, Plate, Setup, Solution};
+use crate::fem::{Anchor, Certificate, Locator, Observer, Plate, Setup, Solution};
 use crate::field::Frame;
 use crate::geometry::{Density, Mesh};
 use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
@@ -95,15 +95,60 @@ impl FieldExperiment {
     }
 
     /// Stages 1 and 2: the loaded specimen, `held` where its rigid motion matters before the gauge removes it.
-    fn loaded(&self, state: &State, held: bool) -> Result<Solution<'_>> {
+    fn loaded(&self, about: Option<&Anchor>, state: &State, held: bool) -> Result<Solution<'_>> {
         let (setup, ply) = self.tested(state)?;
-        let mut solution = self.plate.solve(&setup, &ply)?;
+        let mut solution = match about {
+            Some(anchor) => self.plate.solve_near(anchor, &setup, &ply)?,
+            None => self.plate.solve(&setup, &ply)?,
+        };
         match &self.zero {
             Some(zero) => zero.apply(&mut solution),
             None if held => hold_window(&mut solution, self.test.window),
             None => {}
         }
         Ok(solution)
+    }
+
+    /// The camera's report, of a solution near an anchor's where there is one.
+    fn seen(
+        &self,
+        about: Option<&Anchor>,
+        state: &State,
+        sight: &Sight,
+        gradient: bool,
+    ) -> Result<Look> {
+        let camera = Seen::new(state.acting(), &self.scene);
+        // what optics make of a rotation depends on the rotation; a plain camera reports it as it is
+        let solution = self.loaded(about, state, gradient || !camera.is_plain())?;
+        let own = sight
+            .observer()
+            .filter(|_| solution.is_nominal() && camera.is_plain());
+        let located;
+        let observer = match own {
+            Some(observer) => observer,
+            None => {
+                let places: Vec<[f64; 2]> =
+                    sight.all().iter().map(|&p| camera.true_point(p)).collect();
+                // where an effect moves points into the hole or past an edge, the field is continued
+                located = Locator::new(&solution.mesh).observe_extended(&places);
+                &located
+            }
+        };
+        let mut displacement = observer.displacement(&solution.nodal);
+        if !camera.is_plain() {
+            for (u, &p) in displacement.iter_mut().zip(sight.all()) {
+                *u = camera.components(p, *u);
+            }
+        }
+        let gradient = if gradient {
+            observer.gradient(&solution.nodal)
+        } else {
+            Vec::new()
+        };
+        Ok(Look {
+            displacement,
+            gradient,
+        })
     }
 
     /// What a nominal plate's displacements show under the gauge, by a plain camera.
@@ -183,45 +228,31 @@ impl Experiment for FieldExperiment {
     }
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
-        let camera = Seen::new(state.acting(), &self.scene);
-        // what optics make of a rotation depends on the rotation; a plain camera reports it as it is
-        let solution = self.loaded(state, gradient || !camera.is_plain())?;
-        let own = sight
-            .observer()
-            .filter(|_| solution.is_nominal() && camera.is_plain());
-        let located;
-        let observer = match own {
-            Some(observer) => observer,
-            None => {
-                let places: Vec<[f64; 2]> =
-                    sight.all().iter().map(|&p| camera.true_point(p)).collect();
-                // where an effect moves points into the hole or past an edge, the field is continued
-                located = Locator::new(&solution.mesh).observe_extended(&places);
-                &located
-            }
-        };
-        let mut displacement = observer.displacement(&solution.nodal);
-        if !camera.is_plain() {
-            for (u, &p) in displacement.iter_mut().zip(sight.all()) {
-                *u = camera.components(p, *u);
-            }
-        }
-        let gradient = if gradient {
-            observer.gradient(&solution.nodal)
-        } else {
-            Vec::new()
-        };
-        Ok(Look {
-            displacement,
-            gradient,
-        })
+        self.seen(None, state, sight, gradient)
     }
 
-    fn near_edge(&self, state: &State, sight: &Sight) -> Result<Vec<Vec<[f64; 2]>>> {
-        let (setup, ply) = self.tested(state)?;
+    fn anchor(&self, about: &State) -> Result<Option<Anchor>> {
+        let (setup, ply) = self.tested(about)?;
+        Ok(Some(self.plate.anchor(&setup, &ply)?))
+    }
+
+    fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
+        self.seen(about, state, sight, false)
+    }
+
+    fn near_edge(
+        &self,
+        about: Option<&Anchor>,
+        state: &State,
+        sight: &Sight,
+    ) -> Result<Vec<Vec<[f64; 2]>>> {
+        let Some(anchor) = about else {
+            return Ok(Vec::new());
+        };
+        let (setup, _) = self.tested(state)?;
         let (mesh, fields) =
             self.plate
-                .near_edge(&setup, &ply, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?;
+                .near_edge(anchor, &setup, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?;
         let nominal = setup.load.axial / setup.width();
         let camera = Seen::new(state.acting(), &self.scene);
         let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();

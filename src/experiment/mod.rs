@@ -23,7 +23,7 @@ pub use state::State;
 
 use crate::effect::{Acting, Kind, Scene};
 use crate::error::Result;
-use crate::fem::Certificate;
+use crate::fem::{Anchor, Certificate};
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
 /// (u1, u2), both in mm, direction 1 along the load, origin at the hole's centre or the declared origin.
@@ -69,8 +69,29 @@ pub trait Experiment: Send + Sync {
     ///
     /// # Errors
     /// Those of [`Experiment::look`].
-    fn near_edge(&self, _state: &State, _sight: &Sight) -> Result<Vec<Vec<[f64; 2]>>> {
+    fn near_edge(
+        &self,
+        _about: Option<&Anchor>,
+        _state: &State,
+        _sight: &Sight,
+    ) -> Result<Vec<Vec<[f64; 2]>>> {
         Ok(Vec::new())
+    }
+
+    /// What makes [`Experiment::look_near`] cheap about a state; none where a look costs nothing.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn anchor(&self, _about: &State) -> Result<Option<Anchor>> {
+        Ok(None)
+    }
+
+    /// [`Experiment::look`], without the gradient, at a state so near to an anchor's that only differences matter.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn look_near(&self, _about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
+        self.look(state, sight, false)
     }
 
     /// Make many predictions about states like these cheap from now on, at no loss that can be seen.
@@ -132,6 +153,20 @@ pub struct Prediction {
 /// Those of [`Experiment::look`].
 pub fn predict(experiment: &dyn Experiment, state: &State, sight: &Sight) -> Result<Prediction> {
     let look = experiment.look(state, sight, false)?;
+    Ok(observe(experiment, state, sight, look))
+}
+
+/// The same near an anchor's state, for differences.
+///
+/// # Errors
+/// Those of [`Experiment::look`].
+pub fn predict_near(
+    experiment: &dyn Experiment,
+    about: Option<&Anchor>,
+    state: &State,
+    sight: &Sight,
+) -> Result<Prediction> {
+    let look = experiment.look_near(about, state, sight)?;
     Ok(observe(experiment, state, sight, look))
 }
 

@@ -1,8 +1,9 @@
 //! What a change of one parameter does to a predicted field.
 
-use super::{Experiment, Prediction, Sight, State, gauged, load_response, predict};
+use super::{Experiment, Prediction, Sight, State, gauged, load_response, predict_near};
 use crate::effect::{Effect, Kind, LOAD_SCALE};
 use crate::error::Result;
+use crate::fem::Anchor;
 
 #[derive(Clone, Copy)]
 pub enum Direction {
@@ -31,14 +32,14 @@ impl Direction {
 }
 
 /// Derivative of the predicted field (mm a border unit) at the sight's points about the state `at`, whose prediction,
-/// with its gradient, is `here`. Central differences reach `step` border units to either side; what is linear in the
+/// with its gradient, is `here`, and whose anchor is `about`. Central differences reach `step` border units to either side; what is linear in the
 /// parameter, or follows [`load_response`], needs none.
 ///
 /// # Errors
 /// Those of a prediction.
 pub fn sensitivity(
     experiment: &dyn Experiment,
-    at: &State,
+    (at, about): (&State, Option<&Anchor>),
     here: &Prediction,
     sight: &Sight,
     direction: Direction,
@@ -76,8 +77,8 @@ pub fn sensitivity(
             ))
         }
         _ => {
-            let high = predict(experiment, &direction.moved(at, step), sight)?.field;
-            let low = predict(experiment, &direction.moved(at, -step), sight)?.field;
+            let high = predict_near(experiment, about, &direction.moved(at, step), sight)?.field;
+            let low = predict_near(experiment, about, &direction.moved(at, -step), sight)?.field;
             let slope =
                 |(a, b): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step));
             Ok(high.iter().zip(&low).map(slope).collect())

@@ -8,7 +8,7 @@
 //! of the digits.) The coercivity bound is the smallest eigenvalue of the membrane stiffness relative to the reference's: the bilinear
 //! form is an integral of strains under that stiffness, pointwise.
 
-use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Matrix3};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, DVectorView, Matrix3};
 use rayon::prelude::*;
 
 use super::load::EndLoad;
@@ -209,8 +209,8 @@ impl Basis {
 
     /// One of the solutions, or what it adds to those before: nodal displacements of unit energy under the reference stiffness.
     pub fn vector(&self, k: usize) -> &[f64] {
-        let n = self.vectors.rows;
-        &self.vectors.values[k * n..(k + 1) * n]
+        let rows = self.vectors.rows;
+        &self.vectors.values[k * rows..(k + 1) * rows]
     }
 
     /// Galerkin solution and bound; none for a query of another kind, or with a stiffness that is not positive definite.
@@ -329,9 +329,12 @@ impl<'a> Growing<'a> {
         let count = shape.fields(geometry, [0.0; 2]).len();
         let integrals: Vec<_> = (0..count)
             .into_par_iter()
-            .map(|k| {
-                let field = |p: [f64; 2]| shape.fields(geometry, p)[k];
-                plate.assembly.integrals(mesh, &field)
+            .map(|k| match shape {
+                Shape::Uniform => plate.assembly.nominal().to_vec(),
+                _ => {
+                    let field = |p: [f64; 2]| shape.fields(geometry, p)[k];
+                    plate.assembly.integrals(mesh, &field)
+                }
             })
             .collect();
         let everywhere = sum(&integrals, &shape.factors(&Profile::default(), 1.0).0);
@@ -447,42 +450,51 @@ impl<'a> Growing<'a> {
     fn add_residuals(&mut self, forces: Vec<f64>) {
         let n = self.forces.rows;
         let count = forces.len() / n;
+        let known = self.forces.count();
         let mut force = DMatrix::from_vec(n, count, forces);
+        let mut coordinates = self.duals.view().tr_mul(&force);
+        force -= self.forces.view() * &coordinates;
         let mut dual = force.clone();
         self.reference.solve(dual.as_mut_slice());
         let along = self.duals.view().tr_mul(&force);
         force -= self.forces.view() * &along;
-        dual.copy_from(&force);
-        self.reference.solve(dual.as_mut_slice());
-        let before = self.basis.residual.ncols();
+        dual -= self.duals.view() * &along;
+        coordinates += along;
+        coordinates.resize_mut(known + count, count, 0.0);
         for k in 0..count {
-            let mut coordinates: Vec<f64> = along.column(k).iter().copied().collect();
-            coordinates.resize(self.forces.count(), 0.0);
-            let mut coordinates = DVector::from_vec(coordinates);
             let [mut f, mut d] = [&force, &dual].map(|m| m.column(k).clone_owned());
-            let whole = d.dot(&f).max(0.0).sqrt().hypot(coordinates.norm());
-            for _ in 0..2 {
-                let along = self.duals.view().tr_mul(&f);
-                f -= self.forces.view() * &along;
-                d -= self.duals.view() * &along;
-                coordinates += &along;
-                let left = d.dot(&f).max(0.0).sqrt();
-                if left < 0.1 * along.norm() {
+            let before = d.dot(&f).max(0.0).sqrt();
+            let whole = before.hypot(coordinates.column(k).norm());
+            let mut norm = before;
+            // the others of the same solution, and all of them once more where they have taken most of it
+            for first in [known, 0] {
+                if first == 0 && norm > 0.1 * whole {
+                    break;
+                }
+                if first == 0 {
                     d.copy_from(&f);
                     self.reference.solve(d.as_mut_slice());
                 }
+                for j in first..self.forces.count() {
+                    let c = self.duals.column(j).dot(&f);
+                    f.axpy(-c, &self.forces.column(j), 1.0);
+                    d.axpy(-c, &self.duals.column(j), 1.0);
+                    coordinates[(j, k)] += c;
+                }
+                norm = d.dot(&f).max(0.0).sqrt();
             }
-            let norm = d.dot(&f).max(0.0).sqrt();
             if norm > LOST * whole {
-                coordinates = coordinates.push(norm);
+                coordinates[(self.forces.count(), k)] = norm;
                 self.forces.push((f / norm).as_slice());
                 self.duals.push((d / norm).as_slice());
             }
-            let all = &mut self.basis.residual;
-            all.resize_mut(self.forces.count(), before + k + 1, 0.0);
-            all.view_mut((0, before + k), (coordinates.len(), 1))
-                .copy_from(&coordinates);
         }
+        let new = self.forces.count();
+        coordinates.resize_mut(new, count, 0.0);
+        let all = &mut self.basis.residual;
+        let before = all.ncols();
+        all.resize_mut(new, before + count, 0.0);
+        all.columns_mut(before, count).copy_from(&coordinates);
     }
 }
 
@@ -522,6 +534,10 @@ impl Columns {
 
     fn push(&mut self, column: &[f64]) {
         self.values.extend_from_slice(column);
+    }
+
+    fn column(&self, k: usize) -> DVectorView<'_, f64> {
+        DVectorView::from_slice(&self.values[k * self.rows..(k + 1) * self.rows], self.rows)
     }
 
     fn view(&self) -> DMatrixView<'_, f64> {

@@ -1,5 +1,6 @@
 //! Plane-stress finite elements of the whole plate: Q8 element, assembly, sparse Cholesky, observation.
 
+mod anchor;
 mod assemble;
 mod basis;
 mod beyond;
@@ -15,6 +16,7 @@ mod setup;
 mod solve;
 pub mod verify;
 
+pub use anchor::Anchor;
 pub use basis::{Answer, Basis, Query, TOLERANCE};
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;

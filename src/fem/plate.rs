@@ -6,13 +6,14 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 
+use super::anchor::Anchor;
 use super::assemble::Assembly;
 use super::basis::{Basis, Query, ROUNDING};
 use super::initial_stress::{add_forces, gauss_points};
 use super::ply_law::PlyLaw;
 use super::profile::Profile;
 use super::setup::Setup;
-use super::solve::{Factor, Pool, Symbolic};
+use super::solve::{Factor, Kept, Pool, Symbolic};
 use crate::error::{Error, Result};
 use crate::geometry::{Density, Geometry, HIGH, LOW, Mesh, Morph};
 use crate::laminate::Ply;
@@ -130,14 +131,12 @@ impl Plate {
         let mesh = self.mesh_of(setup)?;
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
-        let a = setup.membrane(ply);
+        setup.profile.validate(&*geometry)?;
         let mut factor = self.factor();
-        if matches!(mesh, Cow::Borrowed(_)) && setup.profile.is_uniform() {
-            factor.factorise(&a)?;
-        } else {
-            setup.profile.validate(&*geometry)?;
-            factor.factorise_with(&self.assembly.integrals(&mesh, &scale), &a)?;
-        }
+        factor.factorise_with(
+            &self.integrals_of(setup, &mesh, &scale),
+            &setup.membrane(ply),
+        )?;
         let load = mesh.end_forces(&setup.load);
         let mut nodal = load.clone();
         factor.solve(&mut nodal);
@@ -145,6 +144,25 @@ impl Plate {
             law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
         }
         Ok(Solution { mesh, nodal })
+    }
+
+    /// Geometry integrals of a test on its mesh, its stiffness times `scale`.
+    pub(super) fn integrals_of(
+        &self,
+        setup: &Setup,
+        mesh: &Mesh,
+        scale: &dyn Fn([f64; 2]) -> f64,
+    ) -> Cow<'_, [[f64; 4]]> {
+        if std::ptr::eq(mesh, &self.mesh) && setup.profile.is_uniform() {
+            Cow::Borrowed(self.assembly.nominal())
+        } else {
+            Cow::Owned(self.assembly.integrals(mesh, scale))
+        }
+    }
+
+    /// Solve with a factorisation that was kept.
+    pub(super) fn solve_with(&self, factor: &Kept, loads: &mut [f64]) {
+        factor.solve(&self.symbolic, &self.assembly, loads);
     }
 
     /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh, to within [`super::TOLERANCE`] of the
@@ -242,14 +260,14 @@ impl Plate {
     }
 
     /// A test's answer from a basis, where there is one that is good enough.
-    fn spanned(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
+    pub(super) fn spanned(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
         let (ring, query) = query(setup, ply)?;
         let basis = self.basis_of(ring, &query.profile)?;
         let answer = basis.answer(self, &query)?;
         answer.is_enough().then(|| basis.nodal(&answer))
     }
 
-    /// Displacements of a test's mesh under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
+    /// Displacements of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
     /// N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`. Whatever changes the stiffness there, its
     /// field outside is a sum of such fields. Empty without a hole.
     ///
@@ -257,8 +275,8 @@ impl Plate {
     /// Those of [`Plate::solve`].
     pub fn near_edge(
         &self,
+        anchor: &Anchor,
         setup: &Setup,
-        ply: &Ply,
         reach: f64,
         harmonics: usize,
     ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
@@ -267,12 +285,6 @@ impl Plate {
         if geometry.hole_radius().is_none() {
             return Ok((mesh, Vec::new()));
         }
-        let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
-        let mut factor = self.factor();
-        factor.factorise_with(
-            &self.assembly.integrals(&mesh, &scale),
-            &setup.membrane(ply),
-        )?;
         let gauss = gauss_points(&mesh);
         let still = vec![0.0; mesh.unknowns()];
         let mut loads = Vec::new();
@@ -295,7 +307,7 @@ impl Plate {
                 loads.extend(load);
             }
         }
-        factor.solve(&mut loads);
+        self.solve_with(&anchor.factor, &mut loads);
         let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
         Ok((mesh, fields))
     }

@@ -91,7 +91,9 @@ pub struct Factor<'a> {
 impl Drop for Factor<'_> {
     fn drop(&mut self) {
         let space = std::mem::replace(&mut self.space, Workspace::empty());
-        self.pool.lock().push(space);
+        if !space.values.is_empty() {
+            self.pool.lock().push(space);
+        }
     }
 }
 
@@ -149,19 +151,60 @@ impl<'a> Factor<'a> {
 
     /// Solve for the load vectors in `loads` (column by column, each `unknowns` long), in place.
     pub fn solve(&mut self, loads: &mut [f64]) {
-        let n = self.symbolic.0.nrows();
-        for batch in loads.chunks_mut(n * MAX_COLUMNS) {
-            for load in batch.chunks_mut(n) {
-                self.assembly.pin_load(load);
-            }
-            let columns = batch.len() / n;
-            LltRef::new(&self.symbolic.0, &self.space.factor).solve_in_place_with_conj(
-                Conj::No,
-                MatMut::from_column_major_slice_mut(batch, n, columns),
-                Par::Seq,
-                MemStack::new(&mut self.space.scratch),
-            );
+        let Workspace {
+            factor, scratch, ..
+        } = &mut self.space;
+        solve_with(self.symbolic, self.assembly, factor, scratch, loads);
+    }
+}
+
+/// A numeric factorisation that is kept, and solved with by any number of threads at once.
+pub struct Kept(Vec<f64>);
+
+impl Factor<'_> {
+    /// Keep it.
+    pub fn keep(mut self) -> Kept {
+        let space = std::mem::replace(&mut self.space, Workspace::empty());
+        Kept(space.factor)
+    }
+}
+
+impl Kept {
+    /// Solve for load vectors as [`Factor::solve`] does.
+    pub fn solve(&self, symbolic: &Symbolic, assembly: &Assembly, loads: &mut [f64]) {
+        let n = symbolic.0.nrows();
+        let columns = MAX_COLUMNS.min(loads.len() / n);
+        let scratch = symbolic.0.solve_in_place_scratch::<f64>(columns, Par::Seq);
+        solve_with(
+            symbolic,
+            assembly,
+            &self.0,
+            &mut MemBuffer::new(scratch),
+            loads,
+        );
+    }
+}
+
+/// Solve for the load vectors in `loads` (column by column), in place.
+fn solve_with(
+    symbolic: &Symbolic,
+    assembly: &Assembly,
+    factor: &[f64],
+    scratch: &mut MemBuffer,
+    loads: &mut [f64],
+) {
+    let n = symbolic.0.nrows();
+    for batch in loads.chunks_mut(n * MAX_COLUMNS) {
+        for load in batch.chunks_mut(n) {
+            assembly.pin_load(load);
         }
+        let columns = batch.len() / n;
+        LltRef::new(&symbolic.0, factor).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(batch, n, columns),
+            Par::Seq,
+            MemStack::new(scratch),
+        );
     }
 }
 

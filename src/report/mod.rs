@@ -28,3 +28,4 @@ pub use document::Report;
 pub use figures::{FieldCells, Figure, FigureData, Palette};
 pub use html::comparison;
 pub use page::{FIGURES, Page};
+pub use words::SILENT_HELD_PERCENT;

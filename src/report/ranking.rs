@@ -9,7 +9,10 @@ use super::page::Page;
 use super::round::MeanAndSd;
 use super::terminal::{mean_sd, table, wrap};
 use super::tracing::{BlindSpotReport, CandidateReport, TracingReport};
-use super::words::{ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, contradiction, shift, unit, widening};
+use super::words::{
+    ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, contradiction, shift, unit,
+    widening,
+};
 use crate::quantity::{plus_minus, significant};
 use crate::trace::{Confirming, Interval, Status, Suspect};
 
@@ -160,6 +163,8 @@ fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> String {
             .collect()
     });
     text += &table(&header, rows);
+    text += "\n";
+    text += &wrap("  ", "  ", &beyond_the_dictionary());
     let mut shifts = spots.iter().flat_map(|s| s.shift_in_percent.values());
     if shifts.any(|s| s.is_none_or(|s| s.abs() > LINEAR_PERCENT)) {
         text += "\n";

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::{Direction, Prediction, State, predict_with_gradient, sensitivity};
+use crate::fem::Anchor;
 use crate::field::{Blocks, Field};
 use crate::identify::Prepared;
 use crate::infer::Model;
@@ -133,13 +134,15 @@ impl Linearised<'_> {
     ) -> Result<Sensitivities> {
         let experiment = &*self.prepared.problem.experiment;
         let here = predict_with_gradient(experiment, at, &self.prepared.observation.sight)?;
+        let anchor = experiment.anchor(at)?;
+        let about = (at, anchor.as_ref());
         let mut directions = self.base();
         let declared = directions.len();
         directions.extend(candidates.iter().flat_map(amplitudes));
         let columns: Vec<Column> = directions
             .par_iter()
             .map(|&direction| {
-                let column = self.column(at, &here, direction);
+                let column = self.column(about, &here, direction);
                 (self.step)();
                 column
             })
@@ -149,7 +152,7 @@ impl Linearised<'_> {
         let near_edge = if candidates.is_empty() {
             Vec::new()
         } else {
-            self.rival(at)?
+            self.rival(about)?
         };
         let near_edge = near_edge.iter().map(|u| averages(self.blocks, u)).collect();
         let mut columns = columns.into_iter();
@@ -172,9 +175,13 @@ impl Linearised<'_> {
 
     /// Fields of the rival, mm: what any change of stiffness beside the hole does elsewhere and, since no rig holds a specimen to a
     /// microradian, a rotation in the plane.
-    fn rival(&self, at: &State) -> Result<Vec<Vec<[f64; 2]>>> {
+    fn rival(&self, (at, about): (&State, Option<&Anchor>)) -> Result<Vec<Vec<[f64; 2]>>> {
         let sight = &self.prepared.observation.sight;
-        let mut fields = self.prepared.problem.experiment.near_edge(at, sight)?;
+        let mut fields = self
+            .prepared
+            .problem
+            .experiment
+            .near_edge(about, at, sight)?;
         if !fields.is_empty() {
             let turned = |p: &[f64; 2]| [-ROTATION * p[1], ROTATION * p[0]];
             fields.push(sight.points().iter().map(turned).collect());
@@ -224,7 +231,12 @@ impl Linearised<'_> {
         Ok(sensitivities)
     }
 
-    fn column(&self, at: &State, here: &Prediction, direction: Direction) -> Result<Column> {
+    fn column(
+        &self,
+        (at, about): (&State, Option<&Anchor>),
+        here: &Prediction,
+        direction: Direction,
+    ) -> Result<Column> {
         let (name, mean, sd, value, step) = match direction {
             Direction::Constant(k) => {
                 let prior = self.model.marginals()[k];
@@ -254,7 +266,7 @@ impl Linearised<'_> {
         };
         let slope = sensitivity(
             &*self.prepared.problem.experiment,
-            at,
+            (at, about),
             here,
             &self.prepared.observation.sight,
             direction,

@@ -8,7 +8,7 @@ use crate::quantity::plus_minus;
 use crate::report::figures::{Figures, SMALLEST_BAR};
 use crate::report::page::Page;
 use crate::report::tracing::{CandidateReport, TracingReport};
-use crate::report::words::{ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, shift};
+use crate::report::words::{ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, shift};
 
 /// Ranking of the candidates of every round.
 pub fn ranking(page: &Page, figures: &Figures) -> Markup {
@@ -134,7 +134,7 @@ pub fn blind_spots(page: &Page, figures: &Figures) -> Markup {
     html! {
         p { "An effect that these data would not show can still move the constants. The averaged posterior counts it; the posterior of a single model does not." }
         @if let Some(figure) = figures.get("blind-spots") { (wide(figure)) }
-        p.soft { (LINEAR) }
+        p.soft { (LINEAR) " " (beyond_the_dictionary()) }
         (table("What each effect would do at its plausible size if the model lacked it", &header, rows, true))
     }
 }
