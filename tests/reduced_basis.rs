@@ -114,7 +114,7 @@ fn tapers_rings_and_skew_loads_are_spanned() {
         test.collect::<Vec<_>>()
     };
     for tapered in [true, false] {
-        plate.span(&at(150, 3, tapered)).unwrap();
+        plate.span(&at(500, 3, tapered)).unwrap();
         let other = at(40, 4, tapered);
         let certificates: Vec<Certificate> = other
             .iter()

@@ -136,6 +136,42 @@ impl Assembly {
         }
         force
     }
+    /// The same for each component of the membrane stiffness alone, in the order of [`Membrane`], in one sweep.
+    pub fn multiply_components(&self, integral: &[[f64; 4]], u: &[f64]) -> [Vec<f64>; 6] {
+        let mut force = [0; 6].map(|_| vec![0.0; u.len()]);
+        for b in 0..self.nodes {
+            let [ub, vb] = [u[2 * b], u[2 * b + 1]];
+            let mut own = [[0.0; 2]; 6];
+            for k in self.first[b]..self.first[b + 1] {
+                let a = self.row[k] as usize;
+                let [g11, g12, g21, g22] = integral[k];
+                let both = g12 + g21;
+                // rows of the blocks in [`block`], one component at a time
+                let blocks = [
+                    [g11, 0.0, 0.0, 0.0],
+                    [0.0, g12, g21, 0.0],
+                    [0.0, 0.0, 0.0, g22],
+                    [both, g11, g11, 0.0],
+                    [0.0, g22, g22, both],
+                    [g22, g21, g12, g11],
+                ];
+                let [ua, va] = [u[2 * a], u[2 * a + 1]];
+                for ((force, own), [xx, xy, yx, yy]) in force.iter_mut().zip(&mut own).zip(blocks) {
+                    force[2 * a] += xx * ub + xy * vb;
+                    force[2 * a + 1] += yx * ub + yy * vb;
+                    if a != b {
+                        own[0] += xx * ua + yx * va;
+                        own[1] += xy * ua + yy * va;
+                    }
+                }
+            }
+            for (force, own) in force.iter_mut().zip(own) {
+                force[2 * b] += own[0];
+                force[2 * b + 1] += own[1];
+            }
+        }
+        force
+    }
 }
 
 /// Stored entries of the rows and columns of the pinned unknowns, and of their diagonals (first in their columns).

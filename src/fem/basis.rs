@@ -26,13 +26,10 @@ pub const TOLERANCE: f64 = 1e-7;
 pub const ROUNDING: f64 = 1e-11;
 
 /// A basis is grown until all that it is made for stays below this share of the tolerance, so that what lies between does too.
-const MARGIN: f64 = 0.3;
+const MARGIN: f64 = 0.6;
 
 /// Solutions in a basis, at most.
-const MOST: usize = 60;
-
-/// Solutions that are added at once: there are as many factorisations to be made at the same time.
-const AT_ONCE: usize = 2;
+const MOST: usize = 40;
 
 /// Components of the membrane stiffness.
 const COMPONENTS: usize = 6;
@@ -151,10 +148,10 @@ impl Shape {
 }
 
 impl Basis {
-    /// Grow a basis until it answers all queries, which share the mesh, within the tolerance.
+    /// Grow a basis until it answers all queries, which share the mesh, within the tolerance, or has grown as large as pays.
     ///
     /// # Errors
-    /// Queries that no one basis can answer; those of a factorisation; a basis that would grow beyond what pays.
+    /// Queries that no one basis can answer; those of a factorisation.
     pub fn greedy(plate: &Plate, mesh: &Mesh, queries: &[Query]) -> Result<Self> {
         let shape = queries.first().and_then(|q| Shape::of(&q.profile));
         let shape = shape.ok_or_else(not_one)?;
@@ -162,39 +159,22 @@ impl Basis {
             return Err(not_one());
         }
         let mut growing = Growing::new(plate, mesh, shape, queries)?;
-        loop {
-            let bounds: Vec<f64> = queries
-                .par_iter()
-                .map(|q| {
-                    growing
-                        .basis
-                        .answer(plate, q)
-                        .map_or(f64::INFINITY, |a| a.relative())
-                })
-                .collect();
-            let mut worst: Vec<usize> = (0..queries.len()).collect();
-            worst.sort_by(|&a, &b| bounds[b].total_cmp(&bounds[a]).then(a.cmp(&b)));
-            worst.retain(|&k| bounds[k] > MARGIN * TOLERANCE);
-            worst.truncate(AT_ONCE);
-            if worst.is_empty() {
-                return Ok(growing.basis);
-            }
-            if growing.basis.size() + worst.len() > MOST {
-                return Err(
-                    Error::program("reduced basis", "one that spans its box").found(format!(
-                        "a bound of {:.0e} with {} solutions",
-                        bounds[worst[0]],
-                        growing.basis.size()
-                    )),
-                );
-            }
-            let chosen: Vec<&Query> = worst.iter().map(|&k| &queries[k]).collect();
-            let size = growing.basis.size();
-            growing.add(&chosen)?;
-            if growing.basis.size() == size {
-                return Ok(growing.basis);
+        while growing.basis.size() < MOST {
+            let relative = |q: &Query| {
+                let answer = growing.basis.answer(plate, q);
+                answer.map_or(f64::INFINITY, |a| a.relative())
+            };
+            let bounds: Vec<f64> = queries.par_iter().map(relative).collect();
+            let worst = (0..bounds.len()).reduce(|a, b| if bounds[b] > bounds[a] { b } else { a });
+            let Some(worst) = worst.filter(|&k| bounds[k] > MARGIN * TOLERANCE) else {
+                break;
+            };
+            // what is not new is rounding, and so is all that is left
+            if !growing.add(&queries[worst])? {
+                break;
             }
         }
+        Ok(growing.basis)
     }
 
     /// Number of solutions in it.
@@ -279,19 +259,6 @@ fn amplitudes(load: &EndLoad) -> [f64; 3] {
     [load.axial, load.shear, load.moment]
 }
 
-/// The membrane stiffness of a single component.
-fn unit_membrane(component: usize) -> Membrane {
-    let one = |k: usize| f64::from(u8::from(k == component));
-    Membrane {
-        a11: one(0),
-        a12: one(1),
-        a22: one(2),
-        a16: one(3),
-        a26: one(4),
-        a66: one(5),
-    }
-}
-
 fn unit_load(k: usize) -> EndLoad {
     let one = |j: usize| f64::from(u8::from(j == k));
     EndLoad {
@@ -373,76 +340,69 @@ impl<'a> Growing<'a> {
         Ok(growing)
     }
 
-    /// Solve some queries and add their answers.
-    fn add(&mut self, queries: &[&Query]) -> Result<()> {
-        let solve = |q: &&Query| -> Result<Vec<f64>> {
-            let (factors, _) = self.basis.shape.factors(&q.profile, 1.0);
-            let mut factor = self.plate.factor();
-            factor.factorise_with(&sum(&self.integrals, &factors), &q.membrane)?;
-            let mut nodal = vec![0.0; self.forces.rows];
-            for (load, a) in self.loads.iter().zip(amplitudes(&q.load)) {
-                for (sum, f) in nodal.iter_mut().zip(load) {
-                    *sum += a * f;
-                }
+    /// Solve a query and add its answer; whether it was new.
+    fn add(&mut self, query: &Query) -> Result<bool> {
+        let (factors, _) = self.basis.shape.factors(&query.profile, 1.0);
+        let mut nodal = vec![0.0; self.forces.rows];
+        for (load, a) in self.loads.iter().zip(amplitudes(&query.load)) {
+            for (sum, f) in nodal.iter_mut().zip(load) {
+                *sum += a * f;
             }
-            factor.solve(&mut nodal);
-            Ok(nodal)
-        };
-        let solutions: Vec<Vec<f64>> = queries.par_iter().map(solve).collect::<Result<_>>()?;
-        for solution in solutions {
-            self.add_vector(solution);
         }
-        Ok(())
+        let mut factor = self.plate.factor();
+        factor.factorise_with(&sum(&self.integrals, &factors), &query.membrane)?;
+        factor.solve(&mut nodal);
+        Ok(self.add_vector(nodal))
     }
 
-    /// Orthonormalise a solution and add it with its forces under every term.
-    fn add_vector(&mut self, solution: Vec<f64>) {
+    /// Orthonormalise a solution and add it with its forces under every term; nothing where it is not new.
+    fn add_vector(&mut self, solution: Vec<f64>) -> bool {
+        let assembly = &self.plate.assembly;
         let energy = |v: &DVector<f64>| {
-            let assembly = &self.plate.assembly;
-            DVector::from_vec(assembly.multiply(
-                &self.everywhere,
-                &self.basis.reference,
-                v.as_slice(),
-            ))
+            let forces = assembly.multiply(&self.everywhere, &self.basis.reference, v.as_slice());
+            DVector::from_vec(forces)
         };
         let mut v = DVector::from_vec(solution);
-        let scale = v.dot(&energy(&v)).sqrt();
+        let mut scale = 0.0;
         // twice for the rounding
         for _ in 0..2 {
+            let forces = energy(&v);
+            scale = v.dot(&forces).max(scale);
             let vectors = self.basis.vectors.view();
-            v -= vectors * vectors.tr_mul(&energy(&v));
+            v -= vectors * vectors.tr_mul(&forces);
         }
         let norm = v.dot(&energy(&v)).max(0.0).sqrt();
         // what rounding leaves of a solution that is known already
-        if norm <= LOST * scale {
-            return;
+        if norm <= LOST * scale.sqrt() {
+            return false;
         }
         v /= norm;
         self.basis.vectors.push(v.as_slice());
-        let assembly = &self.plate.assembly;
-        let terms: Vec<Vec<f64>> = (0..self.basis.stiffness.len())
-            .into_par_iter()
-            .map(|term| {
-                let a = unit_membrane(term % COMPONENTS);
-                let mut forces =
-                    assembly.multiply(&self.integrals[term / COMPONENTS], &a, v.as_slice());
-                assembly.pin_load(&mut forces);
-                forces
+        let terms: Vec<Vec<f64>> = self
+            .integrals
+            .par_iter()
+            .flat_map(|integrals| {
+                let mut all = assembly.multiply_components(integrals, v.as_slice());
+                for forces in &mut all {
+                    assembly.pin_load(forces);
+                }
+                all
             })
             .collect();
         let vectors = self.basis.vectors.view();
         let n = vectors.ncols();
         for (matrix, forces) in self.basis.stiffness.iter_mut().zip(&terms) {
-            let row = vectors.tr_mul(&DVector::from_column_slice(forces));
+            let row = vectors.tr_mul(&DVectorView::from_slice(forces, forces.len()));
             matrix.resize_mut(n, n, 0.0);
             matrix.set_column(n - 1, &row);
             matrix.set_row(n - 1, &row.transpose());
         }
         for (own, load) in self.basis.loads.iter_mut().zip(&self.loads) {
-            let last = v.dot(&DVector::from_column_slice(load));
+            let last = v.dot(&DVectorView::from_slice(load, load.len()));
             *own = own.push(last);
         }
         self.add_residuals(terms.concat());
+        true
     }
 
     /// Add forces, one column after the other, to those that residuals are made of. Some combination of a solution's forces is the load, up
@@ -463,25 +423,30 @@ impl<'a> Growing<'a> {
         coordinates.resize_mut(known + count, count, 0.0);
         for k in 0..count {
             let [mut f, mut d] = [&force, &dual].map(|m| m.column(k).clone_owned());
-            let before = d.dot(&f).max(0.0).sqrt();
-            let whole = before.hypot(coordinates.column(k).norm());
-            let mut norm = before;
-            // the others of the same solution, and all of them once more where they have taken most of it
-            for first in [known, 0] {
-                if first == 0 && norm > 0.1 * whole {
-                    break;
-                }
-                if first == 0 {
-                    d.copy_from(&f);
-                    self.reference.solve(d.as_mut_slice());
-                }
+            let size = |f: &DVector<f64>, d: &DVector<f64>| d.dot(f).max(0.0).sqrt();
+            let whole = size(&f, &d).hypot(coordinates.column(k).norm());
+            let mut first = known;
+            let mut norm = size(&f, &d);
+            loop {
+                let before = norm;
                 for j in first..self.forces.count() {
                     let c = self.duals.column(j).dot(&f);
                     f.axpy(-c, &self.forces.column(j), 1.0);
                     d.axpy(-c, &self.duals.column(j), 1.0);
                     coordinates[(j, k)] += c;
                 }
-                norm = d.dot(&f).max(0.0).sqrt();
+                norm = size(&f, &d);
+                if norm > LITTLE * before && norm > LITTLE * whole || norm <= LOST * whole {
+                    break;
+                }
+                if norm > LITTLE * before && first == 0 {
+                    break;
+                }
+                // little is left: its representer anew, and all others once more
+                first = 0;
+                d.copy_from(&f);
+                self.reference.solve(d.as_mut_slice());
+                norm = size(&f, &d);
             }
             if norm > LOST * whole {
                 coordinates[(self.forces.count(), k)] = norm;
@@ -500,6 +465,9 @@ impl<'a> Growing<'a> {
 
 /// What is left of a column after what it shares with the others is taken out, over the column, below which it is rounding.
 const LOST: f64 = 1e-13;
+
+/// The same below which it has to be made sure of.
+const LITTLE: f64 = 0.1;
 
 /// Geometry integrals of a sum of fields.
 fn sum(integrals: &[Vec<[f64; 4]>], factors: &[f64]) -> Vec<[f64; 4]> {

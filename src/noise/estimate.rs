@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::hyperparameters::{ComponentNoise, LocalVariance};
+use super::hyperparameters::{ComponentNoise, LocalVariance, tables};
 use super::normal::solve;
 use super::reml::{Contrasts, Hyperparameters, Reml};
 use super::white::{Leftover, WhiteNoise, white};
@@ -74,13 +74,17 @@ impl Noise {
             .into_iter()
             .map(|(field, stride)| (white(field), Leftover::new(field), stride))
             .collect();
-        let estimate = |c: usize| -> Result<ComponentNoise> {
+        let contrasts = |c: usize| {
             let explained = component(modes.iter().chain(effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
             all.columns_mut(explained.ncols(), smooth.ncols())
                 .copy_from(&smooth);
-            let y = blocks.average(&field.component(c));
+            Contrasts::new(&blocks, blocks.average(&field.component(c)), &all)
+        };
+        let contrasts = [contrasts(0)?, contrasts(1)?];
+        let [first, second] = tables(&blocks, [&contrasts[0], &contrasts[1]])?;
+        let estimate = |c: usize, reml: Reml| -> Result<ComponentNoise> {
             let locals = differences
                 .iter()
                 .map(|(seen, leftover, stride)| LocalVariance {
@@ -89,9 +93,9 @@ impl Noise {
                     leftover,
                 });
             let locals: Vec<LocalVariance<'_>> = locals.collect();
-            ComponentNoise::new(&blocks, &Contrasts::new(&blocks, y, &all)?, &locals)
+            ComponentNoise::new(&blocks, &contrasts[c], reml, &locals)
         };
-        let (a, b) = (estimate(0)?, estimate(1)?);
+        let (a, b) = (estimate(0, first)?, estimate(1, second)?);
         let effective_points = a.covariance.effective_points() + b.covariance.effective_points();
         Ok(Self {
             white_mm: seen.sd_mm,

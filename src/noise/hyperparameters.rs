@@ -70,14 +70,38 @@ struct Search<'a> {
     high: [f64; 2],
 }
 
+/// Mean distance of points, mm.
+fn spacing(blocks: &Blocks) -> f64 {
+    blocks.size_mm / blocks.mean_count().sqrt()
+}
+
+/// Correlation lengths at which the restricted likelihood is tabulated, mm.
+fn lengths_mm(blocks: &Blocks) -> Vec<f64> {
+    let mut lengths_mm = noise_lengths_mm(blocks).to_vec();
+    // what blocks cannot tell from white noise, local differences can
+    while lengths_mm[0] > 2.0 * FINER * spacing(blocks) {
+        lengths_mm.insert(0, lengths_mm[0] / FINER);
+    }
+    lengths_mm
+}
+
+/// The restricted likelihoods of both components that [`ComponentNoise::new`] starts from.
+///
+/// # Errors
+/// Those of [`Contrasts::table`].
+pub(super) fn tables(blocks: &Blocks, both: [&Contrasts<'_>; 2]) -> Result<[Reml; 2]> {
+    Contrasts::tables(both, &lengths_mm(blocks), &RATIOS)
+}
+
 impl ComponentNoise {
     pub fn new(
         blocks: &Blocks,
         contrasts: &Contrasts<'_>,
+        mut reml: Reml,
         locals: &[LocalVariance<'_>],
     ) -> Result<Self> {
         let longest = blocks.noise_length_mm;
-        let spacing = blocks.size_mm / blocks.mean_count().sqrt();
+        let spacing = spacing(blocks);
         let search = Search {
             blocks,
             contrasts,
@@ -85,15 +109,9 @@ impl ComponentNoise {
             low: [spacing.min(longest / SHORTEST).ln(), -SHARE],
             high: [longest.ln(), SHARE],
         };
-        let mut lengths_mm = noise_lengths_mm(blocks).to_vec();
-        // what blocks cannot tell from white noise, local differences can
-        while lengths_mm[0] > 2.0 * FINER * spacing {
-            lengths_mm.insert(0, lengths_mm[0] / FINER);
-        }
-        let mut reml = contrasts.table(&lengths_mm, &RATIOS)?;
-        let fractions: Vec<(f64, Vec<f64>)> = lengths_mm
-            .iter()
-            .map(|&l| (l, search.fractions(l)))
+        let fractions: Vec<(f64, Vec<f64>)> = lengths_mm(blocks)
+            .into_iter()
+            .map(|l| (l, search.fractions(l)))
             .collect();
         let of = |at: &Hyperparameters| fractions.iter().find(|(l, _)| *l == at.length_mm);
         let table: Vec<Scored> = reml

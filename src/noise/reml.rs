@@ -103,7 +103,21 @@ impl<'a> Contrasts<'a> {
     /// # Errors
     /// Of the program: empty lengths or ratios, a factorisation that fails.
     pub fn table(&self, lengths_mm: &[f64], ratios: &[f64]) -> Result<Reml> {
-        let table = over_grid(self.blocks, lengths_mm, ratios, |c| self.at(c))?;
+        self.reml(over_grid(self.blocks, lengths_mm, ratios, |c| self.at(c))?)
+    }
+
+    /// The same of two components of the same blocks, each covariance factorised once.
+    ///
+    /// # Errors
+    /// Those of [`Contrasts::table`].
+    pub fn tables(both: [&Self; 2], lengths_mm: &[f64], ratios: &[f64]) -> Result<[Reml; 2]> {
+        let at = |c: &BlockCovariance| Ok((both[0].at(c)?, both[1].at(c)?));
+        let found = over_grid(both[0].blocks, lengths_mm, ratios, at)?;
+        let (first, second) = found.into_iter().unzip();
+        Ok([both[0].reml(first)?, both[1].reml(second)?])
+    }
+
+    fn reml(&self, table: Vec<Hyperparameters>) -> Result<Reml> {
         let best = table.iter().copied().reduce(|a, b| {
             if b.log_likelihood > a.log_likelihood {
                 b

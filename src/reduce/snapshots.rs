@@ -5,8 +5,10 @@ use rayon::prelude::*;
 
 use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
+use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
 use crate::experiment::{State, predict};
+use crate::numeric::add_scaled;
 
 /// Snapshots of both displacement components.
 pub struct Snapshots {
@@ -51,17 +53,36 @@ impl Snapshots {
         let count = support.points().len();
         check_memory(count, points.len())?;
         let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
+        let spanning = experiment.spanning(support);
         let solutions: Vec<Vec<[f64; 2]>> = states
             .par_iter()
             .map(|state| {
-                let seen = predict(experiment, state, support)?;
+                let known = experiment.coordinates(state);
+                let field = match known.filter(|_| state.acting().iter().all(is_in_the_plate)) {
+                    Some(factors) => sum(&spanning, &factors, count),
+                    None => predict(experiment, state, support)?.field,
+                };
                 step();
-                Ok(seen.field)
+                Ok(field)
             })
             .collect::<Result<_>>()?;
         let fields = [0, 1].map(|c| Mat::from_fn(count, points.len(), |i, j| solutions[j][i][c]));
         Ok(Self { points, fields })
     }
+}
+
+/// Whether an effect changes the specimen or its load, and adds nothing to what that shows.
+fn is_in_the_plate(acting: &Acting) -> bool {
+    acting.effect.kind() == Kind::Mechanical
+}
+
+/// A sum of fields.
+fn sum(fields: &[Vec<[f64; 2]>], factors: &[f64], count: usize) -> Vec<[f64; 2]> {
+    let mut sum = vec![[0.0; 2]; count];
+    for (field, factor) in fields.iter().zip(factors) {
+        add_scaled(&mut sum, field, *factor);
+    }
+    sum
 }
 
 /// The points of a problem's design, one row a snapshot.

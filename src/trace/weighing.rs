@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
-use crate::noise::{Hyperparameters, NormalEquations, solve};
+use crate::noise::{BlockCovariance, Hyperparameters, NormalEquations, solve};
 
 /// Prior probability of a smooth discrepancy. With it the prototype study called 38 of 38 smooth random fields outside the
 /// dictionary unexplained, and none of 500 fields of noise alone.
@@ -77,7 +77,7 @@ const KEPT: usize = 6;
 impl Weighing {
     /// How often [`Weighing::new`] calls its `step`.
     pub fn steps() -> usize {
-        2 * (1 + (TRACED.len() - 1) * LENGTHS)
+        1 + (TRACED.len() - 1) * LENGTHS
     }
 
     /// Weigh the sensitivities' columns over blocks; `step` is called after each of them.
@@ -89,8 +89,7 @@ impl Weighing {
         sensitivities: &Sensitivities,
         step: &(dyn Fn() + Sync),
     ) -> Result<Self> {
-        let component = |c: usize| choices(measured, sensitivities, c, step);
-        let choices = [component(0)?, component(1)?];
+        let choices = choices(measured, sensitivities, step)?;
         Ok(Self {
             pairs: pairs(&choices, &measured.blocks),
             choices,
@@ -153,69 +152,97 @@ impl Weighing {
     }
 }
 
-/// The likeliest choices of one component, the best first.
+/// The likeliest choices of both components, the best first.
 fn choices(
     measured: &Measured,
     sensitivities: &Sensitivities,
-    c: usize,
     step: &(dyn Fn() + Sync),
-) -> Result<Vec<NoiseChoice>> {
-    let columns: Vec<DVector<f64>> = sensitivities
-        .base
-        .iter()
-        .chain(sensitivities.candidates.iter().flat_map(|k| &k.columns))
-        .map(|column| column.values[c].clone())
-        .collect();
+) -> Result<[Vec<NoiseChoice>; 2]> {
+    let of = |c: usize| Weighed::new(measured, sensitivities, c);
+    let components = [of(0)?, of(1)?];
     let blocks = &measured.blocks;
-    let y = &measured.residual(sensitivities)[c];
-    let all = DMatrix::from_columns(&columns);
-    if blocks.len() < all.ncols() + 20 {
-        return Err(Error::input(
-            "measurement",
-            "enough points to tell the effects from noise",
-        )
-        .found(format!(
-            "{} blocks for {} columns",
-            blocks.len(),
-            all.ncols()
-        ))
-        .hint("restrict the dictionary with \"candidates\", or measure more densely"));
-    }
-    let contrasts = Contrasts::new(blocks, y.clone(), &all)?;
-    let rival = sensitivities.near_edge.iter().map(|u| u[c].clone());
-    let columns: Vec<DVector<f64>> = columns
-        .into_iter()
-        .chain(rival)
-        .chain([y.clone()])
-        .collect();
-    let with_data = DMatrix::from_columns(&columns);
-    let last = columns.len() - 1;
-    let rank = orthonormal(&with_data.columns(0, last).into_owned()).ncols();
     let lengths = [noise_lengths_mm(blocks), discrepancy_lengths_mm(blocks)].concat();
-    let mut found = over_grid(blocks, &lengths, TRACED, |covariance| {
+    let found = over_grid(blocks, &lengths, TRACED, |covariance| {
         step();
-        let at = contrasts.at(covariance)?;
-        let white = covariance.whiten(&with_data);
+        let [first, second] = &components;
+        Ok((first.choice(covariance)?, second.choice(covariance)?))
+    })?;
+    let (first, second): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    Ok([first, second].map(|mut found| {
+        found.sort_by(|a, b| b.at.log_likelihood.total_cmp(&a.at.log_likelihood));
+        let mut kept = [0, 0];
+        found.retain(|w| {
+            let class = usize::from(w.at.is_discrepancy(blocks));
+            kept[class] += 1;
+            kept[class] <= KEPT || w.at.ratio == 0.0
+        });
+        found
+    }))
+}
+
+/// What is weighed of one component.
+struct Weighed<'a> {
+    contrasts: Contrasts<'a>,
+    /// All columns, the near-edge rival's after the others, and last the data.
+    with_data: DMatrix<f64>,
+    /// Blocks beyond the rank of those columns.
+    freedom: usize,
+}
+
+impl<'a> Weighed<'a> {
+    fn new(measured: &'a Measured, sensitivities: &Sensitivities, c: usize) -> Result<Self> {
+        let columns: Vec<DVector<f64>> = sensitivities
+            .base
+            .iter()
+            .chain(sensitivities.candidates.iter().flat_map(|k| &k.columns))
+            .map(|column| column.values[c].clone())
+            .collect();
+        let blocks = &measured.blocks;
+        let y = &measured.residual(sensitivities)[c];
+        let all = DMatrix::from_columns(&columns);
+        if blocks.len() < all.ncols() + 20 {
+            return Err(Error::input(
+                "measurement",
+                "enough points to tell the effects from noise",
+            )
+            .found(format!(
+                "{} blocks for {} columns",
+                blocks.len(),
+                all.ncols()
+            ))
+            .hint("restrict the dictionary with \"candidates\", or measure more densely"));
+        }
+        let rival = sensitivities.near_edge.iter().map(|u| u[c].clone());
+        let columns: Vec<DVector<f64>> = columns
+            .into_iter()
+            .chain(rival)
+            .chain([y.clone()])
+            .collect();
+        let with_data = DMatrix::from_columns(&columns);
+        let rank = orthonormal(&with_data.columns(0, columns.len() - 1).into_owned()).ncols();
+        Ok(Self {
+            contrasts: Contrasts::new(blocks, y.clone(), &all)?,
+            with_data,
+            freedom: blocks.len().saturating_sub(rank).max(1),
+        })
+    }
+
+    fn choice(&self, covariance: &BlockCovariance) -> Result<NoiseChoice> {
+        let last = self.with_data.ncols() - 1;
+        let at = self.contrasts.at(covariance)?;
+        let white = covariance.whiten(&self.with_data);
         let gram = white.tr_mul(&white) / at.scale2;
         let explained = gram.view((0, last), (last, 1)).column(0).into_owned();
         let fit = solve(&gram.view((0, 0), (last, last)).into_owned(), &explained);
         let left = (gram[(last, last)] - fit.dot(&explained)).max(f64::MIN_POSITIVE);
-        let freedom = blocks.len().saturating_sub(rank).max(1);
+        let blocks = self.with_data.nrows() as f64;
         Ok(NoiseChoice {
             at,
-            log_det: covariance.log_det() + blocks.len() as f64 * at.scale2.ln(),
+            log_det: covariance.log_det() + blocks * at.scale2.ln(),
             gram,
-            beyond_rival: left / freedom as f64,
+            beyond_rival: left / self.freedom as f64,
         })
-    })?;
-    found.sort_by(|a, b| b.at.log_likelihood.total_cmp(&a.at.log_likelihood));
-    let mut kept = [0, 0];
-    found.retain(|w| {
-        let class = usize::from(w.at.is_discrepancy(blocks));
-        kept[class] += 1;
-        kept[class] <= KEPT || w.at.ratio == 0.0
-    });
-    Ok(found)
+    }
 }
 
 /// Within the noise, half the probability is on white noise; all correlated noise of the grid is as probable.
