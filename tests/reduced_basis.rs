@@ -92,20 +92,21 @@ fn tapers_rings_and_skew_loads_are_spanned() {
             let mut setup = nominal.clone();
             setup.load = EndLoad {
                 axial: 700.0,
-                shear: 30.0 * (share - 0.5),
+                shear: if tapered { 0.0 } else { 30.0 * (share - 0.5) },
                 moment: 200.0 * (5.0 * share).sin(),
             };
-            setup.profile = Profile {
-                across: if tapered { 0.1 * (share - 0.4) } else { 0.0 },
-                along: if tapered {
-                    0.1 * (7.0 * share).cos()
-                } else {
-                    0.0
-                },
-                annulus: (!tapered).then(|| Annulus {
-                    reach: 1.5,
-                    loss: 0.9 * share - 0.2,
-                }),
+            setup.profile = if tapered {
+                Profile {
+                    across: 0.02 * (share - 0.4),
+                    along: 0.02 * (7.0 * share).cos(),
+                    annulus: None,
+                }
+            } else {
+                let (reach, loss) = (1.5, 0.5 * share);
+                Profile {
+                    annulus: Some(Annulus { reach, loss }),
+                    ..Profile::default()
+                }
             };
             let state = problem.state(&point);
             let ply = problem.experiment.scene().material.ply(&state.constants);

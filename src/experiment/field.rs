@@ -288,7 +288,7 @@ impl Experiment for FieldExperiment {
             return Vec::new();
         };
         let fields = (0..basis.size()).into_par_iter();
-        let shown = |k: usize| self.shown(basis.vector(k).to_vec(), observer, sight);
+        let shown = |k: usize| self.shown(basis.vector(k), observer, sight);
         fields.map(shown).collect()
     }
 

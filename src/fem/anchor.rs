@@ -1,10 +1,16 @@
 //! Solutions near one that is known, by its factorisation alone: what sensitivities need.
 
+use std::borrow::Cow;
+
+use nalgebra::Vector3;
+
+use super::initial_stress::{add_forces, gauss_points};
 use super::plate::{Plate, Solution};
 use super::ply_law::PlyLaw;
 use super::setup::Setup;
 use super::solve::Kept;
 use crate::error::Result;
+use crate::geometry::Mesh;
 use crate::laminate::Ply;
 
 /// A solved test with its factorised stiffness.
@@ -92,5 +98,50 @@ impl Plate {
         }
         // too far away
         self.solve_full_order(setup, ply)
+    }
+
+    /// Displacements of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
+    /// N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`. Whatever changes the stiffness there, its
+    /// field outside is a sum of such fields. Empty without a hole.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn near_edge(
+        &self,
+        anchor: &Anchor,
+        setup: &Setup,
+        reach: f64,
+        harmonics: usize,
+    ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
+        let mesh = self.mesh_of(setup)?;
+        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        if geometry.hole_radius().is_none() {
+            return Ok((mesh, Vec::new()));
+        }
+        let gauss = gauss_points(&mesh);
+        let still = vec![0.0; mesh.unknowns()];
+        let mut loads = Vec::new();
+        for wave in 0..=2 * harmonics {
+            for component in 0..3 {
+                let stress = |p: [f64; 2]| {
+                    let near = geometry.hole_radii(p).is_some_and(|radii| radii < reach);
+                    let angle = wave.div_ceil(2) as f64 * p[1].atan2(p[0]);
+                    let value = if wave % 2 == 1 {
+                        angle.sin()
+                    } else {
+                        angle.cos()
+                    };
+                    let mut n = Vector3::zeros();
+                    n[component] = if near { value } else { 0.0 };
+                    n
+                };
+                let mut load = vec![0.0; mesh.unknowns()];
+                add_forces(&mesh, &gauss, &still, &|at, _| stress(at.place), &mut load);
+                loads.extend(load);
+            }
+        }
+        self.solve_with(&anchor.factor, &mut loads);
+        let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
+        Ok((mesh, fields))
     }
 }

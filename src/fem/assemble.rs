@@ -123,9 +123,10 @@ impl Assembly {
     pub fn multiply(&self, integral: &[[f64; 4]], a: &Membrane, u: &[f64]) -> Vec<f64> {
         let mut force = vec![0.0; u.len()];
         for b in 0..self.nodes {
-            for k in self.first[b]..self.first[b + 1] {
-                let node = self.row[k] as usize;
-                let [xx, xy, yx, yy] = block(a, &integral[k]);
+            let column = self.first[b]..self.first[b + 1];
+            for (&node, integral) in self.row[column.clone()].iter().zip(&integral[column]) {
+                let node = node as usize;
+                let [xx, xy, yx, yy] = block(a, integral);
                 force[2 * node] += xx * u[2 * b] + xy * u[2 * b + 1];
                 force[2 * node + 1] += yx * u[2 * b] + yy * u[2 * b + 1];
                 if node != b {
@@ -142,9 +143,10 @@ impl Assembly {
         for b in 0..self.nodes {
             let [ub, vb] = [u[2 * b], u[2 * b + 1]];
             let mut own = [[0.0; 2]; 6];
-            for k in self.first[b]..self.first[b + 1] {
-                let a = self.row[k] as usize;
-                let [g11, g12, g21, g22] = integral[k];
+            let column = self.first[b]..self.first[b + 1];
+            for (&a, integral) in self.row[column.clone()].iter().zip(&integral[column]) {
+                let a = a as usize;
+                let &[g11, g12, g21, g22] = integral;
                 let both = g12 + g21;
                 // rows of the blocks in [`block`], one component at a time
                 let blocks = [

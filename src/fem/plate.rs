@@ -2,14 +2,9 @@
 
 use std::borrow::Cow;
 use std::sync::{Arc, PoisonError, RwLock};
-use std::time::Instant;
 
-use nalgebra::Vector3;
-
-use super::anchor::Anchor;
 use super::assemble::Assembly;
-use super::basis::{Basis, Query, ROUNDING};
-use super::initial_stress::{add_forces, gauss_points};
+use super::basis::{Basis, Query};
 use super::ply_law::PlyLaw;
 use super::profile::Profile;
 use super::setup::Setup;
@@ -33,29 +28,6 @@ impl Solution<'_> {
     }
 }
 
-/// What a reduced basis answers to one test beside what the solver does.
-#[derive(Debug, Clone, Copy)]
-pub struct Certificate {
-    /// Solutions in the basis.
-    pub solutions: usize,
-    /// Bound of the error in the energy norm, over that of the answer.
-    pub bound: f64,
-    /// The error itself.
-    pub error: f64,
-    /// Largest difference at a node, mm.
-    pub largest_mm: f64,
-    /// Time of the answer and of the solution, s.
-    pub answer_s: f64,
-    pub solve_s: f64,
-}
-
-impl Certificate {
-    /// The bound over the error, where that is not all rounding.
-    pub fn effectivity(&self) -> f64 {
-        self.bound / self.error.max(ROUNDING)
-    }
-}
-
 /// Mesh, assembly pattern and symbolic factorisation of one geometry.
 pub struct Plate {
     /// The geometry that was meshed.
@@ -69,7 +41,7 @@ pub struct Plate {
     symbolic: Symbolic,
     pool: Pool,
     /// Reduced bases and the radii of the ring about the hole in their meshes.
-    bases: RwLock<Vec<(Option<f64>, Arc<Basis>)>>,
+    pub(super) bases: RwLock<Vec<(Option<f64>, Arc<Basis>)>>,
 }
 
 impl Plate {
@@ -165,84 +137,6 @@ impl Plate {
         factor.solve(&self.symbolic, &self.assembly, loads);
     }
 
-    /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh, to within [`super::TOLERANCE`] of the
-    /// field; what a basis cannot answer so well is solved.
-    ///
-    /// # Errors
-    /// Those of [`Plate::solve`].
-    pub fn span(&self, tests: &[(Setup, Ply)]) -> Result<()> {
-        let mut kinds: Vec<(Option<f64>, bool, Vec<(&Setup, Query)>)> = Vec::new();
-        for (setup, ply) in tests {
-            let Some((ring, query)) = query(setup, ply) else {
-                continue;
-            };
-            let uniform = query.profile.is_uniform();
-            match kinds.iter_mut().find(|k| (k.0, k.1) == (ring, uniform)) {
-                Some((_, _, same)) => same.push((setup, query)),
-                None => kinds.push((ring, uniform, vec![(setup, query)])),
-            }
-        }
-        let worth = |(ring, uniform, same): &(Option<f64>, bool, Vec<_>)| {
-            let fields = match (ring, uniform) {
-                (None, true) => 1,
-                (Some(_), _) => 2,
-                (None, false) => 4,
-            };
-            same.len() >= WORTH_A_BASIS * fields * fields
-        };
-        for (ring, _, same) in kinds.into_iter().filter(worth) {
-            let mesh = self.mesh_of(same[0].0)?;
-            let queries: Vec<Query> = same.into_iter().map(|(_, query)| query).collect();
-            let known = self.basis_of(ring, &queries[0].profile);
-            let is_answered = |b: &Basis, q| b.answer(self, q).is_some_and(|a| a.is_enough());
-            let answered = |b: &Arc<Basis>| queries.iter().all(|q| is_answered(b, q));
-            if known.as_ref().is_some_and(answered) {
-                continue;
-            }
-            let basis = Arc::new(Basis::greedy(self, &mesh, &queries)?);
-            let mut bases = self.bases.write().unwrap_or_else(PoisonError::into_inner);
-            bases.retain(|(_, b)| known.as_ref().is_none_or(|k| !Arc::ptr_eq(k, b)));
-            bases.push((ring, basis));
-        }
-        Ok(())
-    }
-
-    /// Hold a basis's answer to a test against the solver's; nothing where no basis answers for it.
-    ///
-    /// # Errors
-    /// Those of [`Plate::solve`].
-    pub fn certify(&self, setup: &Setup, ply: &Ply) -> Result<Option<Certificate>> {
-        let Some((ring, query)) = query(setup, ply) else {
-            return Ok(None);
-        };
-        let Some(basis) = self.basis_of(ring, &query.profile) else {
-            return Ok(None);
-        };
-        let begin = Instant::now();
-        let Some(answer) = basis.answer(self, &query) else {
-            return Ok(None);
-        };
-        let nodal = basis.nodal(&answer);
-        let answer_s = begin.elapsed().as_secs_f64();
-        let begin = Instant::now();
-        let solved = self.solve_full_order(setup, ply)?;
-        let solve_s = begin.elapsed().as_secs_f64();
-        let error: Vec<f64> = solved
-            .nodal
-            .iter()
-            .zip(&nodal)
-            .map(|(a, b)| a - b)
-            .collect();
-        Ok(Some(Certificate {
-            solutions: basis.size(),
-            bound: answer.relative(),
-            error: basis.energy(self, &solved.mesh, &error) / answer.energy,
-            largest_mm: error.iter().fold(0.0, |m, e| m.max(e.abs())),
-            answer_s,
-            solve_s,
-        }))
-    }
-
     /// The basis of a uniform plate of the declared shape, if there is one.
     pub fn nominal_basis(&self) -> Option<Arc<Basis>> {
         self.basis_of(None, &Profile::default())
@@ -254,14 +148,14 @@ impl Plate {
         if ring.is_some() || !query.profile.is_uniform() {
             return None;
         }
-        let answer = self.nominal_basis()?.answer(self, &query)?;
+        let answer = self.nominal_basis()?.answer(&query)?;
         answer
             .is_enough()
             .then(|| answer.coordinates.as_slice().to_vec())
     }
 
     /// The basis of a kind, if there is one.
-    fn basis_of(&self, ring: Option<f64>, profile: &Profile) -> Option<Arc<Basis>> {
+    pub(super) fn basis_of(&self, ring: Option<f64>, profile: &Profile) -> Option<Arc<Basis>> {
         let bases = self.bases.read().unwrap_or_else(PoisonError::into_inner);
         let own = |(r, b): &&(Option<f64>, Arc<Basis>)| *r == ring && b.is_of(profile);
         bases.iter().find(own).map(|(_, b)| b.clone())
@@ -271,53 +165,8 @@ impl Plate {
     pub(super) fn spanned(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
         let (ring, query) = query(setup, ply)?;
         let basis = self.basis_of(ring, &query.profile)?;
-        let answer = basis.answer(self, &query)?;
+        let answer = basis.answer(&query)?;
         answer.is_enough().then(|| basis.nodal(&answer))
-    }
-
-    /// Displacements of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
-    /// N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`. Whatever changes the stiffness there, its
-    /// field outside is a sum of such fields. Empty without a hole.
-    ///
-    /// # Errors
-    /// Those of [`Plate::solve`].
-    pub fn near_edge(
-        &self,
-        anchor: &Anchor,
-        setup: &Setup,
-        reach: f64,
-        harmonics: usize,
-    ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
-        let mesh = self.mesh_of(setup)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
-        if geometry.hole_radius().is_none() {
-            return Ok((mesh, Vec::new()));
-        }
-        let gauss = gauss_points(&mesh);
-        let still = vec![0.0; mesh.unknowns()];
-        let mut loads = Vec::new();
-        for wave in 0..=2 * harmonics {
-            for component in 0..3 {
-                let stress = |p: [f64; 2]| {
-                    let near = geometry.hole_radii(p).is_some_and(|radii| radii < reach);
-                    let angle = wave.div_ceil(2) as f64 * p[1].atan2(p[0]);
-                    let value = if wave % 2 == 1 {
-                        angle.sin()
-                    } else {
-                        angle.cos()
-                    };
-                    let mut n = Vector3::zeros();
-                    n[component] = if near { value } else { 0.0 };
-                    n
-                };
-                let mut load = vec![0.0; mesh.unknowns()];
-                add_forces(&mesh, &gauss, &still, &|at, _| stress(at.place), &mut load);
-                loads.extend(load);
-            }
-        }
-        self.solve_with(&anchor.factor, &mut loads);
-        let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
-        Ok((mesh, fields))
     }
 
     /// The mesh of a test: this one's, or one of the same connectivity where the test has another shape or a ring about
@@ -358,12 +207,8 @@ impl Plate {
     }
 }
 
-/// Tests on one mesh from which a basis is worth it: it takes a dozen solutions, and three times as long to bound. What its bound costs
-/// grows with the square of the fields that the stiffness is a sum of.
-const WORTH_A_BASIS: usize = 30;
-
 /// What a basis would be asked for a test: the ring in its mesh, and the query; none where a basis cannot answer.
-fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
+pub(super) fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
     if setup.morph != Morph::NONE || PlyLaw::new(setup, ply).is_some() {
         return None;
     }

@@ -1,0 +1,275 @@
+//! The greedy choice of a reduced basis's solutions: always the one at which the bound is largest.
+
+use nalgebra::{DMatrix, DVector, DVectorView, Matrix3};
+use rayon::prelude::*;
+
+use super::basis::{Basis, COMPONENTS, Query, Shape, TOLERANCE, amplitudes};
+use super::columns::Columns;
+use super::load::EndLoad;
+use super::plate::Plate;
+use super::profile::Profile;
+use super::solve::Factor;
+use crate::error::{Error, Result};
+use crate::geometry::Mesh;
+use crate::laminate::Membrane;
+
+/// A basis is grown until all that it is made for stays below this share of the tolerance, so that what lies between does too.
+const MARGIN: f64 = 0.6;
+
+/// Solutions in a basis, at most.
+const MOST: usize = 40;
+
+impl Basis {
+    /// Grow a basis until it answers all queries, which share the mesh, within the tolerance, or has grown as large as pays.
+    ///
+    /// # Errors
+    /// Queries that no one basis can answer; those of a factorisation.
+    pub fn greedy(plate: &Plate, mesh: &Mesh, queries: &[Query]) -> Result<Self> {
+        let shape = queries.first().and_then(|q| Shape::of(&q.profile));
+        let shape = shape.ok_or_else(not_one)?;
+        if queries.iter().any(|q| Shape::of(&q.profile) != Some(shape)) {
+            return Err(not_one());
+        }
+        let mut growing = Growing::new(plate, mesh, shape, queries)?;
+        while growing.basis.size() < MOST {
+            let relative = |q: &Query| {
+                let answer = growing.basis.answer(q);
+                answer.map_or(f64::INFINITY, |a| a.relative())
+            };
+            let bounds: Vec<f64> = queries.par_iter().map(relative).collect();
+            let worst = (0..bounds.len()).reduce(|a, b| if bounds[b] > bounds[a] { b } else { a });
+            let Some(worst) = worst.filter(|&k| bounds[k] > MARGIN * TOLERANCE) else {
+                break;
+            };
+            // what is not new is rounding, and so is all that is left
+            if !growing.add(&queries[worst])? {
+                break;
+            }
+        }
+        Ok(growing.basis)
+    }
+}
+
+fn unit_load(k: usize) -> EndLoad {
+    let one = |j: usize| f64::from(u8::from(j == k));
+    EndLoad {
+        axial: one(0),
+        shear: one(1),
+        moment: one(2),
+    }
+}
+
+fn not_one() -> Error {
+    Error::program(
+        "reduced basis",
+        "queries of one mesh, each either tapered or with a ring",
+    )
+}
+
+/// A basis while it grows.
+struct Growing<'a> {
+    plate: &'a Plate,
+    basis: Basis,
+    /// Geometry integrals of the fields of the stiffness.
+    integrals: Vec<Vec<[f64; 4]>>,
+    /// The reference stiffness, factorised, and its geometry integrals.
+    reference: Factor<'a>,
+    everywhere: Vec<[f64; 4]>,
+    loads: [Vec<f64>; 3],
+    /// Orthonormal residuals, and their Riesz representers.
+    forces: Columns,
+    duals: Columns,
+}
+
+impl<'a> Growing<'a> {
+    fn new(plate: &'a Plate, mesh: &Mesh, shape: Shape, queries: &[Query]) -> Result<Self> {
+        let geometry = &*plate.geometry;
+        let count = shape.count();
+        let integrals: Vec<_> = (0..count)
+            .into_par_iter()
+            .map(|k| match shape {
+                Shape::Uniform => plate.assembly.nominal().to_vec(),
+                _ => {
+                    let field = |p: [f64; 2]| shape.fields(geometry, p)[k];
+                    plate.assembly.integrals(mesh, &field)
+                }
+            })
+            .collect();
+        let everywhere = sum(&integrals, &shape.factors(&Profile::default(), 1.0).0);
+        let mean: Matrix3<f64> = queries.iter().map(|q| q.membrane.matrix()).sum();
+        let mean = mean / queries.len() as f64;
+        let mut reference = plate.factor();
+        reference.factorise_with(&everywhere, &Membrane::from(&mean))?;
+        let whitening = mean.cholesky().and_then(|c| c.l().try_inverse());
+        let whitening = whitening.ok_or_else(not_one)?;
+        let loads = [0, 1, 2].map(|k| {
+            let mut load = mesh.end_forces(&unit_load(k));
+            plate.assembly.pin_load(&mut load);
+            load
+        });
+        let n = mesh.unknowns();
+        let mut growing = Self {
+            plate,
+            basis: Basis {
+                shape,
+                widening: geometry.widening(),
+                reference: Membrane::from(&mean),
+                whitening,
+                vectors: Columns::new(n),
+                stiffness: vec![DMatrix::zeros(0, 0); COMPONENTS * count],
+                loads: [0, 1, 2].map(|_| DVector::zeros(0)),
+                residual: DMatrix::zeros(0, 0),
+            },
+            integrals,
+            reference,
+            everywhere,
+            loads,
+            forces: Columns::new(n),
+            duals: Columns::new(n),
+        };
+        let loads = growing.loads.concat();
+        growing.add_residuals(loads);
+        Ok(growing)
+    }
+
+    /// Solve a query and add its answer; whether it was new.
+    fn add(&mut self, query: &Query) -> Result<bool> {
+        let (factors, _) = self.basis.shape.factors(&query.profile, 1.0);
+        let mut nodal = vec![0.0; self.forces.rows];
+        for (load, a) in self.loads.iter().zip(amplitudes(&query.load)) {
+            for (sum, f) in nodal.iter_mut().zip(load) {
+                *sum += a * f;
+            }
+        }
+        let mut factor = self.plate.factor();
+        factor.factorise_with(&sum(&self.integrals, &factors), &query.membrane)?;
+        factor.solve(&mut nodal);
+        Ok(self.add_vector(nodal))
+    }
+
+    /// Orthonormalise a solution and add it with its forces under every term; nothing where it is not new.
+    fn add_vector(&mut self, solution: Vec<f64>) -> bool {
+        let assembly = &self.plate.assembly;
+        let energy = |v: &DVector<f64>| {
+            let forces = assembly.multiply(&self.everywhere, &self.basis.reference, v.as_slice());
+            DVector::from_vec(forces)
+        };
+        let mut v = DVector::from_vec(solution);
+        let mut scale = 0.0;
+        // twice for the rounding
+        for _ in 0..2 {
+            let forces = energy(&v);
+            scale = v.dot(&forces).max(scale);
+            let vectors = self.basis.vectors.view();
+            v -= vectors * vectors.tr_mul(&forces);
+        }
+        let norm = v.dot(&energy(&v)).max(0.0).sqrt();
+        // what rounding leaves of a solution that is known already
+        if norm <= LOST * scale.sqrt() {
+            return false;
+        }
+        v /= norm;
+        self.basis.vectors.push(v.as_slice());
+        let terms: Vec<Vec<f64>> = self
+            .integrals
+            .par_iter()
+            .flat_map(|integrals| {
+                let mut all = assembly.multiply_components(integrals, v.as_slice());
+                for forces in &mut all {
+                    assembly.pin_load(forces);
+                }
+                all
+            })
+            .collect();
+        let vectors = self.basis.vectors.view();
+        let n = vectors.ncols();
+        for (matrix, forces) in self.basis.stiffness.iter_mut().zip(&terms) {
+            let row = vectors.tr_mul(&DVectorView::from_slice(forces, forces.len()));
+            matrix.resize_mut(n, n, 0.0);
+            matrix.set_column(n - 1, &row);
+            matrix.set_row(n - 1, &row.transpose());
+        }
+        for (own, load) in self.basis.loads.iter_mut().zip(&self.loads) {
+            let last = v.dot(&DVectorView::from_slice(load, load.len()));
+            *own = own.push(last);
+        }
+        self.add_residuals(terms.concat());
+        true
+    }
+
+    /// Add forces, one column after the other, to those that residuals are made of. Some combination of a solution's forces is the load, up
+    /// to rounding: what is left of a force has to be solved for anew, or its representer would be made of rounding errors alone.
+    fn add_residuals(&mut self, forces: Vec<f64>) {
+        let n = self.forces.rows;
+        let count = forces.len() / n;
+        let known = self.forces.count();
+        let mut force = DMatrix::from_vec(n, count, forces);
+        let mut coordinates = self.duals.view().tr_mul(&force);
+        force -= self.forces.view() * &coordinates;
+        let mut dual = force.clone();
+        self.reference.solve(dual.as_mut_slice());
+        let along = self.duals.view().tr_mul(&force);
+        force -= self.forces.view() * &along;
+        dual -= self.duals.view() * &along;
+        coordinates += along;
+        coordinates.resize_mut(known + count, count, 0.0);
+        for k in 0..count {
+            let [mut f, mut d] = [&force, &dual].map(|m| m.column(k).clone_owned());
+            let size = |f: &DVector<f64>, d: &DVector<f64>| d.dot(f).max(0.0).sqrt();
+            let whole = size(&f, &d).hypot(coordinates.column(k).norm());
+            let mut first = known;
+            let mut norm = size(&f, &d);
+            loop {
+                let before = norm;
+                for j in first..self.forces.count() {
+                    let c = self.duals.column(j).dot(&f);
+                    f.axpy(-c, &self.forces.column(j), 1.0);
+                    d.axpy(-c, &self.duals.column(j), 1.0);
+                    coordinates[(j, k)] += c;
+                }
+                norm = size(&f, &d);
+                if norm > LITTLE * before && norm > LITTLE * whole || norm <= LOST * whole {
+                    break;
+                }
+                if norm > LITTLE * before && first == 0 {
+                    break;
+                }
+                // little is left: its representer anew, and all others once more
+                first = 0;
+                d.copy_from(&f);
+                self.reference.solve(d.as_mut_slice());
+                norm = size(&f, &d);
+            }
+            if norm > LOST * whole {
+                coordinates[(self.forces.count(), k)] = norm;
+                self.forces.push((f / norm).as_slice());
+                self.duals.push((d / norm).as_slice());
+            }
+        }
+        let new = self.forces.count();
+        coordinates.resize_mut(new, count, 0.0);
+        let all = &mut self.basis.residual;
+        let before = all.ncols();
+        all.resize_mut(new, before + count, 0.0);
+        all.columns_mut(before, count).copy_from(&coordinates);
+    }
+}
+
+/// What is left of a column after what it shares with the others is taken out, over the column, below which it is rounding.
+const LOST: f64 = 1e-13;
+
+/// The same below which it has to be made sure of.
+const LITTLE: f64 = 0.1;
+
+/// Geometry integrals of a sum of fields.
+fn sum(integrals: &[Vec<[f64; 4]>], factors: &[f64]) -> Vec<[f64; 4]> {
+    let mut all = vec![[0.0; 4]; integrals[0].len()];
+    for (one, factor) in integrals.iter().zip(factors) {
+        for (sum, x) in all.iter_mut().zip(one) {
+            for (s, x) in sum.iter_mut().zip(x) {
+                *s += factor * x;
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,132 @@
+//! Reduced bases of a plate: made for many tests at once, and held against the solver.
+
+use std::sync::{Arc, PoisonError};
+use std::time::Instant;
+
+use super::basis::{Basis, Query, ROUNDING, Shape};
+use super::plate::{Plate, query};
+use super::setup::Setup;
+use crate::error::Result;
+use crate::laminate::Ply;
+
+/// What a reduced basis answers to one test beside what the solver does.
+#[derive(Debug, Clone, Copy)]
+pub struct Certificate {
+    /// Solutions in the basis.
+    pub solutions: usize,
+    /// Bound of the error in the energy norm, over that of the answer.
+    pub bound: f64,
+    /// The error itself.
+    pub error: f64,
+    /// Largest difference at a node, mm.
+    pub largest_mm: f64,
+    /// Time of the answer and of the solution, s.
+    pub answer_s: f64,
+    pub solve_s: f64,
+}
+
+impl Certificate {
+    /// The bound over the error, where that is not all rounding.
+    pub fn effectivity(&self) -> f64 {
+        self.bound / self.error.max(ROUNDING)
+    }
+}
+
+/// Tests on one mesh from which a basis is worth it: it takes a dozen solutions, and three times as long to bound. What its bound costs
+/// grows with the square of the fields that the stiffness is a sum of.
+const WORTH_A_BASIS: usize = 30;
+
+/// Tests that one basis answers.
+struct Alike<'a> {
+    ring: Option<f64>,
+    shape: Option<Shape>,
+    /// One of them.
+    setup: &'a Setup,
+    queries: Vec<Query>,
+}
+
+impl Plate {
+    /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh, to within [`super::TOLERANCE`] of the
+    /// field; what a basis cannot answer so well is solved.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn span(&self, tests: &[(Setup, Ply)]) -> Result<()> {
+        let mut kinds: Vec<Alike<'_>> = Vec::new();
+        for (setup, ply) in tests {
+            let Some((ring, query)) = query(setup, ply) else {
+                continue;
+            };
+            let same = |k: &&mut Alike<'_>| k.ring == ring && Shape::of(&query.profile) == k.shape;
+            match kinds.iter_mut().find(same) {
+                Some(kind) => kind.queries.push(query),
+                None => kinds.push(Alike {
+                    ring,
+                    shape: Shape::of(&query.profile),
+                    setup,
+                    queries: vec![query],
+                }),
+            }
+        }
+        for Alike {
+            ring,
+            setup,
+            queries,
+            shape,
+        } in kinds
+        {
+            let fields = shape.map_or(usize::MAX, Shape::count);
+            if queries.len() < WORTH_A_BASIS.saturating_mul(fields).saturating_mul(fields) {
+                continue;
+            }
+            let known = self.basis_of(ring, &queries[0].profile);
+            let is_answered = |b: &Basis, q| b.answer(q).is_some_and(|a| a.is_enough());
+            let answered = |b: &Arc<Basis>| queries.iter().all(|q| is_answered(b, q));
+            if known.as_ref().is_some_and(answered) {
+                continue;
+            }
+            let mesh = self.mesh_of(setup)?;
+            let basis = Arc::new(Basis::greedy(self, &mesh, &queries)?);
+            let mut bases = self.bases.write().unwrap_or_else(PoisonError::into_inner);
+            bases.retain(|(_, b)| known.as_ref().is_none_or(|k| !Arc::ptr_eq(k, b)));
+            bases.push((ring, basis));
+        }
+        Ok(())
+    }
+
+    /// Hold a basis's answer to a test against the solver's; nothing where no basis answers for it.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn certify(&self, setup: &Setup, ply: &Ply) -> Result<Option<Certificate>> {
+        let Some((ring, query)) = query(setup, ply) else {
+            return Ok(None);
+        };
+        let Some(basis) = self.basis_of(ring, &query.profile) else {
+            return Ok(None);
+        };
+        let begin = Instant::now();
+        let Some(answer) = basis.answer(&query) else {
+            return Ok(None);
+        };
+        let nodal = basis.nodal(&answer);
+        let answer_s = begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        let solved = self.solve_full_order(setup, ply)?;
+        let solve_s = begin.elapsed().as_secs_f64();
+        let error: Vec<f64> = solved
+            .nodal
+            .iter()
+            .zip(&nodal)
+            .map(|(a, b)| a - b)
+            .collect();
+        Ok(Some(Certificate {
+            solutions: basis.size(),
+            bound: answer.relative(),
+            error: basis.energy(&self.assembly, &solved.mesh, &error) / answer.energy,
+            largest_mm: error.iter().fold(0.0, |m, e| m.max(e.abs())),
+            answer_s,
+            solve_s,
+        }))
+    }
+}
