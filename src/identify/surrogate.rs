@@ -10,6 +10,7 @@ use crate::infer::{LogDensity, Posterior, Whitened};
 use crate::numeric::add_scaled;
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
+use crate::reduce::spread_over;
 
 /// What the reduced model's error does to the posterior, measured where the posterior is.
 #[derive(Debug, Clone)]
@@ -29,6 +30,8 @@ pub struct SurrogateError {
     pub max_field_nm: f64,
     /// Root mean square difference of the fields, nm.
     pub rms_field_nm: f64,
+    /// The same two, largest and root mean square, over random points of the box, where a reduced basis makes them known.
+    pub over_the_box_nm: Option<[f64; 2]>,
 }
 
 /// Mean and sd of a parameter over the draws at which the finite elements were solved.
@@ -47,7 +50,11 @@ pub const CHECKED_DRAWS: usize = 32;
 /// Draws at which they are known, where a reduced basis answers for them.
 const SPANNED_DRAWS: usize = 2000;
 
-/// Of those, the draws of the largest errors at which the field is looked at point by point.
+/// Random points of the box at which they are known then, and their seed.
+const BOX_POINTS: usize = 2000;
+const BOX_SEED: u64 = 5;
+
+/// Of all of them, those of the largest errors at which the field is looked at point by point.
 const LOOKED_AT: usize = 8;
 
 /// Largest error of a reduced model that needs no refinement, in posterior standard deviations.
@@ -76,7 +83,7 @@ impl SurrogateError {
     pub fn measure(run: &InverseProblem, draws: &Draws, progress: &dyn Progress) -> Result<Self> {
         let d = run.posterior.structural();
         let whitened = Whitened::new(&run.columns, &run.noise);
-        let (chosen, errors) = compared(run, &whitened, draws, progress)?;
+        let (chosen, errors, over_the_box_nm) = compared(run, &whitened, draws, progress)?;
         let covariance = covariance(draws, d);
         let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
         let mut largest = vec![0.0_f64; d];
@@ -105,6 +112,7 @@ impl SurrogateError {
             log_weights,
             max_field_nm: max_field * NM_PER_MM,
             rms_field_nm: sum.sqrt() * NM_PER_MM,
+            over_the_box_nm,
         };
         progress.say(&format!(
             "{:.3} % of a posterior sd",
@@ -155,19 +163,25 @@ fn spread(draws: &Draws, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Draws at which the finite elements are known, and their differences from the reduced model there.
+/// Draws at which the finite elements are known, their differences from the reduced model there, and those over the box
+/// ([`SurrogateError::over_the_box_nm`]).
+type Compared = (Vec<Vec<f64>>, Vec<FieldError>, Option<[f64; 2]>);
+
 fn compared(
     run: &InverseProblem,
     whitened: &Whitened,
     draws: &Draws,
     progress: &dyn Progress,
-) -> Result<(Vec<Vec<f64>>, Vec<FieldError>)> {
+) -> Result<Compared> {
     let d = run.posterior.structural();
     let many = spread(draws, SPANNED_DRAWS);
     let what = "finite elements at posterior draws";
-    if let Some(spanned) = Spanned::new(run, whitened, &many, d) {
+    if let Some(factors) = Spanned::factors(run, &many, d) {
         progress.begin(what, None);
-        return Ok((many, spanned.errors()));
+        let spanned = Spanned::new(run, whitened);
+        let points = spread_over(&run.prepared.problem, BOX_POINTS, BOX_SEED);
+        let over_the_box = Spanned::factors(run, &points, d).map(|f| summary(&spanned.errors(&f)));
+        return Ok((many, spanned.errors(&factors), over_the_box));
     }
     let few = spread(draws, CHECKED_DRAWS);
     progress.begin(what, Some(few.len() as u64));
@@ -177,7 +191,14 @@ fn compared(
         error
     };
     let errors: Result<Vec<FieldError>> = few.par_iter().map(error).collect();
-    Ok((few, errors?))
+    Ok((few, errors?, None))
+}
+
+/// Largest and root mean square difference, nm.
+fn summary(errors: &[FieldError]) -> [f64; 2] {
+    let square = errors.iter().map(|e| e.mean_square).sum::<f64>() / errors.len().max(1) as f64;
+    let largest = errors.iter().fold(0.0_f64, |m, e| m.max(e.largest));
+    [largest, square.sqrt()].map(|mm| mm * NM_PER_MM)
 }
 
 /// Finite elements minus reduced model at the measured points.
@@ -190,34 +211,31 @@ struct FieldError {
     weighted: DVector<f64>,
 }
 
-/// The errors at many draws, whose fields are sums of few: the basis of the finite elements and the modes of the reduced model.
+/// Errors at many points, whose fields are sums of few: the basis of the finite elements and the modes of the reduced model.
 struct Spanned {
     /// The fields, mm, and what each adds to the data's weighted coefficients.
     fields: Vec<Vec<[f64; 2]>>,
     weighted: DMatrix<f64>,
     /// Their mean products over all points and components, mm^2.
     gram: DMatrix<f64>,
-    /// Their factors at each draw.
-    factors: Vec<DVector<f64>>,
 }
 
 impl Spanned {
-    /// None where the finite elements have no basis for all of the draws.
-    fn new(
-        run: &InverseProblem,
-        whitened: &Whitened,
-        draws: &[Vec<f64>],
-        d: usize,
-    ) -> Option<Self> {
-        let (problem, sight) = (&run.prepared.problem, &run.prepared.observation.sight);
+    /// Factors of the fields at some points of the posterior or the design; none where the finite elements have no basis for all of them.
+    fn factors(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Option<Vec<DVector<f64>>> {
+        let problem = &run.prepared.problem;
         let likelihood = run.posterior.likelihood();
         let factors = |x: &Vec<f64>| -> Option<DVector<f64>> {
             let mut factors = problem.experiment.coordinates(&problem.state(&x[..d]))?;
             factors.extend(likelihood.surface_prediction(&x[..d]).iter().map(|a| -a));
             Some(DVector::from_vec(factors))
         };
-        let factors: Vec<_> = draws.par_iter().map(factors).collect::<Option<_>>()?;
-        let mut fields = problem.experiment.spanning(sight);
+        points.par_iter().map(factors).collect()
+    }
+
+    fn new(run: &InverseProblem, whitened: &Whitened) -> Self {
+        let sight = &run.prepared.observation.sight;
+        let mut fields = run.prepared.problem.experiment.spanning(sight);
         fields.extend(run.columns.modes.iter().cloned());
         let weighted: Vec<_> = fields
             .par_iter()
@@ -231,28 +249,26 @@ impl Spanned {
                 .sum();
             sum / (2 * a.len()).max(1) as f64
         };
-        Some(Self {
-            gram: DMatrix::from_fn(fields.len(), fields.len(), |i, j| {
-                product(&fields[i], &fields[j])
-            }),
+        let n = fields.len();
+        Self {
+            gram: DMatrix::from_fn(n, n, |i, j| product(&fields[i], &fields[j])),
             weighted: DMatrix::from_columns(&weighted),
             fields,
-            factors,
-        })
+        }
     }
 
-    fn errors(&self) -> Vec<FieldError> {
+    fn errors(&self, factors: &[DVector<f64>]) -> Vec<FieldError> {
         let error = |f: &DVector<f64>| FieldError {
             largest: 0.0,
             mean_square: f.dot(&(&self.gram * f)).max(0.0),
             weighted: &self.weighted * f,
         };
-        let mut errors: Vec<FieldError> = self.factors.par_iter().map(error).collect();
+        let mut errors: Vec<FieldError> = factors.par_iter().map(error).collect();
         let mut order: Vec<usize> = (0..errors.len()).collect();
         order.sort_by(|&a, &b| errors[b].mean_square.total_cmp(&errors[a].mean_square));
         for k in order.into_iter().take(LOOKED_AT) {
             let mut sum = vec![[0.0; 2]; self.fields[0].len()];
-            for (field, factor) in self.fields.iter().zip(self.factors[k].iter()) {
+            for (field, factor) in self.fields.iter().zip(factors[k].iter()) {
                 add_scaled(&mut sum, field, *factor);
             }
             let all = sum.iter().flatten();

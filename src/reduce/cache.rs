@@ -58,7 +58,9 @@ pub fn obtain(
     let path = directory.join(format!("{key}.json"));
     let design = design(problem);
     let states: Vec<State> = design.iter().map(|point| problem.state(point)).collect();
+    progress.begin("reduced basis of the finite elements", None);
     problem.experiment.span(&states)?;
+    progress.end();
     if let Some(model) = read(&path, &key) {
         progress.begin("reduced model found in the cache, nothing to solve", None);
         progress.end();

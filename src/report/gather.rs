@@ -206,6 +206,9 @@ fn surrogate(round: &Identification) -> SurrogateReport {
             max: error.max_field_nm,
             rms: error.rms_field_nm,
         },
+        over_the_box: error
+            .over_the_box_nm
+            .map(|[max, rms]| FieldErrorReport { max, rms }),
         draws_outside_doe: round.outside_doe,
         variables: reduced.surface.variables.choice,
         modes: reduced.modes_per_component(),

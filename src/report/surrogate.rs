@@ -18,6 +18,9 @@ pub struct SurrogateReport {
     /// Draws at which the finite elements were solved.
     pub truth_draws: usize,
     pub field_error_nm: FieldErrorReport,
+    /// The same at random points of the box, where a reduced basis of the finite elements makes it known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over_the_box: Option<FieldErrorReport>,
     pub draws_outside_doe: f64,
     pub variables: Choice,
     pub modes: usize,

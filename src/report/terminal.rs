@@ -98,6 +98,12 @@ fn surrogate(reduced: &SurrogateReport) -> String {
         100.0 * reduced.max_error_in_posterior_sd,
         reduced.field_error_nm.max
     );
+    if let Some(error) = &reduced.over_the_box {
+        text += &format!(
+            "over its whole box: {:.3} nm, {:.3} nm at most\n",
+            error.rms, error.max
+        );
+    }
     if reduced.refinement.len() > 1 {
         let row = |(k, r): (usize, &Refinement)| {
             vec![

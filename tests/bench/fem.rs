@@ -8,6 +8,7 @@ use plychain::error::Result;
 use plychain::fem::{EndLoad, Plate, Profile, Setup};
 use plychain::geometry::{Density, Morph, Outline, StripWithHole};
 use plychain::laminate::Ply;
+use plychain::reduce::latin_hypercube;
 
 const NOMINAL: Ply = Ply {
     e1: 140e3,
@@ -96,6 +97,44 @@ fn snapshot(bencher: Bencher) {
 
 fn nodal(plate: &Plate, setup: &Setup) -> Result<Vec<f64>> {
     plate.solve(setup, &NOMINAL).map(|solution| solution.nodal)
+}
+
+/// Tests over a box of 20 % about the nominal ply.
+fn tests() -> Vec<(Setup, Ply)> {
+    let setup = setup();
+    let unit = latin_hypercube(200, 4, 1);
+    let test = |x: &Vec<f64>| {
+        let factor = |k: usize| 0.8 + 0.4 * x[k];
+        let ply = Ply {
+            e1: factor(0) * NOMINAL.e1,
+            e2: factor(1) * NOMINAL.e2,
+            nu12: factor(2) * NOMINAL.nu12,
+            g12: factor(3) * NOMINAL.g12,
+        };
+        (setup.clone(), ply)
+    };
+    unit.iter().map(test).collect()
+}
+
+/// From 8,000 to 800,000 unknowns.
+const BASES: [f64; 4] = [0.4, 1.0, 2.0, 4.0];
+
+/// A reduced basis for all of them.
+#[divan::bench(args = BASES, sample_count = 1, sample_size = 1)]
+fn basis(bencher: Bencher, factor: f64) {
+    let tests = tests();
+    bencher
+        .with_inputs(|| plate(factor))
+        .bench_local_values(|plate| plate.span(&tests));
+}
+
+/// One answer of it, its nodal displacements included.
+#[divan::bench(args = BASES, sample_count = 10)]
+fn answer(bencher: Bencher, factor: f64) {
+    let (plate, tests) = (plate(factor), tests());
+    plate.span(&tests).expect("a basis");
+    let (setup, ply) = &tests[17];
+    bencher.bench_local(|| plate.solve(black_box(setup), ply).map(|s| s.nodal));
 }
 
 /// One test with each mechanical effect at its plausible amplitude, from the nominal plate's mesh.

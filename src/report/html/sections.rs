@@ -221,6 +221,9 @@ pub fn surrogate(page: &Page) -> Markup {
             "Against the finite elements at " (s.truth_draws) " draws of the last posterior the reduced model moves no constant by more than "
             (short(100.0 * s.max_error_in_posterior_sd)) " % of its posterior sd; "
             (short(s.field_error_nm.max)) " nm is the largest error of the field. "
+            @if let Some(error) = &s.over_the_box {
+                "Over its whole box the field's error is " (short(error.rms)) " nm, " (short(error.max)) " nm at most. "
+            }
             (short(100.0 * s.draws_outside_doe)) " % of the draws lie outside its box."
         }
         @if !truncation.is_empty() {
