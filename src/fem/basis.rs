@@ -219,7 +219,7 @@ impl Basis {
 }
 
 /// Weights of the stiffness terms: those of each field under all components together.
-fn weights(a: &Membrane, factors: &[f64]) -> Vec<f64> {
+pub(super) fn weights(a: &Membrane, factors: &[f64]) -> Vec<f64> {
     let components = [a.a11, a.a12, a.a22, a.a16, a.a26, a.a66];
     let of = |factor: &f64| components.map(|c| factor * c);
     factors.iter().flat_map(of).collect()

@@ -3,12 +3,12 @@
 use nalgebra::{DMatrix, DVector, DVectorView, Matrix3};
 use rayon::prelude::*;
 
-use super::basis::{Basis, COMPONENTS, Query, Shape, TOLERANCE, amplitudes};
+use super::basis::{Basis, COMPONENTS, Query, Shape, TOLERANCE, amplitudes, weights};
 use super::columns::Columns;
 use super::load::EndLoad;
 use super::plate::Plate;
 use super::profile::Profile;
-use super::solve::Factor;
+use super::solve::Kept;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::laminate::Membrane;
@@ -37,12 +37,9 @@ impl Basis {
                 answer.map_or(f64::INFINITY, |a| a.relative())
             };
             let bounds: Vec<f64> = queries.par_iter().map(relative).collect();
-            let worst = (0..bounds.len()).reduce(|a, b| if bounds[b] > bounds[a] { b } else { a });
-            let Some(worst) = worst.filter(|&k| bounds[k] > MARGIN * TOLERANCE) else {
-                break;
-            };
+            let worst = worst(queries, &bounds);
             // what is not new is rounding, and so is all that is left
-            if !growing.add(&queries[worst])? {
+            if worst.is_empty() || !growing.add(&worst)? {
                 break;
             }
         }
@@ -66,6 +63,37 @@ fn not_one() -> Error {
     )
 }
 
+/// The query at which the bound is largest and, for another thread, the one at which it is among those that lie far from it; none where
+/// all are small enough.
+fn worst<'a>(queries: &'a [Query], bounds: &[f64]) -> Vec<&'a Query> {
+    let largest = |weight: &dyn Fn(usize) -> f64| {
+        let all = (0..queries.len()).map(|k| (k, weight(k)));
+        all.reduce(|a, b| if b.1 > a.1 { b } else { a })
+    };
+    let Some((first, _)) = largest(&|k| bounds[k]).filter(|(_, b)| *b > MARGIN * TOLERANCE) else {
+        return Vec::new();
+    };
+    if !bounds[first].is_finite() {
+        return vec![&queries[first]];
+    }
+    let distance = |k: usize| {
+        let of = |k: usize| weights(&queries[k].membrane, &[1.0]);
+        let pairs = of(k).into_iter().zip(of(first));
+        pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let farthest = largest(&distance).map_or(0.0, |(_, d)| d);
+    let second = largest(&|k| {
+        let far = distance(k) > FAR * farthest;
+        if far { bounds[k] } else { 0.0 }
+    });
+    let second = second.filter(|(_, b)| *b > MARGIN * TOLERANCE);
+    let both = [Some(first), second.map(|(k, _)| k)];
+    both.into_iter().flatten().map(|k| &queries[k]).collect()
+}
+
+/// Two queries lie far from each other beyond this share of the largest distance of any from the first.
+const FAR: f64 = 0.4;
+
 /// A basis while it grows.
 struct Growing<'a> {
     plate: &'a Plate,
@@ -73,7 +101,7 @@ struct Growing<'a> {
     /// Geometry integrals of the fields of the stiffness.
     integrals: Vec<Vec<[f64; 4]>>,
     /// The reference stiffness, factorised, and its geometry integrals.
-    reference: Factor<'a>,
+    reference: Kept,
     everywhere: Vec<[f64; 4]>,
     loads: [Vec<f64>; 3],
     /// Orthonormal residuals, and their Riesz representers.
@@ -98,8 +126,8 @@ impl<'a> Growing<'a> {
         let everywhere = sum(&integrals, &shape.factors(&Profile::default(), 1.0).0);
         let mean: Matrix3<f64> = queries.iter().map(|q| q.membrane.matrix()).sum();
         let mean = mean / queries.len() as f64;
-        let mut reference = plate.factor();
-        reference.factorise_with(&everywhere, &Membrane::from(&mean))?;
+        let mut factor = plate.factor();
+        factor.factorise_with(&everywhere, &Membrane::from(&mean))?;
         let whitening = mean.cholesky().and_then(|c| c.l().try_inverse());
         let whitening = whitening.ok_or_else(not_one)?;
         let loads = [0, 1, 2].map(|k| {
@@ -121,7 +149,7 @@ impl<'a> Growing<'a> {
                 residual: DMatrix::zeros(0, 0),
             },
             integrals,
-            reference,
+            reference: factor.keep(),
             everywhere,
             loads,
             forces: Columns::new(n),
@@ -132,19 +160,27 @@ impl<'a> Growing<'a> {
         Ok(growing)
     }
 
-    /// Solve a query and add its answer; whether it was new.
-    fn add(&mut self, query: &Query) -> Result<bool> {
-        let (factors, _) = self.basis.shape.factors(&query.profile, 1.0);
-        let mut nodal = vec![0.0; self.forces.rows];
-        for (load, a) in self.loads.iter().zip(amplitudes(&query.load)) {
-            for (sum, f) in nodal.iter_mut().zip(load) {
-                *sum += a * f;
+    /// Solve some queries and add their answers; whether any was new.
+    fn add(&mut self, queries: &[&Query]) -> Result<bool> {
+        let solve = |query: &&Query| -> Result<Vec<f64>> {
+            let (factors, _) = self.basis.shape.factors(&query.profile, 1.0);
+            let mut nodal = vec![0.0; self.forces.rows];
+            for (load, a) in self.loads.iter().zip(amplitudes(&query.load)) {
+                for (sum, f) in nodal.iter_mut().zip(load) {
+                    *sum += a * f;
+                }
             }
+            let mut factor = self.plate.factor();
+            factor.factorise_with(&sum(&self.integrals, &factors), &query.membrane)?;
+            factor.solve(&mut nodal);
+            Ok(nodal)
+        };
+        let solutions: Vec<Vec<f64>> = queries.par_iter().map(solve).collect::<Result<_>>()?;
+        let mut any = false;
+        for solution in solutions {
+            any |= self.add_vector(solution);
         }
-        let mut factor = self.plate.factor();
-        factor.factorise_with(&sum(&self.integrals, &factors), &query.membrane)?;
-        factor.solve(&mut nodal);
-        Ok(self.add_vector(nodal))
+        Ok(any)
     }
 
     /// Orthonormalise a solution and add it with its forces under every term; nothing where it is not new.
@@ -203,15 +239,28 @@ impl<'a> Growing<'a> {
         let n = self.forces.rows;
         let count = forces.len() / n;
         let known = self.forces.count();
-        let mut force = DMatrix::from_vec(n, count, forces);
-        let mut coordinates = self.duals.view().tr_mul(&force);
-        force -= self.forces.view() * &coordinates;
-        let mut dual = force.clone();
-        self.reference.solve(dual.as_mut_slice());
-        let along = self.duals.view().tr_mul(&force);
-        force -= self.forces.view() * &along;
-        dual -= self.duals.view() * &along;
-        coordinates += along;
+        // each group of columns by itself: what it is made of, what is left of it, and the representer of that
+        let groups: Vec<[DMatrix<f64>; 3]> = forces
+            .par_chunks(n * TOGETHER)
+            .map(|group| {
+                let [forces, duals] = [self.forces.view(), self.duals.view()];
+                let mut force = DMatrix::from_column_slice(n, group.len() / n, group);
+                let mut coordinates = duals.tr_mul(&force);
+                force -= forces * &coordinates;
+                let mut dual = force.clone();
+                self.plate.solve_with(&self.reference, dual.as_mut_slice());
+                let along = duals.tr_mul(&force);
+                force -= forces * &along;
+                dual -= duals * &along;
+                coordinates += along;
+                [coordinates, force, dual]
+            })
+            .collect();
+        let joined = |k: usize| {
+            let columns = groups.iter().flat_map(|g| g[k].column_iter());
+            DMatrix::from_columns(&columns.collect::<Vec<_>>())
+        };
+        let [mut coordinates, force, dual] = [0, 1, 2].map(joined);
         coordinates.resize_mut(known + count, count, 0.0);
         for k in 0..count {
             let [mut f, mut d] = [&force, &dual].map(|m| m.column(k).clone_owned());
@@ -237,7 +286,7 @@ impl<'a> Growing<'a> {
                 // little is left: its representer anew, and all others once more
                 first = 0;
                 d.copy_from(&f);
-                self.reference.solve(d.as_mut_slice());
+                self.plate.solve_with(&self.reference, d.as_mut_slice());
                 norm = size(&f, &d);
             }
             if norm > LOST * whole {
@@ -257,6 +306,9 @@ impl<'a> Growing<'a> {
 
 /// What is left of a column after what it shares with the others is taken out, over the column, below which it is rounding.
 const LOST: f64 = 1e-13;
+
+/// Columns that are projected and solved for together.
+const TOGETHER: usize = 3;
 
 /// The same below which it has to be made sure of.
 const LITTLE: f64 = 0.1;
