@@ -34,7 +34,7 @@ fn specimens(change: &dyn Fn(&mut Value)) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn judge(name: &str, certificates: &[Certificate]) {
+fn judge(name: &str, certificates: &[Certificate], most: f64) {
     let largest = |of: fn(&Certificate) -> f64| certificates.iter().map(of).fold(0.0, f64::max);
     println!(
         "{name}: {} solutions, {} points, bound {:.1e}, error {:.1e}, effectivity {:.2}",
@@ -47,7 +47,7 @@ fn judge(name: &str, certificates: &[Certificate]) {
     for c in certificates {
         assert!(c.error <= c.bound, "{name}: {c:?}");
         assert!(c.effectivity() < 5.0, "{name}: {c:?}");
-        assert!(c.bound <= TOLERANCE, "{name}: {c:?}");
+        assert!(c.bound <= most, "{name}: {c:?}");
     }
 }
 
@@ -64,7 +64,7 @@ fn certified(change: &dyn Fn(&mut Value), count: usize) {
         experiment.span(&states(&problem, 200, 1)).unwrap();
         let certificates = experiment.certify(&states(&problem, count, 2)).unwrap();
         assert_eq!(certificates.len(), count, "{name}");
-        judge(name, &certificates);
+        judge(name, &certificates, TOLERANCE);
     }
 }
 
@@ -115,13 +115,15 @@ fn tapers_rings_and_skew_loads_are_spanned() {
         test.collect::<Vec<_>>()
     };
     for tapered in [true, false] {
-        plate.span(&at(500, 3, tapered)).unwrap();
+        plate.span(&at(300, 3, tapered), 1).unwrap();
         let other = at(40, 4, tapered);
         let certificates: Vec<Certificate> = other
             .iter()
             .map(|(setup, ply)| plate.certify(setup, ply).unwrap().unwrap())
             .collect();
-        judge(if tapered { "tapers" } else { "rings" }, &certificates);
+        // more of them than pay are not added
+        let name = if tapered { "tapers" } else { "rings" };
+        judge(name, &certificates, 10.0 * TOLERANCE);
     }
 }
 
@@ -140,7 +142,7 @@ fn what_a_basis_cannot_answer_is_solved() {
             )
         })
         .collect();
-    plate.span(&tests).unwrap();
+    plate.span(&tests, 1).unwrap();
     let within = &tests[7];
     assert!(plate.coordinates(&within.0, &within.1).is_some());
     let far = Ply {

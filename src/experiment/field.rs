@@ -271,7 +271,8 @@ impl Experiment for FieldExperiment {
             return Ok(());
         }
         let tests = states.iter().map(|state| self.tested(state));
-        self.plate.span(&tests.collect::<Result<Vec<_>>>()?)
+        self.plate
+            .span(&tests.collect::<Result<Vec<_>>>()?, WORTH_A_BASIS)
     }
 
     fn certify(&self, states: &[State]) -> Result<Vec<Certificate>> {
@@ -304,6 +305,9 @@ impl Experiment for FieldExperiment {
         self.plate.rest();
     }
 }
+
+/// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.
+const WORTH_A_BASIS: usize = 30;
 
 /// Nodes of all elements whose bounding box meets the window, in increasing order.
 fn window_nodes(mesh: &Mesh, [low, high]: [[f64; 2]; 2]) -> Vec<u32> {

@@ -14,10 +14,10 @@ use crate::geometry::Mesh;
 use crate::laminate::Membrane;
 
 /// A basis is grown until all that it is made for stays below this share of the tolerance, so that what lies between does too.
-const MARGIN: f64 = 0.6;
+const MARGIN: f64 = 0.3;
 
 /// Solutions in a basis, at most.
-const MOST: usize = 40;
+const MOST: usize = 60;
 
 impl Basis {
     /// Grow a basis until it answers all queries, which share the mesh, within the tolerance, or has grown as large as pays.

@@ -32,10 +32,6 @@ impl Certificate {
     }
 }
 
-/// Tests on one mesh from which a basis is worth it: it takes a dozen solutions, and three times as long to bound. What its bound costs
-/// grows with the square of the fields that the stiffness is a sum of.
-const WORTH_A_BASIS: usize = 30;
-
 /// Tests that one basis answers.
 struct Alike<'a> {
     ring: Option<f64>,
@@ -46,12 +42,13 @@ struct Alike<'a> {
 }
 
 impl Plate {
-    /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh, to within [`super::TOLERANCE`] of the
+    /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh (`least` of a uniform plate, and
+    /// more of one whose stiffness is a sum of fields, because the cost of a bound grows with their square), to within [`super::TOLERANCE`] of the
     /// field; what a basis cannot answer so well is solved.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn span(&self, tests: &[(Setup, Ply)]) -> Result<()> {
+    pub fn span(&self, tests: &[(Setup, Ply)], least: usize) -> Result<()> {
         let mut kinds: Vec<Alike<'_>> = Vec::new();
         for (setup, ply) in tests {
             let Some((ring, query)) = query(setup, ply) else {
@@ -75,8 +72,8 @@ impl Plate {
             shape,
         } in kinds
         {
-            let fields = shape.map_or(usize::MAX, Shape::count);
-            if queries.len() < WORTH_A_BASIS.saturating_mul(fields).saturating_mul(fields) {
+            let fields = shape.map_or(1 << 10, Shape::count);
+            if queries.len() < least * fields.pow(3) {
                 continue;
             }
             let known = self.basis_of(ring, &queries[0].profile);

@@ -176,17 +176,27 @@ fn compared(
     let d = run.posterior.structural();
     let many = spread(draws, SPANNED_DRAWS);
     let what = "finite elements at posterior draws";
-    if let Some(factors) = Spanned::factors(run, &many, d) {
+    let solved = |x: &Vec<f64>| field_error(run, whitened, &x[..d]);
+    let factors = Spanned::factors(run, &many, d);
+    if factors.iter().filter(|f| f.is_none()).count() <= CHECKED_DRAWS {
         progress.begin(what, None);
         let spanned = Spanned::new(run, whitened);
+        let known: Vec<DVector<f64>> = factors.iter().flatten().cloned().collect();
+        let mut known = spanned.errors(&known).into_iter();
+        let mut errors = Vec::with_capacity(many.len());
+        for (x, factors) in many.iter().zip(&factors) {
+            let answered = factors.as_ref().and_then(|_| known.next());
+            errors.push(answered.map_or_else(|| solved(x), Ok)?);
+        }
         let points = spread_over(&run.prepared.problem, BOX_POINTS, BOX_SEED);
-        let over_the_box = Spanned::factors(run, &points, d).map(|f| summary(&spanned.errors(&f)));
-        return Ok((many, spanned.errors(&factors), over_the_box));
+        let over_the_box = Spanned::factors(run, &points, d);
+        let over_the_box: Vec<DVector<f64>> = over_the_box.into_iter().flatten().collect();
+        return Ok((many, errors, Some(summary(&spanned.errors(&over_the_box)))));
     }
     let few = spread(draws, CHECKED_DRAWS);
     progress.begin(what, Some(few.len() as u64));
     let error = |x: &Vec<f64>| {
-        let error = field_error(run, whitened, &x[..d]);
+        let error = solved(x);
         progress.step();
         error
     };
@@ -221,8 +231,8 @@ struct Spanned {
 }
 
 impl Spanned {
-    /// Factors of the fields at some points of the posterior or the design; none where the finite elements have no basis for all of them.
-    fn factors(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Option<Vec<DVector<f64>>> {
+    /// Factors of the fields at some points of the posterior or the design, where a basis answers for the finite elements.
+    fn factors(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Vec<Option<DVector<f64>>> {
         let problem = &run.prepared.problem;
         let likelihood = run.posterior.likelihood();
         let factors = |x: &Vec<f64>| -> Option<DVector<f64>> {

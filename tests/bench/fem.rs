@@ -125,14 +125,14 @@ fn basis(bencher: Bencher, factor: f64) {
     let tests = tests();
     bencher
         .with_inputs(|| plate(factor))
-        .bench_local_values(|plate| plate.span(&tests));
+        .bench_local_values(|plate| plate.span(&tests, 1));
 }
 
 /// One answer of it, its nodal displacements included.
 #[divan::bench(args = BASES, sample_count = 10)]
 fn answer(bencher: Bencher, factor: f64) {
     let (plate, tests) = (plate(factor), tests());
-    plate.span(&tests).expect("a basis");
+    plate.span(&tests, 1).expect("a basis");
     let (setup, ply) = &tests[17];
     bencher.bench_local(|| plate.solve(black_box(setup), ply).map(|s| s.nodal));
 }
