@@ -1,6 +1,9 @@
 //! The constants' posterior averaged over what may act unseen, and what each unseen effect would do to them.
 
+use std::f64::consts::{SQRT_2, TAU};
+
 use serde::{Deserialize, Serialize};
+use statrs::function::erf::erfc;
 
 use super::sensitivities::{Column, Sensitivities};
 use super::subsets::log_sum;
@@ -112,7 +115,10 @@ pub fn part(
 pub fn mixtures(sensitivities: &Sensitivities, parts: &[Part]) -> Keyed<Interval> {
     let total = log_sum(parts.iter().map(|p| p.log_weight));
     let columns = sensitivities.base.iter().take(sensitivities.constants);
-    let mixed = |(k, c): (usize, &Column)| (c.name.clone(), mixture(parts, total, k));
+    let mixed = |(k, c): (usize, &Column)| {
+        let modulus = c.name.ends_with("_GPa");
+        (c.name.clone(), mixture(parts, total, k, modulus))
+    };
     columns.enumerate().map(mixed).collect()
 }
 
@@ -120,11 +126,43 @@ fn not_finite() -> Error {
     Error::program("trace::averaged", "finite columns of model and effects")
 }
 
-fn mixture(parts: &[Part], total: f64, k: usize) -> Interval {
+/// A normal distribution above zero: its share of all, mean and sd.
+fn above_zero(mean: f64, sd: f64) -> (f64, f64, f64) {
+    let a = mean / sd;
+    let share = 0.5 * erfc(-a / SQRT_2);
+    let hazard = (-0.5 * a * a).exp() / (TAU.sqrt() * share);
+    let variance = sd * sd * (1.0 - a * hazard - hazard * hazard);
+    (share, mean + sd * hazard, variance.max(0.0).sqrt())
+}
+
+/// Parts of which less than this lies above zero do not count.
+const LEAST_SHARE: f64 = 1e-12;
+
+/// The mixture of one constant; of a modulus, what lies above zero of it.
+fn mixture(parts: &[Part], total: f64, k: usize, modulus: bool) -> Interval {
+    let all = parts
+        .iter()
+        .map(|p| ((p.log_weight - total).exp(), p.mean[k], p.sd[k]));
+    let share = |m: f64, s: f64| if modulus { above_zero(m, s).0 } else { 1.0 };
+    let kept: Vec<(f64, f64, f64)> = all
+        .clone()
+        .filter(|&(_, m, s)| share(m, s) > LEAST_SHARE)
+        .collect();
+    let modulus = modulus && !kept.is_empty();
+    let kept = if kept.is_empty() { all.collect() } else { kept };
+    let sum: f64 = kept
+        .iter()
+        .map(|&(w, m, s)| if modulus { w * share(m, s) } else { w })
+        .sum();
     let weighed = || {
-        parts
-            .iter()
-            .map(|p| ((p.log_weight - total).exp(), p.mean[k], p.sd[k]))
+        kept.iter().map(|&(w, m, s)| {
+            let (share, mean, sd) = if modulus {
+                above_zero(m, s)
+            } else {
+                (1.0, m, s)
+            };
+            (w * share / sum, mean, sd)
+        })
     };
     let mean: f64 = weighed().map(|(w, m, _)| w * m).sum();
     let variance: f64 = weighed()
@@ -132,13 +170,17 @@ fn mixture(parts: &[Part], total: f64, k: usize) -> Interval {
         .sum();
     let sd = variance.sqrt();
     let below = |x: f64| -> f64 {
-        weighed()
-            .map(|(w, m, s)| {
-                w * statrs::function::erf::erfc((m - x) / (s * std::f64::consts::SQRT_2)) / 2.0
+        let normal = |x: f64, m: f64, s: f64| 0.5 * erfc((m - x) / (s * SQRT_2));
+        kept.iter()
+            .map(|&(w, m, s)| {
+                let out = if modulus { normal(0.0, m, s) } else { 0.0 };
+                w * (normal(x, m, s) - out).max(0.0)
             })
-            .sum()
+            .sum::<f64>()
+            / sum
     };
-    let quantile = |q: f64| bisect(mean - 40.0 * sd, mean + 40.0 * sd, |x| below(x) < q);
+    let lowest = if modulus { 0.0 } else { mean - 40.0 * sd };
+    let quantile = |q: f64| bisect(lowest, mean + 40.0 * sd, |x| below(x) < q);
     Interval {
         mean,
         sd,
@@ -204,3 +246,7 @@ fn detectable(g: f64, prior_odds: f64) -> f64 {
     let needed = (19.0 / prior_odds).ln() + 0.5 * (1.0 + g).ln();
     (2.0 * needed * (1.0 + g)).sqrt() / g
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/averaged.rs"]
+mod tests;

@@ -174,7 +174,8 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
     let round = identify(&model, &options, &Silent).unwrap();
     let steps = &round.refinements;
     let (first, last) = (&steps[0], &steps[steps.len() - 1]);
-    assert_eq!(round.surrogate.draws, CHECKED_DRAWS);
+    // a reduced basis answers for the finite elements
+    assert!(round.surrogate.draws > CHECKED_DRAWS);
     assert!(
         first.max_error_in_posterior_sd > TOLERANCE && first.draws_outside_doe > 0.5,
         "{first:?}"
