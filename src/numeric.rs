@@ -65,7 +65,8 @@ pub fn add_scaled(field: &mut [[f64; 2]], column: &[[f64; 2]], amplitude: f64) {
 pub fn bisect(mut low: f64, mut high: f64, is_below: impl Fn(f64) -> bool) -> f64 {
     loop {
         let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
+        // and where a limit is not a number, at once
+        if !(low < middle && middle < high) {
             return middle;
         }
         if is_below(middle) {

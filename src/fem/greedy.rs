@@ -277,6 +277,9 @@ impl<'a> Growing<'a> {
                     coordinates[(j, k)] += c;
                 }
                 norm = size(&f, &d);
+                if !norm.is_finite() {
+                    break;
+                }
                 if norm > LITTLE * before && norm > LITTLE * whole || norm <= LOST * whole {
                     break;
                 }

@@ -140,28 +140,28 @@ const LEAST_SHARE: f64 = 1e-12;
 
 /// The mixture of one constant; of a modulus, what lies above zero of it.
 fn mixture(parts: &[Part], total: f64, k: usize, modulus: bool) -> Interval {
-    let all = parts
-        .iter()
-        .map(|p| ((p.log_weight - total).exp(), p.mean[k], p.sd[k]));
-    let share = |m: f64, s: f64| if modulus { above_zero(m, s).0 } else { 1.0 };
-    let kept: Vec<(f64, f64, f64)> = all
-        .clone()
-        .filter(|&(_, m, s)| share(m, s) > LEAST_SHARE)
-        .collect();
-    let modulus = modulus && !kept.is_empty();
-    let kept = if kept.is_empty() { all.collect() } else { kept };
-    let sum: f64 = kept
-        .iter()
-        .map(|&(w, m, s)| if modulus { w * share(m, s) } else { w })
-        .sum();
+    let share = |p: &Part| above_zero(p.mean[k], p.sd[k]).0;
+    let positive: Vec<&Part> = parts.iter().filter(|p| share(p) > LEAST_SHARE).collect();
+    let cut = modulus && !positive.is_empty();
+    let kept: Vec<&Part> = if cut {
+        positive
+    } else {
+        parts.iter().collect()
+    };
+    let log_weight = |p: &Part| p.log_weight + if cut { share(p).ln() } else { 0.0 };
+    // most of the probability may lie where a modulus cannot be
+    let total = if cut {
+        log_sum(kept.iter().map(|p| log_weight(p)))
+    } else {
+        total
+    };
     let weighed = || {
-        kept.iter().map(|&(w, m, s)| {
-            let (share, mean, sd) = if modulus {
-                above_zero(m, s)
-            } else {
-                (1.0, m, s)
+        kept.iter().map(|p| {
+            let (mean, sd) = match above_zero(p.mean[k], p.sd[k]) {
+                (_, mean, sd) if cut => (mean, sd),
+                _ => (p.mean[k], p.sd[k]),
             };
-            (w * share / sum, mean, sd)
+            ((log_weight(p) - total).exp(), mean, sd)
         })
     };
     let mean: f64 = weighed().map(|(w, m, _)| w * m).sum();
@@ -170,16 +170,18 @@ fn mixture(parts: &[Part], total: f64, k: usize, modulus: bool) -> Interval {
         .sum();
     let sd = variance.sqrt();
     let below = |x: f64| -> f64 {
-        let normal = |x: f64, m: f64, s: f64| 0.5 * erfc((m - x) / (s * SQRT_2));
-        kept.iter()
-            .map(|&(w, m, s)| {
-                let out = if modulus { normal(0.0, m, s) } else { 0.0 };
-                w * (normal(x, m, s) - out).max(0.0)
-            })
-            .sum::<f64>()
-            / sum
+        let one = |p: &&Part| {
+            let normal = |x: f64| 0.5 * erfc((p.mean[k] - x) / (p.sd[k] * SQRT_2));
+            let within = if cut {
+                (normal(x) - normal(0.0)).max(0.0) / share(p)
+            } else {
+                normal(x)
+            };
+            (log_weight(p) - total).exp() * within
+        };
+        kept.iter().map(one).sum()
     };
-    let lowest = if modulus { 0.0 } else { mean - 40.0 * sd };
+    let lowest = if cut { 0.0 } else { mean - 40.0 * sd };
     let quantile = |q: f64| bisect(lowest, mean + 40.0 * sd, |x| below(x) < q);
     Interval {
         mean,

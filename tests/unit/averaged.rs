@@ -35,6 +35,10 @@ fn a_modulus_is_positive_and_one_that_is_known_does_not_change() {
     ] {
         assert!((a - b).abs() < 1e-9, "{a} {b}");
     }
+    // where nearly all of the probability lies below zero, what little does not
+    let absurd = [part(0.0, -300.0, 3.0), part(-900.0, 1.0, 3.0)];
+    let found = mixture(&absurd, 0.0, 0, true);
+    assert!(0.0 < found.low && found.high < 10.0);
     // no ratio is a modulus
     assert!(mixture(&wide, total, 0, false).low < 0.0);
 }
