@@ -19,8 +19,8 @@ pub struct Anchor {
     nodal: Vec<f64>,
 }
 
-/// Corrections end when one is smaller than this share of the first: what is left is of the order of its square of what a central
-/// difference sees.
+/// Corrections end when one is smaller than this share of the first. Each is smaller by the relative change of the stiffness, so that what
+/// is left is some ten thousandth of what a central difference sees, or less.
 const SETTLED: f64 = 1e-3;
 
 /// Most corrections.
@@ -32,23 +32,10 @@ impl Plate {
     /// # Errors
     /// Those of [`Plate::solve`].
     pub fn anchor(&self, setup: &Setup, ply: &Ply) -> Result<Anchor> {
-        let mesh = self.mesh_of(setup)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
-        let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
-        let mut factor = self.factor();
-        factor.factorise_with(
-            &self.integrals_of(setup, &mesh, &scale),
-            &setup.membrane(ply),
-        )?;
-        let load = mesh.end_forces(&setup.load);
-        let mut nodal = load.clone();
-        factor.solve(&mut nodal);
-        if let Some(law) = PlyLaw::new(setup, ply) {
-            law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
-        }
+        let (factor, solution) = self.factorised(setup, ply)?;
         Ok(Anchor {
             factor: factor.keep(),
-            nodal,
+            nodal: solution.nodal,
         })
     }
 
@@ -68,14 +55,14 @@ impl Plate {
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         let integrals = self.integrals_of(setup, &mesh, &scale);
         let membrane = setup.membrane(ply);
-        let law = PlyLaw::new(setup, ply);
+        let law = PlyLaw::new(setup, ply).map(|law| (law, gauss_points(&mesh)));
         let load = mesh.end_forces(&setup.load);
         let mut nodal = anchor.nodal.clone();
         let mut first = 0.0;
         for k in 0..MOST {
             let mut correction = load.clone();
-            if let Some(law) = &law {
-                law.add_forces(&mesh, &scale, &nodal, &mut correction);
+            if let Some((law, gauss)) = &law {
+                law.add_forces((&mesh, gauss), &scale, &nodal, &mut correction);
             }
             let inner = self.assembly.multiply(&integrals, &membrane, &nodal);
             for (c, f) in correction.iter_mut().zip(inner) {
@@ -100,9 +87,9 @@ impl Plate {
         self.solve_full_order(setup, ply)
     }
 
-    /// Displacements of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole instead of the load: the resultants
-    /// N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`. Whatever changes the stiffness there, its
-    /// field outside is a sum of such fields. Empty without a hole.
+    /// Nodal displacements (mm) of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole
+    /// instead of the load: the resultants N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`.
+    /// Whatever changes the stiffness there, its field outside is a sum of such fields. Empty without a hole.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].

@@ -137,6 +137,7 @@ impl Assembly {
         }
         force
     }
+
     /// The same for each component of the membrane stiffness alone, in the order of [`Membrane`], in one sweep.
     pub fn multiply_components(&self, integral: &[[f64; 4]], u: &[f64]) -> [Vec<f64>; 6] {
         let mut force = [0; 6].map(|_| vec![0.0; u.len()]);

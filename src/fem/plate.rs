@@ -100,6 +100,18 @@ impl Plate {
     /// # Errors
     /// Those of [`Plate::solve`].
     pub fn solve_full_order(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
+        Ok(self.factorised(setup, ply)?.1)
+    }
+
+    /// The same with the factorised stiffness.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub(super) fn factorised(
+        &self,
+        setup: &Setup,
+        ply: &Ply,
+    ) -> Result<(Factor<'_>, Solution<'_>)> {
         let mesh = self.mesh_of(setup)?;
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
@@ -115,7 +127,7 @@ impl Plate {
         if let Some(law) = PlyLaw::new(setup, ply) {
             law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
         }
-        Ok(Solution { mesh, nodal })
+        Ok((factor, Solution { mesh, nodal }))
     }
 
     /// Geometry integrals of a test on its mesh, its stiffness times `scale`.

@@ -74,17 +74,18 @@ impl PlyLaw {
             .sum()
     }
 
-    /// Add to `force` the nodal forces of what the laminate lacks under the displacements `nodal`, its stiffness times `scale`.
+    /// Add to `force` (N) the nodal forces of what the laminate lacks under the displacements `nodal` (mm), its stiffness times `scale`;
+    /// `gauss` are the mesh's Gauss points.
     pub fn add_forces(
         &self,
-        mesh: &Mesh,
+        (mesh, gauss): (&Mesh, &[Gauss]),
         scale: &dyn Fn([f64; 2]) -> f64,
         nodal: &[f64],
         force: &mut [f64],
     ) {
         let lacking =
             |at: &Gauss, strain: &Vector3<f64>| self.resultant_deficit(strain) * scale(at.place);
-        add_forces(mesh, &gauss_points(mesh), nodal, &lacking, force);
+        add_forces(mesh, gauss, nodal, &lacking, force);
     }
 
     /// From the linear solution in `nodal`, solve K u = load + (nodal forces of the deficit) until u stands still. K is
@@ -100,9 +101,10 @@ impl PlyLaw {
         factor: &mut Factor<'_>,
         nodal: &mut Vec<f64>,
     ) -> Result<()> {
+        let gauss = gauss_points(mesh);
         for _ in 0..MOST {
             let mut next = load.to_vec();
-            self.add_forces(mesh, scale, nodal, &mut next);
+            self.add_forces((mesh, &gauss), scale, nodal, &mut next);
             factor.solve(&mut next);
             let size = next.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
             let change = next

@@ -191,7 +191,9 @@ fn compared(
         let points = spread_over(&run.prepared.problem, BOX_POINTS, BOX_SEED);
         let over_the_box = Spanned::factors(run, &points, d);
         let over_the_box: Vec<DVector<f64>> = over_the_box.into_iter().flatten().collect();
-        return Ok((many, errors, Some(summary(&spanned.errors(&over_the_box)))));
+        let over_the_box =
+            (!over_the_box.is_empty()).then(|| summary(&spanned.errors(&over_the_box)));
+        return Ok((many, errors, over_the_box));
     }
     let few = spread(draws, CHECKED_DRAWS);
     progress.begin(what, Some(few.len() as u64));
