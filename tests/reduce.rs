@@ -37,6 +37,7 @@ pub fn small_test() -> FieldTest {
         },
         gauge: Gauge::Window,
         fringe_frequency_per_mm: Some(2400.0),
+        images: None,
         window: [[-8.0, -8.0], [8.0, 8.0]],
         density: Density(0.18),
         full_order: false,
@@ -52,6 +53,8 @@ pub fn scene(test: &FieldTest) -> Scene {
         fringe_frequency_per_mm: test.fringe_frequency_per_mm,
         expansion_per_k: None,
         material: Material::Ply,
+        camera_distance_mm: None,
+        middle: [0.0; 2],
     }
 }
 

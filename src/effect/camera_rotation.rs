@@ -1,6 +1,6 @@
 //! The camera's axes are not the specimen's.
 
-use super::optics::in_data_axes;
+use super::optics::{displacements_are_imaged, in_data_axes};
 use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct CameraRotation;
@@ -21,7 +21,7 @@ impl Effect for CameraRotation {
         in_data_axes(scene, reported, |x| turned(-amplitude[0], x))
     }
 
-    /// reported U = R(angle) true U, for fringes (whose grating is turned with the camera) and image coordinates alike.
+    /// reported U = R(angle) true U for fringes, whose grating is turned with the camera; image coordinates are turned by the map.
     fn components(
         &self,
         amplitude: &[f64],
@@ -29,6 +29,9 @@ impl Effect for CameraRotation {
         _reported: [f64; 2],
         u: [f64; 2],
     ) -> [f64; 2] {
+        if displacements_are_imaged(scene) {
+            return u;
+        }
         in_data_axes(scene, u, |u| turned(amplitude[0], u))
     }
 }

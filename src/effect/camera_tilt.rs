@@ -1,6 +1,6 @@
 //! The camera looks at the specimen at an angle.
 
-use super::optics::{displacements_are_imaged, imaged, in_data_axes};
+use super::optics::in_data_axes;
 use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct CameraTilt;
@@ -26,23 +26,5 @@ impl Effect for CameraTilt {
             let scale = 1.0 - (amplitude[0] * x + amplitude[1] * y);
             [x * scale, y * scale]
         })
-    }
-
-    /// d true_i / d X_j = delta_ij (1 - (a x + b y)) - X_i (a, b)_j.
-    fn components(
-        &self,
-        amplitude: &[f64],
-        scene: &Scene,
-        reported: [f64; 2],
-        u: [f64; 2],
-    ) -> [f64; 2] {
-        if !displacements_are_imaged(scene) {
-            return u;
-        }
-        let [x, y] = scene.frame.vector(reported);
-        let (a, b) = (amplitude[0], amplitude[1]);
-        let scale = 1.0 - (a * x + b * y);
-        let jacobian = [[scale - x * a, -x * b], [-y * a, scale - y * b]];
-        in_data_axes(scene, u, |u| imaged(jacobian, u))
     }
 }

@@ -1,6 +1,5 @@
 //! Radial distortion by the lens.
 
-use super::optics::{displacements_are_imaged, imaged};
 use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct LensDistortion;
@@ -8,47 +7,32 @@ pub struct LensDistortion;
 /// The radius at which the distortion is stated, mm.
 const RADIUS_MM: f64 = 12.0;
 
-/// k in true X = X (1 - k r^2), 1/mm^2.
-fn coefficient(amplitude: &[f64]) -> f64 {
-    0.01 * amplitude[0] / (RADIUS_MM * RADIUS_MM)
-}
-
 impl Effect for LensDistortion {
     fn entry(&self) -> Entry {
         Entry {
             name: "lens_distortion",
             kind: Kind::Optical,
-            parameters: const { &[Parameter::new("percent_at_12mm", 0.3, 2.0)] },
-            about: "Radial distortion about the hole's centre: true X = X (1 - k r^2), stated as k r^2 at a radius of 12 mm. Displacements read from fringes stay right; those from image coordinates are distorted too.",
+            parameters: const {
+                &[
+                    Parameter::new("percent_at_12mm", 0.3, 2.0),
+                    Parameter::new("center_1_mm", 6.0, 100.0),
+                    Parameter::new("center_2_mm", 6.0, 100.0),
+                ]
+            },
+            about: "Radial distortion about a centre: from there true X = X (1 - k r^2), stated as k r^2 at a radius of 12 mm. The centre is given from the middle of the measured points, along direction 1 and 2; the origin of the coordinates stays at the imaged hole's centre. Displacements read from fringes stay right; those from image coordinates are distorted too, rigid motion included.",
             confirm: "Picture a calibrated grid of dots over the whole field of view; or move the specimen across the field of view and repeat: the distortion stays with the picture.",
         }
     }
 
-    fn true_point(&self, amplitude: &[f64], _scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {
-        let scale = 1.0 - coefficient(amplitude) * (s * s + t * t);
-        [s * scale, t * scale]
-    }
-
-    /// d true_i / d X_j = delta_ij (1 - k r^2) - 2 k X_i X_j.
-    fn components(
-        &self,
-        amplitude: &[f64],
-        scene: &Scene,
-        [s, t]: [f64; 2],
-        u: [f64; 2],
-    ) -> [f64; 2] {
-        if !displacements_are_imaged(scene) {
-            return u;
-        }
-        let k = coefficient(amplitude);
-        let scale = 1.0 - k * (s * s + t * t);
-        let cross = -2.0 * k * s * t;
-        imaged(
-            [
-                [scale - 2.0 * k * s * s, cross],
-                [cross, scale - 2.0 * k * t * t],
-            ],
-            u,
-        )
+    /// With C the centre, d = X - C and D(d) = d (1 - k |d|^2): true X = D(d) - D(-C), so that the origin stays.
+    fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
+        let k = 0.01 * amplitude[0] / (RADIUS_MM * RADIUS_MM);
+        let center = [0, 1].map(|i| scene.middle[i] + amplitude[1 + i]);
+        let straightened = |p: [f64; 2]| {
+            let d = [p[0] - center[0], p[1] - center[1]];
+            d.map(|x| x * (1.0 - k * (d[0] * d[0] + d[1] * d[1])))
+        };
+        let (point, origin) = (straightened(reported), straightened([0.0; 2]));
+        [point[0] - origin[0], point[1] - origin[1]]
     }
 }

@@ -1,6 +1,5 @@
 //! The size of a pixel is not what it is taken for.
 
-use super::optics::displacements_are_imaged;
 use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct Magnification;
@@ -23,19 +22,5 @@ impl Effect for Magnification {
 
     fn true_point(&self, amplitude: &[f64], _scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
         reported.map(|x| x / scale(amplitude))
-    }
-
-    fn components(
-        &self,
-        amplitude: &[f64],
-        scene: &Scene,
-        _reported: [f64; 2],
-        u: [f64; 2],
-    ) -> [f64; 2] {
-        if displacements_are_imaged(scene) {
-            u.map(|u| u * scale(amplitude))
-        } else {
-            u
-        }
     }
 }

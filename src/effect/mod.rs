@@ -18,6 +18,8 @@ mod load_scale;
 mod magnification;
 mod optics;
 mod out_of_plane_bending;
+mod out_of_plane_rotation;
+mod out_of_plane_translation;
 mod phase_shift_error;
 mod ply_misorientation;
 mod registration_offset;
@@ -26,6 +28,7 @@ mod rigid_translation;
 mod seen;
 mod shear_nonlinearity;
 mod single_ply_misorientation;
+mod thermal_gradient;
 mod thermal_strain;
 mod thickness_taper;
 mod uniform_strain;
@@ -44,12 +47,15 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &rigid_rotation::RigidRotation,
     &uniform_strain::UniformStrain,
     &thermal_strain::ThermalStrain,
+    &thermal_gradient::ThermalGradient,
     &registration_offset::RegistrationOffset,
     &camera_rotation::CameraRotation,
     &magnification::Magnification,
     &camera_tilt::CameraTilt,
     &lens_distortion::LensDistortion,
     &component_sensitivity::ComponentSensitivity,
+    &out_of_plane_translation::OutOfPlaneTranslation,
+    &out_of_plane_rotation::OutOfPlaneRotation,
     &phase_shift_error::PhaseShiftError,
     &fringe_order_jump::FringeOrderJump,
     &load_misalignment::LoadMisalignment,
@@ -173,6 +179,10 @@ pub struct Scene {
     pub expansion_per_k: Option<[f64; 2]>,
     /// How the stiffness is parameterised.
     pub material: Material,
+    /// Distance of the camera from the specimen, mm, where images are correlated and it is declared.
+    pub camera_distance_mm: Option<f64>,
+    /// Middle of the picture, (s, t) mm: the camera's axis and the centre of its lens are near it.
+    pub middle: [f64; 2],
 }
 
 /// An effect in the dictionary.
@@ -221,7 +231,14 @@ pub trait Effect: Sync {
         reported
     }
 
-    /// What an optical effect reports for the true displacement `u` at the reported point.
+    /// How far an optical effect that moves the specimen moves a point of it, mm: along both directions and, last, out of the plane
+    /// towards the camera.
+    fn motion(&self, _amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {
+        [0.0; 3]
+    }
+
+    /// What an optical effect makes of the displacement `u` that is read at the reported point; of image coordinates, beside the
+    /// map of the picture.
     fn components(
         &self,
         _amplitude: &[f64],
@@ -279,7 +296,7 @@ pub struct Acting {
 }
 
 impl Acting {
-    /// Parse `NAME=VALUE` or `NAME=VALUE,VALUE`, in the units of the effect's parameters.
+    /// Parse `NAME=VALUE` or `NAME=VALUE,VALUE`, in the units of the effect's parameters; the last may be left out, which makes them 0.
     pub fn parse(place: &str, text: &str) -> Result<Self> {
         let (name, values) = text
             .split_once('=')
@@ -288,7 +305,7 @@ impl Acting {
         let parameters = effect.parameters();
         let wanted: Vec<_> = parameters.iter().map(|p| p.name).collect();
         let place = format!("{place} {name}");
-        let amplitude = values
+        let mut amplitude = values
             .split(',')
             .map(|value| {
                 value
@@ -297,13 +314,14 @@ impl Acting {
                     .map_err(|_| Error::input(&place, "a number").found(value))
             })
             .collect::<Result<Vec<f64>>>()?;
-        if amplitude.len() != parameters.len() {
+        if amplitude.len() > parameters.len() {
             return Err(Error::input(
                 &place,
-                format!("{} value(s): {}", wanted.len(), wanted.join(",")),
+                format!("at most {} value(s): {}", wanted.len(), wanted.join(",")),
             )
             .found(values));
         }
+        amplitude.resize(parameters.len(), 0.0);
         for (value, parameter) in amplitude.iter().zip(parameters) {
             check_amplitude(&place, parameter, *value)?;
         }

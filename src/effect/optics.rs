@@ -13,9 +13,13 @@ pub fn displacements_are_imaged(scene: &Scene) -> bool {
     scene.fringe_frequency_per_mm.is_none()
 }
 
-/// The reported displacement of a small true one: `jacobian` is d true / d reported, so its inverse acts on `u`.
-pub fn imaged(jacobian: [[f64; 2]; 2], u: [f64; 2]) -> [f64; 2] {
-    let [[a, b], [c, d]] = jacobian;
-    let det = a * d - b * c;
-    [(d * u[0] - b * u[1]) / det, (a * u[1] - c * u[0]) / det]
+/// Why motion out of the plane is not seen, where it is not.
+pub fn no_camera(scene: &Scene) -> Option<&'static str> {
+    if !displacements_are_imaged(scene) {
+        return Some("fringes do not show motion towards the camera");
+    }
+    scene
+        .camera_distance_mm
+        .is_none()
+        .then_some("the camera's distance is unknown: give image_correlation.camera_distance_mm")
 }

@@ -7,12 +7,14 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::gauge::{Gauge, ZeroAt, hold_window};
+use super::subset::Subsets;
 use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
 use crate::fem::{Anchor, Certificate, Locator, Observer, Plate, Setup, Solution};
 use crate::field::Frame;
+use crate::field::rigid::RigidMotion;
 use crate::geometry::{Density, Mesh};
 use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
 
@@ -27,12 +29,24 @@ pub struct FieldTest {
     pub gauge: Gauge,
     /// Frequency of the fringes a mm of displacement, where displacements are read from fringes.
     pub fringe_frequency_per_mm: Option<f64>,
+    /// How images are correlated, where they are.
+    pub images: Option<Images>,
     /// Bounding box of the measured points, (s, t) mm, low and high corner.
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
     /// Solve for every prediction instead of answering from a reduced basis.
     pub full_order: bool,
+}
+
+/// How images of the specimen are correlated.
+#[derive(Debug, Clone, Serialize)]
+pub struct Images {
+    pub subsets: Subsets,
+    /// Distance of the camera, mm, where it is declared.
+    pub camera_distance_mm: Option<f64>,
+    /// Motion of the specimen in the plane between the pictures, as the data show it.
+    pub motion: RigidMotion,
 }
 
 /// A meshed specimen, ready to be solved.
@@ -54,7 +68,11 @@ impl FieldExperiment {
     pub fn new(test: FieldTest, scene: Scene) -> Result<Self> {
         let plate = Plate::new(&scene.setup, test.density)?;
         let zero = ZeroAt::new(test.gauge, &test.frame, &plate)?;
-        let nodes = window_nodes(&plate.mesh, test.window);
+        let reach = test
+            .images
+            .as_ref()
+            .map_or(0.0, |i| 0.5 * i.subsets.side_mm);
+        let nodes = window_nodes(&plate.mesh, widened(test.window, reach));
         if nodes.is_empty() {
             return Err(Error::input("measurement", "points on the plate")
                 .found(format!("{:?}", test.window)));
@@ -117,7 +135,7 @@ impl FieldExperiment {
         sight: &Sight,
         gradient: bool,
     ) -> Result<Look> {
-        let camera = Seen::new(state.acting(), &self.scene);
+        let camera = Seen::new(state.acting(), &self.scene).moved(self.motion());
         // what optics make of a rotation depends on the rotation; a plain camera reports it as it is
         let solution = self.loaded(about, state, gradient || !camera.is_plain())?;
         let own = sight
@@ -127,28 +145,51 @@ impl FieldExperiment {
         let observer = match own {
             Some(observer) => observer,
             None => {
-                let places: Vec<[f64; 2]> =
-                    sight.all().iter().map(|&p| camera.true_point(p)).collect();
-                // where an effect moves points into the hole or past an edge, the field is continued
-                located = Locator::new(&solution.mesh).observe_extended(&places);
+                located = self.observer(&solution.mesh, &camera, sight);
                 &located
             }
         };
-        let mut displacement = observer.displacement(&solution.nodal);
-        if !camera.is_plain() {
-            for (u, &p) in displacement.iter_mut().zip(sight.all()) {
-                *u = camera.components(p, *u);
-            }
-        }
-        let gradient = if gradient {
-            observer.gradient(&solution.nodal)
+        let loaded = observer.displacement(&solution.nodal);
+        let displacement = if camera.is_plain() {
+            loaded.clone()
         } else {
-            Vec::new()
+            let points = loaded.par_iter().zip(sight.all());
+            points.map(|(u, &p)| camera.report(p, *u)).collect()
+        };
+        let (loaded, gradient) = if gradient {
+            (loaded, observer.gradient(&solution.nodal))
+        } else {
+            (Vec::new(), Vec::new())
         };
         Ok(Look {
             displacement,
+            loaded,
             gradient,
         })
+    }
+
+    /// Where a sight's points lie on a mesh, as a camera shows them. Where an effect moves points into the hole or past an edge, the
+    /// field is continued.
+    fn observer(&self, mesh: &Mesh, camera: &Seen<'_>, sight: &Sight) -> Observer {
+        let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();
+        let locator = Locator::new(mesh);
+        match self.subsets().filter(|_| sight.is_correlated()) {
+            Some(subsets) => subsets.observe(&places, &locator),
+            None => locator.observe_extended(&places),
+        }
+    }
+
+    /// Which places show the specimen: of subsets those that lie on it altogether or, where cut ones are kept, whose centres do.
+    fn on_specimen(&self, locator: &Locator<'_>, places: &[[f64; 2]]) -> Vec<bool> {
+        match self.subsets().filter(|s| !s.kept) {
+            Some(subsets) => subsets.are_whole(places, locator),
+            None => locator.holds(places),
+        }
+    }
+
+    /// The subsets of an image correlation.
+    fn subsets(&self) -> Option<Subsets> {
+        self.test.images.as_ref().map(|i| i.subsets)
     }
 
     /// What a nominal plate's displacements show under the gauge, by a plain camera.
@@ -177,6 +218,11 @@ impl Experiment for FieldExperiment {
         self.test.gauge
     }
 
+    fn motion(&self) -> RigidMotion {
+        let images = self.test.images.as_ref();
+        images.map_or(RigidMotion::NONE, |i| i.motion)
+    }
+
     fn window(&self) -> [[f64; 2]; 2] {
         self.test.window
     }
@@ -201,15 +247,15 @@ impl Experiment for FieldExperiment {
         }
         match sight.observer() {
             Some(observer) => observer.displacement(&nodal),
-            None => Locator::new(&self.plate.mesh)
-                .observe_extended(sight.all())
+            None => self
+                .observer(&self.plate.mesh, &Seen::new(&[], &self.scene), sight)
                 .displacement(&nodal),
         }
     }
 
     fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
         let locator = Locator::new(&self.plate.mesh);
-        let (observer, mut inside) = locator.observe(&[points, further].concat());
+        let mut inside = self.on_specimen(&locator, &[points, further].concat());
         let on_plate = |points: &[[f64; 2]], inside: &[bool]| -> Vec<[f64; 2]> {
             let kept = points.iter().zip(inside).filter(|(_, inside)| **inside);
             kept.map(|(p, _)| *p).collect()
@@ -217,14 +263,28 @@ impl Experiment for FieldExperiment {
         let further = on_plate(further, &inside[points.len()..]);
         inside.truncate(points.len());
         let sight = Sight::anywhere(&on_plate(points, &inside), &further);
+        let sight = if self.subsets().is_some() {
+            sight.correlated()
+        } else {
+            sight
+        };
+        let observer = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), &sight);
         (sight.with_observer(observer), inside)
+    }
+
+    fn sight(&self, points: &[[f64; 2]]) -> Sight {
+        let sight = Sight::anywhere(points, &[]);
+        match self.subsets() {
+            Some(_) => sight.correlated(),
+            None => sight,
+        }
     }
 
     fn shows(&self, state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>> {
         let camera = Seen::new(state.acting(), &self.scene);
         let places: Vec<[f64; 2]> = points.iter().map(|&p| camera.true_point(p)).collect();
         let mesh = self.plate.mesh_of(&self.setup(state)?)?;
-        Ok(Locator::new(&mesh).observe(&places).1)
+        Ok(self.on_specimen(&Locator::new(&mesh), &places))
     }
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
@@ -255,8 +315,7 @@ impl Experiment for FieldExperiment {
                 .near_edge(anchor, &setup, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?;
         let nominal = setup.load.axial / setup.width();
         let camera = Seen::new(state.acting(), &self.scene);
-        let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();
-        let observer = Locator::new(&mesh).observe_extended(&places);
+        let observer = self.observer(&mesh, &camera, sight);
         let seen = |nodal: &Vec<f64>| {
             let u = observer.displacement(nodal);
             let u: Vec<[f64; 2]> = u.into_iter().map(|u| u.map(|u| nominal * u)).collect();
@@ -308,6 +367,11 @@ impl Experiment for FieldExperiment {
 
 /// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.
 const WORTH_A_BASIS: usize = 30;
+
+/// A window with a margin around it.
+fn widened([low, high]: [[f64; 2]; 2], by: f64) -> [[f64; 2]; 2] {
+    [low.map(|x| x - by), high.map(|x| x + by)]
+}
 
 /// Nodes of all elements whose bounding box meets the window, in increasing order.
 fn window_nodes(mesh: &Mesh, [low, high]: [[f64; 2]; 2]) -> Vec<u32> {

@@ -117,7 +117,7 @@ impl Experiment for MockExperiment {
         let uniform = a * Vector3::new(1.0, 0.5, 0.25);
         // strains that grow with t: u1 = e1 s t + g t^2 / 2, u2 = e2 t^2 / 2 - e1 s^2 / 2
         let slope = a.column(0) * (2.0 / width);
-        let (mut displacement, mut gradient) = (Vec::new(), Vec::new());
+        let (mut displacement, mut loaded, mut gradient) = (Vec::new(), Vec::new(), Vec::new());
         for &p in sight.all() {
             let [s, t] = camera.true_point(p);
             let shear = 0.5 * uniform[2];
@@ -125,7 +125,8 @@ impl Experiment for MockExperiment {
                 uniform[0] * s + shear * t + slope[0] * s * t + 0.5 * slope[2] * t * t,
                 shear * s + uniform[1] * t + 0.5 * slope[1] * t * t - 0.5 * slope[0] * s * s,
             ];
-            displacement.push(camera.components(p, u));
+            loaded.push(u);
+            displacement.push(camera.report(p, u));
             gradient.push([
                 [
                     uniform[0] + slope[0] * t,
@@ -136,6 +137,7 @@ impl Experiment for MockExperiment {
         }
         Ok(Look {
             displacement,
+            loaded,
             gradient,
         })
     }

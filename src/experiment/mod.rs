@@ -12,18 +12,21 @@ mod sight;
 pub mod simulate;
 mod spec;
 mod state;
+mod subset;
 
-pub use field::{FieldExperiment, FieldTest};
+pub use field::{FieldExperiment, FieldTest, Images};
 pub use gauge::{Gauge, check as check_gauge, gauged};
 pub use mock::MockExperiment;
 pub use sensitivity::{Direction, sensitivity};
 pub use sight::Sight;
 pub use spec::{ExperimentKind, ExperimentSpec, check_name};
 pub use state::State;
+pub use subset::Subsets;
 
 use crate::effect::{Acting, Kind, Scene};
 use crate::error::Result;
 use crate::fem::{Anchor, Certificate};
+use crate::field::rigid::RigidMotion;
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
 /// (u1, u2), both in mm, direction 1 along the load, origin at the hole's centre or the declared origin.
@@ -32,6 +35,12 @@ pub trait Experiment: Send + Sync {
     fn scene(&self) -> &Scene;
 
     fn gauge(&self) -> Gauge;
+
+    /// How the specimen moves in the plane beside what the load does to it, as the data show it: what image correlation makes of an
+    /// optical effect depends on it.
+    fn motion(&self) -> RigidMotion {
+        RigidMotion::NONE
+    }
 
     /// Bounding box of the measured points, low and high corner, mm.
     fn window(&self) -> [[f64; 2]; 2];
@@ -50,6 +59,11 @@ pub trait Experiment: Send + Sync {
 
     /// The points of the nominal specimen among `points` and `further`, and which of `points` those are.
     fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>);
+
+    /// Reported points whose place on the mesh is not known yet; each stands for its subset where images are correlated.
+    fn sight(&self, points: &[[f64; 2]]) -> Sight {
+        Sight::anywhere(points, &[])
+    }
 
     /// Which reported points show the specimen, as the effects of a state leave it.
     ///
@@ -133,7 +147,9 @@ pub const NEAR_EDGE_HARMONICS: usize = 4;
 pub struct Look {
     /// Displacement (u1, u2), mm.
     pub displacement: Vec<[f64; 2]>,
-    /// Gradient of the specimen's displacement, `g[i][k]` = d u_i / d x_k; empty where it was not asked for.
+    /// Displacement of the specimen at the true points, before the camera, mm; empty where no gradient was asked for.
+    pub loaded: Vec<[f64; 2]>,
+    /// Gradient of that displacement, `g[i][k]` = d u_i / d x_k; empty where it was not asked for.
     pub gradient: Vec<[[f64; 2]; 2]>,
 }
 

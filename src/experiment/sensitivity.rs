@@ -1,7 +1,7 @@
 //! What a change of one parameter does to a predicted field.
 
 use super::{Experiment, Prediction, Sight, State, gauged, load_response, predict_near};
-use crate::effect::{Effect, Kind, LOAD_SCALE};
+use crate::effect::{Effect, Kind, LOAD_SCALE, Seen};
 use crate::error::Result;
 use crate::fem::Anchor;
 
@@ -66,15 +66,7 @@ pub fn sensitivity(
             Ok(sight.points().iter().map(slope).collect())
         }
         Direction::Amplitude(effect, _) if effect.kind() == Kind::Optical => {
-            let [high, low] = [step, -step].map(|by| direction.moved(at, by).amplitude(effect));
-            Ok(optical(
-                experiment,
-                here,
-                sight,
-                effect,
-                [&high, &low],
-                step,
-            ))
+            Ok(optical(experiment, at, here, sight, direction, step))
         }
         _ => {
             let high = predict_near(experiment, about, &direction.moved(at, step), sight)?.field;
@@ -86,28 +78,33 @@ pub fn sensitivity(
     }
 }
 
-/// What an optical effect changes: the field's gradient times the shift of the true points, and the components.
+/// What an optical effect changes: the field's gradient moves the displacement with the true points, and the camera reports both anew.
 fn optical(
     experiment: &dyn Experiment,
+    at: &State,
     here: &Prediction,
     sight: &Sight,
-    effect: &dyn Effect,
-    [high, low]: [&[f64]; 2],
+    direction: Direction,
     step: f64,
 ) -> Vec<[f64; 2]> {
     let scene = experiment.scene();
-    let change = |p: [f64; 2], u: [f64; 2], g: [[f64; 2]; 2]| {
-        let [a, b] = [high, low].map(|amplitude| effect.true_point(amplitude, scene, p));
-        let [ua, ub] = [high, low].map(|amplitude| effect.components(amplitude, scene, p, u));
-        let shift = [a[0] - b[0], a[1] - b[1]];
-        [0, 1].map(|i| (g[i][0] * shift[0] + g[i][1] * shift[1] + ua[i] - ub[i]) / (2.0 * step))
+    let states = [step, -step].map(|by| direction.moved(at, by));
+    let camera = |state: &'_ State| -> Vec<[f64; 2]> {
+        let before = Seen::new(at.acting(), scene);
+        let camera = Seen::new(state.acting(), scene).moved(experiment.motion());
+        let look = here.look.loaded.iter().zip(&here.look.gradient);
+        let report = |(&p, (&u, g)): (&[f64; 2], (&[f64; 2], &[[f64; 2]; 2]))| {
+            let (from, to) = (before.true_point(p), camera.true_point(p));
+            let shift = [to[0] - from[0], to[1] - from[1]];
+            let moved = [0, 1].map(|i| u[i] + g[i][0] * shift[0] + g[i][1] * shift[1]);
+            camera.report(p, moved)
+        };
+        sight.all().iter().zip(look).map(report).collect()
     };
-    let look = here.look.displacement.iter().zip(&here.look.gradient);
-    let all: Vec<[f64; 2]> = sight
-        .all()
-        .iter()
-        .zip(look)
-        .map(|(&p, (&u, &g))| change(p, u, g))
+    let [high, low] = states.each_ref().map(camera);
+    let slopes = high.iter().zip(&low);
+    let all: Vec<[f64; 2]> = slopes
+        .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step)))
         .collect();
     gauged(experiment.gauge(), sight, &all)
 }

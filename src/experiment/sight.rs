@@ -10,6 +10,8 @@ pub struct Sight {
     seen: usize,
     /// Where all of them lie on the nominal specimen's mesh, if that is known.
     observer: Option<Observer>,
+    /// Whether a point stands for the subset about it, where images are correlated.
+    correlated: bool,
 }
 
 impl Sight {
@@ -19,6 +21,7 @@ impl Sight {
             all: [points, further].concat(),
             seen: points.len(),
             observer: None,
+            correlated: false,
         }
     }
 
@@ -26,6 +29,20 @@ impl Sight {
     pub(super) fn with_observer(mut self, observer: Observer) -> Self {
         self.observer = Some(observer);
         self
+    }
+
+    /// The same points, of which each stands for the subset about it.
+    #[must_use]
+    pub(super) fn correlated(self) -> Self {
+        Self {
+            correlated: true,
+            ..self
+        }
+    }
+
+    /// Whether a point stands for the subset about it.
+    pub(super) fn is_correlated(&self) -> bool {
+        self.correlated
     }
 
     /// Places on the nominal mesh.

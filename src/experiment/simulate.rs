@@ -5,7 +5,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use super::{Experiment, Sight, State, predict, record};
+use super::{Experiment, State, predict, record};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Scene};
 use crate::error::{Error, Result};
@@ -60,7 +60,7 @@ pub fn simulate(experiment: &dyn Experiment, truth: &Truth, half: f64) -> Result
     if shown.is_empty() {
         return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
     }
-    let mut u = predict(experiment, &state, &Sight::anywhere(&shown, &[]))?.field;
+    let mut u = predict(experiment, &state, &experiment.sight(&shown))?.field;
     record(state.acting(), scene, &shown, &mut u);
     add_noise(&grid, &inside, &mut u, truth);
     let mut measured = u.into_iter();

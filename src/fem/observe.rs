@@ -18,6 +18,17 @@ pub struct Observer {
     patches: Vec<Patch>,
     nodes: Vec<[u32; 8]>,
     corners: Vec<[[f64; 2]; 8]>,
+    /// Where points are averages over places: those of each point, in order.
+    averages: Option<Vec<Average>>,
+}
+
+/// A point that stands for several places.
+#[derive(Debug, Clone)]
+struct Average {
+    /// Its first place.
+    first: u32,
+    /// The weight of each of its places.
+    weights: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -140,6 +151,32 @@ impl<'a> Locator<'a> {
         self.observer(places, patches)
     }
 
+    /// Averages over places with weights, one a point; places that lie outside see the field continued.
+    pub fn observe_averages(&self, samples: &[Vec<([f64; 2], f64)>]) -> Observer {
+        let places: Vec<[f64; 2]> = samples.iter().flatten().map(|(p, _)| *p).collect();
+        let mut first = 0;
+        let averages = samples.iter().map(|samples| {
+            first += samples.len() as u32;
+            Average {
+                first: first - samples.len() as u32,
+                weights: samples.iter().map(|(_, w)| *w).collect(),
+            }
+        });
+        let averages = Some(averages.collect());
+        Observer {
+            averages,
+            ..self.observe_extended(&places)
+        }
+    }
+
+    /// Which points lie on the plate.
+    pub fn holds(&self, points: &[[f64; 2]]) -> Vec<bool> {
+        points
+            .par_iter()
+            .map(|&p| self.locate(p).is_some())
+            .collect()
+    }
+
     /// Largest extent along either direction of the elements that meet at a point of the mesh, mm.
     fn size_at(&self, point: [f64; 2]) -> f64 {
         self.tree
@@ -159,6 +196,7 @@ impl<'a> Locator<'a> {
             corners: (0..self.mesh.elements.len())
                 .map(|e| self.mesh.corners(e))
                 .collect(),
+            averages: None,
         }
     }
 }
@@ -188,17 +226,20 @@ fn invert(x: &[[f64; 2]; 8], point: [f64; 2]) -> Option<[f64; 2]> {
 impl Observer {
     /// Number of points.
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.averages.as_ref().map_or(self.places.len(), Vec::len)
     }
 
     /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.len() == 0
     }
 
     /// Put the points into another order: point k is from now on what point `order[k]` was.
     pub fn reorder(&mut self, order: &[usize]) {
-        self.places = order.iter().map(|&k| self.places[k]).collect();
+        match &mut self.averages {
+            Some(averages) => *averages = order.iter().map(|&k| averages[k].clone()).collect(),
+            None => self.places = order.iter().map(|&k| self.places[k]).collect(),
+        }
     }
 
     /// Displacement (u1, u2) at every point, mm.
@@ -215,7 +256,24 @@ impl Observer {
             }
             Place::Outside(patch) => self.patches[*patch as usize].derivative(nodal, 0),
         };
-        self.places.par_iter().map(at).collect()
+        let values: Vec<[f64; 2]> = self.places.par_iter().map(at).collect();
+        self.averaged(values)
+    }
+
+    /// The averages of values at the places.
+    fn averaged<T: Copy + Summable>(&self, values: Vec<T>) -> Vec<T> {
+        let Some(averages) = &self.averages else {
+            return values;
+        };
+        let one = |average: &Average| {
+            let values = &values[average.first as usize..];
+            let mut sum = T::ZERO;
+            for (w, v) in average.weights.iter().zip(values) {
+                sum.add(*w, v);
+            }
+            sum
+        };
+        averages.iter().map(one).collect()
     }
 
     /// Displacement gradient at every point, `g[i][k]` = derivative of u_i along direction k.
@@ -241,6 +299,33 @@ impl Observer {
                 [[first[0], second[0]], [first[1], second[1]]]
             }
         };
-        self.places.par_iter().map(at).collect()
+        let values: Vec<[[f64; 2]; 2]> = self.places.par_iter().map(at).collect();
+        self.averaged(values)
+    }
+}
+
+/// Values of which weighted sums are taken.
+trait Summable {
+    const ZERO: Self;
+    fn add(&mut self, weight: f64, other: &Self);
+}
+
+impl Summable for [f64; 2] {
+    const ZERO: Self = [0.0; 2];
+
+    fn add(&mut self, weight: f64, other: &Self) {
+        for (sum, x) in self.iter_mut().zip(other) {
+            *sum += weight * x;
+        }
+    }
+}
+
+impl Summable for [[f64; 2]; 2] {
+    const ZERO: Self = [[0.0; 2]; 2];
+
+    fn add(&mut self, weight: f64, other: &Self) {
+        for (sum, x) in self.iter_mut().zip(other) {
+            sum.add(weight, x);
+        }
     }
 }

@@ -23,4 +23,4 @@ pub use grid::Grid;
 pub use measured::{Field, GridShape, Reason, Rejected, bounds};
 pub(crate) use reader::unreadable;
 pub use reader::{ColumnMap, Columns, Reader, Units};
-pub use spec::{MeasurementSpec, READERS, Source};
+pub use spec::{MeasurementSpec, READERS, Source, SubsetShape};

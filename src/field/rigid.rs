@@ -1,7 +1,9 @@
 //! Least-squares rigid motion of a plane field.
 
+use serde::Serialize;
+
 /// Translation of the centre and small rotation about it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RigidMotion {
     /// Translation (u1, u2), mm.
     pub shift: [f64; 2],
@@ -12,7 +14,24 @@ pub struct RigidMotion {
 }
 
 impl RigidMotion {
-    /// Displacement at a point.
+    /// No motion.
+    pub const NONE: Self = Self {
+        shift: [0.0; 2],
+        angle: 0.0,
+        center: [0.0; 2],
+    };
+
+    /// Displacement at a point by the finite rotation.
+    pub fn turned(&self, p: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = self.angle.sin_cos();
+        let (s, t) = (p[0] - self.center[0], p[1] - self.center[1]);
+        [
+            self.shift[0] + (cos - 1.0) * s - sin * t,
+            self.shift[1] + sin * s + (cos - 1.0) * t,
+        ]
+    }
+
+    /// Displacement at a point, of first order in the rotation.
     pub fn at(&self, [s, t]: [f64; 2]) -> [f64; 2] {
         [
             self.shift[0] - self.angle * (t - self.center[1]),

@@ -59,7 +59,7 @@ pub fn prepare(
     let field = model.read_field()?;
     progress.say(&format!("{} points", field.len()));
     progress.end();
-    let problem = model.problem(field.measured_bounds())?;
+    let problem = model.problem_of(&field)?;
     let experiment = &*problem.experiment;
     let mut observation = Observation::new(field, experiment)?;
     let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;

@@ -9,11 +9,12 @@ use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
-    Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, MockExperiment, State,
-    check_gauge,
+    Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, Images, MockExperiment,
+    State, Subsets, check_gauge,
 };
 use crate::fem::Setup;
-use crate::field::{Field, Grid};
+use crate::field::rigid::{self, RigidMotion};
+use crate::field::{Field, Grid, SubsetShape};
 use crate::geometry;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
@@ -197,6 +198,11 @@ impl Model {
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
             material: material.kind,
+            camera_distance_mm: experiment
+                .measurement
+                .image_correlation
+                .and_then(|c| c.camera_distance_mm),
+            middle: [0.0; 2],
         }
     }
 
@@ -210,7 +216,21 @@ impl Model {
         window: [[f64; 2]; 2],
         finer: f64,
     ) -> Result<Arc<dyn Experiment>> {
-        let scene = self.scene();
+        self.moved_experiment_over(window, RigidMotion::NONE, finer)
+    }
+
+    /// The same of a specimen that moves in the plane beside what the load does to it.
+    fn moved_experiment_over(
+        &self,
+        window: [[f64; 2]; 2],
+        motion: RigidMotion,
+        finer: f64,
+    ) -> Result<Arc<dyn Experiment>> {
+        let [low, high] = window;
+        let scene = Scene {
+            middle: [0, 1].map(|k| 0.5 * (low[k] + high[k])),
+            ..self.scene()
+        };
         let spec = self.experiment();
         if spec.kind == ExperimentKind::Mock {
             return Ok(Arc::new(MockExperiment::new(scene, spec.gauge, window)));
@@ -221,6 +241,15 @@ impl Model {
             frame: scene.frame,
             gauge: spec.gauge,
             fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
+            images: spec.measurement.image_correlation.map(|c| Images {
+                subsets: Subsets {
+                    side_mm: c.subset_mm,
+                    shape: c.shape.unwrap_or(SubsetShape::Affine),
+                    kept: false,
+                },
+                camera_distance_mm: c.camera_distance_mm,
+                motion,
+            }),
             window,
             density: spec.density().scaled(finer),
             full_order: self.file.reduced_model.full_order,
@@ -257,13 +286,31 @@ impl Model {
         State::new(&constants, thickness).with(acting)
     }
 
-    /// The reduced model's problem for a window of measured points.
+    /// The reduced model's problem for a measured field.
     ///
     /// # Errors
     /// Those of [`Problem::validate`]; a specimen that cannot be meshed.
+    pub fn problem_of(&self, field: &Field) -> Result<Problem> {
+        let imaged = self.experiment().measurement.image_correlation.is_some();
+        let motion = if imaged {
+            rigid::fit(&field.points, &field.displacement)
+        } else {
+            RigidMotion::NONE
+        };
+        self.problem_over(field.measured_bounds(), motion)
+    }
+
+    /// The same for a window of measured points, where nothing is known of how the specimen moves.
+    ///
+    /// # Errors
+    /// Those of [`Model::problem_of`].
     pub fn problem(&self, window: [[f64; 2]; 2]) -> Result<Problem> {
+        self.problem_over(window, RigidMotion::NONE)
+    }
+
+    fn problem_over(&self, window: [[f64; 2]; 2], motion: RigidMotion) -> Result<Problem> {
         let problem = Problem {
-            experiment: self.experiment_over(window, 1.0)?,
+            experiment: self.moved_experiment_over(window, motion, 1.0)?,
             effects: self.sampled(),
             dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),

@@ -1,0 +1,26 @@
+//! The specimen moves towards the camera.
+
+use super::optics::no_camera;
+use super::{Effect, Entry, Kind, Parameter, Scene};
+
+pub struct OutOfPlaneTranslation;
+
+impl Effect for OutOfPlaneTranslation {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "out_of_plane_translation",
+            kind: Kind::Optical,
+            parameters: const { &[Parameter::new("w_mm", 0.075, 20.0)] },
+            about: "The specimen moves towards the camera between the exposures, and its picture grows about the camera's axis by w over the camera's distance.",
+            confirm: "A dial gauge on the face, or a second camera (3-D DIC), shows the motion; or repeat from twice the distance: its strain halves.",
+        }
+    }
+
+    fn motion(&self, amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {
+        [0.0, 0.0, amplitude[0]]
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        no_camera(scene)
+    }
+}
