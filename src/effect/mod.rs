@@ -165,6 +165,19 @@ impl Kind {
     }
 }
 
+/// What an effect's amplitude has to do with the steps of a load series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// It belongs to the specimen or the load; its field grows with the force.
+    Mechanical,
+    /// It belongs to the static picture, and acts through the whole motion of the specimen.
+    Picture,
+    /// It is another in each step, by some law.
+    Motion,
+    /// It belongs to the recording.
+    Recording,
+}
+
 /// What an effect may need to know of the nominal test.
 #[derive(Debug, Clone)]
 pub struct Scene {
@@ -258,6 +271,21 @@ pub trait Effect: Sync {
         u: [f64; 2],
     ) -> [f64; 2] {
         u
+    }
+
+    /// What an effect's amplitude has to do with the steps of a load series.
+    fn scope(&self) -> Scope {
+        match self.kind() {
+            Kind::Mechanical => Scope::Mechanical,
+            Kind::Optical => Scope::Picture,
+            Kind::Additive => Scope::Motion,
+            Kind::Recorded => Scope::Recording,
+        }
+    }
+
+    /// The power of the force with which a mechanical effect's part of the field grows, to leading order.
+    fn load_power(&self) -> i32 {
+        1
     }
 
     /// Whether a field under a prescribed force stays 1 / (h E1) times a function of the moduli's ratios where this acts.

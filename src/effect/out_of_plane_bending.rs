@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
 use crate::laminate::abd;
 
 /// Millimetres in one metre.
@@ -24,6 +24,10 @@ impl Effect for OutOfPlaneBending {
             about: "The load acts off the middle surface, so that the specimen bends out of its plane. The curvature along the load, at the hole and its change a mm along the load, is positive where it stretches the face that is seen (z = +h/2).",
             confirm: "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself.",
         }
+    }
+
+    fn scope(&self) -> Scope {
+        Scope::Mechanical
     }
 
     /// Surface strains (h/2) kappa with kappa = D^-1 (M, 0, 0), scaled so that kappa_1 is the amplitude; for a stack

@@ -1,7 +1,7 @@
 //! The specimen turns out of its plane.
 
 use super::optics::no_camera;
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
 
 pub struct OutOfPlaneRotation;
 
@@ -32,6 +32,10 @@ impl Effect for OutOfPlaneRotation {
             0.5 * a1 * (a2 * s - a1 * t),
             a1 * t - a2 * s,
         ]
+    }
+
+    fn scope(&self) -> Scope {
+        Scope::Motion
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {

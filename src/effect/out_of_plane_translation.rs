@@ -1,7 +1,7 @@
 //! The specimen moves towards the camera.
 
 use super::optics::no_camera;
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
 
 pub struct OutOfPlaneTranslation;
 
@@ -18,6 +18,10 @@ impl Effect for OutOfPlaneTranslation {
 
     fn motion(&self, amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {
         [0.0, 0.0, amplitude[0]]
+    }
+
+    fn scope(&self) -> Scope {
+        Scope::Motion
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {

@@ -156,10 +156,10 @@ impl FieldExperiment {
             let points = loaded.par_iter().zip(sight.all());
             points.map(|(u, &p)| camera.report(p, *u)).collect()
         };
-        let (loaded, gradient) = if gradient {
-            (loaded, observer.gradient(&solution.nodal))
+        let gradient = if gradient {
+            observer.gradient(&solution.nodal)
         } else {
-            (Vec::new(), Vec::new())
+            Vec::new()
         };
         Ok(Look {
             displacement,

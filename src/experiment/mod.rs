@@ -8,6 +8,7 @@ mod field;
 mod gauge;
 mod mock;
 mod sensitivity;
+pub mod series;
 mod sight;
 pub mod simulate;
 mod spec;
@@ -147,7 +148,7 @@ pub const NEAR_EDGE_HARMONICS: usize = 4;
 pub struct Look {
     /// Displacement (u1, u2), mm.
     pub displacement: Vec<[f64; 2]>,
-    /// Displacement of the specimen at the true points, before the camera, mm; empty where no gradient was asked for.
+    /// Displacement of the specimen at the true points, before the camera, mm.
     pub loaded: Vec<[f64; 2]>,
     /// Gradient of that displacement, `g[i][k]` = d u_i / d x_k; empty where it was not asked for.
     pub gradient: Vec<[[f64; 2]; 2]>,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::gauge::Gauge;
+use super::series::Law;
 use crate::effect::{self, Effect};
 use crate::error::{Error, Result};
 use crate::field::MeasurementSpec;
@@ -38,6 +39,9 @@ pub struct ExperimentSpec {
     pub window_mm: Option<[[f64; 2]; 2]>,
     /// Effects that the model declares.
     pub effects: Vec<String>,
+    /// How the amplitudes of declared motions go over the steps of a series; in proportion to the force where nothing is said.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub laws: BTreeMap<String, Law>,
     /// Effects that tracing may consider, in place of the whole dictionary.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub candidates: Option<Vec<String>>,

@@ -42,17 +42,32 @@ impl RigidMotion {
 
 /// Fit a rigid motion to displacements `values` at `points`.
 pub fn fit(points: &[[f64; 2]], values: &[[f64; 2]]) -> RigidMotion {
-    let n = points.len().max(1) as f64;
+    fitted(points, values, |_| 1.0)
+}
+
+/// The same of points that each count with a weight.
+pub fn fit_weighted(points: &[[f64; 2]], weights: &[usize], values: &[[f64; 2]]) -> RigidMotion {
+    fitted(points, values, |k| weights[k] as f64)
+}
+
+fn fitted(
+    points: &[[f64; 2]],
+    values: &[[f64; 2]],
+    weight: impl Fn(usize) -> f64,
+) -> RigidMotion {
+    let n: f64 = (0..points.len()).map(&weight).sum::<f64>().max(1.0);
     let mean = |v: &[[f64; 2]]| {
-        v.iter()
-            .fold([0.0; 2], |m, v| [m[0] + v[0] / n, m[1] + v[1] / n])
+        v.iter().enumerate().fold([0.0; 2], |m, (k, v)| {
+            let share = weight(k) / n;
+            [m[0] + share * v[0], m[1] + share * v[1]]
+        })
     };
     let (center, shift) = (mean(points), mean(values));
     let (mut moment, mut inertia) = (0.0, 0.0);
-    for (p, u) in points.iter().zip(values) {
+    for (k, (p, u)) in points.iter().zip(values).enumerate() {
         let (s, t) = (p[0] - center[0], p[1] - center[1]);
-        moment += s * (u[1] - shift[1]) - t * (u[0] - shift[0]);
-        inertia += s * s + t * t;
+        moment += weight(k) * (s * (u[1] - shift[1]) - t * (u[0] - shift[0]));
+        inertia += weight(k) * (s * s + t * t);
     }
     let angle = if inertia > 0.0 { moment / inertia } else { 0.0 };
     RigidMotion {

@@ -13,6 +13,7 @@ use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
 use super::fringes::{correct_jumps, correct_phase};
+use super::series::combine;
 use super::size::check_size;
 
 /// A reduced model and the measurement it is held against.
@@ -56,12 +57,8 @@ pub fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared> {
     progress.begin("reading the measurement", None);
-    let field = model.read_field()?;
-    progress.say(&format!("{} points", field.len()));
-    progress.end();
-    let problem = model.problem_of(&field)?;
+    let (problem, mut observation) = observed(model, progress)?;
     let experiment = &*problem.experiment;
-    let mut observation = Observation::new(field, experiment)?;
     let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
     let nominal = nominal_point(&problem, model);
     correct_jumps(model, &mut observation, &reduced, experiment, &nominal);
@@ -69,6 +66,7 @@ pub fn prepare(
         observation.drop_deviant_points(&reduced, experiment);
     }
     correct_phase(model, &mut observation, &reduced, experiment);
+    combine(model, &mut observation, experiment, model.state(&|_| None))?;
     Ok(Prepared {
         problem,
         reduced,
@@ -76,6 +74,31 @@ pub fn prepare(
         observation,
         discrepancy: [None, None],
     })
+}
+
+/// Read the measurement, and locate it on the plate that is to be solved.
+fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
+    let Some(series) = model.read_series()? else {
+        let field = model.read_field()?;
+        progress.say(&format!("{} points", field.len()));
+        progress.end();
+        let problem = model.problem_of(&field)?;
+        let observation = Observation::new(field, &*problem.experiment)?;
+        return Ok((problem, observation));
+    };
+    progress.say(&format!(
+        "{} steps of {} points",
+        series.steps.len(),
+        series.field.len()
+    ));
+    progress.end();
+    let problem = model.problem(series.field.measured_bounds())?;
+    let nominal_n = model.experiment().nominal_load().force_n;
+    let mut observation = Observation::of_series(&series, nominal_n, &*problem.experiment)?;
+    if let Some(steps) = &observation.steps {
+        observation.field.displacement = steps.combined(&observation.field.points);
+    }
+    Ok((problem, observation))
 }
 
 /// What lies closer to the hole's centre than this many radii is not looked at for structure: the hole's edge is where

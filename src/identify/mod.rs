@@ -8,6 +8,7 @@ mod patterns;
 pub mod phase;
 mod refine;
 mod residual;
+mod series;
 mod size;
 mod solve;
 mod structure;

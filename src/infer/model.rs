@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
-use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, amplitude_name};
+use super::stepped::Acts;
+use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::{Error, Result};
+use crate::experiment::series::{Law, SeriesState};
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
     Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, Images, MockExperiment,
@@ -26,6 +28,8 @@ pub struct Model {
     pub path: PathBuf,
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
+    /// What tracing found of the declared effects of a series: about that the next identification is linear in them.
+    pub traced: Option<SeriesState>,
 }
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
@@ -57,6 +61,7 @@ impl Model {
             file,
             path: path.to_path_buf(),
             effects,
+            traced: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
         Ok(model)
@@ -145,6 +150,7 @@ impl Model {
         self.effects
             .iter()
             .filter(|e| !matches!(e.kind(), Kind::Additive | Kind::Recorded))
+            .filter(|e| !self.is_stepped(**e))
             .copied()
             .collect()
     }
@@ -153,9 +159,31 @@ impl Model {
     pub fn additive(&self) -> Vec<&'static dyn Effect> {
         self.effects
             .iter()
-            .filter(|e| e.kind() == Kind::Additive)
+            .filter(|e| e.kind() == Kind::Additive && !self.is_stepped(**e))
             .copied()
             .collect()
+    }
+
+    /// Declared effects of a series' picture and of motion in its steps, beside rigid motion in the plane, which every step has.
+    pub fn stepped(&self) -> Vec<Acts> {
+        let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
+        let other = stepped.filter(|e| !e.name().starts_with("rigid_"));
+        other.map(|e| self.acts(*e)).collect()
+    }
+
+    /// A declared effect of a series with its law.
+    pub fn acts(&self, effect: &'static dyn Effect) -> Acts {
+        let moves = effect.scope() == Scope::Motion;
+        let law = self.experiment().laws.get(effect.name()).copied();
+        Acts {
+            effect,
+            law: moves.then_some(law.unwrap_or(Law::Load)),
+        }
+    }
+
+    /// Whether an effect acts by steps in this model.
+    fn is_stepped(&self, effect: &'static dyn Effect) -> bool {
+        self.experiment().steps.is_some() && self.acts(effect).is_stepped()
     }
 
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the

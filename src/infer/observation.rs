@@ -3,11 +3,12 @@
 use rayon::prelude::*;
 
 use super::model::Model;
+use super::steps::Steps;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Sight};
 use crate::field::deviant::deviant_points;
-use crate::field::{Field, Reason};
+use crate::field::{Field, Reason, Series};
 use crate::noise::residual_of_fit;
 use crate::reduce::ReducedModel;
 
@@ -20,6 +21,20 @@ pub struct Observation {
     pub sight: Sight,
     /// Declared effects of the recording, which have been taken out of the field.
     pub recorded: Vec<RecordedAmplitude>,
+    /// The steps of a load series, where it is one.
+    pub steps: Option<Steps>,
+    /// What declared effects of the picture and of motion do to the field of a series.
+    pub stepped: Vec<SteppedColumn>,
+}
+
+/// A parameter of a declared effect of a series, with its field.
+#[derive(Clone)]
+pub struct SteppedColumn {
+    pub name: String,
+    /// Prior sd, border units.
+    pub prior_sd: f64,
+    /// For one border unit, mm, at the measured points.
+    pub field: Vec<[f64; 2]>,
 }
 
 /// One amplitude of a declared effect of the recording, in its border unit.
@@ -51,7 +66,24 @@ impl Observation {
     ///
     /// # Errors
     /// Of the input: a field of which much lies beside the plate.
-    pub fn new(mut field: Field, experiment: &dyn Experiment) -> Result<Self> {
+    pub fn new(field: Field, experiment: &dyn Experiment) -> Result<Self> {
+        Ok(Self::located(field, experiment)?.0)
+    }
+
+    /// The same of a load series, whose forces are over `nominal_n`.
+    ///
+    /// # Errors
+    /// Those of [`Observation::new`].
+    pub fn of_series(series: &Series, nominal_n: f64, experiment: &dyn Experiment) -> Result<Self> {
+        let (own, kept) = Self::located(series.field.clone(), experiment)?;
+        Ok(Self {
+            steps: Some(Steps::new(series, nominal_n, &kept)),
+            ..own
+        })
+    }
+
+    /// The points on the plate, and which of the field's those are.
+    fn located(mut field: Field, experiment: &dyn Experiment) -> Result<(Self, Vec<bool>)> {
         let count = field.len();
         let (sight, inside) = experiment.locate(&field.points, &field.outlying);
         let dropped = field.retain(Reason::OutsidePlate, |i| inside[i]);
@@ -64,16 +96,22 @@ impl Observation {
                     "the plate spans {s:?} mm along the load and {t:?} mm across it, from the hole's centre; check loading_axis, hole_center_in_data_mm, the units and the specimen's dimensions"
                 )));
         }
-        Ok(Self {
+        let own = Self {
             field,
             sight,
             recorded: Vec::new(),
-        })
+            steps: None,
+            stepped: Vec::new(),
+        };
+        Ok((own, inside))
     }
 
     /// Drop points as outliers and count them. Returns how many went.
     pub fn drop_outliers(&mut self, keep: impl Fn(usize) -> bool) -> usize {
         self.sight.set_aside(&keep);
+        if let Some(steps) = &mut self.steps {
+            steps.retain(&keep);
+        }
         self.field.retain(Reason::Outlier, &keep)
     }
 
@@ -111,6 +149,11 @@ impl Observation {
                 columns.names.push(amplitude_name(effect, parameter));
                 columns.prior_sd.push(model.prior_sd(effect, k));
             }
+        }
+        for stepped in &self.stepped {
+            columns.effects.push(stepped.field.clone());
+            columns.names.push(stepped.name.clone());
+            columns.prior_sd.push(Some(stepped.prior_sd));
         }
         columns
     }

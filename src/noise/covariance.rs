@@ -199,6 +199,12 @@ pub struct BlockCovariance {
 }
 
 impl BlockCovariance {
+    /// Variance of each block average at s = 1.
+    pub fn variances(&self) -> Vec<f64> {
+        let rows = self.lower.row_iter();
+        rows.map(|row| row.norm_squared()).collect()
+    }
+
     /// Factorise diag(nbar / n_b) + `ratio` K.
     ///
     /// # Errors

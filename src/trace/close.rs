@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::attribute::attribute;
+use super::series::attribute_series;
 use super::averaged::Interval;
 use super::conclusion::{Conclusion, Status, conclude};
 use super::extend::extended;
@@ -169,7 +170,10 @@ impl Doubts {
     ) -> Result<Tracing> {
         let count = |name: &str| self.refused.iter().filter(|(n, _)| *n == name).count();
         let left = |name: &str| count(name) < REFUSALS;
-        let mut tracing = attribute(model, prepared, start, &left, progress)?;
+        let mut tracing = match &prepared.observation.steps {
+            Some(steps) => attribute_series(model, prepared, steps, start, &left, progress)?,
+            None => attribute(model, prepared, start, &left, progress)?,
+        };
         for (name, why) in &self.refused {
             let known = tracing.left_out.iter().any(|(n, _)| n == name);
             if !left(name) && !known {
@@ -203,17 +207,10 @@ const FAR: f64 = 2.5;
 
 /// The model that a round's tracing calls for.
 fn next_model(round: &Round) -> Option<Model> {
-    let Tracing {
-        accepted,
-        accepted_amplitude,
-        averaged,
-        ..
-    } = &round.tracing;
     Some(extended(
         &round.model,
-        (*accepted)?,
-        accepted_amplitude,
-        averaged,
+        round.tracing.accepted?,
+        &round.tracing,
     ))
 }
 

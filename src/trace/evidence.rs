@@ -9,7 +9,9 @@ use super::suspect::suspect;
 use super::tracing::{Found, Named, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
+use crate::experiment::series::Law;
 use crate::error::Result;
+use crate::noise::series::Frames;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
 /// unseen fields and silent in 3 of 3 without an effect; the program as built in 30 of 33, without a false alarm.
@@ -50,6 +52,29 @@ pub fn evidence<'a>(
     step: &(dyn Fn() + Sync),
 ) -> Result<Evidence<'a>> {
     let weighing = Weighing::new(measured, &sensitivities, step)?;
+    Evidence::new(sensitivities, measured, weighing)
+}
+
+/// The same of a load series.
+///
+/// # Errors
+/// Those of [`evidence`].
+pub fn evidence_of_series<'a>(
+    frames: &Frames<'_>,
+    sensitivities: Sensitivities,
+    measured: &'a Measured,
+    step: &(dyn Fn() + Sync),
+) -> Result<Evidence<'a>> {
+    let weighing = Weighing::of_series(frames, measured, &sensitivities, step)?;
+    Evidence::new(sensitivities, measured, weighing)
+}
+
+impl<'a> Evidence<'a> {
+    fn new(
+        sensitivities: Sensitivities,
+        measured: &'a Measured,
+        weighing: Weighing,
+    ) -> Result<Self> {
     let subsets = Subsets::new(&weighing, &sensitivities.candidates)?;
     Ok(Evidence {
         measured,
@@ -57,6 +82,7 @@ pub fn evidence<'a>(
         weighing,
         subsets,
     })
+    }
 }
 
 impl Evidence<'_> {
@@ -71,12 +97,12 @@ impl Evidence<'_> {
     /// Of the program, for columns that are not finite.
     pub fn tracing(&self, constants: &[f64]) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let noise = self.weighing.hyperparameters(pair);
+        let blocks = &self.measured.blocks;
         let holdout = Holdout::new(
             self.measured,
             &self.sensitivities,
             &self.subsets.layout.ranges,
-            noise,
+            self.weighing.variances(pair, blocks),
         );
         let best = self.subsets.best().clone();
         let with = holdout.scores(&best);
@@ -99,9 +125,11 @@ impl Evidence<'_> {
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
         let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
+        let accepted_law =
+            accepted.and_then(|k| self.sensitivities.candidates[found[k].leader].law);
         let accepted = accepted.map(|k| self.sensitivities.candidates[found[k].leader].effect);
         let accepted_amplitude = accepted.map_or_else(Vec::new, |effect| {
-            let found = candidates.iter().find(|f| f.effect.name() == effect.name());
+            let found = self.of(&candidates, effect.name(), accepted_law);
             found.map_or_else(Vec::new, |f| {
                 f.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect()
             })
@@ -127,10 +155,12 @@ impl Evidence<'_> {
             groups: named,
             accepted,
             accepted_amplitude,
+            accepted_law,
+            series: None,
             undecided,
             discrepancy: self.subsets.discrepancy,
-            length_mm: noise.map(|h| if h.ratio > 0.0 { h.length_mm } else { 0.0 }),
-            structure: noise.map(|h| h.is_discrepancy(&self.measured.blocks).then_some(*h)),
+            length_mm: self.weighing.lengths_mm(pair),
+            structure: self.weighing.structure(pair, blocks),
             averaged: average,
             suspect,
             blind_spots: self
@@ -181,7 +211,8 @@ impl Evidence<'_> {
     fn named(&self, group: &Group, predicts: bool) -> Named {
         Named {
             leader: self.name(group.leader),
-            members: group.members.iter().map(|&k| self.name(k)).collect(),
+            laws: self.laws(group),
+            members: self.names(&group.members),
             pairs: group
                 .pairs
                 .iter()
@@ -212,9 +243,41 @@ impl Evidence<'_> {
         found.map(one).collect()
     }
 
+    /// Names, each once, in order.
+    fn names(&self, candidates: &[usize]) -> Vec<&'static str> {
+        let mut names = Vec::new();
+        for name in candidates.iter().map(|&k| self.name(k)) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    /// The laws by which a group's leader may act.
+    fn laws(&self, group: &Group) -> Vec<Law> {
+        let leader = self.name(group.leader);
+        let law = |k: &usize| self.sensitivities.candidates[*k].law;
+        let others = group.members.iter().filter(|k| self.name(**k) == leader);
+        let mut laws: Vec<Law> = law(&group.leader).into_iter().collect();
+        for other in others.filter_map(law) {
+            if !laws.contains(&other) {
+                laws.push(other);
+            }
+        }
+        laws
+    }
+
+    /// What was found of an effect under a law.
+    fn of<'b>(&self, candidates: &'b [Found], name: &str, law: Option<Law>) -> Option<&'b Found> {
+        candidates
+            .iter()
+            .find(|f| f.effect.name() == name && f.law == law)
+    }
+
     fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
         let doubtful = self.subsets.discrepancy > DOUBT;
-        let found = candidates.iter().find(|f| f.effect.name() == group.leader);
+        let found = self.of(candidates, group.leader, group.laws.first().copied());
         group.probability > ACCEPT
             && group.predicts
             && found.is_some_and(|f| f.multiple < LARGEST_MULTIPLE && !f.is_impossible())
@@ -262,9 +325,12 @@ impl Evidence<'_> {
                 (c.name.clone(), c.mean + c.sd * mean[at + j], sd)
             })
             .collect();
+        // products with what is not known of the camera have no size of their own
+        let own = candidate.effect.parameters().len();
         let multiple = candidate
             .columns
             .iter()
+            .take(own)
             .zip(&amplitude)
             .fold(0.0_f64, |m, (c, a)| m.max((a.1 - c.mean).abs() / c.sd));
         // what noise fits by chance is not structure
@@ -275,6 +341,7 @@ impl Evidence<'_> {
         };
         Found {
             effect: candidate.effect,
+            law: candidate.law,
             inclusion_probability: subsets.probability(|s| s.contains(&k)),
             log_bayes_factor: subsets.log_bayes_factor_of(k),
             amplitude,

@@ -1,7 +1,8 @@
 //! A model with one more declared effect.
 
 use super::averaged::Interval;
-use crate::effect::{Effect, Kind, amplitude_name};
+use super::tracing::Tracing;
+use crate::effect::{Effect, amplitude_name};
 use crate::files::Keyed;
 use crate::infer::Model;
 
@@ -13,11 +14,20 @@ const BOX_SHARE: f64 = 0.1;
 pub fn extended(
     model: &Model,
     effect: &'static dyn Effect,
-    amplitude: &[(f64, f64)],
-    averaged: &Keyed<Interval>,
+    tracing: &Tracing,
 ) -> Model {
+    let Tracing {
+        accepted_amplitude: amplitude,
+        averaged,
+        ..
+    } = tracing;
     let mut model = model.clone();
     narrow(&mut model, averaged);
+    model.traced = tracing.series.clone();
+    if let Some(law) = tracing.accepted_law {
+        let laws = &mut model.experiment_mut().laws;
+        laws.insert(effect.name().to_string(), law);
+    }
     model
         .experiment_mut()
         .effects
@@ -33,7 +43,7 @@ pub fn extended(
         })
         .copied()
         .collect();
-    if !matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
+    if model.sampled().iter().any(|e| e.name() == effect.name()) {
         let prior_sd: Vec<f64> = effect
             .parameters()
             .iter()

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::sensitivities::{Column, Measured, Sensitivities};
 use super::subsets::{Subset, columns};
-use crate::noise::{Hyperparameters, NormalEquations};
+use crate::noise::NormalEquations;
 use crate::numeric::quantile;
 use crate::quantity::NM_PER_MM;
 
@@ -19,7 +19,7 @@ const RINGS: usize = 3;
 pub struct Holdout<'a> {
     sensitivities: &'a Sensitivities,
     ranges: &'a [Vec<usize>],
-    /// Region of each block.
+    /// Region of each block average.
     region: [Vec<usize>; DIVISIONS],
     variance: [DVector<f64>; 2],
     residual: [DVector<f64>; 2],
@@ -29,29 +29,19 @@ pub struct Holdout<'a> {
 type Normal = (DMatrix<f64>, DVector<f64>);
 
 impl<'a> Holdout<'a> {
-    /// Divide the field; variances from the hyperparameters of each component. Correlated noise counts as white noise that
-    /// leaves averages over large areas as uncertain: Matern-3/2 noise of length l is one value in each area of 2 pi l^2.
+    /// Divide the field; of a series all steps alike.
     pub fn new(
         measured: &Measured,
         sensitivities: &'a Sensitivities,
         ranges: &'a [Vec<usize>],
-        at: [&Hyperparameters; 2],
+        variance: [DVector<f64>; 2],
     ) -> Self {
         let blocks = &measured.blocks;
-        let mean = blocks.mean_count();
-        let variance = at.map(|s| {
-            let area = 2.0 * std::f64::consts::PI * s.length_mm * s.length_mm;
-            let together = (area / (blocks.size_mm * blocks.size_mm)).max(1.0);
-            let counts = blocks.count.iter();
-            DVector::from_iterator(
-                blocks.len(),
-                counts.map(|&n| s.scale2 * (mean / n as f64 + s.ratio * together)),
-            )
-        });
+        let steps = measured.averages[0].len() / blocks.len().max(1);
         Self {
             sensitivities,
             ranges,
-            region: divisions(&blocks.centroid),
+            region: divisions(&blocks.centroid).map(|region| region.repeat(steps)),
             variance,
             residual: measured.residual(sensitivities),
         }

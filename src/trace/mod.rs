@@ -12,6 +12,7 @@ mod recording;
 mod ridge;
 mod round;
 mod sensitivities;
+mod series;
 mod subsets;
 mod suspect;
 mod tracing;

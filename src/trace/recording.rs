@@ -66,6 +66,7 @@ fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: 
             .unwrap_or(1.0);
     Found {
         effect,
+        law: None,
         inclusion_probability: 1.0,
         log_bayes_factor: log_bayes_factor.min(1e9),
         amplitude: effect
@@ -102,6 +103,7 @@ pub fn find_phase(
     let amplitude = phase.amplitudes_nm();
     let found = Found {
         effect,
+        law: None,
         inclusion_probability: if odds.is_finite() {
             odds / (1.0 + odds)
         } else {

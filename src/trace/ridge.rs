@@ -1,11 +1,14 @@
 //! The point about which tracing linearises: a ridge estimate of the constants with every effect present under its prior.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
-use super::sensitivities::{Column, Linearised, Measured, Sensitivities};
+use super::sensitivities::{Candidate, Column, Linearised, Measured, Sensitivities};
 use crate::effect::{Effect, Kind};
 use crate::error::Result;
 use crate::experiment::State;
+use crate::experiment::series::SeriesState;
+use crate::infer::{Acts, Stepped};
 use crate::noise::NormalEquations;
 
 /// Parameters that move by less, prior sds, have converged: a shift that no decision depends on (prototype study).
@@ -46,17 +49,7 @@ fn ridge_step(
     sensitivities: &Sensitivities,
 ) -> f64 {
     let solution = sensitivities.ridge(measured);
-    let mut moved = 0.0_f64;
-    for (k, value) in state.constants.iter_mut().enumerate() {
-        let column = &sensitivities.base[k];
-        // a prior sd a step keeps the constants admissible and the linearisation valid
-        let wanted = column.mean + column.sd * solution[k];
-        let step = (wanted - *value).clamp(-column.sd, column.sd);
-        let reach = FARTHEST * column.sd;
-        let low = (column.mean - reach).max(SMALLEST * column.mean);
-        *value = (*value + step).clamp(low, column.mean + reach);
-        moved = moved.max(step.abs() / column.sd);
-    }
+    let mut moved = constants_moved(state, sensitivities, &solution);
     for effect in &linearised.model.effects {
         let mut amplitude = state.amplitude(*effect);
         for (value, parameter) in amplitude.iter_mut().zip(effect.parameters()) {
@@ -72,6 +65,116 @@ fn ridge_step(
             *value = wanted.clamp(-0.9 * parameter.bound, 0.9 * parameter.bound);
         }
         state.set(*effect, amplitude);
+    }
+    moved
+}
+
+/// The same of a series.
+///
+/// # Errors
+/// Those of finite-element solutions.
+pub fn series_at_ridge(
+    stepped: &Stepped<'_>,
+    measured: &Measured,
+    state: &mut SeriesState,
+    declared: &[Acts],
+    candidates: &[Acts],
+) -> Result<Sensitivities> {
+    let mut sensitivities = of_series(stepped, state, declared, candidates)?;
+    for _ in 0..STEPS {
+        let solution = sensitivities.ridge(measured);
+        let wanted = |k: usize| {
+            let column: &Column = &sensitivities.base[k];
+            column.mean + column.sd * solution[k]
+        };
+        let mut moved = constants_moved(&mut state.shared, &sensitivities, &solution);
+        for acts in declared {
+            let weights = acts.weights(&state.loads);
+            for (k, parameter) in acts.effect.parameters().iter().enumerate() {
+                let name = crate::effect::amplitude_name(acts.effect, parameter);
+                let Some(at) = sensitivities.base.iter().position(|c| c.name == name) else {
+                    continue;
+                };
+                let column = &sensitivities.base[at];
+                let reach = 0.9 * parameter.bound;
+                let by = wanted(at).clamp(-reach, reach) - column.at;
+                *state = state.raised(acts.effect, k, by, &weights);
+                moved = moved.max((by / column.sd).abs());
+            }
+        }
+        if moved < CONVERGED {
+            break;
+        }
+        let kept = sensitivities;
+        sensitivities = of_series(stepped, state, declared, &[])?;
+        sensitivities.candidates = kept.candidates;
+        sensitivities.near_edge = kept.near_edge;
+        let sought: Vec<Column> = sensitivities
+            .candidates
+            .iter()
+            .flat_map(|c| c.columns.clone())
+            .collect();
+        sensitivities.carry(&sought);
+    }
+    Ok(sensitivities)
+}
+
+/// Linearise a series at a state.
+fn of_series(
+    stepped: &Stepped<'_>,
+    at: &SeriesState,
+    declared: &[Acts],
+    candidates: &[Acts],
+) -> Result<Sensitivities> {
+    let here = stepped.here(at)?;
+    let columns = |acts: &Acts| {
+        let columns = here.columns(acts);
+        (stepped.step)();
+        columns
+    };
+    let mut base = here.always()?;
+    let own: Vec<Vec<Column>> = declared.par_iter().map(columns).collect::<Result<_>>()?;
+    base.extend(own.into_iter().flatten());
+    let sought: Vec<Vec<Column>> = candidates.par_iter().map(columns).collect::<Result<_>>()?;
+    let found = candidates.iter().zip(sought);
+    let near_edge = if candidates.is_empty() {
+        Vec::new()
+    } else {
+        here.near_edge()?
+    };
+    let mut sensitivities = Sensitivities {
+        predicted: here.predicted(),
+        base,
+        constants: at.shared.constants.len(),
+        candidates: found
+            .map(|(acts, columns)| Candidate {
+                effect: acts.effect,
+                law: acts.law,
+                columns,
+            })
+            .collect(),
+        near_edge,
+    };
+    sensitivities.carry_to_means();
+    Ok(sensitivities)
+}
+
+/// Move the constants of a state to where a solution wants them, in short steps; how far, in prior sds.
+fn constants_moved(
+    state: &mut State,
+    sensitivities: &Sensitivities,
+    solution: &DVector<f64>,
+) -> f64 {
+    let mut moved = 0.0_f64;
+    for (k, value) in state.constants.iter_mut().enumerate() {
+        let column = &sensitivities.base[k];
+        // a prior sd a step keeps the constants admissible and the linearisation valid
+        let wanted = column.mean + column.sd * solution[k];
+        let step = (wanted - *value).clamp(-column.sd, column.sd);
+        let reach = FARTHEST * column.sd;
+        let low = (column.mean - reach).max(SMALLEST * column.mean);
+        *value = (*value + step).clamp(low, column.mean + reach);
+        moved = moved.max(step.abs() / column.sd);
     }
     moved
 }
@@ -92,8 +195,8 @@ impl Sensitivities {
         let mut right = DVector::zeros(p);
         let mut total = 0.0;
         for (c, residual) in residual.iter().enumerate() {
-            let mut weighted = DMatrix::zeros(count.len(), p + 1);
-            for (b, &n) in count.iter().enumerate() {
+            let mut weighted = DMatrix::zeros(residual.len(), p + 1);
+            for (b, &n) in count.iter().cycle().take(residual.len()).enumerate() {
                 let root = (n as f64).sqrt();
                 for (k, column) in columns.iter().enumerate() {
                     weighted[(b, k)] = root * column.values[c][b];
@@ -112,7 +215,7 @@ impl Sensitivities {
         // the white variance of a point from what a nearly free fit leaves
         let nearly_free = solve(1e-12 * total.max(f64::MIN_POSITIVE));
         let left = total - 2.0 * right.dot(&nearly_free) + nearly_free.dot(&(&gram * &nearly_free));
-        let freedom = (2 * count.len()).saturating_sub(p).max(1) as f64;
+        let freedom = (2 * residual[0].len()).saturating_sub(p).max(1) as f64;
         solve((left / freedom).max(1e-12 * total))
     }
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
+use crate::experiment::series::Law;
 use crate::experiment::{Direction, Prediction, State, predict_with_gradient, sensitivity};
 use crate::fem::Anchor;
 use crate::field::{Blocks, Field};
@@ -14,34 +15,14 @@ use crate::infer::Model;
 use crate::laminate::MeanSd;
 use crate::reduce::THICKNESS;
 
-/// One parameter and what it does.
-#[derive(Debug, Clone)]
-pub struct Column {
-    /// `E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`.
-    pub name: String,
-    /// Prior mean, border units.
-    pub mean: f64,
-    /// Prior sd, border units.
-    pub sd: f64,
-    /// Value at which the test was linearised.
-    pub at: f64,
-    /// Whether the parameter cannot be negative.
-    pub positive: bool,
-    /// Change of the block averages of (u1, u2) for one prior sd, mm.
-    pub values: [DVector<f64>; 2],
-}
-
-impl Column {
-    /// Whether it moves the specimen as a whole.
-    pub fn is_rigid(&self) -> bool {
-        self.name.starts_with("rigid_")
-    }
-}
+pub use crate::infer::Column;
 
 /// An effect that the model lacks, or might.
 #[derive(Clone)]
 pub struct Candidate {
     pub effect: &'static dyn Effect,
+    /// How its amplitude goes over the steps of a series, where it is another in each.
+    pub law: Option<Law>,
     pub columns: Vec<Column>,
 }
 
@@ -61,7 +42,20 @@ pub struct Sensitivities {
     pub near_edge: Vec<[DVector<f64>; 2]>,
 }
 
-/// The measured field as block averages.
+impl Sensitivities {
+    /// Carry the prediction to the prior means of some parameters.
+    pub fn carry(&mut self, columns: &[Column]) {
+        move_to_means(&mut self.predicted, columns.iter());
+    }
+
+    /// Carry the prediction from where it was linearised to the prior means of all parameters.
+    pub fn carry_to_means(&mut self) {
+        let sought = self.candidates.iter().flat_map(|c| &c.columns);
+        move_to_means(&mut self.predicted, self.base.iter().chain(sought));
+    }
+}
+
+/// The measured field as block averages; of a series those of all steps, one step after the other.
 pub struct Measured {
     pub blocks: Blocks,
     /// Averages of (u1, u2), mm.
@@ -161,6 +155,7 @@ impl Linearised<'_> {
             .iter()
             .map(|&effect| Candidate {
                 effect,
+                law: None,
                 columns: columns.by_ref().take(effect.parameters().len()).collect(),
             })
             .collect();

@@ -57,6 +57,8 @@ pub struct Layout {
     pub ranges: Vec<Vec<usize>>,
     /// Whether a column's amplitude cannot be negative: its prior is half a normal one.
     positive: Vec<bool>,
+    /// Names of the candidates' effects: no subset holds one twice, by two laws.
+    names: Vec<&'static str>,
 }
 
 /// Two parts of a field whose cosine is below minus this are one effect taken twice with opposite signs: a hole size and an edge
@@ -75,6 +77,7 @@ impl Layout {
         Self {
             ranges: ranges.collect(),
             positive: columns.map(|c| c.positive).collect(),
+            names: candidates.iter().map(|c| c.effect.name()).collect(),
         }
     }
 
@@ -88,6 +91,9 @@ impl Layout {
     fn log_bayes_factor(&self, projected: &Projected, subset: &Subset) -> f64 {
         if subset.is_empty() {
             return 0.0;
+        }
+        if self.repeats(subset) {
+            return f64::NEG_INFINITY;
         }
         let columns = self.columns(subset);
         let Some(fit) = restrict(projected, &columns) else {
@@ -113,6 +119,14 @@ impl Layout {
             return f64::NEG_INFINITY;
         }
         log
+    }
+
+    /// Whether a subset holds an effect twice.
+    fn repeats(&self, subset: &Subset) -> bool {
+        let names = subset.iter().map(|&k| self.names[k]);
+        names
+            .enumerate()
+            .any(|(i, name)| subset[..i].iter().any(|&k| self.names[k] == name))
     }
 
     /// Whether two effects of a subset undo each other at amplitudes `mean`, what the base model absorbs left aside.

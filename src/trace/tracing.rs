@@ -3,6 +3,7 @@
 use super::averaged::{BlindSpot, Interval};
 use super::suspect::{Suspect, UNEXPLAINED};
 use crate::effect::Effect;
+use crate::experiment::series::{Law, SeriesState};
 use crate::files::Keyed;
 use crate::noise::Hyperparameters;
 
@@ -10,6 +11,8 @@ use crate::noise::Hyperparameters;
 #[derive(Clone)]
 pub struct Found {
     pub effect: &'static dyn Effect,
+    /// How its amplitude goes over the steps of a series.
+    pub law: Option<Law>,
     /// Posterior probability that it acts.
     pub inclusion_probability: f64,
     /// Log Bayes factor for its acting.
@@ -44,6 +47,9 @@ pub struct Tracing {
     pub accepted: Option<&'static dyn Effect>,
     /// Its amplitudes (mean, sd) a parameter, border units.
     pub accepted_amplitude: Vec<(f64, f64)>,
+    /// How its amplitude goes over the steps of a series, and the state with it.
+    pub accepted_law: Option<Law>,
+    pub series: Option<SeriesState>,
     /// Groups that the data speak for without being sure.
     pub undecided: Vec<Vec<&'static str>>,
     /// Probability of smooth structure that no effect explains.
@@ -75,6 +81,8 @@ impl Tracing {
 pub struct Named {
     /// The member with the largest evidence.
     pub leader: &'static str,
+    /// How its amplitude goes over the steps of a series, the likeliest first, as far as the evidence does not tell.
+    pub laws: Vec<Law>,
     /// All single members.
     pub members: Vec<&'static str>,
     /// Pairs that together could stand in.

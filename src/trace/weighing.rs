@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
+use crate::noise::series::{Frames, SeriesNoise, Setting, settings};
 use crate::noise::{BlockCovariance, Hyperparameters, NormalEquations, solve};
 
 /// Prior probability of a smooth discrepancy. With it the prototype study called 38 of 38 smooth random fields outside the
@@ -39,9 +40,8 @@ pub struct NoiseChoice {
 
 /// Hyperparameters of both components that are worth weighing together.
 pub struct Weighing {
-    /// Choices for u1 and u2.
-    pub choices: [Vec<NoiseChoice>; 2],
-    /// Pairs of them, with their log prior probability.
+    source: Source,
+    /// Choices of the noise of both components, with their log prior probability.
     pub pairs: Vec<NoisePair>,
     /// Number of base columns, which come first, before those of the candidates and of the near-edge rival.
     base: usize,
@@ -49,11 +49,20 @@ pub struct Weighing {
     blocks: usize,
 }
 
-/// A choice for each component.
+/// What is known under every choice of the noise.
+#[derive(Clone)]
+enum Source {
+    /// Choices for u1 and u2.
+    Components([Vec<NoiseChoice>; 2]),
+    /// Settings of a series, both components together.
+    Series(SeriesNoise),
+}
+
+/// A choice of the noise of both components.
 #[derive(Debug, Clone, Copy)]
 pub struct NoisePair {
-    /// Indices into the choices.
-    pub of: [usize; 2],
+    /// Indices into the choices of either component; into the settings of a series, twice the same.
+    of: [usize; 2],
     /// Log prior probability.
     pub log_prior: f64,
     /// Whether either is a discrepancy.
@@ -92,7 +101,32 @@ impl Weighing {
         let choices = choices(measured, sensitivities, step)?;
         Ok(Self {
             pairs: pairs(&choices, &measured.blocks),
-            choices,
+            source: Source::Components(choices),
+            base: sensitivities.base.len(),
+            blocks: measured.blocks.len(),
+        })
+    }
+
+    /// The same of a series, whose values are stacked step by step.
+    ///
+    /// # Errors
+    /// Those of [`settings`].
+    pub fn of_series(
+        frames: &Frames<'_>,
+        measured: &Measured,
+        sensitivities: &Sensitivities,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let of = |c: usize| with_data(measured, sensitivities, c);
+        let noise = settings(frames, [&of(0), &of(1)], step)?;
+        let pair = |(k, setting): (usize, &Setting)| NoisePair {
+            of: [k, k],
+            log_prior: setting.log_prior,
+            discrepancy: setting.at.rival.is_some(),
+        };
+        Ok(Self {
+            pairs: noise.settings.iter().enumerate().map(pair).collect(),
+            source: Source::Series(noise),
             base: sensitivities.base.len(),
             blocks: measured.blocks.len(),
         })
@@ -105,8 +139,17 @@ impl Weighing {
             log_det: choice.log_det + self.blocks as f64 * choice.beyond_rival.ln(),
             ..choice.clone()
         };
+        let source = match &self.source {
+            Source::Components(choices) => Source::Components(
+                choices
+                    .each_ref()
+                    .map(|choices| choices.iter().map(rescaled).collect()),
+            ),
+            // measured where nothing that grows with the load can enter it
+            Source::Series(noise) => Source::Series(noise.clone()),
+        };
         Self {
-            choices: [0, 1].map(|c: usize| self.choices[c].iter().map(rescaled).collect()),
+            source,
             pairs: self.pairs.clone(),
             ..*self
         }
@@ -114,7 +157,12 @@ impl Weighing {
 
     /// Normal equations of all columns and, last, the data, under a pair.
     pub fn gram(&self, pair: &NoisePair) -> DMatrix<f64> {
-        &self.choices[0][pair.of[0]].gram + &self.choices[1][pair.of[1]].gram
+        match &self.source {
+            Source::Components([first, second]) => {
+                &first[pair.of[0]].gram + &second[pair.of[1]].gram
+            }
+            Source::Series(noise) => noise.settings[pair.of[0]].gram.clone(),
+        }
     }
 
     /// Eliminate the base columns, of prior N(0, 1) each, under a pair.
@@ -139,16 +187,90 @@ impl Weighing {
 
     /// Log evidence of a model without a column, with the pair's log prior, up to a constant.
     pub fn log_data(&self, pair: &NoisePair) -> f64 {
-        let log = |c: usize| {
-            let choice = &self.choices[c][pair.of[c]];
-            choice.log_det + choice.gram[(choice.gram.nrows() - 1, choice.gram.nrows() - 1)]
+        let log = |log_det: f64, gram: &DMatrix<f64>| {
+            log_det + gram[(gram.nrows() - 1, gram.nrows() - 1)]
         };
-        pair.log_prior - 0.5 * (log(0) + log(1))
+        let both = match &self.source {
+            Source::Components(choices) => {
+                let of = |c: usize| {
+                    let choice = &choices[c][pair.of[c]];
+                    log(choice.log_det, &choice.gram)
+                };
+                of(0) + of(1)
+            }
+            Source::Series(noise) => {
+                let setting = &noise.settings[pair.of[0]];
+                log(setting.log_det, &setting.gram)
+            }
+        };
+        pair.log_prior - 0.5 * both
     }
 
-    /// The covariance hyperparameters of both components in a pair.
-    pub fn hyperparameters(&self, pair: &NoisePair) -> [&Hyperparameters; 2] {
-        [0, 1].map(|c| &self.choices[c][pair.of[c]].at)
+    /// Correlation length of the noise of each component in a pair, mm; 0 of white noise.
+    pub fn lengths_mm(&self, pair: &NoisePair) -> [f64; 2] {
+        let of = |length: f64, ratio: f64| if ratio > 0.0 { length } else { 0.0 };
+        match &self.source {
+            Source::Components(choices) => [0, 1].map(|c: usize| {
+                let at = &choices[c][pair.of[c]].at;
+                of(at.length_mm, at.ratio)
+            }),
+            Source::Series(series) => {
+                let spatial = &series.noise.spatial;
+                spatial.each_ref().map(|n| of(n.length_mm, n.ratio))
+            }
+        }
+    }
+
+    /// Hyperparameters of each component in a pair, where they are those of a discrepancy of a single field.
+    pub fn structure(&self, pair: &NoisePair, blocks: &Blocks) -> [Option<Hyperparameters>; 2] {
+        match &self.source {
+            Source::Components(choices) => [0, 1].map(|c: usize| {
+                let at = choices[c][pair.of[c]].at;
+                at.is_discrepancy(blocks).then_some(at)
+            }),
+            Source::Series(_) => [None, None],
+        }
+    }
+
+    /// Variance of every block average of each component in a pair, mm^2. Correlated noise counts as white noise that leaves averages
+    /// over large areas as uncertain: Matern-3/2 noise of length l is one value in each area of 2 pi l^2.
+    pub fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2] {
+        let mean = blocks.mean_count();
+        let together = |length_mm: f64| {
+            let area = std::f64::consts::TAU * length_mm * length_mm;
+            (area / (blocks.size_mm * blocks.size_mm)).max(1.0)
+        };
+        match &self.source {
+            Source::Components(choices) => [0, 1].map(|c: usize| {
+                let s = &choices[c][pair.of[c]].at;
+                let counts = blocks.count.iter();
+                let of = |&n: &usize| s.scale2 * (mean / n as f64 + s.ratio * together(s.length_mm));
+                DVector::from_iterator(blocks.len(), counts.map(of))
+            }),
+            Source::Series(series) => [0, 1].map(|c: usize| {
+                let noise = &series.noise;
+                let s = &noise.spatial[c];
+                let reference = series.settings[pair.of[0]].at.reference;
+                let all = s.covariance.variances();
+                let white: Vec<f64> = all.iter().map(|v| (v - s.ratio).max(0.0)).collect();
+                let of = |(d, w): (&f64, f64)| {
+                    (d + reference) * s.scale2 * (w + s.ratio * together(s.length_mm))
+                };
+                let frames = noise.scales.iter();
+                let all: Vec<f64> = frames
+                    .flat_map(|d| white.iter().map(move |w| of((d, *w))))
+                    .collect();
+                DVector::from_vec(all)
+            }),
+        }
+    }
+
+    /// The noise of a series.
+    pub fn series(&self) -> Option<&SeriesNoise> {
+        match &self.source {
+            Source::Components(_) => None,
+            Source::Series(noise) => Some(noise),
+        }
     }
 }
 
@@ -178,6 +300,16 @@ fn choices(
         });
         found
     }))
+}
+
+/// All columns of one component, the near-edge rival's after the others, and last the data.
+fn with_data(measured: &Measured, sensitivities: &Sensitivities, c: usize) -> DMatrix<f64> {
+    let sought = sensitivities.candidates.iter().flat_map(|k| &k.columns);
+    let own = sensitivities.base.iter().chain(sought).map(|k| &k.values[c]);
+    let rival = sensitivities.near_edge.iter().map(|field| &field[c]);
+    let data = &measured.residual(sensitivities)[c];
+    let all: Vec<DVector<f64>> = own.chain(rival).chain([data]).cloned().collect();
+    DMatrix::from_columns(&all)
 }
 
 /// What is weighed of one component.

@@ -1,0 +1,260 @@
+//! A load series: one specimen, pictured in several steps. All steps share constants, geometry, thickness and the static map of the
+//! picture; each has its own force and its own motion.
+//!
+//! A series is predicted at few places (averages over blocks of points), from what one solution of the finite elements shows there.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Experiment, Look, State, gauged};
+use crate::effect::{Acting, Effect, Kind, Scene, Scope, Seen};
+use crate::error::Result;
+use crate::fem::Anchor;
+use crate::field::rigid::{self, RigidMotion};
+
+/// How the amplitude of a motion goes over the steps of a series.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Law {
+    /// It has arisen with the reference picture: the same in every step.
+    Constant,
+    /// In proportion to the force.
+    Load,
+    /// There once the specimen is loaded: F / (F + F0) with F0 a twentieth of the largest force.
+    Seated,
+    /// In proportion to the step's number.
+    Drift,
+    /// An amplitude of its own in every step.
+    Free,
+}
+
+impl Law {
+    pub const ALL: [Self; 5] = [
+        Self::Constant,
+        Self::Load,
+        Self::Seated,
+        Self::Drift,
+        Self::Free,
+    ];
+
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Constant => "constant",
+            Self::Load => "with the load",
+            Self::Seated => "seated",
+            Self::Drift => "drift",
+            Self::Free => "free",
+        }
+    }
+
+    /// The amplitude in each step over the amplitude that is stated, which is that of a full force or, of a drift, of the last step
+    /// under load; `loads` are the forces over the largest one. A free amplitude has one set of weights for each step.
+    pub fn weights(self, loads: &[f64]) -> Vec<Vec<f64>> {
+        let count = loads.len();
+        let loaded = loads.iter().rposition(|f| *f > 0.0).map_or(count, |k| k + 1);
+        match self {
+            Self::Constant => vec![vec![1.0; count]],
+            Self::Load => vec![loads.to_vec()],
+            Self::Seated => vec![loads.iter().map(|f| f / (f.abs() + SEATING)).collect()],
+            Self::Drift => vec![(1..=count).map(|k| k as f64 / loaded as f64).collect()],
+            Self::Free => (0..count)
+                .map(|s| (0..count).map(|k| f64::from(u8::from(k == s))).collect())
+                .collect(),
+        }
+    }
+}
+
+/// The force F0 of [`Law::Seated`] over the largest force (prototype study).
+const SEATING: f64 = 0.05;
+
+/// A point of a series' parameter space.
+#[derive(Clone)]
+pub struct SeriesState {
+    /// Constants, thickness, and the effects that all steps share.
+    pub shared: State,
+    /// Force of each step over the nominal one.
+    pub loads: Vec<f64>,
+    /// Motion in the plane in each step.
+    pub rigid: Vec<RigidMotion>,
+    /// Effects that move the specimen, with their amplitudes in each step.
+    pub moving: Vec<Moving>,
+}
+
+/// An effect whose amplitudes are another in each step.
+#[derive(Clone)]
+pub struct Moving {
+    pub effect: &'static dyn Effect,
+    /// Border units, `amplitude[step][parameter]`.
+    pub amplitude: Vec<Vec<f64>>,
+}
+
+impl SeriesState {
+    /// The state with the amplitude of an effect's parameter raised by some border units: of a motion in each step times its weight.
+    #[must_use]
+    pub fn raised(
+        &self,
+        effect: &'static dyn Effect,
+        parameter: usize,
+        by: f64,
+        weights: &[f64],
+    ) -> Self {
+        let mut state = self.clone();
+        if effect.scope() != Scope::Motion {
+            state.shared.shift(effect, parameter, by);
+            return state;
+        }
+        let known = |m: &&mut Moving| m.effect.name() == effect.name();
+        let none = || Moving {
+            effect,
+            amplitude: vec![vec![0.0; effect.parameters().len()]; weights.len()],
+        };
+        if state.moving.iter_mut().find(known).is_none() {
+            state.moving.push(none());
+        }
+        for moving in state.moving.iter_mut().filter(|m| m.effect.name() == effect.name()) {
+            for (own, weight) in moving.amplitude.iter_mut().zip(weights) {
+                own[parameter] += by * weight;
+            }
+        }
+        state
+    }
+
+    /// Effects that act on the picture of a step.
+    fn acting(&self, step: usize) -> Vec<Acting> {
+        let moving = self.moving.iter().map(|m| Acting {
+            effect: m.effect,
+            amplitude: m.amplitude[step].clone(),
+        });
+        let acts = |a: &Acting| a.amplitude.iter().any(|x| *x != 0.0);
+        self.shared.acting().iter().cloned().chain(moving.filter(acts)).collect()
+    }
+}
+
+/// What a full nominal force causes at the places of a series.
+#[derive(Clone)]
+pub struct Loaded {
+    /// The part that is proportional to the force, mm.
+    pub linear: Vec<[f64; 2]>,
+    /// What nonlinear effects add, mm, with the power of the force.
+    pub beyond: Option<(i32, Vec<[f64; 2]>)>,
+    /// Gradient of the displacement.
+    pub gradient: Vec<[[f64; 2]; 2]>,
+}
+
+impl Loaded {
+    /// Displacement at a place under a force over the nominal one.
+    fn at(&self, place: usize, load: f64) -> [f64; 2] {
+        let u = self.linear[place].map(|u| load * u);
+        match &self.beyond {
+            Some((power, beyond)) => {
+                [0, 1].map(|c| u[c] + load.powi(*power) * beyond[place][c])
+            }
+            None => u,
+        }
+    }
+}
+
+/// A field before the camera, and its gradient, at a sight's points.
+pub type Shown = (Vec<[f64; 2]>, Vec<[[f64; 2]; 2]>);
+
+/// Solve for what a full nominal force causes: the field of `state`, and its part that is not proportional to the force.
+///
+/// # Errors
+/// Those of a prediction.
+pub fn loaded(
+    experiment: &dyn Experiment,
+    about: Option<&Anchor>,
+    state: &State,
+    sight: &super::Sight,
+    average: &dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]>,
+    gradient: bool,
+) -> Result<Loaded> {
+    let nonlinear = |a: &&Acting| a.effect.load_power() != 1;
+    let acting = state.acting();
+    let show = |state: &State| -> Result<Look> {
+        match about {
+            Some(_) if !gradient => experiment.look_near(about, state, sight),
+            _ => experiment.look(state, sight, gradient),
+        }
+    };
+    let rigid_free = |look: &Look| average(&gauged(super::Gauge::Window, sight, &look.loaded));
+    let full = show(state)?;
+    let gradients: Vec<[[f64; 2]; 2]> = if gradient {
+        let rows = [0, 1].map(|i| {
+            let row: Vec<[f64; 2]> = full.gradient.iter().map(|g| g[i]).collect();
+            average(&row[..sight.points().len()])
+        });
+        rows[0].iter().zip(&rows[1]).map(|(a, b)| [*a, *b]).collect()
+    } else {
+        Vec::new()
+    };
+    let whole = rigid_free(&full);
+    let power = acting.iter().find(nonlinear).map(|a| a.effect.load_power());
+    let Some(power) = power else {
+        return Ok(Loaded {
+            linear: whole,
+            beyond: None,
+            gradient: gradients,
+        });
+    };
+    let mut plain = state.clone();
+    for a in acting.iter().filter(nonlinear) {
+        plain.set(a.effect, vec![0.0; a.amplitude.len()]);
+    }
+    let linear = rigid_free(&show(&plain)?);
+    let beyond = whole.iter().zip(&linear);
+    Ok(Loaded {
+        beyond: Some((
+            power,
+            beyond.map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect(),
+        )),
+        linear,
+        gradient: gradients,
+    })
+}
+
+/// What the camera reports in each step at places, mm, free of the least-squares rigid motion over them (each place counting with its
+/// weight), from what a full force causes there. `linearised` is the state of which that is: where the picture's map differs, the
+/// displacement follows the material point by its gradient.
+pub fn report(
+    state: &SeriesState,
+    linearised: &State,
+    loaded: &Loaded,
+    scene: &Scene,
+    places: &[[f64; 2]],
+    weights: &[usize],
+) -> Vec<Vec<[f64; 2]>> {
+    let before = Seen::new(linearised.acting(), scene);
+    let steps = state.loads.iter().zip(&state.rigid).enumerate();
+    let one = |(step, (&load, rigid)): (usize, (&f64, &RigidMotion))| {
+        let acting = state.acting(step);
+        let camera = Seen::new(&acting, scene).moved(*rigid);
+        let report = |(k, &place): (usize, &[f64; 2])| {
+            let mut u = loaded.at(k, load);
+            let point = camera.true_point(place);
+            if let Some(g) = loaded.gradient.get(k) {
+                let from = before.true_point(place);
+                let shift = [point[0] - from[0], point[1] - from[1]];
+                u = [0, 1].map(|i| u[i] + load * (g[i][0] * shift[0] + g[i][1] * shift[1]));
+            }
+            for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
+                let by = if a.effect.scope() == Scope::Mechanical { load } else { 1.0 };
+                let added = a.effect.displacement(&a.amplitude, scene, point);
+                u = [0, 1].map(|i| u[i] + by * added[i]);
+            }
+            camera.report(place, u)
+        };
+        let seen: Vec<[f64; 2]> = places.iter().enumerate().map(report).collect();
+        rigid_free(places, weights, &seen)
+    };
+    steps.map(one).collect()
+}
+
+/// A field without its least-squares rigid motion, each place counting with its weight.
+pub fn rigid_free(places: &[[f64; 2]], weights: &[usize], field: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let motion = rigid::fit_weighted(places, weights, field);
+    let left = |(&p, u): (&[f64; 2], &[f64; 2])| {
+        let m = motion.at(p);
+        [u[0] - m[0], u[1] - m[1]]
+    };
+    places.iter().zip(field).map(left).collect()
+}

@@ -1,0 +1,454 @@
+//! Sensitivities of a load series: what every parameter does to what each step shows, at places that are averages over points.
+//!
+//! Values are stacked step by step. The recipe and its figures are those of a prototype study on 28 + 28 series of image correlation
+//! (right in 28 and 27, no wrong name): the whole chain of the camera is differenced, the reference picture's noise is common to all
+//! steps, and every step has its own motion in the plane.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::{Model, Steps};
+use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Scope, amplitude_name};
+use crate::error::Result;
+use crate::experiment::series::{Law, Loaded, SeriesState, loaded, report, rigid_free};
+use crate::experiment::{Experiment, Sight, State};
+use crate::fem::Anchor;
+use crate::laminate::MeanSd;
+use crate::reduce::THICKNESS;
+
+/// A parameter of the linearised prediction.
+#[derive(Clone)]
+pub struct Column {
+    /// `E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`.
+    pub name: String,
+    /// Prior mean, border units.
+    pub mean: f64,
+    /// Prior sd, border units.
+    pub sd: f64,
+    /// Value at which the test was linearised.
+    pub at: f64,
+    /// Whether the parameter cannot be negative.
+    pub positive: bool,
+    /// Change of the values of (u1, u2) for one prior sd, mm.
+    pub values: [DVector<f64>; 2],
+}
+
+impl Column {
+    /// Whether it moves the specimen as a whole.
+    pub fn is_rigid(&self) -> bool {
+        self.name.starts_with("rigid_")
+    }
+}
+
+/// An effect of a series with the law of its amplitude, where it has one.
+#[derive(Clone, Copy)]
+pub struct Acts {
+    pub effect: &'static dyn Effect,
+    pub law: Option<Law>,
+}
+
+impl Acts {
+    /// All that may act of some effects: motions by every law but the free one, which any other is a case of.
+    pub fn all(effects: &[&'static dyn Effect]) -> Vec<Self> {
+        let laws = [Law::Constant, Law::Load, Law::Seated, Law::Drift];
+        let mut all = Vec::new();
+        for &effect in effects {
+            if effect.scope() == Scope::Motion {
+                all.extend(laws.map(|law| Self {
+                    effect,
+                    law: Some(law),
+                }));
+            } else {
+                all.push(Self { effect, law: None });
+            }
+        }
+        all
+    }
+
+    /// Whether the steps of a series tell the effect apart from what the load does.
+    pub fn is_stepped(&self) -> bool {
+        matches!(self.effect.scope(), Scope::Motion | Scope::Picture)
+    }
+
+    /// Its amplitude in each step over the one that is stated.
+    pub fn weights(&self, loads: &[f64]) -> Vec<f64> {
+        let law = self.law.unwrap_or(Law::Constant);
+        law.weights(loads).swap_remove(0)
+    }
+}
+
+/// A series, ready to be linearised.
+pub struct Stepped<'a> {
+    pub model: &'a Model,
+    pub experiment: &'a dyn Experiment,
+    pub sight: &'a Sight,
+    pub steps: &'a Steps,
+    /// Where the averages lie, mm, and how much each counts.
+    pub places: &'a [[f64; 2]],
+    pub counts: &'a [usize],
+    /// Averages of values at the sight's points.
+    pub average: &'a (dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync),
+    pub step: &'a (dyn Fn() + Sync),
+}
+
+/// The effect whose centre has no column of its own while its strength is below this many prior sds.
+pub const LENS: &str = "lens_distortion";
+pub const WEAK: f64 = 0.1;
+
+/// Steps of central differences: of a constant over its value, of an amplitude in prior sds, of a load over the nominal one.
+const CONSTANT_STEP: f64 = 0.01;
+const AMPLITUDE_STEP: f64 = 0.5;
+const LOAD_STEP: f64 = 0.01;
+
+/// Prior sd of the camera's axis and of the lens' centre about the middle of the picture, mm: 3 mm is too little where they lie 11 mm off,
+/// and 6 found them (prototype study).
+const AXIS_MM: f64 = 6.0;
+
+/// Prior sd of the distance between the origin and the axis about which a specimen turns, mm.
+const PIVOT_MM: f64 = 10.0;
+
+/// Prior sd of a motion in the plane, mm and, over the picture, rad: as good as none.
+const FREE_MM: f64 = 10.0;
+
+/// Prior sd of a force that is not known, over the nominal one and over its own size.
+const UNKNOWN: [f64; 2] = [0.05, 0.5];
+
+/// What image correlation may be expected to show of an effect, prior sds in border units in place of the dictionary's (prototype study);
+/// of a motion towards the camera as a share of its distance.
+const SEEN: &[(&str, f64)] = &[
+    ("lens_distortion.percent_at_12mm", 0.072),
+    ("thermal_strain.dT_K", 5.0),
+    ("uniform_strain.exx_microstrain", 30.0),
+    ("uniform_strain.eyy_microstrain", 30.0),
+    ("uniform_strain.exy_microstrain", 30.0),
+];
+const TOWARDS: f64 = 1.5e-4;
+
+impl Stepped<'_> {
+    /// What all steps measured, free of rigid motion, mm.
+    pub fn measured(&self) -> Stack {
+        let steps = self.steps.displacement.iter();
+        let free = |u: &Vec<[f64; 2]>| rigid_free(self.places, self.counts, &(self.average)(u));
+        stacked(&steps.map(free).collect::<Vec<_>>())
+    }
+
+    /// Where a series starts: shared constants and effects, the steps' own loads and motions.
+    pub fn start(&self, shared: State) -> SeriesState {
+        SeriesState {
+            shared,
+            loads: self.steps.loads.clone(),
+            rigid: self.steps.rigid.clone(),
+            moving: Vec::new(),
+        }
+    }
+
+    fn scene(&self) -> &Scene {
+        self.experiment.scene()
+    }
+
+    fn loaded(&self, about: Option<&Anchor>, state: &State, gradient: bool) -> Result<Loaded> {
+        loaded(self.experiment, about, state, self.sight, self.average, gradient)
+    }
+
+    /// All steps as the camera reports them.
+    fn seen(&self, state: &SeriesState, of: &State, loaded: &Loaded, scene: &Scene) -> Stack {
+        stacked(&report(state, of, loaded, scene, self.places, self.counts))
+    }
+
+    /// The point about which to linearise.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn here<'a>(&'a self, at: &'a SeriesState) -> Result<Here<'a>> {
+        Ok(Here {
+            stepped: self,
+            loaded: self.loaded(None, &at.shared, true)?,
+            anchor: self.experiment.anchor(&at.shared)?,
+            at,
+        })
+    }
+
+    /// Prior sd of an amplitude of a series, border units.
+    pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> f64 {
+        let name = amplitude_name(effect, &effect.parameters()[k]);
+        if self.model.experiment().plausible.contains_key(&name) {
+            return self.model.experiment().plausible[&name];
+        }
+        if effect.name() == "out_of_plane_translation" {
+            let distance = self.scene().camera_distance_mm;
+            return distance.map_or(1.0, |z| TOWARDS * z);
+        }
+        let seen = SEEN.iter().find(|(n, _)| *n == name).map(|(_, sd)| *sd);
+        let own = || self.model.prior_sd(effect, k);
+        seen.or_else(own).unwrap_or(FREE_MM)
+    }
+}
+
+/// Values of both components, step by step, mm.
+pub type Stack = [DVector<f64>; 2];
+
+fn stacked(steps: &[Vec<[f64; 2]>]) -> Stack {
+    let count = steps.iter().map(Vec::len).sum();
+    [0, 1].map(|c| DVector::from_iterator(count, steps.iter().flatten().map(|u| u[c])))
+}
+
+/// The point about which a series is linearised.
+pub struct Here<'a> {
+    stepped: &'a Stepped<'a>,
+    loaded: Loaded,
+    anchor: Option<Anchor>,
+    at: &'a SeriesState,
+}
+
+impl Here<'_> {
+    /// What all steps show, mm.
+    pub fn predicted(&self) -> Stack {
+        let scene = self.stepped.scene();
+        self.stepped.seen(self.at, &self.at.shared, &self.loaded, scene)
+    }
+
+    /// The same without the effects of picture and motion.
+    pub fn plain(&self) -> Stack {
+        let mut state = self.at.clone();
+        state.moving.clear();
+        for a in self.at.shared.acting() {
+            if a.effect.scope() == Scope::Picture {
+                state.shared.set(a.effect, vec![0.0; a.amplitude.len()]);
+            }
+        }
+        let scene = self.stepped.scene();
+        self.stepped.seen(&state, &self.at.shared, &self.loaded, scene)
+    }
+
+    /// The difference quotient of two states that share this one's load displacements.
+    fn slope(&self, [high, low]: [&SeriesState; 2], over: f64, scene: &Scene) -> Stack {
+        let see = |state| self.stepped.seen(state, &self.at.shared, &self.loaded, scene);
+        quotient([see(high), see(low)], over)
+    }
+
+    /// The same of two states that are solved for.
+    fn solved(&self, [high, low]: [SeriesState; 2], over: f64) -> Result<Stack> {
+        let see = |state: &SeriesState| -> Result<Stack> {
+            let own = self.stepped.loaded(self.anchor.as_ref(), &state.shared, false)?;
+            Ok(self.stepped.seen(state, &state.shared, &own, self.stepped.scene()))
+        };
+        Ok(quotient([see(&high)?, see(&low)?], over))
+    }
+
+    /// What varies in every account: constants, thickness, load, forces that are not known, motion in the plane.
+    pub fn always(&self) -> Result<Vec<Column>> {
+        let Stepped { model, steps, .. } = self.stepped;
+        let names = model.constants();
+        let constants = names.par_iter().zip(model.marginals()).enumerate();
+        let mut columns: Vec<Column> = constants
+            .map(|(k, (name, prior))| {
+                let step = CONSTANT_STEP * prior.mean.abs();
+                let moved = [step, -step].map(|by| {
+                    let mut state = self.at.clone();
+                    state.shared.constants[k] += by;
+                    state
+                });
+                (self.stepped.step)();
+                let slope = self.solved(moved, 2.0 * step)?;
+                Ok(column((*name).into(), [prior.mean, prior.sd], self.at.shared.constants[k], slope))
+            })
+            .collect::<Result<_>>()?;
+        let loads_times = |factor: f64| {
+            let mut state = self.at.clone();
+            state.loads.iter_mut().for_each(|f| *f *= factor);
+            state
+        };
+        let of_load = self.slope(
+            [&loads_times(1.0 + LOAD_STEP), &loads_times(1.0 - LOAD_STEP)],
+            2.0 * LOAD_STEP,
+            self.stepped.scene(),
+        );
+        let MeanSd { mean, sd } = model.experiment().specimen.thickness_mm;
+        let thickness = self.at.shared.thickness_mm;
+        if sd > 0.0 {
+            // a field under a force goes with their ratio
+            let slope = of_load.each_ref().map(|v| v * (-1.0 / thickness));
+            columns.push(column(THICKNESS.into(), [mean, sd], thickness, slope));
+        }
+        let percent = self.stepped.prior_sd(LOAD_SCALE, 0);
+        let name = amplitude_name(LOAD_SCALE, &LOAD_SCALE.parameters()[0]);
+        columns.push(column(name, [0.0, percent], 0.0, of_load.map(|v| v * 0.01)));
+        for step in (0..steps.loads.len()).filter(|s| !steps.known[*s]) {
+            columns.extend(self.unknown_force(step));
+        }
+        columns.extend((0..steps.loads.len()).flat_map(|step| self.rigid(step)));
+        Ok(columns)
+    }
+
+    /// The column of a force that is not declared. Where none is, that of the largest is what all constants are relative to.
+    fn unknown_force(&self, step: usize) -> Option<Column> {
+        let steps = self.stepped.steps;
+        let guess = steps.loads[step];
+        let largest = steps.loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        if !steps.known.iter().zip(&steps.loads).any(|(known, f)| *known && *f != 0.0) && guess.abs() == largest {
+            return None;
+        }
+        let moved = [LOAD_STEP, -LOAD_STEP].map(|by| {
+            let mut state = self.at.clone();
+            state.loads[step] += by;
+            state
+        });
+        let slope = self.slope([&moved[0], &moved[1]], 2.0 * LOAD_STEP, self.stepped.scene());
+        let sd = UNKNOWN[0].hypot(UNKNOWN[1] * guess);
+        let name = format!("force_{}", steps.names[step]);
+        Some(column(name, [guess, sd], self.at.loads[step], slope))
+    }
+
+    /// Columns of the motion in the plane in one step.
+    fn rigid(&self, step: usize) -> [Column; 3] {
+        let places = self.stepped.places;
+        let (n, count) = (places.len(), self.at.loads.len());
+        let reach = places.iter().fold(1.0_f64, |m, p| m.max(p[0].hypot(p[1])));
+        let fields: [fn([f64; 2], f64) -> [f64; 2]; 3] = [
+            |_, _| [1.0, 0.0],
+            |_, _| [0.0, 1.0],
+            |[s, t], reach| [-t / reach, s / reach],
+        ];
+        fields.map(|field| {
+            let mut slope = [DVector::zeros(n * count), DVector::zeros(n * count)];
+            for (k, &p) in places.iter().enumerate() {
+                let u = field(p, reach);
+                slope[0][step * n + k] = u[0];
+                slope[1][step * n + k] = u[1];
+            }
+            column("rigid_motion".into(), [0.0, FREE_MM], 0.0, slope)
+        })
+    }
+
+    /// The columns of an effect: its parameters', then its products with what is not known of the camera and of the pivot.
+    pub fn columns(&self, acts: &Acts) -> Result<Vec<Column>> {
+        let effect = acts.effect;
+        let weights = acts.weights(&self.at.loads);
+        let mut columns = Vec::new();
+        for (k, parameter) in effect.parameters().iter().enumerate() {
+            let sd = self.stepped.prior_sd(effect, k);
+            let step = AMPLITUDE_STEP * sd;
+            let moved = [step, -step].map(|by| self.at.raised(effect, k, by, &weights));
+            let slope = if effect.kind() == Kind::Mechanical {
+                self.solved(moved, 2.0 * step)?
+            } else {
+                self.slope([&moved[0], &moved[1]], 2.0 * step, self.stepped.scene())
+            };
+            let name = amplitude_name(effect, parameter);
+            let value = self.amplitude(acts, k, &weights);
+            let mut own = column(name, [0.0, sd], value, slope);
+            own.positive = parameter.positive;
+            columns.push(own);
+        }
+        match effect.name() {
+            LENS => self.of_the_lens_center(effect, &mut columns),
+            "out_of_plane_rotation" => self.of_the_axis(acts, &weights, &mut columns),
+            _ => {}
+        }
+        Ok(columns)
+    }
+
+    /// The stated amplitude of an effect's parameter in the state.
+    fn amplitude(&self, acts: &Acts, k: usize, weights: &[f64]) -> f64 {
+        if acts.effect.scope() != Scope::Motion {
+            return self.at.shared.amplitude(acts.effect)[k];
+        }
+        let moving = self.at.moving.iter().find(|m| m.effect.name() == acts.effect.name());
+        let largest = (0..weights.len()).max_by(|a, b| weights[*a].total_cmp(&weights[*b]));
+        let (Some(moving), Some(step)) = (moving, largest) else {
+            return 0.0;
+        };
+        moving.amplitude[step][k] / weights[step]
+    }
+
+    /// A lens of no strength has no centre: then the columns are those of strength times centre, of one prior sd each.
+    fn of_the_lens_center(&self, effect: &'static dyn Effect, columns: &mut [Column]) {
+        let strength = self.stepped.prior_sd(effect, 0);
+        if self.at.shared.amplitude(effect)[0].abs() >= WEAK * strength {
+            return;
+        }
+        let with = |k: usize, by: f64| {
+            let mut state = self.at.clone();
+            let mut amplitude = state.shared.amplitude(effect);
+            amplitude[0] = strength;
+            amplitude[k] += by;
+            state.shared.set(effect, amplitude);
+            state
+        };
+        for (k, column) in columns.iter_mut().enumerate().skip(1) {
+            let moved = [with(k, AXIS_MM), with(k, -AXIS_MM)];
+            // a column is in units of its prior sd: of strength times centre
+            let slope = self.slope([&moved[0], &moved[1]], 2.0, self.stepped.scene());
+            column.values = slope;
+        }
+    }
+
+    /// What a rotation does by its distance from the camera's axis, and from the origin: products with both.
+    fn of_the_axis(&self, acts: &Acts, weights: &[f64], columns: &mut Vec<Column>) {
+        let Ok(approach) = crate::effect::find("dictionary", "out_of_plane_translation") else {
+            return;
+        };
+        let scene = self.stepped.scene();
+        for (k, parameter) in acts.effect.parameters().iter().enumerate() {
+            let sd = self.stepped.prior_sd(acts.effect, k);
+            let turned = self.at.raised(acts.effect, k, sd, weights);
+            for axis in 0..2 {
+                let at = |by: f64| {
+                    let mut scene = scene.clone();
+                    scene.middle[axis] += by;
+                    self.slope([&turned, self.at], 1.0, &scene)
+                };
+                let slope = quotient([at(AXIS_MM), at(-AXIS_MM)], 2.0);
+                let name = format!("{} x axis_{}", amplitude_name(acts.effect, parameter), axis + 1);
+                columns.push(column(name, [0.0, 1.0], 0.0, slope));
+            }
+        }
+        let milli = 1e-3 * self.stepped.prior_sd(acts.effect, 0);
+        let raised = [1.0, -1.0].map(|sign| {
+            self.at.raised(approach, 0, sign * milli * PIVOT_MM, weights)
+        });
+        let slope = self.slope([&raised[0], &raised[1]], 2.0, scene);
+        let name = format!("{}.pivot", acts.effect.name());
+        columns.push(column(name, [0.0, 1.0], 0.0, slope));
+    }
+
+    /// What any change of stiffness beside the hole does elsewhere: in proportion to the load.
+    pub fn near_edge(&self) -> Result<Vec<Stack>> {
+        let Stepped {
+            experiment,
+            sight,
+            places,
+            counts,
+            average,
+            ..
+        } = self.stepped;
+        let fields = experiment.near_edge(self.anchor.as_ref(), &self.at.shared, sight)?;
+        let one = |field: &Vec<[f64; 2]>| {
+            let average = rigid_free(places, counts, &average(field));
+            let steps = self.at.loads.iter().map(|f| {
+                let scaled = average.iter().map(|u| u.map(|u| f * u));
+                scaled.collect::<Vec<[f64; 2]>>()
+            });
+            stacked(&steps.collect::<Vec<_>>())
+        };
+        Ok(fields.iter().map(one).collect())
+    }
+}
+
+fn quotient([high, low]: [Stack; 2], over: f64) -> Stack {
+    let [a, b] = high;
+    let [c, d] = low;
+    [(a - c) / over, (b - d) / over]
+}
+
+/// A parameter of a prior mean and sd, with the value about which it is linearised and its slope.
+fn column(name: String, [mean, sd]: [f64; 2], at: f64, slope: Stack) -> Column {
+    Column {
+        name,
+        mean,
+        sd,
+        at,
+        positive: false,
+        values: slope.map(|values| values * sd),
+    }
+}

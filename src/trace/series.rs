@@ -1,0 +1,202 @@
+//! Tracing of a load series: its steps tell apart what one field only groups.
+
+use super::alias::groups;
+use super::attribute::candidates;
+use super::evidence::{Evidence, evidence_of_series};
+use super::ridge::{CONVERGED, series_at_ridge};
+use super::sensitivities::Measured;
+use super::tracing::Tracing;
+use crate::effect::Kind;
+use crate::error::Result;
+use crate::experiment::State;
+use crate::experiment::series::SeriesState;
+use crate::field::Blocks;
+use crate::identify::{Prepared, is_clear};
+use crate::infer::{Acts, LENS, Model, Stepped, Steps, WEAK};
+use crate::noise::series::Frames;
+use crate::progress::Progress;
+
+/// Passes of linearisation, each with the strongest effect at its estimate.
+const PASSES: usize = 4;
+
+/// Trace what a fitted model leaves of a series, from the constants and declared amplitudes of `start`, to the effects that are
+/// `wanted` by name.
+///
+/// # Errors
+/// Those of finite-element solutions; too few blocks for the dictionary.
+pub fn attribute_series(
+    model: &Model,
+    prepared: &Prepared,
+    steps: &Steps,
+    start: State,
+    wanted: &dyn Fn(&str) -> bool,
+    progress: &dyn Progress,
+) -> Result<Tracing> {
+    let (mut effects, left_out) = candidates(model);
+    // every step has its own motion in the plane
+    effects.retain(|e| wanted(e.name()) && !e.name().starts_with("rigid_"));
+    let field = &prepared.observation.field;
+    let geometry = &*prepared.problem.experiment.scene().setup.geometry;
+    let used = |i: usize| is_clear(geometry, field.points[i]);
+    let blocks = Blocks::new(field, Blocks::size_for(field), used);
+    let average = |u: &[[f64; 2]]| -> Vec<[f64; 2]> {
+        let one = |c: usize| {
+            let values: Vec<f64> = u.iter().map(|u| u[c]).collect();
+            blocks.average(&values)
+        };
+        let (first, second) = (one(0), one(1));
+        first.iter().zip(&second).map(|(a, b)| [*a, *b]).collect()
+    };
+    let stepped = Stepped {
+        model,
+        experiment: &*prepared.problem.experiment,
+        sight: &prepared.observation.sight,
+        steps,
+        places: &blocks.centroid,
+        counts: &blocks.count,
+        average: &average,
+        step: &|| progress.step(),
+    };
+    let measured = Measured {
+        averages: stepped.measured(),
+        blocks: blocks.clone(),
+    };
+    let mut state = match &model.traced {
+        Some(traced) => traced.clone(),
+        None => beginning(&stepped, model, start),
+    };
+    let mut traced = Traced {
+        stepped: &stepped,
+        frames: Frames {
+            blocks: &blocks,
+            loads: relative(&steps.loads),
+            subset_mm: field.subset_mm,
+        },
+        measured: &measured,
+        declared: declared(model),
+        sought: Acts::all(&effects),
+    };
+    let evidence = traced.converged(&mut state, progress)?;
+    progress.begin("tracing: held-out blocks, blind spots", None);
+    let mut tracing = evidence.tracing(&state.shared.constants)?;
+    tracing.left_out = left_out;
+    tracing.series = Some(state);
+    progress.end();
+    Ok(tracing)
+}
+
+/// Forces over the largest.
+fn relative(loads: &[f64]) -> Vec<f64> {
+    let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+    loads.iter().map(|f| f / largest).collect()
+}
+
+/// The declared effects that the linearised prediction varies.
+fn declared(model: &Model) -> Vec<Acts> {
+    let effects = model.effects.iter();
+    let own = effects.filter(|e| e.kind() != Kind::Recorded && !e.name().starts_with("rigid_"));
+    own.map(|e| model.acts(*e)).collect()
+}
+
+/// A state of constants and declared effects, those of motion at rest.
+fn beginning(stepped: &Stepped<'_>, model: &Model, mut start: State) -> SeriesState {
+    for acts in declared(model).iter().filter(|a| a.law.is_some()) {
+        let none = vec![0.0; acts.effect.parameters().len()];
+        start.set(acts.effect, none);
+    }
+    stepped.start(start)
+}
+
+/// What a series is traced with.
+struct Traced<'a> {
+    stepped: &'a Stepped<'a>,
+    frames: Frames<'a>,
+    measured: &'a Measured,
+    declared: Vec<Acts>,
+    sought: Vec<Acts>,
+}
+
+impl<'a> Traced<'a> {
+    /// Linearise and weigh, with the strongest effect of the best subset in the state, until that effect and its amplitudes repeat.
+    fn converged(
+        &mut self,
+        state: &mut SeriesState,
+        progress: &dyn Progress,
+    ) -> Result<Evidence<'a>> {
+        let mut leader: Option<Acts> = None;
+        let mut pass = 0;
+        loop {
+            pass += 1;
+            let count = self.sought.len();
+            let what = format!("tracing, pass {pass}: sensitivities of all steps to {count} effects and laws");
+            progress.begin(&what, None);
+            let (declared, sought) = (&self.declared, &self.sought);
+            let sensitivities =
+                series_at_ridge(self.stepped, self.measured, state, declared, sought)?;
+            progress.end();
+            let what = format!("tracing, pass {pass}: effects against noise");
+            progress.begin(&what, Some(crate::noise::series::steps(&self.frames) as u64));
+            let step = &|| progress.step();
+            let found = evidence_of_series(&self.frames, sensitivities, self.measured, step)?;
+            let strongest = groups(&found.subsets).first().map(|g| g.leader);
+            let name = |k: usize| self.sought[k].effect.name();
+            progress.say(strongest.map_or("no effect", name));
+            progress.end();
+            let Some(k) = strongest.filter(|_| pass < PASSES) else {
+                return Ok(found);
+            };
+            let moved = self.adopt(state, &found, k, leader);
+            leader = Some(self.sought[k]);
+            if moved < CONVERGED {
+                return Ok(found);
+            }
+        }
+    }
+
+    /// Take the best subset's amplitudes of its strongest effect into the state; how far they move, in prior sds. The effect taken in
+    /// before, if it is another one now, leaves the state.
+    fn adopt(
+        &self,
+        state: &mut SeriesState,
+        evidence: &Evidence<'_>,
+        leader: usize,
+        before: Option<Acts>,
+    ) -> f64 {
+        let acts = self.sought[leader];
+        let same = |b: &Acts| b.effect.name() == acts.effect.name() && b.law == acts.law;
+        if let Some(old) = before.filter(|b| !same(b)) {
+            let none = vec![0.0; old.effect.parameters().len()];
+            state.shared.set(old.effect, none);
+            state.moving.retain(|m| m.effect.name() != old.effect.name());
+        }
+        let subsets = &evidence.subsets;
+        let best = subsets.best();
+        let (mean, _) = subsets.amplitudes(best);
+        let before = best.iter().take_while(|k| **k != leader);
+        let at: usize = before.map(|&k| subsets.layout.ranges[k].len()).sum();
+        let candidate = &evidence.sensitivities.candidates[leader];
+        let weights = acts.weights(&state.loads);
+        let parameters = acts.effect.parameters();
+        let columns = candidate.columns.iter().take(parameters.len());
+        let solved = columns.zip(mean.rows(at, parameters.len()).iter());
+        let mut wanted: Vec<f64> = solved.map(|(c, z)| c.mean + c.sd * z).collect();
+        let strength = &candidate.columns[0];
+        if acts.effect.name() == LENS && strength.at.abs() < WEAK * strength.sd {
+            // what was solved for is strength times centre
+            let by = strength.sd / wanted[0];
+            wanted.iter_mut().skip(1).for_each(|center| *center *= by);
+        }
+        let mut moved = 0.0_f64;
+        for (k, parameter) in parameters.iter().enumerate() {
+            let column = &candidate.columns[k];
+            let reach = 0.9 * parameter.bound;
+            let by = wanted[k].clamp(-reach, reach) - column.at;
+            *state = state.raised(acts.effect, k, by, &weights);
+            moved = moved.max((by / column.sd).abs());
+        }
+        if acts.effect.kind() == Kind::Additive {
+            return 0.0;
+        }
+        moved
+    }
+}
