@@ -68,11 +68,16 @@ impl Lattice {
 
     /// `f` of the distance (mm) of two sites, by the absolute difference of their numbers.
     pub fn tabulate(&self, f: impl Fn(f64) -> f64) -> Vec<f64> {
+        self.tabulate_offsets(|[row, column]| f(row.hypot(column)))
+    }
+
+    /// `f` of the offset (mm, in both directions) of two sites, by the absolute difference of their numbers; `f` is even.
+    pub fn tabulate_offsets(&self, f: impl Fn([f64; 2]) -> f64) -> Vec<f64> {
         let [rows, width] = self.shape;
         let value = |difference: usize| {
             let row = (difference + width / 2) / width;
             let column = difference as f64 - (row * width) as f64;
-            f((self.step_mm[0] * row as f64).hypot(self.step_mm[1] * column))
+            f([self.step_mm[0] * row as f64, self.step_mm[1] * column])
         };
         (0..rows * width).map(value).collect()
     }

@@ -193,7 +193,8 @@ pub struct BlockCovariance {
     pub length_mm: f64,
     /// Ratio rho.
     pub ratio: f64,
-    mean_count: f64,
+    /// Variance of a single point's white part at s = 1.
+    white: f64,
     /// Lower Cholesky factor of C at s = 1.
     lower: DMatrix<f64>,
 }
@@ -220,8 +221,17 @@ impl BlockCovariance {
     /// # Errors
     /// Of the program, if the matrix is not positive definite.
     pub fn of_several(blocks: &Blocks, parts: &[(&Matern, f64)]) -> Result<Self> {
-        let n = blocks.len();
         let mean_count = blocks.mean_count();
+        let shares = blocks.count.iter().map(|n| mean_count / *n as f64);
+        let white = DMatrix::from_diagonal(&DVector::from_iterator(blocks.len(), shares));
+        Self::over(&white, mean_count, parts)
+    }
+
+    /// The same about another covariance `white` of blocks than diag(nbar / n_b), of points of variance `point`.
+    ///
+    /// # Errors
+    /// Of the program, if the matrix is not positive definite.
+    pub fn over(white: &DMatrix<f64>, point: f64, parts: &[(&Matern, f64)]) -> Result<Self> {
         let ratio: f64 = parts.iter().map(|(_, ratio)| ratio).sum();
         let largest = parts.iter().fold(
             (0.0, -1.0),
@@ -231,15 +241,15 @@ impl BlockCovariance {
         );
         let length_mm = largest.0;
         let with = |more: f64| {
-            let mut covariance = DMatrix::zeros(n, n);
+            let mut covariance = white.clone();
             for (matern, ratio) in parts {
                 covariance
                     .iter_mut()
                     .zip(&matern.correlation)
                     .for_each(|(sum, k)| *sum += ratio * k);
             }
-            for (b, count) in blocks.count.iter().enumerate() {
-                covariance[(b, b)] += mean_count / *count as f64 + more * ratio;
+            for b in 0..covariance.nrows() {
+                covariance[(b, b)] += more * ratio;
             }
             covariance
         };
@@ -255,7 +265,7 @@ impl BlockCovariance {
         Ok(Self {
             length_mm,
             ratio,
-            mean_count,
+            white: point,
             lower,
         })
     }
@@ -290,9 +300,9 @@ impl BlockCovariance {
             .sum::<f64>()
     }
 
-    /// Variance of a single point at s = 1: nbar (white) + rho (correlated).
+    /// Variance of a single point at s = 1: nbar, or that of the given white part, + rho (correlated).
     pub fn point_variance(&self) -> f64 {
-        self.mean_count + self.ratio
+        self.white + self.ratio
     }
 
     /// Effective number of independent points, n_eff = s_total^2 1' C^-1 1: the number of independent points with

@@ -182,7 +182,7 @@ const FEWEST_THINNED: usize = 200;
 const FEWEST_CONTRASTS: usize = 20;
 
 /// Local polynomials of the highest degree that leaves most contrasts to the noise.
-fn smooth_columns(blocks: &Blocks, fitted: usize) -> DMatrix<f64> {
+pub(super) fn smooth_columns(blocks: &Blocks, fitted: usize) -> DMatrix<f64> {
     let side = (SQUARE * blocks.noise_length_mm).max(6.0 * blocks.size_mm);
     [2, 1]
         .map(|degree| blocks.local_polynomials(side, degree))

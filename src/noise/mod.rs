@@ -7,6 +7,7 @@ mod lattice;
 mod normal;
 mod random_field;
 pub mod reml;
+pub mod series;
 pub mod white;
 
 pub use covariance::{BlockCovariance, Matern};

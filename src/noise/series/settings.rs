@@ -1,0 +1,318 @@
+//! Choices of the reference's share and of a rival, each with all that the evidence of any model needs.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::dense::{gram, product, tr_product};
+use super::frame_noise::{FrameNoise, Search, SpatialNoise, steps as steps_of_noise};
+use super::frames::{Frames, Law};
+use super::rivals::{LENGTHS, Modes, RATIOS, Rival};
+use super::slices::Slices;
+use crate::error::{Error, Result};
+use crate::noise::NormalEquations;
+
+/// Shares r of the reference picture's noise in each frame's own, with their prior probabilities: it is a picture like the others
+/// (r = 1), unless several were averaged or it was taken in another light.
+pub const REFERENCES: [(f64, f64); 7] = [
+    (0.0, 0.05),
+    (0.15, 0.05),
+    (0.4, 0.1),
+    (0.7, 0.2),
+    (1.0, 0.4),
+    (1.5, 0.15),
+    (2.5, 0.05),
+];
+
+/// Prior probability of a rival, shared equally by its laws, lengths and sizes; that of a single field's discrepancy.
+pub const DISCREPANCY: f64 = 0.07;
+
+/// Log evidence of all columns below that of the best setting of its class with which a setting is left out.
+const WORTH: f64 = 60.0;
+
+/// What distinguishes one setting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct At {
+    /// Share r of the reference picture's noise.
+    pub reference: f64,
+    /// A discrepancy beside the noise.
+    pub rival: Option<Rival>,
+}
+
+/// One choice of the covariance of all values of both components.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    pub at: At,
+    /// Log prior probability.
+    pub log_prior: f64,
+    /// log det of the covariance of both components.
+    pub log_det: f64,
+    /// X' C^-1 X of all columns and, last, the data; both components summed.
+    pub gram: DMatrix<f64>,
+    /// Log evidence of all columns at unit prior, with the log prior; up to the constant of all values.
+    pub log_all: f64,
+}
+
+/// The noise of a series, and the settings worth weighing.
+#[derive(Debug, Clone)]
+pub struct SeriesNoise {
+    pub noise: FrameNoise,
+    pub settings: Vec<Setting>,
+}
+
+/// How often [`settings`] calls its `step`.
+pub fn steps(frames: &Frames<'_>) -> usize {
+    steps_of_noise(frames) + LENGTHS.len()
+}
+
+/// Estimate the noise and weigh all settings; kept are those within 60 nats of the best of their class (no rival, constant, with the
+/// load), by the evidence of all columns. `columns` of u1 and of u2: (frames x blocks) x (p + 1), row = frame * blocks + block, the p
+/// columns of everything that may act, each for one prior sd, and last the data minus the prediction, mm. `step` is called on the way.
+///
+/// # Errors
+/// Of the input: too few blocks or frames for the columns. Of the program: columns of another size or not finite, a factorisation
+/// that fails.
+pub fn settings(
+    frames: &Frames<'_>,
+    columns: [&DMatrix<f64>; 2],
+    step: &(dyn Fn() + Sync),
+) -> Result<SeriesNoise> {
+    frames.check()?;
+    check(frames, columns)?;
+    let n = frames.blocks.len();
+    let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
+    let slices = [&first, &second];
+    let references = references(frames);
+    let noise = Search::new(frames, columns, slices, step)?.best(&references)?;
+    let weighed = Weighed::new(frames, &noise, slices, step)?;
+    let choices = choices(frames, &references, &weighed.lengths_mm);
+    let all = choices
+        .into_par_iter()
+        .map(|(at, log_prior)| weighed.setting(at, log_prior));
+    let all: Vec<Result<Setting>> = all.collect();
+    let all = all.into_iter().collect::<Result<Vec<Setting>>>()?;
+    Ok(SeriesNoise {
+        noise,
+        settings: worth_weighing(all),
+    })
+}
+
+fn check(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> Result<()> {
+    let rows = frames.len() * frames.blocks.len();
+    let shape = (rows, columns[0].ncols());
+    if columns.iter().any(|c| c.shape() != shape) || shape.1 == 0 {
+        let expected = format!("columns of {rows} values, and the data, of both components");
+        return Err(Error::program("noise::series", expected).found(format!(
+            "{:?}, {:?}",
+            columns[0].shape(),
+            columns[1].shape()
+        )));
+    }
+    if columns.iter().any(|c| c.iter().any(|v| !v.is_finite())) {
+        return Err(Error::program("noise::series", "finite columns and data"));
+    }
+    Ok(())
+}
+
+/// Shares of the reference with their log prior probabilities. In one frame its noise is the frame's own.
+fn references(frames: &Frames<'_>) -> Vec<(f64, f64)> {
+    if frames.len() < 2 {
+        return vec![(0.0, 0.0)];
+    }
+    REFERENCES.map(|(r, p)| (r, p.ln())).to_vec()
+}
+
+/// Every share of the reference without and with every rival.
+fn choices(frames: &Frames<'_>, references: &[(f64, f64)], lengths_mm: &[f64]) -> Vec<(At, f64)> {
+    let laws = frames.laws();
+    let equal = (laws.len() * lengths_mm.len() * RATIOS.len()) as f64;
+    let mut rivals = vec![(None, (1.0 - DISCREPANCY).ln())];
+    for &law in &laws {
+        for &length_mm in lengths_mm {
+            for ratio in RATIOS {
+                let rival = Rival {
+                    law,
+                    length_mm,
+                    ratio,
+                };
+                rivals.push((Some(rival), (DISCREPANCY / equal).ln()));
+            }
+        }
+    }
+    let with = |(rival, p): (Option<Rival>, f64)| {
+        references
+            .iter()
+            .map(move |&(reference, q)| (At { reference, rival }, p + q))
+    };
+    rivals.into_iter().flat_map(with).collect()
+}
+
+/// The best of each class, and what comes near it, in order of the choices.
+fn worth_weighing(mut all: Vec<Setting>) -> Vec<Setting> {
+    let class = |s: &Setting| s.at.rival.map(|r| r.law);
+    for law in [None, Some(Law::Constant), Some(Law::WithLoad)] {
+        let own = all.iter().filter(|s| class(s) == law);
+        let best = own.map(|s| s.log_all).fold(f64::NEG_INFINITY, f64::max);
+        all.retain(|s| class(s) != law || s.log_all >= best - WORTH);
+    }
+    all
+}
+
+/// One component's columns, whitened by its noise.
+struct Component {
+    /// X' (diag(d)^-1 (x) N^-1) X.
+    own: DMatrix<f64>,
+    /// X' (D^-1 1 1' D^-1 (x) N^-1) X: of the whitened columns summed over the frames, weighted by 1 / d_s.
+    common: DMatrix<f64>,
+    /// log det of diag(d) (x) N.
+    log_det: f64,
+    /// Whitened columns summed over the frames, weighted by 1 / d_s and by f_s / d_s, in the eigenvectors of the rivals, by length.
+    rotated: Vec<[DMatrix<f64>; 2]>,
+}
+
+/// Everything that settings differ in is a few numbers from here on.
+struct Weighed {
+    components: [Component; 2],
+    /// Eigenvectors by length, of each component's noise; one for both where that is shared.
+    modes: Vec<Vec<Modes>>,
+    lengths_mm: Vec<f64>,
+    /// 1' D^-1 1, 1' D^-1 f, f' D^-1 f of D = diag(d).
+    products: [f64; 3],
+    blocks: usize,
+}
+
+impl Weighed {
+    fn new(
+        frames: &Frames<'_>,
+        noise: &FrameNoise,
+        slices: [&Slices; 2],
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let lengths_mm = LENGTHS.map(|share| share * frames.window_mm()).to_vec();
+        let modes = modes(frames, noise, &lengths_mm, step)?;
+        let inverse = DVector::from_iterator(frames.len(), noise.scales.iter().map(|d| 1.0 / d));
+        let loaded = inverse.component_mul(&frames.direction(Law::WithLoad));
+        let component = |c: usize| {
+            let modes: Vec<&Modes> = modes.iter().map(|m| &m[c.min(m.len() - 1)]).collect();
+            let log_scales = noise.scales.iter().map(|d| d.ln()).sum();
+            Component::new(
+                &noise.spatial[c],
+                slices[c],
+                [&inverse, &loaded],
+                log_scales,
+                &modes,
+            )
+        };
+        let (first, second) = rayon::join(|| component(0), || component(1));
+        let f = frames.direction(Law::WithLoad);
+        Ok(Self {
+            components: [first, second],
+            modes,
+            lengths_mm,
+            products: [inverse.sum(), loaded.sum(), loaded.dot(&f)],
+            blocks: frames.blocks.len(),
+        })
+    }
+
+    fn setting(&self, at: At, log_prior: f64) -> Result<Setting> {
+        let [square, mixed, loaded] = self.products;
+        let r = at.reference;
+        let share = r / (1.0 + r * square);
+        let p = self.components[0].own.nrows();
+        let (mut all, mut log_det) = (DMatrix::zeros(p, p), 0.0);
+        for (c, component) in self.components.iter().enumerate() {
+            all += &component.own;
+            all -= share * &component.common;
+            log_det += component.log_det + self.blocks as f64 * (r * square).ln_1p();
+            let Some(rival) = at.rival else { continue };
+            let Some(k) = self.lengths_mm.iter().position(|l| *l == rival.length_mm) else {
+                continue;
+            };
+            // Phi^-1 w = by_0 D^-1 1 + by_1 D^-1 f, alpha = w' Phi^-1 w
+            let (alpha, by) = match rival.law {
+                Law::Constant => (square / (1.0 + r * square), [1.0 / (1.0 + r * square), 0.0]),
+                Law::WithLoad => (loaded - share * mixed * mixed, [-share * mixed, 1.0]),
+            };
+            let modes = &self.modes[k][c.min(self.modes[k].len() - 1)];
+            let [common, with_load] = &component.rotated[k];
+            let size = rival.ratio * alpha;
+            all -= modes.explained(size, [common, with_load], by.map(|b| b / alpha.sqrt()));
+            log_det += modes.log_det(size);
+        }
+        let log_all = log_prior + log_evidence(&all, log_det)?;
+        Ok(Setting {
+            at,
+            log_prior,
+            log_det,
+            gram: all,
+            log_all,
+        })
+    }
+}
+
+/// Eigenvectors of the rivals of every length under the noise of each component, or of both.
+fn modes(
+    frames: &Frames<'_>,
+    noise: &FrameNoise,
+    lengths_mm: &[f64],
+    step: &(dyn Fn() + Sync),
+) -> Result<Vec<Vec<Modes>>> {
+    let distinct = if noise.is_shared() { 1 } else { 2 };
+    let pairs: Vec<(f64, usize)> = lengths_mm
+        .iter()
+        .flat_map(|&l| (0..distinct).map(move |c| (l, c)))
+        .collect();
+    let found = pairs.par_iter().map(|&(length_mm, c)| {
+        let modes = Modes::new(frames.blocks, length_mm, &noise.spatial[c].covariance);
+        if c == 0 {
+            step();
+        }
+        modes
+    });
+    let found: Vec<Result<Modes>> = found.collect();
+    let mut found = found.into_iter();
+    let own = |_| found.by_ref().take(distinct).collect();
+    lengths_mm.iter().map(own).collect()
+}
+
+impl Component {
+    fn new(
+        noise: &SpatialNoise,
+        slices: &Slices,
+        weights: [&DVector<f64>; 2],
+        log_scales: f64,
+        modes: &[&Modes],
+    ) -> Self {
+        let (count, n) = (slices.frames.len() as f64, slices.basis.nrows() as f64);
+        let white = noise.covariance.whiten(&slices.basis) / noise.scale2.sqrt();
+        let inner = gram(&white);
+        let p = slices.frames.first().map_or(0, DMatrix::ncols);
+        let mut own = DMatrix::zeros(p, p);
+        for (t, weight) in slices.frames.iter().zip(weights[0].iter()) {
+            own += *weight * tr_product(t, &product(&inner, t));
+        }
+        let sums = weights.map(|w| slices.combined(w));
+        let rotated = modes.iter().map(|m| {
+            let basis = m.rotate(&white);
+            [0, 1].map(|k: usize| product(&basis, &sums[k]))
+        });
+        Self {
+            rotated: rotated.collect(),
+            common: tr_product(&sums[0], &product(&inner, &sums[0])),
+            own,
+            log_det: count * (noise.covariance.log_det() + n * noise.scale2.ln()) + n * log_scales,
+        }
+    }
+}
+
+/// Log evidence of all columns of prior N(0, 1) each.
+fn log_evidence(gram: &DMatrix<f64>, log_det: f64) -> Result<f64> {
+    let last = gram.nrows() - 1;
+    let (inside, right) = (
+        gram.view((0, 0), (last, last)),
+        gram.view((0, last), (last, 1)),
+    );
+    let equations =
+        NormalEquations::with_unit_prior(inside.into_owned(), right.column(0).into_owned())
+            .ok_or_else(|| Error::program("noise::series", "finite columns"))?;
+    Ok(equations.log_evidence() - 0.5 * (log_det + gram[(last, last)]))
+}
