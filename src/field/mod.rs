@@ -31,5 +31,5 @@ pub use measured::{Field, GridShape, Reason, Rejected, bounds};
 pub(crate) use reader::unreadable;
 pub use reader::{ColumnMap, Columns, LEAST_CORRELATION, PIXEL, Reader, Units};
 pub use series::{Series, Step};
-pub use spec::{MeasurementSpec, READERS, Source, SubsetShape};
+pub use spec::{MeasurementSpec, READERS, Source};
 pub use step::StepSpec;

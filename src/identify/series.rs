@@ -3,7 +3,7 @@
 
 use crate::error::Result;
 use crate::experiment::{Experiment, State};
-use crate::infer::{Acts, Column, Model, Observation, Stepped, SteppedColumn, Steps};
+use crate::infer::{Column, Model, Observation, Stepped, SteppedColumn, Steps};
 
 /// Replace the observation's displacement by what grows with the load over its steps, linear in the declared effects' amplitudes about
 /// what tracing found of them, and give it their columns.

@@ -91,6 +91,7 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
         steps: None,
         window_mm: file.window_mm,
         effects: file.effects,
+        laws: BTreeMap::new(),
         candidates: file.candidates,
         plausible: file.plausible,
         mesh_density: 1.0,

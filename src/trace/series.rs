@@ -178,8 +178,8 @@ impl<'a> Traced<'a> {
         let weights = acts.weights(&state.loads);
         let parameters = acts.effect.parameters();
         let columns = candidate.columns.iter().take(parameters.len());
-        let solved = columns.zip(mean.rows(at, parameters.len()).iter());
-        let mut wanted: Vec<f64> = solved.map(|(c, z)| c.mean + c.sd * z).collect();
+        let columns = columns.enumerate();
+        let mut wanted: Vec<f64> = columns.map(|(k, c)| c.mean + c.sd * mean[at + k]).collect();
         let strength = &candidate.columns[0];
         if acts.effect.name() == LENS && strength.at.abs() < WEAK * strength.sd {
             // what was solved for is strength times centre

@@ -153,6 +153,7 @@ impl Named {
     fn alone(found: &Found) -> Self {
         Self {
             leader: found.effect.name(),
+            laws: Vec::new(),
             members: vec![found.effect.name()],
             pairs: Vec::new(),
             probability: found.inclusion_probability,

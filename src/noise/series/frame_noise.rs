@@ -214,7 +214,7 @@ impl<'a> Search<'a> {
         let whitened = [0, 1].map(|c: usize| self.restricted[c].whitened(covariance));
         let at = |metric: &Metric, c: usize| {
             let fit = self.restricted[c].fit(&whitened[c], metric)?;
-            Ok(fit.log_likelihood)
+            Ok::<f64, Error>(fit.log_likelihood)
         };
         let both = |metric| Ok([at(metric, 0)?, at(metric, 1)?]);
         metrics.iter().map(both).collect()
