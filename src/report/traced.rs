@@ -52,6 +52,7 @@ fn parameter(name: &str) -> String {
 fn candidate(found: &Found) -> CandidateReport {
     CandidateReport {
         effect: found.effect.name().into(),
+        law: found.law,
         inclusion_probability: found.inclusion_probability,
         log_bayes_factor: finite(found.log_bayes_factor),
         amplitude: map(&found.amplitude, |(name, mean, sd)| AmplitudeReport {
@@ -77,6 +78,7 @@ fn group(group: &Named) -> AliasGroupReport {
         .filter(|r| !group.members.contains(&r.effect));
     AliasGroupReport {
         leader: group.leader.into(),
+        laws: group.laws.clone(),
         members: texts(&group.members),
         pairs: map(&group.pairs, |pair| pair.map(String::from)),
         resembling: outside.map(resembling).collect(),

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
+use crate::experiment::series::Law;
 use crate::trace::Interval;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,6 +33,9 @@ pub struct TracingReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CandidateReport {
     pub effect: String,
+    /// How its amplitude goes over the steps of a series.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<Law>,
     /// Posterior probability that it acts.
     pub inclusion_probability: f64,
     pub log_bayes_factor: Option<f64>,
@@ -69,6 +73,9 @@ pub struct AliasReport {
 pub struct AliasGroupReport {
     /// The member with the largest evidence.
     pub leader: String,
+    /// How its amplitude goes over the steps of a series, as far as the evidence tells.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub laws: Vec<Law>,
     /// All single members.
     pub members: Vec<String>,
     /// Pairs that together could stand in.

@@ -6,9 +6,11 @@ use super::evidence::{Evidence, evidence};
 use super::recording;
 use super::ridge::{CONVERGED, STEPS, at_ridge};
 use super::sensitivities::{Linearised, Measured};
+use super::series::attribute_series;
+use super::sought::candidates;
 use super::tracing::Tracing;
 use super::weighing::Weighing;
-use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE};
+use crate::effect::{Effect, Kind};
 use crate::error::Result;
 use crate::experiment::State;
 use crate::identify::{Prepared, is_clear};
@@ -18,37 +20,6 @@ use crate::progress::Progress;
 /// Passes of linearisation, each with the strongest effect at its estimate: linearising at several new effects at once oscillated on a
 /// large offset of the hole (prototype study).
 const PASSES: usize = 4;
-
-/// Effects that may be weighed in a model, and those that may not, with the reason.
-pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str, String)>) {
-    let scene = model.scene();
-    let mut chosen = Vec::new();
-    let mut left_out = Vec::new();
-    for effect in EFFECTS {
-        let name = effect.name();
-        if model.effects.iter().any(|e| e.name() == name) {
-            continue;
-        }
-        let listed = model
-            .experiment()
-            .candidates
-            .as_ref()
-            .is_none_or(|list| list.iter().any(|n| n == name));
-        if !listed {
-            left_out.push((name, "not among the model's candidates".to_string()));
-        } else if let Some(reason) = effect.obstacle(&scene) {
-            left_out.push((name, reason.to_string()));
-        } else if name == LOAD_SCALE.name() {
-            left_out.push((
-                name,
-                "a scale of the load cannot be told from a common factor of all moduli".to_string(),
-            ));
-        } else if effect.kind() != Kind::Recorded {
-            chosen.push(*effect);
-        }
-    }
-    (chosen, left_out)
-}
 
 /// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`, to the effects that are
 /// `wanted` by name.
@@ -62,6 +33,9 @@ pub fn attribute(
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
 ) -> Result<Tracing> {
+    if let Some(steps) = &prepared.observation.steps {
+        return attribute_series(model, prepared, steps, start, wanted, progress);
+    }
     let (mut effects, left_out) = candidates(model);
     effects.retain(|e| wanted(e.name()));
     let own = &prepared.observation.field;

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use super::attribute::attribute;
-use super::series::attribute_series;
 use super::averaged::Interval;
 use super::conclusion::{Conclusion, Status, conclude};
 use super::extend::extended;
@@ -170,10 +169,7 @@ impl Doubts {
     ) -> Result<Tracing> {
         let count = |name: &str| self.refused.iter().filter(|(n, _)| *n == name).count();
         let left = |name: &str| count(name) < REFUSALS;
-        let mut tracing = match &prepared.observation.steps {
-            Some(steps) => attribute_series(model, prepared, steps, start, &left, progress)?,
-            None => attribute(model, prepared, start, &left, progress)?,
-        };
+        let mut tracing = attribute(model, prepared, start, &left, progress)?;
         for (name, why) in &self.refused {
             let known = tracing.left_out.iter().any(|(n, _)| n == name);
             if !left(name) && !known {

@@ -268,6 +268,10 @@ fn amplitude(rounds: &[Round], name: &str) -> String {
 /// An effect with its amplitude, and what could stand in for it.
 fn consistent(rounds: &[Round], group: &Named) -> String {
     let mut text = group.leader.to_string();
+    let laws: Vec<&str> = group.laws.iter().map(|law| law.words()).collect();
+    if !laws.is_empty() {
+        text += &format!(", {}", laws.join(" or "));
+    }
     let amplitude = amplitude(rounds, group.leader);
     if !amplitude.is_empty() {
         text += &format!(" ({amplitude})");

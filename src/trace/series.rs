@@ -1,10 +1,10 @@
 //! Tracing of a load series: its steps tell apart what one field only groups.
 
 use super::alias::groups;
-use super::attribute::candidates;
 use super::evidence::{Evidence, evidence_of_series};
 use super::ridge::{CONVERGED, series_at_ridge};
 use super::sensitivities::Measured;
+use super::sought::candidates;
 use super::tracing::Tracing;
 use crate::effect::Kind;
 use crate::error::Result;
