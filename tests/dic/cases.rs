@@ -276,8 +276,8 @@ fn cause(name: &'static str, size: f64, series: &Series, draw: &mut Draw) -> Cau
         },
         "hole_edge_damage" => Cause::Mechanical(name, vec![(20.0 * size).min(60.0)]),
         "thickness_taper" => {
-            let taper: [f64; 2] = draw.vector(2.0 * size);
-            Cause::Mechanical(name, taper.to_vec())
+            // what a taper along the load does is hardly there
+            Cause::Mechanical(name, vec![2.0 * signed, draw.normal()])
         }
         "ply_misorientation" => Cause::Mechanical(name, vec![signed]),
         "shear_nonlinearity" => Cause::Mechanical(name, vec![1e-7 * size]),
@@ -318,7 +318,7 @@ fn foreign(name: &str, series: &Series, draw: &mut Draw) -> Cause {
             let size = 5e-5 * draw.between(0.5, 2.0);
             Cause::Decentring(draw.vector(size), series.pinhole.principal_mm)
         }
-        "interpolation_bias" => Cause::Interpolation(draw.between(0.02, 0.05)),
+        "interpolation_bias" => Cause::Interpolation(draw.between(0.005, 0.015)),
         _ => panic!("no culprit {name}"),
     }
 }

@@ -1,6 +1,6 @@
 //! The simulator against closed forms: maps written out by hand, first-order formulas at small angles, Hooke's law, plate theory.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 use plychain::infer::Model;
 
@@ -9,7 +9,7 @@ use super::camera::{Exposure, Motion, Picture, Pinhole};
 use super::cases::{Kind, campaign, case};
 use super::causes::{Cause, Law};
 use super::folder::{SERIES, SINGLE};
-use super::mechanics::{Loaded, Specimen};
+use super::mechanics::{Loaded, Specimen, hold};
 use super::ordinary::{ORDINARY, ordinary};
 use super::series::Series;
 use super::subsets::Shape;
@@ -356,4 +356,43 @@ fn folders_hold_what_a_user_would_have() {
         let rows = std::fs::read_to_string(file).unwrap().lines().count();
         assert_eq!(rows, observed.points.len() + 1);
     }
+}
+
+/// What acts in each case of the campaign, beyond rigid motion, is there, and not beyond all measure.
+#[test]
+#[ignore = "half a hundred series, half a minute"]
+fn what_acts_is_as_large_as_it_should_be() {
+    let mut faults = Vec::new();
+    for (kind, laminate, seed) in campaign() {
+        let series = coarse(case(&kind, laminate, seed));
+        if series.causes.is_empty() {
+            continue;
+        }
+        let nothing = Series {
+            causes: Vec::new(),
+            ..series.clone()
+        };
+        let (with, without) = (series.exact(), nothing.exact());
+        // an effect that moves the hole's edge changes which subsets are whole
+        let place = |p: &[f64; 2]| p.map(|p| (p * 1e4).round() as i64);
+        let known: HashMap<_, _> = without.0.points.iter().map(place).zip(0..).collect();
+        let pairs = with.0.points.iter().enumerate();
+        let pairs = pairs.filter_map(|(i, p)| Some((i, *known.get(&place(p))?)));
+        let pairs: Vec<(usize, usize)> = pairs.collect();
+        let rms = (0..series.forces_n.len()).map(|k| {
+            let points: Vec<[f64; 2]> = pairs.iter().map(|(i, _)| with.0.points[*i]).collect();
+            let change =
+                |&(i, j): &(usize, usize)| [0, 1].map(|c| with.1[k][i][c] - without.1[k][j][c]);
+            let mut u: Vec<[f64; 2]> = pairs.iter().map(change).collect();
+            hold(&points, &mut u);
+            1e3 * (u.iter().flatten().map(|u| u * u).sum::<f64>() / (2 * u.len()) as f64).sqrt()
+        });
+        let rms: Vec<f64> = rms.collect();
+        println!("{}: {rms:.3?} um", series.name);
+        let most = rms.iter().copied().fold(0.0, f64::max);
+        if !(0.02..100.0).contains(&most) {
+            faults.push(series.name);
+        }
+    }
+    assert!(faults.is_empty(), "{faults:?}");
 }
