@@ -4,6 +4,7 @@ mod browser;
 mod chain_files;
 mod cli;
 mod diagnostics;
+mod dic;
 mod dictionary;
 mod experiment;
 mod fem;
