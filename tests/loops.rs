@@ -27,7 +27,7 @@ pub struct Ended {
     pub vetoes: Vec<String>,
     /// Constants in order; the quoted intervals.
     quoted: Vec<Interval>,
-    truth: Vec<f64>,
+    pub truth: Vec<f64>,
     /// Groups that were sure, and those of them that predict held-out regions.
     held_out: [usize; 2],
 }
@@ -39,29 +39,29 @@ impl Ended {
     }
 
     /// Sds by which the means miss.
-    fn z(&self) -> Vec<f64> {
+    pub fn z(&self) -> Vec<f64> {
         let pairs = self.quoted.iter().zip(&self.truth);
         pairs.map(|(i, t)| (i.mean - t) / i.sd).collect()
     }
 
-    fn worst(&self) -> f64 {
+    pub fn worst(&self) -> f64 {
         self.z().into_iter().fold(0.0, |m, z| m.max(z.abs()))
     }
 
     /// Whether some added effect is not `name` nor leaves almost its field.
-    fn names_another_than(&self, name: &str) -> bool {
+    pub fn names_another_than(&self, name: &str) -> bool {
         let mut groups = self.alias_groups.iter();
         self.effects.iter().any(|e| {
             e != name && !groups.any(|g| g.contains(e) && g.iter().any(|member| member == name))
         })
     }
 
-    fn names(&self, name: &str) -> bool {
+    pub fn names(&self, name: &str) -> bool {
         let grouped = self.alias_groups.iter().flatten();
         self.effects.iter().chain(grouped).any(|e| e == name)
     }
 
-    fn line(&self) -> String {
+    pub fn line(&self) -> String {
         let z: Vec<String> = self.z().iter().map(|z| format!("{z:+.1}")).collect();
         let width: Vec<String> = self
             .quoted
@@ -116,10 +116,10 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
 }
 
 /// A loop to be run.
-type Case = Box<dyn Fn() -> Ended + Sync>;
+pub type Case = Box<dyn Fn() -> Ended + Sync>;
 
 /// Run some cases, two at a time, and print how they ended.
-fn all(cases: &[Case]) -> Vec<Ended> {
+pub fn all(cases: &[Case]) -> Vec<Ended> {
     let next = AtomicUsize::new(0);
     let ended = Mutex::new(Vec::new());
     std::thread::scope(|scope| {

@@ -37,6 +37,7 @@ mod report;
 mod resume;
 mod samplers;
 mod schema;
+mod series;
 mod starts;
 mod suspect;
 mod targets;

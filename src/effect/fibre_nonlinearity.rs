@@ -23,10 +23,6 @@ impl Effect for FibreNonlinearity {
         setup.fibre_quadratic += amplitude[0];
     }
 
-    fn load_power(&self) -> i32 {
-        2
-    }
-
     /// The strain at which a fibre stiffens does not scale with the moduli.
     fn scales(&self) -> bool {
         false

@@ -283,9 +283,9 @@ pub trait Effect: Sync {
         }
     }
 
-    /// The power of the force with which a mechanical effect's part of the field grows, to leading order.
-    fn load_power(&self) -> i32 {
-        1
+    /// Whether what a mechanical effect has added under a force is still there when the force has gone.
+    fn remains(&self) -> bool {
+        false
     }
 
     /// Whether a field under a prescribed force stays 1 / (h E1) times a function of the moduli's ratios where this acts.

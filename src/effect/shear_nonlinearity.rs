@@ -21,10 +21,6 @@ impl Effect for ShearNonlinearity {
         setup.shear_cubic += amplitude[0];
     }
 
-    fn load_power(&self) -> i32 {
-        3
-    }
-
     /// The stress at which a ply softens does not scale with its moduli.
     fn scales(&self) -> bool {
         false

@@ -5,8 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Experiment, Look, State, gauged};
-use crate::effect::{Acting, Effect, Kind, Scene, Scope, Seen};
+use super::{Experiment, Gauge, Look, Sight, State, gauged};
+use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, Seen};
 use crate::error::Result;
 use crate::fem::Anchor;
 use crate::field::rigid::{self, RigidMotion};
@@ -50,7 +50,10 @@ impl Law {
     /// under load; `loads` are the forces over the largest one. A free amplitude has one set of weights for each step.
     pub fn weights(self, loads: &[f64]) -> Vec<Vec<f64>> {
         let count = loads.len();
-        let loaded = loads.iter().rposition(|f| *f > 0.0).map_or(count, |k| k + 1);
+        let loaded = loads
+            .iter()
+            .rposition(|f| *f > 0.0)
+            .map_or(count, |k| k + 1);
         match self {
             Self::Constant => vec![vec![1.0; count]],
             Self::Load => vec![loads.to_vec()],
@@ -110,7 +113,11 @@ impl SeriesState {
         if state.moving.iter_mut().find(known).is_none() {
             state.moving.push(none());
         }
-        for moving in state.moving.iter_mut().filter(|m| m.effect.name() == effect.name()) {
+        for moving in state
+            .moving
+            .iter_mut()
+            .filter(|m| m.effect.name() == effect.name())
+        {
             for (own, weight) in moving.amplitude.iter_mut().zip(weights) {
                 own[parameter] += by * weight;
             }
@@ -125,7 +132,12 @@ impl SeriesState {
             amplitude: m.amplitude[step].clone(),
         });
         let acts = |a: &Acting| a.amplitude.iter().any(|x| *x != 0.0);
-        self.shared.acting().iter().cloned().chain(moving.filter(acts)).collect()
+        self.shared
+            .acting()
+            .iter()
+            .cloned()
+            .chain(moving.filter(acts))
+            .collect()
     }
 }
 
@@ -134,82 +146,124 @@ impl SeriesState {
 pub struct Loaded {
     /// The part that is proportional to the force, mm.
     pub linear: Vec<[f64; 2]>,
-    /// What nonlinear effects add, mm, with the power of the force.
-    pub beyond: Option<(i32, Vec<[f64; 2]>)>,
+    /// What effects add in each step that are not proportional to the force, mm; empty where there are none.
+    pub beyond: Vec<Vec<[f64; 2]>>,
     /// Gradient of the displacement.
     pub gradient: Vec<[[f64; 2]; 2]>,
 }
 
 impl Loaded {
-    /// Displacement at a place under a force over the nominal one.
-    fn at(&self, place: usize, load: f64) -> [f64; 2] {
+    /// Displacement at a place in a step, under a force over the nominal one.
+    fn at(&self, place: usize, step: usize, load: f64) -> [f64; 2] {
         let u = self.linear[place].map(|u| load * u);
-        match &self.beyond {
-            Some((power, beyond)) => {
-                [0, 1].map(|c| u[c] + load.powi(*power) * beyond[place][c])
-            }
+        match self.beyond.get(step) {
+            Some(beyond) => [0, 1].map(|c| u[c] + beyond[place][c]),
             None => u,
         }
     }
 }
 
-/// A field before the camera, and its gradient, at a sight's points.
-pub type Shown = (Vec<[f64; 2]>, Vec<[[f64; 2]; 2]>);
+/// How a series' displacements are obtained.
+pub struct Solver<'a> {
+    pub experiment: &'a dyn Experiment,
+    pub sight: &'a Sight,
+    /// Averages of values at the sight's points: those at the places of the series.
+    pub average: &'a (dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync),
+}
 
-/// Solve for what a full nominal force causes: the field of `state`, and its part that is not proportional to the force.
-///
-/// # Errors
-/// Those of a prediction.
-pub fn loaded(
-    experiment: &dyn Experiment,
-    about: Option<&Anchor>,
-    state: &State,
-    sight: &super::Sight,
-    average: &dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]>,
-    gradient: bool,
-) -> Result<Loaded> {
-    let nonlinear = |a: &&Acting| a.effect.load_power() != 1;
-    let acting = state.acting();
-    let show = |state: &State| -> Result<Look> {
-        match about {
-            Some(_) if !gradient => experiment.look_near(about, state, sight),
-            _ => experiment.look(state, sight, gradient),
+impl Solver<'_> {
+    /// Solve for what the forces of the steps cause, `loads` over the nominal one, near an anchor's state where one is given.
+    ///
+    /// # Errors
+    /// Those of a prediction.
+    pub fn loaded(&self, about: Option<&Anchor>, state: &State, loads: &[f64]) -> Result<Loaded> {
+        let nonlinear: Vec<&Acting> = state
+            .acting()
+            .iter()
+            .filter(|a| a.effect.kind() == Kind::Mechanical && !a.effect.scales())
+            .collect();
+        let mut plain = state.clone();
+        for a in &nonlinear {
+            plain.set(a.effect, vec![0.0; a.amplitude.len()]);
         }
-    };
-    let rigid_free = |look: &Look| average(&gauged(super::Gauge::Window, sight, &look.loaded));
-    let full = show(state)?;
-    let gradients: Vec<[[f64; 2]; 2]> = if gradient {
-        let rows = [0, 1].map(|i| {
-            let row: Vec<[f64; 2]> = full.gradient.iter().map(|g| g[i]).collect();
-            average(&row[..sight.points().len()])
-        });
-        rows[0].iter().zip(&rows[1]).map(|(a, b)| [*a, *b]).collect()
-    } else {
-        Vec::new()
-    };
-    let whole = rigid_free(&full);
-    let power = acting.iter().find(nonlinear).map(|a| a.effect.load_power());
-    let Some(power) = power else {
-        return Ok(Loaded {
-            linear: whole,
-            beyond: None,
-            gradient: gradients,
-        });
-    };
-    let mut plain = state.clone();
-    for a in acting.iter().filter(nonlinear) {
-        plain.set(a.effect, vec![0.0; a.amplitude.len()]);
+        let look = match about {
+            Some(_) => self.experiment.look_near(about, &plain, self.sight)?,
+            None => self.experiment.look(&plain, self.sight, true)?,
+        };
+        let linear = self.places(&look);
+        let mut beyond = Vec::new();
+        if !nonlinear.is_empty() {
+            let remains = nonlinear.iter().any(|a| a.effect.remains());
+            let mut known: Vec<(f64, Vec<[f64; 2]>)> = Vec::new();
+            for &load in &acted(loads, remains) {
+                if !known.iter().any(|(f, _)| *f == load) {
+                    known.push((load, self.beyond(about, state, load, &linear)?));
+                }
+                let added = known.iter().find(|(f, _)| *f == load);
+                beyond.extend(added.map(|(_, added)| added.clone()));
+            }
+        }
+        Ok(Loaded {
+            gradient: self.gradient(&look),
+            linear,
+            beyond,
+        })
     }
-    let linear = rigid_free(&show(&plain)?);
-    let beyond = whole.iter().zip(&linear);
-    Ok(Loaded {
-        beyond: Some((
-            power,
-            beyond.map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect(),
-        )),
-        linear,
-        gradient: gradients,
-    })
+
+    /// What a state's nonlinear effects add under a force, mm.
+    fn beyond(
+        &self,
+        about: Option<&Anchor>,
+        state: &State,
+        load: f64,
+        linear: &[[f64; 2]],
+    ) -> Result<Vec<[f64; 2]>> {
+        if load.abs() < LEAST_LOAD {
+            return Ok(vec![[0.0; 2]; linear.len()]);
+        }
+        let mut state = state.clone();
+        let percent = (1.0 + 0.01 * state.amplitude(LOAD_SCALE)[0]) * load - 1.0;
+        state.set(LOAD_SCALE, vec![100.0 * percent]);
+        let look = self.experiment.look_near(about, &state, self.sight)?;
+        let whole = self.places(&look).into_iter().zip(linear);
+        Ok(whole
+            .map(|(u, linear)| [0, 1].map(|c| u[c] - load * linear[c]))
+            .collect())
+    }
+
+    /// Displacements at the places, free of the rigid motion over the points.
+    fn places(&self, look: &Look) -> Vec<[f64; 2]> {
+        (self.average)(&gauged(Gauge::Window, self.sight, &look.loaded))
+    }
+
+    fn gradient(&self, look: &Look) -> Vec<[[f64; 2]; 2]> {
+        if look.gradient.is_empty() {
+            return Vec::new();
+        }
+        let rows = [0, 1].map(|i| {
+            let own = &look.gradient[..self.sight.points().len()];
+            let row: Vec<[f64; 2]> = own.iter().map(|g| g[i]).collect();
+            (self.average)(&row)
+        });
+        rows[0]
+            .iter()
+            .zip(&rows[1])
+            .map(|(a, b)| [*a, *b])
+            .collect()
+    }
+}
+
+/// Forces over the nominal one below which nothing yields or softens.
+const LEAST_LOAD: f64 = 0.02;
+
+/// The force that counts in each step: the largest so far where what it did remains.
+fn acted(loads: &[f64], remains: bool) -> Vec<f64> {
+    let mut largest = 0.0_f64;
+    let one = |f: &f64| {
+        largest = largest.max(*f);
+        if remains { largest } else { *f }
+    };
+    loads.iter().map(one).collect()
 }
 
 /// What the camera reports in each step at places, mm, free of the least-squares rigid motion over them (each place counting with its
@@ -229,7 +283,7 @@ pub fn report(
         let acting = state.acting(step);
         let camera = Seen::new(&acting, scene).moved(*rigid);
         let report = |(k, &place): (usize, &[f64; 2])| {
-            let mut u = loaded.at(k, load);
+            let mut u = loaded.at(k, step, load);
             let point = camera.true_point(place);
             if let Some(g) = loaded.gradient.get(k) {
                 let from = before.true_point(place);
@@ -237,7 +291,11 @@ pub fn report(
                 u = [0, 1].map(|i| u[i] + load * (g[i][0] * shift[0] + g[i][1] * shift[1]));
             }
             for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
-                let by = if a.effect.scope() == Scope::Mechanical { load } else { 1.0 };
+                let by = if a.effect.scope() == Scope::Mechanical {
+                    load
+                } else {
+                    1.0
+                };
                 let added = a.effect.displacement(&a.amplitude, scene, point);
                 u = [0, 1].map(|i| u[i] + by * added[i]);
             }

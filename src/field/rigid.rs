@@ -50,11 +50,7 @@ pub fn fit_weighted(points: &[[f64; 2]], weights: &[usize], values: &[[f64; 2]])
     fitted(points, values, |k| weights[k] as f64)
 }
 
-fn fitted(
-    points: &[[f64; 2]],
-    values: &[[f64; 2]],
-    weight: impl Fn(usize) -> f64,
-) -> RigidMotion {
+fn fitted(points: &[[f64; 2]], values: &[[f64; 2]], weight: impl Fn(usize) -> f64) -> RigidMotion {
     let n: f64 = (0..points.len()).map(&weight).sum::<f64>().max(1.0);
     let mean = |v: &[[f64; 2]]| {
         v.iter().enumerate().fold([0.0; 2], |m, (k, v)| {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{Model, Steps};
 use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
-use crate::experiment::series::{Law, Loaded, SeriesState, loaded, report, rigid_free};
+use crate::experiment::series::{Law, Loaded, SeriesState, Solver, report, rigid_free};
 use crate::experiment::{Experiment, Sight, State};
 use crate::fem::Anchor;
 use crate::laminate::MeanSd;
@@ -146,8 +146,13 @@ impl Stepped<'_> {
         self.experiment.scene()
     }
 
-    fn loaded(&self, about: Option<&Anchor>, state: &State, gradient: bool) -> Result<Loaded> {
-        loaded(self.experiment, about, state, self.sight, self.average, gradient)
+    fn loaded(&self, about: Option<&Anchor>, at: &SeriesState) -> Result<Loaded> {
+        let solver = Solver {
+            experiment: self.experiment,
+            sight: self.sight,
+            average: self.average,
+        };
+        solver.loaded(about, &at.shared, &at.loads)
     }
 
     /// All steps as the camera reports them.
@@ -162,7 +167,7 @@ impl Stepped<'_> {
     pub fn here<'a>(&'a self, at: &'a SeriesState) -> Result<Here<'a>> {
         Ok(Here {
             stepped: self,
-            loaded: self.loaded(None, &at.shared, true)?,
+            loaded: self.loaded(None, at)?,
             anchor: self.experiment.anchor(&at.shared)?,
             at,
         })
@@ -204,7 +209,8 @@ impl Here<'_> {
     /// What all steps show, mm.
     pub fn predicted(&self) -> Stack {
         let scene = self.stepped.scene();
-        self.stepped.seen(self.at, &self.at.shared, &self.loaded, scene)
+        self.stepped
+            .seen(self.at, &self.at.shared, &self.loaded, scene)
     }
 
     /// The same without the effects of picture and motion.
@@ -217,20 +223,26 @@ impl Here<'_> {
             }
         }
         let scene = self.stepped.scene();
-        self.stepped.seen(&state, &self.at.shared, &self.loaded, scene)
+        self.stepped
+            .seen(&state, &self.at.shared, &self.loaded, scene)
     }
 
     /// The difference quotient of two states that share this one's load displacements.
     fn slope(&self, [high, low]: [&SeriesState; 2], over: f64, scene: &Scene) -> Stack {
-        let see = |state| self.stepped.seen(state, &self.at.shared, &self.loaded, scene);
+        let see = |state| {
+            self.stepped
+                .seen(state, &self.at.shared, &self.loaded, scene)
+        };
         quotient([see(high), see(low)], over)
     }
 
     /// The same of two states that are solved for.
     fn solved(&self, [high, low]: [SeriesState; 2], over: f64) -> Result<Stack> {
         let see = |state: &SeriesState| -> Result<Stack> {
-            let own = self.stepped.loaded(self.anchor.as_ref(), &state.shared, false)?;
-            Ok(self.stepped.seen(state, &state.shared, &own, self.stepped.scene()))
+            let own = self.stepped.loaded(self.anchor.as_ref(), state)?;
+            Ok(self
+                .stepped
+                .seen(state, &state.shared, &own, self.stepped.scene()))
         };
         Ok(quotient([see(&high)?, see(&low)?], over))
     }
@@ -250,7 +262,12 @@ impl Here<'_> {
                 });
                 (self.stepped.step)();
                 let slope = self.solved(moved, 2.0 * step)?;
-                Ok(column((*name).into(), [prior.mean, prior.sd], self.at.shared.constants[k], slope))
+                Ok(column(
+                    (*name).into(),
+                    [prior.mean, prior.sd],
+                    self.at.shared.constants[k],
+                    slope,
+                ))
             })
             .collect::<Result<_>>()?;
         let loads_times = |factor: f64| {
@@ -285,7 +302,13 @@ impl Here<'_> {
         let steps = self.stepped.steps;
         let guess = steps.loads[step];
         let largest = steps.loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-        if !steps.known.iter().zip(&steps.loads).any(|(known, f)| *known && *f != 0.0) && guess.abs() == largest {
+        if !steps
+            .known
+            .iter()
+            .zip(&steps.loads)
+            .any(|(known, f)| *known && *f != 0.0)
+            && guess.abs() == largest
+        {
             return None;
         }
         let moved = [LOAD_STEP, -LOAD_STEP].map(|by| {
@@ -293,7 +316,11 @@ impl Here<'_> {
             state.loads[step] += by;
             state
         });
-        let slope = self.slope([&moved[0], &moved[1]], 2.0 * LOAD_STEP, self.stepped.scene());
+        let slope = self.slope(
+            [&moved[0], &moved[1]],
+            2.0 * LOAD_STEP,
+            self.stepped.scene(),
+        );
         let sd = UNKNOWN[0].hypot(UNKNOWN[1] * guess);
         let name = format!("force_{}", steps.names[step]);
         Some(column(name, [guess, sd], self.at.loads[step], slope))
@@ -353,7 +380,11 @@ impl Here<'_> {
         if acts.effect.scope() != Scope::Motion {
             return self.at.shared.amplitude(acts.effect)[k];
         }
-        let moving = self.at.moving.iter().find(|m| m.effect.name() == acts.effect.name());
+        let moving = self
+            .at
+            .moving
+            .iter()
+            .find(|m| m.effect.name() == acts.effect.name());
         let largest = (0..weights.len()).max_by(|a, b| weights[*a].total_cmp(&weights[*b]));
         let (Some(moving), Some(step)) = (moving, largest) else {
             return 0.0;
@@ -399,13 +430,18 @@ impl Here<'_> {
                     self.slope([&turned, self.at], 1.0, &scene)
                 };
                 let slope = quotient([at(AXIS_MM), at(-AXIS_MM)], 2.0);
-                let name = format!("{} x axis_{}", amplitude_name(acts.effect, parameter), axis + 1);
+                let name = format!(
+                    "{} x axis_{}",
+                    amplitude_name(acts.effect, parameter),
+                    axis + 1
+                );
                 columns.push(column(name, [0.0, 1.0], 0.0, slope));
             }
         }
         let milli = 1e-3 * self.stepped.prior_sd(acts.effect, 0);
         let raised = [1.0, -1.0].map(|sign| {
-            self.at.raised(approach, 0, sign * milli * PIVOT_MM, weights)
+            self.at
+                .raised(approach, 0, sign * milli * PIVOT_MM, weights)
         });
         let slope = self.slope([&raised[0], &raised[1]], 2.0, scene);
         let name = format!("{}.pivot", acts.effect.name());

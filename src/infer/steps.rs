@@ -30,7 +30,10 @@ impl Steps {
         let points = held(&series.field.points);
         let displacement: Vec<Vec<[f64; 2]>> =
             series.steps.iter().map(|s| held(&s.displacement)).collect();
-        let rigid: Vec<RigidMotion> = displacement.iter().map(|u| rigid::fit(&points, u)).collect();
+        let rigid: Vec<RigidMotion> = displacement
+            .iter()
+            .map(|u| rigid::fit(&points, u))
+            .collect();
         let mut steps = Self {
             names: series.steps.iter().map(|s| s.name.clone()).collect(),
             loads: series
@@ -50,7 +53,10 @@ impl Steps {
     fn guess_loads(&mut self, points: &[[f64; 2]], reference: usize) {
         let pattern = self.strained(points, reference);
         let product = |a: &[[f64; 2]], b: &[[f64; 2]]| -> f64 {
-            a.iter().zip(b).map(|(a, b)| a[0] * b[0] + a[1] * b[1]).sum()
+            a.iter()
+                .zip(b)
+                .map(|(a, b)| a[0] * b[0] + a[1] * b[1])
+                .sum()
         };
         let size = product(&pattern, &pattern).max(f64::MIN_POSITIVE);
         if !self.known[reference] {
@@ -73,7 +79,11 @@ impl Steps {
             let [a, b] = [u[0] - rigid[0], u[1] - rigid[1]];
             [cos * a + sin * b, cos * b - sin * a]
         };
-        points.iter().zip(&self.displacement[step]).map(one).collect()
+        points
+            .iter()
+            .zip(&self.displacement[step])
+            .map(one)
+            .collect()
     }
 
     /// Weights of the steps in the field that grows with the load: free of whatever is the same in all of them where the loads vary.

@@ -203,11 +203,22 @@ const FAR: f64 = 2.5;
 
 /// The model that a round's tracing calls for.
 fn next_model(round: &Round) -> Option<Model> {
-    Some(extended(
-        &round.model,
-        round.tracing.accepted?,
-        &round.tracing,
-    ))
+    let Tracing {
+        accepted,
+        accepted_amplitude,
+        accepted_law,
+        averaged,
+        series,
+        ..
+    } = &round.tracing;
+    let effect = (*accepted)?;
+    let mut model = extended(&round.model, effect, accepted_amplitude, averaged);
+    model.traced.clone_from(series);
+    if let Some(law) = accepted_law {
+        let laws = &mut model.experiment_mut().laws;
+        laws.insert(effect.name().to_string(), *law);
+    }
+    Some(model)
 }
 
 /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt; whether it did.

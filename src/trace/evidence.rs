@@ -9,8 +9,8 @@ use super::suspect::suspect;
 use super::tracing::{Found, Named, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
-use crate::experiment::series::Law;
 use crate::error::Result;
+use crate::experiment::series::Law;
 use crate::noise::series::Frames;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -75,13 +75,13 @@ impl<'a> Evidence<'a> {
         measured: &'a Measured,
         weighing: Weighing,
     ) -> Result<Self> {
-    let subsets = Subsets::new(&weighing, &sensitivities.candidates)?;
-    Ok(Evidence {
-        measured,
-        sensitivities,
-        weighing,
-        subsets,
-    })
+        let subsets = Subsets::new(&weighing, &sensitivities.candidates)?;
+        Ok(Evidence {
+            measured,
+            sensitivities,
+            weighing,
+            subsets,
+        })
     }
 }
 

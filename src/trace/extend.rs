@@ -1,7 +1,6 @@
 //! A model with one more declared effect.
 
 use super::averaged::Interval;
-use super::tracing::Tracing;
 use crate::effect::{Effect, amplitude_name};
 use crate::files::Keyed;
 use crate::infer::Model;
@@ -14,20 +13,11 @@ const BOX_SHARE: f64 = 0.1;
 pub fn extended(
     model: &Model,
     effect: &'static dyn Effect,
-    tracing: &Tracing,
+    amplitude: &[(f64, f64)],
+    averaged: &Keyed<Interval>,
 ) -> Model {
-    let Tracing {
-        accepted_amplitude: amplitude,
-        averaged,
-        ..
-    } = tracing;
     let mut model = model.clone();
     narrow(&mut model, averaged);
-    model.traced = tracing.series.clone();
-    if let Some(law) = tracing.accepted_law {
-        let laws = &mut model.experiment_mut().laws;
-        laws.insert(effect.name().to_string(), law);
-    }
     model
         .experiment_mut()
         .effects

@@ -128,14 +128,19 @@ impl<'a> Traced<'a> {
         loop {
             pass += 1;
             let count = self.sought.len();
-            let what = format!("tracing, pass {pass}: sensitivities of all steps to {count} effects and laws");
+            let what = format!(
+                "tracing, pass {pass}: sensitivities of all steps to {count} effects and laws"
+            );
             progress.begin(&what, None);
             let (declared, sought) = (&self.declared, &self.sought);
             let sensitivities =
                 series_at_ridge(self.stepped, self.measured, state, declared, sought)?;
             progress.end();
             let what = format!("tracing, pass {pass}: effects against noise");
-            progress.begin(&what, Some(crate::noise::series::steps(&self.frames) as u64));
+            progress.begin(
+                &what,
+                Some(crate::noise::series::steps(&self.frames) as u64),
+            );
             let step = &|| progress.step();
             let found = evidence_of_series(&self.frames, sensitivities, self.measured, step)?;
             let strongest = groups(&found.subsets).first().map(|g| g.leader);
@@ -167,7 +172,9 @@ impl<'a> Traced<'a> {
         if let Some(old) = before.filter(|b| !same(b)) {
             let none = vec![0.0; old.effect.parameters().len()];
             state.shared.set(old.effect, none);
-            state.moving.retain(|m| m.effect.name() != old.effect.name());
+            state
+                .moving
+                .retain(|m| m.effect.name() != old.effect.name());
         }
         let subsets = &evidence.subsets;
         let best = subsets.best();

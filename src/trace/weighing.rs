@@ -244,7 +244,8 @@ impl Weighing {
             Source::Components(choices) => [0, 1].map(|c: usize| {
                 let s = &choices[c][pair.of[c]].at;
                 let counts = blocks.count.iter();
-                let of = |&n: &usize| s.scale2 * (mean / n as f64 + s.ratio * together(s.length_mm));
+                let of =
+                    |&n: &usize| s.scale2 * (mean / n as f64 + s.ratio * together(s.length_mm));
                 DVector::from_iterator(blocks.len(), counts.map(of))
             }),
             Source::Series(series) => [0, 1].map(|c: usize| {
@@ -305,7 +306,11 @@ fn choices(
 /// All columns of one component, the near-edge rival's after the others, and last the data.
 fn with_data(measured: &Measured, sensitivities: &Sensitivities, c: usize) -> DMatrix<f64> {
     let sought = sensitivities.candidates.iter().flat_map(|k| &k.columns);
-    let own = sensitivities.base.iter().chain(sought).map(|k| &k.values[c]);
+    let own = sensitivities
+        .base
+        .iter()
+        .chain(sought)
+        .map(|k| &k.values[c]);
     let rival = sensitivities.near_edge.iter().map(|field| &field[c]);
     let data = &measured.residual(sensitivities)[c];
     let all: Vec<DVector<f64>> = own.chain(rival).chain([data]).cloned().collect();
