@@ -2,16 +2,19 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::gauge::{Gauge, ZeroAt, hold_window};
+use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Anchor, Certificate, Locator, Observer, Plate, Setup, Solution};
+use crate::fem::{
+    Anchor, Answer, Basis, Certificate, Locator, Observer, Plate, Setup, Solution, View,
+};
 use crate::field::Frame;
 use crate::geometry::{Density, Mesh};
 use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
@@ -31,7 +34,7 @@ pub struct FieldTest {
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
-    /// Solve for every prediction instead of answering from a reduced basis.
+    /// Solve for every prediction instead of answering from a reduced basis, or by corrections of a solution nearby.
     pub full_order: bool,
 }
 
@@ -151,6 +154,22 @@ impl FieldExperiment {
         })
     }
 
+    /// A basis as a sight's points see it, of tests like `setup`.
+    fn view_of(&self, basis: Arc<Basis>, setup: &Setup, sight: &Sight) -> Result<View> {
+        let mesh = self.plate.mesh_of(setup)?;
+        let own = sight
+            .observer()
+            .filter(|_| matches!(mesh, Cow::Borrowed(_)));
+        let observer = own.cloned();
+        let observer =
+            observer.unwrap_or_else(|| Locator::new(&mesh).observe_extended(sight.all()));
+        let motions = match &self.zero {
+            Some(zero) => zero.motions(&mesh, sight),
+            None => window_motions(&mesh, &observer, sight),
+        };
+        View::new(&self.plate, basis, &mesh, observer, motions)
+    }
+
     /// What a nominal plate's displacements show under the gauge, by a plain camera.
     fn shown(&self, nodal: Vec<f64>, observer: &Observer, sight: &Sight) -> Vec<[f64; 2]> {
         let mut solution = Solution {
@@ -237,7 +256,7 @@ impl Experiment for FieldExperiment {
     }
 
     fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
-        self.seen(about, state, sight, false)
+        self.seen(about.filter(|_| !self.test.full_order), state, sight, false)
     }
 
     fn near_edge(
@@ -275,13 +294,29 @@ impl Experiment for FieldExperiment {
             .span(&tests.collect::<Result<Vec<_>>>()?, WORTH_A_BASIS)
     }
 
-    fn certify(&self, states: &[State]) -> Result<Vec<Certificate>> {
-        let certify = |state| {
+    fn view(&self, sight: &Sight) -> Result<Option<View>> {
+        let basis = self.plate.nominal_basis();
+        basis
+            .map(|basis| self.view_of(basis, &self.scene.setup, sight))
+            .transpose()
+    }
+
+    fn certify(&self, states: &[State], sight: &Sight) -> Result<Vec<Certificate>> {
+        let mut views: Vec<View> = Vec::new();
+        let mut certificates = Vec::new();
+        for state in states {
             let (setup, ply) = self.tested(state)?;
-            self.plate.certify(&setup, &ply)
-        };
-        let all: Result<Vec<_>> = states.iter().map(certify).collect();
-        Ok(all?.into_iter().flatten().collect())
+            let Some(basis) = self.plate.basis_for(&setup, &ply) else {
+                continue;
+            };
+            let known = views.iter().position(|v| Arc::ptr_eq(&v.basis, &basis));
+            let known = known.unwrap_or(views.len());
+            if known == views.len() {
+                views.push(self.view_of(basis, &setup, sight)?);
+            }
+            certificates.extend(self.plate.certify(&setup, &ply, &views[known])?);
+        }
+        Ok(certificates)
     }
 
     fn spanning(&self, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
@@ -293,7 +328,7 @@ impl Experiment for FieldExperiment {
         fields.map(shown).collect()
     }
 
-    fn coordinates(&self, state: &State) -> Option<Vec<f64>> {
+    fn coordinates(&self, state: &State) -> Option<Answer> {
         if !Seen::new(state.acting(), &self.scene).is_plain() {
             return None;
         }
