@@ -97,7 +97,8 @@ fn certify(prepared: &Prepared, verify: bool, console: &Console) -> Result<Vec<C
     let problem = &prepared.problem;
     let points = spread_over(problem, count, POINTS_SEED);
     let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
-    let certificates = problem.experiment.certify(&states)?;
+    let sight = &prepared.observation.sight;
+    let certificates = problem.experiment.certify(&states, sight)?;
     console.end();
     Ok(certificates)
 }

@@ -41,7 +41,8 @@ pub struct Running {
     /// Exit with an error if chains have not converged
     #[arg(long)]
     strict: bool,
-    /// Solve the finite elements for every prediction instead of answering from a reduced basis
+    /// Solve the finite elements for every prediction, those of sensitivities too, instead of answering from a reduced basis or
+    /// correcting a solution nearby
     #[arg(long)]
     full_order: bool,
     /// Write the figures as PNG too (of a program built with `--features png`)

@@ -2,17 +2,20 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::gauge::{Gauge, ZeroAt, hold_window};
+use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::subset::Subsets;
 use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Anchor, Certificate, Locator, Observer, Plate, Setup, Solution};
+use crate::fem::{
+    Anchor, Answer, Basis, Certificate, Locator, Observer, Plate, Setup, Solution, View,
+};
 use crate::field::Frame;
 use crate::field::rigid::RigidMotion;
 use crate::geometry::{Density, Mesh};
@@ -35,7 +38,7 @@ pub struct FieldTest {
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
-    /// Solve for every prediction instead of answering from a reduced basis.
+    /// Solve for every prediction instead of answering from a reduced basis, or by corrections of a solution nearby.
     pub full_order: bool,
 }
 
@@ -192,6 +195,22 @@ impl FieldExperiment {
         self.test.images.as_ref().map(|i| i.subsets)
     }
 
+    /// A basis as a sight's points see it, of tests like `setup`; of a subset its middle, which moves more than its average.
+    fn view_of(&self, basis: Arc<Basis>, setup: &Setup, sight: &Sight) -> Result<View> {
+        let mesh = self.plate.mesh_of(setup)?;
+        let own = sight
+            .observer()
+            .filter(|_| matches!(mesh, Cow::Borrowed(_)) && !sight.is_correlated());
+        let observer = own.cloned();
+        let observer =
+            observer.unwrap_or_else(|| Locator::new(&mesh).observe_extended(sight.all()));
+        let motions = match &self.zero {
+            Some(zero) => zero.motions(&mesh, sight),
+            None => window_motions(&mesh, &observer, sight),
+        };
+        View::new(&self.plate, basis, &mesh, observer, motions)
+    }
+
     /// What a nominal plate's displacements show under the gauge, by a plain camera.
     fn shown(&self, nodal: Vec<f64>, observer: &Observer, sight: &Sight) -> Vec<[f64; 2]> {
         let mut solution = Solution {
@@ -297,7 +316,7 @@ impl Experiment for FieldExperiment {
     }
 
     fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
-        self.seen(about, state, sight, false)
+        self.seen(about.filter(|_| !self.test.full_order), state, sight, false)
     }
 
     fn near_edge(
@@ -334,13 +353,29 @@ impl Experiment for FieldExperiment {
             .span(&tests.collect::<Result<Vec<_>>>()?, WORTH_A_BASIS)
     }
 
-    fn certify(&self, states: &[State]) -> Result<Vec<Certificate>> {
-        let certify = |state| {
+    fn view(&self, sight: &Sight) -> Result<Option<View>> {
+        let basis = self.plate.nominal_basis();
+        basis
+            .map(|basis| self.view_of(basis, &self.scene.setup, sight))
+            .transpose()
+    }
+
+    fn certify(&self, states: &[State], sight: &Sight) -> Result<Vec<Certificate>> {
+        let mut views: Vec<View> = Vec::new();
+        let mut certificates = Vec::new();
+        for state in states {
             let (setup, ply) = self.tested(state)?;
-            self.plate.certify(&setup, &ply)
-        };
-        let all: Result<Vec<_>> = states.iter().map(certify).collect();
-        Ok(all?.into_iter().flatten().collect())
+            let Some(basis) = self.plate.basis_for(&setup, &ply) else {
+                continue;
+            };
+            let known = views.iter().position(|v| Arc::ptr_eq(&v.basis, &basis));
+            let known = known.unwrap_or(views.len());
+            if known == views.len() {
+                views.push(self.view_of(basis, &setup, sight)?);
+            }
+            certificates.extend(self.plate.certify(&setup, &ply, &views[known])?);
+        }
+        Ok(certificates)
     }
 
     fn spanning(&self, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
@@ -352,7 +387,7 @@ impl Experiment for FieldExperiment {
         fields.map(shown).collect()
     }
 
-    fn coordinates(&self, state: &State) -> Option<Vec<f64>> {
+    fn coordinates(&self, state: &State) -> Option<Answer> {
         if !Seen::new(state.acting(), &self.scene).is_plain() {
             return None;
         }

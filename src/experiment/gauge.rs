@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Sight;
 use crate::error::{Error, Result};
-use crate::fem::{Locator, Observer, Plate, Solution};
+use crate::fem::{Locator, Motion, Observer, Plate, Solution};
 use crate::field::{Frame, rigid};
 use crate::geometry::{Geometry, HOLE, Mesh};
 
@@ -57,11 +57,64 @@ impl ZeroAt {
             let motion = still(&self.observer, self.point, nodal);
             return subtract(mesh, &motion, nodal);
         }
-        let point = onto(self.point, self.nominal, mesh.extents);
-        let observer = Locator::new(mesh).observe_extended(&[point]);
+        let (observer, point) = self.on(mesh);
         let motion = still(&observer, point, nodal);
         subtract(mesh, &motion, nodal);
     }
+
+    /// The point on a mesh of another shape.
+    fn on(&self, mesh: &Mesh) -> (Observer, [f64; 2]) {
+        let point = onto(self.point, self.nominal, mesh.extents);
+        (Locator::new(mesh).observe_extended(&[point]), point)
+    }
+
+    /// The motion that is subtracted from fields on a mesh, part by part, at a sight's points.
+    pub fn motions(&self, mesh: &Mesh, sight: &Sight) -> Vec<Motion> {
+        let (observer, point) = self.on(mesh);
+        let n = mesh.unknowns();
+        let shifts = [[1.0, 0.0], [0.0, 1.0]].map(|unit| observer.forces(&[unit], n));
+        let [first, second] = shifts;
+        parts([first, second, observer.couple(n)], sight, point)
+    }
+}
+
+/// The motion that [`Gauge::Window`] takes from fields on a mesh, part by part, at a sight's points, which the observer knows.
+pub(super) fn window_motions(mesh: &Mesh, observer: &Observer, sight: &Sight) -> Vec<Motion> {
+    let points = sight.all();
+    let n = points.len().max(1) as f64;
+    let center = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
+    let about = |p: &[f64; 2]| [p[0] - center[0], p[1] - center[1]];
+    let inertia: f64 = points.iter().map(about).map(|[s, t]| s * s + t * t).sum();
+    let inertia = if inertia > 0.0 {
+        inertia
+    } else {
+        f64::INFINITY
+    };
+    let turn = |p: &[f64; 2]| {
+        let [s, t] = about(p);
+        [-t / inertia, s / inertia]
+    };
+    let weights = [
+        vec![[1.0 / n, 0.0]; points.len()],
+        vec![[0.0, 1.0 / n]; points.len()],
+        points.iter().map(turn).collect(),
+    ];
+    let forces = weights.map(|w| observer.forces(&w, mesh.unknowns()));
+    parts(forces, sight, center)
+}
+
+/// Both shifts and the rotation about a point, with the forces that find how much of each a field has.
+fn parts(forces: [Vec<f64>; 3], sight: &Sight, center: [f64; 2]) -> Vec<Motion> {
+    let unit = |k: usize| rigid::RigidMotion {
+        shift: [0, 1].map(|i| if i == k { 1.0 } else { 0.0 }),
+        angle: if k == 2 { 1.0 } else { 0.0 },
+        center,
+    };
+    let part = |(k, forces): (usize, Vec<f64>)| Motion {
+        forces,
+        at: sight.all().iter().map(|&p| unit(k).at(p)).collect(),
+    };
+    forces.into_iter().enumerate().map(part).collect()
 }
 
 /// Refuse a point of [`Gauge::ZeroAtMm`] that is none of the plate, before anything is solved. Beside a clamp, where the

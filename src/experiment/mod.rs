@@ -26,7 +26,7 @@ pub use subset::Subsets;
 
 use crate::effect::{Acting, Kind, Scene};
 use crate::error::Result;
-use crate::fem::{Anchor, Certificate};
+use crate::fem::{Anchor, Answer, Certificate, View};
 use crate::field::rigid::RigidMotion;
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
@@ -123,16 +123,24 @@ pub trait Experiment: Send + Sync {
         Vec::new()
     }
 
-    /// The factors of those fields in a state; none where its field is not such a sum.
-    fn coordinates(&self, _state: &State) -> Option<Vec<f64>> {
+    /// The answer in a state, whose coordinates are the factors of those fields; none where its field is not such a sum.
+    fn coordinates(&self, _state: &State) -> Option<Answer> {
         None
     }
 
-    /// Hold the reduced basis against the solver in some states; empty where there is none.
+    /// The basis of those answers as a sight's points see it, under the gauge; none before [`Experiment::span`].
     ///
     /// # Errors
     /// Those of [`Experiment::look`].
-    fn certify(&self, _states: &[State]) -> Result<Vec<Certificate>> {
+    fn view(&self, _sight: &Sight) -> Result<Option<View>> {
+        Ok(None)
+    }
+
+    /// Hold the reduced basis against the solver in some states, at a sight's points; empty where there is none.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn certify(&self, _states: &[State], _sight: &Sight) -> Result<Vec<Certificate>> {
         Ok(Vec::new())
     }
 

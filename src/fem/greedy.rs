@@ -243,15 +243,14 @@ impl<'a> Growing<'a> {
         let groups: Vec<[DMatrix<f64>; 3]> = forces
             .par_chunks(n * TOGETHER)
             .map(|group| {
-                let [forces, duals] = [self.forces.view(), self.duals.view()];
                 let mut force = DMatrix::from_column_slice(n, group.len() / n, group);
-                let mut coordinates = duals.tr_mul(&force);
-                force -= forces * &coordinates;
+                let mut coordinates = self.duals.products(&force);
+                self.forces.take(&coordinates, &mut force);
                 let mut dual = force.clone();
                 self.plate.solve_with(&self.reference, dual.as_mut_slice());
-                let along = duals.tr_mul(&force);
-                force -= forces * &along;
-                dual -= duals * &along;
+                let along = self.duals.products(&force);
+                self.forces.take(&along, &mut force);
+                self.duals.take(&along, &mut dual);
                 coordinates += along;
                 [coordinates, force, dual]
             })

@@ -242,6 +242,56 @@ impl Observer {
         }
     }
 
+    /// The element that a point lies in, with the values of its shape functions there; none outside the mesh.
+    pub(super) fn spot(&self, k: usize) -> Option<(usize, [f64; 8])> {
+        match self.places[k] {
+            Place::Inside(Spot { element, local }) => {
+                Some((element as usize, element::shape(local[0], local[1])))
+            }
+            Place::Outside(_) => None,
+        }
+    }
+
+    /// Nodal forces of forces at the points: the transpose of [`Observer::displacement`].
+    pub fn forces(&self, at_points: &[[f64; 2]], unknowns: usize) -> Vec<f64> {
+        let mut nodal = vec![0.0; unknowns];
+        let mut add = |node: u32, weight: f64, force: &[f64; 2]| {
+            nodal[2 * node as usize] += weight * force[0];
+            nodal[2 * node as usize + 1] += weight * force[1];
+        };
+        for (k, force) in at_points.iter().enumerate() {
+            match (self.spot(k), self.places[k]) {
+                (Some((e, shape)), _) => {
+                    for (&node, n) in self.nodes[e].iter().zip(shape) {
+                        add(node, n, force);
+                    }
+                }
+                (None, Place::Outside(patch)) => {
+                    for (node, weights) in &self.patches[patch as usize].nodes {
+                        add(*node, weights[0], force);
+                    }
+                }
+                (None, Place::Inside(_)) => {}
+            }
+        }
+        nodal
+    }
+
+    /// Nodal forces of a unit couple at the first point, which lies on the plate: what they do with a field is its local rotation there,
+    /// (d u_2 / d x_1 - d u_1 / d x_2) / 2.
+    pub fn couple(&self, unknowns: usize) -> Vec<f64> {
+        let mut nodal = vec![0.0; unknowns];
+        if let Some(Place::Inside(spot)) = self.places.first() {
+            let e = spot.element as usize;
+            let (g, _) = element::physical_gradient(&self.corners[e], spot.local[0], spot.local[1]);
+            for (node, g) in self.nodes[e].iter().zip(g) {
+                nodal[2 * *node as usize] -= 0.5 * g[1];
+                nodal[2 * *node as usize + 1] += 0.5 * g[0];
+            }
+        }
+        nodal
+    }
+
     /// Displacement (u1, u2) at every point, mm.
     pub fn displacement(&self, nodal: &Nodal) -> Vec<[f64; 2]> {
         let at = |place: &Place| match place {

@@ -4,7 +4,8 @@ use std::borrow::Cow;
 use std::sync::{Arc, PoisonError, RwLock};
 
 use super::assemble::Assembly;
-use super::basis::{Basis, Query};
+use super::basis::{Answer, Basis, Query};
+use super::inverse::Inverse;
 use super::ply_law::PlyLaw;
 use super::profile::Profile;
 use super::setup::Setup;
@@ -144,6 +145,20 @@ impl Plate {
         }
     }
 
+    /// Geometry integrals of a uniform plate on a mesh of this one's connectivity.
+    pub(super) fn uniform_integrals(&self, mesh: &Mesh) -> Cow<'_, [[f64; 4]]> {
+        if std::ptr::eq(mesh, &self.mesh) {
+            Cow::Borrowed(self.assembly.nominal())
+        } else {
+            Cow::Owned(self.assembly.integrals(mesh, &|_| 1.0))
+        }
+    }
+
+    /// The inverse of a factorisation that was kept, among some unknowns.
+    pub(super) fn inverse_of(&self, factor: &Kept, unknowns: &[usize]) -> Result<Inverse<'_>> {
+        Inverse::new(&self.symbolic, factor, unknowns)
+    }
+
     /// Solve with a factorisation that was kept.
     pub(super) fn solve_with(&self, factor: &Kept, loads: &mut [f64]) {
         factor.solve(&self.symbolic, &self.assembly, loads);
@@ -154,16 +169,20 @@ impl Plate {
         self.basis_of(None, &Profile::default())
     }
 
-    /// Coordinates of a test's answer in [`Plate::nominal_basis`]; none where that cannot answer well enough.
-    pub fn coordinates(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
+    /// A test's answer from [`Plate::nominal_basis`]; none where that cannot answer well enough.
+    pub fn coordinates(&self, setup: &Setup, ply: &Ply) -> Option<Answer> {
         let (ring, query) = query(setup, ply)?;
         if ring.is_some() || !query.profile.is_uniform() {
             return None;
         }
         let answer = self.nominal_basis()?.answer(&query)?;
-        answer
-            .is_enough()
-            .then(|| answer.coordinates.as_slice().to_vec())
+        answer.is_enough().then_some(answer)
+    }
+
+    /// The basis for tests like this one, if there is one.
+    pub fn basis_for(&self, setup: &Setup, ply: &Ply) -> Option<Arc<Basis>> {
+        let (ring, query) = query(setup, ply)?;
+        self.basis_of(ring, &query.profile)
     }
 
     /// The basis of a kind, if there is one.

@@ -20,7 +20,7 @@ use crate::laminate::Membrane;
 
 /// Symbolic factorisation of a mesh's stiffness pattern.
 #[derive(Debug)]
-pub struct Symbolic(SymbolicCholesky<usize>);
+pub struct Symbolic(pub(super) SymbolicCholesky<usize>);
 
 impl Symbolic {
     /// Analyse a lower-triangular pattern (approximate minimum degree, supernodal).
@@ -159,7 +159,7 @@ impl<'a> Factor<'a> {
 }
 
 /// A numeric factorisation that is kept, and solved with by any number of threads at once.
-pub struct Kept(Vec<f64>);
+pub struct Kept(pub(super) Vec<f64>);
 
 impl Factor<'_> {
     /// Keep it.

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::basis::{Basis, Query, ROUNDING, Shape};
 use super::plate::{Plate, query};
 use super::setup::Setup;
+use super::view::View;
 use crate::error::Result;
 use crate::laminate::Ply;
 
@@ -18,8 +19,9 @@ pub struct Certificate {
     pub bound: f64,
     /// The error itself.
     pub error: f64,
-    /// Largest difference at a node, mm.
+    /// Largest difference at a point of the view, mm, and its bound.
     pub largest_mm: f64,
+    pub bound_mm: f64,
     /// Time of the answer and of the solution, s.
     pub answer_s: f64,
     pub solve_s: f64,
@@ -91,17 +93,15 @@ impl Plate {
         Ok(())
     }
 
-    /// Hold a basis's answer to a test against the solver's; nothing where no basis answers for it.
+    /// Hold a basis's answer to a test against the solver's, at its points of view; nothing where it has none.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn certify(&self, setup: &Setup, ply: &Ply) -> Result<Option<Certificate>> {
-        let Some((ring, query)) = query(setup, ply) else {
+    pub fn certify(&self, setup: &Setup, ply: &Ply, view: &View) -> Result<Option<Certificate>> {
+        let Some((_, query)) = query(setup, ply) else {
             return Ok(None);
         };
-        let Some(basis) = self.basis_of(ring, &query.profile) else {
-            return Ok(None);
-        };
+        let basis = &view.basis;
         let begin = Instant::now();
         let Some(answer) = basis.answer(&query) else {
             return Ok(None);
@@ -117,11 +117,13 @@ impl Plate {
             .zip(&nodal)
             .map(|(a, b)| a - b)
             .collect();
+        let seen = view.seen(&error);
         Ok(Some(Certificate {
             solutions: basis.size(),
             bound: answer.relative(),
             error: basis.energy(&self.assembly, &solved.mesh, &error) / answer.energy,
-            largest_mm: error.iter().fold(0.0, |m, e| m.max(e.abs())),
+            largest_mm: seen.iter().flatten().fold(0.0, |m, e| m.max(e.abs())),
+            bound_mm: view.bound_mm(&answer),
             answer_s,
             solve_s,
         }))

@@ -104,9 +104,14 @@ pub fn basis(certificates: &[Certificate]) -> Vec<Check> {
             Bound::AtMost(5.0),
         ),
         Check::new(
-            "reduced basis: largest difference at a node, mm",
+            "reduced basis: largest difference at a measured point, mm",
             largest(|c| c.largest_mm),
             Bound::AtMost(1e-8),
+        ),
+        Check::new(
+            format!("reduced basis: difference at a measured point over its bound, largest of {n}"),
+            largest(|c| c.largest_mm / c.bound_mm),
+            Bound::AtMost(1.0),
         ),
     ]
 }

@@ -32,6 +32,8 @@ pub struct SurrogateError {
     pub rms_field_nm: f64,
     /// The same two, largest and root mean square, over random points of the box, where a reduced basis makes them known.
     pub over_the_box_nm: Option<[f64; 2]>,
+    /// Bound of what the basis's own answers are off at a measured point, at any of those points and draws, nm.
+    pub basis_bound_nm: Option<f64>,
 }
 
 /// Mean and sd of a parameter over the draws at which the finite elements were solved.
@@ -83,7 +85,12 @@ impl SurrogateError {
     pub fn measure(run: &InverseProblem, draws: &Draws, progress: &dyn Progress) -> Result<Self> {
         let d = run.posterior.structural();
         let whitened = Whitened::new(&run.columns, &run.noise);
-        let (chosen, errors, over_the_box_nm) = compared(run, &whitened, draws, progress)?;
+        let Compared {
+            chosen,
+            errors,
+            over_the_box_nm,
+            basis_bound_nm,
+        } = compared(run, &whitened, draws, progress)?;
         let covariance = covariance(draws, d);
         let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
         let mut largest = vec![0.0_f64; d];
@@ -113,6 +120,7 @@ impl SurrogateError {
             max_field_nm: max_field * NM_PER_MM,
             rms_field_nm: sum.sqrt() * NM_PER_MM,
             over_the_box_nm,
+            basis_bound_nm,
         };
         progress.say(&format!(
             "{:.3} % of a posterior sd",
@@ -163,9 +171,14 @@ fn spread(draws: &Draws, count: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Draws at which the finite elements are known, their differences from the reduced model there, and those over the box
-/// ([`SurrogateError::over_the_box_nm`]).
-type Compared = (Vec<Vec<f64>>, Vec<FieldError>, Option<[f64; 2]>);
+/// Draws at which the finite elements are known, their differences from the reduced model there, and what a basis says of the box
+/// ([`SurrogateError::over_the_box_nm`]) and of itself ([`SurrogateError::basis_bound_nm`]).
+struct Compared {
+    chosen: Vec<Vec<f64>>,
+    errors: Vec<FieldError>,
+    over_the_box_nm: Option<[f64; 2]>,
+    basis_bound_nm: Option<f64>,
+}
 
 fn compared(
     run: &InverseProblem,
@@ -177,23 +190,34 @@ fn compared(
     let many = spread(draws, SPANNED_DRAWS);
     let what = "finite elements at posterior draws";
     let solved = |x: &Vec<f64>| field_error(run, whitened, &x[..d]);
-    let factors = Spanned::factors(run, &many, d);
-    if factors.iter().filter(|f| f.is_none()).count() <= CHECKED_DRAWS {
+    let answers = answers(run, &many, d);
+    if answers.iter().filter(|a| a.is_none()).count() <= CHECKED_DRAWS {
         progress.begin(what, None);
         let spanned = Spanned::new(run, whitened);
-        let known: Vec<DVector<f64>> = factors.iter().flatten().cloned().collect();
-        let mut known = spanned.errors(&known).into_iter();
+        let known: Vec<&Spanning> = answers.iter().flatten().collect();
+        let mut errors_there = spanned.errors(&known).into_iter();
         let mut errors = Vec::with_capacity(many.len());
-        for (x, factors) in many.iter().zip(&factors) {
-            let answered = factors.as_ref().and_then(|_| known.next());
+        for (x, answer) in many.iter().zip(&answers) {
+            let answered = answer.as_ref().and_then(|_| errors_there.next());
             errors.push(answered.map_or_else(|| solved(x), Ok)?);
         }
         let points = spread_over(&run.prepared.problem, BOX_POINTS, BOX_SEED);
-        let over_the_box = Spanned::factors(run, &points, d);
-        let over_the_box: Vec<DVector<f64>> = over_the_box.into_iter().flatten().collect();
-        let over_the_box =
-            (!over_the_box.is_empty()).then(|| summary(&spanned.errors(&over_the_box)));
-        return Ok((many, errors, over_the_box));
+        let box_answers = self::answers(run, &points, d);
+        let over_the_box: Vec<&Spanning> = box_answers.iter().flatten().collect();
+        let bounds = known.iter().chain(&over_the_box).map(|a| a.bound);
+        let largest = bounds.fold(0.0, f64::max);
+        let view = &run
+            .prepared
+            .problem
+            .experiment
+            .view(&run.prepared.observation.sight)?;
+        return Ok(Compared {
+            over_the_box_nm: (!over_the_box.is_empty())
+                .then(|| summary(&spanned.errors(&over_the_box))),
+            basis_bound_nm: view.as_ref().map(|v| NM_PER_MM * v.reach() * largest),
+            chosen: many,
+            errors,
+        });
     }
     let few = spread(draws, CHECKED_DRAWS);
     progress.begin(what, Some(few.len() as u64));
@@ -203,7 +227,36 @@ fn compared(
         error
     };
     let errors: Result<Vec<FieldError>> = few.par_iter().map(error).collect();
-    Ok((few, errors?, None))
+    Ok(Compared {
+        chosen: few,
+        errors: errors?,
+        over_the_box_nm: None,
+        basis_bound_nm: None,
+    })
+}
+
+/// Finite elements minus reduced model at a point, as a sum of the fields of [`Spanned`].
+struct Spanning {
+    factors: DVector<f64>,
+    /// Bound of the basis's own error in the energy norm, (N mm)^1/2.
+    bound: f64,
+}
+
+/// Those at some points of the posterior or the design, where a basis answers for the finite elements.
+fn answers(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Vec<Option<Spanning>> {
+    let problem = &run.prepared.problem;
+    let likelihood = run.posterior.likelihood();
+    let answer = |x: &Vec<f64>| -> Option<Spanning> {
+        let answer = problem.experiment.coordinates(&problem.state(&x[..d]))?;
+        let coordinates = answer.coordinates.iter().copied();
+        let surfaces = likelihood.surface_prediction(&x[..d]);
+        let factors = coordinates.chain(surfaces.iter().map(|a| -a));
+        Some(Spanning {
+            factors: DVector::from_vec(factors.collect()),
+            bound: answer.bound,
+        })
+    };
+    points.par_iter().map(answer).collect()
 }
 
 /// Largest and root mean square difference, nm.
@@ -233,18 +286,6 @@ struct Spanned {
 }
 
 impl Spanned {
-    /// Factors of the fields at some points of the posterior or the design, where a basis answers for the finite elements.
-    fn factors(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Vec<Option<DVector<f64>>> {
-        let problem = &run.prepared.problem;
-        let likelihood = run.posterior.likelihood();
-        let factors = |x: &Vec<f64>| -> Option<DVector<f64>> {
-            let mut factors = problem.experiment.coordinates(&problem.state(&x[..d]))?;
-            factors.extend(likelihood.surface_prediction(&x[..d]).iter().map(|a| -a));
-            Some(DVector::from_vec(factors))
-        };
-        points.par_iter().map(factors).collect()
-    }
-
     fn new(run: &InverseProblem, whitened: &Whitened) -> Self {
         let sight = &run.prepared.observation.sight;
         let mut fields = run.prepared.problem.experiment.spanning(sight);
@@ -269,18 +310,18 @@ impl Spanned {
         }
     }
 
-    fn errors(&self, factors: &[DVector<f64>]) -> Vec<FieldError> {
-        let error = |f: &DVector<f64>| FieldError {
+    fn errors(&self, answers: &[&Spanning]) -> Vec<FieldError> {
+        let error = |Spanning { factors: f, .. }: &&Spanning| FieldError {
             largest: 0.0,
             mean_square: f.dot(&(&self.gram * f)).max(0.0),
             weighted: &self.weighted * f,
         };
-        let mut errors: Vec<FieldError> = factors.par_iter().map(error).collect();
+        let mut errors: Vec<FieldError> = answers.par_iter().map(error).collect();
         let mut order: Vec<usize> = (0..errors.len()).collect();
         order.sort_by(|&a, &b| errors[b].mean_square.total_cmp(&errors[a].mean_square));
         for k in order.into_iter().take(LOOKED_AT) {
             let mut sum = vec![[0.0; 2]; self.fields[0].len()];
-            for (field, factor) in self.fields.iter().zip(factors[k].iter()) {
+            for (field, factor) in self.fields.iter().zip(answers[k].factors.iter()) {
                 add_scaled(&mut sum, field, *factor);
             }
             let all = sum.iter().flatten();

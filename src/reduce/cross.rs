@@ -1,6 +1,7 @@
 //! Leave-one-out error of a truncated POD (Gogu et al. 2013, Table 8).
 
-use faer::Mat;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, ColRef, Mat, Par};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -33,15 +34,15 @@ pub fn leave_one_out(pod: &Pod, most: usize) -> CrossValidation {
             let eigen = SymmetricEigen::new(&full - &c * c.transpose());
             let mut order: Vec<usize> = (0..rank).collect();
             order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-            let field = field(&pod.modes, &c);
-            let mut rest = c;
-            (0..most.min(rank))
-                .map(|k| {
-                    let axis = eigen.eigenvectors.column(order[k]);
-                    rest -= axis * axis.dot(&rest);
-                    largest(&self::field(&pod.modes, &rest), &field)
-                })
-                .collect()
+            let mut rests = vec![c];
+            for &k in order.iter().take(most) {
+                let axis = eigen.eigenvectors.column(k);
+                let rest = &rests[rests.len() - 1];
+                rests.push(rest - axis * axis.dot(rest));
+            }
+            let fields = fields(&pod.modes, &rests);
+            let errors = (1..rests.len()).map(|k| largest(fields.col(k), fields.col(0)));
+            errors.collect()
         })
         .collect();
     let rms = |k: usize, part: usize| {
@@ -55,20 +56,21 @@ pub fn leave_one_out(pod: &Pod, most: usize) -> CrossValidation {
     }
 }
 
-/// The field with the given coordinates in the leading modes.
-fn field(modes: &Mat<f64>, coordinates: &DVector<f64>) -> Vec<f64> {
-    let mut field = vec![0.0; modes.nrows()];
-    for (r, &c) in coordinates.iter().enumerate() {
-        for (f, m) in field.iter_mut().zip(modes.col(r).iter()) {
-            *f += c * m;
-        }
-    }
-    field
+/// The fields with the given coordinates in the leading modes, one a column.
+fn fields(modes: &Mat<f64>, coordinates: &[DVector<f64>]) -> Mat<f64> {
+    let rank = coordinates[0].len();
+    let coordinates = Mat::from_fn(rank, coordinates.len(), |r, k| coordinates[k][r]);
+    let mut fields = Mat::zeros(modes.nrows(), coordinates.ncols());
+    let leading = modes.subcols(0, rank);
+    let out = fields.as_mut();
+    matmul(out, Accum::Replace, leading, &coordinates, 1.0, Par::Seq);
+    fields
 }
 
 /// The largest absolute error and the field there.
-fn largest(error: &[f64], field: &[f64]) -> [f64; 2] {
-    error.iter().zip(field).fold([0.0; 2], |most, (e, f)| {
+fn largest(error: ColRef<'_, f64>, field: ColRef<'_, f64>) -> [f64; 2] {
+    let both = error.iter().zip(field.iter());
+    both.fold([0.0; 2], |most, (e, f)| {
         if e.abs() > most[0] {
             [e.abs(), *f]
         } else {

@@ -28,7 +28,7 @@ pub struct ReducedSpec {
     /// The published reduced model that this one is to be compared with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
-    /// Solve the finite elements for every prediction instead of answering from a reduced basis.
+    /// Solve the finite elements for every prediction instead of answering from a reduced basis or correcting a solution nearby.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub full_order: bool,
 }

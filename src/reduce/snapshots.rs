@@ -59,7 +59,7 @@ impl Snapshots {
             .map(|state| {
                 let known = experiment.coordinates(state);
                 let field = match known.filter(|_| state.acting().iter().all(is_in_the_plate)) {
-                    Some(factors) => sum(&spanning, &factors, count),
+                    Some(answer) => sum(&spanning, answer.coordinates.as_slice(), count),
                     None => predict(experiment, state, support)?.field,
                 };
                 step();

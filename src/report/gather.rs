@@ -209,6 +209,7 @@ fn surrogate(round: &Identification) -> SurrogateReport {
         over_the_box: error
             .over_the_box_nm
             .map(|[max, rms]| FieldErrorReport { max, rms }),
+        basis_bound_nm: error.basis_bound_nm,
         draws_outside_doe: round.outside_doe,
         variables: reduced.surface.variables.choice,
         modes: reduced.modes_per_component(),

@@ -21,6 +21,9 @@ pub struct SurrogateReport {
     /// The same at random points of the box, where a reduced basis of the finite elements makes it known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over_the_box: Option<FieldErrorReport>,
+    /// Bound of what the basis itself is off at a measured point, nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub basis_bound_nm: Option<f64>,
     pub draws_outside_doe: f64,
     pub variables: Choice,
     pub modes: usize,

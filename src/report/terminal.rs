@@ -104,6 +104,11 @@ fn surrogate(reduced: &SurrogateReport) -> String {
             error.rms, error.max
         );
     }
+    if let Some(bound) = reduced.basis_bound_nm {
+        text += &format!(
+            "the reduced basis that stands for the finite elements there is off by {bound:.1e} nm at most\n"
+        );
+    }
     if reduced.refinement.len() > 1 {
         let row = |(k, r): (usize, &Refinement)| {
             vec![

@@ -1,6 +1,8 @@
-//! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate.
+//! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate; with the argument `bases`, a
+//! table of what reduced bases cost.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use divan::{Bencher, black_box};
 use plychain::effect::{EFFECTS, Kind, find};
@@ -20,8 +22,12 @@ const NOMINAL: Ply = Ply {
 /// Counts relative to the default mesh: unknowns grow with the square.
 const FACTORS: [f64; 3] = [0.5, 1.0, 2.0];
 
-fn main() {
+fn main() -> Result<()> {
+    if std::env::args().any(|argument| argument == "bases") {
+        return bases();
+    }
     divan::main();
+    Ok(())
 }
 
 fn setup() -> Setup {
@@ -119,22 +125,60 @@ fn tests() -> Vec<(Setup, Ply)> {
 /// From 8,000 to 800,000 unknowns.
 const BASES: [f64; 4] = [0.4, 1.0, 2.0, 4.0];
 
-/// A reduced basis for all of them.
-#[divan::bench(args = BASES, sample_count = 1, sample_size = 1)]
-fn basis(bencher: Bencher, factor: f64) {
-    let tests = tests();
-    bencher
-        .with_inputs(|| plate(factor))
-        .bench_local_values(|plate| plate.span(&tests, 1));
+/// A reduced basis for all of them on meshes of growing size, as a table of Markdown; a solution and an answer are the quickest of a few.
+fn bases() -> Result<()> {
+    println!(
+        "| unknowns | solutions | building it, in solutions of the solver | one solution, ms | one answer, ms | its coordinates and bound, us |"
+    );
+    println!("|---|---|---|---|---|---|");
+    let quickest = |count: usize, run: &dyn Fn() -> Result<()>| -> Result<f64> {
+        let mut least = f64::INFINITY;
+        for _ in 0..count {
+            let begin = Instant::now();
+            run()?;
+            least = least.min(begin.elapsed().as_secs_f64());
+        }
+        Ok(least)
+    };
+    for factor in BASES {
+        let (plate, tests) = (plate(factor), tests());
+        let (setup, ply) = &tests[17];
+        let solution = quickest(3, &|| plate.solve_full_order(setup, ply).map(drop))?;
+        let begin = Instant::now();
+        plate.span(&tests, 1)?;
+        let build = begin.elapsed().as_secs_f64();
+        let answer = quickest(20, &|| plate.solve(setup, ply).map(drop))?;
+        let coordinates = quickest(200, &|| {
+            black_box(plate.coordinates(setup, ply));
+            Ok(())
+        })?;
+        println!(
+            "| {} | {} | {:.1} | {:.1} | {:.2} | {:.0} |",
+            plate.mesh.unknowns(),
+            plate.nominal_basis().map_or(0, |b| b.size()),
+            build / solution,
+            1e3 * solution,
+            1e3 * answer,
+            1e6 * coordinates,
+        );
+    }
+    Ok(())
 }
 
-/// One answer of it, its nodal displacements included.
-#[divan::bench(args = BASES, sample_count = 10)]
-fn answer(bencher: Bencher, factor: f64) {
-    let (plate, tests) = (plate(factor), tests());
-    plate.span(&tests, 1).expect("a basis");
-    let (setup, ply) = &tests[17];
-    bencher.bench_local(|| plate.solve(black_box(setup), ply).map(|s| s.nodal));
+/// What every mesh of another shape costs before anything is solved.
+#[divan::bench(args = FACTORS, sample_count = 10)]
+fn integrals(bencher: Bencher, factor: f64) {
+    let plate = plate(factor);
+    bencher.bench_local(|| plate.assembly.integrals(black_box(&plate.mesh), &|_| 1.0));
+}
+
+/// One product of the stiffness with a field.
+#[divan::bench(args = FACTORS, sample_count = 10)]
+fn multiply(bencher: Bencher, factor: f64) {
+    let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
+    let field = vec![1e-3; plate.mesh.unknowns()];
+    let integrals = plate.assembly.nominal();
+    bencher.bench_local(|| plate.assembly.multiply(integrals, &a, black_box(&field)));
 }
 
 /// One test with each mechanical effect at its plausible amplitude, from the nominal plate's mesh.

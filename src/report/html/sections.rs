@@ -224,6 +224,9 @@ pub fn surrogate(page: &Page) -> Markup {
             @if let Some(error) = &s.over_the_box {
                 "Over its whole box the field's error is " (short(error.rms)) " nm, " (short(error.max)) " nm at most. "
             }
+            @if let Some(bound) = s.basis_bound_nm {
+                "The reduced basis that stands for the finite elements there is off by " (format!("{bound:.1e}")) " nm at most, by its bound. "
+            }
             (short(100.0 * s.draws_outside_doe)) " % of the draws lie outside its box."
         }
         @if !truncation.is_empty() {
