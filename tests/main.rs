@@ -1,5 +1,6 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
+mod bending;
 mod browser;
 mod chain_files;
 mod cli;

@@ -20,7 +20,9 @@ fn left_by(case: &str) -> f64 {
     };
     let ((with, model), (without, _)) = (field(&[case]), field(&[]));
     let (with, bare) = (&with.observation.field, &without.observation);
-    let columns = bare.columns(&without.reduced, &*without.problem.experiment, &model);
+    let columns = bare
+        .columns(&without.reduced, &*without.problem.experiment, &model)
+        .unwrap();
     let columns: Vec<&Vec<[f64; 2]>> = columns.modes.iter().chain(&columns.effects).collect();
     // an effect may move points into the hole or out of it
     let key = |p: &[f64; 2]| p.map(f64::to_bits);

@@ -214,6 +214,7 @@ fn outliers_do_not_turn_the_gauge() {
     let columns = |p: &plychain::identify::Prepared| {
         p.observation
             .columns(&p.reduced, &*p.problem.experiment, &clean)
+            .unwrap()
             .modes
     };
     let at =

@@ -144,7 +144,7 @@ impl Parameter {
 /// How an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A displacement field known in closed form is added to what is observed.
+    /// A displacement field that is known beforehand is added to what is observed, in proportion to the amplitudes.
     Additive,
     /// The field is seen at other points, or along other axes, than those reported.
     Optical,
@@ -190,6 +190,8 @@ pub struct Scene {
     pub fringe_frequency_per_mm: Option<f64>,
     /// Thermal expansion of a ply along and across its fibres, 1/K, where it is known.
     pub expansion_per_k: Option<[f64; 2]>,
+    /// Distance of the camera from the specimen, mm, where images were correlated and it is declared.
+    pub camera_distance_mm: Option<f64>,
     /// How the stiffness is parameterised.
     pub material: Material,
     /// Distance of the camera from the specimen, mm, where images are correlated and it is declared.
@@ -234,9 +236,15 @@ pub trait Effect: Sync {
     /// A mechanical effect's change to the test.
     fn alter(&self, _amplitude: &[f64], _setup: &mut Setup) {}
 
-    /// An additive effect's displacement at a point.
+    /// An additive effect's displacement at a point, in closed form.
     fn displacement(&self, _amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 2] {
         [0.0; 2]
+    }
+
+    /// The curvature along the load, `[0]` + `[1]` s (1/mm, 1/mm^2), of an additive effect that bends the specimen out of its plane. Its
+    /// [`Effect::displacement`] is that of a plate without a hole: an experiment with a mesh knows better.
+    fn curvature(&self, _amplitude: &[f64]) -> Option<[f64; 2]> {
+        None
     }
 
     /// The true point that an optical effect reports as `reported`.

@@ -2,16 +2,19 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::bending::Bending;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::subset::Subsets;
-use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged};
+use super::{
+    Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged, in_closed_form,
+};
 use crate::effect::limit::alter_checked;
-use crate::effect::{Scene, Seen};
+use crate::effect::{Effect, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::fem::{
     Anchor, Answer, Basis, Certificate, Locator, Observer, Plate, Setup, Solution, View,
@@ -61,6 +64,8 @@ pub struct FieldExperiment {
     /// Nodes of the elements that touch the window.
     nodes: Vec<u32>,
     support: Sight,
+    /// The nominal specimen bent out of its plane, once it was asked for.
+    bending: OnceLock<Bending>,
 }
 
 impl FieldExperiment {
@@ -92,12 +97,23 @@ impl FieldExperiment {
             plate,
             zero,
             nodes,
+            bending: OnceLock::new(),
         })
     }
 
     /// The plate that is solved.
     pub fn plate(&self) -> &Plate {
         &self.plate
+    }
+
+    /// The nominal specimen bent out of its plane. Threads that ask at once each solve it: one that waited could hold up the other's
+    /// parallel loops.
+    fn bending(&self) -> Result<&Bending> {
+        if let Some(bending) = self.bending.get() {
+            return Ok(bending);
+        }
+        let bending = Bending::new(&self.scene, &self.plate.mesh, self.test.window)?;
+        Ok(self.bending.get_or_init(|| bending))
     }
 
     /// The specimen and the load as a state leaves them.
@@ -304,6 +320,23 @@ impl Experiment for FieldExperiment {
         let places: Vec<[f64; 2]> = points.iter().map(|&p| camera.true_point(p)).collect();
         let mesh = self.plate.mesh_of(&self.setup(state)?)?;
         Ok(self.on_specimen(&Locator::new(&mesh), &places))
+    }
+
+    fn added(
+        &self,
+        effect: &dyn Effect,
+        amplitude: &[f64],
+        sight: &Sight,
+    ) -> Result<Vec<[f64; 2]>> {
+        let Some(curvature) = effect.curvature(amplitude) else {
+            return Ok(in_closed_form(&self.scene, effect, amplitude, sight));
+        };
+        let bending = self.bending()?;
+        if let Some(observer) = sight.observer() {
+            return Ok(bending.shown(curvature, observer, sight));
+        }
+        let located = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), sight);
+        Ok(bending.shown(curvature, &located, sight))
     }
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {

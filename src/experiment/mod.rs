@@ -4,6 +4,7 @@
 //! A field is observed in stages, each one function: mechanics and camera ([`Experiment::look`]), gauge ([`gauged`]), added
 //! displacements and recording.
 
+mod bending;
 mod field;
 mod gauge;
 mod mock;
@@ -24,7 +25,9 @@ pub use spec::{ExperimentKind, ExperimentSpec, check_name};
 pub use state::State;
 pub use subset::Subsets;
 
-use crate::effect::{Acting, Kind, Scene};
+use rayon::prelude::*;
+
+use crate::effect::{Acting, Effect, Kind, Scene};
 use crate::error::Result;
 use crate::fem::{Anchor, Answer, Certificate, View};
 use crate::field::rigid::RigidMotion;
@@ -77,6 +80,20 @@ pub trait Experiment: Send + Sync {
     /// # Errors
     /// Those of the mechanics; constants that are not admissible.
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
+
+    /// The displacement, mm, that an additive effect of some amplitudes (border units) adds at a sight's points, without `further` ones. It is
+    /// linear in the amplitudes.
+    ///
+    /// # Errors
+    /// Those of the mechanics.
+    fn added(
+        &self,
+        effect: &dyn Effect,
+        amplitude: &[f64],
+        sight: &Sight,
+    ) -> Result<Vec<[f64; 2]>> {
+        Ok(in_closed_form(self.scene(), effect, amplitude, sight))
+    }
 
     /// What any change of stiffness within [`NEAR_EDGE_REACH`] radii of the hole adds elsewhere, as the camera reports it at a sight's
     /// points: fields (mm) of initial stresses there that are as large as the nominal stress of the specimen's gross section. None without a
@@ -178,7 +195,7 @@ pub struct Prediction {
 /// Those of [`Experiment::look`].
 pub fn predict(experiment: &dyn Experiment, state: &State, sight: &Sight) -> Result<Prediction> {
     let look = experiment.look(state, sight, false)?;
-    Ok(observe(experiment, state, sight, look))
+    observe(experiment, state, sight, look)
 }
 
 /// The same near an anchor's state, for differences.
@@ -192,7 +209,7 @@ pub fn predict_near(
     sight: &Sight,
 ) -> Result<Prediction> {
     let look = experiment.look_near(about, state, sight)?;
-    Ok(observe(experiment, state, sight, look))
+    observe(experiment, state, sight, look)
 }
 
 /// The same with the gradient, about which [`sensitivity`] linearises.
@@ -205,34 +222,43 @@ pub fn predict_with_gradient(
     sight: &Sight,
 ) -> Result<Prediction> {
     let look = experiment.look(state, sight, true)?;
-    Ok(observe(experiment, state, sight, look))
+    observe(experiment, state, sight, look)
 }
 
 /// What follows the camera: gauge and added displacements.
-fn observe(experiment: &dyn Experiment, state: &State, sight: &Sight, look: Look) -> Prediction {
+fn observe(
+    experiment: &dyn Experiment,
+    state: &State,
+    sight: &Sight,
+    look: Look,
+) -> Result<Prediction> {
     let loaded = gauged(experiment.gauge(), sight, &look.displacement);
     let mut field = loaded.clone();
-    add(
-        state.acting(),
-        experiment.scene(),
-        sight.points(),
-        &mut field,
-    );
-    Prediction {
-        field,
-        loaded,
-        look,
-    }
-}
-
-/// Add the displacements of additive effects.
-fn add(acting: &[Acting], scene: &Scene, points: &[[f64; 2]], field: &mut [[f64; 2]]) {
-    for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
-        for (u, &p) in field.iter_mut().zip(points) {
-            let added = a.effect.displacement(&a.amplitude, scene, p);
+    let additive = |a: &&Acting| a.effect.kind() == Kind::Additive;
+    for a in state.acting().iter().filter(additive) {
+        let added = experiment.added(a.effect, &a.amplitude, sight)?;
+        for (u, added) in field.iter_mut().zip(added) {
             *u = [u[0] + added[0], u[1] + added[1]];
         }
     }
+    Ok(Prediction {
+        field,
+        loaded,
+        look,
+    })
+}
+
+/// The closed form of what an additive effect adds at a sight's points.
+fn in_closed_form(
+    scene: &Scene,
+    effect: &dyn Effect,
+    amplitude: &[f64],
+    sight: &Sight,
+) -> Vec<[f64; 2]> {
+    let points = sight.points().par_iter();
+    points
+        .map(|&p| effect.displacement(amplitude, scene, p))
+        .collect()
 }
 
 /// What the instrument records of a field (mm, rigid motion included).

@@ -55,15 +55,10 @@ pub fn sensitivity(
             Ok(times(up / (2.0 * step * load_response(e1, h))))
         }
         Direction::Load if scales => Ok(times(0.01)),
-        Direction::Amplitude(effect, _) if effect.kind() == Kind::Additive => {
-            let scene = experiment.scene();
-            let [high, low] = [step, -step].map(|by| direction.moved(at, by).amplitude(effect));
-            let slope = |&p: &[f64; 2]| {
-                let [a, b] =
-                    [&high, &low].map(|amplitude| effect.displacement(amplitude, scene, p));
-                [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step))
-            };
-            Ok(sight.points().iter().map(slope).collect())
+        Direction::Amplitude(effect, k) if effect.kind() == Kind::Additive => {
+            let mut unit = vec![0.0; effect.parameters().len()];
+            unit[k] = 1.0;
+            experiment.added(effect, &unit, sight)
         }
         Direction::Amplitude(effect, _) if effect.kind() == Kind::Optical => {
             Ok(optical(experiment, at, here, sight, direction, step))

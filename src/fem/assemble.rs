@@ -27,7 +27,7 @@ impl Assembly {
     /// Assemble for a mesh. The `pinned` unknowns are held at zero: they get unit rows and columns.
     pub fn new(mesh: &Mesh, pinned: &[usize]) -> Self {
         let (first, row) = node_pattern(mesh);
-        let pattern = scalar_pattern(&first, &row);
+        let pattern = scalar_pattern(&first, &row, 2);
         let (cleared, unit) = pinned_entries(&pattern, pinned);
         let mut assembly = Self {
             nodes: mesh.nodes.len(),
@@ -112,10 +112,12 @@ impl Assembly {
         }
     }
 
-    /// Set the pinned entries of a load vector to zero.
-    pub fn pin_load(&self, load: &mut [f64]) {
-        for &dof in &self.pinned {
-            load[dof] = 0.0;
+    /// Set the pinned entries of load vectors, one after the other, to zero.
+    pub fn pin_loads(&self, loads: &mut [f64]) {
+        for load in loads.chunks_mut(2 * self.nodes) {
+            for &dof in &self.pinned {
+                load[dof] = 0.0;
+            }
         }
     }
 
@@ -178,7 +180,7 @@ impl Assembly {
 }
 
 /// Stored entries of the rows and columns of the pinned unknowns, and of their diagonals (first in their columns).
-fn pinned_entries(
+pub(super) fn pinned_entries(
     pattern: &SymbolicSparseColMat<usize>,
     pinned: &[usize],
 ) -> (Vec<usize>, Vec<usize>) {
@@ -229,7 +231,7 @@ fn gradient_products(x: &[[f64; 2]; 8], scale: &dyn Fn([f64; 2]) -> f64) -> [[[f
 }
 
 /// Lower-triangular CSC pattern of the node graph.
-fn node_pattern(mesh: &Mesh) -> (Vec<usize>, Vec<u32>) {
+pub(super) fn node_pattern(mesh: &Mesh) -> (Vec<usize>, Vec<u32>) {
     let mut below: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
     for nodes in &mesh.elements {
         for &a in nodes {
@@ -251,21 +253,24 @@ fn node_pattern(mesh: &Mesh) -> (Vec<usize>, Vec<u32>) {
     (first, row)
 }
 
-/// Lower-triangular CSC pattern of the unknowns, two a node.
-fn scalar_pattern(first: &[usize], row: &[u32]) -> SymbolicSparseColMat<usize> {
+/// Lower-triangular CSC pattern of the unknowns, `each` a node.
+pub(super) fn scalar_pattern(
+    first: &[usize],
+    row: &[u32],
+    each: usize,
+) -> SymbolicSparseColMat<usize> {
     let nodes = first.len() - 1;
     let mut starts = vec![0];
-    let mut rows = Vec::with_capacity(4 * row.len());
+    let mut rows = Vec::with_capacity(each * each * row.len());
     for b in 0..nodes {
-        let both = || {
-            row[first[b]..first[b + 1]]
+        let below = &row[first[b]..first[b + 1]];
+        for column in 0..each {
+            let all = below
                 .iter()
-                .flat_map(|&a| [2 * a as usize, 2 * a as usize + 1])
-        };
-        rows.extend(both());
-        starts.push(rows.len());
-        rows.extend(both().skip(1));
-        starts.push(rows.len());
+                .flat_map(|&a| (0..each).map(move |c| each * a as usize + c));
+            rows.extend(all.skip(column));
+            starts.push(rows.len());
+        }
     }
-    SymbolicSparseColMat::new_checked(2 * nodes, 2 * nodes, starts, None, rows)
+    SymbolicSparseColMat::new_checked(each * nodes, each * nodes, starts, None, rows)
 }

@@ -132,7 +132,7 @@ impl<'a> Growing<'a> {
         let whitening = whitening.ok_or_else(not_one)?;
         let loads = [0, 1, 2].map(|k| {
             let mut load = mesh.end_forces(&unit_load(k));
-            plate.assembly.pin_load(&mut load);
+            plate.assembly.pin_loads(&mut load);
             load
         });
         let n = mesh.unknowns();
@@ -212,7 +212,7 @@ impl<'a> Growing<'a> {
             .flat_map(|integrals| {
                 let mut all = assembly.multiply_components(integrals, v.as_slice());
                 for forces in &mut all {
-                    assembly.pin_load(forces);
+                    assembly.pin_loads(forces);
                 }
                 all
             })

@@ -1,8 +1,9 @@
-//! Plane-stress finite elements of the whole plate: Q8 element, assembly, sparse Cholesky, observation.
+//! Finite elements of the whole plate: Q8 element in plane stress, its assembly, sparse Cholesky and observation; plate bending.
 
 mod anchor;
 mod assemble;
 mod basis;
+mod bending;
 mod beyond;
 mod columns;
 pub mod element;
@@ -13,6 +14,7 @@ mod lekhnitskii;
 mod load;
 mod observe;
 mod plate;
+pub mod plate_element;
 mod ply_law;
 mod profile;
 mod setup;
@@ -23,6 +25,7 @@ mod view;
 
 pub use anchor::Anchor;
 pub use basis::{Answer, Basis, Query, TOLERANCE};
+pub use bending::{BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_rotation};
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use observe::{Locator, Nodal, Observer};

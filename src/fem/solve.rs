@@ -41,6 +41,57 @@ impl Symbolic {
     pub fn factor_entries(&self) -> usize {
         self.0.len_val()
     }
+
+    /// Cholesky factor of a matrix of this pattern, by its lower triangle; none where it is not positive definite.
+    pub(super) fn factorised(&self, lower: SparseColMatRef<'_, usize, f64>) -> Option<Vec<f64>> {
+        let params = Spec::<LltParams, f64>::default();
+        let scratch = self
+            .0
+            .factorize_numeric_llt_scratch::<f64>(Par::Seq, params);
+        let mut factor = vec![0.0; self.0.len_val()];
+        self.factorise(lower, &mut factor, &mut MemBuffer::new(scratch))
+            .then_some(factor)
+    }
+
+    /// The same into a factor that is there; whether the matrix is positive definite.
+    fn factorise(
+        &self,
+        lower: SparseColMatRef<'_, usize, f64>,
+        factor: &mut [f64],
+        scratch: &mut MemBuffer,
+    ) -> bool {
+        self.0
+            .factorize_numeric_llt(
+                factor,
+                lower,
+                Side::Lower,
+                LltRegularization::default(),
+                Par::Seq,
+                MemStack::new(scratch),
+                default(),
+            )
+            .is_ok()
+    }
+
+    /// Solve with a factor for the load vectors in `loads` (column by column), in place.
+    pub(super) fn solve(&self, factor: &[f64], loads: &mut [f64]) {
+        let columns = MAX_COLUMNS.min(loads.len() / self.0.nrows());
+        let scratch = self.0.solve_in_place_scratch::<f64>(columns, Par::Seq);
+        self.solve_in(factor, &mut MemBuffer::new(scratch), loads);
+    }
+
+    fn solve_in(&self, factor: &[f64], scratch: &mut MemBuffer, loads: &mut [f64]) {
+        let n = self.0.nrows();
+        for batch in loads.chunks_mut(n * MAX_COLUMNS) {
+            let columns = batch.len() / n;
+            LltRef::new(&self.0, factor).solve_in_place_with_conj(
+                Conj::No,
+                MatMut::from_column_major_slice_mut(batch, n, columns),
+                Par::Seq,
+                MemStack::new(scratch),
+            );
+        }
+    }
 }
 
 /// Work spaces that wait for the next factorisation; there are as many as have been in use at once.
@@ -130,23 +181,13 @@ impl<'a> Factor<'a> {
         let space = &mut self.space;
         self.assembly.refill(integrals, a, &mut space.values);
         let k = SparseColMatRef::new(self.assembly.pattern(), &space.values);
-        self.symbolic
-            .0
-            .factorize_numeric_llt(
-                &mut space.factor,
-                k,
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut space.scratch),
-                default(),
-            )
-            .map(|_| ())
-            .map_err(|_| {
-                Error::input("plate stiffness", "a positive definite stiffness matrix")
-                    .found(format!("one with a pivot that is not positive, for the membrane stiffness {a:?} N/mm"))
-                    .hint("check the elastic constants and the layup: some direction of the laminate has no stiffness")
-            })
+        if self
+            .symbolic
+            .factorise(k, &mut space.factor, &mut space.scratch)
+        {
+            return Ok(());
+        }
+        Err(not_definite(format!("the membrane stiffness {a:?} N/mm")))
     }
 
     /// Solve for the load vectors in `loads` (column by column, each `unknowns` long), in place.
@@ -154,7 +195,8 @@ impl<'a> Factor<'a> {
         let Workspace {
             factor, scratch, ..
         } = &mut self.space;
-        solve_with(self.symbolic, self.assembly, factor, scratch, loads);
+        self.assembly.pin_loads(loads);
+        self.symbolic.solve_in(factor, scratch, loads);
     }
 }
 
@@ -172,40 +214,18 @@ impl Factor<'_> {
 impl Kept {
     /// Solve for load vectors as [`Factor::solve`] does.
     pub fn solve(&self, symbolic: &Symbolic, assembly: &Assembly, loads: &mut [f64]) {
-        let n = symbolic.0.nrows();
-        let columns = MAX_COLUMNS.min(loads.len() / n);
-        let scratch = symbolic.0.solve_in_place_scratch::<f64>(columns, Par::Seq);
-        solve_with(
-            symbolic,
-            assembly,
-            &self.0,
-            &mut MemBuffer::new(scratch),
-            loads,
-        );
+        assembly.pin_loads(loads);
+        symbolic.solve(&self.0, loads);
     }
 }
 
-/// Solve for the load vectors in `loads` (column by column), in place.
-fn solve_with(
-    symbolic: &Symbolic,
-    assembly: &Assembly,
-    factor: &[f64],
-    scratch: &mut MemBuffer,
-    loads: &mut [f64],
-) {
-    let n = symbolic.0.nrows();
-    for batch in loads.chunks_mut(n * MAX_COLUMNS) {
-        for load in batch.chunks_mut(n) {
-            assembly.pin_load(load);
-        }
-        let columns = batch.len() / n;
-        LltRef::new(&symbolic.0, factor).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(batch, n, columns),
-            Par::Seq,
-            MemStack::new(scratch),
-        );
-    }
+/// The fault of a stiffness that leaves a direction without resistance.
+pub(super) fn not_definite(stiffness: impl std::fmt::Display) -> Error {
+    Error::input("plate stiffness", "a positive definite stiffness matrix")
+        .found(format!(
+            "one with a pivot that is not positive, for {stiffness}"
+        ))
+        .hint("check the elastic constants and the layup: some direction of the laminate has no stiffness")
 }
 
 /// Right-hand sides solved at once.

@@ -134,7 +134,7 @@ pub fn inverse_problem(
     let columns =
         prepared
             .observation
-            .columns(&prepared.reduced, &*prepared.problem.experiment, model);
+            .columns(&prepared.reduced, &*prepared.problem.experiment, model)?;
     check_size(
         &prepared.observation.field,
         &prepared.reduced,

@@ -274,6 +274,10 @@ impl Model {
             expansion_per_k: material
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
+            camera_distance_mm: experiment
+                .measurement
+                .image_correlation
+                .and_then(|images| images.camera_distance_mm),
             material: material.kind,
             camera_distance_mm: experiment
                 .measurement

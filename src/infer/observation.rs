@@ -1,10 +1,8 @@
 //! The measured field seen by the reduced model: the modes' and declared effects' columns at the measured points.
 
-use rayon::prelude::*;
-
 use super::model::Model;
 use super::steps::Steps;
-use crate::effect::{Effect, Scene, amplitude_name};
+use crate::effect::{Effect, amplitude_name};
 use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Sight};
 use crate::field::deviant::deviant_points;
@@ -129,12 +127,15 @@ impl Observation {
     }
 
     /// Evaluate modes and the model's additive effects at the points, under the gauge.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::added`].
     pub fn columns(
         &self,
         reduced: &ReducedModel,
         experiment: &dyn Experiment,
         model: &Model,
-    ) -> Columns {
+    ) -> Result<Columns> {
         let mut columns = Columns {
             modes: reduced.columns(experiment, &self.sight),
             effects: Vec::new(),
@@ -143,9 +144,7 @@ impl Observation {
         };
         for effect in model.additive() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
-                columns
-                    .effects
-                    .push(self.additive(effect, k, experiment.scene()));
+                columns.effects.push(self.additive(effect, k, experiment)?);
                 columns.names.push(amplitude_name(effect, parameter));
                 columns.prior_sd.push(model.prior_sd(effect, k));
             }
@@ -155,17 +154,18 @@ impl Observation {
             columns.names.push(stepped.name.clone());
             columns.prior_sd.push(Some(stepped.prior_sd));
         }
-        columns
+        Ok(columns)
     }
 
     /// Field of one border unit of an additive effect's parameter `k`.
-    fn additive(&self, effect: &dyn Effect, k: usize, scene: &Scene) -> Vec<[f64; 2]> {
+    fn additive(
+        &self,
+        effect: &dyn Effect,
+        k: usize,
+        experiment: &dyn Experiment,
+    ) -> Result<Vec<[f64; 2]>> {
         let mut unit = vec![0.0; effect.parameters().len()];
         unit[k] = 1.0;
-        self.field
-            .points
-            .par_iter()
-            .map(|&p| effect.displacement(&unit, scene, p))
-            .collect()
+        experiment.added(effect, &unit, &self.sight)
     }
 }

@@ -8,4 +8,4 @@ mod stack;
 pub use expansion::free_expansion;
 pub use ply::{Ply, rotate_stiffness, strain_rotation};
 pub use specimen::{ClampSpec, End, HoleSpec, LoadSpec, Material, MeanSd, SpecimenSpec};
-pub use stack::{Abd, Membrane, abd};
+pub use stack::{Abd, Membrane, PlateStiffness, abd};

@@ -1,6 +1,6 @@
 //! Classical lamination theory: plies stacked to A, B, D.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix2, Matrix3, Vector3};
 
 use super::ply::{Ply, rotate_stiffness};
 
@@ -68,5 +68,43 @@ impl Membrane {
             self.a12, self.a22, self.a26, //
             self.a16, self.a26, self.a66,
         )
+    }
+}
+
+/// What the bending of a Reissner-Mindlin plate depends on: M = D kappa, Q = S gamma. The coupling B of a stack that is not symmetric is
+/// left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlateStiffness {
+    /// Bending stiffness D, N mm.
+    pub bending: Matrix3<f64>,
+    /// Transverse shear stiffness S in (direction 1, direction 2), N/mm.
+    pub shear: Matrix2<f64>,
+}
+
+/// Share of the stack's transverse shear stiffness that resists, for the parabola of shear stress over the thickness (Reissner 1945).
+const SHEAR_CORRECTION: f64 = 5.0 / 6.0;
+
+impl PlateStiffness {
+    /// Of a stack of equal plies, as [`abd`]. No field test measures a ply's transverse moduli: G13 = G12 as in any transversely isotropic
+    /// ply, and G23 = E2 / (2 (1 + nu12)), which is G for an isotropic one.
+    pub fn of(ply: &Ply, angles: &[f64], thickness: f64) -> Self {
+        let t = thickness / angles.len() as f64;
+        let (g13, g23) = (ply.g12, ply.e2 / (2.0 * (1.0 + ply.nu12)));
+        let shear = angles.iter().fold(Matrix2::zeros(), |sum, angle| {
+            let (s, c) = angle.sin_cos();
+            let along = Matrix2::new(c * c, s * c, s * c, s * s);
+            let across = Matrix2::identity() - along;
+            sum + (along * g13 + across * g23) * t
+        });
+        Self {
+            bending: abd(ply, angles, thickness).d,
+            shear: shear * SHEAR_CORRECTION,
+        }
+    }
+
+    /// Curvatures (1/mm) under moments M1, M2, M12 (N mm a mm of section); zeros for a stiffness that is not positive definite.
+    pub fn curvature(&self, moment: &Vector3<f64>) -> Vector3<f64> {
+        let factor = self.bending.cholesky();
+        factor.map_or_else(Vector3::zeros, |d| d.solve(moment))
     }
 }

@@ -71,7 +71,7 @@ impl Twin {
             files: Vec::new(),
         };
         let observation = Observation::new(field, &*experiment)?;
-        let columns = observation.columns(&prepared.reduced, &*experiment, model);
+        let columns = observation.columns(&prepared.reduced, &*experiment, model)?;
         Ok(Self {
             prepared: Prepared {
                 observation,
