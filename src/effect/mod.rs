@@ -29,6 +29,7 @@ mod single_ply_misorientation;
 mod thermal_strain;
 mod thickness_taper;
 mod uniform_strain;
+mod yielding;
 
 use crate::error::{Error, Result};
 use crate::fem::Setup;
@@ -65,6 +66,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &hole_edge_damage::HoleEdgeDamage,
     &shear_nonlinearity::ShearNonlinearity,
     &fibre_nonlinearity::FibreNonlinearity,
+    &yielding::Yielding,
     &load_scale::LoadScale,
 ];
 

@@ -190,7 +190,10 @@ impl Model {
         let isotropic = material.kind == Material::Isotropic;
         Scene {
             frame,
-            setup: Setup::nominal(&experiment.specimen, &experiment.load, frame.handedness()),
+            setup: Setup {
+                yield_stress: material.yield_mpa.map(|stress| stress.mean),
+                ..Setup::nominal(&experiment.specimen, &experiment.load, frame.handedness())
+            },
             ply: material.kind.ply(&means),
             fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,
             expansion_per_k: material
