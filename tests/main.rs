@@ -41,3 +41,4 @@ mod suspect;
 mod targets;
 mod tracing;
 mod validation;
+mod yielding;

@@ -38,6 +38,7 @@ use crate::geometry::Change;
 use crate::laminate::{Material, Ply};
 
 pub use seen::Seen;
+pub use yielding::{NAME as YIELDING, YIELD_PERCENT};
 
 /// Every known effect, in the order in which they are listed.
 pub static EFFECTS: &[&dyn Effect] = &[

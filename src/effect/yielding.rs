@@ -6,6 +6,11 @@ use crate::laminate::Material;
 
 pub struct Yielding;
 
+pub const NAME: &str = "yielding";
+
+/// The parameter that says how far the yield stress is from the declared one.
+pub const YIELD_PERCENT: &str = "yield_percent";
+
 /// Growth of the yield stress with the plastic strain over Young's modulus, nominally: the slope of EN 1993-1-5, C.6, for finite elements of
 /// structural steel with linear strain hardening, E / 100.
 const HARDENING: f64 = 0.01;
@@ -13,12 +18,12 @@ const HARDENING: f64 = 0.01;
 impl Effect for Yielding {
     fn entry(&self) -> Entry {
         Entry {
-            name: "yielding",
+            name: NAME,
             kind: Kind::Mechanical,
             parameters: const {
                 &[
                     Parameter::positive("amplitude", 1.0, 3.0),
-                    Parameter::new("yield_percent", 30.0, 90.0),
+                    Parameter::new(YIELD_PERCENT, 30.0, 90.0),
                     Parameter::new("hardening_percent", 70.0, 210.0),
                 ]
             },

@@ -11,7 +11,7 @@ use super::{Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State
 use crate::effect::limit::alter_checked;
 use crate::effect::{Scene, Seen};
 use crate::error::{Error, Result};
-use crate::fem::{Anchor, Certificate, Locator, Observer, Plate, Setup, Solution};
+use crate::fem::{Anchor, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution};
 use crate::field::Frame;
 use crate::geometry::{Density, Mesh};
 use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
@@ -31,7 +31,7 @@ pub struct FieldTest {
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
-    /// Solve for every prediction instead of answering from a reduced basis.
+    /// Solve for every prediction instead of answering from a reduced basis and, where metal yields, from a table.
     pub full_order: bool,
 }
 
@@ -99,6 +99,7 @@ impl FieldExperiment {
         let (setup, ply) = self.tested(state)?;
         let mut solution = match about {
             Some(anchor) => self.plate.solve_near(anchor, &setup, &ply)?,
+            None if self.test.full_order => self.plate.solve_full_order(&setup, &ply)?,
             None => self.plate.solve(&setup, &ply)?,
         };
         match &self.zero {
@@ -182,7 +183,8 @@ impl Experiment for FieldExperiment {
     }
 
     fn serialisation(&self) -> serde_json::Value {
-        serde_json::json!([self.test, self.scene.material])
+        let scene = &self.scene;
+        serde_json::json!([self.test, scene.material, scene.setup.yield_stress])
     }
 
     fn mesh_size(&self) -> [usize; 2] {
@@ -264,6 +266,11 @@ impl Experiment for FieldExperiment {
             gauged(Gauge::Window, sight, &u)
         };
         Ok(fields.iter().map(seen).collect())
+    }
+
+    fn edge_stress(&self, state: &State) -> Result<Option<EdgeStress>> {
+        let (setup, ply) = self.tested(state)?;
+        self.plate.edge_stress(&setup, &ply)
     }
 
     fn span(&self, states: &[State]) -> Result<()> {

@@ -23,7 +23,7 @@ pub use state::State;
 
 use crate::effect::{Acting, Kind, Scene};
 use crate::error::Result;
-use crate::fem::{Anchor, Certificate};
+use crate::fem::{Anchor, Certificate, EdgeStress};
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
 /// (u1, u2), both in mm, direction 1 along the load, origin at the hole's centre or the declared origin.
@@ -92,6 +92,15 @@ pub trait Experiment: Send + Sync {
     /// Those of [`Experiment::look`].
     fn look_near(&self, _about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
         self.look(state, sight, false)
+    }
+
+    /// The highest von Mises stress at an edge that carries no load, as if nothing yielded, for an isotropic material; none where the
+    /// experiment knows no stresses.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn edge_stress(&self, _state: &State) -> Result<Option<EdgeStress>> {
+        Ok(None)
     }
 
     /// Make many predictions about states like these cheap from now on, at no loss that can be seen.

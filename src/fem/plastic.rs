@@ -195,7 +195,10 @@ const NODES: [[f64; 2]; 8] = [
 /// there, and no two elements differ about it.
 fn highest(mesh: &Mesh, nodal: &[f64], law: &J2) -> Option<EdgeStress> {
     let mut name_of = vec![None; mesh.nodes.len()];
-    let free = mesh.edges.iter().filter(|(name, _)| *name != LOW && *name != HIGH);
+    let free = mesh
+        .edges
+        .iter()
+        .filter(|(name, _)| *name != LOW && *name != HIGH);
     for (name, edges) in free {
         for [_, middle, _] in edges {
             name_of[*middle as usize] = Some(name);

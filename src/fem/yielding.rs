@@ -100,7 +100,11 @@ impl<'a, 'f> Walk<'a, 'f> {
 
     /// One increment.
     fn settle(&mut self, factor: f64) -> Result<()> {
-        let size = self.body.elastic.iter().fold(0.0_f64, |m, u| m.max(u.abs()))
+        let size = self
+            .body
+            .elastic
+            .iter()
+            .fold(0.0_f64, |m, u| m.max(u.abs()))
             * factor.abs().max(self.at.factor.abs());
         let mut guess = self.predictor(factor);
         let mut acceleration = Anderson::default();
@@ -152,7 +156,11 @@ impl<'a, 'f> Walk<'a, 'f> {
     fn image(&mut self, factor: f64, guess: &[f64]) -> (Vec<f64>, Vec<Plastic>) {
         let body = self.body;
         let own = strains(body.mesh, body.gauss, guess);
-        let strain = self.elastic.iter().zip(own).map(|(e, own)| e * factor + own);
+        let strain = self
+            .elastic
+            .iter()
+            .zip(own)
+            .map(|(e, own)| e * factor + own);
         let advance = |(before, strain)| body.law.advance(before, &strain);
         let flow: Vec<Plastic> = self.at.flow.iter().zip(strain).map(advance).collect();
         let mut image = body.forces(&flow, &body.law);
@@ -165,9 +173,8 @@ impl Body<'_> {
     /// Nodal forces of the initial stress that plastic strains are, for elastic constants `law`, N.
     pub fn forces(&self, flow: &[Plastic], law: &J2) -> Vec<f64> {
         let points = flow.iter().zip(&self.thickness);
-        let resultants: Vec<Vector3<f64>> = points
-            .map(|(p, h)| law.stress(&p.strain) * *h)
-            .collect();
+        let resultants: Vec<Vector3<f64>> =
+            points.map(|(p, h)| law.stress(&p.strain) * *h).collect();
         forces_of(self.mesh, self.gauss, &resultants)
     }
 

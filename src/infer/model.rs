@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
-use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, amplitude_name};
+use crate::effect::{
+    Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name,
+};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
@@ -158,14 +160,19 @@ impl Model {
     }
 
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the
-    /// dictionary's; `None` where nothing bounds it.
+    /// dictionary's; `None` where nothing bounds it. That of the yield stress is what the material declares, if it does.
     pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
         let parameter = &effect.parameters()[k];
         let own = self
             .experiment()
             .plausible
             .get(&amplitude_name(effect, parameter));
-        own.copied().or(parameter.prior_sd)
+        let declared = self.file.material.yield_mpa.filter(|stress| {
+            stress.sd > 0.0 && effect.name() == YIELDING && parameter.name == YIELD_PERCENT
+        });
+        own.copied()
+            .or(declared.map(|stress| 100.0 * stress.sd / stress.mean))
+            .or(parameter.prior_sd)
     }
 
     /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
@@ -226,7 +233,8 @@ impl Model {
             fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
             window,
             density: spec.density().scaled(finer),
-            full_order: self.file.reduced_model.full_order,
+            // a simulation asks for one field
+            full_order: self.file.reduced_model.full_order || finer > 1.0,
         };
         Ok(Arc::new(FieldExperiment::new(test, scene)?))
     }
