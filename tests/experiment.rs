@@ -58,7 +58,9 @@ fn a_field_is_one_over_thickness_and_moduli_where_every_effect_says_so() {
     for experiment in experiments() {
         let sight = experiment.support();
         for effect in EFFECTS {
-            if matches!(effect.kind(), Kind::Additive | Kind::Recorded) {
+            if matches!(effect.kind(), Kind::Additive | Kind::Recorded)
+                || effect.obstacle(experiment.scene()).is_some()
+            {
                 continue;
             }
             let amplitude: Vec<f64> = effect

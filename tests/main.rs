@@ -44,3 +44,4 @@ mod suspect;
 mod targets;
 mod tracing;
 mod validation;
+mod yielding;

@@ -48,11 +48,12 @@ fn with(name: &str, amplitude: &[f64]) -> Setup {
     setup
 }
 
+/// Mechanical effects that can act on a laminate.
 fn mechanical() -> impl Iterator<Item = &'static dyn Effect> {
     EFFECTS
         .iter()
         .copied()
-        .filter(|e| e.kind() == Kind::Mechanical)
+        .filter(|e| e.kind() == Kind::Mechanical && e.name() != "yielding")
 }
 
 fn solve(plate: &Plate, setup: &Setup, points: &[[f64; 2]]) -> Field {

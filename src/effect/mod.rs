@@ -32,6 +32,7 @@ mod thermal_gradient;
 mod thermal_strain;
 mod thickness_taper;
 mod uniform_strain;
+mod yielding;
 
 use crate::error::{Error, Result};
 use crate::fem::Setup;
@@ -40,6 +41,7 @@ use crate::geometry::Change;
 use crate::laminate::{Material, Ply};
 
 pub use seen::Seen;
+pub use yielding::{NAME as YIELDING, YIELD_PERCENT};
 
 /// Every known effect, in the order in which they are listed.
 pub static EFFECTS: &[&dyn Effect] = &[
@@ -71,6 +73,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &hole_edge_damage::HoleEdgeDamage,
     &shear_nonlinearity::ShearNonlinearity,
     &fibre_nonlinearity::FibreNonlinearity,
+    &yielding::Yielding,
     &load_scale::LoadScale,
 ];
 

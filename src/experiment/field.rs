@@ -17,7 +17,7 @@ use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::fem::{
-    Anchor, Answer, Basis, Certificate, Locator, Observer, Plate, Setup, Solution, View,
+    Anchor, Answer, Basis, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution, View,
 };
 use crate::field::Frame;
 use crate::field::rigid::RigidMotion;
@@ -41,7 +41,8 @@ pub struct FieldTest {
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
-    /// Solve for every prediction instead of answering from a reduced basis, or by corrections of a solution nearby.
+    /// Solve for every prediction instead of answering from a reduced basis or, where metal yields, from a table, or by corrections of a
+    /// solution nearby.
     pub full_order: bool,
 }
 
@@ -136,6 +137,7 @@ impl FieldExperiment {
         let (setup, ply) = self.tested(state)?;
         let mut solution = match about {
             Some(anchor) => self.plate.solve_near(anchor, &setup, &ply)?,
+            None if self.test.full_order => self.plate.solve_full_order(&setup, &ply)?,
             None => self.plate.solve(&setup, &ply)?,
         };
         match &self.zero {
@@ -263,7 +265,8 @@ impl Experiment for FieldExperiment {
     }
 
     fn serialisation(&self) -> serde_json::Value {
-        serde_json::json!([self.test, self.scene.material])
+        let scene = &self.scene;
+        serde_json::json!([self.test, scene.material, scene.setup.yield_stress])
     }
 
     fn mesh_size(&self) -> [usize; 2] {
@@ -375,6 +378,11 @@ impl Experiment for FieldExperiment {
             gauged(Gauge::Window, sight, &u)
         };
         Ok(fields.iter().map(seen).collect())
+    }
+
+    fn edge_stress(&self, state: &State) -> Result<Option<EdgeStress>> {
+        let (setup, ply) = self.tested(state)?;
+        self.plate.edge_stress(&setup, &ply)
     }
 
     fn span(&self, states: &[State]) -> Result<()> {

@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 use crate::effect::{Acting, Effect, Kind, Scene};
 use crate::error::Result;
-use crate::fem::{Anchor, Answer, Certificate, View};
+use crate::fem::{Anchor, Answer, Certificate, EdgeStress, View};
 use crate::field::rigid::RigidMotion;
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
@@ -124,6 +124,15 @@ pub trait Experiment: Send + Sync {
     /// Those of [`Experiment::look`].
     fn look_near(&self, _about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
         self.look(state, sight, false)
+    }
+
+    /// The highest von Mises stress at an edge that carries no load, as if nothing yielded, for an isotropic material; none where the
+    /// experiment knows no stresses.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn edge_stress(&self, _state: &State) -> Result<Option<EdgeStress>> {
+        Ok(None)
     }
 
     /// Make many predictions about states like these cheap from now on, at no loss that can be seen.

@@ -190,7 +190,13 @@ impl Solver<'_> {
             Some(_) => self.experiment.look_near(about, &plain, self.sight)?,
             None => self.experiment.look(&plain, self.sight, true)?,
         };
-        let linear = self.places(&look);
+        let mut linear = self.places(&look);
+        for a in state.acting().iter().filter(|a| is_added_by_the_load(a)) {
+            let added = self.experiment.added(a.effect, &a.amplitude, self.sight)?;
+            for (u, added) in linear.iter_mut().zip((self.average)(&added)) {
+                *u = [0, 1].map(|c| u[c] + added[c]);
+            }
+        }
         let mut beyond = Vec::new();
         if !nonlinear.is_empty() {
             let remains = nonlinear.iter().any(|a| a.effect.remains());
@@ -253,6 +259,16 @@ impl Solver<'_> {
     }
 }
 
+/// Whether an effect adds a field that grows with the force.
+fn is_added_by_the_load(a: &Acting) -> bool {
+    a.effect.kind() == Kind::Additive && a.effect.scope() == Scope::Mechanical
+}
+
+/// Whether an effect adds a field that is another in each step.
+fn is_motion(a: &Acting) -> bool {
+    a.effect.kind() == Kind::Additive && a.effect.scope() == Scope::Motion
+}
+
 /// Forces over the nominal one below which nothing yields or softens.
 const LEAST_LOAD: f64 = 0.02;
 
@@ -290,14 +306,9 @@ pub fn report(
                 let shift = [point[0] - from[0], point[1] - from[1]];
                 u = [0, 1].map(|i| u[i] + load * (g[i][0] * shift[0] + g[i][1] * shift[1]));
             }
-            for a in acting.iter().filter(|a| a.effect.kind() == Kind::Additive) {
-                let by = if a.effect.scope() == Scope::Mechanical {
-                    load
-                } else {
-                    1.0
-                };
+            for a in acting.iter().filter(|a| is_motion(a)) {
                 let added = a.effect.displacement(&a.amplitude, scene, point);
-                u = [0, 1].map(|i| u[i] + by * added[i]);
+                u = [0, 1].map(|i| u[i] + added[i]);
             }
             camera.report(place, u)
         };

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::geometry::Mesh;
 use crate::laminate::Ply;
 
-/// A solved test with its factorised stiffness.
+/// A test solved without yielding, with its factorised stiffness.
 pub struct Anchor {
     pub(super) factor: Kept,
     nodal: Vec<f64>,
@@ -45,6 +45,13 @@ impl Plate {
     /// # Errors
     /// Those of [`Plate::solve`].
     pub fn solve_near(&self, anchor: &Anchor, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
+        let mut solution = self.elastic_near(anchor, setup, ply)?;
+        self.add_plastic(setup, ply, &mut solution.nodal)?;
+        Ok(solution)
+    }
+
+    /// The same without yielding.
+    fn elastic_near(&self, anchor: &Anchor, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
         if let Some(nodal) = self.spanned(setup, ply) {
             let mesh = self.mesh_of(setup)?;
             return Ok(Solution { mesh, nodal });
@@ -84,7 +91,7 @@ impl Plate {
             }
         }
         // too far away
-        self.solve_full_order(setup, ply)
+        Ok(self.factorised(setup, ply)?.1)
     }
 
     /// Nodal displacements (mm) of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole

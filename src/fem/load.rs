@@ -16,6 +16,18 @@ pub struct EndLoad {
     pub moment: f64,
 }
 
+impl EndLoad {
+    /// The same load times a factor.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        Self {
+            axial: factor * self.axial,
+            shear: factor * self.shear,
+            moment: factor * self.moment,
+        }
+    }
+}
+
 impl Mesh {
     /// Consistent nodal forces (N, two an entry of `nodes`) of the end tractions.
     pub fn end_forces(&self, load: &EndLoad) -> Vec<f64> {

@@ -1,6 +1,7 @@
 //! Finite elements of the whole plate: Q8 element in plane stress, its assembly, sparse Cholesky and observation; plate bending.
 
 mod anchor;
+mod anderson;
 mod assemble;
 mod basis;
 mod bending;
@@ -13,6 +14,9 @@ mod inverse;
 mod lekhnitskii;
 mod load;
 mod observe;
+mod plastic;
+mod plastic_table;
+mod plasticity;
 mod plate;
 pub mod plate_element;
 mod ply_law;
@@ -22,6 +26,7 @@ mod solve;
 mod span;
 pub mod verify;
 mod view;
+mod yielding;
 
 pub use anchor::Anchor;
 pub use basis::{Answer, Basis, Query, TOLERANCE};
@@ -29,9 +34,12 @@ pub use bending::{BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_ro
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use observe::{Locator, Nodal, Observer};
+pub use plastic::{EdgeStress, YieldFrame};
+pub use plastic_table::{Metal, PlasticTable};
+pub use plasticity::{J2, Plastic, von_mises};
 pub use plate::{Plate, Solution};
 pub use profile::{Annulus, Profile};
-pub use setup::Setup;
+pub use setup::{Setup, Yield};
 pub use solve::Factor;
 pub use span::Certificate;
 pub use view::{Motion, View};

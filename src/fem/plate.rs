@@ -1,11 +1,12 @@
 //! A meshed plate that can be solved for any laminate and any end load.
 
 use std::borrow::Cow;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 
 use super::assemble::Assembly;
 use super::basis::{Answer, Basis, Query};
 use super::inverse::Inverse;
+use super::plastic_table::PlasticTable;
 use super::ply_law::PlyLaw;
 use super::profile::Profile;
 use super::setup::Setup;
@@ -43,6 +44,8 @@ pub struct Plate {
     pool: Pool,
     /// Reduced bases and the radii of the ring about the hole in their meshes.
     pub(super) bases: RwLock<Vec<(Option<f64>, Arc<Basis>)>>,
+    /// Plastic parts of the declared shape.
+    pub(super) plastic: OnceLock<Result<Arc<PlasticTable>>>,
 }
 
 impl Plate {
@@ -77,34 +80,42 @@ impl Plate {
             symbolic,
             pool: Pool::default(),
             bases: RwLock::default(),
+            plastic: OnceLock::new(),
         })
     }
 
     /// Solve a test; any number of threads may at once. A test of another shape, or with a ring about the hole, gets a mesh
-    /// of its own with this one's connectivity; a stiffness that varies gets integrals of its own.
+    /// of its own with this one's connectivity; a stiffness that varies gets integrals of its own. What yields adds its plastic part from
+    /// [`Plate::plastic_table`].
     ///
     /// # Errors
     /// A test of another geometry or support than the plate's, one that cannot be meshed, a stiffness that is not positive
-    /// definite, an iteration for the shear law that does not converge.
+    /// definite, an iteration for the shear law or for yielding that does not converge.
     pub fn solve(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
-        match self.spanned(setup, ply) {
-            Some(nodal) => Ok(Solution {
+        let mut solution = match self.spanned(setup, ply) {
+            Some(nodal) => Solution {
                 mesh: self.mesh_of(setup)?,
                 nodal,
-            }),
-            None => self.solve_full_order(setup, ply),
-        }
+            },
+            None => self.factorised(setup, ply)?.1,
+        };
+        self.add_plastic(setup, ply, &mut solution.nodal)?;
+        Ok(solution)
     }
 
-    /// The same without a reduced basis.
+    /// The same without a reduced basis and without the table.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
     pub fn solve_full_order(&self, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
-        Ok(self.factorised(setup, ply)?.1)
+        let (factor, mut solution) = self.factorised(setup, ply)?;
+        // its work space serves again
+        drop(factor);
+        self.add_plastic_solved(setup, ply, &mut solution.nodal)?;
+        Ok(solution)
     }
 
-    /// The same with the factorised stiffness.
+    /// The solution without yielding, and the factorised stiffness.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
@@ -169,8 +180,11 @@ impl Plate {
         self.basis_of(None, &Profile::default())
     }
 
-    /// A test's answer from [`Plate::nominal_basis`]; none where that cannot answer well enough.
+    /// A test's answer from [`Plate::nominal_basis`]; none where that cannot answer well enough, or is not all of the answer.
     pub fn coordinates(&self, setup: &Setup, ply: &Ply) -> Option<Answer> {
+        if setup.yielding.is_some() {
+            return None;
+        }
         let (ring, query) = query(setup, ply)?;
         if ring.is_some() || !query.profile.is_uniform() {
             return None;
@@ -192,7 +206,7 @@ impl Plate {
         bases.iter().find(own).map(|(_, b)| b.clone())
     }
 
-    /// A test's answer from a basis, where there is one that is good enough.
+    /// A test's answer without yielding from a basis, where there is one that is good enough.
     pub(super) fn spanned(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
         let (ring, query) = query(setup, ply)?;
         let basis = self.basis_of(ring, &query.profile)?;
@@ -238,7 +252,7 @@ impl Plate {
     }
 }
 
-/// What a basis would be asked for a test: the ring in its mesh, and the query; none where a basis cannot answer.
+/// What a basis would be asked for a test, apart from its yielding: the ring in its mesh, and the query; none where a basis cannot answer.
 pub(super) fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
     if setup.morph != Morph::NONE || PlyLaw::new(setup, ply).is_some() {
         return None;

@@ -8,6 +8,17 @@ use crate::error::Result;
 use crate::geometry::{self, Geometry, Morph};
 use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd};
 
+/// How a metal yields.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Yield {
+    /// Share of the plastic part that is added to the elastic displacements: 1 is physics, less is for derivatives.
+    pub share: f64,
+    /// Yield stress, MPa.
+    pub stress: f64,
+    /// Growth of the yield stress with the plastic strain, over Young's modulus.
+    pub hardening: f64,
+}
+
 /// A test about to be solved: the specimen as it is, and the load as it acts. Effects change it.
 #[derive(Debug, Clone)]
 pub struct Setup {
@@ -27,6 +38,12 @@ pub struct Setup {
     pub shear_cubic: f64,
     /// Relative growth k of the plies' E1 with the strain along their fibres.
     pub fibre_quadratic: f64,
+    /// Declared yield stress of a metal, MPa.
+    pub yield_stress: Option<f64>,
+    /// How it yields; none where it stays elastic.
+    pub yielding: Option<Yield>,
+    /// Largest axial force that acted before, N.
+    pub peak_before: f64,
     /// Tractions on the edges `low` and `high`.
     pub load: EndLoad,
     /// +1 where (direction 1, direction 2) is right-handed in the data's x-y plane, -1 where it is not: the
@@ -50,6 +67,9 @@ impl Setup {
             profile: Profile::default(),
             shear_cubic: 0.0,
             fibre_quadratic: 0.0,
+            yield_stress: None,
+            yielding: None,
+            peak_before: 0.0,
             load: EndLoad {
                 axial: load.force_n,
                 ..EndLoad::default()
@@ -62,6 +82,11 @@ impl Setup {
     pub fn width(&self) -> f64 {
         let [_, [low, high]] = self.geometry.extents();
         high - low
+    }
+
+    /// The largest axial force so far, N. Unloading is elastic: what has yielded is what yielded under that force.
+    pub fn peak(&self) -> f64 {
+        self.load.axial.max(self.peak_before)
     }
 
     /// Components along (direction 1, direction 2) of a vector given along the data's (x, y).

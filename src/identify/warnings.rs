@@ -5,8 +5,10 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::identification::Identification;
 use super::inverse::InverseProblem;
 use super::surrogate::TOLERANCE;
+use crate::effect::YIELDING;
 use crate::field::rigid;
 use crate::infer::{Model, REASON_SDS};
+use crate::laminate::Material;
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
 
 /// Structure is spoken of where the residual's chi^2 exceeds 1 by this many standard errors of chi^2.
@@ -55,6 +57,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     if model.experiment().measurement.image_correlation.is_some() {
         said.push("Of image_correlation only the subset's size is used, as the length over which the noise is correlated: the average over a subset and the distance of the camera are not modelled.".into());
     }
+    said.extend(yields(model, of));
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {
         said.push(format!(
@@ -70,6 +73,33 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
         ));
     }
     said
+}
+
+/// Metal that must yield at an edge, by the elastic stresses at the posterior mean.
+fn yields(model: &Model, of: &Identification) -> Option<String> {
+    let declared = model.file.material.yield_mpa?.mean;
+    if model.material() != Material::Isotropic {
+        return None;
+    }
+    let state = model.state(&|name| of.moments(name).map(|(mean, _)| mean));
+    let experiment = &of.inverse.prepared.problem.experiment;
+    // constants without a solution are refused elsewhere
+    let at = experiment.edge_stress(&state).ok().flatten()?;
+    let [x, y] = experiment.scene().frame.data_point(at.place);
+    let counted = model.effects.iter().any(|e| e.name() == YIELDING);
+    (at.stress > declared).then(|| {
+        format!(
+            "The elastic stress at the edge `{}`, at ({x:.1}, {y:.1}) mm of the data, is {:.0} MPa (von Mises) under the declared force, {:.2} times the declared yield stress of {declared} MPa: the metal yields there{}",
+            at.edge,
+            at.stress,
+            at.stress / declared,
+            if counted {
+                ", which the declared effect yielding counts."
+            } else {
+                ", and the model without yielding is wrong near it. Declare the effect yielding, or let the loop weigh it."
+            }
+        )
+    })
 }
 
 /// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one.

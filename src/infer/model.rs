@@ -6,7 +6,9 @@ use std::sync::Arc;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
 use super::stepped::Acts;
-use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, amplitude_name};
+use crate::effect::{
+    Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, YIELD_PERCENT, YIELDING, amplitude_name,
+};
 use crate::error::{Error, Result};
 use crate::experiment::series::{Law, SeriesState};
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
@@ -232,14 +234,19 @@ impl Model {
     }
 
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the
-    /// dictionary's; `None` where nothing bounds it.
+    /// dictionary's; `None` where nothing bounds it. That of the yield stress is what the material declares, if it does.
     pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
         let parameter = &effect.parameters()[k];
         let own = self
             .experiment()
             .plausible
             .get(&amplitude_name(effect, parameter));
-        own.copied().or(parameter.prior_sd)
+        let declared = self.file.material.yield_mpa.filter(|stress| {
+            stress.sd > 0.0 && effect.name() == YIELDING && parameter.name == YIELD_PERCENT
+        });
+        own.copied()
+            .or(declared.map(|stress| 100.0 * stress.sd / stress.mean))
+            .or(parameter.prior_sd)
     }
 
     /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
@@ -264,11 +271,14 @@ impl Model {
         let isotropic = material.kind == Material::Isotropic;
         Scene {
             frame,
-            setup: Setup::nominal(
-                &experiment.specimen,
-                &experiment.nominal_load(),
-                frame.handedness(),
-            ),
+            setup: Setup {
+                yield_stress: material.yield_mpa.map(|stress| stress.mean),
+                ..Setup::nominal(
+                    &experiment.specimen,
+                    &experiment.nominal_load(),
+                    frame.handedness(),
+                )
+            },
             ply: material.kind.ply(&means),
             fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,
             expansion_per_k: material
@@ -333,7 +343,8 @@ impl Model {
             }),
             window,
             density: spec.density().scaled(finer),
-            full_order: self.file.reduced_model.full_order,
+            // a simulation asks for one field
+            full_order: self.file.reduced_model.full_order || finer > 1.0,
         };
         Ok(Arc::new(FieldExperiment::new(test, scene)?))
     }

@@ -50,7 +50,7 @@ pub struct MaterialSpec {
         skip_serializing_if = "Option::is_none"
     )]
     pub expansion_per_k: Option<[f64; 2]>,
-    /// Yield stress, MPa. Kept with the model; no prediction rests on it yet.
+    /// Yield stress of a metal, MPa: what the effect `yielding` needs.
     #[serde(rename = "yield_MPa", default, skip_serializing_if = "Option::is_none")]
     pub yield_mpa: Option<MeanSd>,
 }

@@ -356,7 +356,7 @@ impl Here<'_> {
             let sd = self.stepped.prior_sd(effect, k);
             let step = AMPLITUDE_STEP * sd;
             let moved = [step, -step].map(|by| self.at.raised(effect, k, by, &weights));
-            let slope = if effect.kind() == Kind::Mechanical {
+            let slope = if effect.scope() == Scope::Mechanical {
                 self.solved(moved, 2.0 * step)?
             } else {
                 self.slope([&moved[0], &moved[1]], 2.0 * step, self.stepped.scene())

@@ -50,6 +50,9 @@ fn setup() -> Setup {
         profile: Profile::default(),
         shear_cubic: 0.0,
         fibre_quadratic: 0.0,
+        yield_stress: None,
+        yielding: None,
+        peak_before: 0.0,
         load: EndLoad {
             axial: 700.0,
             ..EndLoad::default()

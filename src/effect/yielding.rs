@@ -1,0 +1,66 @@
+//! The metal yields where the stress is highest.
+
+use super::{Effect, Entry, Kind, Parameter, Scene};
+use crate::fem::{Setup, Yield};
+use crate::laminate::Material;
+
+pub struct Yielding;
+
+pub const NAME: &str = "yielding";
+
+/// The parameter that says how far the yield stress is from the declared one.
+pub const YIELD_PERCENT: &str = "yield_percent";
+
+/// Growth of the yield stress with the plastic strain over Young's modulus, nominally: the slope of EN 1993-1-5, C.6, for finite elements of
+/// structural steel with linear strain hardening, E / 100.
+const HARDENING: f64 = 0.01;
+
+impl Effect for Yielding {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: NAME,
+            kind: Kind::Mechanical,
+            parameters: const {
+                &[
+                    Parameter::positive("amplitude", 1.0, 3.0),
+                    Parameter::new(YIELD_PERCENT, 30.0, 90.0),
+                    Parameter::new("hardening_percent", 70.0, 210.0),
+                ]
+            },
+            about: "The metal yields (von Mises, linear isotropic hardening) where the stress exceeds material.yield_MPa. The amplitude is the share of the plastic part: 1 is all of it. yield_percent and hardening_percent are 100 times the change of ln sigma_y and of ln H, about the declared yield stress and H = E / 100.",
+            confirm: "Take a picture after unloading: what has yielded stays. Or repeat on a virgin specimen at half the load, where little or nothing yields; a tension test of the sheet gives yield stress and hardening.",
+        }
+    }
+
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        let Some(declared) = setup.yield_stress.filter(|_| amplitude[0] != 0.0) else {
+            return;
+        };
+        setup.yielding = Some(Yield {
+            share: amplitude[0],
+            stress: declared * (0.01 * amplitude[1]).exp(),
+            hardening: HARDENING * (0.01 * amplitude[2]).exp(),
+        });
+    }
+
+    /// The stress at which a metal yields does not scale with its moduli.
+    fn scales(&self) -> bool {
+        false
+    }
+
+    fn remains(&self) -> bool {
+        true
+    }
+
+    fn fault(&self, amplitude: &[f64]) -> Option<&'static str> {
+        (amplitude[0] < 0.0).then_some("an amplitude of at least 0")
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        if scene.material != Material::Isotropic {
+            return Some("a laminate does not yield as a metal does");
+        }
+        let known = scene.setup.yield_stress.is_some();
+        (!known).then_some("the yield stress is not known: material.yield_MPa is not given")
+    }
+}

@@ -1,0 +1,245 @@
+//! What a plate of metal adds to its elastic displacements where it yields.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use super::element;
+use super::initial_stress::gauss_points;
+use super::load::EndLoad;
+use super::plastic_table::{Metal, PlasticTable};
+use super::plasticity::{J2, von_mises};
+use super::plate::Plate;
+use super::setup::Setup;
+use super::yielding::{Body, Walk};
+use crate::error::{Error, Result};
+use crate::geometry::{HIGH, LOW, Mesh};
+use crate::laminate::Ply;
+
+/// A plate at a point of a history of loads.
+#[derive(Debug, Clone)]
+pub struct YieldFrame {
+    /// Factor on the test's load.
+    pub factor: f64,
+    /// Nodal displacements, mm, rigid motion as the plate's supports leave it.
+    pub nodal: Vec<f64>,
+    /// The same less those of an elastic plate.
+    pub plastic_part: Vec<f64>,
+    /// Stresses (s11, s22, s12), MPa, at the 3 x 3 Gauss points of all elements, those of an element together, the second local coordinate
+    /// running faster.
+    pub stresses: Vec<Vector3<f64>>,
+    /// Equivalent plastic strain there.
+    pub equivalent: Vec<f64>,
+    /// Iterations so far.
+    pub iterations: usize,
+}
+
+/// The highest stress of an elastic plate at an edge that carries no load.
+#[derive(Debug, Clone)]
+pub struct EdgeStress {
+    /// Von Mises stress, MPa.
+    pub stress: f64,
+    /// The edge's name.
+    pub edge: String,
+    /// Where, mm.
+    pub place: [f64; 2],
+}
+
+impl Plate {
+    /// The table of plastic parts of the declared shape under an axial force, made when it is first asked for.
+    ///
+    /// # Errors
+    /// Those of [`PlasticTable::new`].
+    pub fn plastic_table(&self) -> Result<Arc<PlasticTable>> {
+        let make = || PlasticTable::new(&self.mesh, &|| self.factor()).map(Arc::new);
+        self.plastic.get_or_init(make).clone()
+    }
+
+    /// Add the tabulated plastic part of a test that yields: that of the declared shape under the axial force alone. What a morph, a taper
+    /// or a skew load changes about it is of second order.
+    ///
+    /// # Errors
+    /// Those of [`Plate::plastic_table`].
+    pub(super) fn add_plastic(&self, setup: &Setup, ply: &Ply, nodal: &mut [f64]) -> Result<()> {
+        let Some((share, metal)) = metal(setup, ply) else {
+            return Ok(());
+        };
+        let table = self.plastic_table()?;
+        let part = table.plastic(setup.peak(), setup.thickness, &metal);
+        for (u, part) in nodal.iter_mut().zip(part) {
+            *u += share * part;
+        }
+        Ok(())
+    }
+
+    /// The same without the table, for everything that the test's shape and load are.
+    ///
+    /// # Errors
+    /// Those of [`Plate::yielding`].
+    pub(super) fn add_plastic_solved(
+        &self,
+        setup: &Setup,
+        ply: &Ply,
+        nodal: &mut [f64],
+    ) -> Result<()> {
+        let Some((share, _)) = metal(setup, ply) else {
+            return Ok(());
+        };
+        let mut loaded = setup.clone();
+        if setup.peak() > setup.load.axial {
+            // unloading is elastic
+            loaded.load = match setup.load.axial {
+                0.0 => EndLoad {
+                    axial: setup.peak(),
+                    ..EndLoad::default()
+                },
+                axial => setup.load.times(setup.peak() / axial),
+            };
+        }
+        let frames = self.yielding(&loaded, ply, &[1.0], 1.0)?;
+        for frame in frames {
+            for (u, part) in nodal.iter_mut().zip(frame.plastic_part) {
+                *u += share * part;
+            }
+        }
+        Ok(())
+    }
+
+    /// Take the virgin plate of a test through factors on its load, one after the other, in increments `finer` times smaller than usual.
+    /// Every increment follows the flow rule, on the way down as well.
+    ///
+    /// # Errors
+    /// A test in which nothing yields; those of [`Plate::solve`]; a plate that does not come to rest.
+    pub fn yielding(
+        &self,
+        setup: &Setup,
+        ply: &Ply,
+        factors: &[f64],
+        finer: f64,
+    ) -> Result<Vec<YieldFrame>> {
+        let Some((_, metal)) = metal(setup, ply) else {
+            return Err(Error::program(
+                "Plate::yielding",
+                "a test with a yield stress and yielding",
+            ));
+        };
+        let (mut factor, solution) = self.factorised(setup, ply)?;
+        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let gauss = gauss_points(&solution.mesh);
+        let thickness = gauss
+            .iter()
+            .map(|at| setup.thickness * setup.profile.factor(&*geometry, at.place))
+            .collect();
+        let body = Body {
+            law: J2 {
+                young: metal.young,
+                poisson: metal.poisson,
+                yield_stress: metal.yield_stress,
+                hardening: metal.hardening,
+            },
+            mesh: &solution.mesh,
+            gauss: &gauss,
+            thickness,
+            elastic: solution.nodal,
+        };
+        let mut walk = Walk::new(&body, &mut factor, finer);
+        let mut frames = Vec::with_capacity(factors.len());
+        for &factor in factors {
+            let loaded = walk.to(factor)?.clone();
+            let pairs = body.elastic.iter().zip(&loaded.plastic_part);
+            frames.push(YieldFrame {
+                factor,
+                nodal: pairs.map(|(e, p)| factor * e + p).collect(),
+                stresses: body.stresses(&loaded),
+                equivalent: loaded.flow.iter().map(|p| p.equivalent).collect(),
+                plastic_part: loaded.plastic_part,
+                iterations: walk.iterations,
+            });
+        }
+        Ok(frames)
+    }
+
+    /// The highest elastic von Mises stress along the edges that carry no load; none where the plate has none. Of a test that is isotropic.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn edge_stress(&self, setup: &Setup, ply: &Ply) -> Result<Option<EdgeStress>> {
+        let elastic = Setup {
+            yielding: None,
+            ..setup.clone()
+        };
+        let solution = self.solve(&elastic, ply)?;
+        let law = J2 {
+            young: ply.e1,
+            poisson: ply.nu12,
+            yield_stress: f64::INFINITY,
+            hardening: 0.0,
+        };
+        Ok(highest(&solution.mesh, &solution.nodal, &law))
+    }
+}
+
+/// Local coordinates of an element's nodes.
+const NODES: [[f64; 2]; 8] = [
+    [-1.0, -1.0],
+    [1.0, -1.0],
+    [1.0, 1.0],
+    [-1.0, 1.0],
+    [0.0, -1.0],
+    [1.0, 0.0],
+    [0.0, 1.0],
+    [-1.0, 0.0],
+];
+
+/// The highest von Mises stress at the midside nodes of edges without load. The mean of a Q8 element's stress along its side is most accurate
+/// there, and no two elements differ about it.
+fn highest(mesh: &Mesh, nodal: &[f64], law: &J2) -> Option<EdgeStress> {
+    let mut name_of = vec![None; mesh.nodes.len()];
+    let free = mesh
+        .edges
+        .iter()
+        .filter(|(name, _)| *name != LOW && *name != HIGH);
+    for (name, edges) in free {
+        for [_, middle, _] in edges {
+            name_of[*middle as usize] = Some(name);
+        }
+    }
+    let mut most: Option<EdgeStress> = None;
+    for (e, nodes) in mesh.elements.iter().enumerate() {
+        for (k, &node) in nodes.iter().enumerate().skip(4) {
+            let Some(edge) = name_of[node as usize] else {
+                continue;
+            };
+            let [a, b] = NODES[k];
+            let (gradient, _) = element::physical_gradient(&mesh.corners(e), a, b);
+            let mut strain = Vector3::zeros();
+            for (g, &n) in gradient.iter().zip(nodes) {
+                let [u, v] = [nodal[2 * n as usize], nodal[2 * n as usize + 1]];
+                strain += Vector3::new(g[0] * u, g[1] * v, g[1] * u + g[0] * v);
+            }
+            let stress = von_mises(&law.stress(&strain));
+            if most.as_ref().is_none_or(|m| stress > m.stress) {
+                most = Some(EdgeStress {
+                    stress,
+                    edge: edge.clone(),
+                    place: mesh.nodes[node as usize],
+                });
+            }
+        }
+    }
+    most
+}
+
+/// The share of the plastic part that a test has, and its metal; none where nothing yields.
+fn metal(setup: &Setup, ply: &Ply) -> Option<(f64, Metal)> {
+    let yielding = setup.yielding?;
+    Some((
+        yielding.share,
+        Metal {
+            young: ply.e1,
+            poisson: ply.nu12,
+            yield_stress: yielding.stress,
+            hardening: yielding.hardening * ply.e1,
+        },
+    ))
+}

@@ -1,0 +1,249 @@
+//! The plastic part of a plate's displacements, tabulated.
+//!
+//! J2 plasticity has no scale of its own: under an axial force F that grows from nothing, the plastic part over sigma_y / E depends on the
+//! load level F / (sigma_y h W), on H / E and on nu alone. Under prescribed tractions the stresses of a plate in plane stress do not depend
+//! on nu, plastic or not, so that the plastic part is linear in nu; with a clamped end nearly so.
+
+use std::thread;
+
+use super::initial_stress::gauss_points;
+use super::load::EndLoad;
+use super::plasticity::J2;
+use super::solve::Factor;
+use super::yielding::{Body, Walk};
+use crate::error::Result;
+use crate::geometry::Mesh;
+use crate::laminate::{Membrane, Ply, abd};
+
+/// Load levels from the first yielding of a Gauss point to [`TOP`].
+const LEVELS: usize = 14;
+
+/// The last level where yielding begins at a stress raiser: the gross section yields. Without one, that much above the first.
+const TOP: f64 = 1.0;
+const BEYOND: f64 = 1.3;
+
+/// Levels lie closer where yielding begins: their distances from the onset grow with this power of their number.
+const CROWDED: f64 = 1.3;
+
+/// Tabulated H / E. The interpolation is quadratic in (H / E)^-1/2: exact where a section flows as a whole and strains by 1 / H, and good to a
+/// thousandth where the flow is contained and grows with -ln H.
+const HARDENING: [f64; 3] = [0.06, 0.01, 0.01 / 6.0];
+
+/// Poisson's ratios between which the plastic part is linear.
+const POISSON: [f64; 2] = [0.3, 0.2];
+
+/// Nodal plastic parts of a plate of unit Young's modulus and yield stress.
+pub struct PlasticTable {
+    width: f64,
+    /// Level at which the first Gauss point yields.
+    onset: f64,
+    /// Levels above it, increasing.
+    levels: Vec<f64>,
+    /// For each hardening and each level.
+    fields: Vec<Vec<Field>>,
+}
+
+/// A nodal plastic part, mm, at the first Poisson's ratio, and its growth with Poisson's ratio.
+struct Field {
+    nodal: Vec<f64>,
+    slope: Vec<f64>,
+}
+
+/// What a plastic part depends on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metal {
+    /// MPa.
+    pub young: f64,
+    pub poisson: f64,
+    /// MPa.
+    pub yield_stress: f64,
+    /// Growth of the yield stress with the plastic strain, MPa.
+    pub hardening: f64,
+}
+
+impl PlasticTable {
+    /// Of a mesh under an axial force; `factor` makes factorisations of its stiffness.
+    ///
+    /// # Errors
+    /// A stiffness that is not positive definite, a plate that does not come to rest.
+    pub fn new<'f>(mesh: &Mesh, factor: &(dyn Fn() -> Factor<'f> + Sync)) -> Result<Self> {
+        let [_, [low, high]] = mesh.extents;
+        let width = high - low;
+        let row = |hardening: f64| of_hardening(mesh, width, factor, hardening);
+        let rows: Result<Vec<_>> = if rayon::current_num_threads() > 1 {
+            // threads of their own: a worker of rayon that waits may take up a task that waits for this table
+            thread::scope(|scope| {
+                let started = HARDENING.map(|hardening| scope.spawn(move || row(hardening)));
+                let joined = started.into_iter().map(|t| t.join());
+                joined
+                    .map(|row| row.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                    .collect()
+            })
+        } else {
+            HARDENING.into_iter().map(row).collect()
+        };
+        let mut onset = 0.0;
+        let mut levels = Vec::new();
+        let mut fields = Vec::new();
+        for (first, above, row) in rows? {
+            (onset, levels) = (first, above);
+            fields.push(row);
+        }
+        Ok(Self {
+            width,
+            onset,
+            levels,
+            fields,
+        })
+    }
+
+    /// Level F / (sigma_y h W) at which yielding begins.
+    pub fn onset(&self) -> f64 {
+        self.onset
+    }
+
+    /// Nodal plastic part, mm, under an axial force (N) that grew from nothing; rigid motion as the plate's supports leave it.
+    ///
+    /// Unloading is taken as elastic: the plastic part stays what it was under the largest force.
+    pub fn plastic(&self, force: f64, thickness: f64, metal: &Metal) -> Vec<f64> {
+        let level = force / (metal.yield_stress * thickness * self.width);
+        let scale = metal.yield_stress / metal.young;
+        let turn = metal.poisson - POISSON[0];
+        let along = hardening_weights(metal.hardening / metal.young);
+        let mut sum = vec![0.0; self.fields[0][0].nodal.len()];
+        for (k, weight) in self.level_weights(level) {
+            for (row, along) in self.fields.iter().zip(along) {
+                let w = scale * weight * along;
+                let field = row[k].nodal.iter().zip(&row[k].slope);
+                for (sum, (u, slope)) in sum.iter_mut().zip(field) {
+                    *sum += w * (u + turn * slope);
+                }
+            }
+        }
+        sum
+    }
+
+    /// Nodal plastic parts of the steps of a history of forces, each that of the largest force so far.
+    pub fn history(&self, forces: &[f64], thickness: f64, metal: &Metal) -> Vec<Vec<f64>> {
+        let mut peak = 0.0_f64;
+        let step = |force: &f64| {
+            peak = peak.max(*force);
+            self.plastic(peak, thickness, metal)
+        };
+        forces.iter().map(step).collect()
+    }
+
+    /// Levels and their weights in the interpolation: cubics between levels whose slopes are those of parabolas through three levels, 0 with
+    /// slope 0 at the onset, and a straight line beyond the last level, as linear hardening has it in the end.
+    fn level_weights(&self, level: f64) -> Vec<(usize, f64)> {
+        if level <= self.onset {
+            return Vec::new();
+        }
+        let mut knots = vec![self.onset];
+        knots.extend(&self.levels);
+        let last = knots.len() - 1;
+        let mut weights = vec![0.0; knots.len()];
+        if level >= knots[last] {
+            weights[last] = 1.0;
+            add_slope(&knots, last, level - knots[last], &mut weights);
+        } else {
+            let k = knots.partition_point(|knot| *knot <= level) - 1;
+            let length = knots[k + 1] - knots[k];
+            let t = (level - knots[k]) / length;
+            weights[k] += (1.0 + 2.0 * t) * (1.0 - t).powi(2);
+            weights[k + 1] += t * t * (3.0 - 2.0 * t);
+            add_slope(&knots, k, length * t * (1.0 - t).powi(2), &mut weights);
+            add_slope(&knots, k + 1, length * t * t * (t - 1.0), &mut weights);
+        }
+        // nothing at the onset
+        let used = weights.into_iter().enumerate().skip(1);
+        used.filter(|(_, w)| *w != 0.0)
+            .map(|(k, w)| (k - 1, w))
+            .collect()
+    }
+}
+
+/// Add `by` times the slope at a knot, as a combination of the values at the knots: that of the parabola through the knot and its
+/// neighbours, at the last knot through the last three; none at the first.
+fn add_slope(knots: &[f64], k: usize, by: f64, weights: &mut [f64]) {
+    if k == 0 {
+        return;
+    }
+    let middle = k.min(knots.len() - 2);
+    let own = [middle - 1, middle, middle + 1];
+    for i in own {
+        let [a, b] = match own.iter().filter(|j| **j != i).collect::<Vec<_>>()[..] {
+            [a, b] => [*a, *b],
+            _ => return,
+        };
+        let below = (knots[i] - knots[a]) * (knots[i] - knots[b]);
+        weights[i] += by * (2.0 * knots[k] - knots[a] - knots[b]) / below;
+    }
+}
+
+/// Weights of the tabulated hardenings.
+fn hardening_weights(ratio: f64) -> [f64; 3] {
+    let place = |ratio: f64| ratio.powf(-0.5);
+    let x = place(ratio);
+    let knots = HARDENING.map(place);
+    [0, 1, 2].map(|i| {
+        let others = (0..3).filter(|j| *j != i);
+        others
+            .map(|j| (x - knots[j]) / (knots[i] - knots[j]))
+            .product()
+    })
+}
+
+/// The onset, the levels above it, and the fields there, for one hardening.
+fn of_hardening<'f>(
+    mesh: &Mesh,
+    width: f64,
+    factor: &(dyn Fn() -> Factor<'f> + Sync),
+    hardening: f64,
+) -> Result<(f64, Vec<f64>, Vec<Field>)> {
+    let factorised = |poisson: f64| -> Result<Factor<'f>> {
+        let mut made = factor();
+        let ply = Ply::isotropic(1.0, poisson);
+        made.factorise(&Membrane::from(&abd(&ply, &[0.0], 1.0).a))?;
+        Ok(made)
+    };
+    let law = |poisson: f64| J2 {
+        young: 1.0,
+        poisson,
+        yield_stress: 1.0,
+        hardening,
+    };
+    let [mut first, mut second] = [factorised(POISSON[0])?, factorised(POISSON[1])?];
+    let gauss = gauss_points(mesh);
+    let mut elastic = mesh.end_forces(&EndLoad {
+        axial: width,
+        ..EndLoad::default()
+    });
+    first.solve(&mut elastic);
+    let body = Body {
+        law: law(POISSON[0]),
+        mesh,
+        thickness: vec![1.0; gauss.len()],
+        gauss: &gauss,
+        elastic,
+    };
+    let mut walk = Walk::new(&body, &mut first, 1.0);
+    let onset = walk.onset;
+    let top = TOP.max(BEYOND * onset);
+    let level = |k: usize| onset + (top - onset) * (k as f64 / LEVELS as f64).powf(CROWDED);
+    let levels: Vec<f64> = (1..=LEVELS).map(level).collect();
+    let mut fields = Vec::with_capacity(LEVELS);
+    for &level in &levels {
+        let loaded = walk.to(level)?;
+        let mut other = body.forces(&loaded.flow, &law(POISSON[1]));
+        second.solve(&mut other);
+        let nodal = loaded.plastic_part.clone();
+        let pairs = other.iter().zip(&nodal);
+        let slope = pairs.map(|(b, a)| (b - a) / (POISSON[1] - POISSON[0]));
+        fields.push(Field {
+            slope: slope.collect(),
+            nodal,
+        });
+    }
+    Ok((onset, levels, fields))
+}
