@@ -7,7 +7,9 @@ mod closing;
 mod console;
 mod diagnose;
 mod effects;
+mod exports;
 mod folder;
+mod hole;
 mod identify;
 mod init;
 #[cfg(feature = "manual")]

@@ -209,11 +209,8 @@ fn csv_fields(path: &Path) {
         text += &format!("{x:.3},{y:.3},{:.6},{:.6},0.01\n", 1e-3 * x, -3e-4 * y);
     }
     let [x, y, ux, uy] = ["x_mm", "y_mm", "ux_mm", "uy_mm"].map(String::from);
-    let columns = Columns { x, y, ux, uy };
-    let units = Units {
-        coordinates: "mm".into(),
-        displacements: "mm".into(),
-    };
+    let columns = Columns::new([x, y, ux, uy]);
+    let units = Units::new("mm", "mm");
     let map = ColumnMap { columns, units };
     feed(
         "table",

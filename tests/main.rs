@@ -36,6 +36,7 @@ mod report;
 mod resume;
 mod samplers;
 mod schema;
+mod series_input;
 mod starts;
 mod suspect;
 mod targets;

@@ -87,7 +87,6 @@ fn errors_name_the_keys_of_the_files_own_version() {
 #[test]
 fn what_is_not_built_yet_is_refused_by_its_key() {
     for (key, value) in [
-        ("steps", json!([{ "file": "a.csv", "force_N": 100 }])),
         ("mesh", json!({ "file": "plate.msh" })),
         ("kind", json!("frequencies")),
     ] {

@@ -57,14 +57,10 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
     beside.map_or(Ok(None), KnownTruth::load)
 }
 
-/// The model with its measurement's absolute path, so that it can be read from a run's folder.
+/// The model with its measurement's absolute paths, so that it can be read from a run's folder.
 pub fn resolved(model: &Model) -> Result<Value> {
     let mut resolved = model.clone();
-    resolved.experiment_mut().measurement = model
-        .experiment()
-        .measurement
-        .clone()
-        .below(model.base_dir())?;
+    *resolved.experiment_mut() = model.experiment().clone().below(model.base_dir())?;
     serde_json::to_value(&resolved.file)
         .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
 }

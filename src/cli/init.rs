@@ -6,20 +6,24 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::mappings::{MAPPINGS, matching};
+use super::exports;
+use super::hole::hole;
+use super::mappings::{Found, MAPPINGS, matching, quality};
 use super::print;
 use crate::error::{Error, Result};
-use crate::field::{Axis, ColumnMap, Columns, Field, Frame, Units, table};
+use crate::field::{
+    Axis, ColumnMap, Columns, Field, Frame, LEAST_CORRELATION, PIXEL, Series, Units, table,
+};
 use crate::files;
 use crate::infer::Model;
-use crate::report::FieldCells;
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain init                                   a carbon/epoxy laminate, to be edited
   plychain init strip --like steel                a copy of the steel strip's model
-  plychain init strip --like steel --csv field.csv    columns, hole and axis read from a DIC export")]
+  plychain init strip --like steel --csv field.csv    columns, hole and axis read from a DIC export
+  plychain init coupon --csv 'step-*.csv'         the same of a load series, one file a step")]
 pub struct Arguments {
     /// Name of the model; the file is NAME.json
     #[arg(default_value = "specimen")]
@@ -27,9 +31,13 @@ pub struct Arguments {
     /// The model to start from
     #[arg(long, value_enum, default_value = "openhole")]
     like: Like,
-    /// A DIC export: its columns are mapped, and the hole and the loading axis proposed from it
-    #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
+    /// A DIC export: its columns are mapped, and the hole and the loading axis proposed from it. Several files, or a pattern in
+    /// quotation marks, are the steps of a load series
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    csv: Vec<PathBuf>,
+    /// Size of a pixel on the specimen, for exports in pixels
+    #[arg(long, value_name = "MM", requires = "csv")]
+    mm_per_pixel: Option<f64>,
 }
 
 /// The models that come with the program.
@@ -76,24 +84,57 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         // The clamp is the rig's of that test, and no part of another.
         specimen.remove("clamp");
     }
-    let (measurement, said) = match &arguments.csv {
-        Some(csv) => propose(csv, &mut experiment["specimen"])?,
-        None => (unread(), String::new()),
+    let files = exports::expand(&arguments.csv)?;
+    let said = if files.is_empty() {
+        experiment["measurement"] = unread();
+        String::new()
+    } else {
+        propose(&files, arguments.mm_per_pixel, experiment)?
     };
-    experiment["measurement"] = measurement;
     if let Some(reduced) = model["reduced_model"].as_object_mut() {
         reduced.remove("reference");
     }
     let mut text = serde_json::to_string_pretty(&model)
         .map_err(|e| Error::program("model", "values that JSON can hold").found(e))?;
     text.push('\n');
-    Model::parse(&text, &path)?;
+    let model = Model::parse(&text, &path)?;
     files::replace(&path, text)?;
     print(&format!(
-        "{} written\n{said}{}",
+        "{} written\n{said}{}{}",
         path.display(),
-        next(&path)
+        series(&model),
+        next(&path, files.len() > 1)
     ))
+}
+
+/// What the steps have in common, or why they are no series.
+fn series(model: &Model) -> String {
+    match model.read_series() {
+        Ok(None) => String::new(),
+        Ok(Some(Series {
+            field,
+            steps,
+            warnings,
+            ..
+        })) => {
+            let mut said = format!(
+                "  {} steps with {} points in common, after {} outliers\n",
+                steps.len(),
+                field.len(),
+                field.rejected.outliers
+            );
+            for warning in warnings {
+                let _ = writeln!(said, "  {warning}");
+            }
+            said
+        }
+        Err(error) => {
+            let hint = error
+                .hint_text()
+                .map_or_else(String::new, |h| format!(" ({h})"));
+            format!("  the steps cannot be read as a series yet: {error}{hint}\n")
+        }
+    }
 }
 
 /// What the file's `note` says.
@@ -112,7 +153,12 @@ fn unread() -> Value {
 }
 
 /// What to do with the file.
-fn next(path: &Path) -> String {
+fn next(path: &Path, is_series: bool) -> String {
+    let force = if is_series {
+        "steps[].force_N                   between the reference and each image; null if unknown"
+    } else {
+        "load.force_N                      between the reference and this image"
+    };
     format!(
         "\nto be edited before the first run, because no file of displacements says it:
   material.parameters               priors: what is known of the constants beforehand
@@ -120,16 +166,162 @@ and of the experiment
   specimen.length_mm, width_mm      the plate between the grips
   specimen.hole                     diameter, and place from the plate's centre
   specimen.layup_deg, thickness_mm  (laminate)
-  load.force_N                      between the reference and this image
+  {force}
 then
   plychain loop {}\n",
         path.display()
     )
 }
 
-/// The measurement of a DIC export, with what was assumed about it.
-fn propose(csv: &Path, specimen: &mut Value) -> Result<(Value, String)> {
-    let header = table::header(csv)?;
+/// An export as it is read.
+struct Export {
+    program: &'static str,
+    map: ColumnMap,
+    field: Field,
+    /// What was assumed of its columns.
+    said: String,
+}
+
+/// Put the measurement of one DIC export, or of a series of them, into the experiment; returns what was assumed about it.
+fn propose(files: &[PathBuf], mm_per_pixel: Option<f64>, experiment: &mut Value) -> Result<String> {
+    let exports = files
+        .iter()
+        .map(|file| Export::read(file, mm_per_pixel))
+        .collect::<Result<Vec<Export>>>()?;
+    if let Some(odd) = (1..files.len()).find(|&k| exports[k].map != exports[0].map) {
+        let expected = format!("the columns and units of {}", files[0].display());
+        return Err(Error::input(files[odd].display(), expected)
+            .found(table::header(&files[odd])?.join(", "))
+            .hint("export all steps alike"));
+    }
+    let strained = |k: &usize| strain(&exports[*k].field).into_iter().fold(0.0, f64::max);
+    let largest = (0..files.len()).max_by(|a, b| strained(a).total_cmp(&strained(b)));
+    let chosen = largest.unwrap_or(0);
+    let export = &exports[chosen];
+    let (mut measurement, mut said) = export.propose(&files[chosen], &mut experiment["specimen"]);
+    if let [file] = files {
+        measurement["file"] = json!(file);
+    } else {
+        let (steps, of_steps) = exports::steps(files)?;
+        experiment["steps"] = json!(steps);
+        if let Some(experiment) = experiment.as_object_mut() {
+            experiment.remove("load");
+        }
+        said += &of_steps;
+    }
+    experiment["measurement"] = measurement;
+    Ok(said)
+}
+
+impl Export {
+    fn read(csv: &Path, mm_per_pixel: Option<f64>) -> Result<Self> {
+        let header = table::header(csv)?;
+        let found = recognised(csv, &header, mm_per_pixel.is_some())?;
+        let [coordinates, displacements] = found.units.map(|unit| unit.unwrap_or(PIXEL));
+        let mut units = Units::new(coordinates, displacements);
+        let mut columns = Columns::new(found.columns);
+        let mut said = String::new();
+        let (sigma, correlation) = quality(&header, found.program);
+        if let Some((name, unit)) = sigma {
+            let _ = writeln!(
+                said,
+                "  sigma \"{name}\": points where it is not above 0 are dropped"
+            );
+            if unit == Some(PIXEL) && mm_per_pixel.is_none() {
+                said += "    taken to be in pixels; with units.mm_per_pixel it is each point's standard deviation too\n";
+            }
+            units.sigma = unit.map(String::from);
+            columns.sigma = Some(name);
+        }
+        let in_pixels =
+            [coordinates, displacements].contains(&PIXEL) || units.sigma.as_deref() == Some(PIXEL);
+        units.mm_per_pixel = mm_per_pixel.filter(|_| in_pixels);
+        if coordinates == PIXEL {
+            said += "  pixels: where y counts downwards in the picture, angles in the data's x-y plane turn clockwise in it\n";
+        }
+        let frame = Frame {
+            loading_axis: Axis::X,
+            hole_center_mm: [0.0, 0.0],
+        };
+        columns.correlation.clone_from(&correlation);
+        let mut map = ColumnMap { columns, units };
+        let mut read = table::read(csv, &map, frame);
+        if let (Err(error), Some(name)) = (&read, correlation) {
+            let _ = writeln!(said, "  \"{name}\" is not used: {error}");
+            map.columns.correlation = None;
+            read = table::read(csv, &map, frame);
+        } else if let Some(name) = &map.columns.correlation {
+            let _ = writeln!(
+                said,
+                "  correlation \"{name}\": points below {LEAST_CORRELATION} are dropped"
+            );
+        }
+        Ok(Self {
+            program: found.program,
+            map,
+            field: read?,
+            said,
+        })
+    }
+
+    /// The measurement without its files, and what was assumed about it; the hole's diameter goes into the specimen.
+    fn propose(&self, csv: &Path, specimen: &mut Value) -> (Value, String) {
+        let Self {
+            program,
+            map,
+            field,
+            ..
+        } = self;
+        let along = loading_axis(field);
+        let extent = field.bounds();
+        let Units {
+            coordinates,
+            displacements,
+            ..
+        } = &map.units;
+        let mut said = format!(
+            "\nread from {}: {} points, columns of {program}, coordinates in {coordinates} and displacements in {displacements}\n{}proposed, to be checked:\n  loading_axis \"{along}\" (the larger stretch; the load pulls along it)\n",
+            csv.display(),
+            field.len(),
+            self.said,
+        );
+        let centre = match hole(field) {
+            Some((centre, diameter)) => {
+                let _ = writeln!(
+                    said,
+                    "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (a circle about the largest gap in the points; the true hole is a little smaller)",
+                    centre[0], centre[1]
+                );
+                specimen["hole"]["diameter_mm"] = json!(round(diameter, 1));
+                centre
+            }
+            None => {
+                said += "  hole_center_in_data_mm: no gap in the points looks like a hole; the middle of the points is taken\n";
+                [0, 1].map(|k| 0.5 * (extent[0][k] + extent[1][k]))
+            }
+        };
+        let _ = writeln!(
+            said,
+            "  the points span x {:.2} to {:.2} and y {:.2} to {:.2} mm; the model is rigid-motion free over them, with rigid_translation and rigid_rotation declared",
+            extent[0][0], extent[1][0], extent[0][1], extent[1][1]
+        );
+        let whole = field.points.iter().flatten().all(|x| x.fract() == 0.0);
+        if whole && coordinates != PIXEL {
+            said += "  every coordinate is a whole number, as pixels are: if they are not mm, export the field with its calibration\n";
+        }
+        let measurement = json!({
+            "format": "csv",
+            "columns": map.columns,
+            "units": map.units,
+            "loading_axis": along,
+            "hole_center_in_data_mm": centre.map(|v| round(v, 2)),
+        });
+        (measurement, said)
+    }
+}
+
+/// The columns of an export that hold a field; those in pixels only where their size is known.
+fn recognised(csv: &Path, header: &[String], has_scale: bool) -> Result<Found> {
     let known: Vec<&str> = MAPPINGS.iter().map(|m| m.program).collect();
     let in_pixels = |columns: &str| {
         Error::input(
@@ -137,9 +329,11 @@ fn propose(csv: &Path, specimen: &mut Value) -> Result<(Value, String)> {
             "calibrated columns, in a unit of length",
         )
         .found(format!("{columns} in pixels"))
-        .hint("export the field with its calibration")
+        .hint(
+            "export the field with its calibration, or say the size of a pixel: --mm-per-pixel MM",
+        )
     };
-    let found = matching(&header).ok_or_else(|| {
+    let found = matching(header).ok_or_else(|| {
         let unit = |h: &&String| {
             let name = h.to_lowercase();
             ["[px]", "(px)", "_px", "pixel"]
@@ -155,63 +349,12 @@ fn propose(csv: &Path, specimen: &mut Value) -> Result<(Value, String)> {
             .found(header.join(", "))
             .hint("one unit for both coordinates and one for both displacements; or leave --csv out, and name the columns x, y, ux, uy in measurement.columns")
     })?;
-    let [Some(coordinates), Some(displacements)] = found.units else {
+    if !has_scale && found.units.contains(&None) {
         let [x, y, ux, uy] = &found.columns;
         let [a, b] = found.units[0].map_or([x, y], |_| [ux, uy]);
         return Err(in_pixels(&format!("the columns {a}, {b}")));
-    };
-    let [x, y, ux, uy] = found.columns.clone();
-    let units = Units {
-        coordinates: coordinates.into(),
-        displacements: displacements.into(),
-    };
-    let frame = Frame {
-        loading_axis: Axis::X,
-        hole_center_mm: [0.0, 0.0],
-    };
-    let columns = Columns { x, y, ux, uy };
-    let field = table::read(csv, &ColumnMap { columns, units }, frame)?;
-    let along = loading_axis(&field);
-    let hole = hole(&field);
-    let extent = field.bounds();
-    let mut said = format!(
-        "\nread from {}: {} points, columns of {}, coordinates in {coordinates} and displacements in {displacements}\nproposed, to be checked:\n  loading_axis \"{along}\" (the larger stretch; the load pulls along it)\n",
-        csv.display(),
-        field.len(),
-        found.program
-    );
-    let centre = match hole {
-        Some((centre, diameter)) => {
-            let _ = writeln!(
-                said,
-                "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (a circle about the largest gap in the points; the true hole is a little smaller)",
-                centre[0], centre[1]
-            );
-            specimen["hole"]["diameter_mm"] = json!(round(diameter, 1));
-            centre
-        }
-        None => {
-            said += "  hole_center_in_data_mm: no gap in the points looks like a hole; the middle of the points is taken\n";
-            [0, 1].map(|k| 0.5 * (extent[0][k] + extent[1][k]))
-        }
-    };
-    let _ = writeln!(
-        said,
-        "  the points span x {:.2} to {:.2} and y {:.2} to {:.2} mm; the model is rigid-motion free over them, with rigid_translation and rigid_rotation declared",
-        extent[0][0], extent[1][0], extent[0][1], extent[1][1]
-    );
-    if field.points.iter().flatten().all(|x| x.fract() == 0.0) {
-        said += "  every coordinate is a whole number, as pixels are: if they are not mm, export the field with its calibration\n";
     }
-    let measurement = json!({
-        "format": "csv",
-        "file": csv,
-        "columns": { "x": found.columns[0], "y": found.columns[1], "ux": found.columns[2], "uy": found.columns[3] },
-        "units": { "coordinates": coordinates, "displacements": displacements },
-        "loading_axis": along,
-        "hole_center_in_data_mm": centre.map(|v| round(v, 2)),
-    });
-    Ok((measurement, said))
+    Ok(found)
 }
 
 fn round(value: f64, decimals: i32) -> f64 {
@@ -232,7 +375,13 @@ fn shortened(names: &[&str]) -> String {
 
 /// The axis of the larger mean strain (points and displacements in the data's own axes).
 fn loading_axis(field: &Field) -> &'static str {
-    let strain = |k: usize| {
+    let [x, y] = strain(field);
+    if y > x { "y" } else { "x" }
+}
+
+/// Sizes of the mean strains along the data's axes.
+fn strain(field: &Field) -> [f64; 2] {
+    [0, 1].map(|k| {
         let n = field.len() as f64;
         let mean = |f: &dyn Fn(usize) -> f64| (0..field.len()).map(f).sum::<f64>() / n;
         let (x, u) = (
@@ -242,90 +391,5 @@ fn loading_axis(field: &Field) -> &'static str {
         let xu = mean(&|i| (field.points[i][k] - x) * (field.displacement[i][k] - u));
         let xx = mean(&|i| (field.points[i][k] - x).powi(2));
         (xu / xx.max(f64::MIN_POSITIVE)).abs()
-    };
-    if strain(1) > strain(0) { "y" } else { "x" }
-}
-
-/// Share of the measured rectangle that a gap must at least cover to be a hole.
-const SMALLEST_GAP: f64 = 0.003;
-
-/// Centre and diameter of the largest gap in the points that does not touch their border.
-fn hole(field: &Field) -> Option<([f64; 2], f64)> {
-    let cells = FieldCells::new(&field.points);
-    let (columns, rows) = (cells.x.len(), cells.y.len());
-    if columns < 5 || rows < 5 {
-        return None;
-    }
-    let mut empty = vec![true; cells.len()];
-    cells.of_point.iter().for_each(|&c| empty[c] = false);
-    let mut best: Vec<usize> = Vec::new();
-    for start in 0..cells.len() {
-        if !empty[start] {
-            continue;
-        }
-        let (mut gap, mut inside) = (Vec::new(), true);
-        let mut todo = vec![start];
-        empty[start] = false;
-        while let Some(cell) = todo.pop() {
-            gap.push(cell);
-            let (i, j) = (cell % columns, cell / columns);
-            if i == 0 || j == 0 || i + 1 == columns || j + 1 == rows {
-                inside = false;
-                continue;
-            }
-            for next in [cell - 1, cell + 1, cell - columns, cell + columns] {
-                if std::mem::take(&mut empty[next]) {
-                    todo.push(next);
-                }
-            }
-        }
-        if inside && gap.len() > best.len() {
-            best = gap;
-        }
-    }
-    if (best.len() as f64) < SMALLEST_GAP * cells.len() as f64 {
-        return None;
-    }
-    let n = best.len() as f64;
-    let centre = [
-        best.iter().map(|c| cells.x[c % columns]).sum::<f64>() / n,
-        best.iter().map(|c| cells.y[c / columns]).sum::<f64>() / n,
-    ];
-    Some(circle(&field.points, centre))
-}
-
-/// Directions in which the hole's rim is sought.
-const SECTORS: usize = 36;
-
-/// The circle through the points next to a gap, by least squares (Kasa 1976): centre and diameter. The nearest point in each
-/// direction stands for the rim.
-fn circle(points: &[[f64; 2]], start: [f64; 2]) -> ([f64; 2], f64) {
-    let (mut centre, mut diameter) = (start, 0.0);
-    for _ in 0..5 {
-        let mut rim: Vec<Option<(f64, [f64; 2])>> = vec![None; SECTORS];
-        for p in points {
-            let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
-            let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
-            let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
-            let r = x.hypot(y);
-            if rim[sector].is_none_or(|(nearest, _)| r < nearest) {
-                rim[sector] = Some((r, [x, y]));
-            }
-        }
-        // x^2 + y^2 = a x + b y + c
-        let mut normal = nalgebra::Matrix3::zeros();
-        let mut right = nalgebra::Vector3::zeros();
-        for (r, [x, y]) in rim.into_iter().flatten() {
-            let row = nalgebra::Vector3::new(x, y, 1.0);
-            normal += row * row.transpose();
-            right += r * r * row;
-        }
-        let Some(fit) = normal.cholesky().map(|c| c.solve(&right)) else {
-            break;
-        };
-        let [a, b] = [0.5 * fit[0], 0.5 * fit[1]];
-        centre = [centre[0] + a, centre[1] + b];
-        diameter = 2.0 * (fit[2] + a * a + b * b).max(0.0).sqrt();
-    }
-    (centre, diameter)
+    })
 }

@@ -1,5 +1,7 @@
 //! What programs for digital image correlation call the columns of their exports.
 
+use crate::field::PIXEL;
+
 /// Columns of one program's export.
 pub struct Mapping {
     pub program: &'static str,
@@ -98,6 +100,52 @@ pub struct Found {
     pub columns: [String; 4],
     /// Units of the coordinates and of the displacements; `None` where they are pixels.
     pub units: [Option<&'static str>; 2],
+}
+
+/// Names, without their unit, of columns that hold the standard deviation of a displacement and the coefficient of the
+/// correlation.
+const SIGMA: &str = "sigma";
+const CORRELATION: &[&str] = &[
+    "zncc",
+    "correlation",
+    "correlation coefficient",
+    "correlation value",
+    "samecamera.correlation value",
+];
+
+/// Programs that state their sigma in pixels whatever the unit of the displacements.
+const SIGMA_IN_PIXELS: &[&str] = &["VIC", "DICe"];
+
+/// A column of standard deviations with its unit, if that is not the displacements', and one of correlation coefficients.
+pub fn quality(
+    header: &[String],
+    program: &str,
+) -> (Option<(String, Option<&'static str>)>, Option<String>) {
+    let sigma = header
+        .iter()
+        .find(|h| split(h).0.eq_ignore_ascii_case(SIGMA));
+    let sigma = sigma.cloned().map(|name| {
+        let unit = match split(&name).1 {
+            Some(stated) => Some(stated.unwrap_or(PIXEL)),
+            None => {
+                let in_pixels = SIGMA_IN_PIXELS.iter().any(|p| program.starts_with(p));
+                in_pixels.then_some(PIXEL)
+            }
+        };
+        (name, unit)
+    });
+    // a unit in brackets that is none, [-] or [1], stands behind some of these names
+    let bare = |name: &str| {
+        name.split(['[', '('])
+            .next()
+            .unwrap_or(name)
+            .trim()
+            .to_lowercase()
+    };
+    let correlation = header
+        .iter()
+        .find(|h| CORRELATION.contains(&bare(h).as_str()));
+    (sigma, correlation.cloned())
 }
 
 /// The columns of the first mapping that a header has. Calibrated ones in the mapping's own spelling go first, then ones

@@ -186,6 +186,12 @@ pub fn check_png(wanted: bool) -> Result<()> {
 pub fn load(path: &Path, data: Option<&PathBuf>) -> Result<Model> {
     let mut model = Model::load(path)?;
     if let Some(data) = data {
+        if model.experiment().steps.is_some() {
+            let place = format!("--data {}", data.display());
+            return Err(Error::input(place, "a model with one measurement")
+                .found("a load series")
+                .hint("name the files in experiments[0].steps"));
+        }
         // Joined to the model's directory later, an absolute path stays as it is.
         let absolute = std::path::absolute(data)
             .map_err(|e| Error::input(format!("--data {}", data.display()), "a path").found(e))?;

@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let columns = reader.write(&folder.path().join(&path), &grid, model.scene().frame)?;
     let source = Source {
         reader,
-        path,
+        path: Some(path),
         columns,
     };
     folder.write_json("truth.json", &truth_json(&model, &truth))?;

@@ -1,14 +1,15 @@
 //! One experiment as a model file declares it: specimen, load, measurement, and the effects that may act in it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::gauge::Gauge;
 use crate::effect::{self, Effect};
 use crate::error::{Error, Result};
-use crate::field::MeasurementSpec;
-use crate::field::spec::check_window;
+use crate::field::spec::{absolute, check_window};
+use crate::field::{MeasurementSpec, StepSpec, step};
 use crate::files::{NotYet, unique};
 use crate::geometry::Density;
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
@@ -25,14 +26,16 @@ pub struct ExperimentSpec {
     /// An imported mesh in place of the strip.
     #[serde(default, skip_serializing)]
     pub mesh: NotYet,
-    pub load: LoadSpec,
+    /// The load of the one measurement; the steps of a series have their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load: Option<LoadSpec>,
     /// How the rigid motion of predictions is fixed.
     #[serde(default)]
     pub gauge: Gauge,
     pub measurement: MeasurementSpec,
-    /// A series of loads in place of one.
-    #[serde(default, skip_serializing)]
-    pub steps: NotYet,
+    /// A series of loads in place of one, in the order in which they were taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<Vec<StepSpec>>,
     /// Restriction of the points used, `[[x0, y0], [x1, y1]]` in the data's frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub window_mm: Option<[[f64; 2]; 2]>,
@@ -111,7 +114,7 @@ impl ExperimentSpec {
     pub fn validate(&self, material: Material) -> Result<Vec<&'static dyn Effect>> {
         check_name(&self.name, "the experiment's own parameters")?;
         self.specimen.validate(material)?;
-        self.load.validate()?;
+        self.validate_load()?;
         check_window(self.window_mm)?;
         let [low, high] = DENSITIES;
         if !(low..=high).contains(&self.mesh_density) {
@@ -134,6 +137,53 @@ impl ExperimentSpec {
             .filter(|e| self.effects.iter().any(|name| name == e.name()))
             .copied()
             .collect())
+    }
+
+    /// Either one load and one measurement, or steps that have their own.
+    fn validate_load(&self) -> Result<()> {
+        let path = &self.measurement.source.path;
+        match (&self.steps, &self.load) {
+            (None, Some(load)) if path.is_some() => load.validate(),
+            (None, Some(_)) => Err(self.measurement.without_path().below("measurement.")),
+            (None, None) => Err(Error::input(
+                "load",
+                "the load of the measurement, {\"force_N\": ...}, or steps",
+            )
+            .found("no such key")),
+            (Some(_), Some(_)) => Err(Error::input(
+                "load",
+                "no such key, because each of the steps has its own force",
+            )
+            .found("a load")),
+            (Some(steps), None) => match path {
+                Some(path) => Err(Error::input(
+                    "measurement",
+                    "no file and no directory, because each of the steps has its own",
+                )
+                .found(path.display())),
+                None => step::check(steps),
+            },
+        }
+    }
+
+    /// The load to which predictions belong: the declared one, or that of the largest known force of the steps.
+    pub fn nominal_load(&self) -> LoadSpec {
+        let of_steps = || step::nominal_n(self.steps.as_deref().unwrap_or_default());
+        self.load.unwrap_or_else(|| LoadSpec {
+            force_n: of_steps(),
+        })
+    }
+
+    /// The same experiment with absolute paths: `base_dir` is where relative ones start.
+    ///
+    /// # Errors
+    /// Of the input: a current directory that is gone.
+    pub fn below(mut self, base_dir: &Path) -> Result<Self> {
+        self.measurement = self.measurement.below(base_dir)?;
+        for step in self.steps.iter_mut().flatten() {
+            step.file = absolute(base_dir, &step.file)?;
+        }
+        Ok(self)
     }
 
     /// Every name is that of an effect's parameter, and every size can be a standard deviation.

@@ -42,6 +42,7 @@ impl Grid {
             points: index.iter().map(|&i| frame.point(self.points[i])).collect(),
             displacement: index.iter().map(|&i| self.displacement[i]).collect(),
             frame,
+            sigma: None,
             outlying: Vec::new(),
             rejected: Rejected {
                 missing: self.points.len() - index.len(),

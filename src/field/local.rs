@@ -1,5 +1,7 @@
 //! Local quadratic fits: every point predicted from its nearest neighbours, without a model of the field.
 
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, Const, SMatrix, SVector};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
@@ -17,7 +19,7 @@ type Factor = Cholesky<f64, Const<6>>;
 pub(crate) struct LocalFit<'a> {
     points: &'a [[f64; 2]],
     displacement: &'a [[f64; 2]],
-    tree: RTree<GeomWithData<[f64; 2], u32>>,
+    tree: Arc<RTree<GeomWithData<[f64; 2], u32>>>,
     /// Points that are nobody's neighbours: outliers already found.
     pub excluded: Vec<bool>,
 }
@@ -52,8 +54,18 @@ impl<'a> LocalFit<'a> {
         Self {
             points,
             displacement,
-            tree: RTree::bulk_load(entries),
+            tree: Arc::new(RTree::bulk_load(entries)),
             excluded: vec![false; points.len()],
+        }
+    }
+
+    /// The same points with other displacements, and no outliers yet.
+    pub fn of(&self, displacement: &'a [[f64; 2]]) -> Self {
+        Self {
+            points: self.points,
+            displacement,
+            tree: Arc::clone(&self.tree),
+            excluded: vec![false; self.points.len()],
         }
     }
 
@@ -99,17 +111,17 @@ impl<'a> LocalFit<'a> {
     /// of such a residual over the sd of a point.
     pub fn residual(&self, i: usize) -> ([f64; 2], f64) {
         let weights = self.weights(i);
-        if weights.is_empty() {
-            return ([0.0; 2], 1.0);
-        }
-        let mut residual = self.displacement[i];
-        let mut leverage = 0.0;
-        for (j, weight) in weights {
-            leverage += weight * weight;
-            residual[0] -= weight * self.displacement[j][0];
-            residual[1] -= weight * self.displacement[j][1];
-        }
-        (residual, (1.0 + leverage).sqrt())
+        (
+            predicted(&weights, i, self.displacement),
+            widening(&weights),
+        )
+    }
+
+    /// The same of several displacements at the same points.
+    pub fn residuals(&self, i: usize, steps: &[&[[f64; 2]]]) -> (Vec<[f64; 2]>, f64) {
+        let weights = self.weights(i);
+        let residuals = steps.iter().map(|step| predicted(&weights, i, step));
+        (residuals.collect(), widening(&weights))
     }
 
     /// A fit of component `k` about point `i` by least absolute deviations (reweighted), with deviations below
@@ -199,6 +211,25 @@ impl<'a> LocalFit<'a> {
             clean && fit[0].abs() < multiple * scale * (1.0 + inverse[(0, 0)]).sqrt()
         })
     }
+}
+
+/// Displacement of point `i` minus its prediction; zero without one.
+fn predicted(weights: &[(usize, f64)], i: usize, displacement: &[[f64; 2]]) -> [f64; 2] {
+    if weights.is_empty() {
+        return [0.0; 2];
+    }
+    let mut residual = displacement[i];
+    for &(j, weight) in weights {
+        residual[0] -= weight * displacement[j][0];
+        residual[1] -= weight * displacement[j][1];
+    }
+    residual
+}
+
+/// sd of a residual over the sd of a point.
+fn widening(weights: &[(usize, f64)]) -> f64 {
+    let leverage: f64 = weights.iter().map(|(_, weight)| weight * weight).sum();
+    (1.0 + leverage).sqrt()
 }
 
 /// Cholesky factor of the weighted normal matrix. A trace of a ridge keeps it definite for points on a line.

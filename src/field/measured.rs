@@ -23,6 +23,8 @@ pub struct Field {
     pub points: Vec<[f64; 2]>,
     /// Displacements (u1, u2) in mm along direction 1 and 2.
     pub displacement: Vec<[f64; 2]>,
+    /// Standard deviations of the displacements, mm, where an export states them.
+    pub sigma: Option<Vec<f64>>,
     /// The declared axes and origin.
     pub frame: Frame,
     /// The matrix the points come from, if they do.
@@ -56,6 +58,12 @@ pub struct GridShape {
 pub struct Rejected {
     /// Not measured: NaN or empty cells.
     pub missing: usize,
+    /// The images did not correlate there, by the export's own account (`sigma`, `correlation`).
+    #[serde(default)]
+    pub uncorrelated: usize,
+    /// Not measured in another step of the series.
+    #[serde(default)]
+    pub unmatched: usize,
     /// Outside the declared window.
     pub outside_window: usize,
     /// Outliers ([`super::outliers`]).
@@ -69,6 +77,8 @@ pub struct Rejected {
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,
+    /// Not measured in another step of the series.
+    Unmatched,
     Outlier,
     /// Outside the plate or inside the hole.
     OutsidePlate,
@@ -104,12 +114,16 @@ impl Field {
             }
             self.points = kept.iter().map(|&i| self.points[i]).collect();
             self.displacement = kept.iter().map(|&i| self.displacement[i]).collect();
+            if let Some(sigma) = &mut self.sigma {
+                *sigma = kept.iter().map(|&i| sigma[i]).collect();
+            }
             if let Some(grid) = &mut self.grid {
                 grid.index = kept.iter().map(|&i| grid.index[i]).collect();
             }
         }
         *match reason {
             Reason::OutsideWindow => &mut self.rejected.outside_window,
+            Reason::Unmatched => &mut self.rejected.unmatched,
             Reason::Outlier => &mut self.rejected.outliers,
             Reason::OutsidePlate => &mut self.rejected.outside_plate,
         } += dropped;
@@ -128,6 +142,13 @@ impl Field {
         self.retain(Reason::OutsideWindow, |i| inside[i])
     }
 
+    /// Its first file, for errors.
+    pub(super) fn place(&self) -> String {
+        self.files
+            .first()
+            .map_or_else(String::new, |file| file.display().to_string())
+    }
+
     /// Refuse a field of fewer than [`Field::FEWEST`] points; `place` names its file.
     pub(super) fn check_enough(&self, place: &str) -> Result<()> {
         if self.len() >= Self::FEWEST {
@@ -135,16 +156,28 @@ impl Field {
         }
         let Rejected {
             missing,
+            uncorrelated,
+            unmatched,
             outside_window,
             outliers,
             ..
         } = self.rejected;
+        let failed = if uncorrelated > 0 {
+            format!("{uncorrelated} not correlated, ")
+        } else {
+            String::new()
+        };
+        let elsewhere = if unmatched > 0 {
+            format!("{unmatched} not measured in every step, ")
+        } else {
+            String::new()
+        };
         Err(Error::input(
             place,
             format!("at least {} measured points in the window", Self::FEWEST),
         )
         .found(format!(
-            "{} ({missing} missing, {outside_window} outside the window, {outliers} outliers)",
+            "{} ({missing} missing, {failed}{elsewhere}{outside_window} outside the window, {outliers} outliers)",
             self.len()
         ))
         .hint("check window_mm (data's coordinates) and the units"))

@@ -3,7 +3,10 @@
 //! Inside this crate a field is points (s, t) and displacements (u1, u2) in mm, direction 1 along the load, origin
 //! at the hole's centre. [`spec::MeasurementSpec::read`] makes one from files.
 
+mod agreement;
 pub mod blocks;
+mod common;
+pub mod correlation;
 pub mod deviant;
 pub mod frame;
 mod grid;
@@ -14,13 +17,19 @@ pub mod outliers;
 pub mod places;
 mod reader;
 pub mod rigid;
+mod row;
+pub mod series;
 pub mod spec;
+pub mod step;
 pub mod table;
 
 pub use blocks::Blocks;
+pub use correlation::{ImageCorrelation, PartialSubsets, SubsetShape};
 pub use frame::{Axis, Frame};
 pub use grid::Grid;
 pub use measured::{Field, GridShape, Reason, Rejected, bounds};
 pub(crate) use reader::unreadable;
-pub use reader::{ColumnMap, Columns, Reader, Units};
+pub use reader::{ColumnMap, Columns, LEAST_CORRELATION, PIXEL, Reader, Units};
+pub use series::{Series, Step};
 pub use spec::{MeasurementSpec, READERS, Source};
+pub use step::StepSpec;

@@ -46,13 +46,37 @@ pub fn reject(field: &mut Field) -> usize {
 /// Outliers that are found no longer count as neighbours, which may unmask others: the suspicious points are looked
 /// at again until no more are found.
 pub fn outliers(points: &[[f64; 2]], displacement: &[[f64; 2]]) -> Vec<Outlier> {
-    const ROUNDS: usize = 6;
-    let mut fits = LocalFit::new(points, displacement);
+    let fits = LocalFit::new(points, displacement);
     let residuals: Vec<([f64; 2], f64)> = (0..points.len())
         .into_par_iter()
         .map(|i| fits.residual(i))
         .collect();
-    let scales = [0, 1].map(|k| scales(points, displacement, &residuals, k));
+    found(fits, points, displacement, &residuals)
+}
+
+/// The outliers of each of several displacements at the same points: the neighbours of a point are sought once.
+pub fn outliers_of_steps(points: &[[f64; 2]], steps: &[&[[f64; 2]]]) -> Vec<Vec<Outlier>> {
+    let fits = LocalFit::new(points, &[]);
+    let residuals: Vec<(Vec<[f64; 2]>, f64)> = (0..points.len())
+        .into_par_iter()
+        .map(|i| fits.residuals(i, steps))
+        .collect();
+    let of_step = |(k, step): (usize, &&[[f64; 2]])| {
+        let own: Vec<_> = residuals.iter().map(|(r, w)| (r[k], *w)).collect();
+        found(fits.of(step), points, step, &own)
+    };
+    steps.par_iter().enumerate().map(of_step).collect()
+}
+
+/// The outliers among points with these least-squares residuals.
+fn found(
+    mut fits: LocalFit,
+    points: &[[f64; 2]],
+    displacement: &[[f64; 2]],
+    residuals: &[([f64; 2], f64)],
+) -> Vec<Outlier> {
+    const ROUNDS: usize = 6;
+    let scales = [0, 1].map(|k| scales(points, displacement, residuals, k));
     let suspicious =
         |i: usize, k: usize| residuals[i].0[k].abs() > SUSPICIOUS * scales[k][i] * residuals[i].1;
     let mut candidates: Vec<usize> = (0..points.len())

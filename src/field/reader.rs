@@ -9,6 +9,7 @@ use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::Field;
 use crate::error::{Error, Result};
+use crate::quantity::Length;
 
 /// A format of measured fields: one file of this room, and one line of [`super::READERS`].
 pub trait Reader: Sync {
@@ -51,7 +52,7 @@ impl std::fmt::Debug for dyn Reader + '_ {
 }
 
 /// The columns of a table and their units.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ColumnMap {
     /// Header names.
     pub columns: Columns,
@@ -71,16 +72,113 @@ pub struct Columns {
     pub ux: String,
     /// The displacement along y.
     pub uy: String,
+    /// Standard deviation of a displacement, as the program that correlated the images states it. Where it is not above 0
+    /// the correlation failed (VIC and DICe write -1), and the point is dropped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<String>,
+    /// Correlation coefficient, 1 for a perfect match (ZNCC). Points below [`LEAST_CORRELATION`] are dropped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correlation: Option<String>,
 }
 
-/// Units of a table's columns, by their names in [`crate::quantity::Length`].
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// Points with a smaller correlation coefficient are dropped: a fifth of the variance of the grey levels is then not that of the
+/// reference picture (ZNSSD = 2 - 2 ZNCC, Pan et al., Applied Optics 49 (2010) 5501).
+pub const LEAST_CORRELATION: f64 = 0.9;
+
+/// Name of the unit that needs a scale.
+pub const PIXEL: &str = "px";
+
+/// Units of a table's columns, by their names in [`crate::quantity::Length`], or [`PIXEL`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Units {
     /// Unit of both coordinates.
     pub coordinates: String,
     /// Unit of both displacements.
     pub displacements: String,
+    /// Unit of the standard deviations, that of the displacements where it is not declared. Without a scale those in pixels
+    /// tell failed points and nothing else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<String>,
+    /// Size of a pixel on the specimen, mm, where a unit is the pixel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mm_per_pixel: Option<f64>,
+}
+
+impl Columns {
+    /// The columns that every table has.
+    pub fn new([x, y, ux, uy]: [String; 4]) -> Self {
+        Self {
+            x,
+            y,
+            ux,
+            uy,
+            sigma: None,
+            correlation: None,
+        }
+    }
+
+    /// Keys and header names of the declared columns.
+    pub fn named(&self) -> Vec<(&'static str, &str)> {
+        let needed = [
+            ("x", &self.x),
+            ("y", &self.y),
+            ("ux", &self.ux),
+            ("uy", &self.uy),
+        ];
+        let more = [("sigma", &self.sigma), ("correlation", &self.correlation)];
+        let more = more
+            .into_iter()
+            .filter_map(|(key, name)| Some((key, name.as_ref()?)));
+        let all = needed.into_iter().chain(more);
+        all.map(|(key, name)| (key, name.as_str())).collect()
+    }
+}
+
+impl Units {
+    /// Units of lengths alone.
+    pub fn new(coordinates: &str, displacements: &str) -> Self {
+        Self {
+            coordinates: coordinates.into(),
+            displacements: displacements.into(),
+            sigma: None,
+            mm_per_pixel: None,
+        }
+    }
+
+    /// How many mm a unit of the coordinates and one of the displacements are.
+    ///
+    /// # Errors
+    /// Of the input: an unknown unit, a pixel of unknown or impossible size.
+    pub fn in_mm(&self) -> Result<[f64; 2]> {
+        let scale = |key: &str, unit: &str| -> Result<f64> {
+            if unit != PIXEL {
+                return Ok(Length::parse(key, unit)?.in_mm());
+            }
+            self.mm_per_pixel.ok_or_else(|| {
+                let expected = format!("a pixel's size in mm, because {key} is \"{PIXEL}\"");
+                Error::input("units.mm_per_pixel", expected).found("no such key")
+            })
+        };
+        if let Some(size) = self.mm_per_pixel.filter(|s| !(s.is_finite() && *s > 0.0)) {
+            return Err(Error::input("units.mm_per_pixel", "a length in mm above 0").found(size));
+        }
+        Ok([
+            scale("units.coordinates", &self.coordinates)?,
+            scale("units.displacements", &self.displacements)?,
+        ])
+    }
+
+    /// How many mm a unit of the standard deviations is; `None` for pixels without a scale.
+    ///
+    /// # Errors
+    /// Of the input: an unknown unit.
+    pub fn sigma_in_mm(&self) -> Result<Option<f64>> {
+        match self.sigma.as_deref().unwrap_or(&self.displacements) {
+            PIXEL => Ok(self.mm_per_pixel),
+            unit => Ok(Some(Length::parse("units.sigma", unit)?.in_mm())),
+        }
+    }
 }
 
 /// The text of a file, without a byte order mark.

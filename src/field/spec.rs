@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::correlation::ImageCorrelation;
 use super::frame::{Axis, Frame};
 use super::matrices::Matrices;
 use super::measured::Field;
 use super::outliers;
-use super::reader::{ColumnMap, Columns, Reader, Units};
+use super::reader::{ColumnMap, Columns, PIXEL, Reader, Units};
 use super::table::Csv;
 use crate::error::{Error, Result};
-use crate::quantity::Length;
 
 /// A declared measurement. In JSON its fields lie flat beside `format`; an unknown key is an error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,53 +36,10 @@ pub const READERS: &[&dyn Reader] = &[&Matrices, &Csv];
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
     pub reader: &'static dyn Reader,
-    pub path: PathBuf,
+    /// Directory of the matrices, or file of the table; of a series each step has its own.
+    pub path: Option<PathBuf>,
     /// What is declared of the columns, where the format has some.
     pub columns: Option<ColumnMap>,
-}
-
-/// The `image_correlation` object of a measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ImageCorrelation {
-    /// Side of a subset, mm: over about as much the noise is correlated.
-    pub subset_mm: f64,
-    /// Distance of neighbouring points, mm, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub step_mm: Option<f64>,
-    /// Shape function of the subsets, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shape: Option<SubsetShape>,
-    /// Distance of the camera from the specimen, mm, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub camera_distance_mm: Option<f64>,
-}
-
-/// How the displacement varies over a subset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SubsetShape {
-    Full,
-    Affine,
-    Quadratic,
-}
-
-impl ImageCorrelation {
-    fn check(&self) -> Result<()> {
-        let given = [
-            ("subset_mm", Some(self.subset_mm)),
-            ("step_mm", self.step_mm),
-            ("camera_distance_mm", self.camera_distance_mm),
-        ];
-        for (key, value) in given {
-            let value = value.unwrap_or(1.0);
-            if !(value.is_finite() && value > 0.0) {
-                let place = format!("image_correlation.{key}");
-                return Err(Error::input(place, "a positive length in mm").found(value));
-            }
-        }
-        Ok(())
-    }
 }
 
 /// What happens to points that [`outliers::outliers`] finds.
@@ -155,10 +112,10 @@ impl TryFrom<Keys> for MeasurementSpec {
         let format = reader.format();
         let path = if reader.is_directory() {
             foreign(&keys.file, format, "file")?;
-            needed(keys.dir, format, "dir")?
+            keys.dir
         } else {
             foreign(&keys.dir, format, "dir")?;
-            needed(keys.file, format, "file")?
+            keys.file
         };
         let (columns, hole_center_mm) = if reader.has_columns() {
             let map = ColumnMap {
@@ -203,9 +160,9 @@ impl From<MeasurementSpec> for Keys {
             columns,
         } = spec.source;
         let (dir, file) = if reader.is_directory() {
-            (Some(path), None)
+            (path, None)
         } else {
-            (None, Some(path))
+            (None, path)
         };
         let (columns, units) = columns.map(|map| (map.columns, map.units)).unzip();
         Self {
@@ -245,14 +202,15 @@ impl MeasurementSpec {
             correlation.check()?;
         }
         if let Some(ColumnMap { columns, units }) = &self.source.columns {
-            Length::parse("units.coordinates", &units.coordinates)?;
-            Length::parse("units.displacements", &units.displacements)?;
-            let names = [
-                ("x", &columns.x),
-                ("y", &columns.y),
-                ("ux", &columns.ux),
-                ("uy", &columns.uy),
-            ];
+            units.in_mm()?;
+            units.sigma_in_mm()?;
+            let declared = self.image_correlation.and_then(|c| c.pixel_mm);
+            check_scale(units, declared)?;
+            if let (None, Some(unit)) = (&columns.sigma, &units.sigma) {
+                let expected = "no such key, because no column is named columns.sigma";
+                return Err(Error::input("units.sigma", expected).found(unit));
+            }
+            let names = columns.named();
             for (i, (key, name)) in names.iter().enumerate() {
                 if let Some((other, _)) = names[..i].iter().find(|(_, earlier)| earlier == name) {
                     let expected = format!("another column than that of columns.{other}");
@@ -266,20 +224,43 @@ impl MeasurementSpec {
     /// The same measurement at another place: the directory of the matrices or the file of the table.
     #[must_use]
     pub fn with_path(mut self, path: PathBuf) -> Self {
-        self.source.path = path;
+        self.source.path = Some(path);
         self
     }
 
-    /// The same measurement with an absolute path: `base_dir` is where relative ones start.
+    /// The same measurement with an absolute path, if it has one: `base_dir` is where relative ones start.
     ///
     /// # Errors
     /// Of the input: a current directory that is gone.
     pub fn below(self, base_dir: &Path) -> Result<Self> {
-        let path = base_dir.join(&self.source.path);
-        let absolute = std::path::absolute(&path).map_err(|e| {
-            Error::input(path.display(), "a path that can be made absolute").found(e)
-        })?;
-        Ok(self.with_path(absolute))
+        match &self.source.path {
+            Some(path) => {
+                let absolute = absolute(base_dir, path)?;
+                Ok(self.with_path(absolute))
+            }
+            None => Ok(self),
+        }
+    }
+
+    /// Where the numbers are. Relative paths start at `base_dir`.
+    ///
+    /// # Errors
+    /// Of the input: no place is declared.
+    fn path(&self, base_dir: &Path) -> Result<PathBuf> {
+        let path = self.source.path.as_ref().map(|path| base_dir.join(path));
+        path.ok_or_else(|| self.without_path().below("measurement."))
+    }
+
+    /// The key of the path is missing.
+    pub fn without_path(&self) -> Error {
+        let reader = self.source.reader;
+        let key = if reader.is_directory() { "dir" } else { "file" };
+        let format = reader.format();
+        Error::input(
+            key,
+            format!("this key in a measurement of format \"{format}\""),
+        )
+        .found("no such key")
     }
 
     /// The files of the measurement, which are not read. Relative paths start at `base_dir`.
@@ -287,8 +268,8 @@ impl MeasurementSpec {
     /// # Errors
     /// Of the input: a directory where the format has a file, or a file where it has a directory.
     pub fn files(&self, base_dir: &Path) -> Result<Vec<PathBuf>> {
-        let Source { reader, path, .. } = &self.source;
-        let path = base_dir.join(path);
+        let reader = self.source.reader;
+        let path = self.path(base_dir)?;
         let files = reader.files(&path);
         let format = reader.format();
         let wrong = |expected: String, found: &str| {
@@ -315,28 +296,67 @@ impl MeasurementSpec {
     /// # Errors
     /// Of the input: whatever is wrong with the files, an inverted window, or fewer than [`Field::FEWEST`] points left.
     pub fn read(&self, base_dir: &Path, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
+        let mut field = self.read_all(base_dir, window_mm)?;
+        if self.outliers == OutlierRule::Reject {
+            outliers::reject(&mut field);
+            field.forget_remote_outliers();
+            field.check_enough(&field.place())?;
+        }
+        Ok(field)
+    }
+
+    /// The same with its outliers.
+    pub(super) fn read_all(
+        &self,
+        base_dir: &Path,
+        window_mm: Option<[[f64; 2]; 2]>,
+    ) -> Result<Field> {
         check_window(window_mm)?;
         self.files(base_dir)?;
         let source = &self.source;
-        let path = base_dir.join(&source.path);
         let columns = source.columns.as_ref();
+        let path = self.path(base_dir)?;
         let mut field = source.reader.read(&path, columns, self.frame)?;
         field.fringe_frequency_per_mm = self.fringe_frequency_per_mm;
         field.subset_mm = self.image_correlation.map(|c| c.subset_mm);
         if let Some(window) = window_mm {
             field.restrict_to(window);
         }
-        let place = field
-            .files
-            .first()
-            .map_or_else(String::new, |file| file.display().to_string());
-        field.check_enough(&place)?;
-        if self.outliers == OutlierRule::Reject {
-            outliers::reject(&mut field);
-            field.forget_remote_outliers();
-            field.check_enough(&place)?;
-        }
+        field.check_enough(&field.place())?;
         Ok(field)
+    }
+}
+
+/// `path` from `base_dir`, absolute.
+///
+/// # Errors
+/// Of the input: a current directory that is gone.
+pub fn absolute(base_dir: &Path, path: &Path) -> Result<PathBuf> {
+    let path = base_dir.join(path);
+    std::path::absolute(&path)
+        .map_err(|e| Error::input(path.display(), "a path that can be made absolute").found(e))
+}
+
+/// A pixel's size stands where it is used, and is the same wherever it stands.
+fn check_scale(units: &Units, declared_mm: Option<f64>) -> Result<()> {
+    /// Sizes this close together are the same, rounded.
+    const ROUNDED: f64 = 0.01;
+    const PLACE: &str = "units.mm_per_pixel";
+    let Some(size) = units.mm_per_pixel else {
+        return Ok(());
+    };
+    let all = [Some(&units.coordinates), Some(&units.displacements)];
+    let mut all = all.into_iter().chain([units.sigma.as_ref()]).flatten();
+    if !all.any(|unit| unit == PIXEL) {
+        let expected = format!("no such key, because no unit is \"{PIXEL}\"");
+        return Err(Error::input(PLACE, expected).found(size));
+    }
+    match declared_mm {
+        Some(other) if (size / other - 1.0).abs() > ROUNDED => {
+            let expected = format!("the size of image_correlation.pixel_mm, {other} mm");
+            Err(Error::input(PLACE, expected).found(size))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -8,10 +8,13 @@ use csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::frame::Frame;
 use super::grid::Grid;
-use super::measured::{FARTHEST_MM, Field, Rejected};
-use super::reader::{ColumnMap, Columns, Reader, Units, number, read_text, unwritable};
+use super::measured::{Field, Rejected};
+use super::reader::{
+    ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, number, read_text, unwritable,
+};
+use super::row::{Point, Row};
 use crate::error::{Error, Result};
-use crate::quantity::{Length, UM_PER_MM};
+use crate::quantity::UM_PER_MM;
 
 /// The reader of this format.
 pub struct Csv;
@@ -51,13 +54,9 @@ impl Reader for Csv {
             };
         }
         std::fs::write(path, text).map_err(|e| unwritable(path, &e))?;
-        let [x, y, ux, uy] = ["x_mm", "y_mm", "ux_um", "uy_um"].map(String::from);
         Ok(Some(ColumnMap {
-            columns: Columns { x, y, ux, uy },
-            units: Units {
-                coordinates: "mm".into(),
-                displacements: "um".into(),
-            },
+            columns: Columns::new(["x_mm", "y_mm", "ux_um", "uy_um"].map(String::from)),
+            units: Units::new("mm", "um"),
         }))
     }
 }
@@ -66,18 +65,10 @@ impl Reader for Csv {
 ///
 /// # Errors
 /// Of the input: a missing, empty or non-text file, an unknown or repeated column (with the columns there are), a
-/// row of another length or a cell that is not a number (with line and column), no measured point.
+/// row of another length or a cell that is not a number (with line and column), no measured point, a correlation that is
+/// below [`LEAST_CORRELATION`] nearly everywhere.
 pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
-    let ColumnMap { columns, units } = map;
-    let coordinate_mm = Length::parse("units.coordinates", &units.coordinates)?.in_mm();
-    let displacement_mm = Length::parse("units.displacements", &units.displacements)?.in_mm();
     let text = read_text(path)?;
-    let wanted = [
-        ("x", &columns.x),
-        ("y", &columns.y),
-        ("ux", &columns.ux),
-        ("uy", &columns.uy),
-    ];
     let (mut reader, headers) = opened(path, &text)?;
     if headers.is_empty() {
         return Err(
@@ -85,19 +76,11 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
                 .found("an empty file"),
         );
     }
-    let mut column = [0; 4];
-    for (slot, (key, name)) in column.iter_mut().zip(wanted) {
-        *slot = find_column(path, &headers, key, name)?;
-    }
-    let scale = [
-        coordinate_mm,
-        coordinate_mm,
-        displacement_mm,
-        displacement_mm,
-    ];
+    let row = Row::new(path, map, &headers)?;
     let mut field = Field {
         points: Vec::new(),
         displacement: Vec::new(),
+        sigma: row.keeps_sigma().then(Vec::new),
         frame,
         grid: None,
         rejected: Rejected::default(),
@@ -106,6 +89,7 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
         subset_mm: None,
         files: vec![path.to_owned()],
     };
+    let mut faint = 0;
     let mut record = StringRecord::new();
     while reader
         .read_record(&mut record)
@@ -119,24 +103,48 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
             let expected = format!("{} cells as in the header", headers.len());
             return Err(Error::input(place(), expected).found(format!("{} cells", record.len())));
         }
-        let mut row = [0.0; 4];
-        for (k, (_, name)) in wanted.iter().enumerate() {
-            let cell = record.get(column[k]).unwrap_or("");
-            let at = || format!("{}, column \"{name}\"", place());
-            row[k] = length_mm(cell, scale[k], at)?;
-        }
-        if row.iter().any(|value| value.is_nan()) {
-            field.rejected.missing += 1;
-        } else {
-            field.points.push(frame.point([row[0], row[1]]));
-            field.displacement.push(frame.vector([row[2], row[3]]));
+        match row.point(&record, &place)? {
+            Point::Missing => field.rejected.missing += 1,
+            Point::Failed => field.rejected.uncorrelated += 1,
+            Point::Faint => faint += 1,
+            Point::Measured { at, u, sigma } => {
+                field.points.push(frame.point(at));
+                field.displacement.push(frame.vector(u));
+                if let Some(all) = &mut field.sigma {
+                    all.push(sigma);
+                }
+            }
         }
     }
+    field.rejected.uncorrelated += faint;
+    if faint > field.len() {
+        return Err(faint_everywhere(path, map, [faint, field.len()]));
+    }
     if field.is_empty() {
-        let found = format!("{} rows, none complete", field.rejected.missing);
+        let Rejected {
+            missing,
+            uncorrelated,
+            ..
+        } = field.rejected;
+        let found = match uncorrelated {
+            0 => format!("{missing} rows, none complete"),
+            _ => format!("{missing} rows not complete, {uncorrelated} not correlated"),
+        };
         return Err(Error::input(path.display(), "at least one measured point").found(found));
     }
     Ok(field)
+}
+
+/// Most of the points have a small correlation: it is rather another measure than a bad picture.
+fn faint_everywhere(path: &Path, map: &ColumnMap, [faint, left]: [usize; 2]) -> Error {
+    let name = map.columns.correlation.as_deref().unwrap_or_default();
+    let expected = format!(
+        "correlation coefficients, 1 for a perfect match, of at least {LEAST_CORRELATION} for half of the points"
+    );
+    let place = format!("{}, column \"{name}\"", path.display());
+    Error::input(place, expected)
+        .found(format!("smaller ones at {faint} of {} points", faint + left))
+        .hint("a residual of the correlation (ZNSSD, gamma), 0 for a perfect match, is no coefficient: leave columns.correlation out")
 }
 
 /// The column names of a table.
@@ -149,70 +157,78 @@ pub fn header(path: &Path) -> Result<Vec<String>> {
     Ok(headers.iter().map(String::from).collect())
 }
 
+/// The force that the comments before the first row of a table state (ARAMIS: `# force : 15000`), N; without a unit it is
+/// taken for newtons.
+///
+/// # Errors
+/// Of the input: a missing or non-text file.
+pub fn stated_force(path: &Path) -> Result<Option<f64>> {
+    let text = read_text(path)?;
+    let lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
+    let comments = lines.map_while(|l| l.strip_prefix('#'));
+    Ok(comments.filter_map(force_in).next())
+}
+
+/// The force of a comment `force [kN] : 1.5`, `Force = 1500 N`.
+fn force_in(comment: &str) -> Option<f64> {
+    let comment = comment.to_lowercase();
+    let (key, value) = comment.split_once([':', '='])?;
+    let words = |text: &str| -> Vec<String> {
+        let words = text.split(|c: char| c.is_whitespace() || "[]()_".contains(c));
+        words.filter(|w| !w.is_empty()).map(String::from).collect()
+    };
+    let (key, value) = (words(key), words(value));
+    if key.first()? != "force" {
+        return None;
+    }
+    let size = number(value.first()?).filter(|f| f.is_finite())?;
+    let newtons: Option<Vec<f64>> = key[1..]
+        .iter()
+        .chain(&value[1..])
+        .map(|unit| match unit.as_str() {
+            "n" => Some(1.0),
+            "kn" => Some(1e3),
+            "mn" => Some(1e6),
+            _ => None,
+        })
+        .collect();
+    Some(size * newtons?.first().unwrap_or(&1.0))
+}
+
 /// A reader of the rows of a table, and its header.
 fn opened<'a>(path: &Path, text: &'a str) -> Result<(csv::Reader<&'a [u8]>, StringRecord)> {
-    let mut reader = ReaderBuilder::new()
-        .delimiter(delimiter(text))
-        .comment(Some(b'#'))
-        .trim(Trim::All)
-        .flexible(true)
-        .from_reader(text.as_bytes());
+    let builder = |text: &'a str, header: bool| {
+        ReaderBuilder::new()
+            .has_headers(header)
+            .delimiter(delimiter(text))
+            .comment(Some(b'#'))
+            .trim(Trim::All)
+            .flexible(true)
+            .from_reader(text.as_bytes())
+    };
+    let mut reader = builder(text, true);
     let headers = reader
         .headers()
         .map_err(|e| Error::input(path.display(), "a header line").found(e))?
         .clone();
-    Ok((reader, headers))
-}
-
-/// The column called `name`, which must be there once.
-fn find_column(path: &Path, headers: &StringRecord, key: &str, name: &str) -> Result<usize> {
-    let mut found = headers
-        .iter()
-        .enumerate()
-        .filter(|(_, header)| *header == name.trim());
-    match (found.next(), found.next()) {
-        (Some((index, _)), None) => Ok(index),
-        (first, _) => {
-            let there: Vec<_> = headers
-                .iter()
-                .map(|header| format!("\"{header}\""))
-                .collect();
-            let how = if first.is_some() {
-                "one column of this name only"
-            } else {
-                "a column of the file"
-            };
-            Err(Error::input(
-                format!("columns.{key}"),
-                format!("{how}: {}", there.join(", ")),
-            )
-            .found(format!("\"{name}\""))
-            .within(path.display()))
-        }
+    match commented_header(text, &headers) {
+        Some(names) => Ok((builder(text, false), names)),
+        None => Ok((reader, headers)),
     }
 }
 
-/// A cell in mm, `scale` mm a unit: NaN where it is empty, which means not measured.
-fn length_mm(cell: &str, scale: f64, at: impl Fn() -> String) -> Result<f64> {
-    if cell.is_empty() {
-        return Ok(f64::NAN);
+/// The names in the last comment before the rows, of a table whose first row is numbers and has as many (a node map of ARAMIS).
+fn commented_header(text: &str, first: &StringRecord) -> Option<StringRecord> {
+    if first.is_empty() || !first.iter().all(|c| c.is_empty() || number(c).is_some()) {
+        return None;
     }
-    let length = scale * number(cell).ok_or_else(|| not_a_number(at(), cell))?;
-    if length.abs() > FARTHEST_MM {
-        let error = Error::input(at(), "a length below 1e5 mm").found(cell);
-        return Err(error.hint("check the declared units"));
-    }
-    Ok(length)
-}
-
-fn not_a_number(place: String, cell: &str) -> Error {
-    let error = Error::input(place, "a number, NaN or an empty cell").found(cell);
-    let comma = number(&cell.replacen(',', ".", 1)).is_some();
-    if comma {
-        error.hint("export with a decimal point, not a decimal comma")
-    } else {
-        error
-    }
+    let lines = text.lines().map(str::trim_start).filter(|l| !l.is_empty());
+    let comment = lines.map_while(|l| l.strip_prefix('#')).last()?;
+    let separator = char::from(delimiter(text));
+    let names = comment.split(separator).map(|n| n.trim().trim_matches('"'));
+    let names: StringRecord = names.collect();
+    let named = names.iter().any(|n| !n.is_empty() && number(n).is_none());
+    (named && names.len() == first.len()).then_some(names)
 }
 
 /// The delimiter that occurs most often in the first line that is no comment, outside quotes; a comma if none does.

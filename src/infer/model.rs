@@ -13,7 +13,7 @@ use crate::experiment::{
     check_gauge,
 };
 use crate::fem::Setup;
-use crate::field::{Field, Grid};
+use crate::field::{Field, Grid, Series, StepSpec};
 use crate::geometry;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
@@ -96,25 +96,71 @@ impl Model {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The files of the measurement, which are not read.
+    /// The files of the measurement, of all its steps if it is a series; they are not read.
     ///
     /// # Errors
     /// Those of [`crate::field::MeasurementSpec::files`].
     pub fn measurement_files(&self) -> Result<Vec<PathBuf>> {
-        self.experiment().measurement.files(self.base_dir())
+        let ExperimentSpec {
+            measurement, steps, ..
+        } = self.experiment();
+        let Some(steps) = steps else {
+            return measurement.files(self.base_dir());
+        };
+        let of_step = |step: &StepSpec| {
+            let measurement = measurement.clone().with_path(step.file.clone());
+            measurement.files(self.base_dir())
+        };
+        let files: Result<Vec<Vec<PathBuf>>> = steps.iter().map(of_step).collect();
+        Ok(files?.concat())
+    }
+
+    /// Read the load series, if the measurement is one.
+    ///
+    /// # Errors
+    /// Those of [`Series::read`]; no hole where the model has one.
+    pub fn read_series(&self) -> Result<Option<Series>> {
+        let experiment = self.experiment();
+        let Some(steps) = &experiment.steps else {
+            return Ok(None);
+        };
+        let window = experiment.window_mm;
+        let series = Series::read(&experiment.measurement, steps, self.base_dir(), window)?;
+        self.check_hole(&series.field)?;
+        Ok(Some(series))
+    }
+
+    /// Predictions, identification and tracing know one load yet: a series is refused.
+    fn refuse_series(&self) -> Result<()> {
+        match &self.experiment().steps {
+            None => Ok(()),
+            Some(steps) => Err(Error::input(
+                format!("{}: experiments[0].steps", self.path.display()),
+                "one load and one measurement: this version reads a load series, but cannot simulate or identify it yet",
+            )
+            .found(format!("{} steps", steps.len()))
+            .hint("declare one step's force as load.force_N and its file as measurement.file")),
+        }
+    }
+
+    /// The hole that the model declares is where the points leave room for it.
+    fn check_hole(&self, field: &Field) -> Result<()> {
+        match geometry::declared(&self.experiment().specimen).hole_radius() {
+            Some(radius) => field
+                .check_hole(radius)
+                .map_err(|e| e.within(self.path.display())),
+            None => Ok(()),
+        }
     }
 
     /// Read the measured field and drop nothing but what the measurement's own rules drop.
     pub fn read_field(&self) -> Result<Field> {
+        self.refuse_series()?;
         let experiment = self.experiment();
         let field = experiment
             .measurement
             .read(self.base_dir(), experiment.window_mm)?;
-        if let Some(radius) = geometry::declared(&experiment.specimen).hole_radius() {
-            field
-                .check_hole(radius)
-                .map_err(|e| e.within(self.path.display()))?;
-        }
+        self.check_hole(&field)?;
         Ok(field)
     }
 
@@ -190,7 +236,11 @@ impl Model {
         let isotropic = material.kind == Material::Isotropic;
         Scene {
             frame,
-            setup: Setup::nominal(&experiment.specimen, &experiment.load, frame.handedness()),
+            setup: Setup::nominal(
+                &experiment.specimen,
+                &experiment.nominal_load(),
+                frame.handedness(),
+            ),
             ply: material.kind.ply(&means),
             fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,
             expansion_per_k: material
@@ -217,7 +267,7 @@ impl Model {
         }
         let test = FieldTest {
             specimen: spec.specimen.clone(),
-            load: spec.load,
+            load: spec.nominal_load(),
             frame: scene.frame,
             gauge: spec.gauge,
             fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
@@ -233,6 +283,7 @@ impl Model {
     /// # Errors
     /// Those of [`simulate`].
     pub fn simulate(&self, truth: &Truth) -> Result<Grid> {
+        self.refuse_series()?;
         let half = HALF_WINDOW * self.experiment().specimen.width_mm;
         let experiment = self.experiment_over([[-half; 2], [half; 2]], FINER)?;
         simulate(&*experiment, truth, half)

@@ -64,6 +64,7 @@ impl Twin {
             frame: experiment.scene().frame,
             grid: None,
             rejected: Rejected::default(),
+            sigma: None,
             outlying: Vec::new(),
             fringe_frequency_per_mm: None,
             subset_mm: None,

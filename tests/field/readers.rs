@@ -101,7 +101,7 @@ fn written(
     spec.frame = frame;
     spec.source = Source {
         reader: format,
-        path,
+        path: Some(path),
         columns,
     };
     spec

@@ -1,0 +1,146 @@
+//! The files that `init` is given: patterns, their natural order, and what their names and comments say of the force.
+
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::field::{StepSpec, table};
+
+/// The files of `--csv`: patterns are looked up, and several files are put in the order of the numbers in their names.
+///
+/// # Errors
+/// The input's fault: a pattern that no file matches, a folder that cannot be read.
+pub fn expand(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    for path in given {
+        if is_pattern(path) {
+            files.extend(matching(path)?);
+        } else {
+            files.push(path.clone());
+        }
+    }
+    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    files.dedup();
+    Ok(files)
+}
+
+/// Whether a path is no file but may stand for some.
+pub fn is_pattern(path: &Path) -> bool {
+    let name = path.file_name().map(|name| name.to_string_lossy());
+    name.is_some_and(|name| name.contains(['*', '?'])) && !path.exists()
+}
+
+fn matching(pattern: &Path) -> Result<Vec<PathBuf>> {
+    let place = format!("--csv {}", pattern.display());
+    let folder = pattern.parent().filter(|p| !p.as_os_str().is_empty());
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new(".")))
+        .map_err(|e| Error::input(&place, "a folder that can be read").found(e))?;
+    let wanted: Vec<char> = pattern
+        .file_name()
+        .map(|name| name.to_string_lossy().chars().collect())
+        .unwrap_or_default();
+    let mut files = Vec::new();
+    for entry in entries {
+        let entry =
+            entry.map_err(|e| Error::input(&place, "a folder that can be read").found(e))?;
+        let name: Vec<char> = entry.file_name().to_string_lossy().chars().collect();
+        if matches(&wanted, &name) && entry.path().is_file() {
+            files.push(folder.map_or_else(
+                || PathBuf::from(entry.file_name()),
+                |folder| folder.join(entry.file_name()),
+            ));
+        }
+    }
+    if files.is_empty() {
+        return Err(Error::input(place, "files of this pattern").found("none"));
+    }
+    Ok(files)
+}
+
+/// Whether a name has the form of a pattern in which `*` stands for any characters and `?` for one.
+fn matches(pattern: &[char], name: &[char]) -> bool {
+    let (mut p, mut n) = (0, 0);
+    // where to go on if the last star has to take one character more
+    let mut again: Option<(usize, usize)> = None;
+    while n < name.len() {
+        if pattern.get(p) == Some(&'*') {
+            again = Some((p + 1, n));
+            p += 1;
+        } else if pattern.get(p).is_some_and(|c| *c == '?' || *c == name[n]) {
+            p += 1;
+            n += 1;
+        } else if let Some((after, taken)) = again {
+            again = Some((after, taken + 1));
+            p = after;
+            n = taken + 1;
+        } else {
+            return false;
+        }
+    }
+    pattern[p..].iter().all(|c| *c == '*')
+}
+
+/// Text by characters, numbers in it by their size: `step-2` before `step-10`.
+fn natural(a: &str, b: &str) -> Ordering {
+    let (mut left, mut right) = (a, b);
+    while let (Some(x), Some(y)) = (left.chars().next(), right.chars().next()) {
+        let order = if x.is_ascii_digit() && y.is_ascii_digit() {
+            let ((m, rest), (n, other)) = (digits(left), digits(right));
+            (left, right) = (rest, other);
+            m.len().cmp(&n.len()).then(m.cmp(n))
+        } else {
+            left = &left[x.len_utf8()..];
+            right = &right[y.len_utf8()..];
+            x.cmp(&y)
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
+}
+
+/// The number that a text begins with, without leading zeros, and the rest of the text.
+fn digits(text: &str) -> (&str, &str) {
+    let end = text.find(|c: char| !c.is_ascii_digit());
+    let (number, rest) = text.split_at(end.unwrap_or(text.len()));
+    (number.trim_start_matches('0'), rest)
+}
+
+/// A step for each file, with the force that its comments state, or none by its name, and what is said of it.
+///
+/// # Errors
+/// The input's fault: a file that cannot be read.
+pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
+    let mut said = String::from(
+        "  steps, in the order taken (of their numbers; it matters for what drifts):\n",
+    );
+    let mut steps = Vec::with_capacity(files.len());
+    let mut unknown = false;
+    for file in files {
+        let stated = table::stated_force(file)?;
+        let force_n = stated.or_else(|| is_unloaded(file).then_some(0.0));
+        let reason = match (stated, force_n) {
+            (Some(_), _) => "stated in the file; N if it says no unit",
+            (None, Some(_)) => "no load, by the file's name",
+            (None, None) => "not known",
+        };
+        let force = force_n.map_or_else(|| "null".to_string(), |f| f.to_string());
+        said += &format!("    {}: force_N {force} ({reason})\n", file.display());
+        unknown |= force_n.is_none();
+        steps.push(StepSpec {
+            file: file.clone(),
+            force_n,
+        });
+    }
+    if unknown {
+        said += "  put the testing machine's forces in place of null where they are known: without any, only ratios of constants can be identified\n";
+    }
+    Ok((steps, said))
+}
+
+fn is_unloaded(file: &Path) -> bool {
+    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+    let name = name.to_lowercase();
+    ["unloaded", "zero"].iter().any(|word| name.contains(word))
+}

@@ -1,0 +1,88 @@
+//! The hole in a field: the largest gap in its points.
+
+use crate::field::Field;
+use crate::report::FieldCells;
+
+/// Share of the measured rectangle that a gap must at least cover to be a hole.
+const SMALLEST_GAP: f64 = 0.003;
+
+/// Centre and diameter of the largest gap in the points that does not touch their border.
+pub fn hole(field: &Field) -> Option<([f64; 2], f64)> {
+    let cells = FieldCells::new(&field.points);
+    let (columns, rows) = (cells.x.len(), cells.y.len());
+    if columns < 5 || rows < 5 {
+        return None;
+    }
+    let mut empty = vec![true; cells.len()];
+    cells.of_point.iter().for_each(|&c| empty[c] = false);
+    let mut best: Vec<usize> = Vec::new();
+    for start in 0..cells.len() {
+        if !empty[start] {
+            continue;
+        }
+        let (mut gap, mut inside) = (Vec::new(), true);
+        let mut todo = vec![start];
+        empty[start] = false;
+        while let Some(cell) = todo.pop() {
+            gap.push(cell);
+            let (i, j) = (cell % columns, cell / columns);
+            if i == 0 || j == 0 || i + 1 == columns || j + 1 == rows {
+                inside = false;
+                continue;
+            }
+            for next in [cell - 1, cell + 1, cell - columns, cell + columns] {
+                if std::mem::take(&mut empty[next]) {
+                    todo.push(next);
+                }
+            }
+        }
+        if inside && gap.len() > best.len() {
+            best = gap;
+        }
+    }
+    if (best.len() as f64) < SMALLEST_GAP * cells.len() as f64 {
+        return None;
+    }
+    let n = best.len() as f64;
+    let centre = [
+        best.iter().map(|c| cells.x[c % columns]).sum::<f64>() / n,
+        best.iter().map(|c| cells.y[c / columns]).sum::<f64>() / n,
+    ];
+    Some(circle(&field.points, centre))
+}
+
+/// Directions in which the hole's rim is sought.
+const SECTORS: usize = 36;
+
+/// The circle through the points next to a gap, by least squares (Kasa 1976): centre and diameter. The nearest point in each
+/// direction stands for the rim.
+fn circle(points: &[[f64; 2]], start: [f64; 2]) -> ([f64; 2], f64) {
+    let (mut centre, mut diameter) = (start, 0.0);
+    for _ in 0..5 {
+        let mut rim: Vec<Option<(f64, [f64; 2])>> = vec![None; SECTORS];
+        for p in points {
+            let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
+            let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
+            let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
+            let r = x.hypot(y);
+            if rim[sector].is_none_or(|(nearest, _)| r < nearest) {
+                rim[sector] = Some((r, [x, y]));
+            }
+        }
+        // x^2 + y^2 = a x + b y + c
+        let mut normal = nalgebra::Matrix3::zeros();
+        let mut right = nalgebra::Vector3::zeros();
+        for (r, [x, y]) in rim.into_iter().flatten() {
+            let row = nalgebra::Vector3::new(x, y, 1.0);
+            normal += row * row.transpose();
+            right += r * r * row;
+        }
+        let Some(fit) = normal.cholesky().map(|c| c.solve(&right)) else {
+            break;
+        };
+        let [a, b] = [0.5 * fit[0], 0.5 * fit[1]];
+        centre = [centre[0] + a, centre[1] + b];
+        diameter = 2.0 * (fit[2] + a * a + b * b).max(0.0).sqrt();
+    }
+    (centre, diameter)
+}
