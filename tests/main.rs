@@ -39,6 +39,7 @@ mod resume;
 mod samplers;
 mod schema;
 mod series;
+mod series_input;
 mod starts;
 mod suspect;
 mod targets;

@@ -163,6 +163,7 @@ impl Model {
 
     /// Read the measured field and drop nothing but what the measurement's own rules drop.
     pub fn read_field(&self) -> Result<Field> {
+        self.refuse_series()?;
         let experiment = self.experiment();
         let field = experiment
             .measurement
