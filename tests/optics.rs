@@ -59,7 +59,6 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
         },
         fringe_frequency_per_mm: fringes,
         expansion_per_k: Some(EXPANSION),
-        camera_distance_mm: None,
         material: Material::Ply,
         camera_distance_mm: None,
         middle: [0.0; 2],

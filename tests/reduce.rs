@@ -52,7 +52,6 @@ pub fn scene(test: &FieldTest) -> Scene {
         ply: Material::Ply.ply(&[160.0, 7.5, 0.34, 4.5]),
         fringe_frequency_per_mm: test.fringe_frequency_per_mm,
         expansion_per_k: None,
-        camera_distance_mm: None,
         material: Material::Ply,
         camera_distance_mm: None,
         middle: [0.0; 2],

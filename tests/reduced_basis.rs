@@ -148,7 +148,7 @@ fn what_a_view_takes_off_is_the_gauge() {
         let plate = Plate::new(setup, Density(0.3)).unwrap();
         for seed in 0..5 {
             let mut nodal = noise(plate.mesh.unknowns(), seed);
-            plate.assembly.pin_load(&mut nodal);
+            plate.assembly.pin_loads(&mut nodal);
             let energy = view.basis.energy(&plate.assembly, &plate.mesh, &nodal);
             let most = view.seen(&nodal).into_iter().flatten();
             let most = most.fold(0.0_f64, |m, u| m.max(u.abs()));

@@ -193,8 +193,6 @@ pub struct Scene {
     pub fringe_frequency_per_mm: Option<f64>,
     /// Thermal expansion of a ply along and across its fibres, 1/K, where it is known.
     pub expansion_per_k: Option<[f64; 2]>,
-    /// Distance of the camera from the specimen, mm, where images were correlated and it is declared.
-    pub camera_distance_mm: Option<f64>,
     /// How the stiffness is parameterised.
     pub material: Material,
     /// Distance of the camera from the specimen, mm, where images are correlated and it is declared.

@@ -131,7 +131,7 @@ fn compliances(
     let unknowns: Vec<usize> = nodes.flat_map(|a| [0, 1].map(|i| unknown(a, i))).collect();
     let inverse = plate.inverse_of(factor, &unknowns)?;
     let mut free = vec![1.0; mesh.unknowns()];
-    plate.assembly.pin_load(&mut free);
+    plate.assembly.pin_loads(&mut free);
     blocks.par_iter_mut().try_for_each(|(&e, block)| {
         *block = block_of(&inverse, &free, mesh.elements[e])?;
         Ok::<(), Error>(())

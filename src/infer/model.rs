@@ -18,7 +18,7 @@ use crate::experiment::{
 };
 use crate::fem::Setup;
 use crate::field::rigid::{self, RigidMotion};
-use crate::field::{Field, Grid, Series, StepSpec, SubsetShape};
+use crate::field::{Field, Grid, PartialSubsets, Series, StepSpec, SubsetShape};
 use crate::geometry;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
@@ -285,10 +285,6 @@ impl Model {
             expansion_per_k: material
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
-            camera_distance_mm: experiment
-                .measurement
-                .image_correlation
-                .and_then(|images| images.camera_distance_mm),
             material: material.kind,
             camera_distance_mm: experiment
                 .measurement
@@ -337,7 +333,7 @@ impl Model {
                 subsets: Subsets {
                     side_mm: c.subset_mm,
                     shape: c.shape.unwrap_or(SubsetShape::Affine),
-                    kept: false,
+                    kept: c.partial_subsets == PartialSubsets::Kept,
                 },
                 camera_distance_mm: c.camera_distance_mm,
                 motion,

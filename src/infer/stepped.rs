@@ -8,7 +8,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::{Model, Steps};
-use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Scope, amplitude_name};
+use crate::effect::{Effect, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::{Law, Loaded, SeriesState, Solver, report, rigid_free};
 use crate::experiment::{Experiment, Sight, State};
