@@ -1,16 +1,16 @@
 //! Whether the steps of a series are what they are said to be: no field stands twice, every field is of the same specimen, and the
-//! forces go with the fields.
+//! forces go with the fields ([`super::forces`]).
 //!
-//! What is compared is the size of a step, the difference of its mean strains along and across the load: a lens, a
-//! temperature or a motion towards the camera strains a picture alike in all directions and does not enter. Yielding
-//! adds to the size and never takes from it as long as the force does not sink, which fixes what a contradiction is.
+//! The size of a step is the difference of its mean strains along and across the load: a lens, a temperature or a
+//! motion towards the camera strains a picture alike in all directions and does not enter.
 
 use std::path::Path;
 
 use rayon::prelude::*;
 
+use super::forces::{Forces, Loaded};
+use super::measured::bounds;
 use super::rigid;
-use super::series::Series;
 use crate::error::{Error, Result};
 use crate::numeric::median;
 
@@ -27,27 +27,25 @@ const ODD: (f64, f64) = (0.85, 5.0);
 /// The others must agree among themselves to this cosine.
 const ALIKE: f64 = 0.9;
 
-/// Of two steps, the larger force must not have the smaller size. Least differences of force and of size, as shares of the
-/// largest force and of the range of sizes, that make a contradiction and a warning.
-const CONTRADICTION: [f64; 2] = [0.15, 0.05];
-const DOUBT: [f64; 2] = [0.03, 0.02];
-
-/// Forces this many times apart are different.
-const FACTOR: f64 = 1.5;
-
-/// The other steps are proportional to their forces within this share of the range of sizes.
-const STRAIGHT: f64 = 0.1;
+/// A step as it is judged.
+pub(super) struct Judged<'a> {
+    pub file: &'a Path,
+    /// Force, N, if it is known.
+    pub force_n: Option<f64>,
+    /// Displacements, mm, at the points of the series.
+    pub displacement: &'a [[f64; 2]],
+}
 
 /// No two steps have the same displacements.
 ///
 /// # Errors
 /// Of the input, naming both files.
-pub(super) fn check_different(series: &Series, files: &[&Path]) -> Result<()> {
+pub(super) fn check_different(steps: &[Judged]) -> Result<()> {
     let largest = |u: &[[f64; 2]]| u.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
-    for (t, later) in series.steps.iter().enumerate() {
-        let bound = COPY * largest(&later.displacement);
-        let copied = series.steps[..t].iter().position(|earlier| {
-            let pairs = earlier.displacement.iter().zip(&later.displacement);
+    for (t, later) in steps.iter().enumerate() {
+        let bound = COPY * largest(later.displacement);
+        let copied = steps[..t].iter().position(|earlier| {
+            let pairs = earlier.displacement.iter().zip(later.displacement);
             let mut pairs = pairs.flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]);
             pairs.all(|d| d.abs() <= bound)
         });
@@ -58,8 +56,8 @@ pub(super) fn check_different(series: &Series, files: &[&Path]) -> Result<()> {
             )
             .found(format!(
                 "the displacements of steps[{s}].file, {}, again in {}",
-                files[s].display(),
-                files[t].display()
+                steps[s].file.display(),
+                later.file.display()
             ))
             .hint("one state of the test stands in two files: leave one of them out"));
         }
@@ -79,37 +77,31 @@ struct Shape {
 ///
 /// # Errors
 /// Of the input, naming the files: a field of another specimen, forces that contradict the fields.
-pub(super) fn check(series: &Series, files: &[&Path]) -> Result<Vec<String>> {
-    let points = &series.field.points;
-    let shapes: Option<Vec<Shape>> = series
-        .steps
+pub(super) fn check(points: &[[f64; 2]], steps: &[Judged]) -> Result<Vec<String>> {
+    let shapes: Option<Vec<Shape>> = steps
         .par_iter()
-        .map(|step| Shape::new(points, &step.displacement))
+        .map(|step| Shape::new(points, step.displacement))
         .collect();
     // points on one line have no strain
     let Some(shapes) = shapes else {
         return Ok(Vec::new());
     };
+    let files: Vec<&Path> = steps.iter().map(|s| s.file).collect();
     let likeness = Likeness::new(&shapes);
-    let mut warnings = likeness.check(files)?;
-    let [low, high] = series.field.bounds();
+    let mut warnings = likeness.check(&files)?;
+    let [low, high] = bounds(points);
     let extent = (0..2)
         .map(|k| high[k] - low[k])
         .fold(f64::INFINITY, f64::min);
-    let known: Vec<Loaded> = series
-        .steps
-        .iter()
-        .zip(&shapes)
-        .enumerate()
-        .map(|(step, (s, shape))| Loaded {
-            step,
-            force: s.force_n,
-            size: shape.size,
-        })
-        .collect();
+    let known = steps.iter().zip(&shapes).enumerate();
+    let known = known.map(|(step, (s, shape))| Loaded {
+        step,
+        force: s.force_n,
+        size: shape.size,
+    });
     // a residual over half the window looks like this strain at most
     let noise = likeness.residual() / (0.5 * extent);
-    warnings.extend(Forces::new(known, noise).check(files)?);
+    warnings.extend(Forces::new(known.collect(), noise).check(&files)?);
     Ok(warnings)
 }
 
@@ -246,147 +238,5 @@ impl Likeness {
             }
         }
         Ok(warnings)
-    }
-}
-
-/// A step with its force, N, if it is known, and its size.
-#[derive(Clone, Copy)]
-struct Loaded {
-    step: usize,
-    force: Option<f64>,
-    size: f64,
-}
-
-/// The sizes against the forces, all forces at least 0.
-struct Forces {
-    steps: Vec<Loaded>,
-    /// Largest force and range of sizes, of the steps whose force is known.
-    largest: f64,
-    range: f64,
-    /// A size that noise may make.
-    noise: f64,
-}
-
-impl Forces {
-    /// Compression is turned into tension. Where both occur nothing is judged.
-    fn new(mut steps: Vec<Loaded>, noise: f64) -> Self {
-        let known = |steps: &[Loaded]| -> Vec<(f64, f64)> {
-            let both = steps.iter().filter_map(|s| Some((s.force?, s.size)));
-            both.collect()
-        };
-        let forces = known(&steps);
-        let negative = forces.iter().any(|(f, _)| *f < 0.0);
-        if negative && forces.iter().any(|(f, _)| *f > 0.0) {
-            steps.clear();
-        }
-        if negative {
-            for s in &mut steps {
-                s.force = s.force.map(|f| -f);
-                s.size = -s.size;
-            }
-        }
-        let forces = known(&steps);
-        let fold = |start: f64, pick: fn(f64, f64) -> f64| {
-            forces.iter().map(|(_, size)| *size).fold(start, pick)
-        };
-        let range = fold(f64::NEG_INFINITY, f64::max) - fold(f64::INFINITY, f64::min);
-        Self {
-            largest: forces.iter().map(|(f, _)| *f).fold(0.0, f64::max),
-            range: if range.is_finite() { range } else { 0.0 },
-            steps,
-            noise,
-        }
-    }
-
-    fn check(&self, files: &[&Path]) -> Result<Vec<String>> {
-        if self.largest <= 0.0 || self.range <= 10.0 * self.noise {
-            return Ok(Vec::new());
-        }
-        let said = |s: &Loaded| {
-            let force = s.force.unwrap_or(0.0);
-            format!(
-                "{} ({force} N, strain {:.6})",
-                files[s.step].display(),
-                s.size
-            )
-        };
-        if let Some((less, more)) = self.contradiction(CONTRADICTION) {
-            let place = format!("steps[{}].force_N", more.step);
-            return Err(Error::input(place, "forces that go with the fields")
-                .found(format!("a larger force with a smaller strain: {} and {}", said(more), said(less)))
-                .hint("forces or files in another order? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
-        }
-        let mut warnings = Vec::new();
-        if let Some((less, more)) = self.contradiction(DOUBT) {
-            warnings.push(format!(
-                "a larger force has the smaller strain: {} and {}; forces of two steps interchanged?",
-                said(more),
-                said(less)
-            ));
-        }
-        for s in &self.steps {
-            let Some((force, implied)) = s.force.zip(self.implied(s)) else {
-                continue;
-            };
-            let file = files[s.step].display();
-            if force > LOADED * self.largest && implied < force / FACTOR {
-                let place = format!("steps[{}].force_N", s.step);
-                return Err(Error::input(place, format!("about {implied:.0}, by the field of {file} and the other steps"))
-                    .found(force)
-                    .hint("a wrong force, a step of another specimen, or a field in another unit? null if the force is not known"));
-            }
-            if implied > FACTOR * force && implied - force > LOADED * self.largest {
-                warnings.push(format!(
-                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps: yielding, or a wrong force?"
-                ));
-            }
-        }
-        Ok(warnings)
-    }
-
-    /// Two steps of which the larger force has the smaller size: the step with the smaller force first.
-    ///
-    /// Plastic strain never shrinks under tension: a later step with the larger force is larger whatever came between, an
-    /// earlier one if no larger force came between.
-    fn contradiction(&self, [gap, reversed]: [f64; 2]) -> Option<(&Loaded, &Loaded)> {
-        let by = (reversed * self.range).max(3.0 * self.noise);
-        let contradicts = |less: &Loaded, more: &Loaded| {
-            let forces = less.force.zip(more.force);
-            forces.is_some_and(|(a, b)| b - a > gap * self.largest) && less.size - more.size > by
-        };
-        let pairs = (0..self.steps.len()).flat_map(|t| (0..t).map(move |s| (s, t)));
-        for (s, t) in pairs {
-            let (earlier, later) = (&self.steps[s], &self.steps[t]);
-            if contradicts(earlier, later) {
-                return Some((earlier, later));
-            }
-            let between = &self.steps[s + 1..t];
-            let peak = |b: &Loaded| b.force.is_none_or(|f| earlier.force.is_some_and(|e| f > e));
-            if contradicts(later, earlier) && !between.iter().any(peak) {
-                return Some((later, earlier));
-            }
-        }
-        None
-    }
-
-    /// The force that the size of step `s` has by a straight line through at least three others, if they lie on one.
-    fn implied(&self, s: &Loaded) -> Option<f64> {
-        const FEWEST: usize = 3;
-        let others = self.steps.iter().filter(|o| o.step != s.step);
-        let others: Vec<(f64, f64)> = others.filter_map(|o| Some((o.force?, o.size))).collect();
-        let n = others.len() as f64;
-        let mean = |f: &dyn Fn(&(f64, f64)) -> f64| others.iter().map(f).sum::<f64>() / n;
-        let (force, size) = (mean(&|o| o.0), mean(&|o| o.1));
-        let variance = mean(&|o| (o.0 - force).powi(2));
-        let slope = mean(&|o| (o.0 - force) * (o.1 - size)) / variance;
-        if others.len() < FEWEST || !(slope.is_finite() && slope > 0.0) {
-            return None;
-        }
-        let spread = others.iter().map(|o| o.1);
-        let range =
-            spread.clone().fold(f64::NEG_INFINITY, f64::max) - spread.fold(f64::INFINITY, f64::min);
-        let off = |o: &(f64, f64)| (o.1 - size - slope * (o.0 - force)).abs();
-        let straight = others.iter().all(|o| off(o) <= STRAIGHT * range);
-        (straight && range > 10.0 * self.noise).then(|| force + (s.size - size) / slope)
     }
 }

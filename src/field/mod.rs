@@ -8,6 +8,7 @@ pub mod blocks;
 mod common;
 pub mod correlation;
 pub mod deviant;
+mod forces;
 pub mod frame;
 mod grid;
 pub(crate) mod local;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::agreement;
+use super::agreement::{self, Judged};
 use super::common::Places;
 use super::measured::{Field, Reason, Rejected};
 use super::outliers::outliers_of_steps;
@@ -73,13 +73,24 @@ impl Series {
             .collect();
         let fields = read.into_iter().collect::<Result<Vec<Field>>>()?;
         let mut series = Self::common(fields, steps)?;
-        let files: Vec<&Path> = steps.iter().map(|s| s.file.as_path()).collect();
-        agreement::check_different(&series, &files)?;
+        agreement::check_different(&series.judged(steps))?;
         if measurement.outliers == OutlierRule::Reject {
             series.reject_outliers()?;
         }
-        series.warnings.extend(agreement::check(&series, &files)?);
+        let odd = agreement::check(&series.field.points, &series.judged(steps))?;
+        series.warnings.extend(odd);
         Ok(series)
+    }
+
+    /// The steps for their comparison.
+    fn judged<'a>(&'a self, steps: &'a [StepSpec]) -> Vec<Judged<'a>> {
+        let both = steps.iter().zip(&self.steps);
+        let judged = |(spec, step): (&'a StepSpec, &'a Step)| Judged {
+            file: &spec.file,
+            force_n: spec.force_n,
+            displacement: &step.displacement,
+        };
+        both.map(judged).collect()
     }
 
     /// The steps at the points that all have.

@@ -1,0 +1,171 @@
+//! Whether the forces of a series go with its fields. A field has a size ([`super::agreement`]), which yielding adds to and never takes
+//! from as long as the force does not sink: that fixes what is a contradiction and what may be the specimen's doing.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Of two steps, the larger force must not have the smaller size. Least differences of force and of size, as shares of the
+/// largest force and of the range of sizes, that make a contradiction and a warning; and the least difference of size in
+/// multiples of what the fields' other differences may make of it (a lens under millimetres of motion: 2e-4).
+const CONTRADICTION: [f64; 3] = [0.15, 0.05, 2.0];
+const DOUBT: [f64; 3] = [0.03, 0.02, 1.0];
+
+/// Ranges of sizes below these multiples of that tell nothing of their order, or of their proportions.
+const ORDERED: f64 = 5.0;
+const PROPORTIONAL: f64 = 10.0;
+
+/// Forces this many times apart are different.
+const FACTOR: f64 = 1.5;
+
+/// The other steps are proportional to their forces within this share of the range of sizes.
+const STRAIGHT: f64 = 0.1;
+
+/// A force below this share of the largest is too small to be far off by a factor, and a smaller difference is none.
+const MUCH: f64 = 0.2;
+
+/// A step with its force, N, if it is known, and its size.
+#[derive(Clone, Copy)]
+pub(super) struct Loaded {
+    pub step: usize,
+    pub force: Option<f64>,
+    pub size: f64,
+}
+
+/// The sizes against the forces, all forces at least 0.
+pub(super) struct Forces {
+    steps: Vec<Loaded>,
+    /// Largest force and range of sizes, of the steps whose force is known.
+    largest: f64,
+    range: f64,
+    /// A size that noise may make.
+    noise: f64,
+}
+
+impl Forces {
+    /// Compression is turned into tension. Where both occur nothing is judged.
+    pub fn new(mut steps: Vec<Loaded>, noise: f64) -> Self {
+        let known = |steps: &[Loaded]| -> Vec<(f64, f64)> {
+            let both = steps.iter().filter_map(|s| Some((s.force?, s.size)));
+            both.collect()
+        };
+        let forces = known(&steps);
+        let negative = forces.iter().any(|(f, _)| *f < 0.0);
+        if negative && forces.iter().any(|(f, _)| *f > 0.0) {
+            steps.clear();
+        }
+        if negative {
+            for s in &mut steps {
+                s.force = s.force.map(|f| -f);
+                s.size = -s.size;
+            }
+        }
+        let forces = known(&steps);
+        let fold = |start: f64, pick: fn(f64, f64) -> f64| {
+            forces.iter().map(|(_, size)| *size).fold(start, pick)
+        };
+        let range = fold(f64::NEG_INFINITY, f64::max) - fold(f64::INFINITY, f64::min);
+        Self {
+            largest: forces.iter().map(|(f, _)| *f).fold(0.0, f64::max),
+            range: if range.is_finite() { range } else { 0.0 },
+            steps,
+            noise,
+        }
+    }
+
+    /// What contradicts and what is odd.
+    ///
+    /// # Errors
+    /// Of the input: forces that contradict the fields.
+    pub fn check(&self, files: &[&Path]) -> Result<Vec<String>> {
+        if self.largest <= 0.0 || self.range <= ORDERED * self.noise {
+            return Ok(Vec::new());
+        }
+        let said = |s: &Loaded| {
+            let force = s.force.unwrap_or(0.0);
+            format!(
+                "{} ({force} N, strain {:.6})",
+                files[s.step].display(),
+                s.size
+            )
+        };
+        if let Some((less, more)) = self.contradiction(CONTRADICTION) {
+            let place = format!("steps[{}].force_N", more.step);
+            return Err(Error::input(place, "forces that go with the fields")
+                .found(format!("a larger force with a smaller strain: {} and {}", said(more), said(less)))
+                .hint("forces or files in another order? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
+        }
+        let mut warnings = Vec::new();
+        if let Some((less, more)) = self.contradiction(DOUBT) {
+            warnings.push(format!(
+                "a larger force has the smaller strain: {} and {}; forces of two steps interchanged?",
+                said(more),
+                said(less)
+            ));
+        }
+        for s in &self.steps {
+            let Some((force, implied)) = s.force.zip(self.implied(s)) else {
+                continue;
+            };
+            let file = files[s.step].display();
+            if force > MUCH * self.largest && implied < force / FACTOR {
+                let place = format!("steps[{}].force_N", s.step);
+                return Err(Error::input(place, format!("about {implied:.0}, by the field of {file} and the other steps"))
+                    .found(force)
+                    .hint("a wrong force, a step of another specimen, or a field in another unit? null if the force is not known"));
+            }
+            if implied > FACTOR * force && implied - force > MUCH * self.largest {
+                warnings.push(format!(
+                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps: yielding, or a wrong force?"
+                ));
+            }
+        }
+        Ok(warnings)
+    }
+
+    /// Two steps of which the larger force has the smaller size: the step with the smaller force first.
+    ///
+    /// Plastic strain never shrinks under tension: a later step with the larger force is larger whatever came between, an
+    /// earlier one if no larger force came between.
+    fn contradiction(&self, [gap, reversed, multiple]: [f64; 3]) -> Option<(&Loaded, &Loaded)> {
+        let by = (reversed * self.range).max(multiple * self.noise);
+        let contradicts = |less: &Loaded, more: &Loaded| {
+            let forces = less.force.zip(more.force);
+            forces.is_some_and(|(a, b)| b - a > gap * self.largest) && less.size - more.size > by
+        };
+        let pairs = (0..self.steps.len()).flat_map(|t| (0..t).map(move |s| (s, t)));
+        for (s, t) in pairs {
+            let (earlier, later) = (&self.steps[s], &self.steps[t]);
+            if contradicts(earlier, later) {
+                return Some((earlier, later));
+            }
+            let between = &self.steps[s + 1..t];
+            let peak = |b: &Loaded| b.force.is_none_or(|f| earlier.force.is_some_and(|e| f > e));
+            if contradicts(later, earlier) && !between.iter().any(peak) {
+                return Some((later, earlier));
+            }
+        }
+        None
+    }
+
+    /// The force that the size of step `s` has by a straight line through at least three others, if they lie on one.
+    fn implied(&self, s: &Loaded) -> Option<f64> {
+        const FEWEST: usize = 3;
+        let others = self.steps.iter().filter(|o| o.step != s.step);
+        let others: Vec<(f64, f64)> = others.filter_map(|o| Some((o.force?, o.size))).collect();
+        let n = others.len() as f64;
+        let mean = |f: &dyn Fn(&(f64, f64)) -> f64| others.iter().map(f).sum::<f64>() / n;
+        let (force, size) = (mean(&|o| o.0), mean(&|o| o.1));
+        let variance = mean(&|o| (o.0 - force).powi(2));
+        let slope = mean(&|o| (o.0 - force) * (o.1 - size)) / variance;
+        if others.len() < FEWEST || !(slope.is_finite() && slope > 0.0) {
+            return None;
+        }
+        let spread = others.iter().map(|o| o.1);
+        let range =
+            spread.clone().fold(f64::NEG_INFINITY, f64::max) - spread.fold(f64::INFINITY, f64::min);
+        let off = |o: &(f64, f64)| (o.1 - size - slope * (o.0 - force)).abs();
+        let straight = others.iter().all(|o| off(o) <= STRAIGHT * range);
+        (straight && range > PROPORTIONAL * self.noise).then(|| force + (s.size - size) / slope)
+    }
+}
