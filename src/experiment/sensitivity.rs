@@ -1,6 +1,6 @@
 //! What a change of one parameter does to a predicted field.
 
-use super::{Experiment, Prediction, Sight, State, gauged, load_response, predict_near};
+use super::{Experiment, Look, Prediction, Sight, State, gauged, load_response, predict_near};
 use crate::effect::{Effect, Kind, LOAD_SCALE, Seen};
 use crate::error::Result;
 use crate::fem::Anchor;
@@ -87,14 +87,18 @@ fn optical(
     let camera = |state: &'_ State| -> Vec<[f64; 2]> {
         let before = Seen::new(at.acting(), scene);
         let camera = Seen::new(state.acting(), scene).moved(experiment.motion());
-        let look = here.look.loaded.iter().zip(&here.look.gradient);
-        let report = |(&p, (&u, g)): (&[f64; 2], (&[f64; 2], &[[f64; 2]; 2]))| {
+        let Look {
+            loaded, gradient, ..
+        } = &here.look;
+        let points = sight.all();
+        let report = |k: usize| {
+            let (p, u, g) = (points[k], loaded[k], gradient[k]);
             let (from, to) = (before.true_point(p), camera.true_point(p));
             let shift = [to[0] - from[0], to[1] - from[1]];
             let moved = [0, 1].map(|i| u[i] + g[i][0] * shift[0] + g[i][1] * shift[1]);
             camera.report(p, moved)
         };
-        sight.all().iter().zip(look).map(report).collect()
+        (0..points.len()).map(report).collect()
     };
     let [high, low] = states.each_ref().map(camera);
     let slopes = high.iter().zip(&low);

@@ -163,12 +163,15 @@ impl Loaded {
     }
 }
 
+/// Averages, at the places of a series, of values at measured points.
+pub type Average<'a> = dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync + 'a;
+
 /// How a series' displacements are obtained.
 pub struct Solver<'a> {
     pub experiment: &'a dyn Experiment,
     pub sight: &'a Sight,
     /// Averages of values at the sight's points: those at the places of the series.
-    pub average: &'a (dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync),
+    pub average: &'a Average<'a>,
 }
 
 impl Solver<'_> {

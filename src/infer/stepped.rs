@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::{Model, Steps};
 use crate::effect::{Effect, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
-use crate::experiment::series::{Law, Loaded, SeriesState, Solver, report, rigid_free};
+use crate::experiment::series::{Average, Law, Loaded, SeriesState, Solver, report, rigid_free};
 use crate::experiment::{Experiment, Sight, State};
 use crate::fem::Anchor;
 use crate::laminate::MeanSd;
@@ -87,7 +87,7 @@ pub struct Stepped<'a> {
     pub places: &'a [[f64; 2]],
     pub counts: &'a [usize],
     /// Averages of values at the sight's points.
-    pub average: &'a (dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync),
+    pub average: &'a Average<'a>,
     pub step: &'a (dyn Fn() + Sync),
 }
 
@@ -331,15 +331,14 @@ impl Here<'_> {
         let places = self.stepped.places;
         let (n, count) = (places.len(), self.at.loads.len());
         let reach = places.iter().fold(1.0_f64, |m, p| m.max(p[0].hypot(p[1])));
-        let fields: [fn([f64; 2], f64) -> [f64; 2]; 3] = [
-            |_, _| [1.0, 0.0],
-            |_, _| [0.0, 1.0],
-            |[s, t], reach| [-t / reach, s / reach],
-        ];
-        fields.map(|field| {
+        [0, 1, 2].map(|motion| {
             let mut slope = [DVector::zeros(n * count), DVector::zeros(n * count)];
             for (k, &p) in places.iter().enumerate() {
-                let u = field(p, reach);
+                let u = match motion {
+                    0 => [1.0, 0.0],
+                    1 => [0.0, 1.0],
+                    _ => [-p[1] / reach, p[0] / reach],
+                };
                 slope[0][step * n + k] = u[0];
                 slope[1][step * n + k] = u[1];
             }

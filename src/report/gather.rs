@@ -3,7 +3,9 @@
 use super::document::{Closing, Report, SCHEMA};
 use super::json::{Keyed, finite};
 use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
-use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
+use super::round::{
+    Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport, StepReport,
+};
 use super::surrogate::{FieldErrorReport, SurrogateReport};
 use super::traced::{blind_spots, map, tracing};
 use super::verdict::{BeforeAfter, Shifted};
@@ -61,7 +63,25 @@ fn traced(step: &Round) -> RoundReport {
     let mut round = round(&step.model, &step.identification);
     round.residual.holdout_rms_nm = finite(step.tracing.holdout_rms_nm);
     round.tracing = Some(tracing(&step.tracing));
+    round.steps = steps(step);
     round
+}
+
+/// The steps of a series, and what is left of them.
+fn steps(round: &Round) -> Vec<StepReport> {
+    let Some(steps) = &round.identification.inverse.prepared.observation.steps else {
+        return Vec::new();
+    };
+    let left = round.tracing.steps.iter().enumerate();
+    left.map(|(k, left)| StepReport {
+        name: steps.names[k].clone(),
+        load: steps.loads[k],
+        force_known: steps.known[k],
+        rms_nm: left.bare_nm.into(),
+        explained_rms_nm: left.explained_nm.into(),
+        noise_scale: left.noise_scale,
+    })
+    .collect()
 }
 
 fn round(model: &Model, round: &Identification) -> RoundReport {
@@ -79,6 +99,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
         warnings: round.warnings.clone(),
         noise: noise(round),
         surrogate: surrogate(round),
+        steps: Vec::new(),
         tracing: None,
     }
 }

@@ -6,7 +6,7 @@ use std::iter::once;
 use super::document::Closing;
 use super::json::Keyed;
 use super::page::Page;
-use super::round::MeanAndSd;
+use super::round::{MeanAndSd, RoundReport};
 use super::terminal::{mean_sd, table, wrap};
 use super::tracing::{BlindSpotReport, CandidateReport, TracingReport};
 use super::words::{
@@ -185,6 +185,42 @@ fn three_digits(x: f64) -> String {
     }
 }
 
+/// What the first and the last round leave of every step of a series.
+fn steps(rounds: &[RoundReport]) -> String {
+    let (Some(first), Some(last)) = (rounds.first(), rounds.last()) else {
+        return String::new();
+    };
+    if first.steps.is_empty() {
+        return String::new();
+    }
+    let rows = first.steps.iter().zip(&last.steps).map(|(a, b)| {
+        let rms = [a.rms_nm, b.explained_rms_nm];
+        let known = if a.force_known { "" } else { "?" };
+        once(a.name.clone())
+            .chain([format!("{:.3}{known}", a.load)])
+            .chain(
+                rms.iter()
+                    .flat_map(|r| [r.u1, r.u2])
+                    .map(|v| format!("{v:.1}")),
+            )
+            .chain([format!("{:.2}", a.noise_scale)])
+            .collect()
+    });
+    let header = [
+        "step",
+        "load",
+        "u1 nm before",
+        "u2 nm before",
+        "u1 nm after",
+        "u2 nm after",
+        "noise scale",
+    ];
+    format!(
+        "what is left of each step (block averages, without its motion in the plane)\n\n{}\n",
+        table(&header, rows)
+    )
+}
+
 /// Before and after, round by round, and the verdict.
 pub fn closed(page: &Page, closing: &Closing) -> String {
     let mut text = String::from("\nbefore and after\n\n");
@@ -211,6 +247,7 @@ pub fn closed(page: &Page, closing: &Closing) -> String {
     ];
     text += &table(&header, rows);
     text += "\n";
+    text += &steps(rounds);
     text += &constants(page);
     if let Some(round) = &closing.with_discrepancy {
         text += "\nthe last model with the unexplained structure as a correlated discrepancy, if nothing acts that it does not declare\n\n";

@@ -29,4 +29,4 @@ pub use extend::extended;
 pub use round::Round;
 pub use sought::candidates;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
-pub use tracing::{Found, Named, Resembling, Tracing};
+pub use tracing::{Found, Named, Resembling, StepResidual, Tracing};

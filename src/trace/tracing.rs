@@ -50,6 +50,8 @@ pub struct Tracing {
     /// How its amplitude goes over the steps of a series, and the state with it.
     pub accepted_law: Option<Law>,
     pub series: Option<SeriesState>,
+    /// What is left of every step of a series.
+    pub steps: Vec<StepResidual>,
     /// Groups that the data speak for without being sure.
     pub undecided: Vec<Vec<&'static str>>,
     /// Probability of smooth structure that no effect explains.
@@ -75,6 +77,17 @@ impl Tracing {
     pub fn leaves_structure(&self) -> bool {
         self.discrepancy > UNEXPLAINED
     }
+}
+
+/// What is left of one step of a series: root mean squares of the block averages of (u1, u2), nm.
+#[derive(Debug, Clone, Copy)]
+pub struct StepResidual {
+    /// By the model as it is declared.
+    pub bare_nm: [f64; 2],
+    /// With what it was traced to.
+    pub explained_nm: [f64; 2],
+    /// Noise of the step over the steps' typical one.
+    pub noise_scale: f64,
 }
 
 #[derive(Debug, Clone)]
