@@ -40,6 +40,7 @@ mod samplers;
 mod schema;
 mod series;
 mod series_input;
+mod series_noise;
 mod starts;
 mod suspect;
 mod targets;

@@ -65,11 +65,16 @@ fn difference(a: &Field, b: &Field) -> f64 {
 
 #[test]
 fn a_plate_without_a_hole_bends_in_closed_form() {
-    let test = test(false, 120.0);
     let points = lattice(WINDOW);
-    let scene = seen_from(&test, None);
     // the twisting that a gradient brings leaves a layer of about the thickness along the sides, which the closed form has not
-    for (amplitude, tolerance) in [([0.025, 0.0], 1e-6), ([0.0, 0.0025], 0.03)] {
+    for (amplitude, thickness, tolerance) in [
+        ([0.025, 0.0], 0.78, 1e-6),
+        ([0.0, 0.0025], 0.78, 0.12),
+        ([0.0, 0.0025], 0.078, 0.015),
+    ] {
+        let mut test = test(false, 120.0);
+        test.specimen.thickness_mm.mean = thickness;
+        let scene = seen_from(&test, None);
         let found = added(&test, None, &points, amplitude);
         let plain: Field = points
             .iter()
@@ -97,8 +102,9 @@ fn a_hole_changes_the_strain_beside_it_alone() {
     for s in [-55.0, 50.0] {
         assert!((strain(s, 3.0) - 1.0).abs() < 2e-3, "{}", strain(s, 3.0));
     }
-    let edge = strain(0.0, 2.02);
-    assert!((1.5..3.0).contains(&edge), "{edge}");
+    let edge = strain(0.0, 2.001);
+    println!("strain at the edge {edge}");
+    assert!((1.2..3.0).contains(&edge), "{edge}");
 }
 
 #[test]
@@ -187,17 +193,11 @@ fn a_hole_changes_the_default_field_by_some_percent() {
     let model = Model::load(&root().join("models/openhole.json")).unwrap();
     let scene = model.scene();
     let window = [[-12.15; 2], [12.15; 2]];
-    let begin = std::time::Instant::now();
     let experiment = model.experiment_over(window, 1.0).unwrap();
-    let meshed = begin.elapsed();
     let points = lattice(window);
     let sight = experiment.locate(&points, &[]).0;
     for amplitude in [[0.025, 0.0], [0.0, 0.0025]] {
         let found = experiment.added(bending(), &amplitude, &sight).unwrap();
-        println!(
-            "meshed after {meshed:?}, solved after {:?}",
-            begin.elapsed()
-        );
         let plain: Field = points
             .iter()
             .map(|&p| bending().displacement(&amplitude, &scene, p))
@@ -205,6 +205,10 @@ fn a_hole_changes_the_default_field_by_some_percent() {
         let share = difference(&found, &plain) / rms(plain.iter().flatten().copied());
         let size = rms(plain.into_iter().flatten());
         println!("{amplitude:?}: hole adds {share} of {size:e} mm");
+        let pair = vec![[-0.02, 2.001], [0.02, 2.001]];
+        let pair = experiment.locate(&pair, &[]).0;
+        let u = experiment.added(bending(), &amplitude, &pair).unwrap();
+        println!("strain at the edge {:e}", (u[1][0] - u[0][0]) / 0.04);
         assert!((0.005..0.5).contains(&share), "{share}");
     }
 }

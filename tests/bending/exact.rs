@@ -184,7 +184,7 @@ impl IsotropicHole {
         }
     }
 
-    /// Radial and hoop curvature at the angle a and the twist, and M_a at the edge across the load.
+    /// M_a over the remote moment at the ends of the diameter across the load.
     pub fn concentration(&self) -> f64 {
         let r = self.radius;
         let at = self.radial(r);
@@ -285,7 +285,8 @@ impl LaminateHole {
         hole
     }
 
-    /// M_r and R V_r around the edge.
+    /// M_r and R V_r around the edge, and the step of w once around the hole, as a moment: edge conditions on moments and forces alone leave a
+    /// dislocation open.
     fn edge(&self) -> DVector<f64> {
         let count = 48;
         let polar = |angle: f64| {
@@ -305,7 +306,11 @@ impl LaminateHole {
             let twist = (polar(angle + step).1 - polar(angle - step).1) / (2.0 * step);
             [radial, self.radius * shear + twist]
         });
-        DVector::from_iterator(2 * count as usize, values)
+        let step: f64 = (0..2)
+            .map(|k| (self.amplitude[k] * (1.0 - C::new(0.0, 1.0) * self.mu[k])).im)
+            .sum();
+        let step = step * self.d[(0, 0)] / self.radius.powi(2);
+        DVector::from_iterator(2 * count as usize + 1, values.chain([step]))
     }
 
     /// phi', phi'', phi''' of the two potentials.

@@ -34,7 +34,6 @@ pub struct Rival {
 
 /// The eigenvectors of rivals of one length, whitened by one noise.
 pub(super) struct Modes {
-    pub length_mm: f64,
     /// Decreasing.
     values: DVector<f64>,
     vectors: DMatrix<f64>,
@@ -51,7 +50,6 @@ impl Modes {
         let kept = values.iter().rev().take_while(|&&v| v > 0.0).count();
         let order: Vec<usize> = (0..kept).map(|k| values.len() - 1 - k).collect();
         Ok(Self {
-            length_mm,
             values: DVector::from_iterator(kept, order.iter().map(|&k| values[k])),
             vectors: vectors.select_columns(&order),
         })
