@@ -139,9 +139,9 @@ fn errors(
         let state = exact.at(p);
         sums[0][0] += (w - state.deflection).powi(2);
         sums[0][1] += state.deflection.powi(2);
-        for c in 0..2 {
-            sums[1][0] += (theta[c] - state.rotation[c]).powi(2);
-            sums[1][1] += state.rotation[c].powi(2);
+        for (theta, exact) in theta.into_iter().zip(state.rotation) {
+            sums[1][0] += (theta - exact).powi(2);
+            sums[1][1] += exact.powi(2);
         }
     }
     sums.map(|[error, size]| (error / size).sqrt())

@@ -54,9 +54,6 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
             said.push(format!("{name} lies {z:+.1} prior sd from its prior's mean: data and prior contradict each other."));
         }
     }
-    if model.experiment().measurement.image_correlation.is_some() {
-        said.push("Of image_correlation only the subset's size is used, as the length over which the noise is correlated: the average over a subset and the distance of the camera are not modelled.".into());
-    }
     said.extend(yields(model, of));
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {

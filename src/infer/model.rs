@@ -138,13 +138,13 @@ impl Model {
         Ok(Some(series))
     }
 
-    /// Predictions, identification and tracing know one load yet: a series is refused.
+    /// Simulation knows one load yet: a series is refused.
     fn refuse_series(&self) -> Result<()> {
         match &self.experiment().steps {
             None => Ok(()),
             Some(steps) => Err(Error::input(
                 format!("{}: experiments[0].steps", self.path.display()),
-                "one load and one measurement: this version reads a load series, but cannot simulate or identify it yet",
+                "one load and one measurement: this version identifies a load series, but cannot simulate one yet",
             )
             .found(format!("{} steps", steps.len()))
             .hint("declare one step's force as load.force_N and its file as measurement.file")),

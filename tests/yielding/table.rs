@@ -3,7 +3,7 @@
 use plychain::fem::{Metal, Plate, Setup, Yield};
 use plychain::laminate::Ply;
 
-use super::{E, HARDENING, NU, YIELD, in_window, largest, less, plate, steel, strip};
+use super::{E, HARDENING, YIELD, in_window, largest, less, plate, steel, strip};
 
 fn metal(setup: &Setup, ply: &Ply) -> Metal {
     let y = setup.yielding.unwrap();
