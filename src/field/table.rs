@@ -117,22 +117,28 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
         }
     }
     field.rejected.uncorrelated += faint;
+    check_measured(path, map, &field, faint)?;
+    Ok(field)
+}
+
+/// Something was measured, and little of it is `faint`.
+fn check_measured(path: &Path, map: &ColumnMap, field: &Field, faint: usize) -> Result<()> {
     if faint > field.len() {
         return Err(faint_everywhere(path, map, [faint, field.len()]));
     }
-    if field.is_empty() {
-        let Rejected {
-            missing,
-            uncorrelated,
-            ..
-        } = field.rejected;
-        let found = match uncorrelated {
-            0 => format!("{missing} rows, none complete"),
-            _ => format!("{missing} rows not complete, {uncorrelated} not correlated"),
-        };
-        return Err(Error::input(path.display(), "at least one measured point").found(found));
+    if !field.is_empty() {
+        return Ok(());
     }
-    Ok(field)
+    let Rejected {
+        missing,
+        uncorrelated,
+        ..
+    } = field.rejected;
+    let found = match uncorrelated {
+        0 => format!("{missing} rows, none complete"),
+        _ => format!("{missing} rows not complete, {uncorrelated} not correlated"),
+    };
+    Err(Error::input(path.display(), "at least one measured point").found(found))
 }
 
 /// Most of the points have a small correlation: it is rather another measure than a bad picture.

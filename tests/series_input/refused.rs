@@ -104,8 +104,8 @@ fn shuffled_and_wrong_forces_are_told() {
 /// strain of the picture.
 #[test]
 fn what_happens_in_tests_raises_no_alarm() {
-    type Acts = dyn Fn(usize, f64) -> f64;
-    let cases: [(&[f64], &Acts); 5] = [
+    type Acting<'a> = &'a dyn Fn(usize, f64) -> f64;
+    let cases: [(&[f64], Acting); 5] = [
         (&[-500.0, -1000.0, -1500.0], &|_, f| f),
         (&[500.0, 1500.0, 700.0, 2000.0, 0.0], &|_, f| f),
         // yielding: a tenth more at the highest force, which stays
