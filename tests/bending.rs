@@ -6,7 +6,7 @@ mod exact;
 use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix3, Vector3};
-use plychain::fem::{BendingPattern, EndMoment, Locator, bend, plain_rotation};
+use plychain::fem::{BendingPattern, EndMoment, Locator, bend, plain_deflection, plain_rotation};
 use plychain::geometry::{
     Density, Geometry, HIGH, HOLE, LOW, Mesh, Outline, PlainStrip, SIDES, StripWithHole,
 };
@@ -262,46 +262,29 @@ fn thin_plates_do_not_lock() {
         }
         for k in 0..2 {
             assert!(finest[2][k] < 2.0 * finest[0][k], "{finest:?}");
-            assert!(
-                (finest[2][k] / finest[1][k] - 1.0).abs() < 0.05,
-                "{finest:?}"
-            );
+            // an element that locks is worse the thinner the plate
+            assert!(finest[2][k] < 1.05 * finest[1][k], "{finest:?}");
         }
     }
 }
 
-/// Between a linear moment's bending of a strip and its closed form lie the layers along the sides, of the thickness over the width.
+/// The rotation of the part that grows along the load is the gradient of its deflection.
 #[test]
-fn a_linear_moment_bends_a_thin_strip_as_the_plain_closed_form_has_it() {
-    let mesh = rectangle([60.0, 10.0], [60, 40]);
-    let places: Vec<usize> = (0..mesh.nodes.len())
-        .filter(|&n| mesh.nodes[n][0].abs() < 25.0 && mesh.nodes[n][1].abs() < 9.0)
-        .collect();
-    let thicknesses = [0.2, 0.05];
-    let shares = thicknesses.map(|thickness| {
-        let plate = skew(thickness);
-        let load = EndMoment::bending(&plate, [0.0, 1e-5]);
-        let bent = bend(&mesh, &plate, &[load]).unwrap().remove(0);
-        let exact = |n: usize, c: usize| plain_rotation(&plate, [0.0, 1e-5], mesh.nodes[n])[c];
-        let mut share = 0.0_f64;
-        for c in 0..2 {
-            let apart = |n: usize| bent.rotation[2 * n + c] - exact(n, c);
-            let mean = |of: &dyn Fn(usize) -> f64| {
-                places.iter().map(|&n| of(n)).sum::<f64>() / places.len() as f64
+fn the_growing_part_turns_as_it_deflects() {
+    let plate = skew(0.2);
+    let step = 1e-3;
+    for p in [[3.0, -2.0], [-7.0, 4.0], [0.5, 1.0]] {
+        let rotation = plain_rotation(&plate, [0.0, 1.0], p);
+        for (c, rotation) in rotation.into_iter().enumerate() {
+            let at = |by: f64| {
+                let mut p = p;
+                p[c] += by;
+                plain_deflection(&plate, p)
             };
-            let largest = |of: &dyn Fn(usize) -> f64| {
-                let mean = mean(of);
-                places
-                    .iter()
-                    .fold(0.0_f64, |m, &n| m.max((of(n) - mean).abs()))
-            };
-            share = share.max(largest(&apart) / largest(&|n| exact(n, c)));
+            let slope = (at(step) - at(-step)) / (2.0 * step);
+            assert!((rotation + slope).abs() < 1e-5, "{rotation} and {slope}");
         }
-        println!("thickness {thickness}: {share:e}");
-        share
-    });
-    assert!(shares[1] < 0.02, "{shares:?}");
-    assert!(shares[1] < 0.4 * shares[0], "{shares:?}");
+    }
 }
 
 /// M_theta over the remote moment at the ends of the diameter across the load: the edge is free, so that only the curvature along it counts.

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Sight;
 use crate::effect::Scene;
 use crate::error::Result;
-use crate::fem::{EndMoment, Locator, Observer, bend, plain_rotation};
+use crate::fem::{EndMoment, Locator, Observer, bend, plain_deflection, plain_rotation};
 use crate::geometry::Mesh;
 use crate::laminate::PlateStiffness;
 
@@ -26,8 +26,9 @@ pub struct Bending {
 const CELLS: u32 = 40;
 
 impl Bending {
-    /// Solve the two cases for a scene's specimen, its constants and layup nominal, on its mesh; `window` has its low and high corner,
-    /// (s, t) mm. In-plane motion of the face is that of a plate without a hole about the origin: what the hole changes has no mean
+    /// Solve the uniform case for a scene's specimen, its constants and layup nominal, on its mesh; `window` has its low and high corner,
+    /// (s, t) mm. The part that grows along the load is that of a plate without a hole: what moments and shear at the ends, between which
+    /// it would be solved, depends on how the ends are held, and it is nothing at the hole itself. In-plane motion of the face is that of a plate without a hole about the origin: what the hole changes has no mean
     /// over the window.
     ///
     /// # Errors
@@ -35,41 +36,37 @@ impl Bending {
     pub fn new(scene: &Scene, mesh: &Mesh, window: [[f64; 2]; 2]) -> Result<Self> {
         let setup = &scene.setup;
         let plate = PlateStiffness::of(&scene.ply, &setup.angles, setup.thickness);
-        let unit = [[1.0, 0.0], [0.0, 1.0]];
-        let bent = bend(
-            mesh,
-            &plate,
-            &unit.map(|curvature| EndMoment::bending(&plate, curvature)),
-        )?;
+        let uniform = EndMoment::bending(&plate, [1.0, 0.0]);
+        let bent = bend(mesh, &plate, &[uniform])?;
         let points = grid(window);
         let (observer, inside) = Locator::new(mesh).observe(&points);
         let kept = points.into_iter().zip(inside).filter(|(_, inside)| *inside);
         let points: Vec<[f64; 2]> = kept.map(|(p, _)| p).collect();
         let half = 0.5 * setup.thickness;
         let middle = middle(setup.geometry.extents()[1]);
-        let mut deflection: Vec<f64> = (0..mesh.nodes.len())
-            .flat_map(|n| [bent[0].deflection[n], bent[1].deflection[n]])
-            .collect();
+        let growing = |[s, t]: [f64; 2]| plain_deflection(&plate, [s, t - middle]);
+        let nodes = bent[0].deflection.iter().zip(&mesh.nodes);
+        let mut deflection: Vec<f64> = nodes.flat_map(|(w, &p)| [*w, growing(p)]).collect();
         level(mesh, (&points, &observer), &mut deflection);
-        let mut face = [Vec::new(), Vec::new()];
-        for ((face, bent), curvature) in face.iter_mut().zip(&bent).zip(unit) {
-            let plain = |[s, t]: [f64; 2]| {
-                let [at, origin] =
-                    [[s, t - middle], [0.0, -middle]].map(|p| plain_rotation(&plate, curvature, p));
-                [at[0] - origin[0], at[1] - origin[1]]
-            };
-            let mut shift = [0.0; 2];
-            for (&p, found) in points.iter().zip(observer.displacement(&bent.rotation)) {
-                let wanted = plain(p);
-                for c in 0..2 {
-                    shift[c] += (wanted[c] - found[c]) / points.len() as f64;
-                }
+        let plain = |curvature: [f64; 2], [s, t]: [f64; 2]| {
+            let [at, origin] =
+                [[s, t - middle], [0.0, -middle]].map(|p| plain_rotation(&plate, curvature, p));
+            [at[0] - origin[0], at[1] - origin[1]]
+        };
+        let mut shift = [0.0; 2];
+        for (&p, found) in points.iter().zip(observer.displacement(&bent[0].rotation)) {
+            let wanted = plain([1.0, 0.0], p);
+            for c in 0..2 {
+                shift[c] += (wanted[c] - found[c]) / points.len() as f64;
             }
-            let moved = |r: &[f64]| [half * (r[0] + shift[0]), half * (r[1] + shift[1])];
-            *face = bent.rotation.chunks(2).flat_map(moved).collect();
         }
+        let moved = |r: &[f64]| [half * (r[0] + shift[0]), half * (r[1] + shift[1])];
+        let of_gradient = |&p: &[f64; 2]| plain([0.0, 1.0], p).map(|r| half * r);
         Ok(Self {
-            face,
+            face: [
+                bent[0].rotation.chunks(2).flat_map(moved).collect(),
+                mesh.nodes.iter().flat_map(of_gradient).collect(),
+            ],
             deflection,
             centre: [0, 1].map(|k| 0.5 * (window[0][k] + window[1][k])),
             camera_distance_mm: scene.camera_distance_mm,

@@ -224,3 +224,12 @@ pub fn plain_rotation(plate: &PlateStiffness, curvature: [f64; 2], [s, t]: [f64;
             + gradient * (0.25 * k12 * s * s + k2 * s * t + 0.5 * k222 * t * t),
     ]
 }
+
+/// Deflection, mm, of which the part of [`plain_rotation`] that grows along direction 1 by 1/mm^2 is the negative gradient.
+pub fn plain_deflection(plate: &PlateStiffness, [s, t]: [f64; 2]) -> f64 {
+    let d = &plate.bending;
+    let kappa = plate.curvature(&Vector3::x());
+    let (k2, k12) = (kappa.y / kappa.x, kappa.z / kappa.x);
+    let k222 = -(0.5 * d[(0, 1)] * k12 + 2.0 * d[(1, 2)] * k2) / d[(1, 1)];
+    -(s.powi(3) + 1.5 * k12 * s * s * t + 3.0 * k2 * s * t * t + k222 * t.powi(3)) / 6.0
+}

@@ -30,7 +30,9 @@ mod yielding;
 
 pub use anchor::Anchor;
 pub use basis::{Answer, Basis, Query, TOLERANCE};
-pub use bending::{BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_rotation};
+pub use bending::{
+    BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation,
+};
 pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use observe::{Locator, Nodal, Observer};
