@@ -55,7 +55,8 @@ fn judge(name: &str, certificates: &[Certificate], most: f64) {
         assert!(c.effectivity() < 5.0, "{name}: {c:?}");
         assert!(c.bound <= most, "{name}: {c:?}");
         assert!(c.largest_mm <= c.bound_mm, "{name}: {c:?}");
-        assert!(c.bound_mm < 1e-8, "{name}: {c:?}");
+        // a hundredth of what moire resolves
+        assert!(c.bound_mm < 1e-7, "{name}: {c:?}");
     }
 }
 

@@ -15,12 +15,12 @@ use crate::error::Result;
 use crate::geometry::Mesh;
 use crate::laminate::{Membrane, Ply, abd};
 
-/// Load levels from the first yielding of a Gauss point to [`TOP`].
+/// Load levels from the first yielding of a Gauss point to [`BEYOND`].
 const LEVELS: usize = 14;
 
-/// The last level where yielding begins at a stress raiser: the gross section yields. Without one, that much above the first.
-const TOP: f64 = 1.0;
-const BEYOND: f64 = 1.3;
+/// The last level over the first: where yielding begins at a hole the net section is then about to flow, and hardly hardening plates do not
+/// come to rest far beyond.
+const BEYOND: f64 = 2.2;
 
 /// Levels lie closer where yielding begins: their distances from the onset grow with this power of their number.
 const CROWDED: f64 = 1.3;
@@ -229,7 +229,7 @@ fn of_hardening<'f>(
     };
     let mut walk = Walk::new(&body, &mut first, 1.0);
     let onset = walk.onset;
-    let top = TOP.max(BEYOND * onset);
+    let top = BEYOND * onset;
     let level = |k: usize| onset + (top - onset) * (k as f64 / LEVELS as f64).powf(CROWDED);
     let levels: Vec<f64> = (1..=LEVELS).map(level).collect();
     let mut fields = Vec::with_capacity(LEVELS);

@@ -122,7 +122,7 @@ pub fn basis(certificates: &[Certificate]) -> Vec<Check> {
 /// # Errors
 /// None for a mesh that fits into memory.
 pub fn patch_test(a: &Membrane) -> Result<Check> {
-    let plate = square(coarse())?;
+    let plate = square(COARSE)?;
     let u: Vec<f64> = plate
         .mesh
         .nodes
@@ -152,7 +152,7 @@ pub fn lekhnitskii(a: &Membrane, name: &str) -> Result<Vec<Check>> {
     let exact = HoleSolution::new(a, 2.0, [100.0, 0.0, 0.0])?;
     let mut errors = Vec::new();
     for factor in [1.0, 2.0, 4.0] {
-        let plate = square(coarse().scaled(factor))?;
+        let plate = square(COARSE.scaled(factor))?;
         errors.push(l2_error(
             &plate.mesh,
             &solve_exact(&plate, a, &exact)?,
@@ -182,7 +182,7 @@ pub fn lekhnitskii(a: &Membrane, name: &str) -> Result<Vec<Check>> {
 /// A membrane stiffness that is not positive definite.
 pub fn concentration(a: &Membrane, what: &str) -> Result<Check> {
     let exact = HoleSolution::new(a, 2.0, [1.0, 0.0, 0.0])?;
-    let plate = square(coarse().scaled(4.0))?;
+    let plate = square(COARSE.scaled(4.0))?;
     let u = solve_exact(&plate, a, &exact)?;
     let (observer, _) = Locator::new(&plate.mesh).observe(&[[0.0, 2.0]]);
     let gradient = observer.gradient(&u);
@@ -447,6 +447,4 @@ fn square(density: Density) -> Result<Plate> {
 }
 
 /// 8 elements a side, 10 from the hole to the box.
-fn coarse() -> Density {
-    Density(2.0 / 9.0)
-}
+const COARSE: Density = Density(2.0 / 9.0);

@@ -78,13 +78,20 @@ pub fn prepare(
 
 /// Read the measurement, and locate it on the plate that is to be solved.
 fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
-    let Some(series) = model.read_series()? else {
-        let field = model.read_field()?;
-        progress.say(&format!("{} points", field.len()));
-        progress.end();
-        let problem = model.problem_of(&field)?;
-        let observation = Observation::new(field, &*problem.experiment)?;
-        return Ok((problem, observation));
+    let series = match model.read_series()? {
+        Some(series) if series.steps.len() > 1 => series,
+        other => {
+            // one step is a field like any other
+            let field = match other {
+                Some(single) => single.field,
+                None => model.read_field()?,
+            };
+            progress.say(&format!("{} points", field.len()));
+            progress.end();
+            let problem = model.problem_of(&field)?;
+            let observation = Observation::new(field, &*problem.experiment)?;
+            return Ok((problem, observation));
+        }
     };
     progress.say(&format!(
         "{} steps of {} points",

@@ -1,5 +1,6 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
+mod acts;
 mod density;
 mod joint;
 mod kernel;
@@ -18,6 +19,7 @@ mod steps;
 mod tabulated;
 mod version1;
 
+pub use acts::Acts;
 pub use density::LogDensity;
 pub use joint::{Joint, Member};
 pub use laplace::{Laplace, laplace};
@@ -28,6 +30,6 @@ pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
 pub use statistics::{Statistics, Whitened};
-pub use stepped::{Acts, Column, Here, LENS, Stack, Stepped, WEAK};
+pub use stepped::{Column, Here, LENS, Stack, Stepped, WEAK};
 pub use steps::Steps;
 pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::acts::Acts;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
-use super::stepped::Acts;
 use crate::effect::{
     Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, YIELD_PERCENT, YIELDING, amplitude_name,
 };
@@ -231,7 +231,12 @@ impl Model {
 
     /// Whether an effect acts by steps in this model.
     fn is_stepped(&self, effect: &'static dyn Effect) -> bool {
-        self.experiment().steps.is_some() && self.acts(effect).is_stepped()
+        let several = self
+            .experiment()
+            .steps
+            .as_ref()
+            .is_some_and(|s| s.len() > 1);
+        several && self.acts(effect).is_stepped()
     }
 
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the
