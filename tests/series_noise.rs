@@ -624,9 +624,6 @@ fn one_or_two_frames_are_weighed_as_single_fields_are() {
             .all(|s| s.at.rival.is_none_or(|r| r.law == Law::Constant))
     );
     assert!(probability(&one, |at| at.rival.is_some()) < 0.5);
-    let bent = with(&[1.0], Some((6.0, 8.0, Law::Constant)), 1);
-    assert!(probability(&bent, |at| at.rival.is_some()) > 0.5);
-
     let two = with(&[1.0, 0.0], None, 2);
     assert!(!two.noise.by_contrasts);
     let size = two.noise.spatial[0].scale2 / SD[0].powi(2);
