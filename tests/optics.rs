@@ -460,7 +460,7 @@ fn physics_does_not_depend_on_the_axis_of_the_load() {
         ("camera_rotation", &[4.0], &[4.0]),
         ("magnification", &[1.0], &[1.0]),
         ("camera_tilt", &[2e-4, 3e-4], &[-3e-4, 2e-4]),
-        ("lens_distortion", &[0.5, 2.0, 1.0], &[0.5, 2.0, 1.0]),
+        ("lens_distortion", &[0.5, 2.0, 1.0], &[0.5, 2.0, -1.0]),
         (
             "phase_shift_error",
             &[10.0, 0.0, 3.0, 0.0],

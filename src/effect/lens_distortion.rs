@@ -24,6 +24,10 @@ impl Effect for LensDistortion {
         }
     }
 
+    fn needed(&self) -> usize {
+        1
+    }
+
     /// With C the centre, d = X - C and D(d) = d (1 - k |d|^2): true X = D(d) - D(-C), so that the origin stays.
     fn true_point(&self, amplitude: &[f64], scene: &Scene, reported: [f64; 2]) -> [f64; 2] {
         let k = 0.01 * amplitude[0] / (RADIUS_MM * RADIUS_MM);

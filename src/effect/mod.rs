@@ -253,6 +253,11 @@ pub trait Effect: Sync {
         reported
     }
 
+    /// How many of its parameters, the first ones, must be given where its amplitudes are.
+    fn needed(&self) -> usize {
+        self.parameters().len()
+    }
+
     /// How far an optical effect that moves the specimen moves a point of it, mm: along both directions and, last, out of the plane
     /// towards the camera.
     fn motion(&self, _amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {
@@ -333,7 +338,8 @@ pub struct Acting {
 }
 
 impl Acting {
-    /// Parse `NAME=VALUE` or `NAME=VALUE,VALUE`, in the units of the effect's parameters; the last may be left out, which makes them 0.
+    /// Parse `NAME=VALUE` or `NAME=VALUE,VALUE`, in the units of the effect's parameters; those that an effect can do without may be left out,
+    /// which makes them 0.
     pub fn parse(place: &str, text: &str) -> Result<Self> {
         let (name, values) = text
             .split_once('=')
@@ -351,10 +357,10 @@ impl Acting {
                     .map_err(|_| Error::input(&place, "a number").found(value))
             })
             .collect::<Result<Vec<f64>>>()?;
-        if amplitude.len() > parameters.len() {
+        if !(effect.needed()..=parameters.len()).contains(&amplitude.len()) {
             return Err(Error::input(
                 &place,
-                format!("at most {} value(s): {}", wanted.len(), wanted.join(",")),
+                format!("{} value(s): {}", wanted.len(), wanted.join(",")),
             )
             .found(values));
         }

@@ -1,7 +1,6 @@
 //! A field experiment: a flat specimen under load, solved by finite elements and seen by a camera.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
@@ -10,6 +9,7 @@ use serde::Serialize;
 use super::bending::Bending;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::subset::Subsets;
+use super::window::{widened, window_nodes};
 use super::{
     Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged, in_closed_form,
 };
@@ -443,29 +443,3 @@ impl Experiment for FieldExperiment {
 
 /// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.
 const WORTH_A_BASIS: usize = 30;
-
-/// A window with a margin around it.
-fn widened([low, high]: [[f64; 2]; 2], by: f64) -> [[f64; 2]; 2] {
-    [low.map(|x| x - by), high.map(|x| x + by)]
-}
-
-/// Nodes of all elements whose bounding box meets the window, in increasing order.
-fn window_nodes(mesh: &Mesh, [low, high]: [[f64; 2]; 2]) -> Vec<u32> {
-    let mut nodes = BTreeSet::new();
-    for (e, element) in mesh.elements.iter().enumerate() {
-        let x = mesh.corners(e);
-        let outside = (0..2).any(|k| {
-            let (min, max) = x
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
-                    (a.min(p[k]), b.max(p[k]))
-                });
-            let margin = 0.125 * (max - min) + 1e-6;
-            max + margin < low[k] || min - margin > high[k]
-        });
-        if !outside {
-            nodes.extend(element);
-        }
-    }
-    nodes.into_iter().collect()
-}

