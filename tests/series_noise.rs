@@ -469,8 +469,8 @@ fn frames_scales_size_and_reference_are_found() {
     for found in &found {
         let (mean, sd) = mean_sd(found);
         println!("scale over the true one: mean {mean:.3}, sd {sd:.3}");
-        // of the variance: 7 % of the sd
-        assert!((mean - 1.0).abs() < 0.15 && sd < 0.25);
+        // of the variance, and so twice that of the sd; the contrasts see little of the unloaded frame, the last
+        assert!((mean - 1.0).abs() < 0.25 && sd < 0.25);
     }
     let (mean, sd) = mean_sd(&references);
     println!("nugget {nugget:?}");
