@@ -23,7 +23,6 @@ mod restricted;
 mod rivals;
 mod scales;
 mod settings;
-mod shapes;
 mod slices;
 mod subset_kernel;
 

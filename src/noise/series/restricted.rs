@@ -87,10 +87,9 @@ impl Restricted {
                 ))
                 .hint("restrict the dictionary with \"candidates\", measure more densely, or more steps"));
         }
-        let frames = slices.of(&kept);
         Ok(Self {
-            basis: without_fit(&slices.basis, &frames, contrasts, &inner),
-            frames,
+            frames: slices.of(&kept),
+            basis: slices.basis.clone(),
             shape: [m, n],
             freedom: m * n - kept.len(),
         })
@@ -159,34 +158,6 @@ impl Restricted {
         let u = combined(&self.frames, &weights);
         tr_product(&u, &product(&whitened.gram, &u))
     }
-}
-
-/// A basis whose last vectors, the data of each frame, lack what the columns fit of them on the contrasts: data in which the specimen
-/// moves by a million sds leave a likelihood of few digits.
-fn without_fit(
-    basis: &DMatrix<f64>,
-    frames: &[DMatrix<f64>],
-    contrasts: &DMatrix<f64>,
-    inner: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let last = frames.first().map_or(0, |t| t.ncols() - 1);
-    let mut m = DMatrix::zeros(last + 1, last + 1);
-    for b in contrasts.column_iter() {
-        let u = combined(frames, &b.into_owned());
-        m += tr_product(&u, &product(inner, &u));
-    }
-    let (xx, xy) = (m.view((0, 0), (last, last)), m.view((0, last), (last, 1)));
-    let fit = NormalEquations::new(xx.into_owned(), xy.column(0).into_owned());
-    let mut left = basis.clone();
-    let Some(fit) = fit else { return left };
-    let amplitudes = fit.mean();
-    let first = basis.ncols() - frames.len();
-    for (s, t) in frames.iter().enumerate() {
-        let fitted = basis * (t.columns(0, last) * &amplitudes);
-        let mut data = left.column_mut(first + s);
-        data -= fitted;
-    }
-    left
 }
 
 /// Columns, in order of how much of them is left, of which contrasts see something that the earlier ones do not have:
