@@ -1,6 +1,7 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod acts;
+mod column;
 mod density;
 mod joint;
 mod kernel;
@@ -13,6 +14,7 @@ mod observation;
 mod posterior;
 mod prior;
 mod schema;
+mod series;
 mod statistics;
 mod stepped;
 mod steps;
@@ -20,6 +22,7 @@ mod tabulated;
 mod version1;
 
 pub use acts::Acts;
+pub use column::Column;
 pub use density::LogDensity;
 pub use joint::{Joint, Member};
 pub use laplace::{Laplace, laplace};
@@ -30,6 +33,6 @@ pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
 pub use statistics::{Statistics, Whitened};
-pub use stepped::{Column, Here, LENS, Stack, Stepped, WEAK};
+pub use stepped::{Here, LENS, Stack, Stepped, WEAK};
 pub use steps::Steps;
 pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};

@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::acts::Acts;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
 use crate::effect::{
-    Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, YIELD_PERCENT, YIELDING, amplitude_name,
+    Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name,
 };
 use crate::error::{Error, Result};
-use crate::experiment::series::{Law, SeriesState};
+use crate::experiment::series::SeriesState;
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
     Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, Images, MockExperiment,
@@ -18,7 +17,7 @@ use crate::experiment::{
 };
 use crate::fem::Setup;
 use crate::field::rigid::{self, RigidMotion};
-use crate::field::{Field, Grid, PartialSubsets, Series, StepSpec, SubsetShape};
+use crate::field::{Field, Grid, PartialSubsets, StepSpec, SubsetShape};
 use crate::geometry;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
@@ -123,36 +122,8 @@ impl Model {
         Ok(files?.concat())
     }
 
-    /// Read the load series, if the measurement is one.
-    ///
-    /// # Errors
-    /// Those of [`Series::read`]; no hole where the model has one.
-    pub fn read_series(&self) -> Result<Option<Series>> {
-        let experiment = self.experiment();
-        let Some(steps) = &experiment.steps else {
-            return Ok(None);
-        };
-        let window = experiment.window_mm;
-        let series = Series::read(&experiment.measurement, steps, self.base_dir(), window)?;
-        self.check_hole(&series.field)?;
-        Ok(Some(series))
-    }
-
-    /// Simulation knows one load yet: a series is refused.
-    fn refuse_series(&self) -> Result<()> {
-        match &self.experiment().steps {
-            None => Ok(()),
-            Some(steps) => Err(Error::input(
-                format!("{}: experiments[0].steps", self.path.display()),
-                "one load and one measurement: this version identifies a load series, but cannot simulate one yet",
-            )
-            .found(format!("{} steps", steps.len()))
-            .hint("declare one step's force as load.force_N and its file as measurement.file")),
-        }
-    }
-
     /// The hole that the model declares is where the points leave room for it.
-    fn check_hole(&self, field: &Field) -> Result<()> {
+    pub(super) fn check_hole(&self, field: &Field) -> Result<()> {
         match geometry::declared(&self.experiment().specimen).hole_radius() {
             Some(radius) => field
                 .check_hole(radius)
@@ -210,33 +181,6 @@ impl Model {
             .filter(|e| e.kind() == Kind::Additive && !self.is_stepped(**e))
             .copied()
             .collect()
-    }
-
-    /// Declared effects of a series' picture and of motion in its steps, beside rigid motion in the plane, which every step has.
-    pub fn stepped(&self) -> Vec<Acts> {
-        let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
-        let other = stepped.filter(|e| !e.name().starts_with("rigid_"));
-        other.map(|e| self.acts(*e)).collect()
-    }
-
-    /// A declared effect of a series with its law.
-    pub fn acts(&self, effect: &'static dyn Effect) -> Acts {
-        let moves = effect.scope() == Scope::Motion;
-        let law = self.experiment().laws.get(effect.name()).copied();
-        Acts {
-            effect,
-            law: moves.then_some(law.unwrap_or(Law::Load)),
-        }
-    }
-
-    /// Whether an effect acts by steps in this model.
-    fn is_stepped(&self, effect: &'static dyn Effect) -> bool {
-        let several = self
-            .experiment()
-            .steps
-            .as_ref()
-            .is_some_and(|s| s.len() > 1);
-        several && self.acts(effect).is_stepped()
     }
 
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the

@@ -7,7 +7,7 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::{Acts, Model, Steps};
+use super::{Acts, Column, Model, Steps};
 use crate::effect::{Effect, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::{Average, Loaded, SeriesState, Solver, report, rigid_free};
@@ -15,30 +15,6 @@ use crate::experiment::{Experiment, Sight, State};
 use crate::fem::Anchor;
 use crate::laminate::MeanSd;
 use crate::reduce::THICKNESS;
-
-/// A parameter of the linearised prediction.
-#[derive(Clone)]
-pub struct Column {
-    /// `E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`.
-    pub name: String,
-    /// Prior mean, border units.
-    pub mean: f64,
-    /// Prior sd, border units.
-    pub sd: f64,
-    /// Value at which the test was linearised.
-    pub at: f64,
-    /// Whether the parameter cannot be negative.
-    pub positive: bool,
-    /// Change of the values of (u1, u2) for one prior sd, mm.
-    pub values: [DVector<f64>; 2],
-}
-
-impl Column {
-    /// Whether it moves the specimen as a whole.
-    pub fn is_rigid(&self) -> bool {
-        self.name.starts_with("rigid_")
-    }
-}
 
 /// A series, ready to be linearised.
 pub struct Stepped<'a> {

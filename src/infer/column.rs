@@ -1,0 +1,27 @@
+//! What a change of one parameter does to the prediction.
+
+use nalgebra::DVector;
+
+/// A parameter of the linearised prediction.
+#[derive(Clone)]
+pub struct Column {
+    /// `E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`.
+    pub name: String,
+    /// Prior mean, border units.
+    pub mean: f64,
+    /// Prior sd, border units.
+    pub sd: f64,
+    /// Value at which the test was linearised.
+    pub at: f64,
+    /// Whether the parameter cannot be negative.
+    pub positive: bool,
+    /// Change of the values of (u1, u2) for one prior sd, mm.
+    pub values: [DVector<f64>; 2],
+}
+
+impl Column {
+    /// Whether it moves the specimen as a whole.
+    pub fn is_rigid(&self) -> bool {
+        self.name.starts_with("rigid_")
+    }
+}

@@ -1,0 +1,65 @@
+//! A model whose measurement is a load series.
+
+use super::acts::Acts;
+use super::model::Model;
+use crate::effect::{Effect, Scope};
+use crate::error::{Error, Result};
+use crate::experiment::series::Law;
+use crate::field::Series;
+
+impl Model {
+    /// Read the load series, if the measurement is one.
+    ///
+    /// # Errors
+    /// Those of [`Series::read`]; no hole where the model has one.
+    pub fn read_series(&self) -> Result<Option<Series>> {
+        let experiment = self.experiment();
+        let Some(steps) = &experiment.steps else {
+            return Ok(None);
+        };
+        let window = experiment.window_mm;
+        let series = Series::read(&experiment.measurement, steps, self.base_dir(), window)?;
+        self.check_hole(&series.field)?;
+        Ok(Some(series))
+    }
+
+    /// Simulation knows one load yet: a series is refused.
+    pub(super) fn refuse_series(&self) -> Result<()> {
+        match &self.experiment().steps {
+            None => Ok(()),
+            Some(steps) => Err(Error::input(
+                format!("{}: experiments[0].steps", self.path.display()),
+                "one load and one measurement: this version identifies a load series, but cannot simulate one yet",
+            )
+            .found(format!("{} steps", steps.len()))
+            .hint("declare one step's force as load.force_N and its file as measurement.file")),
+        }
+    }
+
+    /// Declared effects of a series' picture and of motion in its steps, beside rigid motion in the plane, which every step has.
+    pub fn stepped(&self) -> Vec<Acts> {
+        let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
+        let other = stepped.filter(|e| !e.name().starts_with("rigid_"));
+        other.map(|e| self.acts(*e)).collect()
+    }
+
+    /// A declared effect of a series with its law.
+    pub fn acts(&self, effect: &'static dyn Effect) -> Acts {
+        let moves = effect.scope() == Scope::Motion;
+        let law = self.experiment().laws.get(effect.name()).copied();
+        Acts {
+            effect,
+            law: moves.then_some(law.unwrap_or(Law::Load)),
+        }
+    }
+
+    /// Whether an effect acts by steps in this model.
+    pub(super) fn is_stepped(&self, effect: &'static dyn Effect) -> bool {
+        let several = self
+            .experiment()
+            .steps
+            .as_ref()
+            .is_some_and(|s| s.len() > 1);
+        several && self.acts(effect).is_stepped()
+    }
+}
