@@ -82,12 +82,14 @@ pub struct SeriesState {
     pub moving: Vec<Moving>,
 }
 
-/// An effect whose amplitudes are another in each step.
+/// An effect whose amplitude is another in each step, by one law.
 #[derive(Clone)]
 pub struct Moving {
     pub effect: &'static dyn Effect,
-    /// Border units, `amplitude[step][parameter]`.
-    pub amplitude: Vec<Vec<f64>>,
+    /// The amplitude in each step over the stated one.
+    pub weights: Vec<f64>,
+    /// The stated one, border units.
+    pub amplitude: Vec<f64>,
 }
 
 impl SeriesState {
@@ -105,39 +107,53 @@ impl SeriesState {
             state.shared.shift(effect, parameter, by);
             return state;
         }
-        let known = |m: &&mut Moving| m.effect.name() == effect.name();
-        let none = || Moving {
-            effect,
-            amplitude: vec![vec![0.0; effect.parameters().len()]; weights.len()],
-        };
-        if state.moving.iter_mut().find(known).is_none() {
-            state.moving.push(none());
+        let acts = |m: &Moving| m.effect.name() == effect.name() && m.weights == weights;
+        if !state.moving.iter().any(acts) {
+            state.moving.push(Moving {
+                effect,
+                weights: weights.to_vec(),
+                amplitude: vec![0.0; effect.parameters().len()],
+            });
         }
-        for moving in state
-            .moving
-            .iter_mut()
-            .filter(|m| m.effect.name() == effect.name())
-        {
-            for (own, weight) in moving.amplitude.iter_mut().zip(weights) {
-                own[parameter] += by * weight;
-            }
+        for moving in state.moving.iter_mut().filter(|m| acts(m)) {
+            moving.amplitude[parameter] += by;
         }
         state
     }
 
+    /// The stated amplitude, in border units, of an effect that moves the specimen by one law.
+    pub fn moved(&self, effect: &dyn Effect, weights: &[f64]) -> Vec<f64> {
+        let mut moving = self.moving.iter();
+        let acts = |m: &&Moving| m.effect.name() == effect.name() && m.weights == weights;
+        moving.find(acts).map_or_else(
+            || vec![0.0; effect.parameters().len()],
+            |m| m.amplitude.clone(),
+        )
+    }
+
     /// Effects that act on the picture of a step.
     fn acting(&self, step: usize) -> Vec<Acting> {
-        let moving = self.moving.iter().map(|m| Acting {
-            effect: m.effect,
-            amplitude: m.amplitude[step].clone(),
-        });
-        let acts = |a: &Acting| a.amplitude.iter().any(|x| *x != 0.0);
-        self.shared
-            .acting()
-            .iter()
-            .cloned()
-            .chain(moving.filter(acts))
-            .collect()
+        let mut moving: Vec<Acting> = Vec::new();
+        for m in &self.moving {
+            let own = m.amplitude.iter().map(|a| m.weights[step] * a);
+            let known = moving
+                .iter_mut()
+                .find(|a| a.effect.name() == m.effect.name());
+            if let Some(known) = known {
+                known
+                    .amplitude
+                    .iter_mut()
+                    .zip(own)
+                    .for_each(|(a, own)| *a += own);
+            } else {
+                moving.push(Acting {
+                    effect: m.effect,
+                    amplitude: own.collect(),
+                });
+            }
+        }
+        moving.retain(|a| a.amplitude.iter().any(|x| *x != 0.0));
+        self.shared.acting().iter().cloned().chain(moving).collect()
     }
 }
 

@@ -313,21 +313,12 @@ impl Here<'_> {
         Ok(columns)
     }
 
-    /// The stated amplitude of an effect's parameter in the state.
+    /// The stated amplitude of an effect's parameter in the state, of a motion by that law.
     fn amplitude(&self, acts: &Acts, k: usize, weights: &[f64]) -> f64 {
         if acts.effect.scope() != Scope::Motion {
             return self.at.shared.amplitude(acts.effect)[k];
         }
-        let moving = self
-            .at
-            .moving
-            .iter()
-            .find(|m| m.effect.name() == acts.effect.name());
-        let largest = (0..weights.len()).max_by(|a, b| weights[*a].total_cmp(&weights[*b]));
-        let (Some(moving), Some(step)) = (moving, largest) else {
-            return 0.0;
-        };
-        moving.amplitude[step][k] / weights[step]
+        self.at.moved(acts.effect, weights)[k]
     }
 
     /// A lens of no strength has no centre: then the columns are those of strength times centre, of one prior sd each.

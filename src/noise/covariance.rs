@@ -136,11 +136,13 @@ impl<'a> BlockKernel<'a> {
     /// Far off the mean differs by half the variance of the offset times the second derivative.
     fn far(&self, offset: [f64; 2], distance: f64, variance: [f64; 2]) -> f64 {
         let rate = 3_f64.sqrt() / self.length_mm;
-        let (rate2, decay) = (rate * rate, (-rate * distance).exp());
+        let decay = (-rate * distance).exp();
+        let rate2 = rate * rate;
         let curved: f64 = (0..2)
             .map(|k| variance[k] * rate2 * decay * (rate * offset[k] * offset[k] / distance - 1.0))
             .sum();
-        (matern(self.length_mm, distance) + 0.5 * curved).max(0.0)
+        // the kernel there, with the exponential at hand
+        ((1.0 + rate * distance) * decay + 0.5 * curved).max(0.0)
     }
 
     /// Mean over two rectangles full of points, their centres `offset` apart, where the offset of their points has the

@@ -6,7 +6,7 @@ use super::frames::Frames;
 use super::subset_kernel::subset_covariance;
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::noise::covariance::noise_lengths_mm;
+use crate::noise::covariance::{discrepancy_lengths_mm, noise_lengths_mm};
 use crate::noise::{BlockCovariance, Matern};
 
 /// Lengths of smooth patterns over the shorter side of the window: 2, 4, 8 and 16 mm in 24 mm. Real patterns (lighting, warm air, the
@@ -19,20 +19,23 @@ const SHORTEST: f64 = 1.0 / 24.0;
 /// Ratios rho that are tabulated; the best is refined.
 pub(super) const RATIOS: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 
-/// Part of the noise that no subset correlates: what interpolation and rounding add, relative to the mean block's variance.
-const NUGGET: f64 = 0.02;
+/// Part of the noise that no subset correlates: what interpolation and rounding add, relative to the mean block's variance. Blocks
+/// smaller than a subset have fine patterns in which overlapping subsets leave next to nothing; there a part of 2 % where there is
+/// none made s2 18 % too small (tests/series_noise.rs). None at all would trust the model's own errors of that size.
+pub(super) const NUGGETS: [f64; 6] = [0.02, 0.001, 0.003, 0.01, 0.05, 0.2];
 
 /// The family of one series.
 pub(super) struct Family<'a> {
     pub blocks: &'a Blocks,
-    /// K, with its nugget.
-    white: DMatrix<f64>,
-    /// Variance of a point's white part at s = 1.
-    point: f64,
+    /// K without its nugget, and the nugget of size 1; without a subset no K, and the nugget is all.
+    subset: Option<DMatrix<f64>>,
+    own: DVector<f64>,
     /// Correlation lengths that are tabulated, mm.
     pub lengths_mm: Vec<f64>,
     /// Lengths of the search end here, mm.
     pub range_mm: [f64; 2],
+    /// Correlation from this length on is a discrepancy.
+    discrepancy_mm: f64,
 }
 
 /// Covariance hyperparameters of one frame's noise.
@@ -40,42 +43,64 @@ pub(super) struct Family<'a> {
 pub(super) struct Shape {
     pub length_mm: f64,
     pub ratio: f64,
+    /// Part of the noise that no subset correlates.
+    pub nugget: f64,
 }
 
 impl<'a> Family<'a> {
     /// Of frames whose noise contrasts know (`any_length`), or of one field, in which long correlation is a discrepancy.
     pub fn new(frames: &Frames<'a>, any_length: bool) -> Self {
         let blocks = frames.blocks;
-        let shares = blocks.mean_count();
-        let shares = blocks.count.iter().map(|n| shares / *n as f64);
-        let shares = DVector::from_iterator(blocks.len(), shares);
-        let (white, point) = match frames.subset_mm {
-            Some(subset_mm) => {
-                let mut white = subset_covariance(blocks, subset_mm);
-                let nugget = NUGGET * white.diagonal().mean();
-                for (b, share) in shares.iter().enumerate() {
-                    white[(b, b)] += nugget * share;
-                }
-                // a point has the nugget of its block many times
-                (white, 1.0 + nugget * blocks.mean_count())
-            }
-            None => (DMatrix::from_diagonal(&shares), blocks.mean_count()),
-        };
+        let subset = frames.subset_mm.map(|w| subset_covariance(blocks, w));
+        let typical = subset.as_ref().map_or(1.0, |k| k.diagonal().mean());
+        let shares = blocks
+            .count
+            .iter()
+            .map(|n| typical * blocks.mean_count() / *n as f64);
         let side = frames.window_mm();
         let lengths_mm: Vec<f64> = if any_length {
             let shortest = frames.subset_mm.is_none().then_some(SHORTEST);
             let shares = shortest.into_iter().chain(LENGTHS);
             shares.map(|share| share * side).collect()
         } else {
-            noise_lengths_mm(blocks).to_vec()
+            [noise_lengths_mm(blocks), discrepancy_lengths_mm(blocks)].concat()
         };
         let ends = [lengths_mm[0], lengths_mm[lengths_mm.len() - 1]];
+        let discrepancy_mm = if any_length {
+            f64::INFINITY
+        } else {
+            discrepancy_lengths_mm(blocks)[0]
+        };
         Self {
             blocks,
-            white,
-            point,
+            own: DVector::from_iterator(blocks.len(), shares),
+            subset,
             range_mm: [ends[0] / 2_f64.sqrt(), ends[1]],
             lengths_mm,
+            discrepancy_mm,
+        }
+    }
+
+    /// Whether a shape describes a discrepancy of the model rather than noise.
+    pub fn is_discrepancy(&self, shape: Shape) -> bool {
+        shape.ratio > 0.0 && shape.length_mm >= self.discrepancy_mm
+    }
+
+    /// Nuggets to choose from, the one to begin with first.
+    pub fn nuggets(&self) -> &'static [f64] {
+        if self.subset.is_some() {
+            &NUGGETS
+        } else {
+            &NUGGETS[..1]
+        }
+    }
+
+    /// Noise without smooth patterns.
+    pub fn white(&self) -> Shape {
+        Shape {
+            length_mm: self.lengths_mm[0],
+            ratio: 0.0,
+            nugget: self.nuggets()[0],
         }
     }
 
@@ -83,8 +108,21 @@ impl<'a> Family<'a> {
     ///
     /// # Errors
     /// Of the program, if it is not positive definite.
-    pub fn with(&self, matern: &Matern, ratio: f64) -> Result<BlockCovariance> {
-        BlockCovariance::over(&self.white, self.point, &[(matern, ratio)])
+    pub fn with(&self, matern: Option<&Matern>, shape: Shape) -> Result<BlockCovariance> {
+        let parts: Vec<_> = matern.map(|m| (m, shape.ratio)).into_iter().collect();
+        // a point has the nugget of its block many times
+        let count = self.blocks.mean_count();
+        match &self.subset {
+            Some(subset) => {
+                let mut white = subset.clone();
+                for (b, own) in self.own.iter().enumerate() {
+                    white[(b, b)] += shape.nugget * own;
+                }
+                let nugget = shape.nugget * subset.diagonal().mean();
+                BlockCovariance::over(&white, 1.0 + nugget * count, &parts)
+            }
+            None => BlockCovariance::over(&DMatrix::from_diagonal(&self.own), count, &parts),
+        }
     }
 
     /// The covariance at s = 1.
@@ -93,8 +131,8 @@ impl<'a> Family<'a> {
     /// Of the program, if it is not positive definite.
     pub fn at(&self, shape: Shape) -> Result<BlockCovariance> {
         if shape.ratio == 0.0 {
-            return BlockCovariance::over(&self.white, self.point, &[]);
+            return self.with(None, shape);
         }
-        self.with(&Matern::new(self.blocks, shape.length_mm), shape.ratio)
+        self.with(Some(&Matern::new(self.blocks, shape.length_mm)), shape)
     }
 }

@@ -23,6 +23,7 @@ mod restricted;
 mod rivals;
 mod scales;
 mod settings;
+mod shapes;
 mod slices;
 mod subset_kernel;
 

@@ -10,24 +10,28 @@ use nalgebra::{DMatrix, DVector};
 
 use super::contrasts::Metric;
 use super::dense::{gram, product, tr_product};
-use super::slices::{Slices, combined};
+use super::slices::{Basis, Slices};
 use crate::error::{Error, Result};
 use crate::noise::{BlockCovariance, NormalEquations};
 
 /// Columns of which contrasts see less than this part have none there: they follow a law.
-const UNSEEN: f64 = 1e-8;
+const UNSEEN: f64 = 1e-7;
 
-/// Columns of which less than the root of this is independent of the others depend on them.
-const DEPENDENT: f64 = 1e-11;
+/// Columns of which less than this part is independent of the others depend on them.
+const DEPENDENT: f64 = 1e-6;
 
 /// Contrasts needed beside the columns, at least.
 const FEWEST: usize = 20;
 
 /// What frame contrasts know of one component's noise.
 pub(super) struct Restricted {
+    /// B, frames x m, orthonormal.
+    contrasts: DMatrix<f64>,
+    /// A: an orthonormal basis of the columns' slices, and what the data's contrasts have beside it: blocks x k.
     basis: DMatrix<f64>,
-    /// Independent columns and, last, the data, in each frame.
-    frames: Vec<DMatrix<f64>>,
+    /// Of each contrast, an orthonormal basis of the columns that it sees and, last, the data beside it, in A: those of one contrast
+    /// below one another, (k (p + 1)) x m.
+    stacked: DMatrix<f64>,
     /// Number of frame contrasts m and of blocks n.
     shape: [usize; 2],
     /// nu.
@@ -59,39 +63,42 @@ impl Restricted {
     /// # Errors
     /// Of the input: too few values left beside the columns.
     pub fn new(slices: &Slices, contrasts: &DMatrix<f64>) -> Result<Self> {
-        let inner = gram(&slices.basis);
-        let n = slices.basis.nrows();
-        let last = slices.frames.first().map_or(0, |t| t.ncols() - 1);
-        let squares = |u: &DMatrix<f64>| {
-            let image = product(&inner, u);
-            DVector::from_fn(last, |j, _| u.column(j).dot(&image.column(j)))
-        };
-        let mut seen = DMatrix::zeros(last, last);
-        for b in contrasts.column_iter() {
-            let u = slices
-                .combined(&b.into_owned())
-                .columns(0, last)
-                .into_owned();
-            seen += tr_product(&u, &product(&inner, &u));
-        }
-        let total = slices.frames.iter().map(squares);
-        let total = total.fold(DVector::zeros(last), |sum, more| sum + more);
-        let kept = independent(&seen, &total);
-        let m = contrasts.ncols();
-        if m * n < kept.len() + FEWEST {
+        let [n, m] = [slices.basis.nrows(), contrasts.ncols()];
+        let parts = Parts::new(slices, contrasts);
+        let columns = independent(&parts.columns, &parts.total);
+        let p = columns.ncols();
+        if m * n < p + FEWEST {
             let expected = "enough blocks in enough frames to tell the noise from the effects";
             return Err(Error::input("steps", expected)
                 .found(format!(
-                    "{n} blocks in {m} independent contrasts of frames for {} columns",
-                    kept.len()
+                    "{n} blocks in {m} independent contrasts of frames for {p} columns"
                 ))
                 .hint("restrict the dictionary with \"candidates\", measure more densely, or more steps"));
         }
+        // twice: data in which the specimen moves by a million sds leave a residual of few digits
+        let mut data = parts.data;
+        for _ in 0..2 {
+            let fit = columns.tr_mul(&data);
+            data.gemv(-1.0, &columns, &fit, 1.0);
+        }
+        let q = parts.spanned.ncols();
+        let mut stacked = DMatrix::zeros((q + m) * (p + 1), m);
+        for j in 0..m {
+            let mut own = DMatrix::zeros(q + m, p + 1);
+            own.view_mut((0, 0), (q, p))
+                .copy_from(&columns.rows(j * q, q));
+            own.view_mut((0, p), (q, 1)).copy_from(&data.rows(j * q, q));
+            own[(q + j, p)] = 1.0;
+            stacked.column_mut(j).copy_from_slice(own.as_slice());
+        }
+        let mut basis = parts.spanned.resize_horizontally(q + m, 0.0);
+        basis.columns_mut(q, m).copy_from(&parts.beside);
         Ok(Self {
-            frames: slices.of(&kept),
-            basis: slices.basis.clone(),
+            contrasts: contrasts.clone(),
+            basis,
+            stacked,
             shape: [m, n],
-            freedom: m * n - kept.len(),
+            freedom: m * n - p,
         })
     }
 
@@ -113,10 +120,9 @@ impl Restricted {
     /// # Errors
     /// Of the program: columns that are not independent after whitening.
     pub fn fit(&self, whitened: &Whitened, metric: &Metric) -> Result<Fit> {
-        let mut m = self.sandwich(whitened, metric.root.column(0).into_owned());
-        for root in metric.root.column_iter().skip(1) {
-            m += self.sandwich(whitened, root.into_owned());
-        }
+        let mut sandwiches = self.sandwiches(whitened, &metric.root).into_iter();
+        let first = sandwiches.next().unwrap_or_else(|| DMatrix::zeros(1, 1));
+        let m = sandwiches.fold(first, |sum, more| sum + more);
         let last = m.nrows() - 1;
         let (xx, xy) = (
             m.view((0, 0), (last, last)).into_owned(),
@@ -141,53 +147,85 @@ impl Restricted {
     /// Slope of the restricted likelihood with the noise of each frame.
     pub fn slope(&self, whitened: &Whitened, metric: &Metric, fit: &Fit) -> DVector<f64> {
         let last = fit.amplitudes.len();
-        DVector::from_fn(self.frames.len(), |s, _| {
-            // d M / d Phi_ss = -X' (S e e' S (x) N^-1) X
-            let h = self.sandwich(whitened, metric.s.column(s).into_owned());
+        // d M / d Phi_ss = -X' (S e e' S (x) N^-1) X
+        let sandwiches = self.sandwiches(whitened, &metric.s);
+        let slopes = sandwiches.iter().enumerate().map(|(s, h)| {
             let (xx, xy) = (h.view((0, 0), (last, last)), h.view((0, last), (last, 1)));
             let a = &fit.amplitudes;
             let square = h[(last, last)] - 2.0 * a.dot(&xy.column(0)) + a.dot(&(xx * a));
             let columns: f64 = fit.inverse.dot(&xx);
             let blocks = self.shape[1] as f64;
             0.5 * (square / fit.scale2 - blocks * metric.s[(s, s)] + columns)
-        })
+        });
+        DVector::from_iterator(sandwiches.len(), slopes)
     }
 
-    /// X' (w w' (x) N^-1) X of the columns and the data.
-    fn sandwich(&self, whitened: &Whitened, weights: DVector<f64>) -> DMatrix<f64> {
-        let u = combined(&self.frames, &weights);
-        tr_product(&u, &product(&whitened.gram, &u))
+    /// X' (w w' (x) N^-1) X of the columns and the data, for every column w of `weights` (frames x any) that the contrasts span.
+    fn sandwiches(&self, whitened: &Whitened, weights: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+        let k = self.basis.ncols();
+        let all = product(&self.stacked, &self.contrasts.tr_mul(weights));
+        let each = all.column_iter().map(|u| {
+            let u = DMatrix::from_column_slice(k, u.len() / k, u.as_slice());
+            tr_product(&u, &product(&whitened.gram, &u))
+        });
+        each.collect()
     }
 }
 
-/// Columns, in order of how much of them is left, of which contrasts see something that the earlier ones do not have:
-/// Cholesky's factorisation with pivoting of the gram matrix `seen`, scaled to a unit diagonal.
-fn independent(seen: &DMatrix<f64>, total: &DVector<f64>) -> Vec<usize> {
-    let p = seen.nrows();
-    let visible = |k: usize| seen[(k, k)] > UNSEEN * UNSEEN * total[k];
-    let mut open: Vec<usize> = (0..p).filter(|&k| visible(k)).collect();
-    let length = |k: usize| seen[(k, k)].sqrt();
-    let mut left: Vec<f64> = vec![1.0; p];
-    let mut factor: Vec<Vec<f64>> = vec![Vec::new(); p];
-    let mut kept = Vec::new();
-    while !open.is_empty() {
-        let longest =
-            (1..open.len()).fold(0, |a, b| if left[open[b]] > left[open[a]] { b } else { a });
-        let pivot = open[longest];
-        if left[pivot] <= DEPENDENT {
-            break;
+/// The columns and the data on contrasts, one contrast below the other, in an orthonormal basis of the columns' slices.
+struct Parts {
+    spanned: DMatrix<f64>,
+    /// (q m) x columns, and their squared lengths over all frames.
+    columns: DMatrix<f64>,
+    total: DVector<f64>,
+    /// The data inside the basis, q m, and beside it, blocks x m.
+    data: DVector<f64>,
+    beside: DMatrix<f64>,
+}
+
+impl Parts {
+    fn new(slices: &Slices, contrasts: &DMatrix<f64>) -> Self {
+        let [count, m] = [slices.frames.len(), contrasts.ncols()];
+        let q = slices.basis.ncols() - count;
+        let last = slices.frames.first().map_or(0, |t| t.ncols() - 1);
+        let spanned = slices.basis.columns(0, q).into_owned();
+        let mut beside = slices.basis.columns(q, count) * contrasts;
+        let mut inside = DMatrix::zeros(q, m);
+        for _ in 0..2 {
+            let part = tr_product(&spanned, &beside);
+            beside -= product(&spanned, &part);
+            inside += part;
         }
-        open.remove(longest);
-        let (of_pivot, root) = (factor[pivot].clone(), left[pivot].sqrt());
-        for &k in &open {
-            let before: f64 = factor[k].iter().zip(&of_pivot).map(|(a, b)| a * b).sum();
-            let scaled = seen[(pivot, k)] / (length(pivot) * length(k));
-            let value = (scaled - before) / root;
-            factor[k].push(value);
-            left[k] -= value * value;
+        let mut columns = DMatrix::zeros(q * m, last);
+        for (j, b) in contrasts.column_iter().enumerate() {
+            let own = slices.combined(&b.into_owned());
+            let own = own.view((0, 0), (q, last));
+            columns.view_mut((j * q, 0), (q, last)).copy_from(&own);
         }
-        kept.push(pivot);
+        let squares = slices.frames.iter().flat_map(|t| {
+            let own = (0..last).map(|j| t.view((0, j), (q, 1)).norm_squared());
+            own.enumerate().collect::<Vec<_>>()
+        });
+        let mut total = DVector::zeros(last);
+        squares.for_each(|(j, square)| total[j] += square);
+        Self {
+            spanned,
+            columns,
+            total,
+            data: DVector::from_column_slice(inside.as_slice()),
+            beside,
+        }
     }
-    kept.sort_unstable();
-    kept
+}
+
+/// An orthonormal basis of the columns that contrasts see, given their squared lengths over all frames.
+fn independent(columns: &DMatrix<f64>, total: &DVector<f64>) -> DMatrix<f64> {
+    let seen = columns.column_iter().zip(total.iter());
+    let seen = seen.filter(|(c, total)| c.norm_squared() > UNSEEN * UNSEEN * *total);
+    let seen: Vec<DVector<f64>> = seen.map(|(c, _)| c.normalize()).collect();
+    let mut spanned = Basis::new(columns.nrows());
+    if !seen.is_empty() {
+        spanned.include(DMatrix::from_columns(&seen), DEPENDENT);
+    }
+    spanned.into_matrix()
 }

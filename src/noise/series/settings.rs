@@ -82,7 +82,7 @@ pub fn settings(
     let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
     let slices = [&first, &second];
     let references = references(frames);
-    let noise = Search::new(frames, columns, slices, step)?.best(&references)?;
+    let noise = Search::new(frames, slices, step)?.best(&references)?;
     let weighed = Weighed::new(frames, &noise, slices, step)?;
     let choices = choices(frames, &references, &weighed.lengths_mm);
     let all = choices

@@ -29,7 +29,10 @@ impl Slices {
         let slices = explaining.reshape_generic(nalgebra::Dyn(n), nalgebra::Dyn(count * last));
         let mut spanned = Basis::new(n);
         for column in 0..last {
-            spanned.include(slices.columns(column * count, count).into_owned());
+            spanned.include(
+                slices.columns(column * count, count).into_owned(),
+                NEGLIGIBLE,
+            );
         }
         let basis = spanned.into_matrix();
         let q = basis.ncols();
@@ -52,52 +55,38 @@ impl Slices {
 
     /// sum of weights times T_s.
     pub fn combined(&self, weights: &DVector<f64>) -> DMatrix<f64> {
-        combined(&self.frames, weights)
-    }
-
-    /// Only some of the columns, and the data.
-    pub fn of(&self, columns: &[usize]) -> Vec<DMatrix<f64>> {
-        let last = self.frames.first().map_or(0, |t| t.ncols() - 1);
-        let with_data = columns.iter().chain([&last]);
-        let with_data: Vec<usize> = with_data.copied().collect();
-        let frames = self.frames.iter();
-        frames.map(|t| t.select_columns(&with_data)).collect()
-    }
-}
-
-/// sum of weights times matrices of one shape.
-pub(super) fn combined(frames: &[DMatrix<f64>], weights: &DVector<f64>) -> DMatrix<f64> {
-    let (rows, columns) = frames.first().map_or((0, 0), DMatrix::shape);
-    let mut sum = DMatrix::zeros(rows, columns);
-    for (t, weight) in frames.iter().zip(weights.iter()) {
-        if *weight != 0.0 {
-            sum.iter_mut().zip(t).for_each(|(a, b)| *a += weight * b);
+        let (rows, columns) = self.frames.first().map_or((0, 0), DMatrix::shape);
+        let mut sum = DMatrix::zeros(rows, columns);
+        for (t, weight) in self.frames.iter().zip(weights.iter()) {
+            if *weight != 0.0 {
+                sum.iter_mut().zip(t).for_each(|(a, b)| *a += weight * b);
+            }
         }
+        sum
     }
-    sum
 }
 
 /// A growing orthonormal basis of vectors of length n.
-struct Basis {
+pub(super) struct Basis {
     vectors: DMatrix<f64>,
 }
 
 impl Basis {
-    fn new(n: usize) -> Self {
+    pub fn new(n: usize) -> Self {
         Self {
             vectors: DMatrix::zeros(n, 0),
         }
     }
 
-    /// Take in what is new in the slices of a column.
-    fn include(&mut self, mut left: DMatrix<f64>) {
+    /// Take in what is new in some vectors, down to a part of the longest.
+    pub fn include(&mut self, mut left: DMatrix<f64>, negligible: f64) {
         let longest = |m: &DMatrix<f64>| {
             let norms = m.column_iter().map(|c| c.norm());
             let mut places: Vec<(usize, f64)> = norms.enumerate().collect();
             places.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
             places.first().copied().unwrap_or((0, 0.0))
         };
-        let floor = NEGLIGIBLE * longest(&left).1;
+        let floor = negligible * longest(&left).1;
         // twice, for orthogonality
         for _ in 0..2 {
             let inside = tr_product(&self.vectors, &left);
@@ -122,7 +111,7 @@ impl Basis {
         }
     }
 
-    fn into_matrix(self) -> DMatrix<f64> {
+    pub fn into_matrix(self) -> DMatrix<f64> {
         self.vectors
     }
 }

@@ -1,0 +1,231 @@
+//! The search for the shape of one frame's noise: the restricted likelihood over lengths, ratios and nuggets.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::contrasts::Metric;
+use super::family::{Family, RATIOS, Shape};
+use super::restricted::{Restricted, Whitened};
+use crate::error::Result;
+use crate::noise::lattice::Quadratic;
+use crate::noise::{BlockCovariance, Matern};
+
+/// Log likelihood by which a shape for each component must beat one for both.
+const SEPARATE: f64 = 5.0;
+
+/// Log likelihood by which smooth patterns must beat noise of the subset alone: two parameters more.
+const CORRELATED: f64 = 3.0;
+
+/// Ratios end here, and at its inverse.
+const LARGEST: f64 = 1000.0;
+
+/// Steps of the lattices in log l and log rho: as far as a neighbour of the table, and half as far.
+pub(super) const LATTICES: [[f64; 2]; 2] = [
+    [std::f64::consts::LN_2, 0.5 * std::f64::consts::LN_10],
+    [0.5 * std::f64::consts::LN_2, 0.25 * std::f64::consts::LN_10],
+];
+
+/// What the shapes are weighed by.
+pub(super) struct Shapes<'a> {
+    pub family: Family<'a>,
+    pub restricted: [Restricted; 2],
+    pub step: &'a (dyn Fn() + Sync),
+}
+
+/// A shape with the restricted likelihood of each component under each metric.
+pub(super) struct Scored {
+    pub shape: Shape,
+    pub values: Vec<[f64; 2]>,
+}
+
+impl Shapes<'_> {
+    /// How many shapes [`Shapes::table`] has for `lengths`.
+    pub fn tabulated(lengths: usize) -> usize {
+        1 + lengths * RATIOS.len()
+    }
+
+    /// All tabulated shapes, noise without smooth patterns first; `step` is called for each.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub fn table(&self, nugget: f64, metrics: &[Metric]) -> Result<Vec<Scored>> {
+        let of = |length_mm, ratio| Shape {
+            length_mm,
+            ratio,
+            nugget,
+        };
+        let lengths = &self.family.lengths_mm;
+        let mut shapes = vec![of(lengths[0], 0.0)];
+        shapes.extend(
+            lengths
+                .iter()
+                .flat_map(|&l| RATIOS.map(|ratio| of(l, ratio))),
+        );
+        self.scored(&shapes, metrics, self.step)
+    }
+
+    fn scored(
+        &self,
+        shapes: &[Shape],
+        metrics: &[Metric],
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Scored>> {
+        let correlated = shapes.iter().filter(|s| s.ratio > 0.0);
+        let mut lengths: Vec<f64> = correlated.map(|s| s.length_mm).collect();
+        lengths.sort_by(f64::total_cmp);
+        lengths.dedup();
+        let materns = lengths.into_par_iter();
+        let materns: Vec<Matern> = materns
+            .map(|l| Matern::new(self.family.blocks, l))
+            .collect();
+        let scored = shapes.par_iter().map(|&shape| {
+            let matern = materns.iter().find(|m| m.length_mm == shape.length_mm);
+            let matern = matern.filter(|_| shape.ratio > 0.0);
+            let values = self.values(&self.family.with(matern, shape)?, metrics);
+            step();
+            Ok(Scored {
+                shape,
+                values: values?,
+            })
+        });
+        // collected in full first, so that the error reported is the first one for any number of threads
+        let scored: Vec<Result<Scored>> = scored.collect();
+        scored.into_iter().collect()
+    }
+
+    fn values(&self, covariance: &BlockCovariance, metrics: &[Metric]) -> Result<Vec<[f64; 2]>> {
+        let whitened = self.restricted.each_ref().map(|r| r.whitened(covariance));
+        let at = |metric: &Metric, c: usize| -> Result<f64> {
+            let fit = self.restricted[c].fit(&whitened[c], metric)?;
+            Ok(fit.log_likelihood)
+        };
+        let both = |metric| Ok([at(metric, 0)?, at(metric, 1)?]);
+        metrics.iter().map(both).collect()
+    }
+
+    /// The bases under the noise of given shapes.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub fn whitened(
+        &self,
+        shapes: [Shape; 2],
+    ) -> Result<([Arc<BlockCovariance>; 2], [Whitened; 2])> {
+        let first = Arc::new(self.family.at(shapes[0])?);
+        let second = if shapes[0] == shapes[1] {
+            Arc::clone(&first)
+        } else {
+            Arc::new(self.family.at(shapes[1])?)
+        };
+        let whitened = [
+            self.restricted[0].whitened(&first),
+            self.restricted[1].whitened(&second),
+        ];
+        Ok(([first, second], whitened))
+    }
+
+    /// The likeliest nugget of given shapes.
+    ///
+    /// # Errors
+    /// Those of [`Shapes::table`].
+    pub fn with_nugget(&self, shapes: [Shape; 2], metric: &Metric) -> Result<[Shape; 2]> {
+        self.of_each(shapes, |start, of| {
+            let nuggets = self.family.nuggets().iter();
+            let shapes: Vec<Shape> = nuggets.map(|&nugget| Shape { nugget, ..start }).collect();
+            Ok(self.highest(&shapes, metric, of)?.0.0)
+        })
+    }
+
+    /// Shapes between the tabulated ones: the best of two lattices about each and of the tops of the quadratics through them.
+    ///
+    /// # Errors
+    /// Those of [`Shapes::table`].
+    pub fn refined(
+        &self,
+        shapes: [Shape; 2],
+        metric: &Metric,
+        lattices: &[[f64; 2]],
+    ) -> Result<[Shape; 2]> {
+        self.of_each(shapes, |start, of| {
+            let mut best = start;
+            let lattices = if start.ratio > 0.0 { lattices } else { &[] };
+            for step in lattices {
+                let about = best;
+                let moved = |by: [f64; 2]| self.moved(about, [by[0] * step[0], by[1] * step[1]]);
+                let lattice = (0..9).map(|k| moved([(k / 3) as f64 - 1.0, (k % 3) as f64 - 1.0]));
+                let lattice: Vec<Shape> = lattice.collect();
+                let (highest, values) = self.highest(&lattice, metric, of)?;
+                let mut nine = [0.0; 9];
+                nine.copy_from_slice(&values);
+                let (to, _) = Quadratic::new(&nine).newton();
+                let top = moved(to.map(|x| x.clamp(-1.5, 1.5)));
+                let (top, _) = self.highest(&[top], metric, of)?;
+                best = if top.1 > highest.1 { top.0 } else { highest.0 };
+            }
+            Ok(best)
+        })
+    }
+
+    /// Something found for both components together, or for each where their shapes differ.
+    fn of_each(
+        &self,
+        shapes: [Shape; 2],
+        find: impl Fn(Shape, &[usize]) -> Result<Shape>,
+    ) -> Result<[Shape; 2]> {
+        if shapes[0] == shapes[1] {
+            return Ok([find(shapes[0], &[0, 1])?; 2]);
+        }
+        Ok([find(shapes[0], &[0])?, find(shapes[1], &[1])?])
+    }
+
+    /// The likeliest of some shapes for the components `of` together, the first of equals, and the likelihood of all.
+    fn highest(
+        &self,
+        shapes: &[Shape],
+        metric: &Metric,
+        of: &[usize],
+    ) -> Result<((Shape, f64), Vec<f64>)> {
+        let scored = self.scored(shapes, std::slice::from_ref(metric), &|| {})?;
+        let total = |s: &Scored| of.iter().map(|&c| s.values[0][c]).sum();
+        let values: Vec<f64> = scored.iter().map(total).collect();
+        let higher = |a: usize, b: usize| if values[b] > values[a] { b } else { a };
+        let best = (1..values.len()).fold(0, higher);
+        Ok(((shapes[best], values[best]), values))
+    }
+
+    /// A shape some logarithms of length and ratio away, inside their range.
+    fn moved(&self, from: Shape, by: [f64; 2]) -> Shape {
+        let [shortest, longest] = self.family.range_mm;
+        Shape {
+            length_mm: (from.length_mm * by[0].exp()).clamp(shortest, longest),
+            ratio: (from.ratio * by[1].exp()).clamp(LARGEST.recip(), LARGEST),
+            ..from
+        }
+    }
+}
+
+/// The shapes of both components from a table: one for both, or one each.
+pub(super) fn choose(table: &[Scored], metric: usize) -> [Shape; 2] {
+    let (both, of_both) = likeliest(table, |s| s.values[metric].iter().sum());
+    let (first, of_first) = likeliest(table, |s| s.values[metric][0]);
+    let (second, of_second) = likeliest(table, |s| s.values[metric][1]);
+    if of_first + of_second > of_both + SEPARATE {
+        [first, second]
+    } else {
+        [both; 2]
+    }
+}
+
+/// The likeliest shape of a table whose first has no smooth patterns, which it is unless another is clearly better.
+fn likeliest(table: &[Scored], value: impl Fn(&Scored) -> f64) -> (Shape, f64) {
+    let mut best = (table[0].shape, value(&table[0]));
+    let white = best.1;
+    for scored in &table[1..] {
+        let here = value(scored);
+        if here > best.1.max(white + CORRELATED) {
+            best = (scored.shape, here);
+        }
+    }
+    best
+}
