@@ -1,9 +1,12 @@
 //! The one field of a load series that is identified: what grows with the load, and in it what declared effects of the picture and of the
 //! specimen's motion do.
 
+use nalgebra::DVector;
+
 use crate::error::Result;
 use crate::experiment::{Experiment, State};
 use crate::infer::{Column, Model, Observation, Stepped, SteppedColumn, Steps};
+use crate::laminate::MeanSd;
 
 /// Replace the observation's displacement by what grows with the load over its steps, linear in the declared effects' amplitudes about
 /// what tracing found of them, and give it their columns.
@@ -35,9 +38,10 @@ pub fn combine(
             average: &|u| u.to_vec(),
             step: &|| (),
         };
-        let at = model.traced.clone().unwrap_or_else(|| stepped.start(about));
+        let traced = model.traced.as_ref();
+        let at = traced.map_or_else(|| stepped.start(about), |t| t.state.clone());
         let here = stepped.here(&at)?;
-        let (with, without) = (here.predicted(), here.plain());
+        let (with, without) = (here.predicted(), here.without(&declared)?);
         let mut remainder = sum(steps, points.len(), |c, k| with[c][k] - without[c][k]);
         for acts in &declared {
             for column in here.columns(acts)? {
@@ -46,9 +50,15 @@ pub fn combine(
                 for (left, u) in remainder.iter_mut().zip(&field) {
                     *left = [0, 1].map(|c| left[c] - amplitude * u[c]);
                 }
+                let known = traced.and_then(|t| t.amplitudes.iter().find(|a| a.0 == column.name));
+                let prior = MeanSd {
+                    mean: column.mean,
+                    sd: column.sd,
+                };
+                let unseen = 1.0 - seen(steps, points.len(), &column);
                 columns.push(SteppedColumn {
+                    prior: known.map_or(prior, |(_, all)| beside(prior, *all, unseen)),
                     name: column.name,
-                    prior_sd: column.sd,
                     field,
                 });
             }
@@ -60,6 +70,31 @@ pub fn combine(
     observation.field.displacement = combined;
     observation.stepped = columns;
     Ok(())
+}
+
+/// The share of what all steps see of a column that the combined field sees.
+fn seen(steps: &Steps, points: usize, column: &Column) -> f64 {
+    let weights: f64 = steps.weights().iter().map(|w| w * w).sum();
+    let combined = sum(steps, points, |c, k| column.values[c][k]);
+    let combined: f64 = combined.iter().flatten().map(|u| u * u).sum();
+    let all: f64 = column.values.iter().map(DVector::norm_squared).sum();
+    (combined / (weights * all).max(f64::MIN_POSITIVE)).min(1.0)
+}
+
+/// What is known of an amplitude beside the combined field: its `prior`, and of what `all` steps say the share that the field does not see.
+fn beside(prior: MeanSd, all: MeanSd, unseen: f64) -> MeanSd {
+    let [own, of_all] = [prior, all].map(|m| 1.0 / (m.sd * m.sd));
+    let said = (of_all - own).max(0.0);
+    if said <= 0.0 {
+        return prior;
+    }
+    // the mean of what the steps say without the prior
+    let mean = (all.mean * of_all - prior.mean * own) / said;
+    let precision = own + unseen * said;
+    MeanSd {
+        mean: (own * prior.mean + unseen * said * mean) / precision,
+        sd: precision.sqrt().recip(),
+    }
 }
 
 /// The field of one border unit of a parameter, mm.

@@ -1,6 +1,6 @@
 //! Effects as they act in a load series.
 
-use crate::effect::{Effect, Scope};
+use crate::effect::{Effect, Kind, LOAD_SCALE, Scope, amplitude_name};
 use crate::experiment::series::Law;
 
 /// An effect of a series with the law of its amplitude, where it has one.
@@ -11,7 +11,7 @@ pub struct Acts {
 }
 
 impl Acts {
-    /// All that may act of some effects: motions by every law but the free one, which any other is a case of.
+    /// All that may act of some effects: motions by every law but the free one, which is offered where one of these acts.
     pub fn all(effects: &[&'static dyn Effect]) -> Vec<Self> {
         let laws = [Law::Constant, Law::Load, Law::Seated, Law::Drift];
         let mut all = Vec::new();
@@ -28,14 +28,54 @@ impl Acts {
         all
     }
 
-    /// Whether the steps of a series tell the effect apart from what the load does.
-    pub fn is_stepped(&self) -> bool {
-        matches!(self.effect.scope(), Scope::Motion | Scope::Picture)
+    /// The same with an amplitude of its own in every step, of an effect that moves the specimen.
+    pub fn freed(&self) -> Option<Self> {
+        self.law.filter(|law| *law != Law::Free)?;
+        Some(Self {
+            law: Some(Law::Free),
+            ..*self
+        })
     }
 
-    /// Its amplitude in each step over the one that is stated.
-    pub fn weights(&self, loads: &[f64]) -> Vec<f64> {
-        let law = self.law.unwrap_or(Law::Constant);
-        law.weights(loads).swap_remove(0)
+    /// Whether it takes part in a series by columns over its steps.
+    pub fn is_stepped(&self) -> bool {
+        self.effect.kind() != Kind::Recorded && self.effect.name() != LOAD_SCALE.name()
     }
+
+    /// Its amplitude in each step over the one that is stated; of a free one, one set for each step.
+    pub fn weights(&self, loads: &[f64]) -> Vec<Vec<f64>> {
+        self.law.unwrap_or(Law::Constant).weights(loads)
+    }
+
+    /// Its amplitudes over steps of some `names`: for every set of weights all parameters.
+    pub fn amplitudes(&self, loads: &[f64], names: &[String]) -> Vec<Amplitude> {
+        let free = self.law == Some(Law::Free);
+        let sets = self.weights(loads).into_iter().enumerate();
+        let of = |(s, weights): (usize, Vec<f64>)| {
+            let parameters = self.effect.parameters().iter().enumerate();
+            let one = move |(k, parameter)| {
+                let mut name = amplitude_name(self.effect, parameter);
+                if free {
+                    name += &format!(" in {}", names[s]);
+                }
+                Amplitude {
+                    name,
+                    parameter: k,
+                    weights: weights.clone(),
+                }
+            };
+            parameters.map(one).collect::<Vec<_>>()
+        };
+        sets.flat_map(of).collect()
+    }
+}
+
+/// One amplitude of an effect in a series.
+pub struct Amplitude {
+    /// `effect.parameter`, and the step's name where it is one step's own.
+    pub name: String,
+    /// Which of the effect's parameters it is.
+    pub parameter: usize,
+    /// Its share in each step.
+    pub weights: Vec<f64>,
 }

@@ -15,6 +15,8 @@ pub struct Column {
     pub at: f64,
     /// Whether the parameter cannot be negative.
     pub positive: bool,
+    /// Whether it is a product of an amplitude with what is not known of the camera, which has no size of its own.
+    pub product: bool,
     /// Change of the values of (u1, u2) for one prior sd, mm.
     pub values: [DVector<f64>; 2],
 }

@@ -21,7 +21,7 @@ mod steps;
 mod tabulated;
 mod version1;
 
-pub use acts::Acts;
+pub use acts::{Acts, Amplitude};
 pub use column::Column;
 pub use density::LogDensity;
 pub use joint::{Joint, Member};
@@ -32,6 +32,7 @@ pub use observation::{Columns, Observation, RecordedAmplitude, SteppedColumn};
 pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
+pub use series::TracedSeries;
 pub use statistics::{Statistics, Whitened};
 pub use stepped::{Here, LENS, Stack, Stepped, WEAK};
 pub use steps::Steps;

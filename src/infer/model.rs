@@ -9,7 +9,6 @@ use crate::effect::{
     Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name,
 };
 use crate::error::{Error, Result};
-use crate::experiment::series::SeriesState;
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
     Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, Images, MockExperiment,
@@ -30,7 +29,7 @@ pub struct Model {
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
     /// What tracing found of the declared effects of a series: about that the next identification is linear in them.
-    pub traced: Option<SeriesState>,
+    pub traced: Option<super::TracedSeries>,
 }
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Sight};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason, Series};
+use crate::laminate::MeanSd;
 use crate::noise::residual_of_fit;
 use crate::reduce::ReducedModel;
 
@@ -29,8 +30,8 @@ pub struct Observation {
 #[derive(Clone)]
 pub struct SteppedColumn {
     pub name: String,
-    /// Prior sd, border units.
-    pub prior_sd: f64,
+    /// Prior, border units.
+    pub prior: MeanSd,
     /// For one border unit, mm, at the measured points.
     pub field: Vec<[f64; 2]>,
 }
@@ -52,7 +53,8 @@ pub struct Columns {
     pub effects: Vec<Vec<[f64; 2]>>,
     /// Name of each effect column, `effect.parameter`.
     pub names: Vec<String>,
-    /// Prior standard deviation of each effect column's amplitude; `None` is flat.
+    /// Prior mean of each effect column's amplitude, and standard deviation; `None` is flat.
+    pub prior_mean: Vec<f64>,
     pub prior_sd: Vec<Option<f64>>,
 }
 
@@ -140,19 +142,22 @@ impl Observation {
             modes: reduced.columns(experiment, &self.sight),
             effects: Vec::new(),
             names: Vec::new(),
+            prior_mean: Vec::new(),
             prior_sd: Vec::new(),
         };
         for effect in model.additive() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
                 columns.effects.push(self.additive(effect, k, experiment)?);
                 columns.names.push(amplitude_name(effect, parameter));
+                columns.prior_mean.push(0.0);
                 columns.prior_sd.push(model.prior_sd(effect, k));
             }
         }
         for stepped in &self.stepped {
             columns.effects.push(stepped.field.clone());
             columns.names.push(stepped.name.clone());
-            columns.prior_sd.push(Some(stepped.prior_sd));
+            columns.prior_mean.push(stepped.prior.mean);
+            columns.prior_sd.push(Some(stepped.prior.sd));
         }
         Ok(columns)
     }

@@ -4,8 +4,18 @@ use super::acts::Acts;
 use super::model::Model;
 use crate::effect::{Effect, Scope};
 use crate::error::{Error, Result};
-use crate::experiment::series::Law;
+use crate::experiment::series::{Law, SeriesState};
 use crate::field::Series;
+use crate::laminate::MeanSd;
+
+/// What tracing found of a series.
+#[derive(Clone)]
+pub struct TracedSeries {
+    /// Where to linearise it.
+    pub state: SeriesState,
+    /// What all its steps say of every amplitude, border units.
+    pub amplitudes: Vec<(String, MeanSd)>,
+}
 
 impl Model {
     /// Read the load series, if the measurement is one.
@@ -36,7 +46,7 @@ impl Model {
         }
     }
 
-    /// Declared effects of a series' picture and of motion in its steps, beside rigid motion in the plane, which every step has.
+    /// Declared effects of a series that take part by columns over its steps, beside rigid motion in the plane, which every step has.
     pub fn stepped(&self) -> Vec<Acts> {
         let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
         let other = stepped.filter(|e| !e.name().starts_with("rigid_"));

@@ -36,7 +36,7 @@ impl Statistics {
         for x in &whitened.columns {
             gram += x.tr_mul(x);
         }
-        let (weighted, total) = whitened.project(noise, &observation.field.displacement);
+        let (mut weighted, mut total) = whitened.project(noise, &observation.field.displacement);
         let prior = DVector::from_iterator(
             q,
             columns
@@ -47,6 +47,8 @@ impl Statistics {
         let mut bb = gram.view((p, p), (q, q)).into_owned();
         for k in 0..q {
             bb[(k, k)] += prior[k];
+            weighted[p + k] += prior[k] * columns.prior_mean[k];
+            total += prior[k] * columns.prior_mean[k].powi(2);
         }
         let effects =
             NormalEquations::new(bb, weighted.rows(p, q).into_owned()).ok_or_else(|| {

@@ -7,7 +7,7 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::{Acts, Column, Model, Steps};
+use super::{Acts, Amplitude, Column, Model, Steps};
 use crate::effect::{Effect, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::{Average, Loaded, SeriesState, Solver, report, rigid_free};
@@ -152,18 +152,26 @@ impl Here<'_> {
             .seen(self.at, &self.at.shared, &self.loaded, scene)
     }
 
-    /// The same without the effects of picture and motion.
-    pub fn plain(&self) -> Stack {
+    /// The same without the effects that are `declared`.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn without(&self, declared: &[Acts]) -> Result<Stack> {
         let mut state = self.at.clone();
         state.moving.clear();
-        for a in self.at.shared.acting() {
-            if a.effect.scope() == Scope::Picture {
-                state.shared.set(a.effect, vec![0.0; a.amplitude.len()]);
-            }
+        for acts in declared {
+            let none = vec![0.0; acts.effect.parameters().len()];
+            state.shared.set(acts.effect, none);
         }
+        let mut scopes = declared.iter().map(|a| a.effect.scope());
         let scene = self.stepped.scene();
-        self.stepped
-            .seen(&state, &self.at.shared, &self.loaded, scene)
+        if scopes.any(|s| s == Scope::Mechanical) {
+            let loaded = self.stepped.loaded(None, &state)?;
+            return Ok(self.stepped.seen(&state, &state.shared, &loaded, scene));
+        }
+        Ok(self
+            .stepped
+            .seen(&state, &self.at.shared, &self.loaded, scene))
     }
 
     /// The difference quotient of two states that share this one's load displacements.
@@ -285,29 +293,33 @@ impl Here<'_> {
         })
     }
 
-    /// The columns of an effect: its parameters', then its products with what is not known of the camera and of the pivot.
+    /// The columns of an effect: its amplitudes', then their products with what is not known of the camera and of the pivot.
     pub fn columns(&self, acts: &Acts) -> Result<Vec<Column>> {
         let effect = acts.effect;
-        let weights = acts.weights(&self.at.loads);
+        let amplitudes = acts.amplitudes(&self.at.loads, &self.stepped.steps.names);
         let mut columns = Vec::new();
-        for (k, parameter) in effect.parameters().iter().enumerate() {
-            let sd = self.stepped.prior_sd(effect, k);
+        for Amplitude {
+            name,
+            parameter: k,
+            weights,
+        } in &amplitudes
+        {
+            let sd = self.stepped.prior_sd(effect, *k);
             let step = AMPLITUDE_STEP * sd;
-            let moved = [step, -step].map(|by| self.at.raised(effect, k, by, &weights));
+            let moved = [step, -step].map(|by| self.at.raised(effect, *k, by, weights));
             let slope = if effect.scope() == Scope::Mechanical {
                 self.solved(moved, 2.0 * step)?
             } else {
                 self.slope([&moved[0], &moved[1]], 2.0 * step, self.stepped.scene())
             };
-            let name = amplitude_name(effect, parameter);
-            let value = self.amplitude(acts, k, &weights);
-            let mut own = column(name, [0.0, sd], value, slope);
-            own.positive = parameter.positive;
+            let value = self.amplitude(acts, *k, weights);
+            let mut own = column(name.clone(), [0.0, sd], value, slope);
+            own.positive = effect.parameters()[*k].positive;
             columns.push(own);
         }
         match effect.name() {
             LENS => self.of_the_lens_center(effect, &mut columns),
-            "out_of_plane_rotation" => self.of_the_axis(acts, &weights, &mut columns),
+            "out_of_plane_rotation" => self.of_the_axis(acts, &amplitudes, &mut columns),
             _ => {}
         }
         Ok(columns)
@@ -344,14 +356,21 @@ impl Here<'_> {
     }
 
     /// What a rotation does by its distance from the camera's axis, and from the origin: products with both.
-    fn of_the_axis(&self, acts: &Acts, weights: &[f64], columns: &mut Vec<Column>) {
+    fn of_the_axis(&self, acts: &Acts, amplitudes: &[Amplitude], columns: &mut Vec<Column>) {
         let Ok(approach) = crate::effect::find("dictionary", "out_of_plane_translation") else {
             return;
         };
         let scene = self.stepped.scene();
-        for (k, parameter) in acts.effect.parameters().iter().enumerate() {
-            let sd = self.stepped.prior_sd(acts.effect, k);
-            let turned = self.at.raised(acts.effect, k, sd, weights);
+        let mut product = |name: String, slope: Stack| {
+            let mut own = column(name, [0.0, 1.0], 0.0, slope);
+            own.product = true;
+            columns.push(own);
+        };
+        for amplitude in amplitudes {
+            let sd = self.stepped.prior_sd(acts.effect, amplitude.parameter);
+            let turned = self
+                .at
+                .raised(acts.effect, amplitude.parameter, sd, &amplitude.weights);
             for axis in 0..2 {
                 let at = |by: f64| {
                     let mut scene = scene.clone();
@@ -359,22 +378,22 @@ impl Here<'_> {
                     self.slope([&turned, self.at], 1.0, &scene)
                 };
                 let slope = quotient([at(AXIS_MM), at(-AXIS_MM)], 2.0);
-                let name = format!(
-                    "{} x axis_{}",
-                    amplitude_name(acts.effect, parameter),
-                    axis + 1
-                );
-                columns.push(column(name, [0.0, 1.0], 0.0, slope));
+                product(format!("{} x axis_{}", amplitude.name, axis + 1), slope);
             }
         }
         let milli = 1e-3 * self.stepped.prior_sd(acts.effect, 0);
-        let raised = [1.0, -1.0].map(|sign| {
-            self.at
-                .raised(approach, 0, sign * milli * PIVOT_MM, weights)
-        });
-        let slope = self.slope([&raised[0], &raised[1]], 2.0, scene);
-        let name = format!("{}.pivot", acts.effect.name());
-        columns.push(column(name, [0.0, 1.0], 0.0, slope));
+        for (set, weights) in acts.weights(&self.at.loads).iter().enumerate() {
+            let raised = [1.0, -1.0].map(|sign| {
+                self.at
+                    .raised(approach, 0, sign * milli * PIVOT_MM, weights)
+            });
+            let slope = self.slope([&raised[0], &raised[1]], 2.0, scene);
+            let own = &amplitudes[set * acts.effect.parameters().len()].name;
+            let of = own
+                .split_once(" in ")
+                .map_or(String::new(), |(_, step)| format!(" in {step}"));
+            product(format!("{}.pivot{of}", acts.effect.name()), slope);
+        }
     }
 
     /// What any change of stiffness beside the hole does elsewhere: in proportion to the load.
@@ -414,6 +433,7 @@ fn column(name: String, [mean, sd]: [f64; 2], at: f64, slope: Stack) -> Column {
         sd,
         at,
         positive: false,
+        product: false,
         values: slope.map(|values| values * sd),
     }
 }

@@ -13,6 +13,7 @@ use super::weighing::{NoisePair, Weighing};
 use crate::effect::LOAD_SCALE;
 use crate::error::Result;
 use crate::experiment::series::Law;
+use crate::laminate::MeanSd;
 use crate::noise::NormalEquations;
 use crate::noise::series::Frames;
 use crate::quantity::NM_PER_MM;
@@ -143,7 +144,7 @@ impl Evidence<'_> {
             .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
             .map(|g| g.members.clone())
             .collect();
-        let average = averaged(&self.weighing, &self.sensitivities)?;
+        let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
         let mut suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?;
         for g in named
             .iter()
@@ -239,31 +240,54 @@ impl Evidence<'_> {
 
     /// The residual of the base model with a subset of the candidates, mm.
     fn left(&self, pair: &NoisePair, subset: &Subset) -> [DVector<f64>; 2] {
-        let gram = self.weighing.gram(pair);
-        let data = gram.nrows() - 1;
-        let base = self.sensitivities.base.len();
-        let chosen = self.subsets.layout.columns(subset).into_iter();
-        let own: Vec<(usize, f64)> = (0..base)
-            .chain(chosen.map(|k| base + k))
-            .map(|k| (k, 1.0))
-            .collect();
-        let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &own);
         let mut left = self.measured.residual(&self.sensitivities);
-        let Some(solved) = fit.map(|f| f.mean()) else {
+        let Some((own, fit)) = self.fit(pair, subset) else {
             return left;
         };
-        let sought = self
-            .sensitivities
-            .candidates
-            .iter()
-            .flat_map(|c| &c.columns);
-        let all: Vec<&Column> = self.sensitivities.base.iter().chain(sought).collect();
-        for ((k, _), x) in own.iter().zip(solved.iter()) {
+        let all = self.columns();
+        for (k, x) in own.iter().zip(fit.mean().iter()) {
             for (left, values) in left.iter_mut().zip(&all[*k].values) {
                 left.axpy(-x, values, 1.0);
             }
         }
         left
+    }
+
+    /// All columns, those of the base model first.
+    fn columns(&self) -> Vec<&Column> {
+        let base = self.sensitivities.base.iter();
+        let sought = self.sensitivities.candidates.iter();
+        base.chain(sought.flat_map(|c| &c.columns)).collect()
+    }
+
+    /// The fit of the base model with a subset of the candidates, and which columns it is of.
+    fn fit(&self, pair: &NoisePair, subset: &Subset) -> Option<(Vec<usize>, NormalEquations)> {
+        let gram = self.weighing.gram(pair);
+        let data = gram.nrows() - 1;
+        let base = self.sensitivities.base.len();
+        let chosen = self.subsets.layout.columns(subset).into_iter();
+        let own: Vec<usize> = (0..base).chain(chosen.map(|k| base + k)).collect();
+        let scaled: Vec<(usize, f64)> = own.iter().map(|k| (*k, 1.0)).collect();
+        let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &scaled)?;
+        Some((own, fit))
+    }
+
+    /// All parameters of the base model and of the best subset under the likeliest noise, by name, border units.
+    pub fn amplitudes(&self) -> Vec<(String, MeanSd)> {
+        let pair = &self.weighing.pairs[self.subsets.best_pair];
+        let Some((own, fit)) = self.fit(pair, self.subsets.best()) else {
+            return Vec::new();
+        };
+        let (mean, covariance, all) = (fit.mean(), fit.covariance(), self.columns());
+        let one = |(i, k): (usize, &usize)| {
+            let column = all[*k];
+            let of = MeanSd {
+                mean: column.mean + column.sd * mean[i],
+                sd: column.sd * covariance[(i, i)].sqrt(),
+            };
+            (column.name.clone(), of)
+        };
+        own.iter().enumerate().map(one).collect()
     }
 
     fn named(&self, group: &Group, predicts: bool) -> Named {
@@ -384,11 +408,10 @@ impl Evidence<'_> {
             })
             .collect();
         // products with what is not known of the camera have no size of their own
-        let own = candidate.effect.parameters().len();
         let multiple = candidate
             .columns
             .iter()
-            .take(own)
+            .take_while(|c| !c.product)
             .zip(&amplitude)
             .fold(0.0_f64, |m, (c, a)| m.max((a.1 - c.mean).abs() / c.sd));
         // what noise fits by chance is not structure

@@ -89,16 +89,16 @@ pub fn series_at_ridge(
         };
         let mut moved = constants_moved(&mut state.shared, &sensitivities, &solution);
         for acts in declared {
-            let weights = acts.weights(&state.loads);
-            for (k, parameter) in acts.effect.parameters().iter().enumerate() {
-                let name = crate::effect::amplitude_name(acts.effect, parameter);
-                let Some(at) = sensitivities.base.iter().position(|c| c.name == name) else {
+            for amplitude in acts.amplitudes(&state.loads, &stepped.steps.names) {
+                let mut base = sensitivities.base.iter();
+                let Some(at) = base.position(|c| c.name == amplitude.name) else {
                     continue;
                 };
                 let column = &sensitivities.base[at];
-                let reach = 0.9 * parameter.bound;
+                let k = amplitude.parameter;
+                let reach = 0.9 * acts.effect.parameters()[k].bound;
                 let by = wanted(at).clamp(-reach, reach) - column.at;
-                *state = state.raised(acts.effect, k, by, &weights);
+                *state = state.raised(acts.effect, k, by, &amplitude.weights);
                 moved = moved.max((by / column.sd).abs());
             }
         }

@@ -273,6 +273,7 @@ impl Linearised<'_> {
             sd,
             at: value,
             positive: matches!(direction, Direction::Amplitude(effect, k) if effect.parameters()[k].positive),
+            product: false,
             values: averages(self.blocks, &slope).map(|values| values * sd),
         })
     }

@@ -12,7 +12,7 @@ use crate::experiment::State;
 use crate::experiment::series::SeriesState;
 use crate::field::Blocks;
 use crate::identify::{Prepared, is_clear};
-use crate::infer::{Acts, LENS, Model, Stepped, Steps, WEAK};
+use crate::infer::{Acts, LENS, Model, Stepped, Steps, TracedSeries, WEAK};
 use crate::noise::series::Frames;
 use crate::progress::Progress;
 
@@ -62,7 +62,7 @@ pub fn attribute_series(
         blocks: blocks.clone(),
     };
     let mut state = match &model.traced {
-        Some(traced) => traced.clone(),
+        Some(traced) => traced.state.clone(),
         None => beginning(&stepped, model, start),
     };
     let mut traced = Traced {
@@ -80,7 +80,10 @@ pub fn attribute_series(
     progress.begin("tracing: held-out blocks, blind spots", None);
     let mut tracing = evidence.tracing(&state.shared.constants)?;
     tracing.left_out = left_out;
-    tracing.series = Some(state);
+    tracing.series = Some(TracedSeries {
+        state,
+        amplitudes: evidence.amplitudes(),
+    });
     progress.end();
     Ok(tracing)
 }
@@ -152,10 +155,27 @@ impl<'a> Traced<'a> {
             };
             let moved = self.adopt(state, &found, k, leader);
             leader = Some(self.sought[k]);
-            if moved < CONVERGED {
+            let freed = self.free(found.subsets.best());
+            if moved < CONVERGED && !freed {
                 return Ok(found);
             }
         }
+    }
+
+    /// Offer an amplitude of its own in every step for the motions of a subset; whether any was not offered before.
+    fn free(&mut self, subset: &[usize]) -> bool {
+        let acting = subset.iter().filter_map(|&k| self.sought[k].freed());
+        let offered = |a: &Acts| {
+            let same = |b: &Acts| b.effect.name() == a.effect.name() && b.law == a.law;
+            self.sought.iter().any(same)
+        };
+        let new: Vec<Acts> = acting.filter(|a| !offered(a)).collect();
+        // two free amplitudes of a step's own are as many as the contrasts of two steps
+        if self.stepped.steps.loads.len() < 3 {
+            return false;
+        }
+        self.sought.extend(&new);
+        !new.is_empty()
     }
 
     /// Take the best subset's amplitudes of its strongest effect into the state; how far they move, in prior sds. The effect taken in
@@ -182,9 +202,8 @@ impl<'a> Traced<'a> {
         let before = best.iter().take_while(|k| **k != leader);
         let at: usize = before.map(|&k| subsets.layout.ranges[k].len()).sum();
         let candidate = &evidence.sensitivities.candidates[leader];
-        let weights = acts.weights(&state.loads);
-        let parameters = acts.effect.parameters();
-        let columns = candidate.columns.iter().take(parameters.len());
+        let amplitudes = acts.amplitudes(&state.loads, &self.stepped.steps.names);
+        let columns = candidate.columns.iter().take(amplitudes.len());
         let columns = columns.enumerate();
         let mut wanted: Vec<f64> = columns.map(|(k, c)| c.mean + c.sd * mean[at + k]).collect();
         let strength = &candidate.columns[0];
@@ -194,11 +213,11 @@ impl<'a> Traced<'a> {
             wanted.iter_mut().skip(1).for_each(|center| *center *= by);
         }
         let mut moved = 0.0_f64;
-        for (k, parameter) in parameters.iter().enumerate() {
+        for (k, amplitude) in amplitudes.iter().enumerate() {
             let column = &candidate.columns[k];
-            let reach = 0.9 * parameter.bound;
+            let reach = 0.9 * acts.effect.parameters()[amplitude.parameter].bound;
             let by = wanted[k].clamp(-reach, reach) - column.at;
-            *state = state.raised(acts.effect, k, by, &weights);
+            *state = state.raised(acts.effect, amplitude.parameter, by, &amplitude.weights);
             moved = moved.max((by / column.sd).abs());
         }
         if acts.effect.kind() == Kind::Additive {

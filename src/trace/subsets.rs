@@ -21,6 +21,9 @@ pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
 /// Subsets of each enumeration that are weighed under every pair of hyperparameters.
 const WEIGHED: usize = 40;
 
+/// Pairs of a subset and the noise that are less likely than the best by more do not count: a thousandth.
+const LEAST_LOG: f64 = 6.9;
+
 /// A subset of the candidates, in increasing order.
 pub type Subset = Vec<usize>;
 
@@ -252,6 +255,25 @@ impl Subsets {
         self.projected
             .iter()
             .map(|p| p.log_base + self.layout.log_bayes_factor(p, subset))
+            .collect()
+    }
+
+    /// The likeliest subsets, each with a choice of the noise: at most `count`, with the prior log probability of the subset.
+    pub fn likeliest(&self, count: usize) -> Vec<(&Subset, usize, f64)> {
+        let mut all: Vec<(f64, &Subset, usize)> = Vec::new();
+        for weighed in self.ranked.iter().take(count) {
+            let log_prior = self.log_prior[weighed.subset.len()];
+            let evidence = self.evidence_by_pair(&weighed.subset).into_iter();
+            let pairs = evidence.enumerate();
+            all.extend(pairs.map(|(k, e)| (e + log_prior, &weighed.subset, k)));
+        }
+        all.sort_by(|a, b| {
+            b.0.total_cmp(&a.0)
+                .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
+        });
+        let likely = all.first().map_or(0.0, |a| a.0 - LEAST_LOG);
+        let kept = all.into_iter().take(count).filter(|a| a.0 > likely);
+        kept.map(|(_, s, k)| (s, k, self.log_prior[s.len()]))
             .collect()
     }
 

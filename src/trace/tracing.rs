@@ -3,8 +3,9 @@
 use super::averaged::{BlindSpot, Interval};
 use super::suspect::{Suspect, UNEXPLAINED};
 use crate::effect::Effect;
-use crate::experiment::series::{Law, SeriesState};
+use crate::experiment::series::Law;
 use crate::files::Keyed;
+use crate::infer::TracedSeries;
 use crate::noise::Hyperparameters;
 
 /// An effect weighed against the data.
@@ -47,9 +48,9 @@ pub struct Tracing {
     pub accepted: Option<&'static dyn Effect>,
     /// Its amplitudes (mean, sd) a parameter, border units.
     pub accepted_amplitude: Vec<(f64, f64)>,
-    /// How its amplitude goes over the steps of a series, and the state with it.
+    /// How its amplitude goes over the steps of a series, and what was found of all.
     pub accepted_law: Option<Law>,
-    pub series: Option<SeriesState>,
+    pub series: Option<TracedSeries>,
     /// What is left of every step of a series.
     pub steps: Vec<StepResidual>,
     /// Groups that the data speak for without being sure.
