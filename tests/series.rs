@@ -137,7 +137,7 @@ fn declared(folder: &str) -> (String, Vec<f64>) {
 }
 
 #[test]
-#[ignore = "five series beside ../shared, 5 minutes; not all are right yet"]
+#[ignore = "needs ../shared, five series, 5 minutes"]
 fn reference_series_are_read_right() {
     let cases: [(&str, &[&str]); 5] = [
         ("still", &[]),

@@ -55,11 +55,23 @@ impl<'a> Seen<'a> {
         self.components(reported, u)
     }
 
+    /// The same in the specimen's own axes, without its motion in the plane.
+    pub fn report_at_rest(&self, reported: [f64; 2], u: [f64; 2]) -> [f64; 2] {
+        let u = self.report(reported, u);
+        if displacements_are_imaged(self.scene) {
+            self.motion.released(reported, u)
+        } else {
+            u
+        }
+    }
+
     /// The difference of the places in the picture.
     fn imaged(&self, reported: [f64; 2], u: [f64; 2]) -> [f64; 2] {
         let before = self.true_point(reported);
-        let rigid = self.motion.turned(before);
-        let plane = [0, 1].map(|k| before[k] + u[k] + rigid[k]);
+        // the specimen is strained in its own axes, and moves as it is then
+        let strained = [0, 1].map(|k| before[k] + u[k]);
+        let rigid = self.motion.turned(strained);
+        let plane = [0, 1].map(|k| strained[k] + rigid[k]);
         let after = self.projected(before, plane);
         let place = self.place(after, [0, 1].map(|k| reported[k] + after[k] - before[k]));
         [0, 1].map(|k| place[k] - reported[k])

@@ -175,7 +175,7 @@ impl FieldExperiment {
             loaded.clone()
         } else {
             let points = loaded.par_iter().zip(sight.all());
-            points.map(|(u, &p)| camera.report(p, *u)).collect()
+            points.map(|(u, &p)| camera.report_at_rest(p, *u)).collect()
         };
         let gradient = if gradient {
             observer.gradient(&solution.nodal)

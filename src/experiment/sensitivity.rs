@@ -96,7 +96,7 @@ fn optical(
             let (from, to) = (before.true_point(p), camera.true_point(p));
             let shift = [to[0] - from[0], to[1] - from[1]];
             let moved = [0, 1].map(|i| u[i] + g[i][0] * shift[0] + g[i][1] * shift[1]);
-            camera.report(p, moved)
+            camera.report_at_rest(p, moved)
         };
         (0..points.len()).map(report).collect()
     };

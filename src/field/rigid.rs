@@ -31,6 +31,15 @@ impl RigidMotion {
         ]
     }
 
+    /// What a displacement `u` in a moved specimen, reported at `p`, is in the specimen's own axes without the motion: a strain of 0.2 %
+    /// turned by 2 mrad is a shear of micrometres a metre otherwise.
+    pub fn released(&self, p: [f64; 2], u: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = self.angle.sin_cos();
+        let rigid = self.turned(p);
+        let [a, b] = [u[0] - rigid[0], u[1] - rigid[1]];
+        [cos * a + sin * b, cos * b - sin * a]
+    }
+
     /// Displacement at a point, of first order in the rotation.
     pub fn at(&self, [s, t]: [f64; 2]) -> [f64; 2] {
         [

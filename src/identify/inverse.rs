@@ -3,6 +3,8 @@
 use crate::effect::amplitude_name;
 use crate::error::Result;
 use crate::experiment::{Prediction, State, predict};
+use crate::field::Field;
+use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::geometry::Geometry;
 use crate::infer::{
@@ -76,19 +78,31 @@ pub fn prepare(
     })
 }
 
+/// Turn a field that a moved specimen shows into the specimen's own axes; where the specimen stands stays in it, to first order.
+fn turn_back(field: &mut Field, motion: &RigidMotion) {
+    if motion.angle == 0.0 {
+        return;
+    }
+    for (u, &p) in field.displacement.iter_mut().zip(&field.points) {
+        let (own, rigid) = (motion.released(p, *u), motion.at(p));
+        *u = [0, 1].map(|k| own[k] + rigid[k]);
+    }
+}
+
 /// Read the measurement, and locate it on the plate that is to be solved.
 fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
     let series = match model.read_series()? {
         Some(series) if series.steps.len() > 1 => series,
         other => {
             // one step is a field like any other
-            let field = match other {
+            let mut field = match other {
                 Some(single) => single.field,
                 None => model.read_field()?,
             };
             progress.say(&format!("{} points", field.len()));
             progress.end();
             let problem = model.problem_of(&field)?;
+            turn_back(&mut field, &problem.experiment.motion());
             let observation = Observation::new(field, &*problem.experiment)?;
             return Ok((problem, observation));
         }

@@ -73,17 +73,8 @@ impl Steps {
     /// The displacement in a step without its rigid motion, turned back into the axes of the reference picture, mm.
     pub fn strained(&self, points: &[[f64; 2]], step: usize) -> Vec<[f64; 2]> {
         let motion = &self.rigid[step];
-        let (sin, cos) = motion.angle.sin_cos();
-        let one = |(p, u): (&[f64; 2], &[f64; 2])| {
-            let rigid = motion.turned(*p);
-            let [a, b] = [u[0] - rigid[0], u[1] - rigid[1]];
-            [cos * a + sin * b, cos * b - sin * a]
-        };
-        points
-            .iter()
-            .zip(&self.displacement[step])
-            .map(one)
-            .collect()
+        let pairs = points.iter().zip(&self.displacement[step]);
+        pairs.map(|(p, u)| motion.released(*p, *u)).collect()
     }
 
     /// Weights of the steps in the field that grows with the load: free of whatever is the same in all of them where the loads vary.

@@ -130,8 +130,12 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
             log_bayes_factor_lost: reference - subsets.log_evidence(&swapped),
         })
     };
-    let others = (0..subsets.layout.ranges.len())
-        .filter(|k| !best.contains(k) && !subsets.layout.ranges[*k].is_empty());
+    // another law of an effect is no other effect
+    let others = (0..subsets.layout.ranges.len()).filter(|&k| {
+        !best.contains(&k)
+            && !subsets.layout.ranges[k].is_empty()
+            && !subsets.layout.same(k, group.leader)
+    });
     let mut found: Vec<Lookalike> = others
         .filter_map(one)
         .filter(|l| l.cosine > SIMILAR)

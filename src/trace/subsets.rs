@@ -124,6 +124,11 @@ impl Layout {
         log
     }
 
+    /// Whether two candidates are one effect by two laws.
+    pub fn same(&self, a: usize, b: usize) -> bool {
+        self.names[a] == self.names[b]
+    }
+
     /// Whether a subset holds an effect twice.
     fn repeats(&self, subset: &Subset) -> bool {
         let names = subset.iter().map(|&k| self.names[k]);
