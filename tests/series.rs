@@ -65,6 +65,7 @@ fn laws_go_over_the_steps_as_they_say() {
     let of = |law: Law| law.weights(&loads);
     assert_eq!(of(Law::Constant), [[1.0; 4]]);
     assert_eq!(of(Law::Load), [loads]);
+    assert_eq!(of(Law::Kept), [[0.25, 0.5, 1.0, 1.0]]);
     assert_eq!(of(Law::Drift), [[1.0 / 3.0, 2.0 / 3.0, 1.0, 4.0 / 3.0]]);
     let seated = &of(Law::Seated)[0];
     assert!((seated[2] - 1.0 / 1.05).abs() < 1e-15 && seated[3] == 0.0);

@@ -21,6 +21,8 @@ pub enum Law {
     Load,
     /// There once the specimen is loaded: F / (F + F0) with F0 a twentieth of the largest force.
     Seated,
+    /// In proportion to the largest force so far: what has moved stays.
+    Kept,
     /// In proportion to the step's number.
     Drift,
     /// An amplitude of its own in every step.
@@ -28,10 +30,11 @@ pub enum Law {
 }
 
 impl Law {
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Constant,
         Self::Load,
         Self::Seated,
+        Self::Kept,
         Self::Drift,
         Self::Free,
     ];
@@ -41,6 +44,7 @@ impl Law {
             Self::Constant => "constant",
             Self::Load => "with the load",
             Self::Seated => "seated",
+            Self::Kept => "with the largest load so far",
             Self::Drift => "drift",
             Self::Free => "free",
         }
@@ -58,6 +62,7 @@ impl Law {
             Self::Constant => vec![vec![1.0; count]],
             Self::Load => vec![loads.to_vec()],
             Self::Seated => vec![loads.iter().map(|f| f / (f.abs() + SEATING)).collect()],
+            Self::Kept => vec![acted(loads, true)],
             Self::Drift => vec![(1..=count).map(|k| k as f64 / loaded as f64).collect()],
             Self::Free => (0..count)
                 .map(|s| (0..count).map(|k| f64::from(u8::from(k == s))).collect())

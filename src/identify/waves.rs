@@ -143,7 +143,8 @@ impl Spectra {
             .par_iter()
             .map(|&part| periodogram(field, residual, &members[part], side, component, numbers))
             .collect();
-        let (expected, common) = expected(numbers, &raw);
+        let shape = field.subset_mm.map(|w| of_subsets(numbers, w / side));
+        let (expected, common) = expected(numbers, &raw, shape.as_deref());
         let relative = |power: &Vec<f64>| {
             let relative: Vec<f64> = power.iter().zip(&expected).map(|(p, e)| p / e).collect();
             // parts may be noisier than others
@@ -237,8 +238,13 @@ impl Spectra {
 
 /// What the noise has at each wave number: the median over all parts of waves of nearly the same length in all directions, or
 /// of those about it where that is more, as in noise that prefers some directions; and what most parts have there in units of it,
-/// but at least 1: noise that square subsets have averaged has side lobes along its axes.
-fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> (Vec<f64>, Vec<f64>) {
+/// but at least 1: noise that square subsets have averaged has side lobes along its axes. Where the subset is known, its lobes' `shape`, as
+/// high as the main one makes them, is expected at least.
+fn expected(
+    numbers: &[[f64; 2]],
+    spectra: &[(Vec<f64>, f64)],
+    shape: Option<&[f64]>,
+) -> (Vec<f64>, Vec<f64>) {
     let length = |k: usize| numbers[k][0].hypot(numbers[k][1]);
     let typical = |near: &dyn Fn(usize) -> bool| {
         let ring = (0..numbers.len()).filter(|&j| near(j));
@@ -247,8 +253,20 @@ fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> (Vec<f64>, Vec
             .collect();
         median(&mut powers) / std::f64::consts::LN_2
     };
+    let height = shape.map_or(0.0, |shape| {
+        let main = (0..shape.len()).filter(|&k| shape[k] > MAIN_LOBE);
+        let mut over: Vec<f64> = main
+            .flat_map(|k| spectra.iter().map(move |(power, _)| power[k] / shape[k]))
+            .collect();
+        if over.is_empty() {
+            0.0
+        } else {
+            median(&mut over) / std::f64::consts::LN_2
+        }
+    });
     (0..numbers.len())
         .map(|k| {
+            let lobe = shape.map_or(0.0, |shape| height * shape[k]);
             let apart = |j: usize| {
                 let by = |sign: f64| {
                     (numbers[j][0] - sign * numbers[k][0])
@@ -258,12 +276,39 @@ fn expected(numbers: &[[f64; 2]], spectra: &[(Vec<f64>, f64)]) -> (Vec<f64>, Vec
             };
             let ring = typical(&|j| (length(j) - length(k)).abs() < RING);
             let about = typical(&|j| ABOUT.contains(&apart(j)));
-            let expected = ring.max(about).max(f64::MIN_POSITIVE);
+            let expected = ring.max(about).max(lobe).max(f64::MIN_POSITIVE);
             let own = typical(&|j| apart(j) < ABOUT.start);
             (expected, (own / expected).max(1.0))
         })
         .unzip()
 }
+
+/// The power that white pixel noise has at each wave number after averages over square subsets of this width, in parts of 1, under a Hann
+/// window: of the main lobe's top.
+fn of_subsets(numbers: &[[f64; 2]], width: f64) -> Vec<f64> {
+    let sinc2 = |x: f64| {
+        let x = std::f64::consts::PI * x;
+        if x == 0.0 { 1.0 } else { (x.sin() / x).powi(2) }
+    };
+    // a wave shorter than two spacings of the points shows as a longer one
+    let folded = |number: f64| -> f64 {
+        let fold = |k: i32| sinc2(width * (number + f64::from(k) * PART));
+        (-FOLDS..=FOLDS).map(fold).sum()
+    };
+    // the Hann window's spectrum is 1/2, 1, 1/2 at whole numbers: its power
+    let smeared = |number: f64| {
+        let at = |by: f64| folded(number + by);
+        (0.25 * at(-1.0) + at(0.0) + 0.25 * at(1.0)) / 1.5
+    };
+    let one = |[a, b]: &[f64; 2]| smeared(*a) * smeared(*b);
+    numbers.iter().map(one).collect()
+}
+
+/// Multiples of the points' own wave number that are folded back.
+const FOLDS: i32 = 3;
+
+/// Wave numbers with more of the main lobe's top are of it.
+const MAIN_LOBE: f64 = 0.3;
 
 /// Periods a part along s and t of all waves sought: a half plane, up to two points a period, where waves of both
 /// directions are one.

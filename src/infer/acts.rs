@@ -13,7 +13,7 @@ pub struct Acts {
 impl Acts {
     /// All that may act of some effects: motions by every law but the free one, which is offered where one of these acts.
     pub fn all(effects: &[&'static dyn Effect]) -> Vec<Self> {
-        let laws = [Law::Constant, Law::Load, Law::Seated, Law::Drift];
+        let laws = [Law::Constant, Law::Load, Law::Seated, Law::Kept, Law::Drift];
         let mut all = Vec::new();
         for &effect in effects {
             if effect.scope() == Scope::Motion {
