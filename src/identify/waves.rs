@@ -386,3 +386,7 @@ fn periodogram(
         .collect();
     (power, 2.0 * square.sqrt() / sum.max(f64::MIN_POSITIVE))
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/waves.rs"]
+mod tests;

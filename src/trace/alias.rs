@@ -141,7 +141,15 @@ pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
         .filter(|l| l.cosine > SIMILAR)
         .collect();
     found.sort_by(|a, b| b.cosine.total_cmp(&a.cosine));
-    found
+    // of an effect's laws the nearest
+    let mut nearest: Vec<Lookalike> = Vec::new();
+    for l in found {
+        let same = |n: &Lookalike| subsets.layout.same(n.candidate, l.candidate);
+        if !nearest.iter().any(same) {
+            nearest.push(l);
+        }
+    }
+    nearest
 }
 
 /// Cosine above which signatures are called similar. They are reported beside the alias groups, which rest on the evidence.

@@ -1,22 +1,17 @@
 //! What the evidence says: ranking, alias groups, acceptance, averaged posterior, blind spots.
 
-use nalgebra::DVector;
-
 use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
-use super::sensitivities::{Column, Measured, Sensitivities};
+use super::sensitivities::{Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
 use super::suspect::suspect;
-use super::tracing::{Found, Named, Resembling, StepResidual, Tracing};
-use super::weighing::{NoisePair, Weighing};
+use super::tracing::{Found, Named, Resembling, Tracing};
+use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
 use crate::error::Result;
 use crate::experiment::series::Law;
-use crate::laminate::MeanSd;
-use crate::noise::NormalEquations;
 use crate::noise::series::Frames;
-use crate::quantity::NM_PER_MM;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
 /// unseen fields and silent in 3 of 3 without an effect; the program as built in 30 of 33, without a false alarm.
@@ -38,10 +33,10 @@ pub const LARGEST_MULTIPLE: f64 = 4.0;
 
 /// What the data say of every candidate.
 pub struct Evidence<'a> {
-    measured: &'a Measured,
+    pub(super) measured: &'a Measured,
     /// The prediction linearised.
     pub sensitivities: Sensitivities,
-    weighing: Weighing,
+    pub(super) weighing: Weighing,
     /// The posterior over subsets.
     pub subsets: Subsets,
 }
@@ -212,82 +207,6 @@ impl Evidence<'_> {
                 .collect(),
             detectable: f64::INFINITY,
         })
-    }
-
-    /// What the base model, and with the best subset what is explained, leave of every step of a series: root mean squares of the block
-    /// averages of both components, nm. Empty for a single field.
-    fn steps(&self, pair: &NoisePair) -> Vec<StepResidual> {
-        let Some(series) = self.weighing.series() else {
-            return Vec::new();
-        };
-        let (bare, explained) = (
-            self.left(pair, &Vec::new()),
-            self.left(pair, self.subsets.best()),
-        );
-        let n = self.measured.blocks.len();
-        let rms = |left: &DVector<f64>, step: usize| {
-            (left.rows(step * n, n).norm_squared() / n as f64).sqrt() * NM_PER_MM
-        };
-        let scales = series.noise.scales.iter().enumerate();
-        scales
-            .map(|(step, scale)| StepResidual {
-                bare_nm: bare.each_ref().map(|left| rms(left, step)),
-                explained_nm: explained.each_ref().map(|left| rms(left, step)),
-                noise_scale: scale.sqrt(),
-            })
-            .collect()
-    }
-
-    /// The residual of the base model with a subset of the candidates, mm.
-    fn left(&self, pair: &NoisePair, subset: &Subset) -> [DVector<f64>; 2] {
-        let mut left = self.measured.residual(&self.sensitivities);
-        let Some((own, fit)) = self.fit(pair, subset) else {
-            return left;
-        };
-        let all = self.columns();
-        for (k, x) in own.iter().zip(fit.mean().iter()) {
-            for (left, values) in left.iter_mut().zip(&all[*k].values) {
-                left.axpy(-x, values, 1.0);
-            }
-        }
-        left
-    }
-
-    /// All columns, those of the base model first.
-    fn columns(&self) -> Vec<&Column> {
-        let base = self.sensitivities.base.iter();
-        let sought = self.sensitivities.candidates.iter();
-        base.chain(sought.flat_map(|c| &c.columns)).collect()
-    }
-
-    /// The fit of the base model with a subset of the candidates, and which columns it is of.
-    fn fit(&self, pair: &NoisePair, subset: &Subset) -> Option<(Vec<usize>, NormalEquations)> {
-        let gram = self.weighing.gram(pair);
-        let data = gram.nrows() - 1;
-        let base = self.sensitivities.base.len();
-        let chosen = self.subsets.layout.columns(subset).into_iter();
-        let own: Vec<usize> = (0..base).chain(chosen.map(|k| base + k)).collect();
-        let scaled: Vec<(usize, f64)> = own.iter().map(|k| (*k, 1.0)).collect();
-        let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &scaled)?;
-        Some((own, fit))
-    }
-
-    /// All parameters of the base model and of the best subset under the likeliest noise, by name, border units.
-    pub fn amplitudes(&self) -> Vec<(String, MeanSd)> {
-        let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let Some((own, fit)) = self.fit(pair, self.subsets.best()) else {
-            return Vec::new();
-        };
-        let (mean, covariance, all) = (fit.mean(), fit.covariance(), self.columns());
-        let one = |(i, k): (usize, &usize)| {
-            let column = all[*k];
-            let of = MeanSd {
-                mean: column.mean + column.sd * mean[i],
-                sd: column.sd * covariance[(i, i)].sqrt(),
-            };
-            (column.name.clone(), of)
-        };
-        own.iter().enumerate().map(one).collect()
     }
 
     fn named(&self, group: &Group, predicts: bool) -> Named {

@@ -5,8 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::layout::columns;
 use super::sensitivities::{Column, Measured, Sensitivities};
-use super::subsets::{Subset, columns};
+use super::subsets::Subset;
 use crate::noise::NormalEquations;
 use crate::numeric::quantile;
 use crate::quantity::NM_PER_MM;

@@ -8,10 +8,10 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::layout::{Layout, restrict};
 use super::sensitivities::Candidate;
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
-use crate::noise::NormalEquations;
 
 /// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size. In the prototype study they named 51 of 51
 /// single effects, 12 of 12 pairs and 12 of 16 triples exactly. All subsets up to four are enumerated (5,036 of 19 effects): greedy growth
@@ -52,125 +52,6 @@ pub struct Subsets {
     pub projected: Vec<Projected>,
     /// Prior log probability of a subset by its size.
     log_prior: Vec<f64>,
-}
-
-/// Which columns are whose, and what their amplitudes cannot be.
-pub struct Layout {
-    /// Columns of each candidate among the candidates' columns.
-    pub ranges: Vec<Vec<usize>>,
-    /// Whether a column's amplitude cannot be negative: its prior is half a normal one.
-    positive: Vec<bool>,
-    /// Names of the candidates' effects: no subset holds one twice, by two laws.
-    names: Vec<&'static str>,
-}
-
-/// Two parts of a field whose cosine is below minus this are one effect taken twice with opposite signs: a hole size and an edge
-/// damage of opposite signs were accepted together (measured on the program as built).
-const OPPOSITE: f64 = 0.95;
-
-impl Layout {
-    /// Of candidates in order.
-    pub fn new(candidates: &[Candidate]) -> Self {
-        let mut next = 0;
-        let ranges = candidates.iter().map(|c| {
-            next += c.columns.len();
-            (next - c.columns.len()..next).collect()
-        });
-        let columns = candidates.iter().flat_map(|c| &c.columns);
-        Self {
-            ranges: ranges.collect(),
-            positive: columns.map(|c| c.positive).collect(),
-            names: candidates.iter().map(|c| c.effect.name()).collect(),
-        }
-    }
-
-    /// Columns of a subset among the candidates' columns.
-    pub fn columns(&self, subset: &Subset) -> Vec<usize> {
-        columns(&self.ranges, subset)
-    }
-
-    /// Log Bayes factor of a subset against no effect: that of normal priors, times the share of the posterior where
-    /// amplitudes that cannot be negative are not; none for effects that undo each other.
-    fn log_bayes_factor(&self, projected: &Projected, subset: &Subset) -> f64 {
-        if subset.is_empty() {
-            return 0.0;
-        }
-        if self.repeats(subset) {
-            return f64::NEG_INFINITY;
-        }
-        let columns = self.columns(subset);
-        let Some(fit) = restrict(projected, &columns) else {
-            return f64::NEG_INFINITY;
-        };
-        let mut log = fit.log_evidence();
-        let signed = columns.iter().any(|&k| self.positive[k]);
-        if !signed && subset.len() < 2 {
-            return log;
-        }
-        let mean = fit.mean();
-        if signed {
-            let covariance = fit.covariance();
-            for (i, _) in columns
-                .iter()
-                .enumerate()
-                .filter(|(_, k)| self.positive[**k])
-            {
-                log += log_positive(mean[i] / covariance[(i, i)].sqrt());
-            }
-        }
-        if self.opposed(projected, subset, &mean) {
-            return f64::NEG_INFINITY;
-        }
-        log
-    }
-
-    /// Whether two candidates are one effect by two laws.
-    pub fn same(&self, a: usize, b: usize) -> bool {
-        self.names[a] == self.names[b]
-    }
-
-    /// Whether a subset holds an effect twice.
-    fn repeats(&self, subset: &Subset) -> bool {
-        let names = subset.iter().map(|&k| self.names[k]);
-        names
-            .enumerate()
-            .any(|(i, name)| subset[..i].iter().any(|&k| self.names[k] == name))
-    }
-
-    /// Whether two effects of a subset undo each other at amplitudes `mean`, what the base model absorbs left aside.
-    fn opposed(&self, projected: &Projected, subset: &Subset, mean: &DVector<f64>) -> bool {
-        let mut at = 0;
-        let parts: Vec<(&Vec<usize>, usize)> = subset
-            .iter()
-            .map(|&k| {
-                at += self.ranges[k].len();
-                (&self.ranges[k], at - self.ranges[k].len())
-            })
-            .collect();
-        let product = |a: &(&Vec<usize>, usize), b: &(&Vec<usize>, usize)| {
-            let mut sum = 0.0;
-            for (i, &p) in a.0.iter().enumerate() {
-                for (j, &q) in b.0.iter().enumerate() {
-                    sum += mean[a.1 + i] * projected.g[(p, q)] * mean[b.1 + j];
-                }
-            }
-            sum
-        };
-        parts.iter().enumerate().any(|(k, a)| {
-            parts[..k].iter().any(|b| {
-                let ab = product(a, b);
-                ab < 0.0 && ab * ab > OPPOSITE * OPPOSITE * product(a, a) * product(b, b)
-            })
-        })
-    }
-}
-
-/// log (2 Phi(z)): what a half-normal prior makes of evidence under a normal one, for an amplitude `z` sds from zero.
-fn log_positive(z: f64) -> f64 {
-    if z < -30.0 {
-        return -0.5 * z * z;
-    }
-    statrs::function::erf::erfc(-z / std::f64::consts::SQRT_2).ln()
 }
 
 impl Subsets {
@@ -362,20 +243,6 @@ impl Subsets {
         // 2 z'a - a'G a = z'a + a'a at the mean a, where (I + G) a = z
         fit.quadratic() + fit.mean().norm_squared()
     }
-}
-
-/// Columns of a subset among the candidates' columns.
-pub fn columns(ranges: &[Vec<usize>], subset: &Subset) -> Vec<usize> {
-    subset
-        .iter()
-        .flat_map(|&k| ranges[k].iter().copied())
-        .collect()
-}
-
-/// (I + G) a = z of some columns; none where rounding leaves dependent columns without a factor.
-fn restrict(projected: &Projected, columns: &[usize]) -> Option<NormalEquations> {
-    let unscaled: Vec<(usize, f64)> = columns.iter().map(|&k| (k, 1.0)).collect();
-    NormalEquations::of_columns(&projected.g, |k| projected.z[k], &unscaled)
 }
 
 /// The likeliest pair of hyperparameters without and with a discrepancy, each for the best subset it would have.

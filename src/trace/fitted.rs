@@ -1,0 +1,90 @@
+//! What the base model and the best subset of effects fit: what they leave, and the amplitudes with which they do.
+
+use nalgebra::DVector;
+
+use super::evidence::Evidence;
+use super::sensitivities::Column;
+use super::subsets::Subset;
+use super::tracing::StepResidual;
+use super::weighing::NoisePair;
+use crate::laminate::MeanSd;
+use crate::noise::NormalEquations;
+use crate::quantity::NM_PER_MM;
+
+impl Evidence<'_> {
+    /// What the base model, and with the best subset what is explained, leave of every step of a series: root mean squares of the block
+    /// averages of both components, nm. Empty for a single field.
+    pub(super) fn steps(&self, pair: &NoisePair) -> Vec<StepResidual> {
+        let Some(series) = self.weighing.series() else {
+            return Vec::new();
+        };
+        let (bare, explained) = (
+            self.left(pair, &Vec::new()),
+            self.left(pair, self.subsets.best()),
+        );
+        let n = self.measured.blocks.len();
+        let rms = |left: &DVector<f64>, step: usize| {
+            (left.rows(step * n, n).norm_squared() / n as f64).sqrt() * NM_PER_MM
+        };
+        let scales = series.noise.scales.iter().enumerate();
+        scales
+            .map(|(step, scale)| StepResidual {
+                bare_nm: bare.each_ref().map(|left| rms(left, step)),
+                explained_nm: explained.each_ref().map(|left| rms(left, step)),
+                noise_scale: scale.sqrt(),
+            })
+            .collect()
+    }
+
+    /// The residual of the base model with a subset of the candidates, mm.
+    fn left(&self, pair: &NoisePair, subset: &Subset) -> [DVector<f64>; 2] {
+        let mut left = self.measured.residual(&self.sensitivities);
+        let Some((own, fit)) = self.fit(pair, subset) else {
+            return left;
+        };
+        let all = self.columns();
+        for (k, x) in own.iter().zip(fit.mean().iter()) {
+            for (left, values) in left.iter_mut().zip(&all[*k].values) {
+                left.axpy(-x, values, 1.0);
+            }
+        }
+        left
+    }
+
+    /// All columns, those of the base model first.
+    fn columns(&self) -> Vec<&Column> {
+        let base = self.sensitivities.base.iter();
+        let sought = self.sensitivities.candidates.iter();
+        base.chain(sought.flat_map(|c| &c.columns)).collect()
+    }
+
+    /// The fit of the base model with a subset of the candidates, and which columns it is of.
+    fn fit(&self, pair: &NoisePair, subset: &Subset) -> Option<(Vec<usize>, NormalEquations)> {
+        let gram = self.weighing.gram(pair);
+        let data = gram.nrows() - 1;
+        let base = self.sensitivities.base.len();
+        let chosen = self.subsets.layout.columns(subset).into_iter();
+        let own: Vec<usize> = (0..base).chain(chosen.map(|k| base + k)).collect();
+        let scaled: Vec<(usize, f64)> = own.iter().map(|k| (*k, 1.0)).collect();
+        let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &scaled)?;
+        Some((own, fit))
+    }
+
+    /// All parameters of the base model and of the best subset under the likeliest noise, by name, border units.
+    pub fn amplitudes(&self) -> Vec<(String, MeanSd)> {
+        let pair = &self.weighing.pairs[self.subsets.best_pair];
+        let Some((own, fit)) = self.fit(pair, self.subsets.best()) else {
+            return Vec::new();
+        };
+        let (mean, covariance, all) = (fit.mean(), fit.covariance(), self.columns());
+        let one = |(i, k): (usize, &usize)| {
+            let column = all[*k];
+            let of = MeanSd {
+                mean: column.mean + column.sd * mean[i],
+                sd: column.sd * covariance[(i, i)].sqrt(),
+            };
+            (column.name.clone(), of)
+        };
+        own.iter().enumerate().map(one).collect()
+    }
+}
