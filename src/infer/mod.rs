@@ -15,6 +15,7 @@ mod posterior;
 mod prior;
 mod schema;
 mod series;
+mod sizes;
 mod statistics;
 mod stepped;
 mod steps;

@@ -47,24 +47,10 @@ const AXIS_MM: f64 = 6.0;
 const PIVOT_MM: f64 = 10.0;
 
 /// Prior sd of a motion in the plane, mm and, over the picture, rad: as good as none.
-const FREE_MM: f64 = 10.0;
+pub(super) const FREE_MM: f64 = 10.0;
 
 /// Prior sd of a force that is not known, over the nominal one and over its own size.
 const UNKNOWN: [f64; 2] = [0.05, 0.5];
-
-/// What image correlation may be expected to show of an effect, prior sds in border units in place of the dictionary's (prototype study);
-/// of a motion towards the camera as a share of its distance.
-const SEEN: &[(&str, f64)] = &[
-    ("lens_distortion.percent_at_12mm", 0.072),
-    ("thermal_strain.dT_K", 5.0),
-    ("uniform_strain.exx_microstrain", 30.0),
-    ("uniform_strain.eyy_microstrain", 30.0),
-    ("uniform_strain.exy_microstrain", 30.0),
-    // one lens for both components, and a sensor's pixels are square to less
-    ("component_sensitivity.u1_percent", 0.1),
-    ("component_sensitivity.u2_percent", 0.1),
-];
-const TOWARDS: f64 = 1.5e-4;
 
 impl Stepped<'_> {
     /// What all steps measured, free of rigid motion, mm.
@@ -84,7 +70,7 @@ impl Stepped<'_> {
         }
     }
 
-    fn scene(&self) -> &Scene {
+    pub(super) fn scene(&self) -> &Scene {
         self.experiment.scene()
     }
 
@@ -113,21 +99,6 @@ impl Stepped<'_> {
             anchor: self.experiment.anchor(&at.shared)?,
             at,
         })
-    }
-
-    /// Prior sd of an amplitude of a series, border units.
-    pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> f64 {
-        let name = amplitude_name(effect, &effect.parameters()[k]);
-        if self.model.experiment().plausible.contains_key(&name) {
-            return self.model.experiment().plausible[&name];
-        }
-        if effect.name() == "out_of_plane_translation" {
-            let distance = self.scene().camera_distance_mm;
-            return distance.map_or(1.0, |z| TOWARDS * z);
-        }
-        let seen = SEEN.iter().find(|(n, _)| *n == name).map(|(_, sd)| *sd);
-        let own = || self.model.prior_sd(effect, k);
-        seen.or_else(own).unwrap_or(FREE_MM)
     }
 }
 

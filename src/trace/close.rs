@@ -213,6 +213,10 @@ fn next_model(round: &Round) -> Option<Model> {
     } = &round.tracing;
     let effect = (*accepted)?;
     let mut model = extended(&round.model, effect, accepted_amplitude, averaged);
+    if let Some(traced) = series {
+        let sizes = traced.plausible.iter().cloned();
+        model.experiment_mut().plausible.extend(sizes);
+    }
     model.traced.clone_from(series);
     if let Some(law) = accepted_law {
         let laws = &mut model.experiment_mut().laws;

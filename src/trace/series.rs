@@ -6,7 +6,7 @@ use super::ridge::{CONVERGED, series_at_ridge};
 use super::sensitivities::Measured;
 use super::sought::candidates;
 use super::tracing::Tracing;
-use crate::effect::Kind;
+use crate::effect::{Kind, amplitude_name};
 use crate::error::Result;
 use crate::experiment::State;
 use crate::experiment::series::SeriesState;
@@ -80,7 +80,13 @@ pub fn attribute_series(
     progress.begin("tracing: held-out blocks, blind spots", None);
     let mut tracing = evidence.tracing(&state.shared.constants)?;
     tracing.left_out = left_out;
+    let added = tracing.accepted.into_iter().flat_map(|effect| {
+        let parameters = effect.parameters().iter().enumerate();
+        parameters.map(move |(k, p)| (amplitude_name(effect, p), (effect, k)))
+    });
+    let added = added.map(|(name, (effect, k))| (name, stepped.prior_sd(effect, k)));
     tracing.series = Some(TracedSeries {
+        plausible: added.collect(),
         state,
         amplitudes: evidence.amplitudes(),
     });
