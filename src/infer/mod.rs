@@ -20,6 +20,7 @@ mod statistics;
 mod stepped;
 mod steps;
 mod tabulated;
+mod traced;
 mod version1;
 
 pub use acts::{Acts, Amplitude};
@@ -33,8 +34,8 @@ pub use observation::{Columns, Observation, RecordedAmplitude, SteppedColumn};
 pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
-pub use series::TracedSeries;
 pub use statistics::{Statistics, Whitened};
 pub use stepped::{Here, LENS, Stack, Stepped, WEAK};
 pub use steps::Steps;
 pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};
+pub use traced::TracedSeries;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
+use super::traced::TracedSeries;
 use crate::effect::{
     Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name,
 };
@@ -29,7 +30,7 @@ pub struct Model {
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
     /// What tracing found of the declared effects of a series: about that the next identification is linear in them.
-    pub traced: Option<super::TracedSeries>,
+    pub traced: Option<TracedSeries>,
 }
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.

@@ -4,20 +4,8 @@ use super::acts::Acts;
 use super::model::Model;
 use crate::effect::{Effect, Scope};
 use crate::error::{Error, Result};
-use crate::experiment::series::{Law, SeriesState};
+use crate::experiment::series::Law;
 use crate::field::Series;
-use crate::laminate::MeanSd;
-
-/// What tracing found of a series.
-#[derive(Clone)]
-pub struct TracedSeries {
-    /// Where to linearise it.
-    pub state: SeriesState,
-    /// What all its steps say of every amplitude, border units.
-    pub amplitudes: Vec<(String, MeanSd)>,
-    /// Prior sds of the amplitudes of the effect that is to be added, border units.
-    pub plausible: Vec<(String, f64)>,
-}
 
 impl Model {
     /// Read the load series, if the measurement is one.

@@ -158,6 +158,7 @@ impl Evidence<'_> {
             accepted_law,
             series: None,
             steps: self.steps(pair),
+            misfit: self.misfit(pair),
             undecided,
             discrepancy: self.subsets.discrepancy,
             length_mm: self.weighing.lengths_mm(pair),

@@ -51,6 +51,19 @@ impl Evidence<'_> {
         left
     }
 
+    /// Probability of a misfit as large by the noise of a series, with the best subset; none of a single field.
+    pub(super) fn misfit(&self, pair: &NoisePair) -> Option<f64> {
+        let series = self.weighing.series()?;
+        let (_, fit) = self.fit(pair, self.subsets.best())?;
+        let gram = self.weighing.gram(pair);
+        let data = gram.nrows() - 1;
+        let values = 2.0 * (self.measured.blocks.len() * series.noise.scales.len()) as f64;
+        // of a linear model with normal priors the whole has as many degrees of freedom as values
+        let square = gram[(data, data)] - fit.quadratic();
+        let z = (square - values) / (2.0 * values).sqrt();
+        Some(0.5 * statrs::function::erf::erfc(z / std::f64::consts::SQRT_2))
+    }
+
     /// All columns, those of the base model first.
     fn columns(&self) -> Vec<&Column> {
         let base = self.sensitivities.base.iter();

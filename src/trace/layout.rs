@@ -3,9 +3,11 @@
 use nalgebra::DVector;
 
 use super::sensitivities::Candidate;
-use super::subsets::Subset;
 use super::weighing::Projected;
 use crate::noise::NormalEquations;
+
+/// A subset of the candidates, in increasing order.
+pub type Subset = Vec<usize>;
 
 /// Which columns are whose, and what their amplitudes cannot be.
 pub struct Layout {

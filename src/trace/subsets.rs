@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+pub use super::layout::Subset;
 use super::layout::{Layout, restrict};
 use super::sensitivities::Candidate;
 use super::weighing::{Projected, Weighing};
@@ -23,9 +24,6 @@ const WEIGHED: usize = 40;
 
 /// Pairs of a subset and the noise that are less likely than the best by more do not count: a thousandth.
 const LEAST_LOG: f64 = 6.9;
-
-/// A subset of the candidates, in increasing order.
-pub type Subset = Vec<usize>;
 
 /// A weighed subset.
 #[derive(Debug, Clone)]

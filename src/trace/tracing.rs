@@ -53,6 +53,8 @@ pub struct Tracing {
     pub series: Option<TracedSeries>,
     /// What is left of every step of a series.
     pub steps: Vec<StepResidual>,
+    /// Probability of a misfit as large by a series' own noise.
+    pub misfit: Option<f64>,
     /// Groups that the data speak for without being sure.
     pub undecided: Vec<Vec<&'static str>>,
     /// Probability of smooth structure that no effect explains.

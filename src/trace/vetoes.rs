@@ -29,7 +29,7 @@ const QUOTED_SDS: f64 = 3.0;
 pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
     let found = &last.identification;
-    let mut said: Vec<String> = [determined(found), misfit(found)]
+    let mut said: Vec<String> = [determined(found), misfit(last)]
         .into_iter()
         .flatten()
         .collect();
@@ -70,8 +70,11 @@ pub fn surrogate(found: &Identification) -> Option<String> {
 }
 
 /// 2. The misfit of modes and of block averages.
-fn misfit(found: &Identification) -> Option<String> {
-    let p = found.misfit_p.min(found.residual.p_chi2);
+fn misfit(last: &Round) -> Option<String> {
+    let found = &last.identification;
+    let of_one_field = found.misfit_p.min(found.residual.p_chi2);
+    // noise of a series may be smooth, which that of one field cannot know
+    let p = last.tracing.misfit.unwrap_or(of_one_field);
     (p < MISFIT).then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
 }
 
