@@ -652,7 +652,8 @@ fn a_lens_sees_rigid_motion() {
         // in coordinates whose origin is the lens' own picture of the hole
         let before = corner(p);
         let origin = corner([0.0; 2]);
-        let x = [before[0] - origin[0], before[1] - origin[1]];
+        // the specimen moves as it is strained
+        let x = [0, 1].map(|i| before[i] - origin[i] + u[i]);
         let (sin, cos) = motion.angle.sin_cos();
         let rigid = [
             motion.shift[0] + (cos - 1.0) * (x[0] - 1.0) - sin * (x[1] - 1.0),
@@ -699,7 +700,9 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
             -0.2 + sin * p[0] + (cos - 1.0) * p[1],
         ];
         let u = [1e-3, 2e-3];
-        let place = [0, 1].map(|k| turned[k] + rigid[k] + u[k]);
+        // the specimen is strained in its own axes, which turn with it
+        let own = [cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]];
+        let place = [0, 1].map(|k| turned[k] + rigid[k] + own[k]);
         let scale = 500.0 / (500.0 - turned[2]);
         let expected =
             [0, 1].map(|k| scene.middle[k] + (place[k] - scene.middle[k]) * scale - p[k]);
