@@ -77,7 +77,7 @@ fn laws_go_over_the_steps_as_they_say() {
 /// A model of a folder of reference data, as its analyst would declare it.
 fn declared(folder: &str) -> (String, Vec<f64>) {
     let read = |file: &str| -> Value {
-        let path = shared(&format!("data/dic-reference/{folder}/{file}"));
+        let path = shared(&format!("dic-reference/{folder}/{file}"));
         serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
     };
     let (declared, truth) = (read("declared.json"), read("truth.json"));
@@ -93,7 +93,7 @@ fn declared(folder: &str) -> (String, Vec<f64>) {
         .iter()
         .map(|step| {
             let file = step["file"].as_str().unwrap();
-            let file = shared(&format!("data/dic-reference/{folder}/{file}"));
+            let file = shared(&format!("dic-reference/{folder}/{file}"));
             json!({"file": file, "force_N": step["force_N"]})
         })
         .collect();
