@@ -7,6 +7,16 @@
 //! Patera, Arch. Comput. Methods Eng. 15 (2008); the residual's Riesz representers are orthonormalised, because their Gram matrix loses half
 //! of the digits.) The coercivity bound is the smallest eigenvalue of the membrane stiffness relative to the reference's: the bilinear
 //! form is an integral of strains under that stiffness, pointwise.
+//!
+//! Cost on two shared cores, default specimen at densities 0.4, 1, 2 and 4 (`plychain build`; an answer is the field at all points of the
+//! support, of which a finer mesh has more):
+//!
+//! | unknowns | basis | answer | solution |
+//! |---|---|---|---|
+//! | 8,208 | 0.3 s | 0.18 ms | 8.6 ms |
+//! | 50,472 | 3.7 s | 0.99 ms | 99 ms |
+//! | 200,304 | 16 s | 4.2 ms | 622 ms |
+//! | 798,048 | 95 s | | |
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix3};
 
