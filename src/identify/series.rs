@@ -1,5 +1,4 @@
-//! The one field of a load series that is identified: what grows with the load, and in it what declared effects of the picture and of the
-//! specimen's motion do.
+//! The one field of a load series that is identified: what grows with the load, and in it what declared effects do.
 
 use nalgebra::DVector;
 

@@ -37,6 +37,11 @@ impl Acts {
         })
     }
 
+    /// Whether another is the same effect by the same law.
+    pub fn is(&self, other: &Self) -> bool {
+        self.effect.name() == other.effect.name() && self.law == other.law
+    }
+
     /// Whether it takes part in a series by columns over its steps.
     pub fn is_stepped(&self) -> bool {
         self.effect.kind() != Kind::Recorded && self.effect.name() != LOAD_SCALE.name()

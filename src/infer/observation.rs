@@ -22,7 +22,7 @@ pub struct Observation {
     pub recorded: Vec<RecordedAmplitude>,
     /// The steps of a load series, where it is one.
     pub steps: Option<Steps>,
-    /// What declared effects of the picture and of motion do to the field of a series.
+    /// What declared effects do to the field of a series.
     pub stepped: Vec<SteppedColumn>,
 }
 

@@ -33,10 +33,6 @@ fn far_strain(scene: &Scene) -> f64 {
     compliance.map_or(0.0, |c| c[(0, 0)] * setup.load.axial.abs() / (high - low))
 }
 
-fn half_thickness(scene: &Scene) -> f64 {
-    0.5 * scene.setup.thickness
-}
-
 impl Stepped<'_> {
     /// Prior sd of an amplitude of a series, border units.
     pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> f64 {
@@ -49,8 +45,8 @@ impl Stepped<'_> {
             return distance.map_or(1.0, |z| TOWARDS * z);
         }
         if effect.name() == "out_of_plane_bending" {
-            let uniform_per_m =
-                1e3 * BENT * far_strain(self.scene()) / half_thickness(self.scene());
+            let to_face_mm = 0.5 * self.scene().setup.thickness;
+            let uniform_per_m = 1e3 * BENT * far_strain(self.scene()) / to_face_mm;
             return [1.0, BENT_GRADIENT_PER_MM][k] * uniform_per_m;
         }
         let seen = SEEN.iter().find(|(n, _)| *n == name).map(|(_, sd)| *sd);

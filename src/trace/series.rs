@@ -174,16 +174,13 @@ impl<'a> Traced<'a> {
 
     /// Offer an amplitude of its own in every step for the motions of a subset; whether any was not offered before.
     fn free(&mut self, subset: &[usize]) -> bool {
-        let acting = subset.iter().filter_map(|&k| self.sought[k].freed());
-        let offered = |a: &Acts| {
-            let same = |b: &Acts| b.effect.name() == a.effect.name() && b.law == a.law;
-            self.sought.iter().any(same)
-        };
-        let new: Vec<Acts> = acting.filter(|a| !offered(a)).collect();
-        // two free amplitudes of a step's own are as many as the contrasts of two steps
+        // in two steps, amplitudes of each step's own are any pair of other laws
         if self.stepped.steps.loads.len() < 3 {
             return false;
         }
+        let acting = subset.iter().filter_map(|&k| self.sought[k].freed());
+        let offered = |a: &Acts| self.sought.iter().any(|b| b.is(a));
+        let new: Vec<Acts> = acting.filter(|a| !offered(a)).collect();
         self.sought.extend(&new);
         !new.is_empty()
     }
@@ -198,8 +195,7 @@ impl<'a> Traced<'a> {
         before: Option<Acts>,
     ) -> f64 {
         let acts = self.sought[leader];
-        let same = |b: &Acts| b.effect.name() == acts.effect.name() && b.law == acts.law;
-        if let Some(old) = before.filter(|b| !same(b)) {
+        if let Some(old) = before.filter(|b| !b.is(&acts)) {
             let none = vec![0.0; old.effect.parameters().len()];
             state.shared.set(old.effect, none);
             state
