@@ -6,9 +6,10 @@ use std::sync::Arc;
 use plychain::effect::{Acting, EFFECTS, Kind, LOAD_SCALE};
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
-    Direction, Experiment, FieldExperiment, Gauge, MockExperiment, Sight, State, load_response,
-    predict, predict_with_gradient, sensitivity,
+    Direction, Experiment, FieldExperiment, Gauge, MockExperiment, Sight, Softening, State, gauged,
+    load_response, predict, predict_with_gradient, sensitivity,
 };
+use plychain::fem::Bump;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::Model;
@@ -228,4 +229,48 @@ fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
         let z = (mode.mode[k] - truth) / sd(k);
         assert!(z.abs() < 4.0, "{}: {z}", model.constants()[k]);
     }
+}
+
+/// A plate that is stiffer by one part in all everywhere moves by as much less. Gaussians on a lattice as wide apart as their sd add up to
+/// a constant, 2 pi, but for 2 exp(-2 pi^2) of it.
+#[test]
+fn bumps_of_the_stiffness_add_up_to_a_stiffer_plate() {
+    let test = small_test();
+    let scene = scene(&test);
+    let experiment = FieldExperiment::new(test, scene).unwrap();
+    let lattice = (0..9).flat_map(|i| (0..9).map(move |j| [i, j]));
+    let places: Vec<[f64; 2]> = lattice
+        .map(|ij| ij.map(|k| -7.1 + 1.8 * f64::from(k)))
+        .filter(|p| p[0].hypot(p[1]) > 2.2)
+        .collect();
+    let sight = &experiment.locate(&places, &[]).0;
+    let at = State::new(&CONSTANTS, 0.78);
+    let anchor = experiment.anchor(&at).unwrap();
+    let apart = 5.0;
+    let bumps: Vec<Bump> = (-12..=12)
+        .flat_map(|i| (-9..=9).map(move |j| [i, j]))
+        .map(|ij| Bump {
+            center_mm: ij.map(|k| apart * f64::from(k)),
+            sd_mm: apart,
+        })
+        .collect();
+    let softened = |softening| {
+        experiment
+            .softened(anchor.as_ref(), &at, sight, softening)
+            .unwrap()
+    };
+    let fields = softened(Softening::Bumps(&bumps));
+    let plain = experiment.look(&at, sight, false).unwrap().loaded;
+    let plain = gauged(Gauge::Window, sight, &plain);
+    let error: Field = (0..places.len())
+        .map(|k| {
+            let sum = |c: usize| fields.iter().map(|f| f[k][c]).sum::<f64>();
+            [0, 1].map(|c| sum(c) / std::f64::consts::TAU + plain[k][c])
+        })
+        .collect();
+    assert!(size(&error) < 1e-6 * size(&plain), "{:e}", size(&error));
+    // one bump does something of its own
+    let one = size(&fields[fields.len() / 2]);
+    assert!(one > 1e-2 * size(&plain), "{one:e}");
+    assert!(!softened(Softening::NearEdge).is_empty());
 }

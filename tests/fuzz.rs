@@ -279,7 +279,7 @@ fn chain_csv(path: &Path) {
 fn stan(stem: &Path) {
     write_stan(&draws(), stem).unwrap();
     let path = |k: usize| PathBuf::from(format!("{}_{k}.csv", stem.display()));
-    let paths: Vec<PathBuf> = (1..=4).map(path).collect();
+    let paths: Vec<PathBuf> = (1..=draws().ensembles()).map(path).collect();
     let all: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
     let original = fs::read(all[1]).unwrap();
     feed("stan", &original, 6_000, &["stan_"], &mut |bytes| {

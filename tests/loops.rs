@@ -10,7 +10,7 @@ use plychain::identify::Options;
 use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
-use plychain::sample::{SAMPLERS, Schedule};
+use plychain::sample::{SAMPLERS, Sampler, Schedule};
 use plychain::trace::{Interval, Status, close};
 
 use crate::foreign;
@@ -84,11 +84,10 @@ impl Ended {
     }
 }
 
-/// The loop as the command line runs it.
-pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
-    let sampler = (SAMPLERS[0].build)();
-    let options = |_| Options {
-        sampler: &*sampler,
+/// How the command line runs an identification, by a sampler.
+pub fn options(sampler: &dyn Sampler) -> Options<'_> {
+    Options {
+        sampler,
         schedule: Schedule {
             seed: 1,
             ..Schedule::default()
@@ -99,8 +98,14 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
         keeping: None,
         discrepancy: [None, None],
         deadline: None,
-    };
-    let closed = close(model, 5, &options, &Silent).unwrap_or_else(|e| panic!("{case}: {e}"));
+    }
+}
+
+/// The loop as the command line runs it.
+pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
+    let sampler = (SAMPLERS[0].build)();
+    let closed =
+        close(model, 5, &|_| options(&*sampler), &Silent).unwrap_or_else(|e| panic!("{case}: {e}"));
     let sure = closed.rounds.iter().flat_map(|r| &r.tracing.groups);
     let sure: Vec<_> = sure.filter(|g| g.probability > 0.95).collect();
     Ended {

@@ -233,7 +233,9 @@ fn the_readmes_commands_are_understood_and_the_quick_ones_work() {
     for command in &commands {
         let mut program = assert_cmd::Command::cargo_bin("plychain").unwrap();
         program.current_dir(folder.path()).args(command);
-        if quick.contains(&command[0].as_str()) && !command.iter().any(|w| w == ">" || w == "|") {
+        // a series is written and proposed by a test of its own
+        let for_a_shell = |w: &String| w == ">" || w == "|" || w.contains('*');
+        if quick.contains(&command[0].as_str()) && !command.iter().any(for_a_shell) {
             let output = program.output().unwrap();
             assert!(
                 output.status.success(),

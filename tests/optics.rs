@@ -61,6 +61,7 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
         expansion_per_k: Some(EXPANSION),
         material: Material::Ply,
         camera_distance_mm: None,
+        pixel_mm: None,
         middle: [0.0; 2],
     }
 }
@@ -158,8 +159,8 @@ fn forward_maps() -> Vec<Forward> {
 #[test]
 fn true_points_invert_the_stated_maps() {
     let optical = EFFECTS.iter().filter(|e| e.kind() == Kind::Optical).count();
-    // one scales what is seen, not where, and two move the specimen out of its plane
-    assert_eq!(optical, forward_maps().len() + 3);
+    // two change what is seen, not where, and two move the specimen out of its plane
+    assert_eq!(optical, forward_maps().len() + 4);
     for axis in [Axis::X, Axis::Y] {
         let scene = scene(axis, &[0.0], FRINGES);
         for (name, amplitude, forward) in forward_maps() {
@@ -708,5 +709,40 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
             [0, 1].map(|k| scene.middle[k] + (place[k] - scene.middle[k]) * scale - p[k]);
         // third order in the rotation is left out
         close(camera.report(p, u), expected, 1e-6, "perspective");
+    }
+}
+
+/// Nothing at whole and half pixels, the amplitude a quarter beyond: of the whole displacement along the data's axes.
+#[test]
+fn the_interpolation_of_grey_values_misreads_parts_of_pixels() {
+    let pixel = 0.05;
+    for axis in [Axis::X, Axis::Y] {
+        let mut scene = scene(axis, &[0.0], None);
+        let bias = effect("interpolation_bias");
+        assert!(bias.obstacle(&scene).unwrap().contains("pixel_mm"));
+        scene.pixel_mm = Some(pixel);
+        assert!(bias.obstacle(&scene).is_none());
+        let acting = [Acting {
+            effect: bias,
+            amplitude: vec![0.02],
+        }];
+        for (parts, misread) in [
+            ([0.0, 0.5], [0.0; 2]),
+            ([0.25, -0.75], [1.0, 1.0]),
+            ([2.75, 1.0], [-1.0, 0.0]),
+        ] {
+            let whole = scene.frame.vector(parts.map(|p| p * pixel));
+            // most of it is the specimen's motion
+            let u = [1e-3, -2e-3];
+            let motion = RigidMotion {
+                shift: [0, 1].map(|k| whole[k] - u[k]),
+                ..RigidMotion::NONE
+            };
+            let seen = Seen::new(&acting, &scene)
+                .moved(motion)
+                .report([3.0, 4.0], u);
+            let expected = [0, 1].map(|k| parts[k] * pixel + 0.02 * pixel * misread[k]);
+            close(scene.frame.vector(seen), expected, 1e-12, "interpolation");
+        }
     }
 }

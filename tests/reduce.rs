@@ -54,6 +54,7 @@ pub fn scene(test: &FieldTest) -> Scene {
         expansion_per_k: None,
         material: Material::Ply,
         camera_distance_mm: None,
+        pixel_mm: None,
         middle: [0.0; 2],
     }
 }

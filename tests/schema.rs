@@ -70,6 +70,7 @@ fn a_report_goes_through_its_type_unchanged() {
         let parts = report.as_object_mut().unwrap();
         for key in [
             "averaged_posterior",
+            "quoted",
             "averaged_note",
             "with_discrepancy",
             "blind_spots",

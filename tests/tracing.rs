@@ -97,7 +97,8 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
     let mut accepted = Vec::new();
     let mut first: Option<Suspect> = None;
     loop {
-        let mut tracing = attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
+        let (mut tracing, _) =
+            attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
         let suspect = first.get_or_insert_with(|| tracing.suspect.clone());
         tracing.suspect = suspect.beside(&tracing.suspect);
         let Some(effect) = tracing.accepted.filter(|_| accepted.len() < 5) else {
@@ -416,7 +417,7 @@ fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
     let state = model.state(&|_| None);
-    let tracing = attribute(&model, &prepared, state, &|_| true, &Silent).unwrap();
+    let (tracing, _) = attribute(&model, &prepared, state, &|_| true, &Silent).unwrap();
     let group = &tracing.groups[0];
     assert_eq!(group.leader, "in_plane_bending");
     if group.members.contains(&"thickness_taper") {

@@ -22,29 +22,35 @@ pub fn write_csv(chains: &dyn Chains, path: &Path) -> Result<()> {
     out.flush().map_err(failed)
 }
 
-/// Writes Stan CSV: one file a chain, `STEM_1.csv`, `STEM_2.csv`, ..., with `lp__` and the parameters.
+/// Writes Stan CSV: one file an ensemble, its walkers one after the other, `STEM_1.csv`, `STEM_2.csv`, ..., with `lp__` and the parameters.
 ///
 /// # Errors
 /// The input's fault (with the path) if a file cannot be written.
 pub fn write_stan(chains: &dyn Chains, stem: &Path) -> Result<()> {
-    for chain in 0..chains.count() {
+    for (number, members) in chains.groups().into_iter().enumerate() {
         let mut path = stem.as_os_str().to_owned();
-        path.push(format!("_{}.csv", chain + 1));
+        path.push(format!("_{}.csv", number + 1));
         let path = Path::new(&path);
         let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
         let mut out = BufWriter::new(File::create(path).map_err(failed)?);
-        write_chain(&chains.chain(chain)?, chain, &mut out).map_err(failed)?;
+        header(chains.names(), number, &mut out).map_err(failed)?;
+        for chain in members {
+            write_chain(&chains.chain(chain)?, &mut out).map_err(failed)?;
+        }
         out.flush().map_err(failed)?;
     }
     Ok(())
 }
 
-fn write_chain(draws: &Draws, number: usize, out: &mut dyn Write) -> std::io::Result<()> {
+fn header(names: &[String], number: usize, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out, "# model = plychain")?;
     writeln!(out, "# id = {}", number + 1)?;
     // Stan's names have no dots of their own: a dot counts elements there.
-    let names: Vec<String> = draws.names().iter().map(|n| n.replace('.', "_")).collect();
-    writeln!(out, "lp__,{}", names.join(","))?;
+    let names: Vec<String> = names.iter().map(|n| n.replace('.', "_")).collect();
+    writeln!(out, "lp__,{}", names.join(","))
+}
+
+fn write_chain(draws: &Draws, out: &mut dyn Write) -> std::io::Result<()> {
     for draw in 0..draws.draws() {
         write!(out, "{:?}", draws.lp()[draw])?;
         for value in draws.point(0, draw) {

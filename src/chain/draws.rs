@@ -83,7 +83,7 @@ impl Series {
     }
 }
 
-fn groups(ensemble: &[usize]) -> Vec<Vec<usize>> {
+pub(super) fn groups(ensemble: &[usize]) -> Vec<Vec<usize>> {
     let mut ids: Vec<usize> = Vec::new();
     let mut members: Vec<Vec<usize>> = Vec::new();
     for (chain, &id) in ensemble.iter().enumerate() {
@@ -106,6 +106,9 @@ pub trait Chains {
     /// Number of chains.
     fn count(&self) -> usize;
 
+    /// The chains of each ensemble.
+    fn groups(&self) -> Vec<Vec<usize>>;
+
     /// One chain over all its draws.
     ///
     /// # Errors
@@ -120,6 +123,10 @@ impl Chains for Draws {
 
     fn count(&self) -> usize {
         self.chains()
+    }
+
+    fn groups(&self) -> Vec<Vec<usize>> {
+        groups(&self.ensemble)
     }
 
     fn chain(&self, chain: usize) -> Result<Draws> {
@@ -266,6 +273,29 @@ impl Draws {
             draws: self.draws,
             ensemble: self.ensemble.clone(),
         }
+    }
+
+    /// The last of every `stride` draws of each chain.
+    ///
+    /// # Errors
+    /// Those of [`Draws::new`].
+    pub fn every(&self, stride: usize) -> Result<Self> {
+        let stride = stride.clamp(1, self.draws.max(1));
+        let kept = || (0..self.draws / stride).map(move |k| (k + 1) * stride - 1);
+        let (mut values, mut lp) = (Vec::new(), Vec::new());
+        for chain in 0..self.chains() {
+            for draw in kept() {
+                values.extend_from_slice(self.point(chain, draw));
+                lp.push(self.lp[chain * self.draws + draw]);
+            }
+        }
+        let mut thinned = Self::new(self.names.clone(), self.ensemble.clone(), values, lp)?;
+        thinned.info = Info {
+            thin: self.info.thin * stride,
+            columns: Vec::new(),
+            ..self.info.clone()
+        };
+        Ok(thinned)
     }
 
     /// The index of the parameter called `name`.

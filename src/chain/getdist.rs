@@ -16,7 +16,7 @@ fn write(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).map_err(|e| Error::input(path.display(), "a writable file").found(e))
 }
 
-/// Writes the files, one chain each.
+/// Writes the files, one an ensemble: its walkers, one after the other.
 ///
 /// # Errors
 /// The input's fault (with the path) if a file cannot be written.
@@ -31,19 +31,24 @@ pub fn write_getdist(chains: &dyn Chains, root: &Path) -> Result<()> {
     }
     write(&beside(root, ".paramnames"), &names)?;
     write(&beside(root, ".ranges"), &ranges)?;
-    for chain in 0..chains.count() {
-        let draws = chains.chain(chain)?;
+    for (k, members) in chains.groups().into_iter().enumerate() {
         let mut text = String::new();
-        for (point, lp) in draws.points().zip(draws.lp()) {
-            let _ = write!(text, "1 {:?}", -lp);
-            for value in point {
-                let _ = write!(text, " {value:?}");
-            }
-            text.push('\n');
+        for chain in members {
+            write_chain(&chains.chain(chain)?, &mut text);
         }
-        write(&beside(root, &format!("_{}.txt", chain + 1)), &text)?;
+        write(&beside(root, &format!("_{}.txt", k + 1)), &text)?;
     }
     Ok(())
+}
+
+fn write_chain(draws: &Draws, text: &mut String) {
+    for (point, lp) in draws.points().zip(draws.lp()) {
+        let _ = write!(text, "1 {:?}", -lp);
+        for value in point {
+            let _ = write!(text, " {value:?}");
+        }
+        text.push('\n');
+    }
 }
 
 /// Reads `ROOT_1.txt`, `ROOT_2.txt`, ... with `ROOT.paramnames`. Weights are repetitions, as Metropolis writes them.

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::draws::{Chains, Draws};
+use super::draws::{Chains, Draws, groups};
 use super::zarr;
 use super::zarr::FORMAT;
 use crate::error::{Error, Result};
@@ -190,6 +190,10 @@ impl Chains for Reader {
 
     fn count(&self) -> usize {
         self.ensemble.len()
+    }
+
+    fn groups(&self) -> Vec<Vec<usize>> {
+        groups(&self.ensemble)
     }
 
     fn chain(&self, chain: usize) -> Result<Draws> {

@@ -40,23 +40,35 @@ impl Layout {
     }
 }
 
-/// Write draws that are complete, each chain an ensemble of its own, as a new store.
+/// Write draws that are complete as a new store.
 ///
 /// # Errors
 /// The input's fault if the place exists or cannot be written.
 pub fn write_zarr(draws: &Draws, path: &Path) -> Result<()> {
+    let walkers = draws.chains() / draws.ensembles().max(1);
     let layout = Layout {
         names: draws.names().to_vec(),
-        walkers: 1,
-        ensembles: draws.chains(),
+        walkers,
+        ensembles: draws.ensembles(),
         observed: Vec::new(),
     };
     let mut store = Store::create(path, layout, json!({}))?;
-    let values = draws.values().chunks_exact(draws.draws() * draws.dim());
-    let lp = draws.lp().chunks_exact(draws.draws());
-    let blocks: Vec<(&[f64], &[f64])> = values.zip(lp).collect();
+    let (count, dim) = (draws.draws(), draws.dim());
+    let of = |ensemble: usize| {
+        let (mut x, mut lp) = (Vec::new(), Vec::new());
+        for draw in 0..count {
+            let at = |walker: usize| (ensemble * walkers + walker) * count + draw;
+            for k in 0..dim {
+                x.extend((0..walkers).map(|w| draws.values()[at(w) * dim + k]));
+            }
+            lp.extend((0..walkers).map(|w| draws.lp()[at(w)]));
+        }
+        (x, lp)
+    };
+    let blocks: Vec<(Vec<f64>, Vec<f64>)> = (0..draws.ensembles()).map(of).collect();
+    let blocks: Vec<(&[f64], &[f64])> = blocks.iter().map(|(x, lp)| (&x[..], &lp[..])).collect();
     store.record(&blocks)?;
-    store.finalize(&[])
+    store.finalize(&draws.info.acceptance)
 }
 
 /// Takes an ensemble's index, its positions (parameter x walker) and log densities of one draw.

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::console::Console;
+use super::console::{Console, line};
+use super::diagnose::AVERAGED;
 use super::folder::{Folder, check_run};
 use super::identify::{resolved, truth};
 use super::running::Running;
 use super::{Global, cache, print};
-use crate::chain::write_csv;
+use crate::chain::{write_csv, write_zarr};
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
@@ -39,7 +40,16 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
     let plan = running.plan(global)?;
     let options = |round: usize| plan.options(&place(plan.folder.path(), round));
     let most = usize::from(arguments.rounds);
-    let closed = trace::close(&plan.model, most, &options, console)?;
+    let mut closed = trace::close(&plan.model, most, &options, console)?;
+    let suspect = closed.conclusion.suspect.is_some();
+    let again = plan.options(plan.folder.path());
+    match trace::quote(&closed.rounds, suspect, &again, console) {
+        Ok(quoted) => closed.sampled = Some(quoted),
+        // the verdict stands, and its intervals in closed form
+        Err(e) => line(&format!(
+            "  the intervals to quote are those of the closed form: {e}"
+        )),
+    }
     let page = write(&plan.folder, &plan.model, &closed, global.seed)?;
     let report = &page.report;
     if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
@@ -76,6 +86,16 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
         };
         folder.write_json(&name, &resolved(&step.model)?)?;
     }
+    if let Some(sampled) = &closed.sampled {
+        let place = folder.path().join(AVERAGED);
+        // an interrupted run may have left one
+        if place.exists() {
+            let fail = |e| Error::input(place.display(), "a writable folder").found(e);
+            std::fs::remove_dir_all(&place).map_err(fail)?;
+        }
+        write_zarr(&sampled.draws, &place.join("chain.zarr"))?;
+        write_csv(&sampled.draws, &place.join("chain.csv"))?;
+    }
     let last = &closed.rounds[closed.rounds.len() - 1];
     folder.write_json("model.extended.json", &resolved(&last.model)?)?;
     let report = gather::closed(closed, seed);
@@ -88,8 +108,7 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
         .field
         .files;
     let manifest = folder.write_manifest(model, files, seed)?;
-    let rounds: Vec<_> = closed.rounds.iter().map(|s| &s.identification).collect();
-    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
+    Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 
 /// Arguments of `trace`.
@@ -114,7 +133,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
     let prepared = crate::identify::prepare(&model, &cache(), console)?;
-    let tracing = trace::attribute(&model, &prepared, start, &|_| true, console)?;
+    let (tracing, _) = trace::attribute(&model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
     print(&ranking::tracing(&found))?;
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());

@@ -12,6 +12,7 @@ use crate::chain::{
 };
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
+use crate::trace::quoted_rule;
 
 /// Arguments of `diagnose`.
 #[derive(Debug, Args)]
@@ -38,7 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(walkers) = arguments.walkers {
         draws = draws.with_walkers(walkers)?;
     }
-    let verdict = diagnose(&draws, &Rule::default());
+    let verdict = diagnose(&draws, &rule_of(&arguments.files));
     if draws.info.thin > 1 {
         print(&format!(
             "a long run: of {} stored draws of a chain one is diagnosed\n",
@@ -62,10 +63,25 @@ const MANY: usize = 16;
 /// length is diagnosed in little memory.
 const MOST: usize = 1 << 19;
 
+/// The rule that a file's draws are judged by: those of the posterior to quote by that which ended their sampling.
+fn rule_of(files: &[PathBuf]) -> Rule {
+    let store = files.first().and_then(|path| store(path));
+    let folder = store.as_deref().and_then(Path::parent);
+    if folder.is_some_and(|f| f.ends_with(AVERAGED)) {
+        quoted_rule(&Rule::default())
+    } else {
+        Rule::default()
+    }
+}
+
+/// The folder of the posterior to quote in a loop's.
+pub const AVERAGED: &str = "averaged";
+
 /// The chain store that `path` is or holds.
 fn store(path: &Path) -> Option<PathBuf> {
-    let inside = path.join("chain.zarr");
-    if inside.is_dir() {
+    // of a loop the posterior to quote
+    let inside = [path.join(AVERAGED), path.to_path_buf()].map(|p| p.join("chain.zarr"));
+    if let Some(inside) = inside.into_iter().find(|place| place.is_dir()) {
         return Some(inside);
     }
     path.join("zarr.json").is_file().then(|| path.to_path_buf())

@@ -211,16 +211,22 @@ fn hash(path: &Path) -> Result<String> {
 /// Attempts at rounds that a loop may have made.
 const MOST_ATTEMPTS: usize = 100;
 
-/// Says of a loop's folder that its chains are those of the first round, and where those of the last are.
+/// Says which of a loop's chains are taken, and where the others are.
 pub fn say_round(folder: &Path) {
     let of = |k: usize| folder.join(format!("round-{k}"));
     // an attempt that was taken back has no chain.csv
     let has_chain = |k: &usize| of(*k).join("chain.csv").is_file();
     if let Some(last) = (1..MOST_ATTEMPTS).rev().find(has_chain) {
         line(&format!(
-            "  {} is of a loop: these are the draws of its first round, the model as it was given; those of the last are in {}",
+            "  {} is of a loop; the draws of its last round are in {}",
             folder.display(),
             of(last).display()
+        ));
+    }
+    if folder.join(super::diagnose::AVERAGED).is_dir() {
+        line(&format!(
+            "  these are the draws to quote, of the averaged posterior; those of the model as it was given are in {}",
+            folder.join("chain.zarr").display()
         ));
     }
 }

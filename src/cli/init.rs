@@ -23,7 +23,8 @@ use crate::infer::Model;
   plychain init                                   a carbon/epoxy laminate, to be edited
   plychain init strip --like steel                a copy of the steel strip's model
   plychain init strip --like steel --csv field.csv    columns, hole and axis read from a DIC export
-  plychain init coupon --csv 'step-*.csv'         the same of a load series, one file a step")]
+  plychain init coupon --csv 'step-*.csv' --subset-mm 1 --camera-distance-mm 500
+                                                  the same of a load series, one file a step")]
 pub struct Arguments {
     /// Name of the model; the file is NAME.json
     #[arg(default_value = "specimen")]
@@ -38,6 +39,12 @@ pub struct Arguments {
     /// Size of a pixel on the specimen, for exports in pixels
     #[arg(long, value_name = "MM", requires = "csv")]
     mm_per_pixel: Option<f64>,
+    /// Side of the subsets of the image correlation
+    #[arg(long, value_name = "MM")]
+    subset_mm: Option<f64>,
+    /// Distance of the camera from the specimen
+    #[arg(long, value_name = "MM", requires = "subset_mm")]
+    camera_distance_mm: Option<f64>,
 }
 
 /// The models that come with the program.
@@ -89,8 +96,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         experiment["measurement"] = unread();
         String::new()
     } else {
-        propose(&files, arguments.mm_per_pixel, experiment)?
+        propose(&files, arguments, experiment)?
     };
+    if let Some(subset) = arguments.subset_mm {
+        let mut images = json!({ "subset_mm": subset });
+        if let Some(distance) = arguments.camera_distance_mm {
+            images["camera_distance_mm"] = json!(distance);
+        }
+        experiment["measurement"]["image_correlation"] = images;
+    }
     if let Some(reduced) = model["reduced_model"].as_object_mut() {
         reduced.remove("reference");
     }
@@ -154,6 +168,12 @@ fn unread() -> Value {
 
 /// What to do with the file.
 fn next(path: &Path, is_series: bool) -> String {
+    let images = if is_series {
+        "
+  measurement.image_correlation     subset_mm, camera_distance_mm, pixel_mm (image correlation)"
+    } else {
+        ""
+    };
     let force = if is_series {
         "steps[].force_N                   between the reference and each image; null if unknown"
     } else {
@@ -166,12 +186,16 @@ and of the experiment
   specimen.length_mm, width_mm      the plate between the grips
   specimen.hole                     diameter, and place from the plate's centre
   specimen.layup_deg, thickness_mm  (laminate)
-  {force}
+  {force}{images}
 then
   plychain loop {}\n",
         path.display()
     )
 }
+
+/// By how much a gap of subsets that lie on the specimen altogether is wider than its hole, over their side: the mean over all directions
+/// of |cos| + |sin|.
+const KEPT_OFF: f64 = 4.0 / std::f64::consts::PI;
 
 /// An export as it is read.
 struct Export {
@@ -183,10 +207,10 @@ struct Export {
 }
 
 /// Put the measurement of one DIC export, or of a series of them, into the experiment; returns what was assumed about it.
-fn propose(files: &[PathBuf], mm_per_pixel: Option<f64>, experiment: &mut Value) -> Result<String> {
+fn propose(files: &[PathBuf], arguments: &Arguments, experiment: &mut Value) -> Result<String> {
     let exports = files
         .iter()
-        .map(|file| Export::read(file, mm_per_pixel))
+        .map(|file| Export::read(file, arguments.mm_per_pixel))
         .collect::<Result<Vec<Export>>>()?;
     if let Some(odd) = (1..files.len()).find(|&k| exports[k].map != exports[0].map) {
         let expected = format!("the columns and units of {}", files[0].display());
@@ -198,7 +222,8 @@ fn propose(files: &[PathBuf], mm_per_pixel: Option<f64>, experiment: &mut Value)
     let largest = (0..files.len()).max_by(|a, b| strained(a).total_cmp(&strained(b)));
     let chosen = largest.unwrap_or(0);
     let export = &exports[chosen];
-    let (mut measurement, mut said) = export.propose(&files[chosen], &mut experiment["specimen"]);
+    let specimen = &mut experiment["specimen"];
+    let (mut measurement, mut said) = export.propose(&files[chosen], arguments.subset_mm, specimen);
     if let [file] = files {
         measurement["file"] = json!(file);
     } else {
@@ -265,7 +290,7 @@ impl Export {
     }
 
     /// The measurement without its files, and what was assumed about it; the hole's diameter goes into the specimen.
-    fn propose(&self, csv: &Path, specimen: &mut Value) -> (Value, String) {
+    fn propose(&self, csv: &Path, subset: Option<f64>, specimen: &mut Value) -> (Value, String) {
         let Self {
             program,
             map,
@@ -286,7 +311,8 @@ impl Export {
             self.said,
         );
         let centre = match hole(field) {
-            Some((centre, diameter)) => {
+            Some((centre, gap)) => {
+                let diameter = gap - KEPT_OFF * subset.unwrap_or(0.0).min(0.5 * gap);
                 let _ = writeln!(
                     said,
                     "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (a circle about the largest gap in the points; the true hole is a little smaller)",

@@ -1,5 +1,7 @@
 //! `plychain simulate`.
 
+mod series;
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,7 +9,7 @@ use serde_json::json;
 
 use super::folder::Folder;
 use super::{DEFAULT_MODEL, Global, print};
-use crate::effect::{Acting, EFFECTS};
+use crate::effect::{Acting, EFFECTS, Effect, Scene};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::{READERS, Reader, Source};
@@ -15,19 +17,32 @@ use crate::infer::Model;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
-  plychain simulate --effect load_misalignment=0.8 --set E1_GPa=140 --grid 121 --out simulated")]
+#[command(after_help = "Examples:
+  plychain simulate --effect load_misalignment=0.8 --set E1_GPa=140 --grid 121 --out simulated
+  plychain simulate specimen.json --steps 0,700,1400,2100 --motion-mm 0.2 --effect uniform_strain=50,0,0:drift --out series")]
 pub struct Arguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
     /// An effect that acts; may be repeated. Names and the parameters' units are listed by --help
-    #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE]", long_help = effects_help())]
+    #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE][:LAW]", long_help = effects_help())]
     effects: Vec<String>,
     /// An elastic constant or thickness_mm, NAME=VALUE (default: the prior's mean); may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// Noise sd of a point, nm
+    /// Force of every step of a load series, N, in the order taken (default: those of the model's steps)
+    #[arg(
+        long,
+        value_name = "FORCE,...",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    steps: Vec<f64>,
+    /// Sd of a random translation of the specimen in every step of a series, in x and in y, mm
+    #[arg(long, default_value_t = 0.0)]
+    motion_mm: f64,
+    /// Noise sd of a point, nm; in a series half of the variance is the reference picture's, the same in all steps, and where the
+    /// model has image_correlation it is averaged over subsets
     #[arg(long, default_value_t = 10.0)]
     noise_nm: f64,
     /// Correlation length of the noise (Matern-3/2), mm; 0 for white noise
@@ -36,9 +51,9 @@ pub struct Arguments {
     /// Points along each side of the square window
     #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
     grid: u16,
-    /// Format of the field: matrices or csv
-    #[arg(long, default_value = "matrices")]
-    format: String,
+    /// Format of the field: matrices or csv (default: matrices, of a series csv)
+    #[arg(long)]
+    format: Option<String>,
     /// Directory to make
     #[arg(long)]
     out: PathBuf,
@@ -59,7 +74,7 @@ fn effects_help() -> String {
         )
     });
     std::iter::once(
-        "An effect that acts; may be repeated. The effects, with their parameters and units:"
+        "An effect that acts; may be repeated. In a load series the amplitude of one that moves the specimen goes by a law: NAME=VALUE:LAW with constant, load (the default), seated, kept, drift, or free with all values of the first step, then those of the second ... The amplitude stated is that under the largest force, of drift that in the last loaded step. The effects, with their parameters and units:"
             .to_string(),
     )
     .chain(lines)
@@ -69,8 +84,24 @@ fn effects_help() -> String {
 
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     let model = Model::load(&arguments.model)?;
-    let reader = reader(&arguments.format)?;
-    let truth = plan(arguments, &model, global.seed)?;
+    if !arguments.steps.is_empty() || model.experiment().steps.is_some() {
+        return series::run(arguments, model, global.seed);
+    }
+    if arguments.motion_mm != 0.0 {
+        return Err(
+            Error::input("--motion-mm", "no such motion without --steps")
+                .found(arguments.motion_mm)
+                .hint("one field: --effect rigid_translation=TX,TY"),
+        );
+    }
+    let reader = reader(arguments.format.as_deref().unwrap_or("matrices"))?;
+    let mut truth = plan(arguments, &model, global.seed)?;
+    let acting = arguments
+        .effects
+        .iter()
+        .map(|text| Acting::parse("--effect", text))
+        .collect::<Result<Vec<_>>>()?;
+    truth.effects = ordered(acting, &model.scene())?;
     let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let grid = model.simulate(&truth)?;
     let path = PathBuf::from(if reader.is_directory() { "." } else { FILE });
@@ -92,6 +123,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     Ok(())
 }
 
+/// What is said of the specimen and the noise; no effect acts yet.
 fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
     let mut truth = Truth {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
@@ -138,28 +170,23 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
             );
         }
     }
-    let acting = arguments
-        .effects
-        .iter()
-        .map(|text| Acting::parse("--effect", text))
-        .collect::<Result<Vec<_>>>()?;
-    let scene = model.scene();
+    Ok(truth)
+}
+
+/// Effects that can act, in the order of the dictionary, whatever the order of the arguments.
+fn ordered(acting: Vec<Acting>, scene: &Scene) -> Result<Vec<Acting>> {
     for a in &acting {
-        if let Some(reason) = a.effect.obstacle(&scene) {
+        if let Some(reason) = a.effect.obstacle(scene) {
             let expected = format!("an effect that can act, which this one cannot: {reason}");
             return Err(Error::input("--effect", expected).found(a.effect.name()));
         }
     }
-    // Effects act in the order of the dictionary, whatever the order of the arguments.
-    for effect in EFFECTS {
-        truth.effects.extend(
-            acting
-                .iter()
-                .filter(|a| a.effect.name() == effect.name())
-                .cloned(),
-        );
-    }
-    Ok(truth)
+    let of = |effect: &'static dyn Effect| {
+        let own = acting.iter();
+        own.filter(move |a| a.effect.name() == effect.name())
+            .cloned()
+    };
+    Ok(EFFECTS.iter().flat_map(|e| of(*e)).collect())
 }
 
 /// The format of a name.
@@ -197,19 +224,19 @@ fn truth_json(model: &Model, truth: &Truth) -> serde_json::Value {
     let effects: serde_json::Map<_, _> = truth
         .effects
         .iter()
-        .map(|a| {
-            let values: serde_json::Map<_, _> = a
-                .effect
-                .parameters()
-                .iter()
-                .zip(&a.amplitude)
-                .map(|(p, v)| (p.name.to_string(), json!(v)))
-                .collect();
-            (a.effect.name().to_string(), json!(values))
-        })
+        .map(|a| (a.effect.name().to_string(), json!(amplitudes(a))))
         .collect();
     json!({
         "model": model.file.name, "constants": constants, "thickness_mm": truth.thickness_mm, "effects": effects,
         "noise_nm": truth.noise_nm, "correlation_mm": truth.correlation_mm, "seed": truth.seed,
     })
+}
+
+/// Amplitudes of an effect by its parameters' names.
+fn amplitudes(acting: &Acting) -> serde_json::Map<String, serde_json::Value> {
+    let parameters = acting.effect.parameters().iter();
+    parameters
+        .zip(&acting.amplitude)
+        .map(|(p, v)| (p.name.to_string(), json!(v)))
+        .collect()
 }

@@ -108,12 +108,17 @@ impl Verdict {
         let [ensembles, chains, draws] = self.shape;
         let shape = format!("{ensembles} independent ensembles, {chains} chains x {draws} draws");
         if self.converged {
+            // what has no figure here was excused: a choice that is always, or hardly ever, made
+            let known = |figure: fn(&Row) -> f64, pick: fn(f64, f64) -> f64| {
+                let figures = self.rows.iter().map(figure);
+                worst(figures.filter(|f| !f.is_nan()), pick)
+            };
             format!(
                 "converged: R-hat {:.4}, ESS bulk {:.0}, tail {:.0}, tau {:.1} ({shape})",
-                self.rhat_max(),
-                self.ess_bulk_min(),
-                self.ess_tail_min(),
-                self.tau_max()
+                known(|r| r.rhat, f64::max),
+                known(|r| r.ess_bulk, f64::min),
+                known(|r| r.ess_tail, f64::min),
+                known(|r| r.tau, f64::max)
             )
         } else {
             format!("NOT converged: {} ({shape})", self.reasons.join("; "))
@@ -235,15 +240,21 @@ fn change(series: &Series, tau_all: f64) -> f64 {
 /// What is wrong with one parameter, in words; comparisons are written so that NaN is wrong.
 fn complaint(r: &Row, draws: &Draws, rule: &Rule) -> Option<String> {
     let enough = rule.ess * draws.ensembles() as f64;
-    let mut wrong = Vec::new();
+    let discrete = is_discrete(draws, &r.name);
     if r.rhat.is_nan() && r.ess_bulk.is_nan() {
-        return Some(format!("{}: constant, not finite, or too short", r.name));
+        // something that never acted beside others that moved is no fault of the chains
+        let moves = |x: &[f64]| draws.points().next().is_some_and(|first| first != x);
+        let fixed = discrete && r.sd == 0.0 && draws.points().any(moves);
+        return (!fixed).then(|| format!("{}: constant, not finite, or too short", r.name));
     }
-    if r.rhat.is_nan() || r.rhat >= rule.rhat {
+    // a quantile or a distance from the median that all draws of an indicator share has no figure
+    let missing = |figure: f64| figure.is_nan() && !discrete;
+    let mut wrong = Vec::new();
+    if missing(r.rhat) || r.rhat >= rule.rhat {
         wrong.push(format!("R-hat {:.3} (below {} wanted)", r.rhat, rule.rhat));
     }
     for (what, ess) in [("bulk", r.ess_bulk), ("tail", r.ess_tail)] {
-        if ess.is_nan() || ess < enough {
+        if missing(ess) || ess < enough {
             wrong.push(format!("ESS {what} {ess:.0} ({enough:.0} wanted)"));
         }
     }
@@ -260,6 +271,26 @@ fn complaint(r: &Row, draws: &Draws, rule: &Rule) -> Option<String> {
     }
     (!wrong.is_empty()).then(|| format!("{}: {}", r.name, wrong.join(", ")))
 }
+
+/// Whether a variable takes a few values only, as what is chosen does.
+fn is_discrete(draws: &Draws, name: &str) -> bool {
+    let Some(k) = draws.index(name) else {
+        return false;
+    };
+    let mut values: Vec<f64> = Vec::new();
+    for x in draws.points() {
+        if !values.contains(&x[k]) {
+            values.push(x[k]);
+        }
+        if values.len() > FEW {
+            return false;
+        }
+    }
+    true
+}
+
+/// Values of a variable that is chosen, at most.
+const FEW: usize = 12;
 
 fn stuck(draws: &Draws) -> Option<String> {
     let rates = &draws.info.acceptance;

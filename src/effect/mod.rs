@@ -11,6 +11,7 @@ mod hole_edge_damage;
 mod hole_offset;
 mod hole_size;
 mod in_plane_bending;
+mod interpolation_bias;
 mod lens_distortion;
 pub mod limit;
 mod load_misalignment;
@@ -58,6 +59,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &component_sensitivity::ComponentSensitivity,
     &out_of_plane_translation::OutOfPlaneTranslation,
     &out_of_plane_rotation::OutOfPlaneRotation,
+    &interpolation_bias::InterpolationBias,
     &phase_shift_error::PhaseShiftError,
     &fringe_order_jump::FringeOrderJump,
     &load_misalignment::LoadMisalignment,
@@ -197,6 +199,8 @@ pub struct Scene {
     pub material: Material,
     /// Distance of the camera from the specimen, mm, where images are correlated and it is declared.
     pub camera_distance_mm: Option<f64>,
+    /// Size of a pixel on the specimen, mm, where images are correlated and it is declared.
+    pub pixel_mm: Option<f64>,
     /// Middle of the picture, (s, t) mm: the camera's axis and the centre of its lens are near it.
     pub middle: [f64; 2],
 }

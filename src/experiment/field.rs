@@ -8,10 +8,11 @@ use serde::Serialize;
 
 use super::bending::Bending;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
-use super::subset::Subsets;
+use super::subset::{Images, Subsets};
 use super::window::{widened, window_nodes};
 use super::{
-    Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, State, gauged, in_closed_form,
+    Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, Softening, State, gauged,
+    in_closed_form,
 };
 use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
@@ -44,16 +45,6 @@ pub struct FieldTest {
     /// Solve for every prediction instead of answering from a reduced basis or, where metal yields, from a table, or by corrections of a
     /// solution nearby.
     pub full_order: bool,
-}
-
-/// How images of the specimen are correlated.
-#[derive(Debug, Clone, Serialize)]
-pub struct Images {
-    pub subsets: Subsets,
-    /// Distance of the camera, mm, where it is declared.
-    pub camera_distance_mm: Option<f64>,
-    /// Motion of the specimen in the plane between the pictures, as the data show it.
-    pub motion: RigidMotion,
 }
 
 /// A meshed specimen, ready to be solved.
@@ -355,25 +346,33 @@ impl Experiment for FieldExperiment {
         self.seen(about.filter(|_| !self.test.full_order), state, sight, false)
     }
 
-    fn near_edge(
+    fn softened(
         &self,
         about: Option<&Anchor>,
         state: &State,
         sight: &Sight,
+        softening: Softening<'_>,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         let Some(anchor) = about else {
             return Ok(Vec::new());
         };
-        let (setup, _) = self.tested(state)?;
-        let (mesh, fields) =
-            self.plate
-                .near_edge(anchor, &setup, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?;
-        let nominal = setup.load.axial / setup.width();
+        let (setup, ply) = self.tested(state)?;
+        let ((mesh, fields), unit) = match softening {
+            Softening::NearEdge => {
+                let nominal = setup.load.axial / setup.width();
+                (
+                    self.plate
+                        .near_edge(anchor, &setup, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?,
+                    nominal,
+                )
+            }
+            Softening::Bumps(bumps) => (self.plate.softened(anchor, (&setup, &ply), bumps)?, 1.0),
+        };
         let camera = Seen::new(state.acting(), &self.scene);
         let observer = self.observer(&mesh, &camera, sight);
         let seen = |nodal: &Vec<f64>| {
-            let u = observer.displacement(nodal);
-            let u: Vec<[f64; 2]> = u.into_iter().map(|u| u.map(|u| nominal * u)).collect();
+            let mut u = observer.displacement(nodal);
+            u.iter_mut().flatten().for_each(|u| *u *= unit);
             // where the specimen stands still does not matter to a rival: without the rigid motion of the window
             gauged(Gauge::Window, sight, &u)
         };

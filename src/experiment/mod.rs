@@ -17,20 +17,20 @@ mod state;
 mod subset;
 mod window;
 
-pub use field::{FieldExperiment, FieldTest, Images};
+pub use field::{FieldExperiment, FieldTest};
 pub use gauge::{Gauge, check as check_gauge, gauged};
 pub use mock::MockExperiment;
-pub use sensitivity::{Direction, sensitivity};
+pub use sensitivity::{Direction, beyond_the_axis, sensitivity};
 pub use sight::Sight;
 pub use spec::{ExperimentKind, ExperimentSpec, check_name};
 pub use state::State;
-pub use subset::Subsets;
+pub use subset::{Images, Subsets};
 
 use rayon::prelude::*;
 
 use crate::effect::{Acting, Effect, Kind, Scene};
 use crate::error::Result;
-use crate::fem::{Anchor, Answer, Certificate, EdgeStress, View};
+use crate::fem::{Anchor, Answer, Bump, Certificate, EdgeStress, View};
 use crate::field::rigid::RigidMotion;
 
 /// A test whose outcome can be predicted: an experiment on a specimen of the material. Points are (s, t) and displacements
@@ -96,17 +96,16 @@ pub trait Experiment: Send + Sync {
         Ok(in_closed_form(self.scene(), effect, amplitude, sight))
     }
 
-    /// What any change of stiffness within [`NEAR_EDGE_REACH`] radii of the hole adds elsewhere, as the camera reports it at a sight's
-    /// points: fields (mm) of initial stresses there that are as large as the nominal stress of the specimen's gross section. None without a
-    /// hole.
+    /// What changes of the stiffness add, to first order, as the camera reports it at a sight's points, mm. None without an anchor.
     ///
     /// # Errors
     /// Those of [`Experiment::look`].
-    fn near_edge(
+    fn softened(
         &self,
         _about: Option<&Anchor>,
         _state: &State,
         _sight: &Sight,
+        _softening: Softening<'_>,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         Ok(Vec::new())
     }
@@ -173,6 +172,16 @@ pub trait Experiment: Send + Sync {
 
     /// Free what is kept between predictions.
     fn rest(&self) {}
+}
+
+/// Changes of the stiffness that no effect of the dictionary is.
+#[derive(Clone, Copy)]
+pub enum Softening<'a> {
+    /// Any within [`NEAR_EDGE_REACH`] radii of the hole: fields of initial stresses there that are as large as the nominal stress of the
+    /// specimen's gross section. None without a hole.
+    NearEdge,
+    /// Of the relative membrane stiffness by some bumps, one unit each.
+    Bumps(&'a [Bump]),
 }
 
 /// Hole radii within which the near-edge rival's stresses act, and the harmonics of their distribution.

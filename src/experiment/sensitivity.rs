@@ -1,7 +1,7 @@
 //! What a change of one parameter does to a predicted field.
 
 use super::{Experiment, Look, Prediction, Sight, State, gauged, load_response, predict_near};
-use crate::effect::{Effect, Kind, LOAD_SCALE, Seen};
+use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Seen};
 use crate::error::Result;
 use crate::fem::Anchor;
 
@@ -82,28 +82,66 @@ fn optical(
     direction: Direction,
     step: f64,
 ) -> Vec<[f64; 2]> {
-    let scene = experiment.scene();
     let states = [step, -step].map(|by| direction.moved(at, by));
-    let camera = |state: &'_ State| -> Vec<[f64; 2]> {
-        let before = Seen::new(at.acting(), scene);
-        let camera = Seen::new(state.acting(), scene).moved(experiment.motion());
-        let Look {
-            loaded, gradient, ..
-        } = &here.look;
-        let points = sight.all();
-        let report = |k: usize| {
-            let (p, u, g) = (points[k], loaded[k], gradient[k]);
-            let (from, to) = (before.true_point(p), camera.true_point(p));
-            let shift = [to[0] - from[0], to[1] - from[1]];
-            let moved = [0, 1].map(|i| u[i] + g[i][0] * shift[0] + g[i][1] * shift[1]);
-            camera.report_at_rest(p, moved)
-        };
-        (0..points.len()).map(report).collect()
+    let [high, low] = states
+        .each_ref()
+        .map(|state| reported(experiment, (at, here), sight, state, experiment.scene()));
+    gauged(
+        experiment.gauge(),
+        sight,
+        &quotient([&high, &low], 2.0 * step),
+    )
+}
+
+/// (a - b) / `over`.
+fn quotient([a, b]: [&[[f64; 2]]; 2], over: f64) -> Vec<[f64; 2]> {
+    let pairs = a.iter().zip(b);
+    pairs
+        .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / over))
+        .collect()
+}
+
+/// What the camera of a scene reports of a state that differs from the one `here` is the prediction of by optical effects alone.
+fn reported(
+    experiment: &dyn Experiment,
+    (at, here): (&State, &Prediction),
+    sight: &Sight,
+    state: &State,
+    scene: &Scene,
+) -> Vec<[f64; 2]> {
+    let before = Seen::new(at.acting(), experiment.scene());
+    let camera = Seen::new(state.acting(), scene).moved(experiment.motion());
+    let Look {
+        loaded, gradient, ..
+    } = &here.look;
+    let points = sight.all();
+    let report = |k: usize| {
+        let (p, u, g) = (points[k], loaded[k], gradient[k]);
+        let (from, to) = (before.true_point(p), camera.true_point(p));
+        let shift = [to[0] - from[0], to[1] - from[1]];
+        let moved = [0, 1].map(|i| u[i] + g[i][0] * shift[0] + g[i][1] * shift[1]);
+        camera.report_at_rest(p, moved)
     };
-    let [high, low] = states.each_ref().map(camera);
-    let slopes = high.iter().zip(&low);
-    let all: Vec<[f64; 2]> = slopes
-        .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step)))
-        .collect();
-    gauged(experiment.gauge(), sight, &all)
+    (0..points.len()).map(report).collect()
+}
+
+/// What parameter `k` of an effect raised by some border units does more, mm at the sight's points, where the camera's axis lies `mm`
+/// farther along direction `axis` (1 or 2) of the picture.
+pub fn beyond_the_axis(
+    experiment: &dyn Experiment,
+    (at, here): (&State, &Prediction),
+    sight: &Sight,
+    (effect, k, by): (&'static dyn Effect, usize, f64),
+    (axis, mm): (usize, f64),
+) -> Vec<[f64; 2]> {
+    let mut turned = at.clone();
+    turned.shift(effect, k, by);
+    let change = |mm: f64| {
+        let mut scene = experiment.scene().clone();
+        scene.middle[axis] += mm;
+        let of = |state: &State| reported(experiment, (at, here), sight, state, &scene);
+        quotient([&of(&turned), &of(at)], 1.0)
+    };
+    let difference = quotient([&change(mm), &change(-mm)], 2.0);
+    gauged(experiment.gauge(), sight, &difference)
 }

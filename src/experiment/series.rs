@@ -39,6 +39,13 @@ impl Law {
         Self::Free,
     ];
 
+    /// The name in files, that of its serialisation.
+    pub fn key(self) -> String {
+        let name = serde_json::to_value(self).ok();
+        let name = name.and_then(|v| v.as_str().map(String::from));
+        name.unwrap_or_else(|| self.words().into())
+    }
+
     pub fn words(self) -> &'static str {
         match self {
             Self::Constant => "constant",
@@ -95,6 +102,16 @@ pub struct Moving {
     pub weights: Vec<f64>,
     /// The stated one, border units.
     pub amplitude: Vec<f64>,
+}
+
+impl Moving {
+    /// The effect with its stated amplitude.
+    pub fn acting(&self) -> Acting {
+        Acting {
+            effect: self.effect,
+            amplitude: self.amplitude.clone(),
+        }
+    }
 }
 
 impl SeriesState {
@@ -306,16 +323,15 @@ fn acted(loads: &[f64], remains: bool) -> Vec<f64> {
     loads.iter().map(one).collect()
 }
 
-/// What the camera reports in each step at places, mm, free of the least-squares rigid motion over them (each place counting with its
-/// weight), from what a full force causes there. `linearised` is the state of which that is: where the picture's map differs, the
-/// displacement follows the material point by its gradient.
-pub fn report(
+/// What the camera reports in each step at places, mm, from what a full force causes there, rigid motion included where displacements are
+/// imaged. `linearised` is the state of which that is: where the picture's map differs, the displacement follows the material point by its
+/// gradient.
+pub fn reported(
     state: &SeriesState,
     linearised: &State,
     loaded: &Loaded,
     scene: &Scene,
     places: &[[f64; 2]],
-    weights: &[usize],
 ) -> Vec<Vec<[f64; 2]>> {
     let before = Seen::new(linearised.acting(), scene);
     let steps = state.loads.iter().zip(&state.rigid).enumerate();
@@ -336,10 +352,23 @@ pub fn report(
             }
             camera.report(place, u)
         };
-        let seen: Vec<[f64; 2]> = places.iter().enumerate().map(report).collect();
-        rigid_free(places, weights, &seen)
+        places.iter().enumerate().map(report).collect()
     };
     steps.map(one).collect()
+}
+
+/// The same free of the least-squares rigid motion over the places, each place counting with its weight.
+pub fn report(
+    state: &SeriesState,
+    linearised: &State,
+    loaded: &Loaded,
+    scene: &Scene,
+    places: &[[f64; 2]],
+    weights: &[usize],
+) -> Vec<Vec<[f64; 2]>> {
+    let seen = reported(state, linearised, loaded, scene, places);
+    let free = |seen: &Vec<[f64; 2]>| rigid_free(places, weights, seen);
+    seen.iter().map(free).collect()
 }
 
 /// A field without its least-squares rigid motion, each place counting with its weight.

@@ -1,5 +1,8 @@
 //! Test data: a field from a finer mesh than any reduced model uses, with effects and noise, in the article's format.
 
+mod pictures;
+pub mod series;
+
 use rand::RngExt;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -44,31 +47,66 @@ pub const HALF_WINDOW: f64 = 0.5 * 24.3 / 25.0;
 /// # Errors
 /// Effects that cannot act, amplitudes or constants that cannot be; a grid without a point on the specimen.
 pub fn simulate(experiment: &dyn Experiment, truth: &Truth, half: f64) -> Result<Grid> {
-    let scene = experiment.scene();
-    let frame = scene.frame;
-    refuse_obstacles(&truth.effects, scene)?;
-    alter_checked("--effect", &truth.effects, &mut scene.setup.clone())?;
-    scene.material.ply(&truth.constants).admissible("--set")?;
-    let state = State::new(&truth.constants, truth.thickness_mm).with(truth.effects.clone());
-    let [cx, cy] = frame.hole_center_mm;
-    let corners = [[cx - half, cy - half], [cx + half, cy + half]];
-    let mut grid = Grid::regular(corners, truth.grid, truth.grid);
-    let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
-    let inside = experiment.shows(&state, &points)?;
-    let shown = points.iter().zip(&inside).filter(|(_, inside)| **inside);
-    let shown: Vec<[f64; 2]> = shown.map(|(p, _)| *p).collect();
-    if shown.is_empty() {
-        return Err(Error::input("--grid", "a grid with points on the plate").found(truth.grid));
-    }
+    let state = truth.state(experiment.scene())?;
+    let Window {
+        mut grid,
+        inside,
+        shown,
+    } = Window::new(experiment, &state, half, truth.grid)?;
     let mut u = predict(experiment, &state, &experiment.sight(&shown))?.field;
-    record(state.acting(), scene, &shown, &mut u);
+    record(state.acting(), experiment.scene(), &shown, &mut u);
     add_noise(&grid, &inside, &mut u, truth);
+    fill(&mut grid, &inside, u);
+    Ok(grid)
+}
+
+impl Truth {
+    /// The state of an experiment.
+    fn state(&self, scene: &Scene) -> Result<State> {
+        refuse_obstacles(&self.effects, scene)?;
+        alter_checked("--effect", &self.effects, &mut scene.setup.clone())?;
+        scene.material.ply(&self.constants).admissible("--set")?;
+        Ok(State::new(&self.constants, self.thickness_mm).with(self.effects.clone()))
+    }
+}
+
+/// A regular grid of points, and which of them show the specimen.
+struct Window {
+    grid: Grid,
+    inside: Vec<bool>,
+    /// Those that do, (s, t) mm.
+    shown: Vec<[f64; 2]>,
+}
+
+impl Window {
+    /// Over the square of half-side `half` about the origin, `count` points along each side.
+    fn new(experiment: &dyn Experiment, state: &State, half: f64, count: usize) -> Result<Self> {
+        let frame = experiment.scene().frame;
+        let [cx, cy] = frame.hole_center_mm;
+        let corners = [[cx - half, cy - half], [cx + half, cy + half]];
+        let grid = Grid::regular(corners, count, count);
+        let points: Vec<[f64; 2]> = grid.points.iter().map(|&p| frame.point(p)).collect();
+        let inside = experiment.shows(state, &points)?;
+        let shown = points.iter().zip(&inside).filter(|(_, inside)| **inside);
+        let shown: Vec<[f64; 2]> = shown.map(|(p, _)| *p).collect();
+        if shown.is_empty() {
+            return Err(Error::input("--grid", "a grid with points on the plate").found(count));
+        }
+        Ok(Self {
+            grid,
+            inside,
+            shown,
+        })
+    }
+}
+
+/// Put a field into the places of a grid that show the specimen.
+fn fill(grid: &mut Grid, inside: &[bool], u: Vec<[f64; 2]>) {
     let mut measured = u.into_iter();
-    for (slot, inside) in grid.displacement.iter_mut().zip(&inside) {
+    for (slot, inside) in grid.displacement.iter_mut().zip(inside) {
         let u = if *inside { measured.next() } else { None };
         *slot = u.unwrap_or([f64::NAN; 2]);
     }
-    Ok(grid)
 }
 
 /// Effects that cannot act in this test.

@@ -7,7 +7,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::fem::{Locator, Observer};
 use crate::field::SubsetShape;
+use crate::field::rigid::RigidMotion;
 use crate::numeric::legendre;
+
+/// How images of the specimen are correlated.
+#[derive(Debug, Clone, Serialize)]
+pub struct Images {
+    pub subsets: Subsets,
+    /// Distance of the camera, mm, where it is declared.
+    pub camera_distance_mm: Option<f64>,
+    /// Motion of the specimen in the plane between the pictures, as the data show it.
+    pub motion: RigidMotion,
+}
 
 /// The subsets of an image correlation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -42,7 +53,17 @@ impl Subsets {
         self.weighted([0.0; 2], &local)
     }
 
-    /// The same of the samples of a subset that lie on the specimen; none if too few do.
+    /// Weights of `cells` x `cells` equal cells of a whole subset in what is reported, row by row.
+    pub(super) fn of_cells(&self, cells: usize) -> Vec<f64> {
+        let place = |k: usize| (2 * k + 1) as f64 / cells as f64 - 1.0;
+        let local: Vec<([f64; 2], f64)> = (0..cells * cells)
+            .map(|k| ([place(k % cells), place(k / cells)], 1.0))
+            .collect();
+        let weighted = self.weighted([0.0; 2], &local);
+        weighted.into_iter().map(|(_, weight)| weight).collect()
+    }
+
+    /// Places and weights of the samples of a subset that lie on the specimen; none if too few do.
     fn cut(&self, center: [f64; 2], locator: &Locator<'_>) -> Option<Vec<([f64; 2], f64)>> {
         let half = 0.5 * self.side_mm;
         let place = |k: usize| (2 * k + 1) as f64 / SAMPLES as f64 - 1.0;

@@ -19,6 +19,20 @@ pub struct Anchor {
     nodal: Vec<f64>,
 }
 
+/// A Gaussian about a place, of height 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bump {
+    pub center_mm: [f64; 2],
+    pub sd_mm: f64,
+}
+
+impl Bump {
+    pub fn at(&self, p: [f64; 2]) -> f64 {
+        let r = (p[0] - self.center_mm[0]).hypot(p[1] - self.center_mm[1]) / self.sd_mm;
+        (-0.5 * r * r).exp()
+    }
+}
+
 /// Corrections end when one is smaller than this share of the first. Each is smaller by the relative change of the stiffness, so that what
 /// is left is some ten thousandth of what a central difference sees, or less.
 const SETTLED: f64 = 1e-3;
@@ -133,6 +147,32 @@ impl Plate {
                 add_forces(&mesh, &gauss, &still, &|at, _| stress(at.place), &mut load);
                 loads.extend(load);
             }
+        }
+        self.solve_with(&anchor.factor, &mut loads);
+        let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
+        Ok((mesh, fields))
+    }
+
+    /// Nodal displacements (mm) of an anchor's mesh, that of the test `setup`, that a relative change of the membrane stiffness by each of
+    /// some bumps adds to the anchor's, to first order and one unit each: K u' = -K_bump u.
+    ///
+    /// # Errors
+    /// Those of [`Plate::solve`].
+    pub fn softened(
+        &self,
+        anchor: &Anchor,
+        (setup, ply): (&Setup, &Ply),
+        bumps: &[Bump],
+    ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
+        let mesh = self.mesh_of(setup)?;
+        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let membrane = setup.membrane(ply);
+        let mut loads = Vec::with_capacity(bumps.len() * mesh.unknowns());
+        for bump in bumps {
+            let scale = |p: [f64; 2]| bump.at(p) * setup.profile.factor(&*geometry, p);
+            let integrals = self.assembly.integrals(&mesh, &scale);
+            let forces = self.assembly.multiply(&integrals, &membrane, &anchor.nodal);
+            loads.extend(forces.into_iter().map(|f| -f));
         }
         self.solve_with(&anchor.factor, &mut loads);
         let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();

@@ -28,7 +28,7 @@ pub mod verify;
 mod view;
 mod yielding;
 
-pub use anchor::Anchor;
+pub use anchor::{Anchor, Bump};
 pub use basis::{Answer, Basis, Query, TOLERANCE};
 pub use bending::{
     BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation,

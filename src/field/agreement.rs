@@ -69,6 +69,8 @@ pub(super) fn check_different(steps: &[Judged]) -> Result<()> {
 struct Shape {
     /// Mean strain along the load less that across it.
     size: f64,
+    /// Mean displacement, mm.
+    shift_mm: [f64; 2],
     /// What is left, mm.
     rest: Vec<[f64; 2]>,
 }
@@ -98,6 +100,7 @@ pub(super) fn check(points: &[[f64; 2]], steps: &[Judged]) -> Result<Vec<String>
         step,
         force: s.force_n,
         size: shape.size,
+        shift_mm: shape.shift_mm,
     });
     // a residual over half the window looks like this strain at most
     let noise = likeness.residual() / (0.5 * extent);
@@ -139,6 +142,7 @@ impl Shape {
         });
         Some(Self {
             size: slope[0][0] - slope[1][1],
+            shift_mm: rigid.shift,
             rest: rest.collect(),
         })
     }

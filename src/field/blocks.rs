@@ -183,19 +183,24 @@ impl Blocks {
     }
 }
 
+/// Where the square tiles of side `size_mm` over some points begin, mm.
+pub fn origin(points: &[[f64; 2]], size_mm: f64) -> [f64; 2] {
+    let [low, high] = bounds(points);
+    [0, 1].map(|k| {
+        let extent = high[k] - low[k];
+        // whole tiles, unless a thin strip would be left over
+        let tiles = (extent / size_mm).round().max(1.0);
+        low[k] - 0.5 * (tiles * size_mm - extent)
+    })
+}
+
 /// Members of the square tiles of side `size_mm`, laid symmetrically over the bounds, in order of the tiles.
 fn tile_members(
     points: &[[f64; 2]],
     size_mm: f64,
     used: impl Fn(usize) -> bool,
 ) -> BTreeMap<[i64; 2], Vec<usize>> {
-    let [low, high] = bounds(points);
-    let origin = [0, 1].map(|k| {
-        let extent = high[k] - low[k];
-        // whole tiles, unless a thin strip would be left over
-        let tiles = (extent / size_mm).round().max(1.0);
-        low[k] - 0.5 * (tiles * size_mm - extent)
-    });
+    let origin = origin(points, size_mm);
     let mut members: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
     for (i, p) in points.iter().enumerate().filter(|(i, _)| used(*i)) {
         members
@@ -206,11 +211,17 @@ fn tile_members(
     members
 }
 
-/// Which points stand for the square tiles of side `size_mm`: the first of each.
+/// Which points stand for the square tiles of side `size_mm`: of each the one nearest to the middle of its points.
 pub fn one_a_tile(points: &[[f64; 2]], size_mm: f64) -> Vec<bool> {
     let mut kept = vec![false; points.len()];
     for members in tile_members(points, size_mm, |_| true).values() {
-        kept[members[0]] = true;
+        let middle = [0, 1].map(|k| {
+            let sum: f64 = members.iter().map(|&i| points[i][k]).sum();
+            sum / members.len() as f64
+        });
+        let off = |i: &usize| (points[*i][0] - middle[0]).hypot(points[*i][1] - middle[1]);
+        let nearest = members.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        nearest.into_iter().for_each(|&i| kept[i] = true);
     }
     kept
 }

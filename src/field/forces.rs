@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use nalgebra::{DMatrix, DVector};
+
 use crate::error::{Error, Result};
 
 /// Of two steps, the larger force must not have the smaller size. Least differences of force and of size, as shares of the
@@ -10,6 +12,10 @@ use crate::error::{Error, Result};
 /// multiples of what the fields' other differences may make of it (a lens under millimetres of motion: 2e-4).
 const CONTRADICTION: [f64; 3] = [0.15, 0.05, 2.0];
 const DOUBT: [f64; 3] = [0.03, 0.02, 1.0];
+
+/// Strain that a picture may add to a step a mm that it has moved more than another: three times the usual tilt of a camera (1e-4 a mm)
+/// gave steel 40 % less of it. What may be the picture's is no contradiction.
+const PICTURE_PER_MM: f64 = 3e-4;
 
 /// Ranges of sizes below these multiples of that tell nothing of their order, or of their proportions.
 const ORDERED: f64 = 5.0;
@@ -30,6 +36,16 @@ pub(super) struct Loaded {
     pub step: usize,
     pub force: Option<f64>,
     pub size: f64,
+    /// How far the step has moved in the plane, mm.
+    pub shift_mm: [f64; 2],
+}
+
+impl Loaded {
+    /// What a picture may make of the difference of two sizes.
+    fn optical(&self, other: &Self) -> f64 {
+        let [a, b] = [0, 1].map(|k| self.shift_mm[k] - other.shift_mm[k]);
+        PICTURE_PER_MM * a.hypot(b)
+    }
 }
 
 /// The sizes against the forces, all forces at least 0.
@@ -89,14 +105,14 @@ impl Forces {
                 s.size
             )
         };
-        if let Some((less, more)) = self.contradiction(CONTRADICTION) {
+        if let Some((less, more)) = self.contradiction(CONTRADICTION, |a, b| self.excused(a, b)) {
             let place = format!("steps[{}].force_N", more.step);
             return Err(Error::input(place, "forces that go with the fields")
                 .found(format!("a larger force with a smaller strain: {} and {}", said(more), said(less)))
                 .hint("forces or files in another order? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
         }
         let mut warnings = Vec::new();
-        if let Some((less, more)) = self.contradiction(DOUBT) {
+        if let Some((less, more)) = self.contradiction(DOUBT, |_, _| 0.0) {
             warnings.push(format!(
                 "a larger force has the smaller strain: {} and {}; forces of two steps interchanged?",
                 said(more),
@@ -108,7 +124,13 @@ impl Forces {
                 continue;
             };
             let file = files[s.step].display();
-            if force > MUCH * self.largest && implied < force / FACTOR {
+            let far = force > MUCH * self.largest && implied < force / FACTOR;
+            let strain = (force - implied) * self.range / self.largest;
+            if far && self.steps.iter().any(|o| s.optical(o) > strain) {
+                warnings.push(format!(
+                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps: a camera that looks at an angle, or a wrong force?"
+                ));
+            } else if far {
                 let place = format!("steps[{}].force_N", s.step);
                 return Err(Error::input(place, format!("about {implied:.0}, by the field of {file} and the other steps"))
                     .found(force)
@@ -127,11 +149,16 @@ impl Forces {
     ///
     /// Plastic strain never shrinks under tension: a later step with the larger force is larger whatever came between, an
     /// earlier one if no larger force came between.
-    fn contradiction(&self, [gap, reversed, multiple]: [f64; 3]) -> Option<(&Loaded, &Loaded)> {
+    fn contradiction(
+        &self,
+        [gap, reversed, multiple]: [f64; 3],
+        excused: impl Fn(&Loaded, &Loaded) -> f64,
+    ) -> Option<(&Loaded, &Loaded)> {
         let by = (reversed * self.range).max(multiple * self.noise);
         let contradicts = |less: &Loaded, more: &Loaded| {
             let forces = less.force.zip(more.force);
-            forces.is_some_and(|(a, b)| b - a > gap * self.largest) && less.size - more.size > by
+            forces.is_some_and(|(a, b)| b - a > gap * self.largest)
+                && less.size - more.size > by.max(excused(less, more))
         };
         let pairs = (0..self.steps.len()).flat_map(|t| (0..t).map(move |s| (s, t)));
         for (s, t) in pairs {
@@ -146,6 +173,40 @@ impl Forces {
             }
         }
         None
+    }
+
+    /// What a picture may make of the difference of two sizes, 0 where interchanged forces go better with the series.
+    fn excused(&self, a: &Loaded, b: &Loaded) -> f64 {
+        let given = |s: &Loaded| s.force;
+        let interchanged = |s: &Loaded| match s.step {
+            k if k == a.step => b.force,
+            k if k == b.step => a.force,
+            _ => s.force,
+        };
+        if self.misfit(given) <= self.misfit(interchanged) {
+            a.optical(b)
+        } else {
+            0.0
+        }
+    }
+
+    /// Sum of squares that is left of the sizes by what goes as the force and what goes as the motion, for these forces.
+    fn misfit(&self, force: impl Fn(&Loaded) -> Option<f64>) -> f64 {
+        let known = self.steps.iter().filter_map(|s| Some((force(s)?, s)));
+        let known: Vec<(f64, &Loaded)> = known.collect();
+        let columns = DMatrix::from_fn(known.len(), 3, |i, k| match (k, known[i]) {
+            (0, (force, _)) => force / self.largest,
+            (k, (_, s)) => s.shift_mm[k - 1],
+        });
+        let sizes = DVector::from_fn(known.len(), |i, _| known[i].1.size);
+        let basis = columns.svd(true, false);
+        let kept = basis.singular_values.max() * 1e-9;
+        let made = basis.u.map_or(0.0, |u| {
+            let along = u.tr_mul(&sizes);
+            let each = along.iter().zip(basis.singular_values.iter());
+            each.filter(|(_, s)| **s > kept).map(|(a, _)| a * a).sum()
+        });
+        sizes.norm_squared() - made
     }
 
     /// The force that the size of step `s` has by a straight line through at least three others, if they lie on one.

@@ -60,6 +60,14 @@ pub fn prepare(
 ) -> Result<Prepared> {
     progress.begin("reading the measurement", None);
     let (problem, mut observation) = observed(model, progress)?;
+    if let Some(sides) = model.drawn_in() {
+        progress.begin(
+            "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
+            None,
+        );
+        progress.say(&sides);
+        progress.end();
+    }
     let experiment = &*problem.experiment;
     let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
     let nominal = nominal_point(&problem, model);

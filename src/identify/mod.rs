@@ -22,7 +22,7 @@ pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
-pub use solve::{Options, identify, refine};
+pub use solve::{Options, Reporting, identify, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;

@@ -211,9 +211,11 @@ fn draw(
 }
 
 /// Passes a sampler's reports on, and ends it in time.
-struct Reporting<'a> {
-    progress: &'a dyn Progress,
-    deadline: Option<Instant>,
+pub struct Reporting<'a> {
+    /// What hears of every report.
+    pub progress: &'a dyn Progress,
+    /// When the sampler is ended in any case.
+    pub deadline: Option<Instant>,
 }
 
 impl Monitor for Reporting<'_> {

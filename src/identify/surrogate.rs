@@ -1,5 +1,7 @@
 //! The finite elements against the reduced model at draws of the posterior.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -193,6 +195,12 @@ fn compared(
     let answers = answers(run, &many, d);
     if answers.iter().filter(|a| a.is_none()).count() <= CHECKED_DRAWS {
         progress.begin(what, None);
+        // what it holds at every point is gone before the fields are made
+        let reach = {
+            let experiment = &run.prepared.problem.experiment;
+            let view = experiment.view(&run.prepared.observation.sight)?;
+            view.map(|v| v.reach())
+        };
         let spanned = Spanned::new(run, whitened);
         let known: Vec<&Spanning> = answers.iter().flatten().collect();
         let mut errors_there = spanned.errors(&known).into_iter();
@@ -206,15 +214,10 @@ fn compared(
         let over_the_box: Vec<&Spanning> = box_answers.iter().flatten().collect();
         let bounds = known.iter().chain(&over_the_box).map(|a| a.bound);
         let largest = bounds.fold(0.0, f64::max);
-        let view = &run
-            .prepared
-            .problem
-            .experiment
-            .view(&run.prepared.observation.sight)?;
         return Ok(Compared {
             over_the_box_nm: (!over_the_box.is_empty())
                 .then(|| summary(&spanned.errors(&over_the_box))),
-            basis_bound_nm: view.as_ref().map(|v| NM_PER_MM * v.reach() * largest),
+            basis_bound_nm: reach.map(|reach| NM_PER_MM * reach * largest),
             chosen: many,
             errors,
         });
@@ -277,19 +280,24 @@ struct FieldError {
 }
 
 /// Errors at many points, whose fields are sums of few: the basis of the finite elements and the modes of the reduced model.
-struct Spanned {
+struct Spanned<'a> {
     /// The fields, mm, and what each adds to the data's weighted coefficients.
-    fields: Vec<Vec<[f64; 2]>>,
+    fields: Vec<Cow<'a, [[f64; 2]]>>,
     weighted: DMatrix<f64>,
     /// Their mean products over all points and components, mm^2.
     gram: DMatrix<f64>,
 }
 
-impl Spanned {
-    fn new(run: &InverseProblem, whitened: &Whitened) -> Self {
+impl<'a> Spanned<'a> {
+    fn new(run: &'a InverseProblem, whitened: &Whitened) -> Self {
         let sight = &run.prepared.observation.sight;
-        let mut fields = run.prepared.problem.experiment.spanning(sight);
-        fields.extend(run.columns.modes.iter().cloned());
+        let spanning = run.prepared.problem.experiment.spanning(sight);
+        let modes = run.columns.modes.iter();
+        let fields: Vec<Cow<'_, [[f64; 2]]>> = spanning
+            .into_iter()
+            .map(Cow::Owned)
+            .chain(modes.map(|m| Cow::Borrowed(m.as_slice())))
+            .collect();
         let weighted: Vec<_> = fields
             .par_iter()
             .map(|field| run.statistics.weighted_of(whitened, &run.noise, field))

@@ -2,6 +2,11 @@
 
 use nalgebra::DVector;
 
+use crate::effect::LOAD_SCALE;
+
+/// What the names of forces that are not declared begin with.
+pub const FORCE: &str = "force_";
+
 /// A parameter of the linearised prediction.
 #[derive(Clone)]
 pub struct Column {
@@ -25,5 +30,15 @@ impl Column {
     /// Whether it moves the specimen as a whole.
     pub fn is_rigid(&self) -> bool {
         self.name.starts_with("rigid_")
+    }
+
+    /// Whether it is a force that is not declared.
+    pub fn is_force(&self) -> bool {
+        self.name.starts_with(FORCE)
+    }
+
+    /// Whether it is the scale of all forces.
+    pub fn is_load(&self) -> bool {
+        self.name.split('.').next() == Some(LOAD_SCALE.name())
     }
 }

@@ -10,17 +10,16 @@ use crate::effect::{
     Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name,
 };
 use crate::error::{Error, Result};
-use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
 use crate::experiment::{
     Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, Images, MockExperiment,
-    State, Subsets, check_gauge,
+    State, check_gauge,
 };
 use crate::fem::Setup;
 use crate::field::rigid::{self, RigidMotion};
-use crate::field::{Field, Grid, PartialSubsets, StepSpec, SubsetShape};
+use crate::field::{Field, StepSpec};
 use crate::geometry;
 use crate::laminate::{Material, MeanSd};
-use crate::reduce::{Dimension, Problem, THICKNESS, exponents};
+use crate::reduce::{Problem, exponents};
 
 /// A validated model and where it came from.
 #[derive(Clone)]
@@ -35,12 +34,6 @@ pub struct Model {
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
 const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
-
-/// Half-width of the default DoE box in prior standard deviations.
-const BOX_SDS: f64 = 3.0;
-
-/// Smallest modulus of the default DoE box as a fraction of its prior mean.
-const SMALLEST_MODULUS: f64 = 0.25;
 
 impl Model {
     /// Read and validate a model file.
@@ -159,6 +152,11 @@ impl Model {
             .collect()
     }
 
+    /// Prior means of the constants.
+    pub(super) fn means(&self) -> Vec<f64> {
+        self.marginals().iter().map(|m| m.mean).collect()
+    }
+
     /// Names of the elastic constants.
     pub fn constants(&self) -> &'static [&'static str] {
         self.material().constants()
@@ -216,9 +214,10 @@ impl Model {
     pub fn scene(&self) -> Scene {
         let experiment = self.experiment();
         let frame = experiment.measurement.frame;
-        let means: Vec<f64> = self.marginals().iter().map(|m| m.mean).collect();
+        let means = self.means();
         let material = &self.file.material;
         let isotropic = material.kind == Material::Isotropic;
+        let images = experiment.measurement.image_correlation;
         Scene {
             frame,
             setup: Setup {
@@ -235,10 +234,8 @@ impl Model {
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
             material: material.kind,
-            camera_distance_mm: experiment
-                .measurement
-                .image_correlation
-                .and_then(|c| c.camera_distance_mm),
+            camera_distance_mm: images.and_then(|c| c.camera_distance_mm),
+            pixel_mm: images.and_then(|c| c.pixel_mm),
             middle: [0.0; 2],
         }
     }
@@ -278,13 +275,9 @@ impl Model {
             frame: scene.frame,
             gauge: spec.gauge,
             fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
-            images: spec.measurement.image_correlation.map(|c| Images {
-                subsets: Subsets {
-                    side_mm: c.subset_mm,
-                    shape: c.shape.unwrap_or(SubsetShape::Affine),
-                    kept: c.partial_subsets == PartialSubsets::Kept,
-                },
-                camera_distance_mm: c.camera_distance_mm,
+            images: self.subsets().map(|subsets| Images {
+                subsets,
+                camera_distance_mm: scene.camera_distance_mm,
                 motion,
             }),
             window,
@@ -293,17 +286,6 @@ impl Model {
             full_order: self.file.reduced_model.full_order || finer > 1.0,
         };
         Ok(Arc::new(FieldExperiment::new(test, scene)?))
-    }
-
-    /// Simulate a measurement of this model on a finer mesh, over a square about the hole that is nearly as wide as the plate.
-    ///
-    /// # Errors
-    /// Those of [`simulate`].
-    pub fn simulate(&self, truth: &Truth) -> Result<Grid> {
-        self.refuse_series()?;
-        let half = HALF_WINDOW * self.experiment().specimen.width_mm;
-        let experiment = self.experiment_over([[-half; 2], [half; 2]], FINER)?;
-        simulate(&*experiment, truth, half)
     }
 
     /// The state in which everything has the values that `value` gives by name (`E1_GPa`, `load_misalignment.angle_deg`),
@@ -360,27 +342,6 @@ impl Model {
         Ok(problem)
     }
 
-    /// The priors' means +- 3 sd, never below a quarter of a modulus' mean.
-    pub fn prior_box(&self) -> Vec<Dimension> {
-        self.constants()
-            .iter()
-            .zip(self.marginals())
-            .map(|(name, m)| {
-                let low = m.mean - BOX_SDS * m.sd;
-                let floor = if name.ends_with("_GPa") {
-                    SMALLEST_MODULUS * m.mean
-                } else {
-                    f64::NEG_INFINITY
-                };
-                Dimension {
-                    name: (*name).into(),
-                    low: low.max(floor),
-                    high: m.mean + BOX_SDS * m.sd,
-                }
-            })
-            .collect()
-    }
-
     /// Raise the number of snapshots to what a response surface of the model's parameters should have, half as many again as
     /// it has monomials.
     pub fn ask_for_snapshots(&mut self) {
@@ -391,42 +352,5 @@ impl Model {
         let variables = self.constants().len() + thickness + amplitudes;
         let wanted = 3 * exponents(variables, reduced.degree).len() / 2;
         self.file.reduced_model.snapshots = reduced.snapshots.max(wanted);
-    }
-
-    /// The DoE box: declared bounds, or [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
-    fn dimensions(&self) -> Result<Vec<Dimension>> {
-        let mut dimensions = self.prior_box();
-        for effect in self.sampled() {
-            for (k, parameter) in effect.parameters().iter().enumerate() {
-                let reach = self
-                    .prior_sd(effect, k)
-                    .map_or(parameter.bound, |sd| (BOX_SDS * sd).min(parameter.bound));
-                dimensions.push(Dimension {
-                    name: amplitude_name(effect, parameter),
-                    low: -reach,
-                    high: reach,
-                });
-            }
-        }
-        let thickness = self.experiment().specimen.thickness_mm;
-        if thickness.sd > 0.0 {
-            dimensions.push(Dimension {
-                name: THICKNESS.into(),
-                low: thickness.mean - 4.0 * thickness.sd,
-                high: thickness.mean + 4.0 * thickness.sd,
-            });
-        }
-        for (name, [low, high]) in self.file.reduced_model.doe.iter().flatten() {
-            let known: Vec<_> = dimensions.iter().map(|d| d.name.clone()).collect();
-            let Some(d) = dimensions.iter_mut().find(|d| d.name == *name) else {
-                return Err(Error::input(
-                    format!("{}: reduced_model.doe", self.path.display()),
-                    format!("one of {}", known.join(", ")),
-                )
-                .found(name));
-            };
-            (d.low, d.high) = (*low, *high);
-        }
-        Ok(dimensions)
     }
 }

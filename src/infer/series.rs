@@ -23,13 +23,13 @@ impl Model {
         Ok(Some(series))
     }
 
-    /// Simulation knows one load yet: a series is refused.
+    /// What knows one load alone refuses a series.
     pub(super) fn refuse_series(&self) -> Result<()> {
         match &self.experiment().steps {
             None => Ok(()),
             Some(steps) => Err(Error::input(
                 format!("{}: experiments[0].steps", self.path.display()),
-                "one load and one measurement: this version identifies a load series, but cannot simulate one yet",
+                "one load and one measurement, because this knows no load series",
             )
             .found(format!("{} steps", steps.len()))
             .hint("declare one step's force as load.force_N and its file as measurement.file")),

@@ -7,11 +7,12 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::column::FORCE;
 use super::{Acts, Amplitude, Column, Model, Steps};
 use crate::effect::{Effect, LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::{Average, Loaded, SeriesState, Solver, report, rigid_free};
-use crate::experiment::{Experiment, Sight, State};
+use crate::experiment::{Experiment, Sight, Softening, State};
 use crate::fem::Anchor;
 use crate::laminate::MeanSd;
 use crate::reduce::THICKNESS;
@@ -41,10 +42,10 @@ const LOAD_STEP: f64 = 0.01;
 
 /// Prior sd of the camera's axis and of the lens' centre about the middle of the picture, mm: 3 mm is too little where they lie 11 mm off,
 /// and 6 found them (prototype study).
-const AXIS_MM: f64 = 6.0;
+pub const AXIS_MM: f64 = 6.0;
 
 /// Prior sd of the distance between the origin and the axis about which a specimen turns, mm.
-const PIVOT_MM: f64 = 10.0;
+pub const PIVOT_MM: f64 = 10.0;
 
 /// Prior sd of a motion in the plane, mm and, over the picture, rad: as good as none.
 pub(super) const FREE_MM: f64 = 10.0;
@@ -243,7 +244,7 @@ impl Here<'_> {
             self.stepped.scene(),
         );
         let sd = UNKNOWN[0].hypot(UNKNOWN[1] * guess);
-        let name = format!("force_{}", steps.names[step]);
+        let name = format!("{FORCE}{}", steps.names[step]);
         Some(column(name, [guess, sd], self.at.loads[step], slope))
     }
 
@@ -370,8 +371,11 @@ impl Here<'_> {
         }
     }
 
-    /// What any change of stiffness beside the hole does elsewhere: in proportion to the load.
-    pub fn near_edge(&self) -> Result<Vec<Stack>> {
+    /// What changes of the stiffness do: in proportion to the load.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::softened`].
+    pub fn softened(&self, softening: Softening<'_>) -> Result<Vec<Stack>> {
         let Stepped {
             experiment,
             sight,
@@ -380,7 +384,8 @@ impl Here<'_> {
             average,
             ..
         } = self.stepped;
-        let fields = experiment.near_edge(self.anchor.as_ref(), &self.at.shared, sight)?;
+        let about = self.anchor.as_ref();
+        let fields = experiment.softened(about, &self.at.shared, sight, softening)?;
         let one = |field: &Vec<[f64; 2]>| {
             let average = rigid_free(places, counts, &average(field));
             let steps = self.at.loads.iter().map(|f| {

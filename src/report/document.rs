@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::json::{Keyed, part, read};
+use super::quoted::QuotedReport;
 use super::round::RoundReport;
 use super::tracing::BlindSpotReport;
 use super::verdict::BeforeAfter;
@@ -33,6 +34,9 @@ pub struct Report {
 pub struct Closing {
     /// The constants averaged over what may act unseen.
     pub averaged_posterior: Keyed<Interval>,
+    /// How those were sampled, where they were.
+    #[serde(default)]
+    pub quoted: Option<QuotedReport>,
     /// Why that is wider, or narrower, than the posterior of the model alone.
     #[serde(default)]
     pub averaged_note: Option<String>,

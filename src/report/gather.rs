@@ -2,10 +2,10 @@
 
 use super::document::{Closing, Report, SCHEMA};
 use super::json::{Keyed, finite};
+use super::quoted::quoted;
 use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
-use super::round::{
-    Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport, StepReport,
-};
+use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
+use super::steps::{HeldOutReport, LinearityReport, StepReport};
 use super::surrogate::{FieldErrorReport, SurrogateReport};
 use super::traced::{blind_spots, map, tracing};
 use super::verdict::{BeforeAfter, Shifted};
@@ -14,7 +14,7 @@ use crate::identify::Identification;
 use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
 use crate::sample::Stopped;
-use crate::trace::{Closed, Round};
+use crate::trace::{Closed, NOT_LINEAR, Predicted, Round};
 
 pub fn identified(model: &Model, rounds: &[Identification], seed: u64) -> Report {
     report(
@@ -34,6 +34,7 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
         .and_then(|r| widening(&r.alone(), r.tracing.as_ref()?, &blind_spots));
     let closing = Closing {
         averaged_posterior: closed.quoted(),
+        quoted: quoted(closed),
         averaged_note: note,
         with_discrepancy: closed
             .with_discrepancy
@@ -64,6 +65,12 @@ fn traced(step: &Round) -> RoundReport {
     round.residual.holdout_rms_nm = finite(step.tracing.holdout_rms_nm);
     round.tracing = Some(tracing(&step.tracing));
     round.steps = steps(step);
+    round.linearity = step.tracing.linearity.map(|test| LinearityReport {
+        ratio: test.ratio,
+        freedom: test.freedom,
+        p: test.p,
+        linear: test.p >= NOT_LINEAR,
+    });
     round
 }
 
@@ -80,8 +87,17 @@ fn steps(round: &Round) -> Vec<StepReport> {
         rms_nm: left.bare_nm.into(),
         explained_rms_nm: left.explained_nm.into(),
         noise_scale: left.noise_scale,
+        held_out: left.predicted.map(held_out),
     })
     .collect()
+}
+
+fn held_out(step: Predicted) -> HeldOutReport {
+    HeldOutReport {
+        rms_nm: step.bare_nm.into(),
+        explained_rms_nm: step.explained_nm.into(),
+        z: finite(step.z),
+    }
 }
 
 fn round(model: &Model, round: &Identification) -> RoundReport {
@@ -100,6 +116,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
         noise: noise(round),
         surrogate: surrogate(round),
         steps: Vec::new(),
+        linearity: None,
         tracing: None,
     }
 }

@@ -13,6 +13,7 @@ use super::residual::{ByComponent, ResidualReport};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::identify::Identification;
+use crate::trace::Closed;
 
 #[derive(Debug, Clone)]
 pub struct Page {
@@ -22,7 +23,12 @@ pub struct Page {
     pub truth: Option<KnownTruth>,
     /// What figures are drawn from beside the report, by round.
     pub figures: Vec<FigureData>,
+    /// The same of the posterior to quote, where it was sampled.
+    pub quoted: FigureData,
 }
+
+/// What tables and figures of the posterior to quote are called.
+const AVERAGED: &str = "averaged";
 
 /// The folder of figures in a run's folder.
 pub const FIGURES: &str = "figures";
@@ -42,6 +48,35 @@ impl Page {
             manifest,
             truth,
             figures,
+            quoted: FigureData::default(),
+        }
+    }
+
+    /// A page of the rounds of a loop, which `report` is of.
+    pub fn closed(
+        closed: &Closed,
+        report: Report,
+        manifest: Manifest,
+        truth: Option<KnownTruth>,
+    ) -> Self {
+        let rounds = closed.rounds.iter();
+        let summary = report.closing.as_ref().and_then(|c| c.quoted.as_ref());
+        let quoted = closed.sampled.as_ref().zip(summary);
+        let quoted = quoted.map(|(sampled, summary)| {
+            FigureData::quoted(
+                &sampled.draws,
+                &summary.leading(figures::AXES),
+                truth.as_ref(),
+            )
+        });
+        Self {
+            quoted: quoted.unwrap_or_default(),
+            figures: rounds
+                .map(|r| FigureData::traced(r, truth.as_ref()))
+                .collect(),
+            report,
+            manifest,
+            truth,
         }
     }
 
@@ -62,9 +97,10 @@ impl Page {
         }
         let rounds = 0..report.rounds.len();
         let figures = rounds
-            .map(|k| FigureData::read(&figures, k))
+            .map(|k| FigureData::read(&figures, &k.to_string()))
             .collect::<Result<_>>()?;
         Ok(Self {
+            quoted: FigureData::read(&folder.join(FIGURES), AVERAGED)?,
             report,
             manifest,
             truth,
@@ -126,8 +162,9 @@ impl Page {
 
     fn write_tables(&self, into: &Path) -> Result<()> {
         for (k, tables) in self.figures.iter().enumerate() {
-            tables.write(into, k)?;
+            tables.write(into, &k.to_string())?;
         }
+        self.quoted.write(into, AVERAGED)?;
         data::write(into, "intervals", &self.intervals())?;
         data::write(into, "blind-spots", &self.blind_spots())?;
         for (k, round) in self.report.rounds.iter().enumerate() {

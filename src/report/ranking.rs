@@ -7,6 +7,7 @@ use super::document::Closing;
 use super::json::Keyed;
 use super::page::Page;
 use super::round::{MeanAndSd, RoundReport};
+use super::steps;
 use super::terminal::{mean_sd, table, wrap};
 use super::tracing::{BlindSpotReport, CandidateReport, TracingReport};
 use super::words::{
@@ -185,40 +186,22 @@ fn three_digits(x: f64) -> String {
     }
 }
 
-/// What the first and the last round leave of every step of a series.
-fn steps(rounds: &[RoundReport]) -> String {
+/// What the first and the last round leave of every step of a series, and whether it is linear in the load.
+fn of_steps(rounds: &[RoundReport]) -> String {
     let (Some(first), Some(last)) = (rounds.first(), rounds.last()) else {
         return String::new();
     };
-    if first.steps.is_empty() {
+    let rows = steps::rows(&first.steps, &last.steps);
+    if rows.is_empty() {
         return String::new();
     }
-    let rows = first.steps.iter().zip(&last.steps).map(|(a, b)| {
-        let rms = [a.rms_nm, b.explained_rms_nm];
-        let known = if a.force_known { "" } else { "?" };
-        once(a.name.clone())
-            .chain([format!("{:.3}{known}", a.load)])
-            .chain(
-                rms.iter()
-                    .flat_map(|r| [r.u1, r.u2])
-                    .map(|v| format!("{v:.1}")),
-            )
-            .chain([format!("{:.2}", a.noise_scale)])
-            .collect()
-    });
-    let header = [
-        "step",
-        "load",
-        "u1 nm before",
-        "u2 nm before",
-        "u1 nm after",
-        "u2 nm after",
-        "noise scale",
-    ];
-    format!(
-        "what is left of each step (block averages, without its motion in the plane)\n\n{}\n",
-        table(&header, rows)
-    )
+    let mut text = format!("{}\n\n", wrap("", "", steps::CAPTION).trim_end());
+    text += &table(&steps::HEADER, rows);
+    if let Some(said) = last.not_linear() {
+        text += "\n";
+        text += &wrap("", "", &said);
+    }
+    text + "\n"
 }
 
 /// Before and after, round by round, and the verdict.
@@ -247,7 +230,7 @@ pub fn closed(page: &Page, closing: &Closing) -> String {
     ];
     text += &table(&header, rows);
     text += "\n";
-    text += &steps(rounds);
+    text += &of_steps(rounds);
     text += &constants(page);
     if let Some(round) = &closing.with_discrepancy {
         text += "\nthe last model with the unexplained structure as a correlated discrepancy, if nothing acts that it does not declare\n\n";
@@ -263,6 +246,9 @@ pub fn closed(page: &Page, closing: &Closing) -> String {
             closing.verdict.suspect.as_ref(),
         );
         text += &averaged(found, quoted, suspect, &closing.blind_spots, &last.alone());
+        if let Some(sampled) = &closing.quoted {
+            text += &wrap("  ", "  ", &sampled.words());
+        }
     }
     let verdict = &closing.verdict;
     let headline = match verdict.status {

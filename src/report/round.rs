@@ -3,7 +3,8 @@
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::json::{Keyed, part};
-use super::residual::{ByComponent, NoiseReport, ResidualReport};
+use super::residual::{NoiseReport, ResidualReport};
+use super::steps::{LinearityReport, StepReport};
 use super::surrogate::SurrogateReport;
 use super::tracing::TracingReport;
 
@@ -27,23 +28,11 @@ pub struct RoundReport {
     /// The steps of a load series.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,
+    /// Whether they are proportional to the load.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linearity: Option<LinearityReport>,
     #[serde(flatten, deserialize_with = "tracing")]
     pub tracing: Option<TracingReport>,
-}
-
-/// One step of a load series; the numbers of what is left are root mean squares of block averages.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StepReport {
-    pub name: String,
-    /// Force over the nominal one, as declared or as the size of the field has it.
-    pub load: f64,
-    pub force_known: bool,
-    /// What the declared model leaves.
-    pub rms_nm: ByComponent<f64>,
-    /// What is left with the effects that tracing found.
-    pub explained_rms_nm: ByComponent<f64>,
-    /// Noise of the step over the steps' typical one.
-    pub noise_scale: f64,
 }
 
 fn tracing<'de, D: Deserializer<'de>>(
@@ -69,6 +58,11 @@ impl RoundReport {
         constants
             .map(|(name, s)| (name.to_string(), alone(s)))
             .collect()
+    }
+
+    /// What is said where the steps are not proportional to the load.
+    pub fn not_linear(&self) -> Option<String> {
+        self.linearity.as_ref()?.words()
     }
 
     /// Posterior mean and sd of a sampled parameter or a declared effect's amplitude, border units.

@@ -39,6 +39,7 @@ pub fn trace_file(tracing: &Tracing, found: &TracingReport, spots: &[BlindSpotRe
         "holdout_rms_nm": tracing.holdout_rms_nm,
         "averaged_posterior": found.averaged_posterior,
         "suspect": tracing.suspect,
+        "stiffness": tracing.stiffness,
         "blind_spots": spots,
         "left_out": found.left_out,
     })

@@ -1,11 +1,14 @@
 //! Tracing: which effects of the dictionary the data ask for beyond a fitted model, what could stand in for them, and what
 //! the data could not have shown.
 
+use std::sync::Arc;
+
+use super::account::{About, Account};
 use super::alias::groups;
 use super::evidence::{Evidence, evidence};
 use super::recording;
 use super::ridge::{CONVERGED, STEPS, at_ridge};
-use super::sensitivities::{Linearised, Measured};
+use super::sensitivities::{Few, Linearised, Measured};
 use super::series::attribute_series;
 use super::sought::candidates;
 use super::tracing::Tracing;
@@ -22,7 +25,7 @@ use crate::progress::Progress;
 const PASSES: usize = 4;
 
 /// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`, to the effects that are
-/// `wanted` by name.
+/// `wanted` by name; with the account that this rests on.
 ///
 /// # Errors
 /// Those of finite-element solutions; too few blocks for the dictionary.
@@ -32,7 +35,7 @@ pub fn attribute(
     start: State,
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
-) -> Result<Tracing> {
+) -> Result<(Tracing, Account)> {
     if let Some(steps) = &prepared.observation.steps {
         return attribute_series(model, prepared, steps, start, wanted, progress);
     }
@@ -45,12 +48,14 @@ pub fn attribute(
     let field = corrected.as_ref().unwrap_or(own);
     let geometry = &*prepared.problem.experiment.scene().setup.geometry;
     let measured = Measured::new(field, |i| is_clear(geometry, field.points[i]));
+    let measured = Arc::new(measured);
     let square: f64 = field.displacement.iter().flatten().map(|u| u * u).sum();
     let linearised = Linearised {
         model,
         prepared,
         size_mm: (square / field.len().max(1) as f64).sqrt(),
         blocks: &measured.blocks,
+        few: Few::new(prepared, &measured.blocks),
         step: &|| progress.step(),
     };
     let mut state = start;
@@ -61,17 +66,22 @@ pub fn attribute(
     let phase = recording::find_phase(model, field, &prepared.predict(&state)?.field)?;
     tracing.add_recorded(jumps, phase);
     progress.end();
-    Ok(tracing)
+    let about = About::Field {
+        state,
+        sought: effects,
+        size_mm: linearised.size_mm,
+    };
+    Ok((tracing, Account { evidence, about }))
 }
 
 /// Linearise and weigh, with the strongest effect of the best subset in the state, until that effect and its amplitudes repeat.
-fn converged<'a>(
+fn converged(
     linearised: &Linearised<'_>,
-    measured: &'a Measured,
+    measured: &Arc<Measured>,
     state: &mut State,
     effects: &[&'static dyn Effect],
     progress: &dyn Progress,
-) -> Result<Evidence<'a>> {
+) -> Result<Evidence> {
     let mut leader: Option<usize> = None;
     let mut pass = 0;
     loop {
@@ -102,7 +112,7 @@ fn converged<'a>(
 
 /// Take the best subset's amplitudes of its strongest effect into the state; how far they move, in prior sds. The effect
 /// taken in before, if it is another one now, leaves the state.
-fn adopt(state: &mut State, evidence: &Evidence<'_>, leader: usize, before: Option<usize>) -> f64 {
+fn adopt(state: &mut State, evidence: &Evidence, leader: usize, before: Option<usize>) -> f64 {
     let (sensitivities, subsets) = (&evidence.sensitivities, &evidence.subsets);
     if let Some(old) = before.filter(|old| *old != leader) {
         let effect = sensitivities.candidates[old].effect;

@@ -5,8 +5,10 @@ use std::f64::consts::{SQRT_2, TAU};
 use serde::{Deserialize, Serialize};
 use statrs::function::erf::erfc;
 
+use nalgebra::{DMatrix, DVector};
+
 use super::sensitivities::{Column, Sensitivities};
-use super::subsets::{Subsets, log_sum};
+use super::subsets::{Subset, Subsets, log_sum};
 use super::weighing::{NoisePair, Weighing};
 use crate::error::{Error, Result};
 use crate::files::Keyed;
@@ -16,7 +18,7 @@ use crate::numeric::bisect;
 /// Sizes of the effects that are not declared, as multiples of their prior sds: which one holds is weighed by
 /// the evidence. With every effect at 0.02 of its prior sd, averages over sparse subsets alone covered E2 and nu12 in 72 to 80 % of cases
 /// instead of 95 %, this mixture in 98 % (prototype study).
-const MULTIPLES: [f64; 7] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
+pub const MULTIPLES: [f64; 7] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
 
 /// An averaged constant, border units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -45,13 +47,14 @@ pub struct BlindSpot {
 
 /// A normal component of a mixture.
 pub struct Part {
-    log_weight: f64,
+    pub log_weight: f64,
     mean: Vec<f64>,
     sd: Vec<f64>,
 }
 
-/// The constants' posterior, a mixture of normals over hyperparameters of the noise and sizes of the undeclared effects. Parameters whose
-/// columns carry no prior of their own are those of the base model.
+/// The constants' posterior, a mixture of normals over the noise, the effects that act with their full prior sizes, and the size of all
+/// others. Parameters whose columns carry no prior of their own are those of the base model. Without the subsets an effect that others can
+/// stand in for left constants of series 26 sds off (prototype study).
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
@@ -60,41 +63,55 @@ pub fn averaged(
     sensitivities: &Sensitivities,
     subsets: &Subsets,
 ) -> Result<Keyed<Interval>> {
-    if weighing.series().is_some() {
-        return of_series(weighing, sensitivities, subsets);
-    }
-    let mut parts = Vec::new();
-    for pair in &weighing.pairs {
-        for multiple in MULTIPLES {
-            parts.push(part(weighing, sensitivities, pair, [multiple, 0.0])?);
-        }
-    }
+    let parts = choices(weighing, sensitivities, subsets)?;
+    let parts: Vec<Part> = parts.into_iter().map(|chosen| chosen.part).collect();
     Ok(mixtures(sensitivities, &parts))
 }
 
-/// The same of a series: a mixture over subsets of effects that act with their full prior sizes as well, each with the noise, all other
-/// effects being smaller. Without the subsets an effect that others can stand in for left constants 26 sds off (prototype study).
-fn of_series(
+/// A part of the mixture of [`averaged`] with what it supposes.
+pub struct Chosen {
+    /// Its posterior weight and the constants.
+    pub part: Part,
+    /// Log prior probability of the effects that act.
+    pub log_prior: f64,
+    /// Candidates that act with their full prior sds, and the size of all others over theirs.
+    pub own: Subset,
+    pub size: f64,
+    /// The pair of the noise.
+    pub pair: usize,
+}
+
+/// What the mixture of [`averaged`] is of.
+///
+/// # Errors
+/// Those of [`averaged`].
+pub fn choices(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
     subsets: &Subsets,
-) -> Result<Keyed<Interval>> {
-    let mut parts = Vec::new();
-    for (subset, k, log_prior) in subsets.likeliest(PAIRS) {
-        let pair = &weighing.pairs[k];
-        let own = subsets.layout.columns(subset);
-        for multiple in MULTIPLES.into_iter().filter(|m| *m >= LEAST_MULTIPLE) {
+) -> Result<Vec<Chosen>> {
+    let least = weighing.series().map_or(MULTIPLES[0], |_| LEAST_MULTIPLE);
+    let mut all = Vec::new();
+    for (own, pair, log_prior) in subsets.likeliest(PAIRS) {
+        let columns = subsets.layout.columns(own);
+        for size in MULTIPLES.into_iter().filter(|m| *m >= least) {
             let sizes = Sizes {
-                own: &own,
-                effects: multiple,
+                own: &columns,
+                effects: size,
                 rival: 0.0,
             };
-            let mut part = part_of(weighing, sensitivities, pair, &sizes)?;
+            let mut part = part_of(weighing, sensitivities, &weighing.pairs[pair], &sizes)?;
             part.log_weight += log_prior;
-            parts.push(part);
+            all.push(Chosen {
+                part,
+                log_prior,
+                own: own.clone(),
+                size,
+                pair,
+            });
         }
     }
-    Ok(mixtures(sensitivities, &parts))
+    Ok(all)
 }
 
 /// Pairs of a subset and a choice of the noise that are averaged over, at most.
@@ -102,7 +119,7 @@ const PAIRS: usize = 24;
 
 /// The smallest size of undeclared effects of a series. One size is common to all of them: those that these data cannot show pulled it to
 /// 0.003 of their prior sds and left nothing to the others, and constants under ten small effects lay 1.2 to 2.1 sds off (prototype study).
-const LEAST_MULTIPLE: f64 = 0.03;
+pub const LEAST_MULTIPLE: f64 = 0.03;
 
 /// Sizes of what is not declared, over the prior sds: of some candidates' columns of 1, of all others, and of the near-edge rival.
 struct Sizes<'a> {
@@ -134,12 +151,61 @@ fn part_of(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
     pair: &NoisePair,
+    sizes: &Sizes<'_>,
+) -> Result<Part> {
+    let (_, fit) = fit_of(weighing, sensitivities, pair, sizes)?;
+    let columns = sensitivities.base.iter().take(sensitivities.constants);
+    let (solved, covariance) = (fit.mean(), fit.covariance());
+    let of = |k: usize| (solved[k], covariance[(k, k)].sqrt());
+    let moments = columns
+        .enumerate()
+        .map(|(k, c)| (c.mean + c.sd * of(k).0, c.sd * of(k).1));
+    let (mean, sd) = moments.unzip();
+    Ok(Part {
+        log_weight: weighing.log_data(pair) + fit.log_evidence(),
+        mean,
+        sd,
+    })
+}
+
+/// Mean and covariance of the rival's amplitudes, of the sizes of [`part`].
+///
+/// # Errors
+/// Of the program, for columns that are not finite.
+pub fn rival_of(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    pair: &NoisePair,
+    [effects, rival]: [f64; 2],
+) -> Result<(DVector<f64>, DMatrix<f64>)> {
+    let sizes = Sizes {
+        own: &[],
+        effects,
+        rival,
+    };
+    let (scaled, fit) = fit_of(weighing, sensitivities, pair, &sizes)?;
+    let count = sensitivities.near_edge.len();
+    let first = scaled.len() - count;
+    Ok((
+        fit.mean().rows(first, count) * rival,
+        fit.covariance()
+            .view((first, first), (count, count))
+            .into_owned()
+            * (rival * rival),
+    ))
+}
+
+/// The columns of some sizes, each with its scale, and their fit; the constants' come first and the rival's last.
+fn fit_of(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    pair: &NoisePair,
     &Sizes {
         own,
         effects,
         rival,
     }: &Sizes<'_>,
-) -> Result<Part> {
+) -> Result<(Vec<(usize, f64)>, NormalEquations)> {
     let gram = weighing.gram(pair);
     let data = gram.nrows() - 1;
     let base = sensitivities.base.len();
@@ -161,18 +227,7 @@ fn part_of(
         .collect();
     let right = |k: usize| gram[(k, data)];
     let fit = NormalEquations::of_columns(&gram, right, &scaled).ok_or_else(not_finite)?;
-    let columns = sensitivities.base.iter().take(sensitivities.constants);
-    let (solved, covariance) = (fit.mean(), fit.covariance());
-    let of = |k: usize| (solved[k], covariance[(k, k)].sqrt());
-    let moments = columns
-        .enumerate()
-        .map(|(k, c)| (c.mean + c.sd * of(k).0, c.sd * of(k).1));
-    let (mean, sd) = moments.unzip();
-    Ok(Part {
-        log_weight: weighing.log_data(pair) + fit.log_evidence(),
-        mean,
-        sd,
-    })
+    Ok((scaled, fit))
 }
 
 /// The constants' mixtures of weighted parts.

@@ -2,10 +2,13 @@
 
 use std::time::Instant;
 
+use super::account::Account;
 use super::attribute::attribute;
 use super::averaged::Interval;
+use super::axis::entail_strain;
 use super::conclusion::{Conclusion, Status, conclude};
 use super::extend::extended;
+use super::quoted::Quoted;
 use super::round::Round;
 use super::tracing::Tracing;
 use super::vetoes::{contradiction, surrogate};
@@ -23,14 +26,24 @@ pub struct Closed {
     /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
     pub with_discrepancy: Option<Identification>,
     pub conclusion: Conclusion,
+    /// The posterior to quote, where it was sampled.
+    pub sampled: Option<Quoted>,
 }
 
 impl Closed {
     /// The constants to quote: averaged over what may act unseen, or what spans all answers where the account is suspect.
     pub fn quoted(&self) -> Keyed<Interval> {
-        match &self.conclusion.suspect {
-            Some(suspect) => suspect.hull(),
-            None => self.rounds[self.rounds.len() - 1].tracing.averaged.clone(),
+        match (&self.sampled, &self.conclusion.suspect) {
+            (Some(sampled), Some(suspect)) => {
+                let closed = suspect.answers.iter().map(|a| a.constants.clone());
+                sampled.intervals(&closed.collect::<Vec<_>>())
+            }
+            (Some(sampled), None) => {
+                let last = &self.rounds[self.rounds.len() - 1];
+                sampled.intervals(std::slice::from_ref(&last.tracing.averaged))
+            }
+            (None, Some(suspect)) => suspect.hull(),
+            (None, None) => self.rounds[self.rounds.len() - 1].tracing.averaged.clone(),
         }
     }
 }
@@ -95,6 +108,7 @@ pub fn close<'a>(
         rounds,
         with_discrepancy,
         conclusion,
+        sampled: None,
     })
 }
 
@@ -132,13 +146,15 @@ impl Doubts {
         progress: &dyn Progress,
     ) -> Result<Round> {
         let start = start(&model, &identification);
-        let tracing = self.attribute(&model, &identification.inverse.prepared, start, progress)?;
+        let (tracing, account) =
+            self.attribute(&model, &identification.inverse.prepared, start, progress)?;
         identification.inverse.prepared.problem.experiment.rest();
         Ok(Round {
             model,
             attempt,
             identification,
             tracing,
+            account,
         })
     }
 
@@ -155,7 +171,7 @@ impl Doubts {
         let about = refit.unwrap_or(round);
         let start = start(&about.model, &about.identification);
         let prepared = &round.identification.inverse.prepared;
-        round.tracing = self.attribute(&round.model, prepared, start, progress)?;
+        (round.tracing, round.account) = self.attribute(&round.model, prepared, start, progress)?;
         Ok(next_model(round))
     }
 
@@ -166,10 +182,10 @@ impl Doubts {
         prepared: &Prepared,
         start: State,
         progress: &dyn Progress,
-    ) -> Result<Tracing> {
+    ) -> Result<(Tracing, Account)> {
         let count = |name: &str| self.refused.iter().filter(|(n, _)| *n == name).count();
         let left = |name: &str| count(name) < REFUSALS;
-        let mut tracing = attribute(model, prepared, start, &left, progress)?;
+        let (mut tracing, account) = attribute(model, prepared, start, &left, progress)?;
         for (name, why) in &self.refused {
             let known = tracing.left_out.iter().any(|(n, _)| n == name);
             if !left(name) && !known {
@@ -179,7 +195,7 @@ impl Doubts {
                 tracing.undecided.push(vec![name]);
             }
         }
-        Ok(tracing)
+        Ok((tracing, account))
     }
 }
 
@@ -213,6 +229,9 @@ fn next_model(round: &Round) -> Option<Model> {
     } = &round.tracing;
     let effect = (*accepted)?;
     let mut model = extended(&round.model, effect, accepted_amplitude, averaged);
+    if series.is_none() {
+        entail_strain(&mut model, effect, accepted_amplitude);
+    }
     if let Some(traced) = series {
         let sizes = traced.plausible.iter().cloned();
         model.experiment_mut().plausible.extend(sizes);

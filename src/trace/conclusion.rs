@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::axis;
 use super::round::Round;
 use super::suspect::Suspect;
 use super::tracing::{Named, Resembling};
@@ -150,6 +151,7 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
         alias_sizes: groups.iter().flat_map(|g| alias_sizes(g)).collect(),
         undecided: last.tracing.undecided.iter().map(|g| texts(g)).collect(),
         text: words(rounds, &groups, wanted, structure)
+            + &axis::words(&last.model).unwrap_or_default()
             + &objections(status, &vetoes, suspect.as_ref())
             + &taken_out(refused),
         vetoes,

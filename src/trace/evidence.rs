@@ -1,8 +1,11 @@
 //! What the evidence says: ranking, alias groups, acceptance, averaged posterior, blind spots.
 
+use std::sync::Arc;
+
 use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
+use super::left_out::LeftOut;
 use super::sensitivities::{Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
 use super::suspect::suspect;
@@ -32,8 +35,8 @@ const DOUBT_LOG_BAYES_FACTOR: f64 = 40.0;
 pub const LARGEST_MULTIPLE: f64 = 4.0;
 
 /// What the data say of every candidate.
-pub struct Evidence<'a> {
-    pub(super) measured: &'a Measured,
+pub struct Evidence {
+    pub(super) measured: Arc<Measured>,
     /// The prediction linearised.
     pub sensitivities: Sensitivities,
     pub(super) weighing: Weighing,
@@ -46,11 +49,11 @@ pub struct Evidence<'a> {
 ///
 /// # Errors
 /// Of the input: too few blocks for the dictionary. Of the program, for columns that are not finite.
-pub fn evidence<'a>(
+pub fn evidence(
     sensitivities: Sensitivities,
-    measured: &'a Measured,
+    measured: &Arc<Measured>,
     step: &(dyn Fn() + Sync),
-) -> Result<Evidence<'a>> {
+) -> Result<Evidence> {
     let weighing = Weighing::new(measured, &sensitivities, step)?;
     Evidence::new(sensitivities, measured, weighing)
 }
@@ -59,25 +62,25 @@ pub fn evidence<'a>(
 ///
 /// # Errors
 /// Those of [`evidence`].
-pub fn evidence_of_series<'a>(
+pub fn evidence_of_series(
     frames: &Frames<'_>,
     sensitivities: Sensitivities,
-    measured: &'a Measured,
+    measured: &Arc<Measured>,
     step: &(dyn Fn() + Sync),
-) -> Result<Evidence<'a>> {
+) -> Result<Evidence> {
     let weighing = Weighing::of_series(frames, measured, &sensitivities, step)?;
     Evidence::new(sensitivities, measured, weighing)
 }
 
-impl<'a> Evidence<'a> {
+impl Evidence {
     fn new(
         sensitivities: Sensitivities,
-        measured: &'a Measured,
+        measured: &Arc<Measured>,
         weighing: Weighing,
     ) -> Result<Self> {
         let subsets = Subsets::new(&weighing, &sensitivities.candidates)?;
         Ok(Evidence {
-            measured,
+            measured: Arc::clone(measured),
             sensitivities,
             weighing,
             subsets,
@@ -85,7 +88,7 @@ impl<'a> Evidence<'a> {
     }
 }
 
-impl Evidence<'_> {
+impl Evidence {
     fn name(&self, k: usize) -> &'static str {
         self.sensitivities.candidates[k].effect.name()
     }
@@ -99,10 +102,16 @@ impl Evidence<'_> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
         let blocks = &self.measured.blocks;
         let holdout = Holdout::new(
-            self.measured,
+            &self.measured,
             &self.sensitivities,
             &self.subsets.layout.ranges,
             self.weighing.variances(pair, blocks),
+            LeftOut::new(
+                &self.measured,
+                &self.sensitivities,
+                &self.weighing,
+                &self.subsets,
+            ),
         );
         let best = self.subsets.best().clone();
         let with = holdout.scores(&best);
@@ -111,7 +120,9 @@ impl Evidence<'_> {
             .iter()
             .map(|g| {
                 let rest: Subset = best.iter().copied().filter(|&k| k != g.leader).collect();
-                self.named(g, gains(&with, &holdout.scores(&rest)))
+                let law = self.sensitivities.candidates[g.leader].law;
+                let tell = law != Some(Law::Free);
+                self.named(g, gains(&with, &holdout.scores(&rest), tell))
             })
             .collect();
         let mut spots = blind_spots(
@@ -157,7 +168,10 @@ impl Evidence<'_> {
             accepted_amplitude,
             accepted_law,
             series: None,
-            steps: self.steps(pair),
+            stiffness: None,
+            steps: self.steps(pair, holdout.steps.as_ref()),
+            step_maps: self.step_maps(pair),
+            linearity: self.linearity(),
             misfit: self.misfit(pair),
             undecided,
             discrepancy: self.subsets.discrepancy,

@@ -3,25 +3,35 @@
 use nalgebra::DVector;
 
 use super::evidence::Evidence;
+use super::left_out::LeftOut;
 use super::sensitivities::Column;
 use super::subsets::Subset;
-use super::tracing::StepResidual;
+use super::tracing::{Predicted, StepMaps, StepResidual};
 use super::weighing::NoisePair;
+use crate::experiment::series::rigid_free;
 use crate::laminate::MeanSd;
 use crate::noise::NormalEquations;
 use crate::quantity::NM_PER_MM;
 
-impl Evidence<'_> {
+impl Evidence {
     /// What the base model, and with the best subset what is explained, leave of every step of a series: root mean squares of the block
     /// averages of both components, nm. Empty for a single field.
-    pub(super) fn steps(&self, pair: &NoisePair) -> Vec<StepResidual> {
+    pub(super) fn steps(
+        &self,
+        pair: &NoisePair,
+        left_out: Option<&LeftOut<'_>>,
+    ) -> Vec<StepResidual> {
         let Some(series) = self.weighing.series() else {
             return Vec::new();
         };
         let (bare, explained) = (
-            self.left(pair, &Vec::new()),
-            self.left(pair, self.subsets.best()),
+            self.still(pair, &Vec::new()),
+            self.still(pair, self.subsets.best()),
         );
+        let predicted = left_out.map(|held| {
+            let one = |subset: &Subset| held.predicted_nm(subset);
+            (one(&Vec::new()), one(self.subsets.best()), held.z())
+        });
         let n = self.measured.blocks.len();
         let rms = |left: &DVector<f64>, step: usize| {
             (left.rows(step * n, n).norm_squared() / n as f64).sqrt() * NM_PER_MM
@@ -32,8 +42,48 @@ impl Evidence<'_> {
                 bare_nm: bare.each_ref().map(|left| rms(left, step)),
                 explained_nm: explained.each_ref().map(|left| rms(left, step)),
                 noise_scale: scale.sqrt(),
+                predicted: predicted.as_ref().map(|(bare, explained, z)| Predicted {
+                    bare_nm: bare[step],
+                    explained_nm: explained[step],
+                    z: z[step],
+                }),
             })
             .collect()
+    }
+
+    /// What the base model leaves of every step, block by block.
+    pub(super) fn step_maps(&self, pair: &NoisePair) -> Option<StepMaps> {
+        let series = self.weighing.series()?;
+        let left = self.still(pair, &Vec::new());
+        let blocks = &self.measured.blocks;
+        let n = blocks.len();
+        let of = |step: usize| {
+            left.each_ref().map(|left| {
+                let own = left.rows(step * n, n);
+                own.iter().map(|u| u * NM_PER_MM).collect()
+            })
+        };
+        Some(StepMaps {
+            size_mm: blocks.size_mm,
+            places: blocks.centroid.clone(),
+            left_nm: (0..series.noise.scales.len()).map(of).collect(),
+        })
+    }
+
+    /// The residual of the base model with a subset of the candidates, without the motion in the plane of each step, mm: noise that is
+    /// correlated over the window leaves that to itself.
+    fn still(&self, pair: &NoisePair, subset: &Subset) -> [DVector<f64>; 2] {
+        let mut left = self.left(pair, subset);
+        let (places, counts) = (&self.measured.blocks.centroid, &self.measured.blocks.count);
+        let n = places.len();
+        for from in (0..left[0].len()).step_by(n.max(1)) {
+            let step: Vec<[f64; 2]> = (from..from + n).map(|i| [left[0][i], left[1][i]]).collect();
+            for (i, u) in rigid_free(places, counts, &step).into_iter().enumerate() {
+                left[0][from + i] = u[0];
+                left[1][from + i] = u[1];
+            }
+        }
+        left
     }
 
     /// The residual of the base model with a subset of the candidates, mm.

@@ -1,11 +1,13 @@
 //! Prediction of parts of the field that were not fitted: half-planes, quadrants and rings, which a smooth impostor cannot
 //! interpolate from fitted neighbours. Of squares of 3 mm among fitted ones, 19 of 20 wrong groups predicted those too. By these regions 46
 //! of 49 right groups and 47 of 66 wrong ones did, over fields with an effect of the dictionary and with one that had been withheld from
-//! it (`tests/loops.rs`): what they refuse is refused rightly, what they let pass is not proved.
+//! it (`tests/loops.rs`): what they refuse is refused rightly, what they let pass is not proved. Of a series whole steps are held out as well
+//! ([`LeftOut`]).
 
 use nalgebra::{DMatrix, DVector};
 
 use super::layout::columns;
+use super::left_out::LeftOut;
 use super::sensitivities::{Column, Measured, Sensitivities};
 use super::subsets::Subset;
 use crate::noise::NormalEquations;
@@ -26,6 +28,14 @@ pub struct Holdout<'a> {
     region: [Vec<usize>; DIVISIONS],
     variance: [DVector<f64>; 2],
     residual: [DVector<f64>; 2],
+    /// Steps of a series.
+    pub steps: Option<LeftOut<'a>>,
+}
+
+/// Log probabilities of what was held out, each given all else.
+pub struct Scores {
+    regions: [f64; DIVISIONS],
+    steps: Option<f64>,
 }
 
 /// Normal equations of some blocks: X' V^-1 X and X' V^-1 y.
@@ -38,6 +48,7 @@ impl<'a> Holdout<'a> {
         sensitivities: &'a Sensitivities,
         ranges: &'a [Vec<usize>],
         variance: [DVector<f64>; 2],
+        left_out: Option<LeftOut<'a>>,
     ) -> Self {
         let blocks = &measured.blocks;
         let steps = measured.averages[0].len() / blocks.len().max(1);
@@ -47,12 +58,20 @@ impl<'a> Holdout<'a> {
             region: divisions(&blocks.centroid).map(|region| region.repeat(steps)),
             variance,
             residual: measured.residual(sensitivities),
+            steps: left_out,
         }
     }
 
-    /// Log probability of every division's regions, each given all others, by a model with a subset of the candidates; the same constant,
-    /// which no model changes, is left out of all.
-    pub fn scores(&self, subset: &Subset) -> [f64; DIVISIONS] {
+    /// Log probability of every division's regions and of the steps, each given all others, by a model with a subset of the candidates; the
+    /// same constant, which no model changes, is left out of all.
+    pub fn scores(&self, subset: &Subset) -> Scores {
+        Scores {
+            regions: self.regions(subset),
+            steps: self.steps.as_ref().map(|steps| steps.score(subset)),
+        }
+    }
+
+    fn regions(&self, subset: &Subset) -> [f64; DIVISIONS] {
         let fitted = self.fitted(subset);
         [0, 1, 2, 3].map(|division| {
             let regions = self.normal(&fitted, division);
@@ -154,9 +173,13 @@ fn divisions(centroids: &[[f64; 2]]) -> [Vec<usize>; DIVISIONS] {
     ]
 }
 
-/// Whether `with` predicts better than `without`: over all divisions together, and in all but one of them.
-pub fn gains(with: &[f64; DIVISIONS], without: &[f64; DIVISIONS]) -> bool {
-    let total = |scores: &[f64; DIVISIONS]| scores.iter().sum::<f64>();
-    let better = with.iter().zip(without).filter(|(a, b)| a > b).count();
-    total(with) > total(without) && better + 1 >= DIVISIONS
+/// Whether `with` predicts better than `without`: over all divisions together, and in all but one of them. The steps count as a division
+/// where they `tell`: of an amplitude of a step's own the others say nothing.
+pub fn gains(with: &Scores, without: &Scores, tell: bool) -> bool {
+    let pairs = with.regions.iter().zip(&without.regions);
+    let mut all: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
+    let steps = with.steps.zip(without.steps).filter(|_| tell);
+    all.extend(steps.map(|(a, b)| a - b));
+    let better = all.iter().filter(|gain| **gain > 0.0).count();
+    all.iter().sum::<f64>() > 0.0 && better + 1 >= all.len()
 }

@@ -1,21 +1,28 @@
 //! What the residual of an identification says: sensitivities, evidence of effects, averaged posterior, conclusion.
 
+mod account;
 mod alias;
 mod attribute;
 mod averaged;
+mod axis;
 mod close;
+mod columns;
 mod conclusion;
 mod evidence;
 mod extend;
 mod fitted;
 mod holdout;
 mod layout;
+mod left_out;
+mod linearity;
+mod quoted;
 mod recording;
 mod ridge;
 mod round;
 mod sensitivities;
 mod series;
 mod sought;
+mod stiffness;
 mod subsets;
 mod suspect;
 mod tracing;
@@ -28,7 +35,12 @@ pub use close::{Closed, close};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;
+pub use linearity::NOT_LINEAR;
+pub use quoted::{AnswerDraws, Quoted, quote, rule as quoted_rule};
 pub use round::Round;
 pub use sought::candidates;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
-pub use tracing::{Found, Named, Resembling, StepResidual, Tracing};
+pub use tracing::{
+    Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt, StiffnessField,
+    Tracing,
+};

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::sensitivities::{Candidate, Column, Linearised, Measured, Sensitivities};
 use crate::effect::{Effect, Kind};
 use crate::error::Result;
-use crate::experiment::State;
 use crate::experiment::series::SeriesState;
+use crate::experiment::{Softening, State};
 use crate::infer::{Acts, Stepped};
 use crate::noise::NormalEquations;
 
@@ -120,7 +120,7 @@ pub fn series_at_ridge(
 }
 
 /// Linearise a series at a state.
-fn of_series(
+pub fn of_series(
     stepped: &Stepped<'_>,
     at: &SeriesState,
     declared: &[Acts],
@@ -140,7 +140,7 @@ fn of_series(
     let near_edge = if candidates.is_empty() {
         Vec::new()
     } else {
-        here.near_edge()?
+        here.softened(Softening::NearEdge)?
     };
     let mut sensitivities = Sensitivities {
         predicted: here.predicted(),

@@ -1,5 +1,6 @@
 //! One turn of the loop.
 
+use super::account::Account;
 use super::tracing::Tracing;
 use crate::identify::Identification;
 use crate::infer::Model;
@@ -11,4 +12,6 @@ pub struct Round {
     pub model: Model,
     pub identification: Identification,
     pub tracing: Tracing,
+    /// What the tracing rests on.
+    pub account: Account,
 }

@@ -7,8 +7,11 @@ use rayon::prelude::*;
 use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::Law;
-use crate::experiment::{Direction, Prediction, State, predict_with_gradient, sensitivity};
+use crate::experiment::{
+    Direction, Prediction, Sight, Softening, State, predict_with_gradient, sensitivity,
+};
 use crate::fem::Anchor;
+use crate::field::blocks::one_a_tile;
 use crate::field::{Blocks, Field};
 use crate::identify::Prepared;
 use crate::infer::Model;
@@ -37,12 +40,20 @@ pub struct Sensitivities {
     pub constants: usize,
     /// Effects that are not declared.
     pub candidates: Vec<Candidate>,
-    /// Block averages of (u1, u2), mm, of the near-edge rival's fields ([`crate::experiment::Experiment::near_edge`]); none where no
+    /// Block averages of (u1, u2), mm, of the near-edge rival's fields ([`Softening::NearEdge`]); none where no
     /// effect is a candidate.
     pub near_edge: Vec<[DVector<f64>; 2]>,
 }
 
 impl Sensitivities {
+    /// Whether all that is predicted, and all columns, are numbers.
+    pub fn is_finite(&self) -> bool {
+        let sought = self.candidates.iter().flat_map(|c| &c.columns);
+        let columns = self.base.iter().chain(sought).map(|c| &c.values);
+        let all = columns.chain(&self.near_edge).chain([&self.predicted]);
+        all.flatten().flatten().all(|v| v.is_finite())
+    }
+
     /// Carry the prediction to the prior means of some parameters.
     pub fn carry(&mut self, columns: &[Column]) {
         move_to_means(&mut self.predicted, columns.iter());
@@ -95,7 +106,68 @@ pub struct Linearised<'a> {
     pub size_mm: f64,
     /// Block averages' geometry.
     pub blocks: &'a Blocks,
+    /// Where slopes are looked at.
+    pub few: Few<'a>,
     pub step: &'a (dyn Fn() + Sync),
+}
+
+/// Points over which slopes are averaged: all, or of blocks of hundreds of points some that stand for the others. A slope within a block
+/// is a plane but for a thousandth; the prediction itself, which is held against the data, is averaged over all points.
+pub enum Few<'a> {
+    All(&'a Sight, &'a Blocks),
+    Some(Box<(Sight, Blocks)>),
+}
+
+/// Along a side of a block, points that stand for the others.
+const ALONG: f64 = 8.0;
+
+impl<'a> Few<'a> {
+    /// Of a prepared model's points in blocks.
+    pub fn new(prepared: &'a Prepared, blocks: &'a Blocks) -> Self {
+        let sight = &prepared.observation.sight;
+        Self::some(prepared, blocks).map_or(Self::All(sight, blocks), |few| Self::Some(few.into()))
+    }
+
+    fn some(prepared: &Prepared, blocks: &Blocks) -> Option<(Sight, Blocks)> {
+        if blocks.mean_count() < 2.0 * ALONG * ALONG {
+            return None;
+        }
+        let points = prepared.observation.sight.points();
+        let kept = one_a_tile(points, blocks.size_mm / ALONG);
+        let kept: Vec<usize> = (0..points.len())
+            .filter(|&i| kept[i] && blocks.of_point[i].is_some())
+            .collect();
+        let places: Vec<[f64; 2]> = kept.iter().map(|&i| points[i]).collect();
+        let (sight, inside) = prepared.problem.experiment.locate(&places, &[]);
+        let of_point: Vec<Option<u32>> = kept.iter().map(|&i| blocks.of_point[i]).collect();
+        let mut count = vec![0; blocks.len()];
+        for block in of_point.iter().flatten() {
+            count[*block as usize] += 1;
+        }
+        let whole = inside.iter().all(|i| *i) && !count.contains(&0);
+        whole.then(|| {
+            let few = Blocks {
+                count,
+                of_point,
+                ..blocks.clone()
+            };
+            (sight, few)
+        })
+    }
+
+    pub(super) fn sight(&self) -> &Sight {
+        match self {
+            Self::All(sight, _) => sight,
+            Self::Some(few) => &few.0,
+        }
+    }
+
+    pub(super) fn average(&self, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
+        match self {
+            Self::All(_, blocks) => averages(blocks, field),
+            Self::Some(few) => averages(&few.1, field),
+        }
+    }
 }
 
 /// One direction a parameter.
@@ -127,7 +199,7 @@ impl Linearised<'_> {
         candidates: &[&'static dyn Effect],
     ) -> Result<Sensitivities> {
         let experiment = &*self.prepared.problem.experiment;
-        let here = predict_with_gradient(experiment, at, &self.prepared.observation.sight)?;
+        let here = predict_with_gradient(experiment, at, self.few.sight())?;
         let anchor = experiment.anchor(at)?;
         let about = (at, anchor.as_ref());
         let mut directions = self.base();
@@ -141,24 +213,29 @@ impl Linearised<'_> {
                 column
             })
             .collect::<Result<_>>()?;
-        let mut predicted = averages(self.blocks, &here.field);
+        let mut predicted = match self.few {
+            Few::All(..) => averages(self.blocks, &here.field),
+            Few::Some(_) => averages(self.blocks, &self.prepared.predict(at)?.field),
+        };
         move_to_means(&mut predicted, columns.iter());
         let near_edge = if candidates.is_empty() {
             Vec::new()
         } else {
             self.rival(about)?
         };
-        let near_edge = near_edge.iter().map(|u| averages(self.blocks, u)).collect();
+        let near_edge = near_edge.iter().map(|u| self.few.average(u)).collect();
         let mut columns = columns.into_iter();
         let base = columns.by_ref().take(declared).collect();
-        let candidates = candidates
-            .iter()
-            .map(|&effect| Candidate {
+        let candidate = |&effect: &&'static dyn Effect| -> Result<Candidate> {
+            let mut own: Vec<Column> = columns.by_ref().take(effect.parameters().len()).collect();
+            own.extend(self.of_the_axis(about, &here, effect)?);
+            Ok(Candidate {
                 effect,
                 law: None,
-                columns: columns.by_ref().take(effect.parameters().len()).collect(),
+                columns: own,
             })
-            .collect();
+        };
+        let candidates = candidates.iter().map(candidate).collect::<Result<_>>()?;
         Ok(Sensitivities {
             predicted,
             base,
@@ -171,12 +248,12 @@ impl Linearised<'_> {
     /// Fields of the rival, mm: what any change of stiffness beside the hole does elsewhere and, since no rig holds a specimen to a
     /// microradian, a rotation in the plane.
     fn rival(&self, (at, about): (&State, Option<&Anchor>)) -> Result<Vec<Vec<[f64; 2]>>> {
-        let sight = &self.prepared.observation.sight;
-        let mut fields = self
-            .prepared
-            .problem
-            .experiment
-            .near_edge(about, at, sight)?;
+        let sight = self.few.sight();
+        let mut fields =
+            self.prepared
+                .problem
+                .experiment
+                .softened(about, at, sight, Softening::NearEdge)?;
         if !fields.is_empty() {
             let turned = |p: &[f64; 2]| [-ROTATION * p[1], ROTATION * p[0]];
             fields.push(sight.points().iter().map(turned).collect());
@@ -263,7 +340,7 @@ impl Linearised<'_> {
             &*self.prepared.problem.experiment,
             (at, about),
             here,
-            &self.prepared.observation.sight,
+            self.few.sight(),
             direction,
             step,
         )?;
@@ -274,12 +351,12 @@ impl Linearised<'_> {
             at: value,
             positive: matches!(direction, Direction::Amplitude(effect, k) if effect.parameters()[k].positive),
             product: false,
-            values: averages(self.blocks, &slope).map(|values| values * sd),
+            values: self.few.average(&slope).map(|values| values * sd),
         })
     }
 
     /// Prior sd of an amplitude, border units.
-    fn prior_sd(&self, effect: &'static dyn Effect, k: usize) -> f64 {
+    pub(super) fn prior_sd(&self, effect: &'static dyn Effect, k: usize) -> f64 {
         // only translations are free: their unit is the micrometre
         let free = FREE * self.size_mm * crate::quantity::UM_PER_MM;
         self.model.prior_sd(effect, k).unwrap_or(free)

@@ -4,11 +4,15 @@
 //! many small ones, smooth noise, culprits of no dictionary) named no wrong effect, and the quoted 95 % intervals held 143 of 148 constants;
 //! of the five series of an independent program 16 of 16.
 
+use std::sync::Arc;
+
+use super::account::{About, Account};
 use super::alias::groups;
 use super::evidence::{Evidence, evidence_of_series};
 use super::ridge::{CONVERGED, series_at_ridge};
 use super::sensitivities::Measured;
 use super::sought::candidates;
+use super::stiffness::stiffness_field;
 use super::tracing::Tracing;
 use crate::effect::{Kind, amplitude_name};
 use crate::error::Result;
@@ -35,7 +39,7 @@ pub fn attribute_series(
     start: State,
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
-) -> Result<Tracing> {
+) -> Result<(Tracing, Account)> {
     let (mut effects, left_out) = candidates(model);
     // every step has its own motion in the plane
     effects.retain(|e| wanted(e.name()) && !e.name().starts_with("rigid_"));
@@ -43,28 +47,17 @@ pub fn attribute_series(
     let geometry = &*prepared.problem.experiment.scene().setup.geometry;
     let used = |i: usize| is_clear(geometry, field.points[i]);
     let blocks = Blocks::new(field, Blocks::size_for(field), used);
-    let average = |u: &[[f64; 2]]| -> Vec<[f64; 2]> {
-        let one = |c: usize| {
-            let values: Vec<f64> = u.iter().map(|u| u[c]).collect();
-            blocks.average(&values)
-        };
-        let (first, second) = (one(0), one(1));
-        first.iter().zip(&second).map(|(a, b)| [*a, *b]).collect()
-    };
+    let average = |u: &[[f64; 2]]| averages(&blocks, u);
+    let step = || progress.step();
     let stepped = Stepped {
-        model,
-        experiment: &*prepared.problem.experiment,
-        sight: &prepared.observation.sight,
-        steps,
-        places: &blocks.centroid,
-        counts: &blocks.count,
         average: &average,
-        step: &|| progress.step(),
+        step: &step,
+        ..of_blocks(model, prepared, steps, &blocks)
     };
-    let measured = Measured {
+    let measured = Arc::new(Measured {
         averages: stepped.measured(),
         blocks: blocks.clone(),
-    };
+    });
     let mut state = match &model.traced {
         Some(traced) => traced.state.clone(),
         None => beginning(&stepped, model, start),
@@ -78,12 +71,21 @@ pub fn attribute_series(
         },
         measured: &measured,
         declared: declared(model),
-        sought: Acts::all(&effects),
+        sought: told_apart(Acts::all(&effects), &steps.loads),
     };
     let evidence = traced.converged(&mut state, progress)?;
     progress.begin("tracing: held-out blocks, blind spots", None);
     let mut tracing = evidence.tracing(&state.shared.constants)?;
     tracing.left_out = left_out;
+    if tracing.leaves_structure() {
+        tracing.add_stiffness(stiffness_field(
+            &stepped,
+            &traced.frames,
+            &measured,
+            &evidence,
+            &state,
+        )?);
+    }
     let added = tracing.accepted.into_iter().flat_map(|effect| {
         let parameters = effect.parameters().iter().enumerate();
         parameters.map(move |(k, p)| (amplitude_name(effect, p), (effect, k)))
@@ -91,17 +93,69 @@ pub fn attribute_series(
     let added = added.map(|(name, (effect, k))| (name, stepped.prior_sd(effect, k)));
     tracing.series = Some(TracedSeries {
         plausible: added.collect(),
-        state,
+        state: state.clone(),
         amplitudes: evidence.amplitudes(),
     });
     progress.end();
-    Ok(tracing)
+    let about = About::Series {
+        state,
+        declared: traced.declared,
+        sought: traced.sought,
+    };
+    Ok((tracing, Account { evidence, about }))
+}
+
+/// A series seen over blocks of points; what averages over them is still to be said.
+pub fn of_blocks<'a>(
+    model: &'a Model,
+    prepared: &'a Prepared,
+    steps: &'a Steps,
+    blocks: &'a Blocks,
+) -> Stepped<'a> {
+    Stepped {
+        model,
+        experiment: &*prepared.problem.experiment,
+        sight: &prepared.observation.sight,
+        steps,
+        places: &blocks.centroid,
+        counts: &blocks.count,
+        average: &|u| u.to_vec(),
+        step: &|| (),
+    }
+}
+
+/// Block averages of both components.
+pub fn averages(blocks: &Blocks, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let one = |c: usize| {
+        let values: Vec<f64> = u.iter().map(|u| u[c]).collect();
+        blocks.average(&values)
+    };
+    let (first, second) = (one(0), one(1));
+    first.iter().zip(&second).map(|(a, b)| [*a, *b]).collect()
 }
 
 /// Forces over the largest.
-fn relative(loads: &[f64]) -> Vec<f64> {
+pub fn relative(loads: &[f64]) -> Vec<f64> {
     let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     loads.iter().map(|f| f / largest).collect()
+}
+
+/// The first of all laws of an effect that are the same over these steps: where the load only grows, what is in proportion to it and what
+/// stays are one column, and both would lay claim to one amplitude of the state.
+fn told_apart(all: Vec<Acts>, loads: &[f64]) -> Vec<Acts> {
+    let mut kept: Vec<Acts> = Vec::with_capacity(all.len());
+    for acts in all {
+        if !kept.iter().any(|other| shares(other, &acts, loads)) {
+            kept.push(acts);
+        }
+    }
+    kept
+}
+
+/// Whether two laws of one effect have weights over these steps in common.
+fn shares(a: &Acts, b: &Acts, loads: &[f64]) -> bool {
+    let weights = b.weights(loads);
+    a.effect.name() == b.effect.name() && a.weights(loads).iter().any(|w| weights.contains(w))
 }
 
 /// The declared effects that the linearised prediction varies.
@@ -124,19 +178,16 @@ fn beginning(stepped: &Stepped<'_>, model: &Model, mut start: State) -> SeriesSt
 struct Traced<'a> {
     stepped: &'a Stepped<'a>,
     frames: Frames<'a>,
-    measured: &'a Measured,
+    measured: &'a Arc<Measured>,
     declared: Vec<Acts>,
     sought: Vec<Acts>,
 }
 
-impl<'a> Traced<'a> {
+impl Traced<'_> {
     /// Linearise and weigh, with the strongest effect of the best subset in the state, until that effect and its amplitudes repeat.
-    fn converged(
-        &mut self,
-        state: &mut SeriesState,
-        progress: &dyn Progress,
-    ) -> Result<Evidence<'a>> {
+    fn converged(&mut self, state: &mut SeriesState, progress: &dyn Progress) -> Result<Evidence> {
         let mut leader: Option<Acts> = None;
+        let mut before: Option<(Evidence, SeriesState)> = None;
         let mut pass = 0;
         loop {
             pass += 1;
@@ -149,6 +200,11 @@ impl<'a> Traced<'a> {
             let sensitivities =
                 series_at_ridge(self.stepped, self.measured, state, declared, sought)?;
             progress.end();
+            if let Some((found, at)) = before.take().filter(|_| !sensitivities.is_finite()) {
+                // what was taken in lies beyond where the picture's map has an inverse
+                *state = at;
+                return Ok(found);
+            }
             let what = format!("tracing, pass {pass}: effects against noise");
             progress.begin(
                 &what,
@@ -163,12 +219,14 @@ impl<'a> Traced<'a> {
             let Some(k) = strongest.filter(|_| pass < PASSES) else {
                 return Ok(found);
             };
+            let at = state.clone();
             let moved = self.adopt(state, &found, k, leader);
             leader = Some(self.sought[k]);
             let freed = self.free(found.subsets.best());
             if moved < CONVERGED && !freed {
                 return Ok(found);
             }
+            before = Some((found, at));
         }
     }
 
@@ -179,7 +237,9 @@ impl<'a> Traced<'a> {
             return false;
         }
         let acting = subset.iter().filter_map(|&k| self.sought[k].freed());
-        let offered = |a: &Acts| self.sought.iter().any(|b| b.is(a));
+        // nor where one step's own is another law, as where one step alone is loaded
+        let loads = &self.stepped.steps.loads;
+        let offered = |a: &Acts| self.sought.iter().any(|b| shares(b, a, loads));
         let new: Vec<Acts> = acting.filter(|a| !offered(a)).collect();
         self.sought.extend(&new);
         !new.is_empty()
@@ -190,7 +250,7 @@ impl<'a> Traced<'a> {
     fn adopt(
         &self,
         state: &mut SeriesState,
-        evidence: &Evidence<'_>,
+        evidence: &Evidence,
         leader: usize,
         before: Option<Acts>,
     ) -> f64 {

@@ -22,8 +22,8 @@ pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
 /// Subsets of each enumeration that are weighed under every pair of hyperparameters.
 const WEIGHED: usize = 40;
 
-/// Pairs of a subset and the noise that are less likely than the best by more do not count: a thousandth.
-const LEAST_LOG: f64 = 6.9;
+/// Pairs of a subset and the noise that count hold this much of the probability of all.
+const MOST_OF_IT: f64 = 0.99;
 
 /// A weighed subset.
 #[derive(Debug, Clone)]
@@ -155,8 +155,13 @@ impl Subsets {
             b.0.total_cmp(&a.0)
                 .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
         });
-        let likely = all.first().map_or(0.0, |a| a.0 - LEAST_LOG);
-        let kept = all.into_iter().take(count).filter(|a| a.0 > likely);
+        let total = log_sum(all.iter().map(|a| a.0));
+        let mut held = 0.0;
+        let kept = all.into_iter().take(count).take_while(|a| {
+            let wanted = held < MOST_OF_IT;
+            held += (a.0 - total).exp();
+            wanted
+        });
         kept.map(|(_, s, k)| (s, k, self.log_prior[s.len()]))
             .collect()
     }

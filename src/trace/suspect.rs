@@ -40,7 +40,7 @@ pub struct Answer {
 pub const UNEXPLAINED: f64 = 0.5;
 
 /// Sizes of the near-edge rival's stresses over the nominal stress of the gross section, equally probable (prototype study; never tuned).
-const RIVAL: [f64; 6] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
+pub const RIVAL: [f64; 6] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
 
 /// Two parts of a field whose cosine is larger, either way, do each other's work: 90 % of true pairs lay below 0.47 and 90 % of
 /// impostors above 0.63 (prototype study).
@@ -130,38 +130,43 @@ impl Suspect {
 
     /// The interval of every constant that spans those of all answers. Its sd is that of a normal distribution with such an interval.
     pub fn hull(&self) -> Keyed<Interval> {
-        let names = self.answers[0].constants.keys();
-        let one = |name: &String| {
-            let of: Vec<&Interval> = self
-                .answers
-                .iter()
-                .filter_map(|a| a.constants.get(name))
-                .collect();
-            let low = of.iter().fold(f64::INFINITY, |m, i| m.min(i.low));
-            let high = of.iter().fold(f64::NEG_INFINITY, |m, i| m.max(i.high));
-            let mean = of.iter().map(|i| i.mean).sum::<f64>() / of.len() as f64;
-            let median = of.iter().map(|i| i.median).sum::<f64>() / of.len() as f64;
-            let sd = (high - low) / (2.0 * NORMAL_95);
-            (
-                name.clone(),
-                Interval {
-                    mean,
-                    sd,
-                    low,
-                    median,
-                    high,
-                },
-            )
-        };
-        names.map(one).collect()
+        let answers: Vec<&Keyed<Interval>> = self.answers.iter().map(|a| &a.constants).collect();
+        hull(&answers)
     }
+}
+
+/// The interval of every constant of the first answer that spans those of all.
+pub fn hull(answers: &[&Keyed<Interval>]) -> Keyed<Interval> {
+    let names = answers.iter().take(1).flat_map(|a| a.keys());
+    let one = |name: &String| {
+        let of: Vec<&Interval> = answers.iter().filter_map(|a| a.get(name)).collect();
+        let low = of.iter().fold(f64::INFINITY, |m, i| m.min(i.low));
+        let high = of.iter().fold(f64::NEG_INFINITY, |m, i| m.max(i.high));
+        let mean = of.iter().map(|i| i.mean).sum::<f64>() / of.len() as f64;
+        let median = of.iter().map(|i| i.median).sum::<f64>() / of.len() as f64;
+        let sd = (high - low) / (2.0 * NORMAL_95);
+        (
+            name.clone(),
+            Interval {
+                mean,
+                sd,
+                low,
+                median,
+                high,
+            },
+        )
+    };
+    names.map(one).collect()
 }
 
 /// Half-width of a normal distribution's 95 % interval, sds.
 const NORMAL_95: f64 = 1.959_964;
 
 /// The likeliest settings of noise and of discrepancy with the rival at a tenth of the nominal stress, with their normal equations.
-fn settings(wide: &Weighing, sensitivities: &Sensitivities) -> Result<Vec<(NoisePair, Projected)>> {
+pub fn settings(
+    wide: &Weighing,
+    sensitivities: &Sensitivities,
+) -> Result<Vec<(NoisePair, Projected)>> {
     let mut all = Vec::new();
     let rival = sensitivities.near_edge.len();
     for pair in &wide.pairs {

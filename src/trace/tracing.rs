@@ -1,5 +1,7 @@
 //! What tracing found: candidates, alias groups, what is to be added, what could hide.
 
+use serde::{Deserialize, Serialize};
+
 use super::averaged::{BlindSpot, Interval};
 use super::suspect::{Suspect, UNEXPLAINED};
 use crate::effect::Effect;
@@ -7,6 +9,7 @@ use crate::experiment::series::Law;
 use crate::files::Keyed;
 use crate::infer::TracedSeries;
 use crate::noise::Hyperparameters;
+use crate::noise::series::Linearity;
 
 /// An effect weighed against the data.
 #[derive(Clone)]
@@ -53,6 +56,12 @@ pub struct Tracing {
     pub series: Option<TracedSeries>,
     /// What is left of every step of a series.
     pub steps: Vec<StepResidual>,
+    /// Of a series with structure that grows with the load: the stiffness that would make it.
+    pub stiffness: Option<StiffnessField>,
+    /// What the declared model leaves of every step.
+    pub step_maps: Option<StepMaps>,
+    /// Whether the fields of a series are proportional to the load.
+    pub linearity: Option<Linearity>,
     /// Probability of a misfit as large by a series' own noise.
     pub misfit: Option<f64>,
     /// Groups that the data speak for without being sure.
@@ -91,6 +100,71 @@ pub struct StepResidual {
     pub explained_nm: [f64; 2],
     /// Noise of the step over the steps' typical one.
     pub noise_scale: f64,
+    /// What the other steps say of it, where enough steps know the noise.
+    pub predicted: Option<Predicted>,
+}
+
+/// A step held out: predicted from all other steps, but for its own motion in the plane and what else is the step's own.
+#[derive(Debug, Clone, Copy)]
+pub struct Predicted {
+    /// Root mean square error of the block averages of (u1, u2), nm, by the model as it is declared.
+    pub bare_nm: [f64; 2],
+    /// With what it was traced to.
+    pub explained_nm: [f64; 2],
+    /// By how many sds the misfit of the step, given the others, is larger than the declared model expects.
+    pub z: f64,
+}
+
+/// What the declared model leaves of every step, at the blocks of the field.
+#[derive(Debug, Clone)]
+pub struct StepMaps {
+    /// Side of a block, and where blocks lie, mm.
+    pub size_mm: f64,
+    pub places: Vec<[f64; 2]>,
+    /// Block averages of (u1, u2) of each step, nm.
+    pub left_nm: Vec<[Vec<f64>; 2]>,
+}
+
+/// A field of the membrane stiffness, relative to that of the model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StiffnessField {
+    /// Its probability against a discrepancy that no stiffness makes.
+    pub probability: f64,
+    /// The prior sd of the bumps at which it is largest.
+    pub size: f64,
+    /// Places (s, t), mm, with the relative change of the stiffness there and its sd.
+    pub map: Vec<StiffnessAt>,
+    /// The place where the change is most certain.
+    pub surest: StiffnessAt,
+    /// The constants where the stiffness varies so, or the discrepancy is of no mechanics, each with its probability.
+    pub constants: Keyed<Interval>,
+}
+
+/// The relative change of the stiffness at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StiffnessAt {
+    pub at_mm: [f64; 2],
+    pub change: f64,
+    pub sd: f64,
+}
+
+impl StiffnessField {
+    /// What it says, in a sentence.
+    pub fn words(&self) -> String {
+        let StiffnessAt {
+            at_mm: [s, t],
+            change,
+            sd,
+        } = self.surest;
+        let low = if change < 0.0 { "low" } else { "high" };
+        format!(
+            "a membrane stiffness that varies over the window explains what grows with the load (probability {:.2} against other structure): \
+             it is {low} at ({s:.1}, {t:.1}) mm along the load and across it, {:+.0} +- {:.0} %",
+            self.probability,
+            100.0 * change,
+            100.0 * sd
+        )
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -130,6 +204,18 @@ pub struct Resembling {
 }
 
 impl Tracing {
+    /// Put the stiffness that explains structure which grows with the load into the account: the constants beside it are the averaged ones.
+    pub fn add_stiffness(&mut self, found: Option<StiffnessField>) {
+        let Some(found) = found else { return };
+        self.averaged = found.constants.clone();
+        if let Some(first) = self.suspect.answers.first_mut() {
+            first.supposing += ", with a stiffness that varies over the window";
+            first.constants = found.constants.clone();
+        }
+        self.suspect.reasons.push(found.words());
+        self.stiffness = Some(found);
+    }
+
     /// Put the effects of the recording, which are sought by their own ways, among the candidates: miscounted orders are
     /// accepted before anything else, a phase-shift error if nothing else has more evidence.
     pub fn add_recorded(&mut self, jumps: Option<Found>, phase: Option<(Found, bool)>) {

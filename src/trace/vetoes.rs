@@ -25,6 +25,9 @@ const CONDITIONAL: f64 = 0.1;
 /// The quoted posterior and the last model's agree within so many combined sds.
 const QUOTED_SDS: f64 = 3.0;
 
+/// A step is predicted by all others within so many sds of its misfit (prototype study).
+const STEP_SDS: f64 = 4.5;
+
 /// All objections to the last round of a loop but that to its reduced model ([`surrogate`]).
 pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
@@ -43,6 +46,7 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
         said.extend(impossible(*effect, &last.model, found));
     }
     said.extend(quoted(last));
+    said.extend(steps_apart(last));
     said
 }
 
@@ -161,4 +165,16 @@ fn held_out(before: &Round) -> Option<String> {
         .iter()
         .find(|g| g.leader == effect.name())?;
     (!group.predicts).then(|| format!("{} does not predict held-out regions", effect.name()))
+}
+
+/// 6. Steps of a series that the others do not predict.
+fn steps_apart(last: &Round) -> Vec<String> {
+    let observation = &last.identification.inverse.prepared.observation;
+    let names = observation.steps.iter().flat_map(|s| &s.names);
+    let steps = names.zip(&last.tracing.steps);
+    let far = steps.filter_map(|(name, step)| {
+        let z = step.predicted?.z;
+        (z > STEP_SDS).then(|| format!("the other steps do not predict {name} (z = {z:.1})"))
+    });
+    far.collect()
 }

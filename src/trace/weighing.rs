@@ -31,16 +31,18 @@ pub struct NoiseChoice {
     /// Length, ratio, scale and restricted likelihood.
     pub at: Hyperparameters,
     /// log det of the covariance.
-    log_det: f64,
+    pub(super) log_det: f64,
     /// X' C^-1 X of all columns and, last, the data.
     gram: DMatrix<f64>,
     /// The scale s^2 of contrasts that are orthogonal to the near-edge rival too, over that of `at`.
     beyond_rival: f64,
+    /// The scale s^2 that `gram` has.
+    pub(super) scale2: f64,
 }
 
 /// Hyperparameters of both components that are worth weighing together.
 pub struct Weighing {
-    source: Source,
+    pub(super) source: Source,
     /// Choices of the noise of both components, with their log prior probability.
     pub pairs: Vec<NoisePair>,
     /// Number of base columns, which come first, before those of the candidates and of the near-edge rival.
@@ -51,7 +53,7 @@ pub struct Weighing {
 
 /// What is known under every choice of the noise.
 #[derive(Clone)]
-enum Source {
+pub(super) enum Source {
     /// Choices for u1 and u2.
     Components([Vec<NoiseChoice>; 2]),
     /// Settings of a series, both components together.
@@ -59,10 +61,10 @@ enum Source {
 }
 
 /// A choice of the noise of both components.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoisePair {
     /// Indices into the choices of either component; into the settings of a series, twice the same.
-    of: [usize; 2],
+    pub(super) of: [usize; 2],
     /// Log prior probability.
     pub log_prior: f64,
     /// Whether either is a discrepancy.
@@ -136,6 +138,7 @@ impl Weighing {
     pub fn beyond_rival(&self) -> Self {
         let rescaled = |choice: &NoiseChoice| NoiseChoice {
             gram: &choice.gram / choice.beyond_rival,
+            scale2: choice.scale2 * choice.beyond_rival,
             log_det: choice.log_det + self.blocks as f64 * choice.beyond_rival.ln(),
             ..choice.clone()
         };
@@ -378,6 +381,7 @@ impl<'a> Weighed<'a> {
             log_det: covariance.log_det() + blocks * at.scale2.ln(),
             gram,
             beyond_rival: left / self.freedom as f64,
+            scale2: at.scale2,
         })
     }
 }

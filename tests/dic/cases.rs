@@ -65,12 +65,7 @@ pub const ON_STEEL: [&str; 13] = [
 ];
 
 /// Culprits that no dictionary has.
-pub const FOREIGN: [&str; 4] = [
-    "soft_patch",
-    "random_stiffness",
-    "lens_decentring",
-    "interpolation_bias",
-];
+pub const FOREIGN: [&str; 3] = ["soft_patch", "random_stiffness", "lens_decentring"];
 
 /// Random numbers of a case.
 pub(super) struct Draw(pub(super) Pcg64Dxsm);
@@ -281,6 +276,7 @@ fn cause(name: &'static str, size: f64, series: &Series, draw: &mut Draw) -> Cau
         }
         "ply_misorientation" => Cause::Mechanical(name, vec![signed]),
         "shear_nonlinearity" => Cause::Mechanical(name, vec![1e-7 * size]),
+        "interpolation_bias" => Cause::Interpolation(0.01 * size),
         _ => panic!("no usual size of {name}"),
     }
 }
@@ -318,7 +314,6 @@ fn foreign(name: &str, series: &Series, draw: &mut Draw) -> Cause {
             let size = 5e-5 * draw.between(0.5, 2.0);
             Cause::Decentring(draw.vector(size), series.pinhole.principal_mm)
         }
-        "interpolation_bias" => Cause::Interpolation(draw.between(0.005, 0.015)),
         _ => panic!("no culprit {name}"),
     }
 }
@@ -363,6 +358,7 @@ pub fn campaign() -> Vec<(Kind, bool, u64)> {
         for name in FOREIGN {
             add(Kind::Foreign(name), laminate);
         }
+        add(Kind::Single("interpolation_bias"), laminate);
     }
     all
 }

@@ -151,6 +151,7 @@ impl Series {
         let mut correlation = json!({
             "subset_mm": rounded(self.layout.subset_mm()),
             "step_mm": rounded(self.layout.step_mm()),
+            "pixel_mm": self.layout.pixel_mm,
             "shape": shape,
             "camera_distance_mm": self.declared_distance_mm,
         });

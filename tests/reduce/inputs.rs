@@ -74,6 +74,76 @@ fn a_corner_without_a_positive_definite_ply() {
     }
 }
 
+/// The default model with these priors, and nothing else of its box.
+fn with_priors(change: impl Fn(&mut serde_json::Value)) -> Model {
+    let file = crate::program::changed("openhole.json", |m| {
+        let priors = [
+            ("E1_GPa", 15.0, 5.0),
+            ("E2_GPa", 10.0, 6.0),
+            ("nu12", 0.2, 0.1),
+            ("G12_GPa", 2.5, 1.5),
+        ];
+        for (name, mean, sd) in priors {
+            m["material"]["parameters"][name]["prior"]["normal"] =
+                serde_json::json!({"mean": mean, "sd": sd});
+        }
+        m["reduced_model"]
+            .as_object_mut()
+            .unwrap()
+            .remove("reference");
+        change(m);
+    });
+    Model::load(Path::new(&file)).unwrap()
+}
+
+/// Priors so wide that no ply can be in a corner of their box: what has a part in it is drawn in about the means, and said.
+#[test]
+fn a_box_is_drawn_in_to_what_a_ply_can_be() {
+    let model = with_priors(|_| {});
+    let said = model.drawn_in().unwrap();
+    let problem = model.problem([[-8.0; 2], [8.0; 2]]).unwrap();
+    let [e1, e2, nu, g] = [0, 1, 2, 3].map(|k| problem.dimensions[k].clone());
+    // the priors' +- 3 sd, a quarter of the mean at least
+    assert_eq!(
+        [e1.high, e2.low, nu.low, g.low, g.high],
+        [30.0, 2.5, 0.2 - 0.1 * 3.0, 0.625, 7.0]
+    );
+    let share = [
+        (15.0 - e1.low) / (15.0 - 3.75),
+        (e2.high - 10.0) / 18.0,
+        (nu.high - 0.2) / (3.0 * 0.1),
+    ];
+    assert!(
+        share
+            .iter()
+            .all(|s| (s - share[0]).abs() < 1e-9 && *s > 0.5 && *s < 1.0),
+        "{share:?}"
+    );
+    let limit = nu.high * nu.high * e2.high / e1.low;
+    assert!((limit - 0.8).abs() < 1e-6, "{limit}");
+    for word in ["E1_GPa from [3.7500, 30.0000]", "E2_GPa", "nu12"] {
+        assert!(said.contains(word), "{said}");
+    }
+    assert!(!said.contains("G12"), "{said}");
+    // what is declared stays: the others give way, or none do and the box is refused
+    let declared = with_priors(|m| {
+        m["reduced_model"]["doe"] = serde_json::json!({"E1_GPa": [5.0, 25.0]});
+    });
+    let problem = declared.problem([[-8.0; 2], [8.0; 2]]).unwrap();
+    assert_eq!(
+        [problem.dimensions[0].low, problem.dimensions[0].high],
+        [5.0, 25.0]
+    );
+    assert!(!declared.drawn_in().unwrap().contains("E1_GPa"));
+    let hopeless = with_priors(|m| {
+        m["reduced_model"]["doe"] = serde_json::json!({"E1_GPa": [0.3, 25.0]});
+    });
+    let error = hopeless.problem([[-8.0; 2], [8.0; 2]]).err().unwrap();
+    assert!(told(&error).contains("corner of the DoE box"));
+    let usual = Model::load(Path::new(&crate::program::model("openhole.json"))).unwrap();
+    assert!(usual.drawn_in().is_none());
+}
+
 /// The default model's text with one piece replaced.
 fn edited(old: &str, new: &str) -> Error {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/openhole.json");

@@ -7,7 +7,7 @@ use plychain::infer::Model;
 use serde_json::{Value, json};
 
 use super::{Case, csv, field, grid};
-use crate::program::shared;
+use crate::program::{root, shared};
 
 fn here(folder: &Path, arguments: &[&str]) -> (bool, String) {
     let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
@@ -162,23 +162,59 @@ fn init_maps_sigma_correlation_and_pixels() {
     );
 }
 
-/// A series is not simulated yet, and no data take the place of its steps.
+/// No data take the place of a series' steps.
 #[test]
 fn what_a_series_cannot_do_is_said() {
     let case = Case::written();
     let folder = case.folder.path();
     fs::write(folder.join("m.json"), case.model.to_string()).unwrap();
-    let (done, said) = here(folder, &["simulate", "m.json", "--out", "run"]);
-    assert!(
-        !done && said.contains("m.json: experiments[0].steps") && said.contains("yet"),
-        "{said}"
-    );
-    assert!(!folder.join("run").exists());
     let (done, said) = here(
         folder,
         &["loop", "m.json", "--data", "step-01.csv", "--out", "run"],
     );
     assert!(!done && said.contains("--data"), "{said}");
+    assert!(!folder.join("run").exists());
+}
+
+/// The commands of the README for a user's own series, up to the loop: what is simulated is proposed as it is.
+#[test]
+fn the_readmes_own_series_is_simulated_and_proposed() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let (_, page) = readme.split_once("## Your own load series").unwrap();
+    let (_, commands) = page.split_once("```sh").unwrap();
+    let (commands, _) = commands.split_once("```").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut done = 0;
+    for line in commands.lines().filter(|l| l.starts_with("plychain")) {
+        let line = line.split(" #").next().unwrap();
+        let words = line.split_whitespace().skip(1);
+        let words: Vec<&str> = words.map(|w| w.trim_matches('\'')).collect();
+        if ["init", "simulate"].contains(&words[0]) {
+            let (fine, said) = here(folder.path(), &words);
+            assert!(fine, "{line}: {said}");
+            done += 1;
+        }
+    }
+    assert_eq!(done, 3);
+    let model = Model::load(&folder.path().join("coupon.json")).unwrap();
+    let simulated = Model::load(&folder.path().join("series/model.json")).unwrap();
+    let forces = |m: &Model| -> Vec<Option<f64>> {
+        let steps = m.experiment().steps.as_ref().unwrap();
+        steps.iter().map(|s| s.force_n).collect()
+    };
+    assert_eq!(forces(&model), forces(&simulated));
+    let images = |m: &Model| m.experiment().measurement.image_correlation;
+    assert!(images(&model).is_some() && images(&model) == images(&simulated));
+    // the hole beside whole subsets, whose gap is wider, to their spacing
+    let hole = model.experiment().specimen.hole.as_ref().unwrap();
+    assert!(
+        (4.0..4.5).contains(&hole.diameter_mm),
+        "{}",
+        hole.diameter_mm
+    );
+    assert!(hole.center_mm.iter().all(|c| c.abs() < 0.1));
+    let series = model.read_series().unwrap().unwrap();
+    assert!(series.warnings.is_empty(), "{:?}", series.warnings);
 }
 
 /// `init` on real files: columns, correlation, hole, axis, steps.

@@ -1,6 +1,6 @@
 //! Frame space: the contrasts that no law can reach, and their covariance.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::frames::Frames;
 use crate::error::{Error, Result};
@@ -30,6 +30,46 @@ pub(super) fn beyond_laws(frames: &Frames<'_>) -> DMatrix<f64> {
         DMatrix::from_columns(&kept)
     }
 }
+
+/// Contrasts c of frames orthogonal to (1, .., 1) and to the loads, with c' D c = 1 of D = diag(`scales`) and orthogonal under it: the first
+/// goes as the loads' square, as far as the laws do not; frames x contrasts. None where the square is nothing beside the laws.
+pub(super) fn weighted(loads: &[f64], scales: &[f64]) -> Option<DMatrix<f64>> {
+    let count = loads.len();
+    let root = DVector::from_iterator(count, scales.iter().map(|d| d.sqrt()));
+    let whitened = |of: &dyn Fn(f64) -> f64| {
+        let values = loads.iter().zip(root.iter()).map(|(f, d)| of(*f) / d);
+        DVector::from_iterator(count, values)
+    };
+    let laws = [whitened(&|_| 1.0), whitened(&|f| f), whitened(&|f| f * f)];
+    let mut found: Vec<DVector<f64>> = Vec::new();
+    let unit = (0..count).map(|k| DVector::from_fn(count, |i, _| f64::from(u8::from(i == k))));
+    for (k, of) in laws.into_iter().chain(unit).enumerate() {
+        let size = of.norm();
+        let mut left = of;
+        for _ in 0..2 {
+            for known in &found {
+                let inside = known.dot(&left);
+                left.axpy(-inside, known, 1.0);
+            }
+        }
+        if left.norm() > DISTINCT * size {
+            found.push(left.normalize());
+        } else if k < 3 {
+            return None;
+        }
+    }
+    let contrasts: Vec<DVector<f64>> = found
+        .iter()
+        .skip(3)
+        .map(|c| c.component_div(&root))
+        .collect();
+    let square = found.get(2)?.component_div(&root);
+    let all: Vec<DVector<f64>> = [square].into_iter().chain(contrasts).collect();
+    Some(DMatrix::from_columns(&all))
+}
+
+/// What is beside the laws less than this part of its size follows them.
+const DISTINCT: f64 = 1e-3;
 
 /// The metric of contrasts B under a covariance Phi of frames.
 pub(super) struct Metric {

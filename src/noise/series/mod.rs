@@ -19,6 +19,8 @@ mod dense;
 mod family;
 mod frame_noise;
 mod frames;
+mod in_frames;
+mod proportion;
 mod restricted;
 mod rivals;
 mod scales;
@@ -29,6 +31,8 @@ mod subset_kernel;
 
 pub use frame_noise::{FrameNoise, SpatialNoise};
 pub use frames::{Frames, Law};
+pub use in_frames::{InFrames, Known};
+pub use proportion::{Linearity, Role};
 pub use rivals::Rival;
-pub use settings::{At, DISCREPANCY, REFERENCES, SeriesNoise, Setting, settings, steps};
+pub use settings::{At, DISCREPANCY, REFERENCES, SeriesNoise, Setting, grams, settings, steps};
 pub use subset_kernel::subset_covariance;

@@ -1,11 +1,14 @@
 //! Choices of the reference's share and of a rival, each with all that the evidence of any model needs.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::dense::{gram, product, tr_product};
+use super::dense::{product, tr_product};
 use super::frame_noise::{FrameNoise, Search, SpatialNoise, steps as steps_of_noise};
 use super::frames::{Frames, Law};
+use super::in_frames::{InFrames, Part};
 use super::rivals::{LENGTHS, Modes, RATIOS, Rival};
 use super::slices::Slices;
 use crate::error::{Error, Result};
@@ -57,6 +60,8 @@ pub struct Setting {
 pub struct SeriesNoise {
     pub noise: FrameNoise,
     pub settings: Vec<Setting>,
+    /// What every column does in each frame.
+    pub in_frames: Arc<InFrames>,
 }
 
 /// How often [`settings`] calls its `step`.
@@ -80,10 +85,10 @@ pub fn settings(
     check(frames, columns)?;
     let n = frames.blocks.len();
     let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
-    let slices = [&first, &second];
     let references = references(frames);
-    let noise = Search::new(frames, slices, step)?.best(&references)?;
-    let weighed = Weighed::new(frames, &noise, slices, step)?;
+    let noise = Search::new(frames, [&first, &second], step)?.best(&references)?;
+    let in_frames = InFrames::new(frames, &noise, [first, second]);
+    let weighed = Weighed::new(frames, &noise, &in_frames, step)?;
     let choices = choices(frames, &references, &weighed.lengths_mm);
     let all = choices
         .into_par_iter()
@@ -93,7 +98,28 @@ pub fn settings(
     Ok(SeriesNoise {
         noise,
         settings: worth_weighing(all),
+        in_frames: Arc::new(in_frames),
     })
+}
+
+/// X' C^-1 X of other columns than those of the settings, both components summed, for some of the settings; `columns` of u1 and of u2
+/// as those of [`settings`].
+///
+/// # Errors
+/// Those of [`settings`].
+pub fn grams(
+    frames: &Frames<'_>,
+    noise: &SeriesNoise,
+    columns: [&DMatrix<f64>; 2],
+    which: &[usize],
+) -> Result<Vec<DMatrix<f64>>> {
+    check(frames, columns)?;
+    let n = frames.blocks.len();
+    let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
+    let in_frames = InFrames::new(frames, &noise.noise, [first, second]);
+    let weighed = Weighed::new(frames, &noise.noise, &in_frames, &|| ())?;
+    let of = |k: &usize| weighed.equations(noise.settings[*k].at).0;
+    Ok(which.par_iter().map(of).collect())
 }
 
 fn check(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> Result<()> {
@@ -184,7 +210,7 @@ impl Weighed {
     fn new(
         frames: &Frames<'_>,
         noise: &FrameNoise,
-        slices: [&Slices; 2],
+        in_frames: &InFrames,
         step: &(dyn Fn() + Sync),
     ) -> Result<Self> {
         let lengths_mm = LENGTHS.map(|share| share * frames.window_mm()).to_vec();
@@ -194,13 +220,8 @@ impl Weighed {
         let component = |c: usize| {
             let modes: Vec<&Modes> = modes.iter().map(|m| &m[c.min(m.len() - 1)]).collect();
             let log_scales = noise.scales.iter().map(|d| d.ln()).sum();
-            Component::new(
-                &noise.spatial[c],
-                slices[c],
-                [&inverse, &loaded],
-                log_scales,
-                &modes,
-            )
+            let (spatial, part) = (&noise.spatial[c], &in_frames.parts[c]);
+            Component::new(spatial, part, [&inverse, &loaded], log_scales, &modes)
         };
         let (first, second) = rayon::join(|| component(0), || component(1));
         let f = frames.direction(Law::WithLoad);
@@ -214,6 +235,19 @@ impl Weighed {
     }
 
     fn setting(&self, at: At, log_prior: f64) -> Result<Setting> {
+        let (gram, log_det) = self.equations(at);
+        let log_all = log_prior + log_evidence(&gram, log_det)?;
+        Ok(Setting {
+            at,
+            log_prior,
+            log_det,
+            gram,
+            log_all,
+        })
+    }
+
+    /// X' C^-1 X of all columns and, last, the data, and log det C.
+    fn equations(&self, at: At) -> (DMatrix<f64>, f64) {
         let [square, mixed, loaded] = self.products;
         let r = at.reference;
         let share = r / (1.0 + r * square);
@@ -238,14 +272,7 @@ impl Weighed {
             all -= modes.explained(size, [common, with_load], by.map(|b| b / alpha.sqrt()));
             log_det += modes.log_det(size);
         }
-        let log_all = log_prior + log_evidence(&all, log_det)?;
-        Ok(Setting {
-            at,
-            log_prior,
-            log_det,
-            gram: all,
-            log_all,
-        })
+        (all, log_det)
     }
 }
 
@@ -277,27 +304,30 @@ fn modes(
 impl Component {
     fn new(
         noise: &SpatialNoise,
-        slices: &Slices,
+        part: &Part,
         weights: [&DVector<f64>; 2],
         log_scales: f64,
         modes: &[&Modes],
     ) -> Self {
-        let (count, n) = (slices.frames.len() as f64, slices.basis.nrows() as f64);
-        let white = noise.covariance.whiten(&slices.basis) / noise.scale2.sqrt();
-        let inner = gram(&white);
+        let Part {
+            slices,
+            white,
+            inner,
+        } = part;
+        let (count, n) = (slices.frames.len() as f64, white.nrows() as f64);
         let p = slices.frames.first().map_or(0, DMatrix::ncols);
         let mut own = DMatrix::zeros(p, p);
         for (t, weight) in slices.frames.iter().zip(weights[0].iter()) {
-            own += *weight * tr_product(t, &product(&inner, t));
+            own += *weight * tr_product(t, &product(inner, t));
         }
         let sums = weights.map(|w| slices.combined(w));
         let rotated = modes.iter().map(|m| {
-            let basis = m.rotate(&white);
+            let basis = m.rotate(white);
             [0, 1].map(|k: usize| product(&basis, &sums[k]))
         });
         Self {
             rotated: rotated.collect(),
-            common: tr_product(&sums[0], &product(&inner, &sums[0])),
+            common: tr_product(&sums[0], &product(inner, &sums[0])),
             own,
             log_det: count * (noise.covariance.log_det() + n * noise.scale2.ln()) + n * log_scales,
         }

@@ -13,6 +13,7 @@ use super::dense::{product, tr_product};
 const NEGLIGIBLE: f64 = 1e-9;
 
 /// All columns of one component and, last, the data.
+#[derive(Debug)]
 pub(super) struct Slices {
     /// A: an orthonormal basis of the columns' slices, and the data's slices: blocks x k.
     pub basis: DMatrix<f64>,

@@ -22,7 +22,7 @@ const LEFT: u32 = 76;
 const BOTTOM: u32 = 54;
 
 /// Parameters in a corner plot, at most: more cannot be read.
-const MOST: usize = 10;
+pub const MOST: usize = 10;
 
 pub fn corner(data: &FigureData) -> Result<Option<Figure>> {
     let axes = axes(data);

@@ -14,6 +14,10 @@ use crate::files;
 pub struct FigureData {
     /// Means over cells of the field, row by row from the lowest y.
     pub maps: Vec<MapCell>,
+    /// What is left of each step of a series, at the blocks of the field.
+    pub steps: Vec<StepCell>,
+    /// The stiffness that would make what grows with the load of a series, where that is called for.
+    pub stiffness: Vec<StiffnessCell>,
     /// Posterior summary, prior, cut and truth of each parameter.
     pub parameters: Vec<ParameterLine>,
     pub marginals: Vec<MarginalBin>,
@@ -31,13 +35,15 @@ pub struct FigureData {
 }
 
 impl FigureData {
-    /// Write the tables of round `k` into the folder of figures.
+    /// Write the tables of round `k`, or of another name, into the folder of figures.
     ///
     /// # Errors
     /// The input's fault if a file cannot be written.
-    pub fn write(&self, folder: &Path, k: usize) -> Result<()> {
+    pub fn write(&self, folder: &Path, k: &str) -> Result<()> {
         let of = |table: &str| format!("{table}-{k}");
         write(folder, &of("maps"), &self.maps)?;
+        write(folder, &of("steps"), &self.steps)?;
+        write(folder, &of("stiffness"), &self.stiffness)?;
         write(folder, &of("parameters"), &self.parameters)?;
         write(folder, &of("marginals"), &self.marginals)?;
         write(folder, &of("corner"), &self.corner)?;
@@ -48,14 +54,16 @@ impl FigureData {
         write(folder, &of("surfaces"), &self.surfaces)
     }
 
-    /// The tables of round `k`; without rows where there is no file.
+    /// The tables of round `k`, or of another name; without rows where there is no file.
     ///
     /// # Errors
     /// The input's fault, with file and line, if a file cannot be read.
-    pub fn read(folder: &Path, k: usize) -> Result<Self> {
+    pub fn read(folder: &Path, k: &str) -> Result<Self> {
         let of = |table: &str| format!("{table}-{k}");
         Ok(Self {
             maps: read(folder, &of("maps"))?,
+            steps: read(folder, &of("steps"))?,
+            stiffness: read(folder, &of("stiffness"))?,
             parameters: read(folder, &of("parameters"))?,
             marginals: read(folder, &of("marginals"))?,
             corner: read(folder, &of("corner"))?,
@@ -79,6 +87,25 @@ pub struct MapCell {
     pub u2_measured_um: Option<f64>,
     pub u2_predicted_um: Option<f64>,
     pub u2_residual_nm: Option<f64>,
+}
+
+/// One block of one step, in the data's frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepCell {
+    pub step: String,
+    pub x_mm: f64,
+    pub y_mm: f64,
+    pub u1_residual_nm: Option<f64>,
+    pub u2_residual_nm: Option<f64>,
+}
+
+/// The relative change of the membrane stiffness at a block, percent, and its sd.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StiffnessCell {
+    pub x_mm: f64,
+    pub y_mm: f64,
+    pub change_percent: f64,
+    pub sd_percent: f64,
 }
 
 /// One sampled parameter, border units.

@@ -2,16 +2,19 @@
 
 use super::cells::FieldCells;
 use super::data::{
-    FigureData, JointBin, LagPoint, MapCell, MarginalBin, ParameterLine, RankBin, SurfaceLine,
-    TracePoint, TruncationLine,
+    FigureData, JointBin, LagPoint, MapCell, MarginalBin, ParameterLine, RankBin, StepCell,
+    StiffnessCell, SurfaceLine, TracePoint, TruncationLine,
 };
 use crate::chain::Draws;
-use crate::diagnose::autocorrelation;
+use crate::diagnose::{Row, Rule, autocorrelation, diagnose};
+use crate::field::blocks::origin;
 use crate::identify::Identification;
+use crate::infer::Marginal;
 use crate::numeric::quantile;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
 use crate::report::manifest::KnownTruth;
 use crate::report::tables::{COMPONENTS, coefficients};
+use crate::trace::{Round, StepMaps, StiffnessAt};
 
 impl FigureData {
     /// The tables of a round. `truth` is known of simulated data.
@@ -20,6 +23,8 @@ impl FigureData {
         let ranges: Vec<[f64; 2]> = (0..draws.dim()).map(|p| reach(draws, p)).collect();
         Self {
             maps: maps(round),
+            steps: Vec::new(),
+            stiffness: Vec::new(),
             parameters: parameters(round, truth),
             marginals: marginals(draws, &ranges),
             corner: densities(draws, &ranges),
@@ -30,6 +35,96 @@ impl FigureData {
             surfaces: surfaces(round),
         }
     }
+}
+
+impl FigureData {
+    /// The tables of a round of a loop.
+    pub fn traced(round: &Round, truth: Option<&KnownTruth>) -> Self {
+        Self {
+            steps: steps(round),
+            stiffness: stiffness(round),
+            ..Self::gather(&round.identification, truth)
+        }
+    }
+}
+
+impl FigureData {
+    /// The tables of some variables of the quoted draws.
+    pub fn quoted(draws: &Draws, names: &[String], truth: Option<&KnownTruth>) -> Self {
+        let columns: Vec<usize> = names.iter().filter_map(|n| draws.index(n)).collect();
+        let values = draws.points().flat_map(|x| columns.iter().map(|&c| x[c]));
+        let names = columns.iter().map(|&c| draws.names()[c].clone()).collect();
+        let some = Draws::new(
+            names,
+            draws.ensemble().to_vec(),
+            values.collect(),
+            draws.lp().to_vec(),
+        );
+        let Ok(draws) = some else {
+            return Self::default();
+        };
+        let ranges: Vec<[f64; 2]> = (0..draws.dim()).map(|p| reach(&draws, p)).collect();
+        Self {
+            parameters: diagnose(&draws, &Rule::default())
+                .rows
+                .iter()
+                .map(|row| parameter(row, None, truth))
+                .collect(),
+            marginals: marginals(&draws, &ranges),
+            corner: densities(&draws, &ranges),
+            ..Self::default()
+        }
+    }
+}
+
+/// What is left of each step of a series, block by block, in the data's frame.
+fn steps(round: &Round) -> Vec<StepCell> {
+    let observation = &round.identification.inverse.prepared.observation;
+    let (Some(steps), Some(maps)) = (&observation.steps, &round.tracing.step_maps) else {
+        return Vec::new();
+    };
+    let places = middles(round, maps);
+    let pairs = steps.names.iter().zip(&maps.left_nm);
+    let of = |(name, left): (&String, &[Vec<f64>; 2])| {
+        let cell = |(b, at): (usize, &[f64; 2])| StepCell {
+            step: name.clone(),
+            x_mm: at[0],
+            y_mm: at[1],
+            u1_residual_nm: rounded(left[0][b], 2),
+            u2_residual_nm: rounded(left[1][b], 2),
+        };
+        places.iter().enumerate().map(cell).collect::<Vec<_>>()
+    };
+    pairs.flat_map(of).collect()
+}
+
+/// The stiffness that would make what grows with the load, block by block, in the data's frame.
+fn stiffness(round: &Round) -> Vec<StiffnessCell> {
+    let tracing = &round.tracing;
+    let (Some(found), Some(maps)) = (&tracing.stiffness, &tracing.step_maps) else {
+        return Vec::new();
+    };
+    let cell = |(at, place): ([f64; 2], &StiffnessAt)| StiffnessCell {
+        x_mm: at[0],
+        y_mm: at[1],
+        change_percent: significant(100.0 * place.change, 4),
+        sd_percent: significant(100.0 * place.sd, 4),
+    };
+    let places = middles(round, maps).into_iter();
+    places.zip(&found.map).map(cell).collect()
+}
+
+/// The middles of the blocks' tiles in the data's frame, which are those of their points only where all are there.
+fn middles(round: &Round, maps: &StepMaps) -> Vec<[f64; 2]> {
+    let field = &round.identification.inverse.prepared.observation.field;
+    let (origin, size) = (origin(&field.points, maps.size_mm), maps.size_mm);
+    let middle = |p: &[f64; 2]| {
+        let tile = [0, 1].map(|k| ((p[k] - origin[k]) / size).floor());
+        let at = [0, 1].map(|k| origin[k] + (tile[k] + 0.5) * size);
+        let at = field.frame.data_point(at);
+        at.map(|v| rounded(v, 5).unwrap_or(v))
+    };
+    maps.places.iter().map(middle).collect()
 }
 
 /// As many decimals as a figure shows; `None` if it is not finite.
@@ -77,24 +172,27 @@ fn maps(round: &Identification) -> Vec<MapCell> {
 }
 
 fn parameters(round: &Identification, truth: Option<&KnownTruth>) -> Vec<ParameterLine> {
-    let line = |(i, row): (usize, &crate::diagnose::Row)| {
-        let prior = round.inverse.posterior.marginals().get(i);
-        let cut = prior.and_then(|p| p.truncate);
-        ParameterLine {
-            parameter: row.name.clone(),
-            mean: row.mean,
-            sd: row.sd,
-            low: row.low,
-            median: row.median,
-            high: row.high,
-            prior_mean: prior.map(|p| p.mean),
-            prior_sd: prior.map(|p| p.sd),
-            cut_low: cut.map(|c| c[0]),
-            cut_high: cut.map(|c| c[1]),
-            truth: truth.and_then(|t| t.of(&row.name)),
-        }
-    };
-    round.verdict.rows.iter().enumerate().map(line).collect()
+    let priors = round.inverse.posterior.marginals();
+    let rows = round.verdict.rows.iter().enumerate();
+    rows.map(|(i, row)| parameter(row, priors.get(i), truth))
+        .collect()
+}
+
+fn parameter(row: &Row, prior: Option<&Marginal>, truth: Option<&KnownTruth>) -> ParameterLine {
+    let cut = prior.and_then(|p| p.truncate);
+    ParameterLine {
+        parameter: row.name.clone(),
+        mean: row.mean,
+        sd: row.sd,
+        low: row.low,
+        median: row.median,
+        high: row.high,
+        prior_mean: prior.map(|p| p.mean),
+        prior_sd: prior.map(|p| p.sd),
+        cut_low: cut.map(|c| c[0]),
+        cut_high: cut.map(|c| c[1]),
+        truth: truth.and_then(|t| t.of(&row.name)),
+    }
 }
 
 /// Bins of a marginal.

@@ -98,8 +98,12 @@ const COVERED: f64 = 0.995;
 /// The scale of residuals of both components over several rounds, symmetric about zero.
 pub fn residual_scale(rounds: &[&[MapCell]]) -> Scale {
     let cells = rounds.iter().copied().flatten();
-    let both = cells.flat_map(|c| [1, 2].map(|k| Mapped::Residual.of(c, k).abs()));
-    let mut sizes: Vec<f64> = both.filter(|v| v.is_finite()).collect();
+    covering(cells.flat_map(|c| [1, 2].map(|k| Mapped::Residual.of(c, k).abs())))
+}
+
+/// A scale symmetric about zero that covers nearly all of some sizes, nm.
+pub fn covering(sizes: impl Iterator<Item = f64>) -> Scale {
+    let mut sizes: Vec<f64> = sizes.filter(|v| v.is_finite()).collect();
     sizes.sort_by(f64::total_cmp);
     let reach = Some(quantile(&sizes, COVERED)).filter(|r| *r > 0.0);
     let reach = reach.unwrap_or(1.0);
@@ -233,7 +237,8 @@ fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Result<Pixels> {
     Ok(chart.plotting_area().get_pixel_range())
 }
 
-fn bar(area: &Area<'_>, scale: Scale) -> Result<Pixels> {
+/// The scale under maps.
+pub fn bar(area: &Area<'_>, scale: Scale) -> Result<Pixels> {
     let [low, high] = scale.range;
     let mut chart = ChartBuilder::on(area)
         .margin_top(8)

@@ -11,11 +11,13 @@ mod gather;
 mod maps;
 #[cfg(feature = "png")]
 mod raster;
+mod steps;
 
 pub use bars::SMALLEST_BAR;
 pub use canvas::Figure;
 pub use cells::FieldCells;
 pub use colour::Palette;
+pub use corner::MOST as AXES;
 pub use data::FigureData;
 #[cfg(feature = "png")]
 pub use raster::png;
@@ -73,6 +75,12 @@ pub fn all(page: &Page) -> Result<Figures> {
     let mut others = vec![
         bars::intervals(&page.intervals())?,
         bars::blind_spots(page.report.blind_spots(), &page.constants())?,
+        page.figures
+            .last()
+            .map_or(Ok(None), |data| steps::steps(&data.steps))?,
+        page.figures
+            .last()
+            .map_or(Ok(None), |data| steps::stiffness(&data.stiffness))?,
     ];
     for (k, (round, data)) in page.report.rounds.iter().zip(&page.figures).enumerate() {
         let residual = &round.residual;
@@ -94,6 +102,11 @@ pub fn all(page: &Page) -> Result<Figures> {
             figure.map(|f| Figure { name, ..f })
         }));
     }
+    let quoted = corner::corner(&page.quoted)?;
+    others.push(quoted.map(|f| Figure {
+        name: "corner-averaged".into(),
+        ..f
+    }));
     figures.others = others.into_iter().flatten().collect();
     Ok(figures)
 }

@@ -48,6 +48,7 @@ pub fn report(page: &Page, figures: &Figures) -> String {
     let name = &page.report.model;
     let sections = [
         ("before-after", "Before and after", tables::rounds(page)),
+        ("steps", "Steps", sections::steps(page, figures)),
         ("maps", "Maps", sections::maps(page, figures)),
         ("effects", "Effects", effects::ranking(page, figures)),
         (

@@ -7,6 +7,7 @@ use super::{figure, fixed, mean_sd, minus, row, short, table, wide, with_sd};
 use crate::report::figures::Figures;
 use crate::report::page::Page;
 use crate::report::round::{PosteriorSummary, RoundReport};
+use crate::report::steps;
 use crate::trace::{Confirming, Interval, Status};
 
 /// The verdict in a sentence, and what should be known before the numbers are used.
@@ -101,6 +102,25 @@ fn constants(page: &Page, moments: &dyn Fn(&str) -> Option<(f64, f64)>) -> Strin
     said.join(", ")
 }
 
+/// The steps of a series: what is left of each, how the others predict it, and whether it is linear in the load.
+pub fn steps(page: &Page, figures: &Figures) -> Markup {
+    let (Some(first), Some(last)) = (page.report.rounds.first(), page.report.last()) else {
+        return html! {};
+    };
+    let rows = steps::rows(&first.steps, &last.steps);
+    if rows.is_empty() {
+        return html! {};
+    }
+    let cells = |line: &Vec<String>| row(&line[0], line[1..].iter().map(|cell| minus(cell)));
+    let rows: Vec<_> = rows.iter().map(cells).collect();
+    html! {
+        @if let Some(said) = last.not_linear() { p { (said) } }
+        (table(steps::CAPTION, &steps::HEADER, rows, false))
+        @if let Some(figure) = figures.get("steps") { (wide(figure)) }
+        @if let Some(figure) = figures.get("stiffness") { (wide(figure)) }
+    }
+}
+
 /// Maps of every round.
 pub fn maps(page: &Page, figures: &Figures) -> Markup {
     let names = names(page);
@@ -157,7 +177,12 @@ pub fn posterior(page: &Page, figures: &Figures) -> Markup {
         }
         @if let Some(closing) = &page.report.closing {
             (table("Averaged over effects that may act unseen", &header, closing.averaged_posterior.iter().map(mixed), false))
+            @if let Some(quoted) = &closing.quoted { p { (quoted.words()) } }
             @if let Some(note) = &closing.averaged_note { p { (note) } }
+            @if let Some(figure) = figures.get("corner-averaged") {
+                h3 { "Joint posterior to quote, with the amplitudes that trade most against the constants" }
+                (wide(figure))
+            }
         }
         @if let Some(round) = rounds.last() { (correlation(round)) }
         @for k in [0, last].into_iter().take(1 + usize::from(last > 0)) {
@@ -259,6 +284,6 @@ pub fn provenance(page: &Page) -> Markup {
                 dt { "SHA-256" } dd { code { (path) } br; code { (hash) } }
             }
         }
-        p.soft { "Draws: chain.zarr and chain.csv. Numbers: report.json. Figures with their numbers as CSV: figures/." }
+        p.soft { "Draws: chain.zarr and chain.csv; of a loop those to quote in averaged/. Numbers: report.json. Figures with their numbers as CSV: figures/." }
     }
 }

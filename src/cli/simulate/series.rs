@@ -1,0 +1,293 @@
+//! `plychain simulate` of a load series.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::super::folder::Folder;
+use super::super::print;
+use super::{Arguments, amplitudes, not_negative, ordered, plan, reader, truth_json};
+use crate::effect::{Acting, Scope};
+use crate::error::{Error, Result};
+use crate::experiment::Gauge;
+use crate::experiment::series::{Law, Moving};
+use crate::experiment::simulate::series::{SeriesTruth, SimulatedSeries};
+use crate::field::{ColumnMap, Frame, Grid, Reader, Source, StepSpec};
+use crate::files;
+use crate::infer::Model;
+
+/// An effect with the law of its amplitude: one amplitude, of a free one as many as there are steps.
+struct ByLaw {
+    law: Law,
+    acting: Vec<Acting>,
+}
+
+pub fn run(arguments: &Arguments, mut model: Model, seed: u64) -> Result<()> {
+    let reader = reader(arguments.format.as_deref().unwrap_or("csv"))?;
+    let forces = forces(arguments, &model)?;
+    let declared = declare(&mut model, &forces, reader);
+    let mut shared = plan(arguments, &model, seed)?;
+    let (own, by_law) = effects(arguments, forces.len())?;
+    shared.effects = ordered(own, &model.scene())?;
+    let largest = forces.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+    let relative: Vec<f64> = forces.iter().map(|f| f / largest).collect();
+    let nominal = model.experiment().nominal_load().force_n;
+    let truth = SeriesTruth {
+        shared,
+        loads: forces.iter().map(|f| f / nominal).collect(),
+        moving: by_law.iter().flat_map(|e| e.over(&relative)).collect(),
+        motion_mm: not_negative("--motion-mm", arguments.motion_mm)?,
+        subsets: model.subsets(),
+    };
+    let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
+    let simulated = model.simulate_series(&truth)?;
+    let frame = model.scene().frame;
+    let steps = model.experiment().steps.clone().unwrap_or_default();
+    let mut columns = None;
+    for (k, (step, grid)) in steps.iter().zip(&simulated.grids).enumerate() {
+        columns = write(
+            reader,
+            &folder.path().join(&step.file),
+            grid,
+            frame,
+            declared[k],
+        )?;
+    }
+    let mut of_shared = truth_json(&model, &truth.shared);
+    add(&mut of_shared, (&truth, &by_law), &steps, &simulated);
+    folder.write_json("truth.json", &of_shared)?;
+    folder.write_json(
+        "model.json",
+        &model_json(model, &declared, reader, columns)?,
+    )?;
+    print(&format!(
+        "{} steps of {} x {} points, model.json and truth.json written to {}\n",
+        steps.len(),
+        truth.shared.grid,
+        truth.shared.grid,
+        folder.path().display()
+    ))?;
+    folder.keep();
+    Ok(())
+}
+
+/// True forces of the steps, N.
+fn forces(arguments: &Arguments, model: &Model) -> Result<Vec<f64>> {
+    let steps = model.experiment().steps.as_deref().unwrap_or_default();
+    let forces = if arguments.steps.is_empty() {
+        let known: Option<Vec<f64>> = steps.iter().map(|s| s.force_n).collect();
+        known.ok_or_else(|| {
+            Error::input(
+                "--steps",
+                "the true force of every step, because the model does not know all",
+            )
+            .found("force_N null")
+            .hint("in the simulated model.json they stay null")
+        })?
+    } else {
+        arguments.steps.clone()
+    };
+    let finite = forces.iter().all(|f| f.abs() < 1e9);
+    if !finite || forces.iter().all(|f| *f == 0.0) {
+        return Err(
+            Error::input("--steps", "forces below 1e9 N, not all of them 0")
+                .found(format!("{forces:?}")),
+        );
+    }
+    Ok(forces)
+}
+
+/// Make the model that of a series of true forces; returns the forces as they are declared, `None` where the model does not know one.
+fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option<f64>> {
+    let old = model.experiment().steps.clone().unwrap_or_default();
+    let is_unknown = |k: usize| {
+        let step = old.get(k).filter(|_| old.len() == forces.len());
+        step.is_some_and(|s| s.force_n.is_none())
+    };
+    let declared = forces.iter().enumerate();
+    let declared = declared.map(|(k, f)| (!is_unknown(k)).then_some(*f));
+    let declared = declared.collect();
+    let ending = if reader.is_directory() { "" } else { ".csv" };
+    let digits = 2.max((forces.len() - 1).to_string().len());
+    let steps = forces.iter().enumerate().map(|(k, f)| StepSpec {
+        file: PathBuf::from(format!("step-{k:0digits$}{ending}")),
+        force_n: Some(*f),
+    });
+    let experiment = model.experiment_mut();
+    experiment.steps = Some(steps.collect());
+    experiment.load = None;
+    experiment.measurement.source.path = None;
+    // no point of a specimen that moves stands still
+    experiment.gauge = Gauge::Window;
+    declared
+}
+
+/// Effects that all steps share, and those that move the specimen by a law.
+fn effects(arguments: &Arguments, steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
+    let (mut shared, mut by_law) = (Vec::new(), Vec::new());
+    for text in &arguments.effects {
+        let (values, law) = match text.rsplit_once(':') {
+            Some((values, law)) => (values, Some(parse_law(law)?)),
+            None => (&text[..], None),
+        };
+        if law == Some(Law::Free) {
+            let acting = free(values, steps)?;
+            by_law.push(ByLaw {
+                law: Law::Free,
+                acting,
+            });
+            continue;
+        }
+        let acting = Acting::parse("--effect", values)?;
+        if acting.effect.scope() == Scope::Motion {
+            by_law.push(ByLaw {
+                law: law.unwrap_or(Law::Load),
+                acting: vec![acting],
+            });
+        } else if law.is_some() {
+            return Err(no_law(text));
+        } else {
+            shared.push(acting);
+        }
+    }
+    if let Some(odd) = by_law
+        .iter()
+        .flat_map(|e| &e.acting)
+        .find(|a| a.effect.scope() != Scope::Motion)
+    {
+        return Err(no_law(odd.effect.name()));
+    }
+    Ok((shared, by_law))
+}
+
+fn no_law(text: &str) -> Error {
+    Error::input(
+        "--effect",
+        "no law of an effect that does not move the specimen: what acts on specimen or picture does so in every step",
+    )
+    .found(text)
+}
+
+fn parse_law(name: &str) -> Result<Law> {
+    serde_json::from_value(json!(name.trim())).map_err(|_| {
+        let known: Vec<String> = Law::ALL.iter().map(|law| law.key()).collect();
+        Error::input(
+            "--effect",
+            format!("NAME=VALUE:LAW with one of {}", known.join(", ")),
+        )
+        .found(name)
+    })
+}
+
+/// An amplitude for each step: all values of the first, then those of the second ...
+fn free(text: &str, steps: usize) -> Result<Vec<Acting>> {
+    let (name, values) = text
+        .split_once('=')
+        .ok_or_else(|| Error::input("--effect", "NAME=VALUE:free").found(text))?;
+    let values: Vec<&str> = values.split(',').collect();
+    let each = crate::effect::find("--effect", name.trim())?
+        .parameters()
+        .len();
+    if values.len() != each * steps {
+        let expected =
+            format!("{each} value(s) for each of {steps} steps, those of the first step first");
+        return Err(Error::input(format!("--effect {name}"), expected)
+            .found(format!("{} values", values.len())));
+    }
+    let of_step = |own: &[&str]| Acting::parse("--effect", &format!("{}={}", name, own.join(",")));
+    values.chunks(each).map(of_step).collect()
+}
+
+impl ByLaw {
+    /// The effect over steps whose forces are over the largest.
+    fn over(&self, loads: &[f64]) -> Vec<Moving> {
+        let sets = self.law.weights(loads).into_iter().zip(&self.acting);
+        let one = |(weights, acting): (Vec<f64>, &Acting)| Moving {
+            effect: acting.effect,
+            weights,
+            amplitude: acting.amplitude.clone(),
+        };
+        sets.map(one).collect()
+    }
+
+    /// Amplitudes as a report names them, and the law.
+    fn json(&self, steps: &[StepSpec]) -> Value {
+        let mut all = serde_json::Map::new();
+        for (acting, step) in self.acting.iter().zip(steps) {
+            for (name, value) in amplitudes(acting) {
+                let stem = step.file.file_stem().unwrap_or_default().to_string_lossy();
+                let key = match self.law {
+                    Law::Free => format!("{name} in {stem}"),
+                    _ => name,
+                };
+                all.insert(key, value);
+            }
+        }
+        all.insert("law".into(), json!(self.law));
+        Value::Object(all)
+    }
+}
+
+/// Write a step; a table says its force where that is declared.
+fn write(
+    reader: &dyn Reader,
+    path: &Path,
+    grid: &Grid,
+    frame: Frame,
+    force_n: Option<f64>,
+) -> Result<Option<ColumnMap>> {
+    if reader.is_directory() {
+        std::fs::create_dir(path)
+            .map_err(|e| Error::input(path.display(), "a folder that can be made").found(e))?;
+        return reader.write(path, grid, frame);
+    }
+    let columns = reader.write(path, grid, frame)?;
+    if let Some(force) = force_n {
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| Error::input(path.display(), "the file just written").found(e))?;
+        files::replace(path, format!("# force : {force}\n{text}"))?;
+    }
+    Ok(columns)
+}
+
+/// What was simulated beside what all steps share.
+fn add(
+    of_shared: &mut Value,
+    (truth, by_law): (&SeriesTruth, &[ByLaw]),
+    steps: &[StepSpec],
+    simulated: &SimulatedSeries,
+) {
+    for effect in by_law {
+        let name = effect.acting[0].effect.name();
+        of_shared["effects"][name] = effect.json(steps);
+    }
+    let motions = steps.iter().zip(&simulated.rigid);
+    let motions = motions.map(|(step, m)| {
+        json!({
+            "file": step.file, "force_N": step.force_n,
+            "shift_mm": m.shift, "angle_rad": m.angle,
+        })
+    });
+    of_shared["steps"] = Value::Array(motions.collect());
+    of_shared["motion_mm"] = json!(truth.motion_mm);
+}
+
+/// The model with the simulated steps: `plychain loop DIR/model.json`.
+fn model_json(
+    mut model: Model,
+    declared: &[Option<f64>],
+    reader: &'static dyn Reader,
+    columns: Option<ColumnMap>,
+) -> Result<Value> {
+    let experiment = model.experiment_mut();
+    experiment.measurement.source = Source {
+        reader,
+        path: None,
+        columns,
+    };
+    for (step, force) in experiment.steps.iter_mut().flatten().zip(declared) {
+        step.force_n = *force;
+    }
+    serde_json::to_value(&model.file)
+        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}

@@ -1,0 +1,49 @@
+//! The interpolation of grey values between pixels misreads the share of a displacement beyond whole pixels.
+
+use std::f64::consts::TAU;
+
+use super::optics::{displacements_are_imaged, in_data_axes};
+use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
+
+pub struct InterpolationBias;
+
+impl Effect for InterpolationBias {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "interpolation_bias",
+            kind: Kind::Optical,
+            parameters: const { &[Parameter::new("amplitude_px", 0.01, 0.2)] },
+            about: "The interpolation of grey values adds to each component of the displacement along the data's axes, rigid motion included, amplitude sin(2 pi u / pixel) of itself (Schreier, Braasch and Sutton, Opt. Eng. 39 (2000)): nothing at whole and half pixels.",
+            confirm: "Move the unloaded specimen by tenths of a pixel and correlate: the error repeats with every pixel. Or correlate again with an interpolant of higher degree, or images that were blurred a little.",
+        }
+    }
+
+    fn components(
+        &self,
+        amplitude: &[f64],
+        scene: &Scene,
+        _reported: [f64; 2],
+        u: [f64; 2],
+    ) -> [f64; 2] {
+        let Some(pixel) = scene.pixel_mm else {
+            return u;
+        };
+        in_data_axes(scene, u, |u| {
+            u.map(|u| u + amplitude[0] * pixel * (TAU * u / pixel).sin())
+        })
+    }
+
+    fn scope(&self) -> Scope {
+        Scope::Recording
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        if !displacements_are_imaged(scene) {
+            return Some("displacements are read from fringes, not from images");
+        }
+        scene
+            .pixel_mm
+            .is_none()
+            .then_some("the size of a pixel is unknown: give image_correlation.pixel_mm")
+    }
+}

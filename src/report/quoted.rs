@@ -1,0 +1,200 @@
+//! The sampled posterior to quote, as `report.json` has it: its answers, how the closed form differs, what trades against what.
+
+use serde::{Deserialize, Serialize};
+
+use super::json::Keyed;
+use crate::chain::Draws;
+use crate::trace::{Closed, Interval, Quoted};
+
+/// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct QuotedReport {
+    /// One answer, or the three that the quoted intervals span.
+    pub answers: Vec<QuotedAnswer>,
+    /// Constants whose sampled interval differs from the closed form's, by more than a tenth of an sd or of its width.
+    pub apart: Vec<Apart>,
+    /// Amplitudes that go with a constant over the draws, the strongest first.
+    pub trades: Vec<Trade>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct QuotedAnswer {
+    /// `small`, `all` or `none`: how large effects are that are not declared.
+    pub name: String,
+    pub constants: Keyed<Interval>,
+    /// The same in closed form: a mixture of normals, by sensitivities at one point.
+    pub closed_form: Keyed<Interval>,
+    pub converged: bool,
+    /// Whether the chains have converged, in words.
+    pub convergence: String,
+}
+
+/// A constant of an answer that is not what the closed form makes of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Apart {
+    pub answer: String,
+    pub constant: String,
+    /// Sampled less closed mean, closed sds.
+    pub shift_sd: f64,
+    /// Sampled sd over the closed one.
+    pub sd_ratio: f64,
+}
+
+/// Something that stands in for a constant, or against it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Trade {
+    pub constant: String,
+    pub with: String,
+    pub correlation: f64,
+}
+
+/// Differences that are said.
+const SHIFT: f64 = 0.1;
+const WIDTH: f64 = 0.1;
+
+/// Correlations that are said, and how many.
+const LEAST: f64 = 0.2;
+const MOST: usize = 12;
+
+/// What was sampled of a loop, if it was.
+pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
+    let sampled = closed.sampled.as_ref()?;
+    let last = &closed.rounds[closed.rounds.len() - 1];
+    let closed_form = |k: usize| match (&closed.conclusion.suspect, k) {
+        (Some(suspect), k) => suspect.answers.get(k).map(|a| a.constants.clone()),
+        (None, _) => Some(last.tracing.averaged.clone()),
+    };
+    let answers = sampled
+        .answers
+        .iter()
+        .enumerate()
+        .map(|(k, a)| QuotedAnswer {
+            name: a.name.into(),
+            constants: a.intervals(),
+            closed_form: closed_form(k).unwrap_or_default(),
+            converged: a.verdict.converged,
+            convergence: a.verdict.line(),
+        });
+    let answers: Vec<QuotedAnswer> = answers.collect();
+    Some(QuotedReport {
+        apart: answers.iter().flat_map(apart).collect(),
+        trades: trades(sampled),
+        answers,
+    })
+}
+
+fn apart(answer: &QuotedAnswer) -> Vec<Apart> {
+    let pairs = answer.constants.iter();
+    let pairs = pairs.filter_map(|(name, s)| Some((name, s, answer.closed_form.get(name)?)));
+    let one = |(name, s, c): (&String, &Interval, &Interval)| Apart {
+        answer: answer.name.clone(),
+        constant: name.clone(),
+        shift_sd: (s.mean - c.mean) / c.sd,
+        sd_ratio: s.sd / c.sd,
+    };
+    let differs = |a: &Apart| a.shift_sd.abs() > SHIFT || (a.sd_ratio - 1.0).abs() > WIDTH;
+    pairs.map(one).filter(differs).collect()
+}
+
+/// Amplitudes that go with the constants.
+fn trades(sampled: &Quoted) -> Vec<Trade> {
+    let draws = &sampled.draws;
+    let constants: Vec<&String> = sampled.answers[0]
+        .verdict
+        .rows
+        .iter()
+        .map(|r| &r.name)
+        .collect();
+    let is_constant = |name: &String| constants.contains(&name);
+    let own =
+        |name: &&String| !is_constant(name) && !name.starts_with("acts.") && *name != "answer";
+    let all = || draws.names().iter();
+    let mut trades: Vec<Trade> = Vec::new();
+    for constant in all().filter(|n| is_constant(n)) {
+        for with in all().filter(own) {
+            let correlation = correlation(draws, constant, with).unwrap_or(0.0);
+            if correlation.abs() >= LEAST {
+                trades.push(Trade {
+                    constant: constant.clone(),
+                    with: with.clone(),
+                    correlation,
+                });
+            }
+        }
+    }
+    trades.sort_by(|a, b| b.correlation.abs().total_cmp(&a.correlation.abs()));
+    trades.truncate(MOST);
+    trades
+}
+
+/// Correlation of two variables over all draws; none of one that does not vary.
+fn correlation(draws: &Draws, a: &str, b: &str) -> Option<f64> {
+    let (a, b) = (draws.index(a)?, draws.index(b)?);
+    let n = draws.len() as f64;
+    let mean = |k: usize| draws.points().map(|x| x[k]).sum::<f64>() / n;
+    let means = [mean(a), mean(b)];
+    let mut sums = [0.0; 3];
+    for x in draws.points() {
+        let d = [x[a] - means[0], x[b] - means[1]];
+        sums[0] += d[0] * d[0];
+        sums[1] += d[1] * d[1];
+        sums[2] += d[0] * d[1];
+    }
+    Some(sums[2] / (sums[0] * sums[1]).sqrt()).filter(|r| r.is_finite())
+}
+
+impl QuotedReport {
+    /// What there is to say beside the intervals.
+    pub fn words(&self) -> String {
+        let mut said = String::from("Sampled");
+        let loose: Vec<&str> = self
+            .answers
+            .iter()
+            .filter(|a| !a.converged)
+            .map(|a| a.name.as_str())
+            .collect();
+        if !loose.is_empty() {
+            said += &format!(
+                " (not converged, and quoted in closed form: {})",
+                loose.join(", ")
+            );
+        }
+        said += match self.apart.is_empty() {
+            true => ", and the closed form agrees.",
+            false => "; the closed form, by sensitivities at one point, differs:",
+        };
+        for a in &self.apart {
+            said += &format!(
+                " {} by {:+.2} sd, width x {:.2}{};",
+                a.constant,
+                a.shift_sd,
+                a.sd_ratio,
+                if self.answers.len() > 1 {
+                    format!(" (answer {})", a.answer)
+                } else {
+                    String::new()
+                }
+            );
+        }
+        if !self.trades.is_empty() {
+            let trades = self.trades.iter().take(4);
+            let trades: Vec<String> = trades
+                .map(|t| format!("{} with {} ({:+.2})", t.constant, t.with, t.correlation))
+                .collect();
+            said += &format!(" What goes together over the draws: {}.", trades.join(", "));
+        }
+        said
+    }
+
+    /// The constants and what trades most against them: the variables of a corner plot, at most so many.
+    pub fn leading(&self, most: usize) -> Vec<String> {
+        let constants = self.answers.iter().take(1).flat_map(|a| a.constants.keys());
+        let mut names: Vec<String> = constants.cloned().collect();
+        for trade in &self.trades {
+            if names.len() < most && !names.contains(&trade.with) {
+                names.push(trade.with.clone());
+            }
+        }
+        names
+    }
+}

@@ -1,0 +1,233 @@
+//! What was integrated out, drawn for every point of a chain: the noise, which effects act, and all amplitudes.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::answer::{Answer, Choice, lower};
+use super::quadratic::At;
+use super::space::Whose;
+use crate::sample::Stream;
+
+/// What is drawn beside a point.
+#[derive(Debug, Clone)]
+pub(super) struct Drawn {
+    pub noise: usize,
+    /// Candidates that act with their full prior sds, and the size of all others over theirs.
+    pub own: Vec<usize>,
+    pub size: f64,
+    /// Amplitudes of the answer's linear columns, prior sds from their means.
+    pub amplitudes: DVector<f64>,
+}
+
+/// What may act: the prior log probability of so many effects, and which candidates exclude each other.
+pub(super) struct Inclusion<'a> {
+    /// Number of candidates; none where inclusion is not drawn.
+    pub candidates: usize,
+    pub log_prior: &'a (dyn Fn(usize) -> Option<f64> + Sync),
+    pub excludes: &'a (dyn Fn(usize, usize) -> bool + Sync),
+}
+
+/// Draw what was integrated out at points of an answer, each with a stream of its own.
+pub(super) fn complete(
+    answer: &Answer,
+    points: &[Vec<f64>],
+    inclusion: &Inclusion<'_>,
+    stream: &(dyn Fn(usize) -> Stream + Sync),
+) -> Vec<Drawn> {
+    let at = |(k, x): (usize, &Vec<f64>)| drawn(answer, x, inclusion, &mut stream(k));
+    points.par_iter().enumerate().map(at).collect()
+}
+
+fn drawn(answer: &Answer, x: &[f64], inclusion: &Inclusion<'_>, rng: &mut Stream) -> Drawn {
+    let place = answer.place(x);
+    let mut choice = choose(answer, x, rng);
+    let mut at = At::default();
+    answer.noise[choice.noise].at(&place.distances, &mut at);
+    let (gram, right) = (at.matrix(), DVector::from_vec(at.right));
+    let mut given = Given::new(answer, (&gram, &right), &choice);
+    for _ in 0..inclusion.candidates {
+        given = birth_or_death(given, &mut choice, inclusion, rng);
+    }
+    Drawn {
+        amplitudes: given.amplitudes(rng),
+        noise: choice.noise,
+        size: choice.size,
+        own: choice.own,
+    }
+}
+
+/// A part of the mixture by its weight.
+fn choose(answer: &Answer, x: &[f64], rng: &mut Stream) -> Choice {
+    let weights = answer.weights(x);
+    let most = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let shares: Vec<f64> = weights.iter().map(|w| (w - most).exp()).collect();
+    let mut left = rng.uniform() * shares.iter().sum::<f64>();
+    let place = shares.iter().position(|s| {
+        left -= s;
+        left < 0.0
+    });
+    answer.choice(place.unwrap_or(0)).clone()
+}
+
+/// The linear amplitudes' normal distribution, given all else: gamma = K e, e of precision P = I + K' H K about P^-1 K' z.
+struct Given<'a> {
+    answer: &'a Answer,
+    /// G and z.
+    at: (&'a DMatrix<f64>, &'a DVector<f64>),
+    /// Prior sds of the columns over the largest ones.
+    sds: DVector<f64>,
+    /// K, with K K' the prior covariance of gamma.
+    root: DMatrix<f64>,
+    /// L of P = L L', and L^-1 K' z.
+    factor: DMatrix<f64>,
+    solved: DVector<f64>,
+}
+
+impl<'a> Given<'a> {
+    fn new(answer: &'a Answer, at: (&'a DMatrix<f64>, &'a DVector<f64>), choice: &Choice) -> Self {
+        let sds = answer.space.sds(&choice.own, choice.size, choice.rival);
+        let root = lower(&answer.space.covariance(&sds));
+        let n = root.nrows();
+        let mut factor = root.tr_mul(at.0) * &root;
+        for k in 0..n {
+            factor[(k, k)] += 1.0;
+        }
+        let factor = lower(&factor);
+        let solved = root.tr_mul(at.1);
+        let solved = factor.solve_lower_triangular(&solved).unwrap_or(solved);
+        Self {
+            answer,
+            at,
+            sds,
+            root,
+            factor,
+            solved,
+        }
+    }
+
+    /// A draw of gamma.
+    fn gamma(&self, rng: &mut Stream) -> DVector<f64> {
+        let y = self.solved.map(|y| y + rng.normal());
+        &self.root * self.back(&y)
+    }
+
+    /// L'^-1 y.
+    fn back(&self, y: &DVector<f64>) -> DVector<f64> {
+        let solved = self.factor.transpose().solve_upper_triangular(y);
+        solved.unwrap_or_else(|| y.clone())
+    }
+
+    /// Amplitudes of all columns, in their prior sds: what the data see of them, and the rest by the prior.
+    fn amplitudes(&self, rng: &mut Stream) -> DVector<f64> {
+        let prior = self.sds.map(|sd| sd * rng.normal());
+        let gamma = self.gamma(rng);
+        let space = &self.answer.space;
+        let missing = gamma - space.seen.tr_mul(&prior);
+        self.towards(&missing, &prior).component_mul(&space.largest)
+    }
+
+    /// prior + S^2 V (V' S^2 V)^-1 missing.
+    fn towards(&self, missing: &DVector<f64>, prior: &DVector<f64>) -> DVector<f64> {
+        let n = self.root.nrows();
+        let solved = self.root.solve_lower_triangular(missing);
+        let solved = solved.and_then(|y| self.root.transpose().solve_upper_triangular(&y));
+        let solved = solved.unwrap_or_else(|| DVector::zeros(n));
+        let back = &self.answer.space.seen * solved;
+        prior + back.component_mul(&self.sds).component_mul(&self.sds)
+    }
+
+    /// Mean and covariance of the amplitudes of some columns, over their largest prior sds.
+    fn moments(&self, columns: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+        let n = self.root.nrows();
+        // rows of S^2 V K'^-1: what a column's amplitude has of e
+        let seen = &self.answer.space.seen;
+        let rows = DMatrix::from_fn(n, columns.len(), |i, j| {
+            seen[(columns[j], i)] * self.sds[columns[j]].powi(2)
+        });
+        let of = self
+            .root
+            .solve_lower_triangular(&rows)
+            .unwrap_or_else(|| DMatrix::zeros(n, columns.len()));
+        let e = self.back(&self.solved);
+        let half = self
+            .factor
+            .solve_lower_triangular(&of)
+            .unwrap_or_else(|| DMatrix::zeros(n, columns.len()));
+        let mut covariance = half.tr_mul(&half) - of.tr_mul(&of);
+        for (k, &column) in columns.iter().enumerate() {
+            covariance[(k, k)] += self.sds[column].powi(2);
+        }
+        (of.tr_mul(&e), covariance)
+    }
+}
+
+/// Offer a candidate drawn at random to enter the account with its full prior sds, or to leave it, and take the offer by the ratio of
+/// the posterior probabilities, all amplitudes integrated out (a Metropolis step on the set of acting effects).
+fn birth_or_death<'a>(
+    given: Given<'a>,
+    choice: &mut Choice,
+    inclusion: &Inclusion<'_>,
+    rng: &mut Stream,
+) -> Given<'a> {
+    let candidate =
+        ((rng.uniform() * inclusion.candidates as f64) as usize).min(inclusion.candidates - 1);
+    let chance = rng.uniform();
+    let inside = choice.own.contains(&candidate);
+    let count = choice.own.len();
+    let to = if inside { count - 1 } else { count + 1 };
+    let excluded = !inside
+        && choice
+            .own
+            .iter()
+            .any(|&k| (inclusion.excludes)(k, candidate));
+    let (Some(before), Some(after)) = ((inclusion.log_prior)(count), (inclusion.log_prior)(to))
+    else {
+        return given;
+    };
+    if excluded {
+        return given;
+    }
+    let sd = if inside { choice.size } else { 1.0 };
+    let ratio = after - before + given.log_ratio(candidate, sd);
+    if chance.ln() >= ratio {
+        return given;
+    }
+    if inside {
+        choice.own.retain(|k| *k != candidate);
+    } else {
+        choice.own.push(candidate);
+        choice.own.sort_unstable();
+    }
+    Given::new(given.answer, given.at, choice)
+}
+
+impl Given<'_> {
+    /// Log ratio of the evidence if a candidate's amplitudes had another prior sd (over the prior's own): the mean, over the amplitudes
+    /// as they are now, of the ratio of the two priors.
+    fn log_ratio(&self, candidate: usize, sd: f64) -> f64 {
+        let space = &self.answer.space;
+        let columns: Vec<usize> = (0..space.whose.len())
+            .filter(|&k| space.whose[k] == Whose::Candidate(candidate))
+            .collect();
+        let (mean, covariance) = self.moments(&columns);
+        let old: Vec<f64> = columns.iter().map(|&k| self.sds[k]).collect();
+        let new: Vec<f64> = columns.iter().map(|&k| sd / space.largest[k]).collect();
+        // N(m, C) times exp(-a' D a / 2), D the difference of the priors' precisions
+        let n = columns.len();
+        let difference = DVector::from_fn(n, |k, _| new[k].powi(-2) - old[k].powi(-2));
+        let m = DMatrix::identity(n, n)
+            + DMatrix::from_fn(n, n, |i, j| covariance[(i, j)] * difference[j]);
+        let lu = m.lu();
+        let det = lu.determinant();
+        let Some(pulled) = lu.solve(&mean).filter(|_| det > 0.0) else {
+            return f64::NEG_INFINITY;
+        };
+        let quadratic: f64 = (0..n).map(|k| mean[k] * difference[k] * pulled[k]).sum();
+        let normal: f64 = (0..n).map(|k| (old[k] / new[k]).ln()).sum();
+        normal - 0.5 * quadratic - 0.5 * det.ln()
+    }
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/complete.rs"]
+mod tests;

@@ -1,0 +1,137 @@
+//! An answer posed: its linear columns, its choices, and the data's normal equations under them.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Supposing;
+use super::answer::Answer;
+use super::around::Around;
+use super::choices::{likeliest, with_rival};
+use super::quadratic::Equations;
+use super::space::{Space, Whose, stacked};
+use crate::error::Result;
+use crate::files::Keyed;
+use crate::infer::{Marginal, Model};
+use crate::trace::account::Account;
+use crate::trace::averaged::{Interval, MULTIPLES};
+use crate::trace::weighing::NoisePair;
+
+/// An answer ready to be sampled, with what its draws need to be completed.
+pub(super) struct Sampled<'a> {
+    pub answer: Answer,
+    pub account: &'a Account,
+    pub around: &'a Around,
+    /// Which of the linear columns the answer has.
+    pub kept: Vec<usize>,
+    pub pairs: Vec<NoisePair>,
+    pub supposing: Supposing,
+}
+
+/// Steps of the constants beside which slopes are taken: posterior sds in prior sds, within these.
+const STEP: [f64; 2] = [0.03, 0.5];
+
+/// How far constants are raised for their slopes to follow them, prior sds.
+pub(super) fn steps(model: &Model, averaged: &Keyed<Interval>) -> Vec<f64> {
+    let names = model.constants().iter().zip(model.marginals());
+    let of = |(name, m): (&&str, Marginal)| {
+        let sd = averaged.get(*name).map_or(m.sd, |i| i.sd);
+        (sd / m.sd).clamp(STEP[0], STEP[1])
+    };
+    names.map(of).collect()
+}
+
+impl<'a> Sampled<'a> {
+    /// The answer of an account under a supposition.
+    ///
+    /// # Errors
+    /// Of the program: columns that are not finite.
+    pub fn new(
+        model: &Model,
+        account: &'a Account,
+        around: &'a Around,
+        supposing: Supposing,
+    ) -> Result<Self> {
+        let evidence = &account.evidence;
+        let wide = (supposing != Supposing::Small).then(|| evidence.weighing.beyond_rival());
+        let weighing = wide.as_ref().unwrap_or(&evidence.weighing);
+        let here = &around.here;
+        let (kept, whose) = kept(account, around, supposing);
+        let (pairs, choices) = match supposing {
+            Supposing::Small => likeliest(evidence, weighing)?,
+            _ => with_rival(evidence, weighing, supposing)?,
+        };
+        let largest = |w: &Whose| match w {
+            Whose::Candidate(_) if supposing == Supposing::Small => MULTIPLES[MULTIPLES.len() - 1],
+            _ => 1.0,
+        };
+        let largest = DVector::from_iterator(whose.len(), whose.iter().map(largest));
+        let n = here.constants;
+        let mut gram = DMatrix::zeros(kept.len(), kept.len());
+        for pair in &pairs {
+            let all = weighing.gram(pair);
+            gram += DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
+                all[(n + kept[i], n + kept[j])]
+            });
+        }
+        let space = Space::new(whose, largest, &gram);
+        let measured = &evidence.measured;
+        let columns = [0, 1].map(|c| stacked(around, measured, &space, &kept, c));
+        let grams = weighing.grams(measured, [&columns[0], &columns[1]], &pairs)?;
+        let directions = space.directions();
+        let noise = grams
+            .iter()
+            .map(|g| Equations::new(g, directions, n))
+            .collect();
+        let constants = model
+            .marginals()
+            .into_iter()
+            .zip(here.base.iter().map(|c| c.at));
+        let answer = Answer::new(
+            (model.material(), constants.collect()),
+            space,
+            noise,
+            choices,
+        );
+        Ok(Self {
+            answer,
+            account,
+            around,
+            kept,
+            pairs,
+            supposing,
+        })
+    }
+
+    /// A point to start from and the sd to start with.
+    pub fn start(&self, averaged: &Keyed<Interval>) -> (Vec<f64>, Vec<f64>) {
+        let columns = &self.around.here.base[..self.answer.constants()];
+        let of = |name: &str| averaged.get(name).map(|i| (i.mean, i.sd));
+        let moments = columns
+            .iter()
+            .map(|c| of(&c.name).unwrap_or((c.mean, c.sd)));
+        moments.unzip()
+    }
+}
+
+/// Linear columns of an answer, and whose they are.
+fn kept(account: &Account, around: &Around, supposing: Supposing) -> (Vec<usize>, Vec<Whose>) {
+    let here = &around.here;
+    let base = here.base.len() - here.constants;
+    let mut all: Vec<(usize, Whose)> = (0..base).map(|k| (k, Whose::Always)).collect();
+    let mut next = base;
+    for (candidate, c) in here.candidates.iter().enumerate() {
+        for column in &c.columns {
+            match supposing {
+                // where the specimen stands is nobody's account
+                Supposing::None if column.is_rigid() => all.push((next, Whose::Always)),
+                Supposing::None => {}
+                _ => all.push((next, Whose::Candidate(candidate))),
+            }
+            next += 1;
+        }
+    }
+    if supposing != Supposing::Small {
+        let rival = account.evidence.sensitivities.near_edge.len();
+        all.extend((next..next + rival).map(|k| (k, Whose::Rival)));
+    }
+    all.into_iter().unzip()
+}

@@ -1,0 +1,128 @@
+//! The variables of the quoted draws: what a file of them has, in border units.
+
+use super::Supposing;
+use super::complete::{Drawn, Inclusion, complete};
+use super::pose::Sampled;
+use super::space::linear;
+use crate::chain::Draws;
+use crate::error::Result;
+use crate::sample::{Key, Stream};
+use crate::trace::subsets::SIZES;
+
+/// Most draws that are completed and kept: each has some sixty variables.
+const MOST_COMPLETED: usize = 1 << 14;
+
+/// Streams with which draws are completed, apart from those of any ensemble.
+const COMPLETION: u64 = u64::MAX - 1;
+
+/// Names of which no two are the same: motions in the plane have one for all steps.
+fn distinct(names: &[String]) -> Vec<String> {
+    let number = |k: usize| names[..k].iter().filter(|n| **n == names[k]).count();
+    let of = |k: usize| match number(k) {
+        0 => names[k].clone(),
+        n => format!("{}_{}", names[k], n + 1),
+    };
+    (0..names.len()).map(of).collect()
+}
+
+impl Sampled<'_> {
+    /// Names of the completed draws' variables.
+    fn names(&self) -> Vec<String> {
+        let here = &self.around.here;
+        let mut names: Vec<String> = here.base[..here.constants]
+            .iter()
+            .map(|c| c.name.clone())
+            .collect();
+        names.extend(
+            [
+                "effect_size",
+                "discrepancy",
+                "noise_length_1_mm",
+                "noise_length_2_mm",
+            ]
+            .map(String::from),
+        );
+        names.extend(here.base[here.constants..].iter().map(|c| c.name.clone()));
+        let candidates = || {
+            here.candidates
+                .iter()
+                .map(|c| (c, c.law.map_or(String::new(), |l| format!("@{}", l.key()))))
+        };
+        for (candidate, law) in candidates() {
+            names.extend(candidate.columns.iter().map(|c| format!("{}{law}", c.name)));
+        }
+        names.extend(candidates().map(|(c, law)| format!("acts.{}{law}", c.effect.name())));
+        distinct(&names)
+    }
+
+    /// The draws of the answer's density with all that was integrated out of it drawn, in border units.
+    ///
+    /// # Errors
+    /// Of the program, for draws of another density.
+    pub fn completed(&self, draws: &Draws, seed: u64) -> Result<Draws> {
+        let subsets = &self.account.evidence.subsets;
+        let draws = &draws.every(draws.len().div_ceil(MOST_COMPLETED))?;
+        let points: Vec<Vec<f64>> = draws.points().map(<[f64]>::to_vec).collect();
+        let candidates = if self.supposing == Supposing::Small {
+            self.around.here.candidates.len()
+        } else {
+            0
+        };
+        let most = SIZES.len().min(candidates + 1);
+        let inclusion = Inclusion {
+            candidates,
+            log_prior: &|n| (n < most).then(|| subsets.log_prior(n)),
+            excludes: &|a, b| subsets.layout.same(a, b),
+        };
+        let key = Key {
+            seed,
+            ensemble: COMPLETION,
+        };
+        let stream = |k: usize| Stream::at(key, k as u64, 0);
+        let found = complete(&self.answer, &points, &inclusion, &stream);
+        let mut values = Vec::new();
+        for (x, drawn) in points.iter().zip(&found) {
+            self.write(x, drawn, &mut values);
+        }
+        let mut completed = Draws::new(
+            self.names(),
+            draws.ensemble().to_vec(),
+            values,
+            draws.lp().to_vec(),
+        )?;
+        completed.info = draws.info.clone();
+        Ok(completed)
+    }
+
+    /// A completed draw.
+    fn write(&self, x: &[f64], drawn: &Drawn, values: &mut Vec<f64>) {
+        let here = &self.around.here;
+        let n = here.constants;
+        let pair = &self.pairs[drawn.noise];
+        let [first, second] = self.account.evidence.weighing.lengths_mm(pair);
+        values.extend(&x[..n]);
+        let size = match self.supposing {
+            Supposing::None => 0.0,
+            _ => drawn.size,
+        };
+        values.extend([size, f64::from(u8::from(pair.discrepancy)), first, second]);
+        let mut amplitudes = vec![0.0; linear(here).len()];
+        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
+            if let Some(amplitude) = amplitudes.get_mut(k) {
+                *amplitude = *a;
+            }
+        }
+        values.extend(
+            linear(here)
+                .iter()
+                .zip(&amplitudes)
+                .map(|(c, a)| c.mean + c.sd * a),
+        );
+        let acts = |k: usize| match self.supposing {
+            Supposing::Small => drawn.own.contains(&k),
+            Supposing::All => true,
+            Supposing::None => false,
+        };
+        values.extend((0..here.candidates.len()).map(|k| f64::from(u8::from(acts(k)))));
+    }
+}

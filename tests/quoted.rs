@@ -1,0 +1,90 @@
+//! The posterior to quote, sampled: against its closed form, by both samplers, to the same bits.
+
+use plychain::chain::Draws;
+use plychain::diagnose::{Rule, diagnose};
+use plychain::infer::Model;
+use plychain::progress::Silent;
+use plychain::sample::SAMPLERS;
+use plychain::trace::{Closed, Quoted, close, quote};
+
+use crate::loops::options;
+use crate::program::coarse;
+
+fn closed(model: &Model) -> Closed {
+    let sampler = (SAMPLERS[0].build)();
+    close(model, 5, &|_| options(&*sampler), &Silent).unwrap()
+}
+
+fn quoted(closed: &Closed, k: usize) -> Quoted {
+    let sampler = (SAMPLERS[k].build)();
+    quote(&closed.rounds, false, &options(&*sampler), &Silent).unwrap()
+}
+
+/// Standard errors by which the means of a variable differ.
+fn apart(a: &Draws, b: &Draws) -> Vec<(String, f64)> {
+    let [a, b] = [a, b].map(|d| diagnose(d, &Rule::default()).rows);
+    let pairs = a.iter().zip(&b).filter(|(a, b)| a.sd + b.sd > 0.0);
+    pairs
+        .map(|(a, b)| {
+            let error = a.mcse_mean.hypot(b.mcse_mean);
+            (a.name.clone(), (a.mean - b.mean) / error)
+        })
+        // what acts in a handful of draws has no standard error
+        .filter(|(_, z)| z.is_finite())
+        .collect()
+}
+
+/// On a field whose effects are small the closed form is right: the chains agree with it, by either sampler, in all of some sixty variables.
+#[test]
+fn both_samplers_agree_with_the_closed_form() {
+    let model = Model::load(coarse().as_ref()).unwrap();
+    let closed = closed(&model);
+    assert!(
+        closed.conclusion.suspect.is_none(),
+        "{}",
+        closed.conclusion.text
+    );
+    let found = [0, 1].map(|k| quoted(&closed, k));
+    let averaged = &closed.rounds.last().unwrap().tracing.averaged;
+    for quoted in &found {
+        let answer = &quoted.answers[0];
+        assert!(answer.verdict.converged, "{}", answer.verdict.line());
+        for (name, sampled) in quoted.intervals(std::slice::from_ref(averaged)) {
+            let form = averaged[&name];
+            println!("{name}: {sampled:?} {form:?}");
+            let row = answer.verdict.rows.iter().find(|r| r.name == name).unwrap();
+            let error = 3.0 * row.mcse_mean;
+            assert!(
+                (sampled.mean - form.mean).abs() < 0.1 * form.sd + error,
+                "{name}"
+            );
+            let error = 3.0 * row.mcse_sd / form.sd;
+            assert!((sampled.sd / form.sd - 1.0).abs() < 0.1 + error, "{name}");
+        }
+    }
+    let errors = apart(&found[0].draws, &found[1].draws);
+    println!("{errors:.1?}");
+    assert!(errors.len() > 35, "{}", errors.len());
+    let square: f64 = errors.iter().map(|(_, z)| z * z).sum();
+    assert!(errors.iter().all(|(_, z)| z.abs() < 5.0));
+    assert!(
+        square < 3.0 * errors.len() as f64,
+        "{square} of {}",
+        errors.len()
+    );
+}
+
+/// One seed, one posterior, for any number of threads.
+#[test]
+fn the_posterior_to_quote_is_the_same_for_any_number_of_threads() {
+    let model = Model::load(coarse().as_ref()).unwrap();
+    let closed = closed(&model);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| quoted(&closed, 0).draws)
+    };
+    assert_eq!(with(1), with(3));
+}
