@@ -9,6 +9,7 @@ mod diagnose;
 mod effects;
 mod exports;
 mod folder;
+mod fringes;
 mod hole;
 mod identify;
 mod init;
@@ -72,6 +73,8 @@ enum Verb {
     Report(report::Arguments),
     /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
     Validate(validate::Arguments),
+    /// Measure a field from phase-shifted fringe images, with the sd of every point
+    Fringes(fringes::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
     Simulate(simulate::Arguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
@@ -129,6 +132,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
         Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
+        Verb::Fringes(arguments) => fringes::run(&arguments, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),
         Verb::Init(arguments) => init::run(&arguments),

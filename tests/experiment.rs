@@ -216,7 +216,7 @@ fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
     };
     let folder = fresh("mock");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &model.simulate(&truth).unwrap()).unwrap();
+    write_matrices(&folder, &model.simulate(&truth).unwrap(), None).unwrap();
     let measurement = model.experiment().measurement.clone().with_path(folder);
     model.experiment_mut().measurement = measurement;
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();

@@ -138,7 +138,7 @@ pub fn measured(culprit: &Culprit, seed: u64) -> Model {
     }
     let folder = fresh("foreign");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &grid).unwrap();
+    write_matrices(&folder, &grid, None).unwrap();
     let experiment = model.experiment_mut();
     experiment.measurement = experiment.measurement.clone().with_path(folder);
     model

@@ -313,6 +313,7 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
     write_matrices(
         &directory.path().join("measured"),
         &model.simulate(&truth).unwrap(),
+        None,
     )
     .unwrap();
     let sampler = (SAMPLERS[0].build)();

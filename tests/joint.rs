@@ -211,7 +211,7 @@ fn field(directory: &Path) -> Posterior {
         seed: 4,
     };
     let grid = model.simulate(&truth).unwrap();
-    write_matrices(&directory.join("openhole"), &grid).unwrap();
+    write_matrices(&directory.join("openhole"), &grid, None).unwrap();
     let prepared = prepare(&model, &directory.join("cache"), &Silent).unwrap();
     inverse_problem(&model, prepared, &Silent)
         .unwrap()

@@ -12,6 +12,7 @@ mod fem;
 mod field;
 mod foreign;
 mod formats;
+mod fringes;
 mod fuzz;
 mod geometry;
 mod identify;

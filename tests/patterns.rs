@@ -51,7 +51,7 @@ pub fn with(noise: Noise, seed: u64, mut added: impl FnMut([f64; 2]) -> [f64; 2]
     }
     let folder = fresh("added");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &grid).unwrap();
+    write_matrices(&folder, &grid, None).unwrap();
     model.experiment_mut().measurement = model.experiment().measurement.clone().with_path(folder);
     model
 }

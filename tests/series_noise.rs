@@ -70,6 +70,8 @@ impl Window {
         let blocks = Blocks {
             size_mm: per as f64 * STEP,
             count: points.iter().map(Vec::len).collect(),
+            worth: points.iter().map(|own| own.len() as f64).collect(),
+            weight: None,
             spread: spread.collect(),
             centroid,
             of_point: Vec::new(),

@@ -37,6 +37,8 @@ fn lattice(side: usize) -> Blocks {
     Blocks {
         size_mm: 1.0,
         count: vec![1; places.len()],
+        worth: vec![1.0; places.len()],
+        weight: None,
         spread: vec![[0.0; 2]; places.len()],
         of_point: Vec::new(),
         noise_length_mm: 2.0,

@@ -82,7 +82,7 @@ pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, se
     }
     let folder = fresh("field");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &grid).unwrap();
+    write_matrices(&folder, &grid, None).unwrap();
     let mut model = nominal;
     model.experiment_mut().measurement = model.experiment().measurement.clone().with_path(folder);
     model

@@ -12,6 +12,7 @@ use super::{DEFAULT_MODEL, Global, print};
 use crate::effect::{Acting, EFFECTS, Effect, Scene};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
+use crate::field::fringes::{self, RenderPlan};
 use crate::field::{READERS, Reader, Source};
 use crate::infer::Model;
 
@@ -19,6 +20,7 @@ use crate::infer::Model;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain simulate --effect load_misalignment=0.8 --set E1_GPa=140 --grid 121 --out simulated
+  plychain simulate --fringes step_error=0.05,initial_fringes=12 --out images
   plychain simulate specimen.json --steps 0,700,1400,2100 --motion-mm 0.2 --effect uniform_strain=50,0,0:drift --out series")]
 pub struct Arguments {
     /// Model file
@@ -41,26 +43,27 @@ pub struct Arguments {
     /// Sd of a random translation of the specimen in every step of a series, in x and in y, mm
     #[arg(long, default_value_t = 0.0)]
     motion_mm: f64,
-    /// Noise sd of a point, nm; in a series half of the variance is the reference picture's, the same in all steps, and where the
+    /// Fringe images instead of a field, with their own noise: KEY=NUMBER,... of frames, step_deg, step_error, jitter_deg, flicker,
+    /// gamma, noise, background, contrast (grey levels of 8 bit), initial_fringes, bits, fringe_frequency_per_mm
+    #[arg(long, value_name = "KEY=NUMBER,...", num_args = 0..=1, default_missing_value = "")]
+    fringes: Option<String>,
+    /// Noise sd of a point, nm (default: 10, of fringe images 0); in a series half of the variance is the reference picture's, the same in all steps, and where the
     /// model has image_correlation it is averaged over subsets
-    #[arg(long, default_value_t = 10.0)]
-    noise_nm: f64,
+    #[arg(long)]
+    noise_nm: Option<f64>,
     /// Correlation length of the noise (Matern-3/2), mm; 0 for white noise
     #[arg(long, default_value_t = 0.0)]
     correlation_mm: f64,
     /// Points along each side of the square window
     #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
     grid: u16,
-    /// Format of the field: matrices or csv (default: matrices, of a series csv)
+    /// Format of the field: matrices, csv or fringes (default: matrices, of a series csv)
     #[arg(long)]
     format: Option<String>,
     /// Directory to make
     #[arg(long)]
     out: PathBuf,
 }
-
-/// Name of a field that is one file.
-const FILE: &str = "field.csv";
 
 /// What `--help` says of `--effect`.
 fn effects_help() -> String {
@@ -83,7 +86,7 @@ fn effects_help() -> String {
 }
 
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
-    let model = Model::load(&arguments.model)?;
+    let mut model = Model::load(&arguments.model)?;
     if !arguments.steps.is_empty() || model.experiment().steps.is_some() {
         return series::run(arguments, model, global.seed);
     }
@@ -94,7 +97,19 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
                 .hint("one field: --effect rigid_translation=TX,TY"),
         );
     }
-    let reader = reader(arguments.format.as_deref().unwrap_or("matrices"))?;
+    let images = arguments.fringes.as_deref();
+    let images = images
+        .map(|text| RenderPlan::parse("--fringes", text))
+        .transpose()?;
+    let default = if images.is_some() {
+        "fringes"
+    } else {
+        "matrices"
+    };
+    let reader = reader(arguments.format.as_deref().unwrap_or(default))?;
+    if images.is_some() && reader.format() != default {
+        return Err(Error::input("--fringes", "--format fringes, or none").found(reader.format()));
+    }
     let mut truth = plan(arguments, &model, global.seed)?;
     let acting = arguments
         .effects
@@ -104,14 +119,22 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
     truth.effects = ordered(acting, &model.scene())?;
     let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let grid = model.simulate(&truth)?;
-    let path = PathBuf::from(if reader.is_directory() { "." } else { FILE });
-    let columns = reader.write(&folder.path().join(&path), &grid, model.scene().frame)?;
+    let path = PathBuf::from(reader.file_name());
+    let (place, frame) = (folder.path().join(&path), model.scene().frame);
+    let columns = match &images {
+        Some(plan) => fringes::write(&place, &grid, frame, plan, global.seed).map(|()| None)?,
+        None => reader.write(&place, &grid, frame)?,
+    };
     let source = Source {
         reader,
         path: Some(path),
         columns,
     };
     folder.write_json("truth.json", &truth_json(&model, &truth))?;
+    if let Some(plan) = &images {
+        model.experiment_mut().measurement.fringe_frequency_per_mm =
+            Some(plan.fringe_frequency_per_mm);
+    }
     folder.write_json("model.json", &model_json(&model, source)?)?;
     print(&format!(
         "{} x {} points, model.json and truth.json written to {}\n",
@@ -129,7 +152,7 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
         thickness_mm: model.experiment().specimen.thickness_mm.mean,
         effects: Vec::new(),
-        noise_nm: not_negative("--noise-nm", arguments.noise_nm)?,
+        noise_nm: not_negative("--noise-nm", noise_nm(arguments))?,
         correlation_mm: not_negative("--correlation-mm", arguments.correlation_mm)?,
         grid: usize::from(arguments.grid),
         seed,
@@ -171,6 +194,14 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
         }
     }
     Ok(truth)
+}
+
+/// Noise of the field itself: fringe images have their own.
+fn noise_nm(arguments: &Arguments) -> f64 {
+    let images = arguments.fringes.is_some() || arguments.format.as_deref() == Some("fringes");
+    arguments
+        .noise_nm
+        .unwrap_or(if images { 0.0 } else { 10.0 })
 }
 
 /// Effects that can act, in the order of the dictionary, whatever the order of the arguments.

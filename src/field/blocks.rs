@@ -15,6 +15,10 @@ pub struct Blocks {
     pub size_mm: f64,
     /// Number of points n_b of each block.
     pub count: Vec<usize>,
+    /// How many points of mean variance each block's average is worth: n_b where all points are alike.
+    pub worth: Vec<f64>,
+    /// How much each point counts in its block's average, 1 on average of the precision; `None` where all are alike.
+    pub weight: Option<Vec<f64>>,
     /// Mean (s, t) of the points of each block, mm: a linear function averages to its value here.
     pub centroid: Vec<[f64; 2]>,
     /// Variance of the points' place in each block along both directions, mm^2.
@@ -77,21 +81,26 @@ impl Blocks {
         for (block, m) in members.values().enumerate() {
             m.iter().for_each(|&i| of_point[i] = Some(block as u32));
         }
-        let centroid: Vec<[f64; 2]> = members
+        let weight = field.weights();
+        let of = |i: usize| weight.as_ref().map_or(1.0, |w| w[i]);
+        let worth: Vec<f64> = members
             .values()
-            .map(|m| {
-                let sum = m.iter().fold([0.0; 2], |sum, &i| {
-                    [sum[0] + field.points[i][0], sum[1] + field.points[i][1]]
-                });
-                sum.map(|total| total / m.len() as f64)
+            .map(|m| m.iter().map(|&i| of(i)).sum())
+            .collect();
+        let mean = |m: &[usize], worth: f64, value: &dyn Fn(usize) -> f64| {
+            m.iter().map(|&i| of(i) * value(i)).sum::<f64>() / worth
+        };
+        let all = members.values().zip(&worth);
+        let centroid: Vec<[f64; 2]> = all
+            .clone()
+            .map(|(m, &worth)| [0, 1].map(|k| mean(m, worth, &|i| field.points[i][k])))
+            .collect();
+        let spread: Vec<[f64; 2]> = all
+            .zip(&centroid)
+            .map(|((m, &worth), c)| {
+                [0, 1].map(|k| mean(m, worth, &|i| (field.points[i][k] - c[k]).powi(2)))
             })
             .collect();
-        let spread = members.values().zip(&centroid).map(|(m, c)| {
-            [0, 1].map(|k| {
-                let square = m.iter().map(|&i| (field.points[i][k] - c[k]).powi(2));
-                square.sum::<f64>() / m.len() as f64
-            })
-        });
         // of a block with far more points than the others, some stand for all
         let points = |m: &Vec<usize>| {
             let every = (m.len() as f64 / (4.0 * Self::FEW)).ceil() as usize;
@@ -110,8 +119,10 @@ impl Blocks {
         Self {
             size_mm,
             noise_length_mm: (SUBSETS * field.subset_mm.unwrap_or(0.0)).max(WINDOWS * shorter),
-            spread: spread.collect(),
+            spread,
             places,
+            worth,
+            weight,
             count: members.values().map(Vec::len).collect(),
             centroid,
             of_point,
@@ -128,6 +139,21 @@ impl Blocks {
         self.count.is_empty()
     }
 
+    /// The same blocks with some points standing for all: `of_point` says whose they are. `None` if a block has none of them.
+    pub fn thinned(&self, of_point: Vec<Option<u32>>) -> Option<Self> {
+        let mut count = vec![0; self.len()];
+        for block in of_point.iter().flatten() {
+            count[*block as usize] += 1;
+        }
+        (!count.contains(&0)).then(|| Self {
+            worth: count.iter().map(|n| *n as f64).collect(),
+            weight: None,
+            count,
+            of_point,
+            ..self.clone()
+        })
+    }
+
     /// Mean number of points of a block; the covariance's white part refers to it.
     pub fn mean_count(&self) -> f64 {
         self.count.iter().sum::<usize>() as f64 / self.len().max(1) as f64
@@ -136,13 +162,14 @@ impl Blocks {
     /// Block means of one value a point (`values.len()` is the number of points of the field).
     pub fn average(&self, values: &[f64]) -> DVector<f64> {
         let mut sums = DVector::zeros(self.len());
-        for (value, block) in values.iter().zip(&self.of_point) {
+        for (i, (value, block)) in values.iter().zip(&self.of_point).enumerate() {
             if let Some(block) = block {
-                sums[*block as usize] += value;
+                let weight = self.weight.as_ref().map_or(1.0, |w| w[i]);
+                sums[*block as usize] += weight * value;
             }
         }
-        for (sum, count) in sums.iter_mut().zip(&self.count) {
-            *sum /= *count as f64;
+        for (sum, worth) in sums.iter_mut().zip(&self.worth) {
+            *sum /= worth;
         }
         sums
     }

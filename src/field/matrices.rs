@@ -1,6 +1,6 @@
 //! The article's format (its Appendix 4): four whitespace-separated matrices of one shape, `X.txt` and `Y.txt` in
 //! mm, `U.txt` and `V.txt` in micrometres, NaN where nothing was measured. U is the displacement along the
-//! *loading* axis and V along the other one, whichever axes these are.
+//! *loading* axis and V along the other one, whichever axes these are. `SU.txt` and `SV.txt`, sds in micrometres, may stand beside them.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -18,6 +18,9 @@ use crate::quantity::UM_PER_MM;
 /// Files of a measurement, in the order of reading.
 const NAMES: [&str; 4] = ["X.txt", "Y.txt", "U.txt", "V.txt"];
 
+/// Files of the sds of U and V, micrometres, which a measurement may have.
+const SD_NAMES: [&str; 2] = ["SU.txt", "SV.txt"];
+
 /// The reader of this format.
 pub struct Matrices;
 
@@ -30,12 +33,18 @@ impl Reader for Matrices {
         true
     }
 
+    fn file_name(&self) -> &'static str {
+        "."
+    }
+
     fn has_columns(&self) -> bool {
         false
     }
 
     fn files(&self, path: &Path) -> Vec<PathBuf> {
-        NAMES.iter().map(|name| path.join(name)).collect()
+        let sds = SD_NAMES.iter().map(|name| path.join(name));
+        let needed = NAMES.iter().map(|name| path.join(name));
+        needed.chain(sds.filter(|path| path.exists())).collect()
     }
 
     fn read(&self, path: &Path, _: Option<&ColumnMap>, frame: Frame) -> Result<Field> {
@@ -43,7 +52,7 @@ impl Reader for Matrices {
     }
 
     fn write(&self, path: &Path, grid: &Grid, _: Frame) -> Result<Option<ColumnMap>> {
-        write_matrices(path, grid).map(|()| None)
+        write_matrices(path, grid, None).map(|()| None)
     }
 }
 
@@ -75,7 +84,10 @@ impl Matrix {
 /// ragged rows, different shapes, no measured point, a measured point without coordinates, impossible magnitudes.
 pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
     let files = Matrices.files(dir);
-    let read: Vec<Result<Matrix>> = files.par_iter().map(|path| read_matrix(path)).collect();
+    let read: Vec<Result<Matrix>> = files[..NAMES.len()]
+        .par_iter()
+        .map(|path| read_matrix(path))
+        .collect();
     let matrices = read.into_iter().collect::<Result<Vec<_>>>()?;
     let [x, y, u, v] = &matrices[..] else {
         return Err(Error::program("field::matrices", "four matrices"));
@@ -99,6 +111,7 @@ pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
         }
     }
     let grid = assemble(x, y, u, v)?;
+    let sd = read_sds(dir, u)?;
     let mut field = grid.field(frame);
     if field.is_empty() {
         return Err(Error::input(
@@ -108,7 +121,39 @@ pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
         .found("NaN everywhere"));
     }
     field.files = files;
+    if let (Some(sd), Some(shape)) = (sd, &field.grid) {
+        field.sigma = Some(shape.index.iter().map(|&i| sd[i]).collect());
+    }
     Ok(field)
+}
+
+/// The sds of `SU.txt` and `SV.txt` where there are both: of each entry the geometric mean, mm.
+fn read_sds(dir: &Path, like: &Matrix) -> Result<Option<Vec<f64>>> {
+    let paths = SD_NAMES.map(|name| dir.join(name));
+    if !paths.iter().all(|path| path.exists()) {
+        return Ok(None);
+    }
+    let [su, sv] = [read_matrix(&paths[0])?, read_matrix(&paths[1])?];
+    for sd in [&su, &sv] {
+        if (sd.lines.len(), sd.cols) != (like.lines.len(), like.cols) {
+            let expected = format!(
+                "{} rows x {} columns as in U.txt",
+                like.lines.len(),
+                like.cols
+            );
+            let found = format!("{} rows x {} columns", sd.lines.len(), sd.cols);
+            return Err(Error::input(sd.path.display(), expected).found(found));
+        }
+        let is_sd = |sd: f64| !sd.is_nan() && sd > 0.0;
+        let wrong = |i: &usize| !like.values[*i].is_nan() && !is_sd(sd.values[*i]);
+        if let Some(i) = (0..sd.values.len()).find(wrong) {
+            return Err(sd.error_at(i, "an sd above 0 in micrometres, since U is measured here"));
+        }
+    }
+    let both = su.values.iter().zip(&sv.values);
+    Ok(Some(
+        both.map(|(a, b)| (a * b).sqrt() / UM_PER_MM).collect(),
+    ))
 }
 
 /// Join the four matrices, checking every entry.
@@ -191,18 +236,22 @@ fn read_matrix(path: &Path) -> Result<Matrix> {
     Ok(matrix)
 }
 
-/// Write `grid` as the four files of this format into the directory `dir`, which is made if need be. X, Y have 5
-/// decimals of a mm (at a strain of 1e-3 their rounding is worth 5 pm of displacement), U, V 6 decimals of a micrometre.
+/// Write `grid` as the four files of this format into the directory `dir`, which is made if need be, and the sds of both displacements
+/// (mm) beside them. X, Y have 5 decimals of a mm (at a strain of 1e-3 their rounding is worth 5 pm of displacement), U, V and the sds 6
+/// decimals of a micrometre.
 ///
 /// # Errors
 /// Of the input: a place that cannot be written.
-pub fn write_matrices(dir: &Path, grid: &Grid) -> Result<()> {
+pub fn write_matrices(dir: &Path, grid: &Grid, sd_mm: Option<&[[f64; 2]]>) -> Result<()> {
     fs::create_dir_all(dir).map_err(|e| unwritable(dir, &e))?;
     let entry = |file: usize, i: usize| match file {
         0 | 1 => grid.points[i][file],
-        _ => grid.displacement[i][file - 2] * UM_PER_MM,
+        2 | 3 => grid.displacement[i][file - 2] * UM_PER_MM,
+        _ => sd_mm.map_or(f64::NAN, |sd| sd[i][file - 4] * UM_PER_MM),
     };
-    for (file, name) in NAMES.iter().enumerate() {
+    let sds = SD_NAMES.iter().filter(|_| sd_mm.is_some());
+    let names: Vec<(usize, &&str)> = NAMES.iter().chain(sds).enumerate().collect();
+    names.par_iter().try_for_each(|&(file, name)| {
         let decimals = if file < 2 { 5 } else { 6 };
         let mut text = String::with_capacity(grid.points.len() * 12);
         for i in 0..grid.points.len() {
@@ -216,7 +265,6 @@ pub fn write_matrices(dir: &Path, grid: &Grid) -> Result<()> {
             text.push(if (i + 1) % grid.cols == 0 { '\n' } else { ' ' });
         }
         let path = dir.join(name);
-        fs::write(&path, text).map_err(|e| unwritable(&path, &e))?;
-    }
-    Ok(())
+        fs::write(&path, text).map_err(|e| unwritable(&path, &e))
+    })
 }

@@ -16,6 +16,9 @@ pub(super) const FARTHEST_MM: f64 = 1e5;
 /// be taken for measured there.
 const BORDER: f64 = 0.05;
 
+/// Points whose stated sds lie further from the median, by this factor, count as if they did not.
+const FARTHEST_SD: f64 = 5.0;
+
 /// A measured displacement field. All vectors have one entry a point.
 #[derive(Debug, Clone)]
 pub struct Field {
@@ -23,7 +26,7 @@ pub struct Field {
     pub points: Vec<[f64; 2]>,
     /// Displacements (u1, u2) in mm along direction 1 and 2.
     pub displacement: Vec<[f64; 2]>,
-    /// Standard deviations of the displacements, mm, where an export states them.
+    /// Standard deviations of the displacements, mm, where the measurement states them: how much points count, relative to each other.
     pub sigma: Option<Vec<f64>>,
     /// The declared axes and origin.
     pub frame: Frame,
@@ -96,6 +99,20 @@ impl Field {
     /// Whether no point is left.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
+    }
+
+    /// How much each point counts: the mean variance over its own, where sds are stated. One that is far better or worse than most
+    /// counts as one that is [`FARTHEST_SD`] times better or worse.
+    pub fn weights(&self) -> Option<Vec<f64>> {
+        let mut sorted = self.sigma.clone()?;
+        let typical = median(&mut sorted);
+        let range = typical / FARTHEST_SD..=typical * FARTHEST_SD;
+        let sds = self.sigma.iter().flatten();
+        let variances: Vec<f64> = sds
+            .map(|sd| sd.clamp(*range.start(), *range.end()).powi(2))
+            .collect();
+        let mean = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
+        (mean > 0.0).then(|| variances.iter().map(|v| mean / v).collect())
     }
 
     /// One component of the displacement, mm: 0 for u1, 1 for u2.

@@ -10,6 +10,7 @@ pub mod correlation;
 pub mod deviant;
 mod forces;
 pub mod frame;
+pub mod fringes;
 mod grid;
 pub(crate) mod local;
 pub mod matrices;

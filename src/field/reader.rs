@@ -19,6 +19,9 @@ pub trait Reader: Sync {
     /// Whether a measurement is a directory, at the key `dir`; otherwise it is a file, at the key `file`.
     fn is_directory(&self) -> bool;
 
+    /// What a measurement is called in a folder of its own.
+    fn file_name(&self) -> &'static str;
+
     /// Whether the model file says which columns to read, in which units and with which origin.
     fn has_columns(&self) -> bool;
 

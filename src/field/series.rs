@@ -142,6 +142,8 @@ impl Series {
         field.retain(Reason::Unmatched, |i| keep[i]);
         field.check_enough(&field.place())?;
         field.files = files;
+        // the noise of a series is measured by the steps themselves
+        field.sigma = None;
         Ok(Self {
             field,
             reference,

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::correlation::ImageCorrelation;
 use super::frame::{Axis, Frame};
+use super::fringes::FringeFile;
 use super::matrices::Matrices;
 use super::measured::Field;
 use super::outliers;
@@ -30,7 +31,7 @@ pub struct MeasurementSpec {
 }
 
 /// The formats of measurements.
-pub const READERS: &[&dyn Reader] = &[&Matrices, &Csv];
+pub const READERS: &[&dyn Reader] = &[&Matrices, &Csv, &FringeFile];
 
 /// The file or files of a measurement.
 #[derive(Debug, Clone, PartialEq)]
@@ -317,7 +318,15 @@ impl MeasurementSpec {
         let columns = source.columns.as_ref();
         let path = self.path(base_dir)?;
         let mut field = source.reader.read(&path, columns, self.frame)?;
-        field.fringe_frequency_per_mm = self.fringe_frequency_per_mm;
+        // a file of fringe images says it itself
+        match (self.fringe_frequency_per_mm, field.fringe_frequency_per_mm) {
+            (Some(declared), Some(found)) if (declared / found - 1.0).abs() > 1e-9 => {
+                let expected = format!("{found}, as {} says", path.display());
+                return Err(Error::input("fringe_frequency_per_mm", expected).found(declared));
+            }
+            (Some(declared), _) => field.fringe_frequency_per_mm = Some(declared),
+            (None, _) => {}
+        }
         field.subset_mm = self.image_correlation.map(|c| c.subset_mm);
         if let Some(window) = window_mm {
             field.restrict_to(window);

@@ -28,6 +28,10 @@ impl Reader for Csv {
         false
     }
 
+    fn file_name(&self) -> &'static str {
+        "field.csv"
+    }
+
     fn has_columns(&self) -> bool {
         true
     }

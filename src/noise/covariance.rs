@@ -224,7 +224,7 @@ impl BlockCovariance {
     /// Of the program, if the matrix is not positive definite.
     pub fn of_several(blocks: &Blocks, parts: &[(&Matern, f64)]) -> Result<Self> {
         let mean_count = blocks.mean_count();
-        let shares = blocks.count.iter().map(|n| mean_count / *n as f64);
+        let shares = blocks.worth.iter().map(|n| mean_count / n);
         let white = DMatrix::from_diagonal(&DVector::from_iterator(blocks.len(), shares));
         Self::over(&white, mean_count, parts)
     }

@@ -38,11 +38,14 @@ pub fn white(field: &Field) -> WhiteNoise {
         stride.max(3)
     };
     let centers: Vec<usize> = (0..field.len()).step_by(stride).collect();
+    let weights = field.weights();
+    // residuals of points that are worth less are larger: those of a point of mean variance
+    let root = |i: usize| weights.as_ref().map_or(1.0, |w| w[i].sqrt());
     let scaled: Vec<[f64; 2]> = centers
         .par_iter()
         .map(|&i| {
             let (residual, widening) = fits.residual(i);
-            residual.map(|r| r / widening)
+            residual.map(|r| r * root(i) / widening)
         })
         .collect();
     let sd_mm = [0, 1].map(|k| truncated_sd(&scaled.iter().map(|r| r[k]).collect::<Vec<_>>()));

@@ -7,6 +7,7 @@
 pub mod calibration;
 pub mod document;
 mod figures;
+pub mod fringes;
 pub mod gather;
 mod html;
 pub mod json;

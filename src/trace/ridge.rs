@@ -183,7 +183,7 @@ impl Sensitivities {
     /// Mean of all parameters, in prior sds from their means, with every candidate present at its prior and noise that
     /// is white, of the size that is left.
     fn ridge(&self, measured: &Measured) -> DVector<f64> {
-        let count = &measured.blocks.count;
+        let worth = &measured.blocks.worth;
         let residual = measured.residual(self);
         let columns: Vec<&Column> = self
             .base
@@ -196,8 +196,8 @@ impl Sensitivities {
         let mut total = 0.0;
         for (c, residual) in residual.iter().enumerate() {
             let mut weighted = DMatrix::zeros(residual.len(), p + 1);
-            for (b, &n) in count.iter().cycle().take(residual.len()).enumerate() {
-                let root = (n as f64).sqrt();
+            for (b, &n) in worth.iter().cycle().take(residual.len()).enumerate() {
+                let root = n.sqrt();
                 for (k, column) in columns.iter().enumerate() {
                     weighted[(b, k)] = root * column.values[c][b];
                 }

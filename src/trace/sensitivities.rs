@@ -140,19 +140,8 @@ impl<'a> Few<'a> {
         let places: Vec<[f64; 2]> = kept.iter().map(|&i| points[i]).collect();
         let (sight, inside) = prepared.problem.experiment.locate(&places, &[]);
         let of_point: Vec<Option<u32>> = kept.iter().map(|&i| blocks.of_point[i]).collect();
-        let mut count = vec![0; blocks.len()];
-        for block in of_point.iter().flatten() {
-            count[*block as usize] += 1;
-        }
-        let whole = inside.iter().all(|i| *i) && !count.contains(&0);
-        whole.then(|| {
-            let few = Blocks {
-                count,
-                of_point,
-                ..blocks.clone()
-            };
-            (sight, few)
-        })
+        let few = blocks.thinned(of_point)?;
+        inside.iter().all(|i| *i).then_some((sight, few))
     }
 
     pub(super) fn sight(&self) -> &Sight {

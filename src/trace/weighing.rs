@@ -246,9 +246,8 @@ impl Weighing {
         match &self.source {
             Source::Components(choices) => [0, 1].map(|c: usize| {
                 let s = &choices[c][pair.of[c]].at;
-                let counts = blocks.count.iter();
-                let of =
-                    |&n: &usize| s.scale2 * (mean / n as f64 + s.ratio * together(s.length_mm));
+                let counts = blocks.worth.iter();
+                let of = |&n: &f64| s.scale2 * (mean / n + s.ratio * together(s.length_mm));
                 DVector::from_iterator(blocks.len(), counts.map(of))
             }),
             Source::Series(series) => [0, 1].map(|c: usize| {

@@ -51,7 +51,7 @@ fn read_table(text: impl AsRef<[u8]>) -> Result<Field, Error> {
 /// Read the small grid's files after `edit` has had its way with one of them.
 fn read_edited(name: &str, edit: impl Fn(String) -> Vec<u8>) -> Result<Field, Error> {
     let dir = tempfile::tempdir().unwrap();
-    matrices::write_matrices(dir.path(), &grid()).unwrap();
+    matrices::write_matrices(dir.path(), &grid(), None).unwrap();
     let path = dir.path().join(name);
     fs::write(&path, edit(fs::read_to_string(&path).unwrap())).unwrap();
     matrices::read(dir.path(), FRAME_Y)
@@ -71,7 +71,7 @@ fn assert_names(result: Result<Field, Error>, parts: &[&str]) {
 #[test]
 fn matrices_round_trip_within_their_decimals() {
     let dir = tempfile::tempdir().unwrap();
-    matrices::write_matrices(dir.path(), &grid()).unwrap();
+    matrices::write_matrices(dir.path(), &grid(), None).unwrap();
     let (read, written) = (
         matrices::read(dir.path(), FRAME_Y).unwrap(),
         grid().field(FRAME_Y),
@@ -365,7 +365,7 @@ fn unknown_and_misplaced_keys_are_errors_that_name_the_key() {
 #[test]
 fn a_window_counts_what_it_cuts_and_may_not_be_empty() {
     let dir = tempfile::tempdir().unwrap();
-    matrices::write_matrices(&dir.path().join("d"), &grid()).unwrap();
+    matrices::write_matrices(&dir.path().join("d"), &grid(), None).unwrap();
     let spec =
         spec(r#"{"format":"matrices","dir":"elsewhere","loading_axis":"y"}"#).with_path("d".into());
     let all = spec.read(dir.path(), None).unwrap();

@@ -146,6 +146,7 @@ fn coarse_model(directory: &Path, modes: usize, e1: [f64; 2]) -> Model {
     write_matrices(
         &directory.join("openhole"),
         &model.simulate(&truth).unwrap(),
+        None,
     )
     .unwrap();
     model

@@ -48,7 +48,7 @@ fn measured(file: &str, effects: &[&str], noise_nm: f64) -> Model {
         .unwrap();
     let folder = fresh("field");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &grid).unwrap();
+    write_matrices(&folder, &grid, None).unwrap();
     let mut model = nominal;
     model.experiment_mut().measurement = model.experiment().measurement.clone().with_path(folder);
     model

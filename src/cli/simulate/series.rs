@@ -24,6 +24,12 @@ struct ByLaw {
 
 pub fn run(arguments: &Arguments, mut model: Model, seed: u64) -> Result<()> {
     let reader = reader(arguments.format.as_deref().unwrap_or("csv"))?;
+    if arguments.fringes.is_some() || reader.format() == "fringes" {
+        return Err(Error::input(
+            "--fringes",
+            "one load: images of a series are those of each step",
+        ));
+    }
     let forces = forces(arguments, &model)?;
     let declared = declare(&mut model, &forces, reader);
     let mut shared = plan(arguments, &model, seed)?;

@@ -37,11 +37,11 @@ impl Mapped {
     }
 }
 
-struct Raster {
-    x: Vec<f64>,
-    y: Vec<f64>,
+pub struct Raster {
+    pub x: Vec<f64>,
+    pub y: Vec<f64>,
     /// Row by row from the lowest y.
-    values: Vec<f64>,
+    pub values: Vec<f64>,
 }
 
 impl Raster {
@@ -121,7 +121,7 @@ const AXIS: u32 = 34;
 const BAR: u32 = 52;
 
 /// Pixels of a panel whose map is at most `width` wide and 380 high.
-fn panel(raster: &Raster, width: u32) -> (u32, u32) {
+pub fn panel(raster: &Raster, width: u32) -> (u32, u32) {
     let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
     let aspect = (y[1] - y[0]) / (x[1] - x[0]);
     let height = (f64::from(width) * aspect).clamp(40.0, 380.0);
@@ -180,7 +180,7 @@ pub fn side_by_side(
     })
 }
 
-fn map(
+pub fn map(
     area: &Area<'_>,
     images: &mut Vec<Stretched>,
     raster: &Raster,

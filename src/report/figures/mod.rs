@@ -9,16 +9,19 @@ mod corner;
 pub mod data;
 mod gather;
 mod maps;
+mod pictures;
 #[cfg(feature = "png")]
 mod raster;
 mod steps;
 
 pub use bars::SMALLEST_BAR;
-pub use canvas::Figure;
+pub use canvas::{Figure, span};
 pub use cells::FieldCells;
 pub use colour::Palette;
 pub use corner::MOST as AXES;
 pub use data::FigureData;
+pub use maps::Scale;
+pub use pictures::Picture;
 #[cfg(feature = "png")]
 pub use raster::png;
 

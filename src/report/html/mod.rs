@@ -22,7 +22,7 @@ const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
 /// A whole document.
-fn document(title: &str, body: &Markup) -> String {
+pub fn document(title: &str, body: &Markup) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -92,7 +92,7 @@ pub fn report(page: &Page, figures: &Figures) -> String {
 }
 
 /// A figure that scales with the page.
-fn figure(figure: &Figure) -> Markup {
+pub fn figure(figure: &Figure) -> Markup {
     html! { figure { (PreEscaped(figure.inline())) } }
 }
 

@@ -1,0 +1,245 @@
+//! The phase difference of the two states at every pixel, its variance, and where it is measured at all.
+
+use rayon::prelude::*;
+
+use super::calibrate::{Calibration, Frames};
+use super::residuals::phase_difference;
+use super::shifts::{Fit, Fringe, Shifts};
+
+/// A phase difference of a larger sd is not measured, rad: the article's fringes would then be drowned.
+const MOST_SD_RAD: f64 = 0.35;
+/// Frames or states that contradict each other by so many sds are of a spoiled pixel.
+const MOST_DEVIATION: f64 = 6.0;
+/// Finer fringes are not followed, per pixel: at half a fringe a pixel their direction is lost.
+pub const FINEST: f64 = 0.42;
+/// Pixels to each side over which the density of fringes is averaged.
+const REACH: usize = 2;
+
+/// Why a pixel is not measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pixel {
+    Measured,
+    /// Clipped by the detector in at least one frame.
+    Clipped,
+    /// No modulation above the noise.
+    Dark,
+    /// Its frames contradict a fringe, or the two states each other.
+    Spoiled,
+    /// Fringes of the difference finer than [`FINEST`].
+    TooFine,
+    /// Too few connected pixels around it.
+    Isolated,
+}
+
+/// One component's phase difference, row by row.
+#[derive(Debug, Clone)]
+pub struct Phase {
+    pub rows: usize,
+    pub cols: usize,
+    /// phi_final - phi_initial, rad; wrapped until it is unwrapped.
+    pub difference: Vec<f64>,
+    /// Its sd, rad.
+    pub sd: Vec<f64>,
+    /// Modulation of the initial state, in the recorded unit.
+    pub modulation: Vec<f64>,
+    pub pixel: Vec<Pixel>,
+}
+
+/// Density of fringes along a row and along a column, rad a pixel, averaged over the measured pixels nearby.
+pub type Density = [Vec<f32>; 2];
+
+/// What is said of one pixel: phase difference and sd, rad, modulation, and whether it is measured.
+type Said = (f64, f64, f64, Pixel);
+
+/// The least squares of a component's frames, pixel by pixel.
+struct Analysis<'a> {
+    states: [&'a Frames; 2],
+    calibration: &'a Calibration,
+    fits: [Fit; 2],
+    saturated: u16,
+    /// Largest sum of squares of the frames' residuals, over the noise's variance.
+    most: f64,
+}
+
+impl Analysis<'_> {
+    fn light(&self, state: usize, i: usize) -> impl Iterator<Item = f64> + '_ {
+        let table = &self.calibration.light;
+        self.states[state]
+            .iter()
+            .map(move |f| table[usize::from(f[i])])
+    }
+
+    fn at(&self, i: usize) -> Said {
+        let fringes = [0, 1].map(|s| self.fits[s].fringe(self.light(s, i)));
+        let variances = [0, 1].map(|s| self.fits[s].variances(fringes[s]).1);
+        let variance = self.calibration.noise.powi(2) * (variances[0] + variances[1]);
+        let clipped = self
+            .states
+            .iter()
+            .any(|s| s.iter().any(|f| f[i] >= self.saturated));
+        let pixel = if clipped {
+            Pixel::Clipped
+        } else if variance.is_nan() || variance > MOST_SD_RAD.powi(2) {
+            // a pixel of zeros has no phase, and no finite variance
+            Pixel::Dark
+        } else if self.is_contradicted(i, fringes) {
+            Pixel::Spoiled
+        } else {
+            Pixel::Measured
+        };
+        let sd = (variance + self.calibration.left_rad.powi(2)).sqrt();
+        let [_, c, s] = fringes[0];
+        (phase_difference(fringes), sd, c.hypot(s), pixel)
+    }
+
+    /// Whether frames contradict a fringe, or the states that they are of one surface.
+    fn is_contradicted(&self, i: usize, fringes: [Fringe; 2]) -> bool {
+        let noise2 = self.calibration.noise.powi(2);
+        let of = |s: usize| self.fits[s].residual(fringes[s], self.light(s, i));
+        let left: f64 = (0..2).flat_map(of).map(|r| r * r).sum();
+        let shared = self.calibration.shared(&self.fits, fringes);
+        let unshared = self.calibration.unshared;
+        let far = |k: usize| {
+            let (difference, variance) = shared[k];
+            let sd = (variance * noise2 + unshared[k].powi(2)).sqrt();
+            difference.abs() > MOST_DEVIATION * sd
+        };
+        left > self.most * noise2 || (0..2).any(far)
+    }
+}
+
+impl Phase {
+    /// By the least squares that `calibration` gives; `None` if that cannot be solved.
+    pub fn new(
+        [rows, cols]: [usize; 2],
+        states: [&Frames; 2],
+        calibration: &Calibration,
+        saturated: u16,
+    ) -> Option<Self> {
+        let freedom = (2 * states[0].len() - 6) as f64;
+        let analysis = Analysis {
+            states,
+            calibration,
+            fits: [calibration.shifts[0].fit()?, calibration.shifts[1].fit()?],
+            saturated,
+            most: freedom + MOST_DEVIATION * (2.0 * freedom).sqrt() + MOST_DEVIATION.powi(2),
+        };
+        let pixels = (0..rows * cols).into_par_iter();
+        let all: Vec<Said> = pixels.map(|i| analysis.at(i)).collect();
+        let mut phase = Self {
+            rows,
+            cols,
+            difference: all.iter().map(|a| a.0).collect(),
+            sd: all.iter().map(|a| a.1).collect(),
+            modulation: all.iter().map(|a| a.2).collect(),
+            pixel: all.iter().map(|a| a.3).collect(),
+        };
+        phase.leave_out_fine(&phase.density());
+        Some(phase)
+    }
+
+    pub fn is_measured(&self, i: usize) -> bool {
+        self.pixel[i] == Pixel::Measured
+    }
+
+    /// Steps from pixel to pixel along rows and along columns, averaged as complex numbers over a square.
+    pub fn density(&self) -> Density {
+        [1, self.cols].map(|next| {
+            let products: Vec<[f32; 2]> = (0..self.pixel.len())
+                .into_par_iter()
+                .map(|i| {
+                    let j = i + next;
+                    let inside = j < self.pixel.len() && (next > 1 || (i + 1) % self.cols > 0);
+                    if inside && self.is_measured(i) && self.is_measured(j) {
+                        let step = (self.difference[j] - self.difference[i]) as f32;
+                        let weight = (1.0 / (self.sd[i].powi(2) + self.sd[j].powi(2))) as f32;
+                        [weight * step.cos(), weight * step.sin()]
+                    } else {
+                        [0.0; 2]
+                    }
+                })
+                .collect();
+            self.summed(&products)
+                .into_par_iter()
+                .map(|[c, s]| s.atan2(c))
+                .collect()
+        })
+    }
+
+    /// Sums over squares of side 2 [`REACH`] + 1.
+    fn summed(&self, values: &[[f32; 2]]) -> Vec<[f32; 2]> {
+        let (rows, cols) = (self.rows, self.cols);
+        let mut along = vec![[0.0; 2]; values.len()];
+        along
+            .par_chunks_mut(cols)
+            .enumerate()
+            .for_each(|(row, out)| {
+                for (col, out) in out.iter_mut().enumerate() {
+                    for k in col.saturating_sub(REACH)..(col + REACH + 1).min(cols) {
+                        let value = values[row * cols + k];
+                        out[0] += value[0];
+                        out[1] += value[1];
+                    }
+                }
+            });
+        let mut sums = vec![[0.0; 2]; values.len()];
+        sums.par_chunks_mut(cols)
+            .enumerate()
+            .for_each(|(row, out)| {
+                for k in row.saturating_sub(REACH)..(row + REACH + 1).min(rows) {
+                    for (out, value) in out.iter_mut().zip(&along[k * cols..]) {
+                        out[0] += value[0];
+                        out[1] += value[1];
+                    }
+                }
+            });
+        sums
+    }
+
+    /// Leave out what cannot be followed.
+    fn leave_out_fine(&mut self, density: &Density) {
+        let most = (FINEST * std::f64::consts::TAU) as f32;
+        for (i, pixel) in self.pixel.iter_mut().enumerate() {
+            if *pixel == Pixel::Measured && density.iter().any(|d| d[i].abs() > most) {
+                *pixel = Pixel::TooFine;
+            }
+        }
+    }
+}
+
+/// What steps, gains and response leave of ripple: a wrong one modulates a state's modulation k times a fringe by as much as it shifts its
+/// phase. Relative to the other state's, so that the surface's own modulation does not enter; rad, for k = 1, 2, 3, of each state.
+pub fn ripple(states: [&Frames; 2], calibration: &Calibration, phase: &Phase) -> [[f64; 3]; 2] {
+    const LOOKED_AT: usize = 50_000;
+    let fits = calibration.shifts.each_ref().map(Shifts::fit);
+    let [Some(first), Some(second)] = fits else {
+        return [[f64::NAN; 3]; 2];
+    };
+    let fits = [first, second];
+    let mut sums = [[[0.0; 2]; 3]; 2];
+    let mut count = 0.0;
+    let stride = (phase.pixel.len() / LOOKED_AT) | 1;
+    for i in (0..phase.pixel.len())
+        .step_by(stride)
+        .filter(|&i| phase.is_measured(i))
+    {
+        let light = |s: usize| {
+            states[s]
+                .iter()
+                .map(|f| calibration.light[usize::from(f[i])])
+        };
+        let fringes = [0, 1].map(|s| fits[s].fringe(light(s)));
+        let [m0, m1] = fringes.map(|[_, c, s]| c.hypot(s));
+        let beyond = 2.0 * (calibration.ratio[1] * m0 - m1) / (calibration.ratio[1] * m0 + m1);
+        for (sums, [_, c, s]) in sums.iter_mut().zip(fringes) {
+            let angle = s.atan2(c);
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let (sin, cos) = ((k + 1) as f64 * angle).sin_cos();
+                sum[0] += beyond * cos;
+                sum[1] += beyond * sin;
+            }
+        }
+        count += 1.0;
+    }
+    sums.map(|of| of.map(|[c, s]| 2.0 * c.hypot(s) / f64::max(count, 1.0)))
+}

@@ -1,0 +1,148 @@
+//! Unwrapping by reliability (Herraez, Burton, Lalor and Gdeisat, Applied Optics 41 (2002) 7437): pixels are joined in the order of how sure
+//! the step between them is, so that doubtful ones come last. A step is sure where it is near the density of fringes around it and where the
+//! noise is small; steps are counted from that density, so that fringes of almost half an order a pixel are followed all the same.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use super::phase::{Density, Phase, Pixel};
+
+/// Connected parts with fewer pixels, or a smaller share of the picture, are left out: their orders are nobody's.
+const FEWEST: usize = 25;
+const LEAST_SHARE: f64 = 5e-4;
+
+/// A forest of pixels, each with whole orders relative to its parent.
+struct Forest {
+    parent: Vec<u32>,
+    orders: Vec<i32>,
+    size: Vec<u32>,
+}
+
+impl Forest {
+    fn new(count: usize) -> Self {
+        Self {
+            parent: (0..count as u32).collect(),
+            orders: vec![0; count],
+            size: vec![1; count],
+        }
+    }
+
+    /// Root of a pixel, and the pixel's orders relative to it; the way is shortened.
+    fn root(&mut self, pixel: usize) -> (usize, i32) {
+        let mut at = pixel;
+        let mut sum = 0;
+        loop {
+            let parent = self.parent[at] as usize;
+            if parent == at {
+                return (at, sum);
+            }
+            // path halving
+            let above = self.parent[parent];
+            self.orders[at] += if above as usize == parent {
+                0
+            } else {
+                self.orders[parent]
+            };
+            sum += self.orders[at];
+            self.parent[at] = above;
+            at = above as usize;
+        }
+    }
+
+    /// Join two pixels of which the second has `step` more orders than the first.
+    fn join(&mut self, first: usize, second: usize, step: i32) {
+        let (a, of_a) = self.root(first);
+        let (b, of_b) = self.root(second);
+        if a == b {
+            return;
+        }
+        // orders of b's root relative to a's
+        let between = of_a + step - of_b;
+        let (large, small, between) = if self.size[a] >= self.size[b] {
+            (a, b, between)
+        } else {
+            (b, a, -between)
+        };
+        self.parent[small] = large as u32;
+        self.orders[small] = between;
+        self.size[large] += self.size[small];
+    }
+}
+
+/// Unwrap in place. Returns the sizes of the connected parts, largest first: whole orders between them are not known.
+pub fn unwrap(phase: &mut Phase) -> Vec<usize> {
+    let density = phase.density();
+    let mut forest = Forest::new(phase.pixel.len());
+    for (_, edge) in edges(phase, &density) {
+        let (first, next) = (edge / 2, if edge % 2 == 0 { 1 } else { phase.cols });
+        let second = first + next;
+        let raw = phase.difference[second] - phase.difference[first];
+        let expected = f64::from(density[edge % 2][first]);
+        let step = -((raw - expected) / TAU).round() as i32;
+        forest.join(first, second, step);
+    }
+    let mut found: Vec<(usize, i32)> = Vec::with_capacity(phase.pixel.len());
+    for i in 0..phase.pixel.len() {
+        found.push(forest.root(i));
+    }
+    settle(phase, &found, &forest.size)
+}
+
+/// Steps between measured neighbours, the surest first: 2 i for the one along a row, 2 i + 1 along a column.
+fn edges(phase: &Phase, density: &Density) -> Vec<(u32, usize)> {
+    use rayon::prelude::*;
+    let cols = phase.cols;
+    let mut edges: Vec<(u32, usize)> = (0..2 * phase.pixel.len())
+        .into_par_iter()
+        .filter_map(|edge| {
+            let first = edge / 2;
+            let second = first + if edge % 2 == 0 { 1 } else { cols };
+            let inside = second < phase.pixel.len() && (edge % 2 == 1 || second % cols > 0);
+            if !(inside && phase.is_measured(first) && phase.is_measured(second)) {
+                return None;
+            }
+            let raw = phase.difference[second] - phase.difference[first];
+            let beyond = raw - f64::from(density[edge % 2][first]);
+            let beyond = beyond - TAU * (beyond / TAU).round();
+            let variance = phase.sd[first].powi(2) + phase.sd[second].powi(2);
+            let doubt = beyond * beyond + variance;
+            Some(((doubt * 1e6) as u32, edge))
+        })
+        .collect();
+    edges.par_sort_unstable();
+    edges
+}
+
+/// Add the orders; leave out small parts; bring the largest one's mean within half an order of zero, and the others' of that.
+fn settle(phase: &mut Phase, found: &[(usize, i32)], size: &[u32]) -> Vec<usize> {
+    let mut sums: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+    let share = (LEAST_SHARE * phase.pixel.len() as f64) as usize;
+    let fewest = FEWEST.max(share);
+    for (i, &(root, orders)) in found.iter().enumerate() {
+        if !phase.is_measured(i) {
+            continue;
+        }
+        if (size[root] as usize) < fewest {
+            phase.pixel[i] = Pixel::Isolated;
+            continue;
+        }
+        phase.difference[i] += TAU * f64::from(orders);
+        let sum = sums.entry(root).or_default();
+        sum.0 += phase.difference[i];
+        sum.1 += 1;
+    }
+    let Some((_, largest)) = sums.iter().max_by_key(|(_, (_, n))| *n) else {
+        return Vec::new();
+    };
+    let of = |(sum, n): &(f64, usize)| sum / *n as f64;
+    let whole = |phase: f64| TAU * (phase / TAU).round();
+    let about = of(largest) - whole(of(largest));
+    for (i, &(root, _)) in found.iter().enumerate() {
+        if phase.is_measured(i) {
+            phase.difference[i] -= whole(of(&sums[&root]) - about);
+        }
+    }
+    let mut sizes: Vec<usize> = sums.values().map(|(_, n)| *n).collect();
+    sizes.sort_unstable_by(|a, b| b.cmp(a));
+    sizes
+}
