@@ -199,9 +199,9 @@ fn dense_fringes_are_unwrapped() {
     }
 }
 
-/// A camera of twelve bits in TIFF files of sixteen, clipped in the middle.
+/// A camera of twelve bits in TIFF files of sixteen, whose pixels in the middle have a clipped frame.
 #[test]
-fn twelve_bits_in_sixteen_are_read_and_their_clipping_is_seen() {
+fn twelve_bits_in_sixteen_are_read_and_clipped_frames_left_out() {
     let camera = Camera {
         background: 145.0,
         unit: 16.0,
@@ -215,15 +215,9 @@ fn twelve_bits_in_sixteen_are_read_and_their_clipping_is_seen() {
         let judged = judge(&fringes, c, &pictured.phase[c], pictured.floor[c], &|i| {
             pictured.surface[i]
         });
-        check("twelve bits", &judged, 1.05);
-        let clipped = fringes.components[c].counts().clipped;
-        assert!(clipped > 1000, "{clipped}");
+        // pixels with three frames left have larger errors, and say so
+        check("twelve bits", &judged, 1.15);
     }
-    assert!(
-        fringes.warnings.iter().any(|w| w.contains("clipped")),
-        "{:?}",
-        fringes.warnings
-    );
 }
 
 /// Independent images, with their truth (README there).
@@ -331,7 +325,7 @@ fn averages_follow_the_stated_sds() {
         hole_center_mm: [0.0; 2],
     };
     let mut field = grid.field(frame);
-    let sd = |i: usize| if i % 2 == 0 { 1e-6 } else { 4e-6 };
+    let sd = |i: usize| if i.is_multiple_of(2) { 1e-6 } else { 4e-6 };
     field.sigma = Some((0..field.len()).map(sd).collect());
     let blocks = Blocks::new(&field, 2.0, |_| true);
     let ones = blocks.average(&vec![1.0; field.len()]);

@@ -1,6 +1,6 @@
 //! The parts of `plychain validate` that simulate: the article's setting on a twin, and calibration.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::console::Console;
 use super::validate::Arguments;
@@ -9,10 +9,11 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::identify;
 use crate::infer::{Laplace, Model};
-use crate::report::calibration::{calibration_numbers, calibration_text};
+use crate::report::calibration::{calibration_numbers, calibration_text, loop_numbers, loop_text};
 use crate::validate::calibration::{self, Plan};
 use crate::validate::grid::Grid;
 use crate::validate::twin::{Truth, Twin};
+use crate::validate::whole_loop::{self, LoopSummary};
 use crate::validate::{article, quadrature};
 use serde_json::json;
 
@@ -66,6 +67,43 @@ pub fn article_twin(
     Ok(Grid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
 }
 
+/// Run `--sbc --loop`.
+fn calibrate_loop(
+    arguments: &Arguments,
+    replicates: usize,
+    model: &Model,
+    out: &Path,
+    global: &Global,
+    console: &Console,
+) -> Result<()> {
+    let mut all = Vec::new();
+    for &correlation_mm in &arguments.correlation_mm {
+        let plan = Plan {
+            replicates,
+            correlation_mm,
+            reduced: false,
+            seed: global.seed,
+            grid: arguments.grid,
+        };
+        let what = if arguments.withheld {
+            "withheld"
+        } else {
+            "loop"
+        };
+        let record = out.join(format!("sbc-{what}-{correlation_mm}mm.jsonl"));
+        let withheld = arguments.withheld;
+        let found = whole_loop::calibrate_loop(model, &plan, withheld, &cache(), &record, console)?;
+        let summary = LoopSummary::new(&plan, withheld, &found);
+        print(&loop_text(&summary))?;
+        all.push(loop_numbers(&summary));
+    }
+    let value =
+        json!({ "schema": crate::report::validation::SCHEMA, "calibration_of_the_loop": all });
+    let path = out.join("validation.json");
+    files::write_json(&path, &value)?;
+    print(&format!("written to {}\n", path.display()))
+}
+
 /// Run `--sbc`.
 pub fn calibrate(
     arguments: &Arguments,
@@ -95,6 +133,9 @@ pub fn calibrate(
         )
         .found(e)
     })?;
+    if arguments.whole_loop {
+        return calibrate_loop(arguments, replicates, &model, &out, global, console);
+    }
     let prepared = identify::prepare(&model, &cache(), console)?;
     let twin = Twin::new(&model, prepared, arguments.grid)?;
     let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();

@@ -28,7 +28,8 @@ use crate::validate::{priors, quadrature, thickness};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain validate runs/openhole
-  plychain validate models/openhole.json --sbc 20")]
+  plychain validate models/openhole.json --sbc 20
+  plychain validate models/openhole.json --sbc 20 --loop --correlation-mm 0")]
 pub struct Arguments {
     /// Run folder, or a model file to be identified first
     #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
@@ -56,6 +57,12 @@ pub struct Arguments {
     /// --out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     sbc: Option<u32>,
+    /// Calibrate the whole loop with --sbc: effects are drawn too, and the truth is looked for in the posterior to quote
+    #[arg(long = "loop", requires = "sbc")]
+    pub(super) whole_loop: bool,
+    /// With --loop: what acts is not in the dictionary
+    #[arg(long, requires = "whole_loop")]
+    pub(super) withheld: bool,
     /// Correlation lengths of the noise for --sbc, mm; 0 is white
     #[arg(long, value_delimiter = ',', default_value = "0,1")]
     pub(super) correlation_mm: Vec<f64>,

@@ -111,7 +111,7 @@ pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
         }
     }
     let grid = assemble(x, y, u, v)?;
-    let sd = read_sds(dir, u)?;
+    let sd = read_sds(dir, [u, v])?;
     let mut field = grid.field(frame);
     if field.is_empty() {
         return Err(Error::input(
@@ -128,26 +128,26 @@ pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
 }
 
 /// The sds of `SU.txt` and `SV.txt` where there are both: of each entry the geometric mean, mm.
-fn read_sds(dir: &Path, like: &Matrix) -> Result<Option<Vec<f64>>> {
+fn read_sds(dir: &Path, [u, v]: [&Matrix; 2]) -> Result<Option<Vec<f64>>> {
     let paths = SD_NAMES.map(|name| dir.join(name));
     if !paths.iter().all(|path| path.exists()) {
         return Ok(None);
     }
     let [su, sv] = [read_matrix(&paths[0])?, read_matrix(&paths[1])?];
+    let is_measured = |i: usize| !(u.values[i].is_nan() || v.values[i].is_nan());
     for sd in [&su, &sv] {
-        if (sd.lines.len(), sd.cols) != (like.lines.len(), like.cols) {
-            let expected = format!(
-                "{} rows x {} columns as in U.txt",
-                like.lines.len(),
-                like.cols
-            );
+        if (sd.lines.len(), sd.cols) != (u.lines.len(), u.cols) {
+            let expected = format!("{} rows x {} columns as in U.txt", u.lines.len(), u.cols);
             let found = format!("{} rows x {} columns", sd.lines.len(), sd.cols);
             return Err(Error::input(sd.path.display(), expected).found(found));
         }
         let is_sd = |sd: f64| !sd.is_nan() && sd > 0.0;
-        let wrong = |i: &usize| !like.values[*i].is_nan() && !is_sd(sd.values[*i]);
+        let wrong = |i: &usize| is_measured(*i) && !is_sd(sd.values[*i]);
         if let Some(i) = (0..sd.values.len()).find(wrong) {
-            return Err(sd.error_at(i, "an sd above 0 in micrometres, since U is measured here"));
+            return Err(sd.error_at(
+                i,
+                "an sd above 0 in micrometres, since U and V are measured here",
+            ));
         }
     }
     let both = su.values.iter().zip(&sv.values);

@@ -30,7 +30,7 @@ mod vetoes;
 mod weighing;
 
 pub use attribute::attribute;
-pub use averaged::{BlindSpot, Interval};
+pub use averaged::{BlindSpot, Interval, MULTIPLES};
 pub use close::{Closed, close};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use evidence::LARGEST_MULTIPLE;
@@ -39,6 +39,7 @@ pub use linearity::NOT_LINEAR;
 pub use quoted::{AnswerDraws, Quoted, quote, rule as quoted_rule};
 pub use round::Round;
 pub use sought::candidates;
+pub use subsets::SIZES;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
 pub use tracing::{
     Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt, StiffnessField,

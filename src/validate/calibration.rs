@@ -7,8 +7,6 @@
 //! (p = 0.02 and 0.08, 92 % held) it is a quarter and an eighth of its sd too large on average, as noise correlated over
 //! 1 mm might have a white part.
 
-use std::fs::OpenOptions;
-use std::io::Write;
 use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
@@ -18,10 +16,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
+use super::record::Record;
 use super::twin::{Truth, Twin};
+use crate::chain::Draws;
 use crate::diagnose::Rule;
-use crate::error::{Error, Result};
-use crate::files;
+use crate::error::Result;
 use crate::identify;
 use crate::infer::{LogDensity, Marginal, Model, Statistics};
 use crate::noise::Noise;
@@ -111,7 +110,12 @@ pub fn calibrate(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<Replicate>> {
-    let mut done = begin(plan, model, path)?;
+    // a longer or shorter record of the same plan is the same record
+    let of = Plan {
+        replicates: 0,
+        ..plan.clone()
+    };
+    let (mut record, mut done) = Record::open::<Replicate>(path, &(of, &model.file))?;
     let todo: Vec<usize> = (0..plan.replicates)
         .filter(|k| done.iter().all(|r| r.replicate != *k))
         .collect();
@@ -121,8 +125,6 @@ pub fn calibrate(
         format!("noise correlated over {} mm", plan.correlation_mm)
     };
     progress.begin(&format!("calibration, {noise}"), Some(todo.len() as u64));
-    let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
-    let mut file = OpenOptions::new().append(true).open(path).map_err(failed)?;
     for some in todo.chunks(2 * rayon::current_num_threads()) {
         let truths: Vec<Truth> = some.iter().map(|&k| draw(model, plan, k)).collect();
         let clean = if plan.reduced {
@@ -142,10 +144,7 @@ pub fn calibrate(
             .collect();
         for replicate in found {
             let replicate = replicate?;
-            let line = serde_json::to_string(&replicate).map_err(|e| {
-                Error::program("calibration", "numbers that JSON can hold").found(e)
-            })?;
-            writeln!(file, "{line}").map_err(failed)?;
+            record.add(&replicate)?;
             done.push(replicate);
         }
     }
@@ -155,54 +154,71 @@ pub fn calibrate(
     Ok(done)
 }
 
-/// Read a record, or begin one. A last line that was cut off by a kill is dropped.
-fn begin(plan: &Plan, model: &Model, path: &Path) -> Result<Vec<Replicate>> {
-    let failed =
-        |e: std::io::Error| Error::input(path.display(), "a readable and writable file").found(e);
-    // a longer or shorter record of the same plan is the same record
-    let mut plan = plan.clone();
-    plan.replicates = 0;
-    let model = serde_json::to_string(&model.file)
-        .map_err(|e| Error::program("calibration", "a model that JSON can hold").found(e))?;
-    let header = serde_json::to_string(&(plan, model))
-        .map_err(|e| Error::program("calibration", "a plan that JSON can hold").found(e))?;
-    let text = if path.exists() {
-        std::fs::read_to_string(path).map_err(failed)?
-    } else {
-        String::new()
-    };
-    let mut lines = text.lines();
-    if let Some(first) = lines.next()
-        && first != header
-    {
-        return Err(Error::input(
-            path.display(),
-            "a record of the same model, seed, noise and grid",
-        )
-        .found("another one")
-        .hint("choose another --out; nothing was changed"));
+impl Plan {
+    /// The seed of a replicate, for a purpose.
+    pub fn seed_of(&self, replicate: usize, purpose: u64) -> u64 {
+        let mut rng = Pcg64Dxsm::seed_from_u64(self.seed);
+        let base: u64 = rng.random();
+        base.wrapping_add((replicate as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+            .wrapping_add(purpose.wrapping_mul(0xd1b5_4a32_d192_ed03))
     }
-    let known: Vec<Replicate> = lines.map_while(|l| serde_json::from_str(l).ok()).collect();
-    let mut whole = header + "\n";
-    for replicate in &known {
-        whole += &serde_json::to_string(replicate)
-            .map_err(|e| Error::program("calibration", "numbers that JSON can hold").found(e))?;
-        whole.push('\n');
-    }
-    files::replace(path, whole)?;
-    Ok(known)
 }
 
-fn seed(plan: &Plan, replicate: usize, purpose: u64) -> u64 {
-    let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed);
-    let base: u64 = rng.random();
-    base.wrapping_add((replicate as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
-        .wrapping_add(purpose.wrapping_mul(0xd1b5_4a32_d192_ed03))
+impl Replicate {
+    /// One parameter alone.
+    pub fn only(&self, k: usize) -> Self {
+        Self {
+            replicate: self.replicate,
+            truth: vec![self.truth[k]],
+            mean: vec![self.mean[k]],
+            sd: vec![self.sd[k]],
+            rank: vec![self.rank[k]],
+            below: vec![self.below[k]],
+            converged: self.converged,
+        }
+    }
+}
+
+/// Where the truth lies among draws: the names of what they know of it, and the replicate.
+pub fn of_draws(
+    draws: &Draws,
+    truth: &[(String, f64)],
+    replicate: usize,
+) -> (Vec<String>, Replicate) {
+    let n = draws.len() as f64;
+    let stride = (draws.len() / RANK_DRAWS).max(1);
+    let mut names = Vec::new();
+    let mut result = Replicate {
+        replicate,
+        truth: Vec::new(),
+        mean: Vec::new(),
+        sd: Vec::new(),
+        rank: Vec::new(),
+        below: Vec::new(),
+        converged: true,
+    };
+    for (name, truth) in truth {
+        let Some(k) = draws.names().iter().position(|n| n == name) else {
+            continue;
+        };
+        let mean = draws.points().map(|x| x[k]).sum::<f64>() / n;
+        let variance = draws.points().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n;
+        let some = draws.points().skip(stride / 2).step_by(stride);
+        let below = draws.points().filter(|x| x[k] < *truth).count();
+        names.push(name.clone());
+        result.truth.push(*truth);
+        result.mean.push(mean);
+        result.sd.push(variance.sqrt());
+        let some = some.take(RANK_DRAWS);
+        result.rank.push(some.filter(|x| x[k] < *truth).count());
+        result.below.push(below as f64 / n);
+    }
+    (names, result)
 }
 
 /// A draw from the prior.
 fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
-    let mut rng = Pcg64Dxsm::seed_from_u64(seed(plan, replicate, 1));
+    let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 1));
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     let inside = |m: &Marginal, x: f64| {
         let [low, high] = m.bounds();
@@ -248,7 +264,7 @@ fn identify(
     let noise = twin.noise(
         truth.noise_nm,
         plan.correlation_mm,
-        seed(plan, replicate, 2),
+        plan.seed_of(replicate, 2),
     );
     for (u, e) in u.iter_mut().zip(noise) {
         *u = [u[0] + e[0], u[1] + e[1]];
@@ -268,7 +284,7 @@ fn identify(
         spread: 3.0,
     };
     let schedule = Schedule {
-        seed: seed(plan, replicate, 3),
+        seed: plan.seed_of(replicate, 3),
         ..Schedule::default()
     };
     let rule = Rule::default();
@@ -280,35 +296,15 @@ fn identify(
         &rule,
         &Quiet,
     )?;
-    let draws = outcome.draws;
     let mut values = truth.theta.clone();
     values.push(truth.noise_nm);
-    let n = draws.len() as f64;
-    let stride = (draws.len() / RANK_DRAWS).max(1);
-    let mut result = Replicate {
-        replicate,
-        truth: values.clone(),
-        mean: Vec::new(),
-        sd: Vec::new(),
-        rank: Vec::new(),
-        below: Vec::new(),
+    let known = posterior.names().iter().cloned().zip(values);
+    let known: Vec<(String, f64)> = known.collect();
+    let (_, found) = of_draws(&outcome.draws, &known, replicate);
+    Ok(Replicate {
         converged: matches!(outcome.stopped, crate::sample::Stopped::Enough),
-    };
-    for (k, truth) in values.iter().enumerate().take(posterior.dim()) {
-        let mean = draws.points().map(|x| x[k]).sum::<f64>() / n;
-        let variance = draws.points().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n;
-        result.mean.push(mean);
-        result.sd.push(variance.sqrt());
-        let some = draws
-            .points()
-            .skip(stride / 2)
-            .step_by(stride)
-            .take(RANK_DRAWS);
-        result.rank.push(some.filter(|x| x[k] < *truth).count());
-        let below = draws.points().filter(|x| x[k] < *truth).count();
-        result.below.push(below as f64 / n);
-    }
-    Ok(result)
+        ..found
+    })
 }
 
 /// Rank statistics, uniformity and coverage of replicates.

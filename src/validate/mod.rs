@@ -5,5 +5,7 @@ pub mod calibration;
 pub mod grid;
 pub mod priors;
 pub mod quadrature;
+mod record;
 pub mod thickness;
 pub mod twin;
+pub mod whole_loop;

@@ -141,26 +141,30 @@ impl Camera {
         }
         let mut recorded = vec![vec![0u16; n * n]; 2 * self.frames];
         let (mut sum, mut count) = (0.0, 0.0);
-        for i in 0..n * n {
+        let surface = pictured.surface.clone();
+        for (i, has_surface) in surface.into_iter().enumerate() {
             let (u, v) = place(i);
             let ((b, m), phases) = (self.beam(u, v), self.phases(c, u, v));
             let dust = (rng.random::<f64>() < DUST).then(|| 255.0 * rng.random::<f64>());
-            let mut clipped = false;
+            let mut clipped = [0; 2];
             for (s, state) in frames.iter().enumerate() {
                 for (k, (step, gain)) in state.iter().enumerate() {
-                    let light = match (pictured.surface[i], dust) {
+                    let light = match (has_surface, dust) {
                         (false, _) => 12.0,
                         (_, Some(level)) => level,
                         _ => gain * (b + m * (phases[s] + step).cos()),
                     };
                     let light = 255.0 * (light.max(0.0) / 255.0).powf(self.gamma);
                     let value = ((light + self.noise * normal(rng)) * self.unit).round();
-                    clipped |= value >= self.full;
+                    clipped[s] += usize::from(value >= self.full);
                     recorded[s * self.frames + k][i] = value.clamp(0.0, self.full) as u16;
                 }
             }
-            if pictured.surface[i] && dust.is_none() && !clipped {
+            let able = clipped.iter().all(|n| self.frames - n >= 3);
+            if has_surface && dust.is_none() && able {
                 pictured.phase[c][i] = phases[1] - phases[0];
+            }
+            if has_surface && dust.is_none() && clipped == [0; 2] {
                 let variance = self.noise.powi(2) + 1.0 / (12.0 * self.unit.powi(2));
                 sum += 2.0 * 2.0 / self.frames as f64 * variance / (m * m);
                 count += 1.0;

@@ -4,13 +4,13 @@
 //! the frames of one state do not (with N = 4 one combination of the steps is left undetermined; Wang and Han, Opt. Lett. 29 (2004) 1671,
 //! take it from many fringes).
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
 use super::parameters::Parameters;
 use super::residuals::{Camera, Evaluated, Intensities, Normal, Scales, shared};
 use super::response::Response;
-use super::shifts::{Fit, Fringe, Shifts};
+use super::shifts::{Fringe, Shifts};
 use super::spec::{FringeImages, Steps};
 
 /// Frames of one component in one state: intensities of every pixel, frame after frame.
@@ -53,8 +53,8 @@ pub struct Chosen {
 
 impl Calibration {
     /// Differences of background and of modulation between the states at a pixel, and their variances for noise of sd 1.
-    pub fn shared(&self, fits: &[Fit; 2], fringes: [Fringe; 2]) -> [(f64, f64); 2] {
-        shared(self.ratio, fits, fringes)
+    pub fn shared(&self, covariance: [&Matrix3<f64>; 2], fringes: [Fringe; 2]) -> [(f64, f64); 2] {
+        shared(self.ratio, covariance, fringes)
     }
 }
 

@@ -184,7 +184,7 @@ fn component(spec: &FringeImages, stack: &Stack, states: [&Frames; 2]) -> Result
     Ok(Component {
         displacement_mm: measured(&phase.difference),
         sd_mm: measured(&phase.sd),
-        ripple_rad: phase::ripple(states, &frames, &phase),
+        ripple_rad: phase::ripple(states, &frames, &phase, stack.saturated),
         wrapped_rad,
         modulation: phase.modulation,
         pixel: phase.pixel,

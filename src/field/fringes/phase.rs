@@ -1,10 +1,11 @@
 //! The phase difference of the two states at every pixel, its variance, and where it is measured at all.
 
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::calibrate::{Calibration, Frames};
 use super::residuals::phase_difference;
-use super::shifts::{Fit, Fringe, Shifts};
+use super::shifts::{Fit, Fringe, Shifts, variances};
 
 /// A phase difference of a larger sd is not measured, rad: the article's fringes would then be drowned.
 const MOST_SD_RAD: f64 = 0.35;
@@ -19,7 +20,7 @@ const REACH: usize = 2;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pixel {
     Measured,
-    /// Clipped by the detector in at least one frame.
+    /// Clipped by the detector in so many frames of a state that less than three are left.
     Clipped,
     /// No modulation above the noise.
     Dark,
@@ -51,60 +52,90 @@ pub type Density = [Vec<f32>; 2];
 /// What is said of one pixel: phase difference and sd, rad, modulation, and whether it is measured.
 type Said = (f64, f64, f64, Pixel);
 
+/// A state's fringe at a pixel, by the frames that are not clipped.
+struct Solved {
+    fringe: Fringe,
+    /// Of the fringe, for noise of sd 1.
+    covariance: Matrix3<f64>,
+    /// Sum of squares that the frames leave, and how many they are beyond the unknowns.
+    left: f64,
+    freedom: usize,
+}
+
 /// The least squares of a component's frames, pixel by pixel.
 struct Analysis<'a> {
     states: [&'a Frames; 2],
     calibration: &'a Calibration,
     fits: [Fit; 2],
+    /// All frames.
+    every: Vec<usize>,
     saturated: u16,
-    /// Largest sum of squares of the frames' residuals, over the noise's variance.
-    most: f64,
 }
 
 impl Analysis<'_> {
-    fn light(&self, state: usize, i: usize) -> impl Iterator<Item = f64> + '_ {
-        let table = &self.calibration.light;
-        self.states[state]
-            .iter()
-            .map(move |f| table[usize::from(f[i])])
+    /// `None` where too few frames are left.
+    fn solved(&self, state: usize, i: usize) -> Option<Solved> {
+        let frames = self.states[state];
+        let light = |k: usize| self.calibration.light[usize::from(frames[k][i])];
+        let by = |fit: &Fit, frames: &[usize]| {
+            let values = || frames.iter().map(|k| light(*k));
+            let fringe = fit.fringe(values());
+            Solved {
+                fringe,
+                covariance: fit.covariance,
+                left: fit.residual(fringe, values()).map(|r| r * r).sum(),
+                freedom: frames.len() - 3,
+            }
+        };
+        let clear = |k: &usize| frames[*k][i] < self.saturated;
+        if (0..frames.len()).all(|k| clear(&k)) {
+            return Some(by(&self.fits[state], &self.every));
+        }
+        let kept: Vec<usize> = (0..frames.len()).filter(clear).collect();
+        if kept.len() < 3 {
+            return None;
+        }
+        let fit = self.calibration.shifts[state].of(&kept).fit()?;
+        Some(by(&fit, &kept))
     }
 
     fn at(&self, i: usize) -> Said {
-        let fringes = [0, 1].map(|s| self.fits[s].fringe(self.light(s, i)));
-        let variances = [0, 1].map(|s| self.fits[s].variances(fringes[s]).1);
-        let variance = self.calibration.noise.powi(2) * (variances[0] + variances[1]);
-        let clipped = self
-            .states
-            .iter()
-            .any(|s| s.iter().any(|f| f[i] >= self.saturated));
-        let pixel = if clipped {
-            Pixel::Clipped
-        } else if variance.is_nan() || variance > MOST_SD_RAD.powi(2) {
+        let (Some(first), Some(second)) = (self.solved(0, i), self.solved(1, i)) else {
+            return (f64::NAN, f64::NAN, f64::NAN, Pixel::Clipped);
+        };
+        let fringes = [first.fringe, second.fringe];
+        let noise2 = self.calibration.noise.powi(2);
+        let of = |s: &Solved| variances(&s.covariance, s.fringe).1;
+        let variance = noise2 * (of(&first) + of(&second));
+        let pixel = if variance.is_nan() || variance > MOST_SD_RAD.powi(2) {
             // a pixel of zeros has no phase, and no finite variance
             Pixel::Dark
-        } else if self.is_contradicted(i, fringes) {
+        } else if self.is_contradicted(&first, &second) {
             Pixel::Spoiled
         } else {
             Pixel::Measured
         };
         let sd = (variance + self.calibration.left_rad.powi(2)).sqrt();
-        let [_, c, s] = fringes[0];
+        let [_, c, s] = first.fringe;
         (phase_difference(fringes), sd, c.hypot(s), pixel)
     }
 
     /// Whether frames contradict a fringe, or the states that they are of one surface.
-    fn is_contradicted(&self, i: usize, fringes: [Fringe; 2]) -> bool {
+    fn is_contradicted(&self, first: &Solved, second: &Solved) -> bool {
         let noise2 = self.calibration.noise.powi(2);
-        let of = |s: usize| self.fits[s].residual(fringes[s], self.light(s, i));
-        let left: f64 = (0..2).flat_map(of).map(|r| r * r).sum();
-        let shared = self.calibration.shared(&self.fits, fringes);
+        let freedom = (first.freedom + second.freedom) as f64;
+        let most = freedom + MOST_DEVIATION * (2.0 * freedom).sqrt() + MOST_DEVIATION.powi(2);
+        let covariance = [&first.covariance, &second.covariance];
+        let shared = self
+            .calibration
+            .shared(covariance, [first.fringe, second.fringe]);
         let unshared = self.calibration.unshared;
         let far = |k: usize| {
             let (difference, variance) = shared[k];
             let sd = (variance * noise2 + unshared[k].powi(2)).sqrt();
             difference.abs() > MOST_DEVIATION * sd
         };
-        left > self.most * noise2 || (0..2).any(far)
+        first.left + second.left > most * noise2 || (0..2).any(far)
     }
 }
 
@@ -116,13 +147,12 @@ impl Phase {
         calibration: &Calibration,
         saturated: u16,
     ) -> Option<Self> {
-        let freedom = (2 * states[0].len() - 6) as f64;
         let analysis = Analysis {
             states,
             calibration,
             fits: [calibration.shifts[0].fit()?, calibration.shifts[1].fit()?],
+            every: (0..states[0].len()).collect(),
             saturated,
-            most: freedom + MOST_DEVIATION * (2.0 * freedom).sqrt() + MOST_DEVIATION.powi(2),
         };
         let pixels = (0..rows * cols).into_par_iter();
         let all: Vec<Said> = pixels.map(|i| analysis.at(i)).collect();
@@ -209,7 +239,12 @@ impl Phase {
 
 /// What steps, gains and response leave of ripple: a wrong one modulates a state's modulation k times a fringe by as much as it shifts its
 /// phase. Relative to the other state's, so that the surface's own modulation does not enter; rad, for k = 1, 2, 3, of each state.
-pub fn ripple(states: [&Frames; 2], calibration: &Calibration, phase: &Phase) -> [[f64; 3]; 2] {
+pub fn ripple(
+    states: [&Frames; 2],
+    calibration: &Calibration,
+    phase: &Phase,
+    saturated: u16,
+) -> [[f64; 3]; 2] {
     const LOOKED_AT: usize = 50_000;
     let fits = calibration.shifts.each_ref().map(Shifts::fit);
     let [Some(first), Some(second)] = fits else {
@@ -219,10 +254,9 @@ pub fn ripple(states: [&Frames; 2], calibration: &Calibration, phase: &Phase) ->
     let mut sums = [[[0.0; 2]; 3]; 2];
     let mut count = 0.0;
     let stride = (phase.pixel.len() / LOOKED_AT) | 1;
-    for i in (0..phase.pixel.len())
-        .step_by(stride)
-        .filter(|&i| phase.is_measured(i))
-    {
+    let clear = |i: usize| states.iter().all(|s| s.iter().all(|f| f[i] < saturated));
+    let pixels = (0..phase.pixel.len()).step_by(stride);
+    for i in pixels.filter(|&i| phase.is_measured(i) && clear(i)) {
         let light = |s: usize| {
             states[s]
                 .iter()

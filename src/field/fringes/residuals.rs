@@ -1,10 +1,10 @@
 //! Residuals of all frames and of what the two states share, and the normal equations of a Gauss-Newton step.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
 use rayon::prelude::*;
 
 use super::parameters::Parameters;
-use super::shifts::{Fit, Fringe};
+use super::shifts::{Fit, Fringe, variances};
 
 /// A pixel that deviates by more sds (of its sum of squares) is left out.
 const MOST_DEVIATION: f64 = 5.0;
@@ -50,12 +50,16 @@ pub fn phase_difference([[_, c0, s0], [_, c1, s1]]: [Fringe; 2]) -> f64 {
 }
 
 /// Differences of background and of modulation between the states, and their variances for noise of sd 1.
-pub fn shared(ratio: [f64; 2], fits: &[Fit; 2], fringes: [Fringe; 2]) -> [(f64, f64); 2] {
+pub fn shared(
+    ratio: [f64; 2],
+    covariance: [&Matrix3<f64>; 2],
+    fringes: [Fringe; 2],
+) -> [(f64, f64); 2] {
     let modulation = fringes.map(|[_, c, s]| c.hypot(s));
     let [of_b, of_m] = ratio;
-    let variance_b = of_b.powi(2) * fits[0].covariance[(0, 0)] + fits[1].covariance[(0, 0)];
-    let variance_m =
-        of_m.powi(2) * fits[0].variances(fringes[0]).0 + fits[1].variances(fringes[1]).0;
+    let variance_b = of_b.powi(2) * covariance[0][(0, 0)] + covariance[1][(0, 0)];
+    let variance_m = of_m.powi(2) * variances(covariance[0], fringes[0]).0
+        + variances(covariance[1], fringes[1]).0;
     [
         (of_b * fringes[0][0] - fringes[1][0], variance_b),
         (of_m * modulation[0] - modulation[1], variance_m),
@@ -95,13 +99,18 @@ impl Evaluated {
                 *out = left / scales.noise;
             }
         }
-        let shared = shared(self.ratio, &self.fits, fringes);
+        let shared = self.shared(fringes);
         for k in 0..2 {
             let (difference, variance) = shared[k];
             let sd = (variance * scales.noise.powi(2) + scales.unshared[k].powi(2)).sqrt();
             out[2 * frames + k] = difference / sd;
         }
         fringes
+    }
+
+    fn shared(&self, fringes: [Fringe; 2]) -> [(f64, f64); 2] {
+        let [first, second] = &self.fits;
+        shared(self.ratio, [&first.covariance, &second.covariance], fringes)
     }
 
     /// Sum of squares over pixels of which no one counts more than a far one.
@@ -196,11 +205,7 @@ impl Normal {
             if here.iter().map(|r| r * r).sum::<f64>() > largest(frames) {
                 continue;
             }
-            sum.count(
-                &here[..2 * frames],
-                scales,
-                shared(base.ratio, &base.fits, fringes),
-            );
+            sum.count(&here[..2 * frames], scales, base.shared(fringes));
             let phase = phase_difference(fringes);
             for (k, moved) in moved {
                 let to = phase_difference(moved.residuals(pixel, scales, &mut there));

@@ -35,6 +35,14 @@ impl Shifts {
         }
     }
 
+    /// Some of the frames.
+    pub fn of(&self, frames: &[usize]) -> Self {
+        Self {
+            step_rad: frames.iter().map(|k| self.step_rad[*k]).collect(),
+            gain: frames.iter().map(|k| self.gain[*k]).collect(),
+        }
+    }
+
     /// The least squares of these frames; `None` where they do not tell phase from background.
     pub fn fit(&self) -> Option<Fit> {
         let design: Vec<[f64; 3]> = self
@@ -84,14 +92,14 @@ impl Fit {
             value - row[0] * fringe[0] - row[1] * fringe[1] - row[2] * fringe[2]
         })
     }
+}
 
-    /// Variances of modulation and phase at a fringe, for noise of sd 1 (delta method).
-    pub fn variances(&self, fringe: Fringe) -> (f64, f64) {
-        let [_, c, s] = fringe;
-        let m = c.hypot(s).max(f64::MIN_POSITIVE);
-        let along = Vector3::new(0.0, c / m, s / m);
-        let across = Vector3::new(0.0, -s / m, c / m);
-        let of = |v: Vector3<f64>| (v.transpose() * self.covariance * v)[0];
-        (of(along), of(across) / (m * m))
-    }
+/// Variances of modulation and phase at a fringe of that covariance (delta method).
+pub fn variances(covariance: &Matrix3<f64>, fringe: Fringe) -> (f64, f64) {
+    let [_, c, s] = fringe;
+    let m = c.hypot(s).max(f64::MIN_POSITIVE);
+    let along = Vector3::new(0.0, c / m, s / m);
+    let across = Vector3::new(0.0, -s / m, c / m);
+    let of = |v: Vector3<f64>| (v.transpose() * covariance * v)[0];
+    (of(along), of(across) / (m * m))
 }
