@@ -17,7 +17,7 @@ use super::spec::{FringeImages, Steps};
 pub type Frames = Vec<Vec<u16>>;
 
 /// Intensities that are fitted, of all frames together: the more frames, the fewer pixels are needed.
-const INTENSITIES: usize = 100_000;
+const INTENSITIES: usize = 60_000;
 /// Fewer pixels with fringes are none.
 const FEWEST: usize = 200;
 /// A pixel whose modulation is below so many sds of noise is not fitted.

@@ -174,25 +174,33 @@ impl Phase {
 
     /// Steps from pixel to pixel along rows and along columns, averaged as complex numbers over a square.
     pub fn density(&self) -> Density {
+        let pixels = (0..self.pixel.len()).into_par_iter();
+        // each measured pixel's phase as a complex number of the size of its precision
+        let directions: Vec<[f32; 2]> = pixels
+            .map(|i| {
+                if !self.is_measured(i) {
+                    return [0.0; 2];
+                }
+                let (sin, cos) = (self.difference[i] as f32).sin_cos();
+                let weight = (1.0 / self.sd[i]) as f32;
+                [weight * cos, weight * sin]
+            })
+            .collect();
         [1, self.cols].map(|next| {
-            let products: Vec<[f32; 2]> = (0..self.pixel.len())
-                .into_par_iter()
-                .map(|i| {
-                    let j = i + next;
-                    let inside = j < self.pixel.len() && (next > 1 || (i + 1) % self.cols > 0);
-                    if inside && self.is_measured(i) && self.is_measured(j) {
-                        let step = (self.difference[j] - self.difference[i]) as f32;
-                        let weight = (1.0 / (self.sd[i].powi(2) + self.sd[j].powi(2))) as f32;
-                        [weight * step.cos(), weight * step.sin()]
-                    } else {
-                        [0.0; 2]
-                    }
-                })
-                .collect();
-            self.summed(&products)
-                .into_par_iter()
-                .map(|[c, s]| s.atan2(c))
-                .collect()
+            let step = |i: usize| {
+                let j = i + next;
+                let inside =
+                    j < directions.len() && (next > 1 || !(i + 1).is_multiple_of(self.cols));
+                if !inside {
+                    return [0.0; 2];
+                }
+                let ([a, b], [c, d]) = (directions[i], directions[j]);
+                [a * c + b * d, a * d - b * c]
+            };
+            let pixels = (0..directions.len()).into_par_iter();
+            let products: Vec<[f32; 2]> = pixels.map(step).collect();
+            let sums = self.summed(&products).into_par_iter();
+            sums.map(|[c, s]| s.atan2(c)).collect()
         })
     }
 

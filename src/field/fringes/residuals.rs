@@ -197,9 +197,10 @@ impl Normal {
         let frames = chunk.first().map_or(0, |p| p[0].len());
         let rows = 2 * frames + 2;
         let (mut here, mut there) = (vec![0.0; rows], vec![0.0; rows]);
-        let mut slope = DMatrix::zeros(rows * chunk.len(), count);
+        // columns of the free parameters alone
+        let mut slope = DMatrix::zeros(rows * chunk.len(), moved.len());
         let mut all = DVector::zeros(rows * chunk.len());
-        let mut of_phase = DMatrix::zeros(chunk.len(), count);
+        let mut of_phase = DMatrix::zeros(chunk.len(), moved.len());
         for (i, pixel) in chunk.iter().enumerate() {
             let fringes = base.residuals(pixel, scales, &mut here);
             if here.iter().map(|r| r * r).sum::<f64>() > largest(frames) {
@@ -207,19 +208,25 @@ impl Normal {
             }
             sum.count(&here[..2 * frames], scales, base.shared(fringes));
             let phase = phase_difference(fringes);
-            for (k, moved) in moved {
+            for (column, (_, moved)) in moved.iter().enumerate() {
                 let to = phase_difference(moved.residuals(pixel, scales, &mut there));
                 for row in 0..rows {
-                    slope[(i * rows + row, *k)] = (there[row] - here[row]) / STEP;
+                    slope[(i * rows + row, column)] = (there[row] - here[row]) / STEP;
                 }
-                of_phase[(i, *k)] = wrapped(to - phase) / STEP;
+                of_phase[(i, column)] = wrapped(to - phase) / STEP;
             }
             all.rows_mut(i * rows, rows).copy_from_slice(&here);
         }
-        sum.matrix = slope.tr_mul(&slope);
-        sum.right = slope.tr_mul(&all);
-        sum.phase = of_phase.tr_mul(&of_phase);
-        sum.phase_mean = of_phase.row_sum_tr();
+        let (matrix, right) = (slope.tr_mul(&slope), slope.tr_mul(&all));
+        let (phase, phase_mean) = (of_phase.tr_mul(&of_phase), of_phase.row_sum_tr());
+        for (a, (i, _)) in moved.iter().enumerate() {
+            sum.right[*i] = right[a];
+            sum.phase_mean[*i] = phase_mean[a];
+            for (b, (j, _)) in moved.iter().enumerate() {
+                sum.matrix[(*i, *j)] = matrix[(a, b)];
+                sum.phase[(*i, *j)] = phase[(a, b)];
+            }
+        }
         sum
     }
 
