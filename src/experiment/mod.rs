@@ -6,6 +6,7 @@
 
 mod bending;
 mod field;
+pub mod frequencies;
 mod gauge;
 mod mock;
 mod sensitivity;

@@ -3,6 +3,7 @@
 //! A new geometry is one new file here and one line in [`GEOMETRIES`].
 
 mod grading;
+pub mod imported;
 mod mesh;
 mod outline;
 mod plain_strip;

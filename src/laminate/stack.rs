@@ -18,7 +18,11 @@ pub struct Abd {
 /// Stiffnesses of a stack of equal plies: fibre angles `angles` (rad, from the face z = -h/2 up) and total
 /// thickness `thickness` (mm).
 pub fn abd(ply: &Ply, angles: &[f64], thickness: f64) -> Abd {
-    let q = ply.stiffness();
+    stacked(&ply.stiffness(), angles, thickness)
+}
+
+/// [`abd`] of a plane stiffness `q` (MPa) in the ply's axes, in which it is linear: of dQ/dp it is the derivative.
+pub fn stacked(q: &Matrix3<f64>, angles: &[f64], thickness: f64) -> Abd {
     let t = thickness / angles.len() as f64;
     let mut sum = Abd {
         a: Matrix3::zeros(),
@@ -26,7 +30,7 @@ pub fn abd(ply: &Ply, angles: &[f64], thickness: f64) -> Abd {
         d: Matrix3::zeros(),
     };
     for (k, &angle) in angles.iter().enumerate() {
-        let q = rotate_stiffness(&q, angle);
+        let q = rotate_stiffness(q, angle);
         let low = -0.5 * thickness + k as f64 * t;
         let high = low + t;
         sum.a += q * t;
@@ -82,23 +86,29 @@ pub struct PlateStiffness {
 }
 
 /// Share of the stack's transverse shear stiffness that resists, for the parabola of shear stress over the thickness (Reissner 1945).
-const SHEAR_CORRECTION: f64 = 5.0 / 6.0;
+pub const SHEAR_CORRECTION: f64 = 5.0 / 6.0;
+
+/// Transverse shear stiffness S (N/mm) of a stack of equal plies of transverse moduli `g13` and `g23` (MPa), with [`SHEAR_CORRECTION`].
+/// It is linear in both moduli.
+pub fn transverse(g13: f64, g23: f64, angles: &[f64], thickness: f64) -> Matrix2<f64> {
+    let t = thickness / angles.len() as f64;
+    let shear = angles.iter().fold(Matrix2::zeros(), |sum, angle| {
+        let (s, c) = angle.sin_cos();
+        let along = Matrix2::new(c * c, s * c, s * c, s * s);
+        let across = Matrix2::identity() - along;
+        sum + (along * g13 + across * g23) * t
+    });
+    shear * SHEAR_CORRECTION
+}
 
 impl PlateStiffness {
     /// Of a stack of equal plies, as [`abd`]. No field test measures a ply's transverse moduli: G13 = G12 as in any transversely isotropic
     /// ply, and G23 = E2 / (2 (1 + nu12)), which is G for an isotropic one.
     pub fn of(ply: &Ply, angles: &[f64], thickness: f64) -> Self {
-        let t = thickness / angles.len() as f64;
         let (g13, g23) = (ply.g12, ply.e2 / (2.0 * (1.0 + ply.nu12)));
-        let shear = angles.iter().fold(Matrix2::zeros(), |sum, angle| {
-            let (s, c) = angle.sin_cos();
-            let along = Matrix2::new(c * c, s * c, s * c, s * s);
-            let across = Matrix2::identity() - along;
-            sum + (along * g13 + across * g23) * t
-        });
         Self {
             bending: abd(ply, angles, thickness).d,
-            shear: shear * SHEAR_CORRECTION,
+            shear: transverse(g13, g23, angles, thickness),
         }
     }
 

@@ -157,7 +157,7 @@ pub fn loop_text(summary: &LoopSummary) -> String {
     // writing to a String cannot fail
     let _ = writeln!(
         text,
-        "  quoted 95 % intervals hold {held} of {of} constants ({share:.1} %); of {acted} effects of full size {named} named, {} replicates with a name of another, {} flagged",
+        "  quoted 95 % intervals hold {held} of {of} constants ({share:.1} %); of {acted} effects that acted {named} named, {} replicates with a name of another, {} flagged",
         summary.wrong, summary.flagged
     );
     for (status, n) in &summary.statuses {

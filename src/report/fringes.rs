@@ -192,7 +192,7 @@ pub fn page(name: &str, fringes: &Fringes, report: &FringeReport) -> Result<Stri
         header {
             h1 { "Fringe images of " (name) }
             p.soft { "plychain " (env!("CARGO_PKG_VERSION")) ", " (fringes.files.len() - 1) " images" }
-            pre { (report.text()) }
+            @for line in report.text().lines() { p { (line) } }
         }
         main {
             @for ((component, body), along) in sections.iter().zip(along) {

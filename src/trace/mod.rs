@@ -30,7 +30,7 @@ mod vetoes;
 mod weighing;
 
 pub use attribute::attribute;
-pub use averaged::{BlindSpot, Interval, MULTIPLES};
+pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, close};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use evidence::LARGEST_MULTIPLE;

@@ -23,7 +23,7 @@ use crate::identify::Options;
 use crate::infer::Model;
 use crate::progress::{Progress, Silent};
 use crate::sample::{SAMPLERS, Schedule};
-use crate::trace::{MULTIPLES, SIZES, candidates, close, quote};
+use crate::trace::{SIZES, candidates, close, quote};
 
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -33,11 +33,9 @@ pub struct LoopReplicate {
     pub ranked: Replicate,
     /// Whether the quoted 95 % interval of each constant holds it.
     pub held: Vec<bool>,
-    /// What acted with its full prior size, and what the loop named.
+    /// What acted, and what the loop named.
     pub acted: Vec<String>,
     pub named: Vec<String>,
-    /// The size of all others over their prior sds.
-    pub size: f64,
     pub status: String,
     /// Whether the account was flagged, and what spans several answers quoted.
     pub flagged: bool,
@@ -95,7 +93,6 @@ pub fn calibrate_loop(
 struct Drawn {
     truth: Truth,
     acted: Vec<&'static dyn Effect>,
-    size: f64,
 }
 
 /// A draw from the priors, by the seed of the replicate and of the attempt.
@@ -123,20 +120,18 @@ fn draw(model: &Model, plan: &Plan, replicate: usize, attempt: u64) -> Drawn {
     for _ in 0..number.count() {
         acted.push(open.swap_remove(rng.random_range(0..open.len())));
     }
-    let size = MULTIPLES[rng.random_range(0..MULTIPLES.len())];
-    let mut acting = |effect: &'static dyn Effect, size: f64| Acting {
+    let mut acting = |effect: &'static dyn Effect| Acting {
         effect,
         amplitude: (effect.parameters().iter())
             .map(|p| {
                 let z: f64 = StandardNormal.sample(&mut rng);
                 let z = if p.positive { z.abs() } else { z };
-                (size * p.prior_sd.unwrap_or(0.0) * z).clamp(-p.bound, p.bound)
+                (p.prior_sd.unwrap_or(0.0) * z).clamp(-p.bound, p.bound)
             })
             .collect(),
     };
-    let mut effects: Vec<Acting> = acted.iter().map(|e| acting(*e, 1.0)).collect();
-    effects.extend(open.iter().map(|e| acting(*e, size)));
-    effects.push(acting(LOAD_SCALE, 1.0));
+    let mut effects: Vec<Acting> = acted.iter().map(|e| acting(*e)).collect();
+    effects.push(acting(LOAD_SCALE));
     let thickness = model.loaded_thickness_mm();
     let z: f64 = StandardNormal.sample(&mut rng);
     let [low, high] = NOISE_NM;
@@ -149,7 +144,7 @@ fn draw(model: &Model, plan: &Plan, replicate: usize, attempt: u64) -> Drawn {
         grid: plan.grid,
         seed: rng.random(),
     };
-    Drawn { truth, acted, size }
+    Drawn { truth, acted }
 }
 
 /// Simulate, close the loop, and look for the truth.
@@ -242,7 +237,6 @@ fn closed(
         held,
         acted: drawn.acted.iter().map(|e| e.name().to_string()).collect(),
         named: named.map(|e| e.name().to_string()).collect(),
-        size: drawn.size,
         status: found.conclusion.status.words().to_string(),
         flagged,
     })
@@ -272,10 +266,10 @@ pub struct LoopSummary {
     pub amplitudes: Vec<Parameter>,
     /// Quoted 95 % intervals that hold their constant, of all.
     pub held: [usize; 2],
-    /// Replicates flagged, and those that name what did not act with its full size.
+    /// Replicates flagged, and those that name what did not act.
     pub flagged: usize,
     pub wrong: usize,
-    /// Effects that acted with their full size, and those of them that were named.
+    /// Effects that acted, and those of them that were named.
     pub acted: [usize; 2],
     pub statuses: BTreeMap<String, usize>,
 }

@@ -1,0 +1,22 @@
+//! Natural frequencies of a rectangular laminate by Rayleigh and Ritz, and the assignment of measured peaks to its modes.
+
+mod air;
+mod assembly;
+pub mod assignment;
+mod basis;
+mod dense;
+pub mod estimate;
+mod lattice;
+mod plate;
+mod reduced;
+mod ritz;
+mod theory;
+pub mod weigh;
+
+pub use basis::Edge;
+pub use plate::{
+    Coefficients, HZ_LAMBDA, INERTIAS, PARAMETERS, Parameter, Plate, STIFFNESSES, TransverseShear,
+    Weight,
+};
+pub use ritz::{Mode, Ritz, Settings};
+pub use theory::{EdgeLayers, Supports, Theory};

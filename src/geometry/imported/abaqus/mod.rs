@@ -1,0 +1,41 @@
+//! Abaqus' input files (`*.inp`), also as Gmsh and CalculiX write them.
+//!
+//! Edges are named, in this order of precedence, by surfaces (element sides, or nodes), by element sets of line elements
+//! (T2D2, T3D2, T3D3, as Gmsh writes them), and by node sets: a boundary side belongs to a node set when all its nodes do.
+//! Regions are named by element sets. Sets that Abaqus marks as internal only serve the surfaces that are made of them.
+//! Where a part's set has the name of one of the assembly, it goes by `instance.name`.
+//!
+//! One part is read, in at most one instance, moved by its translation. Names are found in any case and kept as first written.
+//! Sections, materials, steps and all other keywords are passed over.
+
+mod blocks;
+mod deck;
+mod elements;
+mod finish;
+mod keyword;
+mod sets;
+
+use std::path::Path;
+
+use super::mesh::ImportedMesh;
+use crate::error::Result;
+
+/// Read an input file and those that it includes.
+///
+/// # Errors
+/// The input's fault: a file that cannot be read, and what [`parse`] refuses.
+pub fn read(path: &Path) -> Result<ImportedMesh> {
+    parse(&super::load(path)?, path)
+}
+
+/// The mesh in the bytes of a file; included files are read from beside `path`.
+///
+/// # Errors
+/// The input's fault, with file and line: element types that are not plane-stress or shell elements, keywords that make nodes
+/// or elements, more than one part or instance, a rotated instance, sets of what is not there, files that include each
+/// other, a file that is cut short, no sets, and a mesh that is unfit.
+pub fn parse(bytes: &[u8], path: &Path) -> Result<ImportedMesh> {
+    let mut deck = deck::Deck::default();
+    deck.read(bytes, path, 0)?;
+    finish::mesh(deck.end()?)
+}

@@ -1,0 +1,213 @@
+//! The imported mesh: nodes, elements of four kinds, named edges and regions.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::jacobian;
+
+/// Kinds of plane elements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+pub enum Kind {
+    /// Linear triangle.
+    T3,
+    /// Quadratic triangle.
+    T6,
+    /// Bilinear quadrilateral.
+    Q4,
+    /// Eight-node serendipity quadrilateral.
+    Q8,
+}
+
+impl Kind {
+    /// Number of corners, which is that of sides.
+    pub fn corners(self) -> usize {
+        match self {
+            Kind::T3 | Kind::T6 => 3,
+            Kind::Q4 | Kind::Q8 => 4,
+        }
+    }
+
+    /// Number of nodes.
+    pub fn nodes(self) -> usize {
+        match self {
+            Kind::T3 => 3,
+            Kind::Q4 => 4,
+            Kind::T6 => 6,
+            Kind::Q8 => 8,
+        }
+    }
+
+    /// Whether its sides have midside nodes.
+    pub fn is_quadratic(self) -> bool {
+        self.nodes() > self.corners()
+    }
+
+    /// The quadratic kind of the same shape.
+    #[must_use]
+    pub fn quadratic(self) -> Self {
+        match self {
+            Kind::T3 | Kind::T6 => Kind::T6,
+            Kind::Q4 | Kind::Q8 => Kind::Q8,
+        }
+    }
+}
+
+/// An element: corners counter-clockwise, then the midside nodes of sides 0-1, 1-2, and so on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct Element {
+    pub kind: Kind,
+    /// Indices of its nodes; places that the kind does not have hold [`Element::NONE`].
+    pub all: [u32; 8],
+}
+
+impl Element {
+    /// Fills the places of nodes that a kind does not have.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Indices of its nodes.
+    pub fn nodes(&self) -> &[u32] {
+        &self.all[..self.kind.nodes()]
+    }
+
+    /// Indices of its corners.
+    pub fn corners(&self) -> &[u32] {
+        &self.all[..self.kind.corners()]
+    }
+
+    /// The corners that a side (below the number of corners) runs between, counter-clockwise.
+    pub fn side(&self, side: usize) -> [u32; 2] {
+        let n = self.kind.corners();
+        [self.all[side % n], self.all[(side + 1) % n]]
+    }
+
+    /// The midside node of a side, if the element is quadratic.
+    pub fn midside(&self, side: usize) -> Option<u32> {
+        let n = self.kind.corners();
+        self.kind.is_quadratic().then(|| self.all[n + side % n])
+    }
+
+    /// The same element run through in the other sense; its side k becomes side n - 1 - k.
+    #[must_use]
+    pub(super) fn reversed(&self) -> Self {
+        let n = self.kind.corners();
+        let mut all = self.all;
+        for k in 0..n {
+            all[k] = self.all[(n - k) % n];
+            if self.kind.is_quadratic() {
+                all[n + k] = self.all[2 * n - 1 - k];
+            }
+        }
+        Self {
+            kind: self.kind,
+            all,
+        }
+    }
+}
+
+/// A side of an element that lies on the boundary, with the material on its left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+pub struct BoundaryEdge {
+    /// Index of the element.
+    pub element: usize,
+    /// From corner `side` to the next one.
+    pub side: usize,
+}
+
+/// A mesh that another program made. All elements are linear or all are quadratic; the mesh is one part, without
+/// coincident or hanging nodes.
+#[derive(Debug, Clone, Default)]
+pub struct ImportedMesh {
+    /// Coordinates, mm; every node belongs to an element.
+    pub nodes: Vec<[f64; 2]>,
+    pub elements: Vec<Element>,
+    /// Parts of the boundary by name: in order along it where they form a chain, counter-clockwise about the plate and
+    /// clockwise about a hole.
+    pub edges: BTreeMap<String, Vec<BoundaryEdge>>,
+    /// Indices of elements by name, increasing.
+    pub regions: BTreeMap<String, Vec<usize>>,
+    /// The files it was read from, the first one first.
+    pub files: Vec<PathBuf>,
+    /// What the reader left out, a sentence each; see [`ImportedMesh::warnings`].
+    pub remarks: Vec<String>,
+}
+
+/// A mesh less than this across is not likely to be in mm.
+const SMALLEST_MM: f64 = 1.0;
+
+impl ImportedMesh {
+    /// Lowest and highest coordinates, mm.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        let mut low = [f64::INFINITY; 2];
+        let mut high = [f64::NEG_INFINITY; 2];
+        for p in &self.nodes {
+            for k in 0..2 {
+                low[k] = low[k].min(p[k]);
+                high[k] = high[k].max(p[k]);
+            }
+        }
+        [low, high]
+    }
+
+    /// Area of all elements, mm^2; curved sides are parabolas through their three nodes.
+    pub fn area(&self) -> f64 {
+        (0..self.elements.len()).map(|e| self.area_of(e)).sum()
+    }
+
+    /// Area of an element, mm^2.
+    pub fn area_of(&self, element: usize) -> f64 {
+        let element = &self.elements[element];
+        (0..element.kind.corners())
+            .map(|side| {
+                let [a, b] = element.side(side).map(|n| self.nodes[n as usize]);
+                let chord = 0.5 * (a[0] * b[1] - a[1] * b[0]);
+                // a parabola's segment: 2/3 of its triangle's double area
+                let segment = element.midside(side).map_or(0.0, |m| {
+                    let m = self.nodes[m as usize];
+                    let cross = (m[0] - a[0]) * (b[1] - a[1]) - (m[1] - a[1]) * (b[0] - a[0]);
+                    2.0 / 3.0 * cross
+                });
+                chord + segment
+            })
+            .sum()
+    }
+
+    /// The nodes of a boundary edge: corner, midside if there is one, corner.
+    pub fn edge_nodes(&self, edge: BoundaryEdge) -> (u32, Option<u32>, u32) {
+        let element = &self.elements[edge.element];
+        let [a, b] = element.side(edge.side);
+        (a, element.midside(edge.side), b)
+    }
+
+    /// Length of a named edge, mm, by the 3-point Gauss rule; `None` if there is no such edge.
+    pub fn edge_length(&self, name: &str) -> Option<f64> {
+        let edges = self.edges.get(name)?;
+        let length = |edge: &BoundaryEdge| {
+            let (a, m, b) = self.edge_nodes(*edge);
+            let at = |n: u32| self.nodes[n as usize];
+            let (a, b) = (at(a), at(b));
+            let middle = m.map_or([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])], at);
+            jacobian::line_length(a, middle, b)
+        };
+        Some(edges.iter().map(length).sum())
+    }
+
+    /// What a user should know before the mesh is used: a size that looks like another unit than mm, what the reader
+    /// left out, an edge or a region that is missing.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        let [low, high] = self.bounds();
+        let across = (high[0] - low[0]).max(high[1] - low[1]);
+        if across < SMALLEST_MM {
+            all.push(format!(
+                "the mesh is {across:.3e} mm across: its coordinates look like metres; lengths are in mm, scale it by 1000"
+            ));
+        }
+        if self.edges.is_empty() {
+            all.push(
+                "the mesh has no named edge: loads and supports have nothing to act on".to_string(),
+            );
+        }
+        all.extend(self.remarks.iter().cloned());
+        all
+    }
+}

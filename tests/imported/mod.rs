@@ -1,0 +1,11 @@
+//! Meshes of other programs: what is read is what was written, and what cannot be used is refused with what to do.
+
+mod abaqus;
+mod broken;
+mod broken_abaqus;
+mod gmsh;
+mod mangled;
+mod model;
+mod raised;
+mod round_trips;
+mod writers;
