@@ -390,3 +390,41 @@ fn a_small_calibration_is_resumable_and_covers_the_truth() {
         }
     }
 }
+
+/// The calibration of the whole loop goes on from a record that a kill cut off, to the same bits; what acts is in it, and constants are
+/// held but for what three replicates may miss.
+#[test]
+fn a_small_calibration_of_the_loop_is_resumable() {
+    let folder = fresh("sbc-loop");
+    let file = changed("openhole.json", |m| {
+        set_coarse(m);
+        m["experiments"][0]["candidates"] = serde_json::json!(["load_misalignment", "camera_tilt"]);
+    });
+    let out = folder.display().to_string();
+    let run = |n: &str, more: &[&str]| {
+        let mut arguments = vec!["validate", &file, "--sbc", n, "--loop", "--quiet"];
+        arguments.extend(["--grid", "41", "--correlation-mm", "0", "--out", &out]);
+        arguments.extend(more);
+        succeed(&arguments)
+    };
+    let said = run("3", &[]);
+    assert!(said.contains("of 12 constants"), "{said}");
+    let path = folder.join("sbc-loop-0mm.jsonl");
+    let whole = std::fs::read_to_string(&path).unwrap();
+    let last = whole.lines().last().unwrap().len();
+    std::fs::write(&path, &whole[..whole.len() - last / 2]).unwrap();
+    run("3", &[]);
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), whole);
+    let lines = whole.lines().skip(1);
+    let all: Vec<Value> = lines.map(|l| serde_json::from_str(l).unwrap()).collect();
+    let held = all.iter().flat_map(|r| r["held"].as_array().unwrap());
+    let held = held.filter(|h| h.as_bool().unwrap()).count();
+    assert!(held >= 9, "{held} of 12");
+    let said = run("2", &["--withheld"]);
+    assert!(said.contains("withheld from the dictionary"), "{said}");
+    let lines = std::fs::read_to_string(folder.join("sbc-withheld-0mm.jsonl")).unwrap();
+    for line in lines.lines().skip(1) {
+        let replicate: Value = serde_json::from_str(line).unwrap();
+        assert!(!replicate["acted"].as_array().unwrap().is_empty());
+    }
+}

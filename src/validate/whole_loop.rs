@@ -95,8 +95,8 @@ struct Drawn {
     acted: Vec<&'static dyn Effect>,
 }
 
-/// A draw from the priors, by the seed of the replicate and of the attempt.
-fn draw(model: &Model, plan: &Plan, replicate: usize, attempt: u64) -> Drawn {
+/// A draw from the priors, by the seed of the replicate and of the attempt; with an effect at least if one is to be `withheld`.
+fn draw(model: &Model, plan: &Plan, withheld: bool, replicate: usize, attempt: u64) -> Drawn {
     let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 4 + attempt));
     let marginals = model.marginals();
     let constants = loop {
@@ -117,7 +117,8 @@ fn draw(model: &Model, plan: &Plan, replicate: usize, attempt: u64) -> Drawn {
         left > 0.0
     });
     let mut acted = Vec::new();
-    for _ in 0..number.count() {
+    let number = number.count().max(usize::from(withheld)).min(open.len());
+    for _ in 0..number {
         acted.push(open.swap_remove(rng.random_range(0..open.len())));
     }
     let mut acting = |effect: &'static dyn Effect| Acting {
@@ -158,7 +159,7 @@ fn replicate(
 ) -> Result<LoopReplicate> {
     let mut last = None;
     for attempt in 0..ATTEMPTS {
-        let drawn = draw(model, plan, replicate, attempt);
+        let drawn = draw(model, plan, withheld, replicate, attempt);
         match model.simulate(&drawn.truth) {
             Err(e) => last = Some(e),
             Ok(grid) => {

@@ -107,9 +107,15 @@ fn written(
     spec
 }
 
+/// Formats of files of numbers; images have tests of their own.
+fn of_numbers() -> impl Iterator<Item = &'static dyn plychain::field::Reader> {
+    let all = READERS.iter().copied();
+    all.filter(|reader| reader.format() != "fringes")
+}
+
 #[test]
 fn every_format_reads_back_what_it_wrote() {
-    for (k, reader) in READERS.iter().enumerate() {
+    for (k, reader) in of_numbers().enumerate() {
         let name = reader.format();
         assert!(READERS[..k].iter().all(|r| r.format() != name), "{name}");
         for axis in [Axis::X, Axis::Y] {
@@ -118,7 +124,7 @@ fn every_format_reads_back_what_it_wrote() {
                 hole_center_mm: [0.5, -0.25],
             };
             let dir = tempfile::tempdir().unwrap();
-            let spec = written(*reader, frame, dir.path());
+            let spec = written(reader, frame, dir.path());
             let read = spec.read(Path::new(""), None).unwrap();
             let expected = grid().field(frame);
             assert_eq!(read.len(), expected.len(), "{name}");
@@ -142,9 +148,9 @@ fn every_format_reads_back_what_it_wrote() {
 
 #[test]
 fn every_format_names_the_file_and_line_of_a_broken_number() {
-    for reader in READERS {
+    for reader in of_numbers() {
         let dir = tempfile::tempdir().unwrap();
-        let spec = written(*reader, FRAME_Y, dir.path());
+        let spec = written(reader, FRAME_Y, dir.path());
         for file in spec.files(Path::new("")).unwrap() {
             let text = fs::read_to_string(&file).unwrap();
             let start = text.match_indices('\n').nth(2).unwrap().0;

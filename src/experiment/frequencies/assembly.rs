@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::basis::{Basis, Integrals};
 use super::plate::{Coefficients, INERTIAS, STIFFNESSES};
-use super::theory::{Derivative, EdgeLayers, PAIRS, Supports, TWISTING, Theory};
+use super::theory::{Derivative, EdgeLayers, PAIRS, Supports, Theory};
 
 /// Lower triangle of a symmetric matrix: (row, column, value), row >= column.
 pub type Triangle = Vec<(u32, u32, f64)>;
@@ -265,18 +265,4 @@ impl Family {
             std::array::from_fn(|k| form(&self.inertia[k])),
         )
     }
-}
-
-/// Whether bending and twisting couple: beyond rounding, which rotating a ply by 90 degrees leaves.
-pub fn is_twisting(of: &Coefficients) -> bool {
-    /// Effects on a frequency are of second order in it.
-    const ROUNDING: f64 = 1e-11;
-    let largest = of.stiffness.iter().fold(0.0_f64, |l, v| l.max(v.abs()));
-    let bending = of.stiffness[..6]
-        .iter()
-        .fold(0.0_f64, |l, v| l.max(v.abs()));
-    TWISTING.iter().any(|&k| {
-        let scale = if k < 6 { bending } else { largest };
-        of.stiffness[k].abs() > ROUNDING * scale
-    })
 }

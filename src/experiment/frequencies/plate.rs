@@ -2,8 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3};
 
-use super::assembly::is_twisting;
-use super::theory::{EdgeLayers, PAIRS, strain_scale};
+use super::theory::{EdgeLayers, PAIRS, TWISTING, strain_scale};
 use crate::error::{Error, Result};
 use crate::laminate::{Constant, Ply, stacked, stiffness_slope, transverse};
 
@@ -344,4 +343,18 @@ impl Plate {
             inertia: std::array::from_fn(|k| all.inertia[k] * inertia[k] / value),
         }
     }
+}
+
+/// Whether bending and twisting couple: beyond rounding, which rotating a ply by 90 degrees leaves.
+pub fn is_twisting(of: &Coefficients) -> bool {
+    /// Effects on a frequency are of second order in it.
+    const ROUNDING: f64 = 1e-11;
+    let largest = of.stiffness.iter().fold(0.0_f64, |l, v| l.max(v.abs()));
+    let bending = of.stiffness[..6]
+        .iter()
+        .fold(0.0_f64, |l, v| l.max(v.abs()));
+    TWISTING.iter().any(|&k| {
+        let scale = if k < 6 { bending } else { largest };
+        of.stiffness[k].abs() > ROUNDING * scale
+    })
 }

@@ -8,9 +8,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::air;
-use super::assembly::{Family, Functions, Triangle, Whole, is_twisting};
+use super::assembly::{Family, Functions, Triangle, Whole};
 use super::dense;
-use super::plate::{Coefficients, HZ_LAMBDA, Parameter, Plate};
+use super::plate::{Coefficients, HZ_LAMBDA, Parameter, Plate, is_twisting};
 use super::theory::{EdgeLayers, Supports, Theory};
 use crate::error::{Error, Result};
 

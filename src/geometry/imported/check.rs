@@ -2,7 +2,8 @@
 
 use super::draft::{Cell, Draft, Index};
 use super::jacobian;
-use super::mesh::{Element, Kind};
+use super::kind::Kind;
+use super::mesh::Element;
 use crate::error::{Error, Result};
 
 /// Coordinates larger than this, mm, are not those of a specimen, and their squares would lose what is small.

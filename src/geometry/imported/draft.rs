@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::mesh::Kind;
+use super::kind::Kind;
 use crate::error::{Error, Result};
 
 /// Where something stands: a file by its index, and its line from 1 on; 0 in a binary file.

@@ -1,6 +1,6 @@
 //! Jacobian determinants of the four kinds of elements, and lengths of their sides.
 
-use super::mesh::Kind;
+use super::kind::Kind;
 
 /// Range of an element's Jacobian determinant, mm^2, at the points where it must not vanish.
 #[derive(Debug, Clone, Copy)]

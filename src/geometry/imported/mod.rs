@@ -6,8 +6,10 @@
 pub mod abaqus;
 mod check;
 mod draft;
+mod file;
 pub mod gmsh;
 mod jacobian;
+mod kind;
 mod mesh;
 mod raise;
 mod seams;
@@ -18,7 +20,9 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-pub use mesh::{BoundaryEdge, Element, ImportedMesh, Kind};
+pub use kind::Kind;
+pub use mesh::{BoundaryEdge, Element, ImportedMesh};
+
 pub use raise::raise;
 
 /// Read a mesh file: Gmsh's by its first line, Abaqus' by the name `*.inp` or a first line that begins with `*`.
@@ -27,7 +31,7 @@ pub use raise::raise;
 /// The input's fault: a file that cannot be read, one of another format, and all that [`gmsh::parse`] and
 /// [`abaqus::parse`] refuse.
 pub fn read(path: &Path) -> Result<ImportedMesh> {
-    let bytes = load(path)?;
+    let bytes = file::load(path)?;
     let start = bytes.trim_ascii_start();
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     if start.starts_with(b"$") {
@@ -41,19 +45,4 @@ pub fn read(path: &Path) -> Result<ImportedMesh> {
                 .hint("Gmsh: File > Export > .msh; Abaqus: write the input file of the job"),
         )
     }
-}
-
-/// The bytes of a file.
-fn load(path: &Path) -> Result<Vec<u8>> {
-    // a device or a pipe may never end
-    let regular = std::fs::metadata(path).map(|m| m.is_file());
-    match regular {
-        Ok(true) => {}
-        Ok(false) => {
-            return Err(Error::input(path.display(), "a file").found("something else"));
-        }
-        Err(e) => return Err(Error::input(path.display(), "a file that can be read").found(e)),
-    }
-    std::fs::read(path)
-        .map_err(|e| Error::input(path.display(), "a file that can be read").found(e))
 }

@@ -3,12 +3,8 @@
 use super::draft::Draft;
 use super::jacobian::line_point;
 use super::mesh::{BoundaryEdge, Element};
-use super::sides::Sides;
+use super::sides::{MERGE, Sides};
 use crate::error::{Error, Result};
-
-/// What to do about coincident nodes.
-pub(super) const MERGE: &str =
-    "merge coincident nodes (Gmsh: Coherence Mesh; Abaqus: Tools > merge)";
 
 /// Nodes nearer than this fraction of the shortest side are one node: far above the rounding of a file's digits, far
 /// below any gap that a mesh can resolve.

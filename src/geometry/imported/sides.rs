@@ -4,6 +4,10 @@ use super::draft::Draft;
 use super::mesh::{BoundaryEdge, Element};
 use crate::error::{Error, Result};
 
+/// What to do about coincident nodes.
+pub(super) const MERGE: &str =
+    "merge coincident nodes (Gmsh: Coherence Mesh; Abaqus: Tools > merge)";
+
 /// A side by its corners, the smaller index first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Side {
@@ -131,7 +135,7 @@ fn check_shared(
             "one midside node between two elements",
         )
         .found(format!("another one than element {other} has"))
-        .hint(super::seams::MERGE));
+        .hint(MERGE));
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! What keywords open, and what their data lines add.
 
 use super::super::draft::{Cell, Line, Node};
-use super::super::mesh::Kind;
+use super::super::kind::Kind;
 use super::deck::{Block, Deck, Open, Patch, SetLines, Surface};
 use super::elements::{self, Type};
 use super::keyword::{Keyword, fields, key, number, real, unquoted};

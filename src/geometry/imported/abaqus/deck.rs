@@ -174,7 +174,7 @@ impl Deck {
             let expected = format!("every file included once, at most {DEEPEST} files deep");
             return Err(self.error(expected).found(file.display()));
         }
-        let bytes = super::super::load(&file).map_err(|e| e.within(self.place()))?;
+        let bytes = super::super::file::load(&file).map_err(|e| e.within(self.place()))?;
         self.read(&bytes, &file, depth + 1)
     }
 

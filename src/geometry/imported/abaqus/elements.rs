@@ -1,6 +1,6 @@
 //! Element types of Abaqus and CalculiX.
 
-use super::super::mesh::Kind;
+use super::super::kind::Kind;
 use crate::error::{Error, Result};
 
 /// What an element type is here.

@@ -25,7 +25,7 @@ use crate::error::Result;
 /// # Errors
 /// The input's fault: a file that cannot be read, and what [`parse`] refuses.
 pub fn read(path: &Path) -> Result<ImportedMesh> {
-    parse(&super::load(path)?, path)
+    parse(&super::file::load(path)?, path)
 }
 
 /// The mesh in the bytes of a file; included files are read from beside `path`.

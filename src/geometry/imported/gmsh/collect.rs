@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::fmt::Display;
 
 use super::super::draft::{Allowance, Cell, Draft, Line, Spot};
-use super::super::mesh::{ImportedMesh, Kind};
+use super::super::kind::Kind;
+use super::super::mesh::ImportedMesh;
 use super::super::shape::Shape as Checked;
 use super::source::Source;
 use crate::error::{Error, Result};

@@ -22,7 +22,7 @@ use source::Source;
 /// # Errors
 /// The input's fault: a file that cannot be read, and what [`parse`] refuses.
 pub fn read(path: &Path) -> Result<ImportedMesh> {
-    parse(&super::load(path)?, path)
+    parse(&super::file::load(path)?, path)
 }
 
 /// The mesh in the bytes of a file; `path` is its name for errors.
