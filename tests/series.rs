@@ -199,7 +199,11 @@ fn simulated_series_are_read_right() {
     let series = campaign();
     let judged: Vec<Judged> = series
         .par_iter()
-        .map(|(kind, laminate, seed)| simulated(kind, *laminate, *seed))
+        .map(|(kind, laminate, seed)| {
+            let judged = simulated(kind, *laminate, *seed);
+            println!("{} {:?}", judged.ended.line(), judged.is_wrong());
+            judged
+        })
         .collect();
     summary(&judged);
     let wrong = judged.iter().filter(|j| j.is_wrong() && !j.foreign).count();
