@@ -102,7 +102,7 @@ impl Field {
     }
 
     /// How much each point counts: the mean variance over its own, where sds are stated. One that is far better or worse than most
-    /// counts as one that is [`FARTHEST_SD`] times better or worse.
+    /// counts as one that is five times better or worse.
     pub fn weights(&self) -> Option<Vec<f64>> {
         let mut sorted = self.sigma.clone()?;
         let typical = median(&mut sorted);

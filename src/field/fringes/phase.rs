@@ -26,7 +26,7 @@ pub enum Pixel {
     Dark,
     /// Its frames contradict a fringe, or the two states each other.
     Spoiled,
-    /// Fringes of the difference finer than [`FINEST`].
+    /// Fringes of the difference too fine to follow.
     TooFine,
     /// Too few connected pixels around it.
     Isolated,

@@ -19,6 +19,10 @@ pub const STATES: [&str; 2] = ["initial", "final"];
 /// Frames of a state: at least as many as unknowns at a pixel, and no more than anyone takes.
 const FRAMES: std::ops::RangeInclusive<usize> = 3..=64;
 
+/// Gratings and pixels that there are: lines per mm of displacement, and mm.
+const FREQUENCIES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
+const PIXELS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e3;
+
 /// A set of fringe images.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -119,13 +123,22 @@ impl FringeImages {
                 .found(self.frames)
                 .hint(hint));
         }
-        let positive = [
-            ("fringe_frequency_per_mm", self.fringe_frequency_per_mm),
-            ("pixel_mm", self.pixel_mm),
+        let sizes = [
+            (
+                "fringe_frequency_per_mm",
+                self.fringe_frequency_per_mm,
+                FREQUENCIES,
+            ),
+            ("pixel_mm", self.pixel_mm, PIXELS_MM),
         ];
-        for (key, value) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(Error::input(key, "a number above 0").found(value));
+        for (key, value, range) in sizes {
+            if !range.contains(&value) {
+                let expected = format!(
+                    "a number above 0, from {:e} to {:e}",
+                    range.start(),
+                    range.end()
+                );
+                return Err(Error::input(key, expected).found(value));
             }
         }
         if !(self.step_deg.is_finite() && self.nominal_fits()) {
