@@ -4,10 +4,11 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `error, files, numeric, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
+//! `dense, error, files, numeric, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
 
 pub mod chain;
 pub mod cli;
+mod dense;
 pub mod diagnose;
 pub mod effect;
 pub mod error;

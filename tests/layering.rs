@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
 const ORDER: [&[&str]; 19] = [
-    &["error", "files", "numeric", "quantity", "progress"],
+    &["dense", "error", "files", "numeric", "quantity", "progress"],
     &["field", "laminate"],
     &["noise"],
     &["geometry"],

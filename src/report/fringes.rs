@@ -48,8 +48,8 @@ pub struct ComponentReport {
     pub gain: PerState<Vec<f64>>,
     /// The recorded intensity goes with about this power of the light, near half of full scale.
     pub detector_gamma: f64,
-    /// Sd of an intensity, in the recorded unit.
-    pub noise: f64,
+    /// Variance of an intensity, in the square of the recorded unit: the same everywhere, and for each unit of light.
+    pub noise_variance: [f64; 2],
     /// Background and modulation of the final state over the initial one's.
     pub brightness: [f64; 2],
     /// Root mean square of the sds of the displacement, nm.
@@ -136,7 +136,7 @@ impl ComponentReport {
             step_error_deg: PerState::new([errors(0), errors(1)]),
             gain: PerState::new([0, 1].map(|s| frames.shifts[s].gain.clone())),
             detector_gamma: frames.response.gamma(),
-            noise: frames.noise,
+            noise_variance: [frames.noise.even, frames.noise.per_light],
             brightness: frames.ratio,
             sd_nm: component.sd_nm(),
             step_sd_nm: frames.left_rad * nm_per_rad,
@@ -246,7 +246,7 @@ fn pixels_table(own: &ComponentReport) -> Markup {
     let counts = &own.pixels;
     let rows = [
         ("measured", counts.measured),
-        ("clipped by the detector", counts.clipped),
+        ("left out because most frames are saturated", counts.clipped),
         ("without modulation", counts.dark),
         (
             "contradicted by a frame or by the other state",

@@ -167,6 +167,7 @@ fn replicate(
                 let place = record.with_extension(format!("field-{replicate}"));
                 write_matrices(&place, &grid, None)?;
                 let found = closed(model, plan, withheld, replicate, &drawn, &place, cache);
+                // a field that cannot be removed does no harm
                 let _ = std::fs::remove_dir_all(&place);
                 return found.map_err(|e| e.within(format!("replicate {replicate}")));
             }

@@ -22,6 +22,13 @@ pub struct Camera {
     pub gamma: f64,
     pub noise: f64,
     pub background: f64,
+    /// Variance of an intensity for each unit of light.
+    pub shot: f64,
+    /// What the detector takes off every intensity before it cuts at zero.
+    pub black: f64,
+    /// Relative change of background and modulation between the states, smooth over the picture.
+    pub background_change: f64,
+    pub modulation_change: f64,
     /// Fringes over the picture in the initial state, and a pixel of the displacement.
     pub initial_fringes: f64,
     pub density: f64,
@@ -44,6 +51,10 @@ impl Default for Camera {
             gamma: 1.0,
             noise: 1.4,
             background: 100.0,
+            shot: 0.0,
+            black: 0.0,
+            background_change: 0.0,
+            modulation_change: 0.0,
             initial_fringes: 12.0,
             density: 0.2,
             unit: 1.0,
@@ -148,6 +159,10 @@ impl Camera {
             let dust = (rng.random::<f64>() < DUST).then(|| 255.0 * rng.random::<f64>());
             let mut clipped = [0; 2];
             for (s, state) in frames.iter().enumerate() {
+                let later = s as f64;
+                let b =
+                    b * (1.0 + later * self.background_change * (2.2 * u + 1.3 * v + 0.3).sin());
+                let m = m * (1.0 + later * self.modulation_change * (2.0 * u - 1.7 * v).cos());
                 for (k, (step, gain)) in state.iter().enumerate() {
                     let light = match (has_surface, dust) {
                         (false, _) => 12.0,
@@ -155,8 +170,10 @@ impl Camera {
                         _ => gain * (b + m * (phases[s] + step).cos()),
                     };
                     let light = 255.0 * (light.max(0.0) / 255.0).powf(self.gamma);
-                    let value = ((light + self.noise * normal(rng)) * self.unit).round();
-                    clipped[s] += usize::from(value >= self.full);
+                    let sd = (self.noise.powi(2) + self.shot * light).sqrt();
+                    let value = ((light + sd * normal(rng) - self.black) * self.unit).round();
+                    let cut = value >= self.full || (self.black > 0.0 && value <= 0.0);
+                    clipped[s] += usize::from(cut);
                     recorded[s * self.frames + k][i] = value.clamp(0.0, self.full) as u16;
                 }
             }
@@ -165,7 +182,8 @@ impl Camera {
                 pictured.phase[c][i] = phases[1] - phases[0];
             }
             if has_surface && dust.is_none() && clipped == [0; 2] {
-                let variance = self.noise.powi(2) + 1.0 / (12.0 * self.unit.powi(2));
+                let variance =
+                    self.noise.powi(2) + self.shot * b + 1.0 / (12.0 * self.unit.powi(2));
                 sum += 2.0 * 2.0 / self.frames as f64 * variance / (m * m);
                 count += 1.0;
             }

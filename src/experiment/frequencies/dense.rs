@@ -1,27 +1,18 @@
 //! The lowest eigenvalues of dense symmetric pairs, on one thread: the same bits for any number of threads.
 
+use faer::Par;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
 use faer::linalg::triangular_solve::{
     solve_lower_triangular_in_place, solve_upper_triangular_in_place,
 };
 use faer::prelude::default;
-use faer::{Col, MatMut, MatRef, Par};
 use nalgebra::DMatrix;
 
+use crate::dense::{eigen, view, view_mut};
 use crate::error::{Error, Result};
 
 const PLACE: &str = "natural frequencies";
-
-fn view(m: &DMatrix<f64>) -> MatRef<'_, f64> {
-    MatRef::from_column_major_slice(m.as_slice(), m.nrows(), m.ncols())
-}
-
-fn view_mut(m: &mut DMatrix<f64>) -> MatMut<'_, f64> {
-    let (rows, columns) = m.shape();
-    MatMut::from_column_major_slice_mut(m.as_mut_slice(), rows, columns)
-}
 
 /// The `count` lowest eigenvalues of K c = lambda M c, increasing, with eigenvectors of c' M c = 1 (n x count).
 ///
@@ -51,21 +42,7 @@ pub fn lowest(
     let factor = view(&k);
     solve_lower_triangular_in_place(factor, view_mut(&mut m), Par::Seq);
     solve_lower_triangular_in_place(factor, view_mut(&mut m).transpose_mut(), Par::Seq);
-    let mut values = Col::<f64>::zeros(n);
-    let mut vectors = DMatrix::zeros(n, n);
-    let yes = ComputeEigenvectors::Yes;
-    let need = self_adjoint_evd_scratch::<f64>(n, yes, Par::Seq, default());
-    self_adjoint_evd(
-        view(&m),
-        values.as_diagonal_mut(),
-        Some(view_mut(&mut vectors)),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(need)),
-        default(),
-    )
-    .map_err(|e| {
-        Error::program(PLACE, "an eigendecomposition that converges").found(format!("{e:?}"))
-    })?;
+    let (values, vectors) = eigen(&m)?;
     let count = count.min(n);
     // largest flexibilities first
     let lambda: Vec<f64> = (0..count).map(|i| 1.0 / values[n - 1 - i]).collect();

@@ -7,21 +7,23 @@
 use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
+use super::clear::{Clear, Frames};
+use super::images::Stack;
+use super::noise::{Noise, Seen};
 use super::parameters::Parameters;
 use super::residuals::{Camera, Evaluated, Intensities, Normal, Scales, shared};
 use super::response::Response;
 use super::shifts::{Fringe, Shifts};
 use super::spec::{FringeImages, Steps};
 
-/// Frames of one component in one state: intensities of every pixel, frame after frame.
-pub type Frames = Vec<Vec<u16>>;
-
 /// Intensities that are fitted, of all frames together: the more frames, the fewer pixels are needed.
 const INTENSITIES: usize = 60_000;
 /// Fewer pixels with fringes are none.
 const FEWEST: usize = 200;
-/// A pixel whose modulation is below so many sds of noise is not fitted.
-const LEAST_MODULATION_SD: f64 = 8.0;
+/// A pixel whose modulation is below this share of that of bright ones is not fitted, and which pixels are bright. Not by the noise: what
+/// wrong steps leave of the frames is not to be taken for it.
+const DIMMEST: f64 = 0.3;
+const BRIGHT: f64 = 0.99;
 
 /// What was found of one component.
 #[derive(Debug, Clone)]
@@ -33,8 +35,8 @@ pub struct Calibration {
     pub light: Vec<f64>,
     /// Brightness of the final state's background and modulation relative to the initial one's.
     pub ratio: [f64; 2],
-    /// Sd of an intensity, in the recorded unit.
-    pub noise: f64,
+    /// Of an intensity.
+    pub noise: Noise,
     /// Sds by which the two states' backgrounds and modulations differ beyond noise, same unit.
     pub unshared: [f64; 2],
     /// rms error of the phase difference that the uncertainty of all this leaves, rad.
@@ -62,14 +64,14 @@ impl Calibration {
 pub fn calibrate(
     states: [&Frames; 2],
     spec: &FringeImages,
-    full_scale: u16,
-    saturated: u16,
+    stack: &Stack,
 ) -> Option<(Calibration, Chosen)> {
     let nominal = Parameters::nominal(spec.frames, spec.step_deg.to_radians());
-    let level = f64::from(full_scale) / 255.0;
-    let noise = first_noise(states, &nominal.shifts[0], level)?;
-    let pixels = fitted_pixels(states, &nominal.shifts[0], noise, saturated)?;
-    let camera = Camera::new(&pixels, full_scale);
+    let places = fitted_pixels(states, &nominal.shifts[0], stack)?;
+    let gathered = |i: &usize| states.map(|frames| frames.iter().map(|f| f[*i]).collect());
+    let pixels: Vec<Intensities> = places.iter().map(gathered).collect();
+    let camera = Camera::new(&pixels, stack.largest);
+    let noise = first_noise(&pixels, &nominal.shifts[0], camera.level())?;
     let fit = |only_ratios| Fitted::new(&nominal, &pixels, &camera, noise, only_ratios);
     let (fitted, chosen) = match spec.steps {
         Steps::Nominal => (fit(true)?, None),
@@ -88,7 +90,9 @@ pub fn calibrate(
         },
         log_ratio: chosen,
     };
-    Some((fitted.calibration(&camera), chosen))
+    let mut found = fitted.calibration(&camera);
+    found.noise = measured_noise(states, &places, &stack.clear, &found)?;
+    Some((found, chosen))
 }
 
 /// Parameters at the least sum of squares.
@@ -151,19 +155,24 @@ impl Fitted {
         let mean = &self.sums.phase_mean / n;
         // the mean of the phase's error is a rigid displacement
         let centred = &self.sums.phase / n - &mean * mean.transpose();
+        let rms = |covariance: &DMatrix<f64>| (&centred * covariance).trace().max(0.0).sqrt();
+        // where what the states do not share varies smoothly over the picture, the residuals of neighbours are not independent, and the
+        // parameters less sure than their number says (Liang and Zeger, Biometrika 73 (1986) 13)
+        let of_scatter = &self.covariance * &self.sums.scatter * &self.covariance;
+        let left_rad = rms(&self.covariance).max(rms(&of_scatter));
         let Parameters {
             shifts,
             response,
             ln_ratio,
         } = self.parameters;
         Calibration {
-            light: response.table(&camera.histogram, camera.full_scale),
+            light: response.table(&camera.histogram, camera.largest),
             shifts,
             response,
             ratio: ln_ratio.map(f64::exp),
-            noise: self.scales.noise,
+            noise: Noise::even(self.scales.noise.powi(2)),
             unshared: self.scales.unshared,
-            left_rad: (&centred * &self.covariance).trace().max(0.0).sqrt(),
+            left_rad,
         }
     }
 }
@@ -200,49 +209,89 @@ fn step(
     Some((largest, factor.inverse()))
 }
 
-/// Pixels that show fringes in both states and are clipped in neither, thinned.
-fn fitted_pixels(
-    states: [&Frames; 2],
-    nominal: &Shifts,
-    noise: f64,
-    saturated: u16,
-) -> Option<Vec<Intensities>> {
+/// Places of pixels that show fringes in both states and are clipped in neither, thinned; none at the end of a row.
+fn fitted_pixels(states: [&Frames; 2], nominal: &Shifts, stack: &Stack) -> Option<Vec<usize>> {
     let fit = nominal.fit()?;
-    let least = LEAST_MODULATION_SD * noise;
-    let shows = |frames: &Frames, i: usize| {
-        let clear = frames.iter().all(|f| f[i] < saturated);
+    let modulation = |frames: &Frames, i: usize| {
         let [_, c, s] = fit.fringe(frames.iter().map(|f| f64::from(f[i])));
-        clear && c.hypot(s) > least
+        c.hypot(s)
     };
-    let all: Vec<usize> = (0..states[0][0].len())
-        .into_par_iter()
-        .filter(|&i| states.iter().all(|frames| shows(frames, i)))
+    let both = |i: usize| modulation(states[0], i).min(modulation(states[1], i));
+    let inner = (0..states[0][0].len()).filter(|i| !(i + 1).is_multiple_of(stack.cols));
+    let inner: Vec<usize> = inner.collect();
+    let all: Vec<(usize, f64)> = inner
+        .par_iter()
+        .filter(|&&i| stack.clear.shows(states, i))
+        .map(|&i| (i, both(i)))
+        .collect();
+    let mut sorted: Vec<f64> = all.iter().map(|(_, m)| *m).collect();
+    sorted.sort_by(f64::total_cmp);
+    let least = DIMMEST * sorted.get((BRIGHT * sorted.len() as f64) as usize)?;
+    let shown: Vec<usize> = all
+        .iter()
+        .filter(|(_, m)| *m > least)
+        .map(|(i, _)| *i)
         .collect();
     let most = INTENSITIES / states[0].len();
     // an odd stride visits all columns of most pictures
-    let stride = all.len().div_ceil(most).max(1) | 1;
-    let pixel = |i: &usize| states.map(|frames| frames.iter().map(|f| f[*i]).collect());
-    let pixels: Vec<Intensities> = all.iter().step_by(stride).map(pixel).collect();
-    (pixels.len() >= FEWEST).then_some(pixels)
+    let stride = shown.len().div_ceil(most).max(1) | 1;
+    let places: Vec<usize> = shown.into_iter().step_by(stride).collect();
+    (places.len() >= FEWEST).then_some(places)
 }
 
-/// About the noise of an intensity: what nominal frames leave at a typical pixel, at least half a grey level (`level`); a level where
-/// three frames leave nothing.
-fn first_noise(states: [&Frames; 2], nominal: &Shifts, level: f64) -> Option<f64> {
-    const LOOKED_AT: usize = 20_000;
+/// About the noise of an intensity, to begin with: what nominal frames leave at a typical pixel, at least half a grey level (`level`); a level
+/// where three frames leave nothing.
+fn first_noise(pixels: &[Intensities], nominal: &Shifts, level: f64) -> Option<f64> {
     let fit = nominal.fit()?;
-    let freedom = states[0].len() - 3;
+    let freedom = nominal.gain.len() - 3;
     if freedom == 0 {
         return Some(level);
     }
-    let stride = states[0][0].len() / LOOKED_AT + 1;
-    let left = |i: usize| {
-        let light = || states[0].iter().map(|f| f64::from(f[i]));
+    let left = |pixel: &Intensities| {
+        let light = || pixel[0].iter().map(|v| f64::from(*v));
         let residual = fit.residual(fit.fringe(light()), light());
         residual.map(|r| r * r).sum::<f64>()
     };
-    let mut squares: Vec<f64> = (0..states[0][0].len()).step_by(stride).map(left).collect();
+    let mut squares: Vec<f64> = pixels.iter().map(left).collect();
     squares.sort_by(f64::total_cmp);
     let middle = squares.get(squares.len() / 2)?;
     Some((middle / freedom as f64).sqrt().max(0.5 * level))
+}
+
+/// From what the frames of pixels leave beyond their fringes; of three frames, which leave nothing, from what the difference of the
+/// states' backgrounds and modulations varies by from pixel to pixel. `pixels` are places in the picture, none at the end of a row.
+fn measured_noise(
+    states: [&Frames; 2],
+    pixels: &[usize],
+    clear: &Clear,
+    calibration: &Calibration,
+) -> Option<Noise> {
+    let fits = [calibration.shifts[0].fit()?, calibration.shifts[1].fit()?];
+    let light = |s: usize, i: usize| {
+        let values = states[s].iter().map(move |f| usize::from(f[i]));
+        values.map(|v| calibration.light[v])
+    };
+    let fringes = |i: usize| [0, 1].map(|s| fits[s].fringe(light(s, i)));
+    let covariance = [&fits[0].covariance, &fits[1].covariance];
+    let freedom = 2 * states[0].len() - 6;
+    let mean = |f: &[Fringe; 2]| 0.5 * (f[0][0] + f[1][0]);
+    let seen = |&i: &usize| -> Option<Seen> {
+        let here = fringes(i);
+        if freedom > 0 {
+            let of = |s: usize| fits[s].residual(here[s], light(s, i));
+            let left: f64 = (0..2).flat_map(of).map(|r| r * r).sum();
+            return Some((mean(&here), left / freedom as f64));
+        }
+        if !clear.shows(states, i + 1) {
+            return None;
+        }
+        let there = fringes(i + 1);
+        let shared = [here, there].map(|f| calibration.shared(covariance, f));
+        let of = |k: usize| {
+            let difference = shared[0][k].0 - shared[1][k].0;
+            difference * difference / (shared[0][k].1 + shared[1][k].1)
+        };
+        Some((mean(&here), 0.5 * (of(0) + of(1))))
+    };
+    Noise::fit(pixels.iter().filter_map(seen).collect())
 }

@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use image::{ColorType, DynamicImage, ImageReader, Limits};
 use rayon::prelude::*;
 
-use super::calibrate::Frames;
+use super::clear::{Clear, Frames};
 use crate::error::{Error, Result};
-use crate::field::reader::unreadable;
 
 /// A picture of more pixels is refused, and so is what would need more memory, bytes.
 const MOST_PIXELS: u64 = 64 << 20;
@@ -20,9 +19,10 @@ pub struct Stack {
     pub cols: usize,
     /// By component and state.
     pub frames: [[Frames; 2]; 2],
-    /// Largest value that the images can hold, and the one at which they are clipped.
-    pub full_scale: u16,
-    pub saturated: u16,
+    /// Largest value that occurs: cameras of 10 or 12 bits leave much of a file's 16 empty.
+    pub largest: u16,
+    /// Which values are not clipped.
+    pub clear: Clear,
 }
 
 struct Picture {
@@ -56,7 +56,9 @@ impl Stack {
                 return Err(Error::input(path.display(), expected).found(found));
             }
         }
-        let saturated = clipped_at(&pictures, full_scale);
+        let clear = Clear::new(&counts(&pictures, full_scale), full_scale);
+        let all_values = pictures.iter().flat_map(|p| p.values.iter());
+        let largest = all_values.copied().max().unwrap_or(full_scale).max(1);
         let mut values = pictures.into_iter().map(|p| p.values);
         let mut of = |list: &Vec<PathBuf>| -> Frames { values.by_ref().take(list.len()).collect() };
         let [u, v] = paths;
@@ -65,21 +67,26 @@ impl Stack {
             rows,
             cols,
             frames,
-            full_scale,
-            saturated,
+            largest,
+            clear,
         })
     }
 }
 
 /// One image.
 fn picture(path: &Path) -> Result<Picture> {
-    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+    let place = || path.display();
+    let bytes = fs::read(path).map_err(|e| {
+        Error::input(place(), "a readable image")
+            .found(e)
+            .hint("names are relative to the file that lists them")
+    })?;
     decode(&bytes).map_err(|what| {
-        Error::input(path.display(), "a grey PNG or TIFF image of 8 or 16 bit").found(what)
+        Error::input(place(), "a grey PNG or TIFF image of 8 or 16 bit").found(what)
     })
 }
 
-/// The picture in the bytes of a file, or what is wrong with it.
+/// The picture in the bytes of a file (of several, the first), or what is wrong with it.
 fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
     let mut reader = ImageReader::new(std::io::Cursor::new(bytes))
         .with_guessed_format()
@@ -122,33 +129,16 @@ fn is_grey(image: &DynamicImage) -> bool {
         .all(|p| p.0[0] == p.0[1] && p.0[1] == p.0[2])
 }
 
-/// The value at which the detector clips: the largest one where it occurs far more often than those below it, as in
-/// pictures of a 12-bit camera in files of 16 bit; or else full scale.
-fn clipped_at(pictures: &[Picture], full_scale: u16) -> u16 {
-    const OFTEN: usize = 20;
-    let mut counts = vec![0usize; usize::from(full_scale) + 1];
+/// How often each value occurs, of some pixels.
+fn counts(pictures: &[Picture], full_scale: u16) -> Vec<usize> {
+    const STRIDE: usize = 3;
+    let mut counts = vec![0; usize::from(full_scale) + 1];
     for picture in pictures {
-        for value in picture.values.iter().step_by(3) {
+        for value in picture.values.iter().step_by(STRIDE) {
             counts[usize::from(*value)] += 1;
         }
     }
-    let Some(most) = counts.iter().rposition(|n| *n > 0) else {
-        return full_scale;
-    };
-    // those that occur next below it: values of 12 bits leave gaps in 16
-    let below: Vec<usize> = counts[..most]
-        .iter()
-        .rev()
-        .filter(|n| **n > 0)
-        .take(8)
-        .copied()
-        .collect();
-    let typical = below.iter().sum::<usize>() / below.len().max(1);
-    if counts[most] > OFTEN.max(5 * typical) {
-        most as u16
-    } else {
-        full_scale
-    }
+    counts
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use super::calibrate::{Calibration, Frames};
+use super::calibrate::Calibration;
+use super::clear::{Clear, Frames};
 use super::residuals::phase_difference;
-use super::shifts::{Fit, Fringe, Shifts, variances};
+use super::shifts::{Fit, Fringe, variances};
 
 /// A phase difference of a larger sd is not measured, rad: the article's fringes would then be drowned.
 const MOST_SD_RAD: f64 = 0.35;
@@ -20,9 +21,9 @@ const REACH: usize = 2;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pixel {
     Measured,
-    /// Clipped by the detector in so many frames of a state that less than three are left.
+    /// Saturated, with less than three frames of a state that are not clipped.
     Clipped,
-    /// No modulation above the noise.
+    /// No modulation above the noise, or none above the black level.
     Dark,
     /// Its frames contradict a fringe, or the two states each other.
     Spoiled,
@@ -63,16 +64,31 @@ struct Solved {
 }
 
 /// The least squares of a component's frames, pixel by pixel.
-struct Analysis<'a> {
+pub struct Analysis<'a> {
     states: [&'a Frames; 2],
     calibration: &'a Calibration,
+    clear: &'a Clear,
     fits: [Fit; 2],
     /// All frames.
     every: Vec<usize>,
-    saturated: u16,
 }
 
-impl Analysis<'_> {
+impl<'a> Analysis<'a> {
+    /// `None` for steps that tell nothing.
+    pub fn new(
+        states: [&'a Frames; 2],
+        calibration: &'a Calibration,
+        clear: &'a Clear,
+    ) -> Option<Self> {
+        Some(Self {
+            states,
+            calibration,
+            clear,
+            fits: [calibration.shifts[0].fit()?, calibration.shifts[1].fit()?],
+            every: (0..states[0].len()).collect(),
+        })
+    }
+
     /// `None` where too few frames are left.
     fn solved(&self, state: usize, i: usize) -> Option<Solved> {
         let frames = self.states[state];
@@ -87,11 +103,11 @@ impl Analysis<'_> {
                 freedom: frames.len() - 3,
             }
         };
-        let clear = |k: &usize| frames[*k][i] < self.saturated;
-        if (0..frames.len()).all(|k| clear(&k)) {
+        if frames.iter().all(|f| self.clear.holds(f[i])) {
             return Some(by(&self.fits[state], &self.every));
         }
-        let kept: Vec<usize> = (0..frames.len()).filter(clear).collect();
+        let kept = self.every.iter().copied();
+        let kept: Vec<usize> = kept.filter(|k| self.clear.holds(frames[*k][i])).collect();
         if kept.len() < 3 {
             return None;
         }
@@ -101,12 +117,16 @@ impl Analysis<'_> {
 
     fn at(&self, i: usize) -> Said {
         let (Some(first), Some(second)) = (self.solved(0, i), self.solved(1, i)) else {
-            return (f64::NAN, f64::NAN, f64::NAN, Pixel::Clipped);
+            let mut values = self.states.iter().flat_map(|s| s.iter().map(|f| f[i]));
+            let pixel = if values.any(|v| self.clear.is_saturated(v)) {
+                Pixel::Clipped
+            } else {
+                Pixel::Dark
+            };
+            return (f64::NAN, f64::NAN, f64::NAN, pixel);
         };
-        let fringes = [first.fringe, second.fringe];
-        let noise2 = self.calibration.noise.powi(2);
-        let of = |s: &Solved| variances(&s.covariance, s.fringe).1;
-        let variance = noise2 * (of(&first) + of(&second));
+        let of = |s: &Solved| self.variance(s) * variances(&s.covariance, s.fringe).1;
+        let variance = of(&first) + of(&second);
         let pixel = if variance.is_nan() || variance > MOST_SD_RAD.powi(2) {
             // a pixel of zeros has no phase, and no finite variance
             Pixel::Dark
@@ -117,18 +137,23 @@ impl Analysis<'_> {
         };
         let sd = (variance + self.calibration.left_rad.powi(2)).sqrt();
         let [_, c, s] = first.fringe;
+        let fringes = [first.fringe, second.fringe];
         (phase_difference(fringes), sd, c.hypot(s), pixel)
+    }
+
+    /// Variance of an intensity about a fringe.
+    fn variance(&self, solved: &Solved) -> f64 {
+        self.calibration.noise.variance(solved.fringe[0])
     }
 
     /// Whether frames contradict a fringe, or the states that they are of one surface.
     fn is_contradicted(&self, first: &Solved, second: &Solved) -> bool {
-        let noise2 = self.calibration.noise.powi(2);
+        let noise2 = 0.5 * (self.variance(first) + self.variance(second));
         let freedom = (first.freedom + second.freedom) as f64;
         let most = freedom + MOST_DEVIATION * (2.0 * freedom).sqrt() + MOST_DEVIATION.powi(2);
         let covariance = [&first.covariance, &second.covariance];
-        let shared = self
-            .calibration
-            .shared(covariance, [first.fringe, second.fringe]);
+        let fringes = [first.fringe, second.fringe];
+        let shared = self.calibration.shared(covariance, fringes);
         let unshared = self.calibration.unshared;
         let far = |k: usize| {
             let (difference, variance) = shared[k];
@@ -137,26 +162,12 @@ impl Analysis<'_> {
         };
         first.left + second.left > most * noise2 || (0..2).any(far)
     }
-}
 
-impl Phase {
-    /// By the least squares that `calibration` gives; `None` if that cannot be solved.
-    pub fn new(
-        [rows, cols]: [usize; 2],
-        states: [&Frames; 2],
-        calibration: &Calibration,
-        saturated: u16,
-    ) -> Option<Self> {
-        let analysis = Analysis {
-            states,
-            calibration,
-            fits: [calibration.shifts[0].fit()?, calibration.shifts[1].fit()?],
-            every: (0..states[0].len()).collect(),
-            saturated,
-        };
+    /// All pixels of a picture.
+    pub fn phase(&self, rows: usize, cols: usize) -> Phase {
         let pixels = (0..rows * cols).into_par_iter();
-        let all: Vec<Said> = pixels.map(|i| analysis.at(i)).collect();
-        let mut phase = Self {
+        let all: Vec<Said> = pixels.map(|i| self.at(i)).collect();
+        let mut phase = Phase {
             rows,
             cols,
             difference: all.iter().map(|a| a.0).collect(),
@@ -165,9 +176,49 @@ impl Phase {
             pixel: all.iter().map(|a| a.3).collect(),
         };
         phase.leave_out_fine(&phase.density());
-        Some(phase)
+        phase
     }
 
+    /// Pixels of `phase` that are measured though a frame is clipped.
+    pub fn partly_clipped(&self, phase: &Phase) -> usize {
+        let clipped = |i: &usize| phase.is_measured(*i) && !self.clear.shows(self.states, *i);
+        (0..phase.pixel.len())
+            .into_par_iter()
+            .filter(clipped)
+            .count()
+    }
+
+    /// What steps, gains and response leave of ripple: a wrong one modulates a state's modulation k times a fringe by as much as it shifts
+    /// its phase. Relative to the other state's, so that the surface's own modulation does not enter; rad, for k = 1, 2, 3, of each state.
+    pub fn ripple(&self, phase: &Phase) -> [[f64; 3]; 2] {
+        const LOOKED_AT: usize = 50_000;
+        let stride = (phase.pixel.len() / LOOKED_AT) | 1;
+        let ratio = self.calibration.ratio[1];
+        let mut sums = [[[0.0; 2]; 3]; 2];
+        let mut count = 0.0;
+        let looked_at = (0..phase.pixel.len()).step_by(stride);
+        for i in looked_at.filter(|i| phase.is_measured(*i) && self.clear.shows(self.states, *i)) {
+            let (Some(first), Some(second)) = (self.solved(0, i), self.solved(1, i)) else {
+                continue;
+            };
+            let fringes = [first.fringe, second.fringe];
+            let [m0, m1] = fringes.map(|[_, c, s]| c.hypot(s));
+            let beyond = 2.0 * (ratio * m0 - m1) / (ratio * m0 + m1);
+            for (sums, [_, c, s]) in sums.iter_mut().zip(fringes) {
+                let angle = s.atan2(c);
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    let (sin, cos) = ((k + 1) as f64 * angle).sin_cos();
+                    sum[0] += beyond * cos;
+                    sum[1] += beyond * sin;
+                }
+            }
+            count += 1.0;
+        }
+        sums.map(|of| of.map(|[c, s]| 2.0 * c.hypot(s) / f64::max(count, 1.0)))
+    }
+}
+
+impl Phase {
     pub fn is_measured(&self, i: usize) -> bool {
         self.pixel[i] == Pixel::Measured
     }
@@ -243,45 +294,4 @@ impl Phase {
             }
         }
     }
-}
-
-/// What steps, gains and response leave of ripple: a wrong one modulates a state's modulation k times a fringe by as much as it shifts its
-/// phase. Relative to the other state's, so that the surface's own modulation does not enter; rad, for k = 1, 2, 3, of each state.
-pub fn ripple(
-    states: [&Frames; 2],
-    calibration: &Calibration,
-    phase: &Phase,
-    saturated: u16,
-) -> [[f64; 3]; 2] {
-    const LOOKED_AT: usize = 50_000;
-    let fits = calibration.shifts.each_ref().map(Shifts::fit);
-    let [Some(first), Some(second)] = fits else {
-        return [[f64::NAN; 3]; 2];
-    };
-    let fits = [first, second];
-    let mut sums = [[[0.0; 2]; 3]; 2];
-    let mut count = 0.0;
-    let stride = (phase.pixel.len() / LOOKED_AT) | 1;
-    let clear = |i: usize| states.iter().all(|s| s.iter().all(|f| f[i] < saturated));
-    let pixels = (0..phase.pixel.len()).step_by(stride);
-    for i in pixels.filter(|&i| phase.is_measured(i) && clear(i)) {
-        let light = |s: usize| {
-            states[s]
-                .iter()
-                .map(|f| calibration.light[usize::from(f[i])])
-        };
-        let fringes = [0, 1].map(|s| fits[s].fringe(light(s)));
-        let [m0, m1] = fringes.map(|[_, c, s]| c.hypot(s));
-        let beyond = 2.0 * (calibration.ratio[1] * m0 - m1) / (calibration.ratio[1] * m0 + m1);
-        for (sums, [_, c, s]) in sums.iter_mut().zip(fringes) {
-            let angle = s.atan2(c);
-            for (k, sum) in sums.iter_mut().enumerate() {
-                let (sin, cos) = ((k + 1) as f64 * angle).sin_cos();
-                sum[0] += beyond * cos;
-                sum[1] += beyond * sin;
-            }
-        }
-        count += 1.0;
-    }
-    sums.map(|of| of.map(|[c, s]| 2.0 * c.hypot(s) / f64::max(count, 1.0)))
 }

@@ -12,28 +12,28 @@ const MOST_DEVIATION: f64 = 5.0;
 /// Intensities of a pixel in the frames of both states.
 pub type Intensities = [Vec<u16>; 2];
 
-/// The detector: its full scale, and how often the fitted pixels have some of its values.
+/// The detector: the largest of its values that occurs, and how often the fitted pixels have some of them.
 pub struct Camera {
-    pub full_scale: u16,
+    pub largest: u16,
     pub histogram: Vec<(u16, f64)>,
 }
 
 impl Camera {
-    pub fn new(pixels: &[Intensities], full_scale: u16) -> Self {
+    pub fn new(pixels: &[Intensities], largest: u16) -> Self {
         const COUNTED: usize = 256;
         let mut values: Vec<u16> = pixels.iter().flatten().flatten().copied().collect();
         values.sort_unstable();
         let stride = values.len() / COUNTED + 1;
         let histogram = values.into_iter().step_by(stride).map(|v| (v, 1.0));
         Self {
-            full_scale,
+            largest,
             histogram: histogram.collect(),
         }
     }
 
-    /// A grey level of eight bits, in the recorded unit.
+    /// A grey level where eight bits are used, in the recorded unit.
     pub fn level(&self) -> f64 {
-        f64::from(self.full_scale) / 255.0
+        f64::from(self.largest) / 255.0
     }
 }
 
@@ -78,9 +78,7 @@ impl Evaluated {
     pub fn new(parameters: &Parameters, camera: &Camera) -> Option<Self> {
         Some(Self {
             fits: [parameters.shifts[0].fit()?, parameters.shifts[1].fit()?],
-            table: parameters
-                .response
-                .table(&camera.histogram, camera.full_scale),
+            table: parameters.response.table(&camera.histogram, camera.largest),
             ratio: parameters.ln_ratio.map(f64::exp),
         })
     }
@@ -120,7 +118,7 @@ impl Evaluated {
             let mut out = vec![0.0; rows];
             self.residuals(pixel, scales, &mut out);
             let sum: f64 = out.iter().map(|r| r * r).sum();
-            sum.min(largest(pixel[0].len()))
+            sum.min(farthest(pixel[0].len()))
         };
         // in order, so that the sum does not depend on the threads
         let all: Vec<f64> = pixels.par_iter().map(of).collect();
@@ -129,7 +127,7 @@ impl Evaluated {
 }
 
 /// Largest sum of squares of a pixel that is taken for one of its own kind.
-fn largest(frames: usize) -> f64 {
+fn farthest(frames: usize) -> f64 {
     let freedom = (2 * frames - 4) as f64;
     freedom + MOST_DEVIATION * (2.0 * freedom).sqrt() + MOST_DEVIATION.powi(2)
 }
@@ -139,6 +137,8 @@ fn largest(frames: usize) -> f64 {
 pub struct Normal {
     pub matrix: DMatrix<f64>,
     pub right: DVector<f64>,
+    /// Sum over chunks of neighbouring pixels of the squares of their parts of `right`: as much as `matrix` where residuals are independent.
+    pub scatter: DMatrix<f64>,
     /// Sums over pixels of g g' and g, g the derivative of the phase difference.
     pub phase: DMatrix<f64>,
     pub phase_mean: DVector<f64>,
@@ -154,6 +154,7 @@ impl Normal {
         Self {
             matrix: DMatrix::zeros(parameters, parameters),
             right: DVector::zeros(parameters),
+            scatter: DMatrix::zeros(parameters, parameters),
             phase: DMatrix::zeros(parameters, parameters),
             phase_mean: DVector::zeros(parameters),
             pixels: 0,
@@ -203,7 +204,7 @@ impl Normal {
         let mut of_phase = DMatrix::zeros(chunk.len(), moved.len());
         for (i, pixel) in chunk.iter().enumerate() {
             let fringes = base.residuals(pixel, scales, &mut here);
-            if here.iter().map(|r| r * r).sum::<f64>() > largest(frames) {
+            if here.iter().map(|r| r * r).sum::<f64>() > farthest(frames) {
                 continue;
             }
             sum.count(&here[..2 * frames], scales, base.shared(fringes));
@@ -227,6 +228,7 @@ impl Normal {
                 sum.phase[(*i, *j)] = phase[(a, b)];
             }
         }
+        sum.scatter = &sum.right * sum.right.transpose();
         sum
     }
 
@@ -245,6 +247,7 @@ impl Normal {
     fn add(mut self, other: Self) -> Self {
         self.matrix += other.matrix;
         self.right += other.right;
+        self.scatter += other.scatter;
         self.phase += other.phase;
         self.phase_mean += other.phase_mean;
         self.pixels += other.pixels;

@@ -23,6 +23,10 @@ const FRAMES: std::ops::RangeInclusive<usize> = 3..=64;
 const FREQUENCIES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 const PIXELS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e3;
 
+/// Steps beyond a turn are others within it; origins beyond this lie in no picture's frame.
+const FULL_TURN_DEG: f64 = 360.0;
+const FARTHEST_PX: f64 = 1e6;
+
 /// A set of fringe images.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -141,13 +145,16 @@ impl FringeImages {
                 return Err(Error::input(key, expected).found(value));
             }
         }
-        if !(self.step_deg.is_finite() && self.nominal_fits()) {
+        if !(self.step_deg.abs() <= FULL_TURN_DEG && self.nominal_fits()) {
             let expected = "a phase from frame to frame that tells background, modulation and phase apart, such as 90";
             return Err(Error::input("step_deg", expected).found(self.step_deg));
         }
-        if let Some([col, row]) = self.origin_px.filter(|o| !o.iter().all(|v| v.is_finite())) {
+        let far = |v: &f64| v.is_nan() || v.abs() > FARTHEST_PX;
+        if let Some([col, row]) = self.origin_px.filter(|o| o.iter().any(far)) {
             let found = format!("[{col}, {row}]");
-            return Err(Error::input("origin_px", "two finite numbers").found(found));
+            return Err(
+                Error::input("origin_px", "two numbers of at most 1e6 pixels").found(found),
+            );
         }
         self.check_images()
     }
@@ -166,6 +173,11 @@ impl FringeImages {
                     let expected = format!("a name with {part}, or lists by component and state");
                     return Err(Error::input("images", expected).found(pattern));
                 }
+            }
+            if pattern.matches('{').count() > 3 {
+                let expected =
+                    "no other part in braces than {component}, {state} and {n}, each once";
+                return Err(Error::input("images", expected).found(pattern));
             }
         }
         let all = self.paths(Path::new(""));

@@ -4,10 +4,10 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::dense::{gram, product, tr_product};
 use super::frame_noise::FrameNoise;
 use super::frames::Frames;
 use super::slices::Slices;
+use crate::dense::{gram, product, tr_product};
 use crate::noise::BlockCovariance;
 
 /// Columns and data of both components, frame by frame.

@@ -15,7 +15,6 @@
 //! series of known effects were called unexplained; it is its single most important part.
 
 mod contrasts;
-mod dense;
 mod family;
 mod frame_noise;
 mod frames;

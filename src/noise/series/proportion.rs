@@ -15,8 +15,8 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::contrasts::weighted;
-use super::dense::{gram, product, tr_product};
 use super::in_frames::InFrames;
+use crate::dense::{gram, product, tr_product};
 use crate::noise::NormalEquations;
 
 /// How a column takes part in the test.

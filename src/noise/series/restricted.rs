@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 
 use super::contrasts::Metric;
-use super::dense::{gram, product, tr_product};
 use super::slices::{Basis, Slices};
+use crate::dense::{gram, product, tr_product};
 use crate::error::{Error, Result};
 use crate::noise::{BlockCovariance, NormalEquations};
 

@@ -6,8 +6,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::dense::{eigen, gram, tr_product};
 use super::frames::Law;
+use crate::dense::{eigen, gram, tr_product};
 use crate::error::Result;
 use crate::field::Blocks;
 use crate::noise::{BlockCovariance, Matern};

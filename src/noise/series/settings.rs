@@ -5,12 +5,12 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::dense::{product, tr_product};
 use super::frame_noise::{FrameNoise, Search, SpatialNoise, steps as steps_of_noise};
 use super::frames::{Frames, Law};
 use super::in_frames::{InFrames, Part};
 use super::rivals::{LENGTHS, Modes, RATIOS, Rival};
 use super::slices::Slices;
+use crate::dense::{product, tr_product};
 use crate::error::{Error, Result};
 use crate::noise::NormalEquations;
 

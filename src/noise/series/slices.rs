@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::dense::{product, tr_product};
+use crate::dense::{product, tr_product};
 
 /// Parts of a slice below this share of its column's longest slice are left out: of a field of millimetres under noise of
 /// 10 nm, 1e-4 sd.

@@ -197,14 +197,7 @@ pub fn map(
         over,
         range: Some((scale.range, scale.unit)),
     });
-    let over = bar(&lower, scale)?;
-    let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();
-    images.push(Stretched {
-        data: scale.palette.image(&ramp, 255, [0.0, 1.0])?,
-        over,
-        range: None,
-    });
-    Ok(())
+    bar(&lower, images, scale)
 }
 
 type Pixels = (std::ops::Range<i32>, std::ops::Range<i32>);
@@ -238,7 +231,7 @@ fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Result<Pixels> {
 }
 
 /// The scale under maps.
-pub fn bar(area: &Area<'_>, scale: Scale) -> Result<Pixels> {
+pub fn bar(area: &Area<'_>, images: &mut Vec<Stretched>, scale: Scale) -> Result<()> {
     let [low, high] = scale.range;
     let mut chart = ChartBuilder::on(area)
         .margin_top(8)
@@ -256,5 +249,11 @@ pub fn bar(area: &Area<'_>, scale: Scale) -> Result<Pixels> {
         .x_labels(5)
         .x_label_formatter(&step)
         .draw()?;
-    Ok(chart.plotting_area().get_pixel_range())
+    let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();
+    images.push(Stretched {
+        data: scale.palette.image(&ramp, 255, [0.0, 1.0])?,
+        over: chart.plotting_area().get_pixel_range(),
+        range: None,
+    });
+    Ok(())
 }

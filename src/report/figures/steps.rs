@@ -168,14 +168,7 @@ fn several(
         }
         let at = (0, size.1 - BAR);
         let lower = root.clone().shrink(at, (BAR_WIDTH, BAR));
-        let over = bar(&lower, scale)?;
-        let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();
-        images.push(Stretched {
-            data: scale.palette.image(&ramp, 255, [0.0, 1.0])?,
-            over,
-            range: None,
-        });
-        Ok(())
+        bar(&lower, images, scale)
     })?;
     Ok(Some(figure))
 }

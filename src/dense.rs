@@ -10,17 +10,19 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
 
-fn view(m: &DMatrix<f64>) -> MatRef<'_, f64> {
+/// A matrix as the library sees it.
+pub fn view(m: &DMatrix<f64>) -> MatRef<'_, f64> {
     MatRef::from_column_major_slice(m.as_slice(), m.nrows(), m.ncols())
 }
 
-fn view_mut(m: &mut DMatrix<f64>) -> MatMut<'_, f64> {
+/// The same, to be changed.
+pub fn view_mut(m: &mut DMatrix<f64>) -> MatMut<'_, f64> {
     let (rows, columns) = m.shape();
     MatMut::from_column_major_slice_mut(m.as_mut_slice(), rows, columns)
 }
 
 /// A B.
-pub(super) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut c = DMatrix::zeros(a.nrows(), b.ncols());
     let (a, b) = (view(a), view(b));
     matmul(view_mut(&mut c), Accum::Replace, a, b, 1.0, Par::Seq);
@@ -28,7 +30,7 @@ pub(super) fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// A' B.
-pub(super) fn tr_product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn tr_product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut c = DMatrix::zeros(a.ncols(), b.ncols());
     let (a, b) = (view(a).transpose(), view(b));
     matmul(view_mut(&mut c), Accum::Replace, a, b, 1.0, Par::Seq);
@@ -36,7 +38,7 @@ pub(super) fn tr_product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// A' A.
-pub(super) fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
     let mut c = DMatrix::zeros(a.ncols(), a.ncols());
     triangular::matmul(
         view_mut(&mut c),
@@ -54,7 +56,10 @@ pub(super) fn gram(a: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Eigenvalues, increasing, and eigenvectors of a symmetric matrix, of which the lower half is read.
-pub(super) fn eigen(m: &DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>)> {
+///
+/// # Errors
+/// The program's, if the decomposition does not converge.
+pub fn eigen(m: &DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>)> {
     let n = m.nrows();
     let mut values = Col::<f64>::zeros(n);
     let mut vectors = DMatrix::zeros(n, n);
@@ -69,8 +74,7 @@ pub(super) fn eigen(m: &DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>)> {
         default(),
     )
     .map_err(|e| {
-        Error::program("noise::series", "an eigendecomposition that converges")
-            .found(format!("{e:?}"))
+        Error::program("dense", "an eigendecomposition that converges").found(format!("{e:?}"))
     })?;
     Ok((DVector::from_iterator(n, values.iter().copied()), vectors))
 }
