@@ -233,7 +233,9 @@ fn the_camera_may_use_a_part_of_the_range() {
             let found = Fringes::measure(&pictured.file, &Silent).unwrap();
             for component in &found.components {
                 let gamma = component.frames.response.gamma();
-                assert!((gamma - 1.12).abs() < 0.05, "{bits} bits: {gamma}");
+                // A dark picture tells nothing about the detector at half of its range.
+                let known = background < 100.0 || (gamma - 1.12).abs() < 0.03;
+                assert!(known, "{bits} bits: {gamma}");
             }
         }
     }

@@ -74,7 +74,7 @@ const DUST: f64 = 5e-4;
 pub struct Pictured {
     pub file: PathBuf,
     pub phase: [Vec<f64>; 2],
-    /// Floor of the difference, rad: sqrt(2 / N) sd(I) / I_m of both states.
+    /// Floor of the difference, rad: sqrt(2 / N) sd(I) / I_m of both states, with the modulation as recorded.
     pub floor: [f64; 2],
     /// Whether there is a surface at a pixel.
     pub surface: Vec<bool>,
@@ -184,7 +184,8 @@ impl Camera {
             if has_surface && dust.is_none() && clipped == [0; 2] {
                 let variance =
                     self.noise.powi(2) + self.shot * b + 1.0 / (12.0 * self.unit.powi(2));
-                sum += 2.0 * 2.0 / self.frames as f64 * variance / (m * m);
+                let recorded = m * self.gamma * (b / 255.0).powf(self.gamma - 1.0);
+                sum += 2.0 * 2.0 / self.frames as f64 * variance / recorded.powi(2);
                 count += 1.0;
             }
         }

@@ -119,7 +119,7 @@ fn what_cannot_be_right_is_said() {
         "plychain-fringes/1",
     );
     refused("two-frames", &|s| s["frames"] = 2.into(), "3 to 64");
-    refused("five-frames", &|s| s["frames"] = 5.into(), "readable file");
+    refused("five-frames", &|s| s["frames"] = 5.into(), "readable image");
     refused(
         "half-turns",
         &|s| s["step_deg"] = 180.into(),
