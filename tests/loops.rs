@@ -61,13 +61,21 @@ impl Ended {
         self.effects.iter().chain(grouped).any(|e| e == name)
     }
 
+    /// Whether it is named, and nothing else as what it may be too.
+    pub fn names_alone(&self, name: &str) -> bool {
+        let mut groups = self.alias_groups.iter();
+        let groups = !groups.any(|g| g.len() > 1 && g.iter().any(|member| member == name));
+        groups && self.effects.iter().any(|e| e == name)
+    }
+
+    /// Relative sds of the constants, in order.
+    pub fn widths(&self) -> impl Iterator<Item = f64> + '_ {
+        self.quoted.iter().map(|i| i.sd / i.mean)
+    }
+
     pub fn line(&self) -> String {
         let z: Vec<String> = self.z().iter().map(|z| format!("{z:+.1}")).collect();
-        let width: Vec<String> = self
-            .quoted
-            .iter()
-            .map(|i| format!("{:.1}", 100.0 * i.sd / i.mean))
-            .collect();
+        let width: Vec<String> = self.widths().map(|w| format!("{:.1}", 100.0 * w)).collect();
         format!(
             "{:44} {:16} {:?} {:?} held {}/{} z {} sd% {} out {:?} {:?}",
             self.case,

@@ -1,6 +1,8 @@
 //! Load series of image correlation through whole loops: reference data of an independent program, and series whose camera, subsets and
 //! noise are simulated a second time (`tests/dic`). No wrong name, and the intervals to quote hold the constants.
 
+use std::path::PathBuf;
+
 use plychain::experiment::series::Law;
 use plychain::infer::Model;
 use plychain::trace::Status;
@@ -8,7 +10,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::dic::cases::{Kind, campaign, case};
-use crate::dic::folder::{SERIES, SINGLE};
+use crate::dic::folder::{SERIES, SINGLE, Truth};
 use crate::dic::ordinary::{ORDINARY, Ordinary, ordinary};
 use crate::loops::{Ended, looped};
 use crate::program::{fresh, plychain, set_coarse, shared};
@@ -172,35 +174,53 @@ fn reference_series_are_read_right() {
     }
 }
 
-/// A simulated series, written to a folder of its own, read back and closed; and what acted in it.
-fn simulated(kind: &Kind, laminate: bool, seed: u64) -> Judged {
-    let series = case(kind, laminate, seed);
-    let folder = fresh(&format!("series-{seed}"));
-    let truth = series.write(&series.observed(), &folder);
-    let model = Model::load(&folder.join(SERIES)).unwrap();
-    let foreign = matches!(kind, Kind::Foreign(_));
-    let many = matches!(kind, Kind::Many);
-    let constants: Vec<f64> = truth.constants.iter().map(|(_, x)| *x).collect();
-    let ended = looped(&truth.name, &model, &constants);
-    Judged {
-        ended,
-        truth: if foreign || many {
+/// A simulated series in a folder, with what acts in it.
+struct Simulated {
+    kind: Kind,
+    folder: PathBuf,
+    truth: Truth,
+}
+
+impl Simulated {
+    fn new(kind: &Kind, laminate: bool, seed: u64) -> Self {
+        let series = case(kind, laminate, seed);
+        let folder = fresh(&format!("series-{seed}"));
+        let truth = series.write(&series.observed(), &folder);
+        Self {
+            kind: kind.clone(),
+            folder,
+            truth,
+        }
+    }
+
+    /// Read the file of a model, close its loop.
+    fn judged(&self, file: &str) -> Judged {
+        let model = Model::load(&self.folder.join(file)).unwrap();
+        let constants: Vec<f64> = self.truth.constants.iter().map(|(_, x)| *x).collect();
+        let ended = looped(&format!("{} {file}", self.truth.name), &model, &constants);
+        let foreign = matches!(self.kind, Kind::Foreign(_));
+        let truth = if foreign || matches!(self.kind, Kind::Many) {
             Vec::new()
         } else {
-            truth.effects.iter().map(|e| e.name.clone()).collect()
-        },
-        foreign,
+            self.truth.effects.iter().map(|e| e.name.clone()).collect()
+        };
+        Judged {
+            ended,
+            truth,
+            foreign,
+        }
     }
 }
 
+/// 57 series; `PLYCHAIN_ONLY=4005..4009` runs those of some seeds alone.
 #[test]
 #[ignore = "by hand: 57 series, an hour"]
 fn simulated_series_are_read_right() {
-    let series = campaign();
-    let judged: Vec<Judged> = series
+    let judged: Vec<Judged> = campaigned()
         .par_iter()
+        .with_max_len(1)
         .map(|(kind, laminate, seed)| {
-            let judged = simulated(kind, *laminate, *seed);
+            let judged = Simulated::new(kind, *laminate, *seed).judged(SERIES);
             println!("{} {:?}", judged.ended.line(), judged.is_wrong());
             judged
         })
@@ -211,6 +231,59 @@ fn simulated_series_are_read_right() {
     let held: usize = judged.iter().map(|j| j.ended.held()).sum();
     let count: usize = judged.iter().map(|j| j.ended.truth.len()).sum();
     assert!(held as f64 >= 0.93 * count as f64, "{held} of {count}");
+}
+
+fn campaigned() -> Vec<(Kind, bool, u64)> {
+    let mut all = campaign();
+    if let Ok(only) = std::env::var("PLYCHAIN_ONLY") {
+        let (first, end) = only.split_once("..").unwrap();
+        let seeds = first.parse().unwrap()..end.parse().unwrap();
+        all.retain(|(_, _, seed)| seeds.contains(seed));
+    }
+    all
+}
+
+/// What a series tells that its last step alone cannot: which of the 19 effects is named alone, and how much narrower the intervals are.
+#[test]
+#[ignore = "by hand: 19 series, and the last step of each, half an hour"]
+fn a_series_tells_effects_apart_that_one_step_groups() {
+    let mut all = campaigned();
+    all.retain(|(kind, laminate, _)| *laminate && matches!(kind, Kind::Single(_)));
+    let judged: Vec<[Judged; 2]> = all
+        .par_iter()
+        .with_max_len(1)
+        .map(|(kind, laminate, seed)| {
+            let simulated = Simulated::new(kind, *laminate, *seed);
+            let judged = [SERIES, SINGLE].map(|file| simulated.judged(file));
+            judged.iter().for_each(|j| println!("{}", j.ended.line()));
+            judged
+        })
+        .collect();
+    let mut alone = [0; 2];
+    for both in &judged {
+        let name = &both[0].truth[0];
+        let named = both.each_ref().map(|j| match &j.ended {
+            e if e.names_alone(name) => "alone",
+            e if e.names(name) => "grouped",
+            _ => "-",
+        });
+        (0..2).for_each(|k| alone[k] += usize::from(named[k] == "alone"));
+        let [series, step] = both
+            .each_ref()
+            .map(|j| j.ended.widths().map(|w| 100.0 * w).collect::<Vec<f64>>());
+        println!(
+            "{name:28} series {:8} {series:5.1?}  step {:8} {step:5.1?}",
+            named[0], named[1]
+        );
+        assert!(!both[0].is_wrong() && !both[1].is_wrong(), "{name}");
+    }
+    println!(
+        "named alone: by the series {}, by the step {} of {}",
+        alone[0],
+        alone[1],
+        judged.len()
+    );
+    assert!(alone[0] > alone[1]);
 }
 
 /// A field of the default test as image correlation has it, closed; and what acted in it.
