@@ -23,7 +23,7 @@ use crate::identify::Options;
 use crate::infer::Model;
 use crate::progress::{Progress, Silent};
 use crate::sample::{SAMPLERS, Schedule};
-use crate::trace::{SIZES, candidates, close, quote};
+use crate::trace::{SIZES, candidates, close, quote, quoted_rule};
 
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -207,7 +207,7 @@ fn closed(
             seed: plan.seed_of(replicate, 100 + k as u64),
             ..Schedule::default()
         },
-        rule: Rule::default(),
+        rule: quoted_rule(&Rule::default()),
         cache: cache.to_path_buf(),
         refinements: 0,
         keeping: None,

@@ -4,7 +4,8 @@
 
 use nalgebra::DMatrix;
 
-use super::quadratic::{At, Equations};
+use super::evidence::{Compiled, log_evidences};
+use super::quadratic::Equations;
 use super::space::Space;
 use crate::infer::{LogDensity, Marginal};
 use crate::laminate::Material;
@@ -25,16 +26,10 @@ pub struct Choice {
     pub log_weight: f64,
 }
 
-/// What a point means.
-pub(super) struct Place {
-    /// Distances of the constants from where the test was linearised, prior sds.
-    pub distances: Vec<f64>,
-}
-
 /// A part of the mixture, in directions of unit prior.
 struct Part {
     choice: Choice,
-    equations: Equations,
+    equations: Compiled,
 }
 
 /// The density of one answer.
@@ -62,7 +57,9 @@ impl Answer {
         let part = |choice: Choice| {
             let sds = space.sds(&choice.own, choice.size, choice.rival);
             Part {
-                equations: noise[choice.noise].turned(&lower(&space.covariance(&sds))),
+                equations: Compiled::new(
+                    &noise[choice.noise].turned(&lower(&space.covariance(&sds))),
+                ),
                 choice,
             }
         };
@@ -81,11 +78,10 @@ impl Answer {
         self.constants.len()
     }
 
-    pub(super) fn place(&self, x: &[f64]) -> Place {
+    /// Distances of the constants from where the test was linearised, prior sds.
+    pub(super) fn distances(&self, x: &[f64]) -> Vec<f64> {
         let distance = |(x, (m, at)): (&f64, &(Marginal, f64))| (x - at) / m.sd;
-        Place {
-            distances: x.iter().zip(&self.constants).map(distance).collect(),
-        }
+        x.iter().zip(&self.constants).map(distance).collect()
     }
 
     /// Log prior density of a point, -inf outside.
@@ -97,12 +93,28 @@ impl Answer {
         x.iter().zip(&self.constants).map(of).sum()
     }
 
+    /// Log weight of every part at some points, part by part.
+    fn weights_at(&self, points: &[Vec<f64>]) -> Vec<f64> {
+        let parts: Vec<&Compiled> = self.parts.iter().map(|p| &p.equations).collect();
+        let places: Vec<Vec<f64>> = points.iter().map(|x| self.distances(x)).collect();
+        let by_constant = (0..self.constants()).flat_map(|k| places.iter().map(move |d| d[k]));
+        let distances: Vec<f64> = by_constant.collect();
+        let mut weights = log_evidences(&parts, &distances, points.len());
+        for (part, weights) in self
+            .parts
+            .iter()
+            .zip(weights.chunks_mut(points.len().max(1)))
+        {
+            weights
+                .iter_mut()
+                .for_each(|w| *w += part.choice.log_weight);
+        }
+        weights
+    }
+
     /// Log weight of every part at a point.
     pub(super) fn weights(&self, x: &[f64]) -> Vec<f64> {
-        let place = self.place(x);
-        let mut at = At::default();
-        let of = |part: &Part| part.log_density(&place, &mut at);
-        self.parts.iter().map(of).collect()
+        self.weights_at(&[x.to_vec()])
     }
 
     /// How much a density has to do.
@@ -127,39 +139,23 @@ impl LogDensity for Answer {
         value[0]
     }
 
-    /// Part by part: the equations of one stay near the processor while all points have them.
     fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
         let count = out.len();
-        let point = |i: usize| -> Vec<f64> { (0..self.dim()).map(|k| xs[k * count + i]).collect() };
-        let points: Vec<Vec<f64>> = (0..count).map(point).collect();
-        let inside: Vec<usize> = (0..count)
-            .filter(|&i| {
-                out[i] = self.log_prior(&points[i]);
-                out[i] > f64::NEG_INFINITY
-            })
-            .collect();
-        let places: Vec<Place> = inside.iter().map(|&i| self.place(&points[i])).collect();
-        let mut weights = vec![Vec::with_capacity(self.parts.len()); inside.len()];
-        let mut at = At::default();
-        for part in &self.parts {
-            for (place, weights) in places.iter().zip(&mut weights) {
-                weights.push(part.log_density(place, &mut at));
+        let mut inside = Vec::new();
+        let mut points = Vec::new();
+        for (i, out) in out.iter_mut().enumerate() {
+            let x: Vec<f64> = (0..self.dim()).map(|k| xs[k * count + i]).collect();
+            *out = self.log_prior(&x);
+            if *out > f64::NEG_INFINITY {
+                inside.push(i);
+                points.push(x);
             }
         }
-        for (i, weights) in inside.into_iter().zip(weights) {
-            out[i] += log_sum(weights.into_iter());
+        let weights = self.weights_at(&points);
+        for (k, i) in inside.into_iter().enumerate() {
+            let own = weights.iter().skip(k).step_by(points.len());
+            out[i] += log_sum(own.copied());
         }
-    }
-}
-
-impl Part {
-    /// Log evidence of the data with everything linear integrated out, with the part's weight.
-    fn log_density(&self, place: &Place, at: &mut At) -> f64 {
-        self.equations.at(&place.distances, at);
-        let Some([log_det, square]) = at.eliminate() else {
-            return f64::NEG_INFINITY;
-        };
-        self.choice.log_weight - 0.5 * (at.rest - square) - log_det
     }
 }
 

@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::answer::{Answer, Choice, lower};
-use super::quadratic::At;
 use super::space::Whose;
 use crate::sample::Stream;
 
@@ -39,11 +38,9 @@ pub(super) fn complete(
 }
 
 fn drawn(answer: &Answer, x: &[f64], inclusion: &Inclusion<'_>, rng: &mut Stream) -> Drawn {
-    let place = answer.place(x);
+    let place = answer.distances(x);
     let mut choice = choose(answer, x, rng);
-    let mut at = At::default();
-    answer.noise[choice.noise].at(&place.distances, &mut at);
-    let (gram, right) = (at.matrix(), DVector::from_vec(at.right));
+    let (gram, right) = answer.noise[choice.noise].at(&place);
     let mut given = Given::new(answer, (&gram, &right), &choice);
     for _ in 0..inclusion.candidates {
         given = birth_or_death(given, &mut choice, inclusion, rng);

@@ -6,6 +6,7 @@ mod answer;
 mod around;
 mod choices;
 mod complete;
+mod evidence;
 mod pose;
 mod quadratic;
 mod run;
