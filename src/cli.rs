@@ -17,6 +17,7 @@ mod init;
 mod manual;
 mod mappings;
 mod report;
+mod ringing;
 mod running;
 mod simulate;
 mod validate;

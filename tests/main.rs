@@ -40,6 +40,7 @@ mod reduce;
 mod reduced_basis;
 mod report;
 mod resume;
+mod ringing;
 mod samplers;
 mod schema;
 mod series;

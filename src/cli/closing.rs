@@ -37,6 +37,11 @@ pub struct LoopArguments {
 
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
+    if running.plates()?.is_some() {
+        return Err(Error::input("MODEL", "a field to trace effects in")
+            .found("frequencies alone")
+            .hint("plychain identify takes them"));
+    }
     let plan = running.plan(global)?;
     let options = |round: usize| plan.options(&place(plan.folder.path(), round));
     let most = usize::from(arguments.rounds);
@@ -107,7 +112,7 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
         .observation
         .field
         .files;
-    let manifest = folder.write_manifest(model, files, seed)?;
+    let manifest = folder.write_manifest(&model.path, files, seed)?;
     Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 

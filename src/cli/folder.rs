@@ -158,14 +158,19 @@ impl Folder {
         files::write_json(&self.path.join(name), value)
     }
 
-    /// Write the manifest of a run over a model and the files it read, and return it.
-    pub fn write_manifest(&self, model: &Model, files: &[PathBuf], seed: u64) -> Result<Manifest> {
+    /// Write the manifest of a run over a model's file and the files it read, and return it.
+    pub fn write_manifest(
+        &self,
+        model: &PathBuf,
+        files: &[PathBuf],
+        seed: u64,
+    ) -> Result<Manifest> {
         let manifest = Manifest {
             program: "plychain".into(),
             version: env!("CARGO_PKG_VERSION").into(),
             command: std::env::args().skip(1).collect(),
             seed,
-            inputs_sha256: hashes(std::iter::once(&model.path).chain(files))?,
+            inputs_sha256: hashes(std::iter::once(model).chain(files))?,
             seconds: self.started.elapsed().as_secs_f64(),
         };
         self.write_json("run.json", &manifest)?;

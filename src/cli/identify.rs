@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::console::Console;
 use super::folder::Folder;
 use super::running::Running;
-use super::{Global, print};
+use super::{Global, print, ringing};
 use crate::chain::write_csv;
 use crate::error::{Error, Result};
 use crate::identify::{self, Identification};
@@ -30,6 +30,9 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
+    if let Some(model) = running.plates()? {
+        return ringing::run(&model, running, global, console);
+    }
     let plan = running.plan(global)?;
     let options = plan.options(plan.folder.path());
     let round = identify::identify(&plan.model, &options, console)?;
@@ -77,7 +80,7 @@ pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u6
         .last()
         .map(|r| &r.inverse.prepared.observation.field.files[..])
         .unwrap_or_default();
-    let manifest = folder.write_manifest(model, files, seed)?;
+    let manifest = folder.write_manifest(&model.path, files, seed)?;
     let rounds: Vec<&Identification> = rounds.iter().collect();
     Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }

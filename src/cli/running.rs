@@ -12,7 +12,7 @@ use super::{DEFAULT_MODEL, Global, cache};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::identify::Options;
-use crate::infer::Model;
+use crate::infer::{Model, RingingModel};
 use crate::reduce::cache::hex;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 
@@ -53,8 +53,8 @@ pub struct Running {
 }
 
 /// A run before its first draw.
-pub struct Plan {
-    pub model: Model,
+pub struct Plan<M = Model> {
+    pub model: M,
     /// Where everything is kept.
     pub folder: Folder,
     sampler: Box<dyn Sampler>,
@@ -67,11 +67,44 @@ pub struct Plan {
 }
 
 impl Running {
+    /// The model, if its experiments are the frequencies of plates.
+    pub fn plates(&self) -> Result<Option<RingingModel>> {
+        RingingModel::load(&self.model)
+    }
+
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<Plan> {
-        check_png(self.png)?;
         let mut model = load(&self.model, self.data.as_ref())?;
         model.file.reduced_model.full_order |= self.full_order;
+        let data = hashes(model.measurement_files()?.iter())?;
+        let name = model.file.name.clone();
+        let file = model_json(&model.file)?;
+        self.planned(model, (&name, &file, data.into_values().collect()), global)
+    }
+
+    /// The same of plates, which have no finite elements and no files of data.
+    pub fn plan_of_plates(&self, model: &RingingModel, global: &Global) -> Result<Plan<()>> {
+        if let Some(data) = &self.data {
+            return Err(
+                Error::input(format!("--data {}", data.display()), "a model of a field")
+                    .found("frequencies, which stand in the model file"),
+            );
+        }
+        if self.refine.is_some() || self.full_order {
+            return Err(Error::input("--refine, --full-order", "a model of a field")
+                .found("frequencies, which have no reduced model"));
+        }
+        let file = model_json(&model.file)?;
+        self.planned((), (&model.file.name, &file, Vec::new()), global)
+    }
+
+    fn planned<M>(
+        &self,
+        model: M,
+        (name, file, data): (&str, &str, Vec<String>),
+        global: &Global,
+    ) -> Result<Plan<M>> {
+        check_png(self.png)?;
         let sampler = sampler(&self.sampler)?;
         let mut schedule = Schedule {
             seed: global.seed,
@@ -79,8 +112,8 @@ impl Running {
         };
         let mut rule = Rule::default();
         let deadline = self.limits.apply(&mut schedule, &mut rule)?;
-        let folder = Folder::open(self.out.as_deref(), &model.file.name, self.resume)?;
-        let identity = identity(&model, &*sampler, &schedule)?;
+        let folder = Folder::open(self.out.as_deref(), name, self.resume)?;
+        let identity = identity_of((name, file, &data), &*sampler, &schedule);
         folder.begin(&identity)?;
         Ok(Plan {
             model,
@@ -107,7 +140,7 @@ impl Running {
     }
 }
 
-impl Plan {
+impl<M> Plan<M> {
     /// How one identification is run whose chains are kept at `place`.
     pub fn options(&self, place: &Path) -> Options<'_> {
         Options {
@@ -204,17 +237,35 @@ pub fn load(path: &Path, data: Option<&PathBuf>) -> Result<Model> {
 
 /// What a resumed run must share with the one that was interrupted.
 pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
-    let text = serde_json::to_string(&model.file)
-        .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
-    Ok(json!({
+    let data = hashes(model.measurement_files()?.iter())?;
+    let data: Vec<String> = data.into_values().collect();
+    let file = model_json(&model.file)?;
+    Ok(identity_of(
+        (&model.file.name, &file, &data),
+        sampler,
+        schedule,
+    ))
+}
+
+fn model_json(file: &impl serde::Serialize) -> Result<String> {
+    serde_json::to_string(file)
+        .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))
+}
+
+fn identity_of(
+    (name, file, data): (&str, &str, &[String]),
+    sampler: &dyn Sampler,
+    schedule: &Schedule,
+) -> Value {
+    json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "model": model.file.name,
-        "model_sha256": hex(&Sha256::digest(text)),
-        "data_sha256": hashes(model.measurement_files()?.iter())?.values().collect::<Vec<_>>(),
+        "model": name,
+        "model_sha256": hex(&Sha256::digest(file)),
+        "data_sha256": data,
         "seed": schedule.seed,
         "sampler": sampler.name(),
         "ensembles": schedule.ensembles,
-    }))
+    })
 }
 
 pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {

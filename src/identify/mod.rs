@@ -8,6 +8,7 @@ mod patterns;
 pub mod phase;
 mod refine;
 mod residual;
+mod ringing;
 mod series;
 mod size;
 mod solve;
@@ -22,6 +23,9 @@ pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
+pub use ringing::{
+    Exact, ModeFound, PeakFound, PlateFound, RingingIdentification, identify_ringing, ringing_rule,
+};
 pub use solve::{Options, Reporting, identify, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};

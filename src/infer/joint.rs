@@ -100,6 +100,11 @@ impl Joint {
         })
     }
 
+    /// The parameters of experiment `e` at a point.
+    pub fn own(&self, e: usize, x: &[f64]) -> Vec<f64> {
+        self.index[e].iter().map(|&k| x[k]).collect()
+    }
+
     /// A point to start from and the sd to start with. What is shared starts where the first experiment has it, with the
     /// smallest of their sds.
     pub fn start(&self) -> (Vec<f64>, Vec<f64>) {

@@ -154,7 +154,7 @@ fn validate(file: &ModelFile, paths: &Paths) -> Result<Vec<&'static dyn Effect>>
 
 impl MaterialSpec {
     /// The constants are those of the kind, each with a prior that can be one; the prior means are an admissible ply.
-    fn validate(&self) -> Result<()> {
+    pub(super) fn validate(&self) -> Result<()> {
         let names = self.kind.constants();
         if let Some(unknown) = self
             .parameters

@@ -16,6 +16,7 @@ mod page;
 mod quoted;
 pub mod ranking;
 pub mod residual;
+pub mod ringing;
 pub mod round;
 pub mod steps;
 pub mod surrogate;

@@ -140,39 +140,75 @@ impl PeakModel {
     }
 }
 
+/// What modes can be.
+struct Links {
+    /// Modes by frequency: neighbours one after the other keep the states few.
+    order: Vec<usize>,
+    /// Log density of each peak as an additional one.
+    additional: Vec<f64>,
+    /// Log probability of each mode to leave no peak, and its derivative by ln f.
+    missing: Vec<(f64, f64)>,
+    /// In that order.
+    choices: Vec<Choices>,
+}
+
+impl Links {
+    fn new(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<Self> {
+        model.validate()?;
+        validate(model, peaks, modes)?;
+        let mut order: Vec<usize> = (0..modes.len()).collect();
+        order.sort_by(|&a, &b| modes[a].frequency_hz.total_cmp(&modes[b].frequency_hz));
+        let additional: Vec<f64> = peaks.iter().map(|p| model.log_additional(p)).collect();
+        let missing: Vec<(f64, f64)> = modes.iter().map(|m| model.log_missing(m)).collect();
+        let choices: Vec<Choices> = order
+            .iter()
+            .map(|&j| {
+                let link = |(i, peak)| Some((i, model.log_match(peak, &modes[j])? - additional[i]));
+                Choices {
+                    missing: missing[j].0,
+                    links: peaks.iter().enumerate().filter_map(link).collect(),
+                }
+            })
+            .collect();
+        Ok(Self {
+            order,
+            additional,
+            missing,
+            choices,
+        })
+    }
+
+    /// Log weight of no mode being a peak, beside the missing ones.
+    fn log_empty(&self, model: &PeakModel) -> f64 {
+        self.additional.iter().sum::<f64>() - model.additional
+    }
+}
+
+/// The log likelihood of the peaks alone, as [`assign`] has it.
+///
+/// # Errors
+/// Those of [`assign`].
+pub fn log_likelihood(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<f64> {
+    let links = Links::new(model, peaks, modes)?;
+    Ok(lattice::log_total(&links.choices) + links.log_empty(model))
+}
+
 /// Compare peaks with modes. Give modes to beyond the band's upper end, or peaks there have nothing to be.
 ///
 /// # Errors
 /// The input's fault: more peaks than 128, frequencies that are not above 0, [`PeakModel::validate`].
 pub fn assign(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<Assigned> {
-    model.validate()?;
-    validate(model, peaks, modes)?;
-    // neighbours one after the other keep the states few
-    let mut order: Vec<usize> = (0..modes.len()).collect();
-    order.sort_by(|&a, &b| modes[a].frequency_hz.total_cmp(&modes[b].frequency_hz));
-    let additional: Vec<f64> = peaks.iter().map(|p| model.log_additional(p)).collect();
-    let missing: Vec<(f64, f64)> = modes.iter().map(|m| model.log_missing(m)).collect();
-    let choices: Vec<Choices> = order
-        .iter()
-        .map(|&j| {
-            let link = |(i, peak)| Some((i, model.log_match(peak, &modes[j])? - additional[i]));
-            Choices {
-                missing: missing[j].0,
-                links: peaks.iter().enumerate().filter_map(link).collect(),
-            }
-        })
-        .collect();
-    let sum = lattice::sum(&choices, peaks.len());
-    let log_empty = additional.iter().sum::<f64>() - model.additional;
-    let mut assigned = sorted_back(&sum, &order);
-    assigned.log_likelihood = sum.log_total + log_empty;
+    let links = Links::new(model, peaks, modes)?;
+    let sum = lattice::sum(&links.choices, peaks.len());
+    let mut assigned = sorted_back(&sum, &links.order);
+    assigned.log_likelihood = sum.log_total + links.log_empty(model);
     assigned.slope = (0..modes.len())
         .map(|j| {
             let pull = peaks.iter().enumerate().map(|(i, peak)| {
                 let off = (peak.frequency_hz / modes[j].frequency_hz).ln();
                 assigned.matched[(j, i)] * off / model.spread(peak).powi(2)
             });
-            pull.sum::<f64>() + assigned.missing(j) * missing[j].1
+            pull.sum::<f64>() + assigned.missing(j) * links.missing[j].1
         })
         .collect();
     Ok(assigned)

@@ -82,6 +82,42 @@ pub fn sum(modes: &[Choices], peaks: usize) -> Sum {
     }
 }
 
+/// Log of the sum over all assignments alone, many times as fast: states of less than a part in 10^13 of the likeliest are left out.
+pub fn log_total(modes: &[Choices]) -> f64 {
+    const LEAST: f64 = 1e-13;
+    let reach = reachable(modes);
+    let mut log_scale = 0.0;
+    let mut states: Vec<(Set, f64)> = vec![(0, 1.0)];
+    let mut after: Vec<(Set, f64)> = Vec::new();
+    let mut weights: Vec<(Set, f64)> = Vec::new();
+    for (j, mode) in modes.iter().enumerate() {
+        let links = mode.links.iter();
+        weights.clear();
+        weights.extend(links.map(|(i, w)| (1 << i, (w - mode.missing).exp())));
+        log_scale += mode.missing;
+        after.clear();
+        for &(set, sum) in &states {
+            after.push((set & reach[j + 1], sum));
+            let free = weights.iter().filter(|(bit, _)| set & bit == 0);
+            after.extend(free.map(|(bit, w)| ((set | bit) & reach[j + 1], sum * w)));
+        }
+        after.sort_unstable_by_key(|s| s.0);
+        states.clear();
+        let mut largest = 0.0_f64;
+        for &(set, sum) in &after {
+            match states.last_mut() {
+                Some(last) if last.0 == set => last.1 += sum,
+                _ => states.push((set, sum)),
+            }
+            largest = largest.max(states.last().map_or(0.0, |s| s.1));
+        }
+        states.retain(|s| s.1 > LEAST * largest);
+        states.iter_mut().for_each(|s| s.1 /= largest);
+        log_scale += largest.ln();
+    }
+    log_scale + states.iter().map(|s| s.1).sum::<f64>().ln()
+}
+
 /// Peaks that mode j and later ones can be, for every j and behind the last.
 fn reachable(modes: &[Choices]) -> Vec<Set> {
     let mut reach = vec![0; modes.len() + 1];

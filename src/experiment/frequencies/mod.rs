@@ -6,17 +6,21 @@ pub mod assignment;
 mod basis;
 mod dense;
 pub mod estimate;
+mod expansion;
 mod lattice;
 mod plate;
 mod reduced;
 mod ritz;
+mod spec;
 mod theory;
 pub mod weigh;
 
 pub use basis::Edge;
+pub use expansion::Expansion;
 pub use plate::{
     Coefficients, HZ_LAMBDA, INERTIAS, PARAMETERS, Parameter, Plate, STIFFNESSES, TransverseShear,
     Weight,
 };
 pub use ritz::{Mode, Ritz, Settings};
+pub use spec::{EdgeSpec, FrequenciesSpec, Nuisance, Parity, PlateSpec, SupportSpec};
 pub use theory::{EdgeLayers, Supports, Theory};

@@ -74,9 +74,13 @@ pub enum Parameter {
     Weight,
     AirDensity,
     PointMass,
+    /// Young's modulus of an isotropic material: E1, E2 and G12 at once.
+    E,
+    /// Poisson's ratio of an isotropic material: nu12 and G12 at once.
+    Nu,
 }
 
-/// All parameters.
+/// All parameters of a laminate.
 pub const PARAMETERS: [Parameter; 12] = [
     Parameter::E1,
     Parameter::E2,
@@ -202,6 +206,8 @@ impl Plate {
             },
             Parameter::AirDensity => self.air_density,
             Parameter::PointMass => self.point_mass,
+            Parameter::E => self.ply.e1,
+            Parameter::Nu => self.ply.nu12,
         }
     }
 
@@ -223,6 +229,14 @@ impl Plate {
             },
             Parameter::AirDensity => &mut self.air_density,
             Parameter::PointMass => &mut self.point_mass,
+            Parameter::E | Parameter::Nu => {
+                let [e, nu] = match parameter {
+                    Parameter::E => [value, self.ply.nu12],
+                    _ => [self.ply.e1, value],
+                };
+                self.ply = Ply::isotropic(e, nu);
+                return self;
+            }
         };
         *place = value;
         self
@@ -287,6 +301,18 @@ impl Plate {
                 inertia: [0.0, 0.0, 0.0, 0.0, 1.0],
                 ..zero
             },
+            Parameter::E => sum(&[
+                (1.0, constant(Constant::E1)),
+                (1.0, constant(Constant::E2)),
+                (self.ply.g12 / self.ply.e1, constant(Constant::G12)),
+            ]),
+            Parameter::Nu => sum(&[
+                (1.0, constant(Constant::Nu12)),
+                (
+                    -self.ply.g12 / (1.0 + self.ply.nu12),
+                    constant(Constant::G12),
+                ),
+            ]),
         }
     }
 
@@ -342,6 +368,13 @@ impl Plate {
             stiffness: std::array::from_fn(|k| all.stiffness[k] * stiffness[k] / value),
             inertia: std::array::from_fn(|k| all.inertia[k] * inertia[k] / value),
         }
+    }
+}
+
+fn sum(terms: &[(f64, Coefficients)]) -> Coefficients {
+    Coefficients {
+        stiffness: std::array::from_fn(|k| terms.iter().map(|(w, c)| w * c.stiffness[k]).sum()),
+        inertia: std::array::from_fn(|k| terms.iter().map(|(w, c)| w * c.inertia[k]).sum()),
     }
 }
 

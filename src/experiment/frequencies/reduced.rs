@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::assembly::{Family, Triangle};
 use super::plate::Coefficients;
-use super::ritz::Ritz;
+use super::ritz::{Mode, Ritz};
 use crate::error::{Error, Result};
 
 impl Ritz {
@@ -16,6 +16,33 @@ impl Ritz {
     /// # Errors
     /// Those of [`Ritz::modes`]; the input's fault without designs.
     pub fn reduced(&self, designs: &[Coefficients], count: usize) -> Result<Self> {
+        /// Norm of a vector beyond those before it, as a share, below which it adds nothing but rounding.
+        const NEW: f64 = 1e-6;
+        self.in_span(designs, NEW, &|_| count)
+    }
+
+    /// The same in the span of all modes up to a frequency and some beyond, without what is new by less than a thousandth in them: errors of
+    /// frequencies are of the order of its square.
+    ///
+    /// # Errors
+    /// Those of [`Ritz::reduced`].
+    pub fn reduced_below(&self, designs: &[Coefficients], end_hz: f64) -> Result<Self> {
+        const NEW: f64 = 1e-3;
+        /// Modes of a family beyond the end.
+        const BEYOND: usize = 1;
+        let below = |modes: &[Mode]| modes.iter().filter(|m| m.frequency_hz() < end_hz).count();
+        self.in_span(designs, NEW, &|modes| below(modes) + BEYOND)
+    }
+
+    /// In the span of the first of each family's modes at the designs, as many as `count` says of them.
+    fn in_span(
+        &self,
+        designs: &[Coefficients],
+        new: f64,
+        count: &dyn Fn(&[Mode]) -> usize,
+    ) -> Result<Self> {
+        /// Modes of a family that are found.
+        const MOST: usize = 64;
         let Some(first) = designs.first() else {
             return Err(Error::input("reduced frequencies", "at least one design"));
         };
@@ -25,10 +52,11 @@ impl Ritz {
             for (index, family) in families.iter().enumerate() {
                 let mut columns: Vec<DVector<f64>> = family.rigid.clone();
                 for design in designs {
-                    let modes = self.family_modes(design, count, [partition, index])?;
-                    columns.extend(modes.into_iter().map(|mode| mode.amplitudes));
+                    let modes = self.family_modes(design, MOST, [partition, index])?;
+                    let count = count(&modes);
+                    columns.extend(modes.into_iter().take(count).map(|mode| mode.amplitudes));
                 }
-                small.push(family.spanned(&columns, first));
+                small.push(family.spanned(&columns, first, new));
             }
             reduced.partitions[partition] = small;
         }
@@ -37,10 +65,8 @@ impl Ritz {
 }
 
 impl Family {
-    /// The family in the span of some vectors, orthonormal in the mass of `of`.
-    fn spanned(&self, columns: &[DVector<f64>], of: &Coefficients) -> Self {
-        /// Norm of a vector beyond those before it, as a share, below which it adds nothing but rounding.
-        const NEW: f64 = 1e-6;
+    /// The family in the span of some vectors, orthonormal in the mass of `of`, without those that are new by a share less than `new`.
+    fn spanned(&self, columns: &[DVector<f64>], of: &Coefficients, new: f64) -> Self {
         let [_, mass] = self.matrices(of);
         let mut basis: Vec<[DVector<f64>; 2]> = Vec::new();
         for column in columns {
@@ -53,7 +79,7 @@ impl Family {
                 }
             }
             let norm = rest.dot(&(&mass * &rest)).max(0.0).sqrt();
-            if norm > NEW {
+            if norm > new {
                 rest /= norm;
                 let image = &mass * &rest;
                 basis.push([rest, image]);

@@ -18,7 +18,7 @@ pub use bars::SMALLEST_BAR;
 pub use canvas::{Figure, span};
 pub use cells::FieldCells;
 pub use colour::Palette;
-pub use corner::MOST as AXES;
+pub use corner::{MOST as AXES, corner as posterior_corner};
 pub use data::FigureData;
 pub use maps::Scale;
 pub use pictures::Picture;

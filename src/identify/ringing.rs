@@ -1,0 +1,369 @@
+//! Constants from the frequencies of plates: the joint posterior of all experiments sampled, and what each peak is.
+
+use rayon::prelude::*;
+
+use super::{Options, Reporting};
+use crate::chain::Draws;
+use crate::diagnose::{Rule, Verdict, diagnose};
+use crate::error::{Error, Result};
+use crate::experiment::frequencies::{Mode, Ritz};
+use crate::infer::{Joint, LogDensity, Ringing, RingingModel, joint};
+use crate::progress::Progress;
+use crate::sample::{self, Schedule, Start, Stopped};
+
+/// What the peaks say.
+pub struct RingingIdentification {
+    pub draws: Draws,
+    pub stopped: Stopped,
+    pub verdict: Verdict,
+    /// The sampled density against exact frequencies.
+    pub exact: Exact,
+    /// One an experiment.
+    pub plates: Vec<PlateFound>,
+    pub warnings: Vec<String>,
+}
+
+/// What exact frequencies say of draws that second-order ones made, by importance.
+pub struct Exact {
+    pub draws: usize,
+    /// Effective draws over draws.
+    pub effective: f64,
+    /// Largest shift of the mean of a parameter, posterior sds.
+    pub shift_sd: f64,
+}
+
+/// What an experiment's peaks are.
+pub struct PlateFound {
+    pub name: String,
+    pub peaks: Vec<PeakFound>,
+    /// Predicted modes within the band, by frequency.
+    pub modes: Vec<ModeFound>,
+    /// Deflections of the modes on a grid of this many points along length and width.
+    pub grid: [usize; 2],
+    pub size_mm: [f64; 2],
+}
+
+/// A measured peak.
+pub struct PeakFound {
+    pub frequency_hz: f64,
+    /// Index of the mode that it is most probably, and how probably; none where it is more probably no mode.
+    pub mode: Option<usize>,
+    pub probability: f64,
+}
+
+/// A mode.
+pub struct ModeFound {
+    /// Numbers of half-waves along length and width.
+    pub label: [usize; 2],
+    pub odd: Option<bool>,
+    /// Over the posterior.
+    pub mean_hz: f64,
+    pub sd_hz: f64,
+    /// Probability that it left no peak.
+    pub missing: f64,
+    /// Deflection, 1 at most, row by row from low y.
+    pub shape: Vec<f64>,
+}
+
+/// Draws over which peaks are assigned.
+const DRAWS: usize = 200;
+/// Deflections along the longer side.
+const SHAPE: usize = 61;
+/// Spread of the start about the likeliest top.
+const SPREAD: f64 = 1.5;
+/// Change of tau that ends the run, and steps between draws; see the posterior to quote.
+const TAU_CHANGE: f64 = 0.1;
+const THIN: usize = 4;
+/// Windows of warm-up, at most: chains that have not settled then are said not to have converged.
+const WARMUP: usize = 16;
+/// Evidence over that of the best top, logarithm, from which another assignment is worth a warning.
+const RIVAL: f64 = -4.6;
+
+/// The rule by which draws are enough.
+pub fn ringing_rule(given: &Rule) -> Rule {
+    Rule {
+        tau_change: given.tau_change.max(TAU_CHANGE),
+        ..*given
+    }
+}
+
+/// Identify the constants of a model from its plates' frequencies.
+///
+/// # Errors
+/// The input's fault: priors within which no plate is; those of the samplers.
+pub fn identify_ringing(
+    model: &RingingModel,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<RingingIdentification> {
+    progress.begin("likely assignments of the peaks", None);
+    let ringings = model.ringings()?;
+    progress.end();
+    let target = joint(model, ringings.clone())?;
+    progress.begin(
+        &format!(
+            "sampling {} parameters with 4 x {}",
+            target.dim(),
+            options.sampler.name()
+        ),
+        None,
+    );
+    let outcome = sampled(&target, options, progress)?;
+    progress.end();
+    let rule = ringing_rule(&options.rule);
+    let verdict = diagnose(&outcome.draws, &rule);
+    progress.begin("assigning peaks over the posterior", None);
+    let exact = exact(&ringings, &target, &outcome.draws, &verdict);
+    let plates = ringings.iter().enumerate();
+    let plates: Vec<PlateFound> = plates
+        .map(|(e, ringing)| found(ringing, &target, e, &outcome.draws))
+        .collect::<Result<_>>()?;
+    progress.end();
+    let mut warnings: Vec<String> = ringings.iter().filter_map(rivals).collect();
+    warnings.extend(plates.iter().flat_map(unassigned));
+    warnings.extend(exact.warning());
+    Ok(RingingIdentification {
+        draws: outcome.draws,
+        stopped: outcome.stopped,
+        verdict,
+        exact,
+        plates,
+        warnings,
+    })
+}
+
+fn sampled(
+    target: &Joint,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<sample::Outcome> {
+    let (centre, sd) = target.start();
+    let dim = target.dim();
+    let mut covariance = vec![0.0; dim * dim];
+    for (k, sd) in sd.iter().enumerate() {
+        covariance[k * (dim + 1)] = sd * sd;
+    }
+    let start = Start::Ball {
+        centre: &centre,
+        covariance: &covariance,
+        spread: SPREAD,
+    };
+    let given = &options.schedule;
+    let schedule = Schedule {
+        warmup_windows: given.warmup_windows.min(WARMUP),
+        thin: given.thin.or(Some(THIN)),
+        ..given.clone()
+    };
+    let monitor = Reporting {
+        progress,
+        deadline: options.deadline,
+    };
+    let rule = ringing_rule(&options.rule);
+    let keeping = options.keeping.as_ref();
+    let outcome = sample::run_kept(
+        target,
+        options.sampler,
+        &start,
+        &schedule,
+        &rule,
+        &monitor,
+        keeping,
+    )?;
+    if outcome.draws.is_empty() {
+        return Err(Error::limit("--time-limit", "time for draws").found("none"));
+    }
+    Ok(outcome)
+}
+
+/// Some of the draws, evenly spread.
+fn some(draws: &Draws, count: usize) -> impl Iterator<Item = &[f64]> {
+    let total = draws.chains() * draws.draws();
+    let count = count.min(total);
+    (0..count).map(move |k| {
+        let at = k * total / count;
+        draws.point(at / draws.draws(), at % draws.draws())
+    })
+}
+
+/// Weigh draws by exact frequencies.
+fn exact(ringings: &[Ringing], target: &Joint, draws: &Draws, verdict: &Verdict) -> Exact {
+    /// Draws that are weighed.
+    const WEIGHED: usize = 1000;
+    let points: Vec<&[f64]> = some(draws, WEIGHED).collect();
+    let of = |x: &&[f64]| -> f64 {
+        let each = ringings.iter().enumerate().map(|(e, ringing)| {
+            let own = target.own(e, x);
+            let seen = ringing.seen(&own);
+            seen.map_or(f64::NEG_INFINITY, |seen| ringing.correction(&own, &seen))
+        });
+        each.sum()
+    };
+    let corrections: Vec<f64> = points.par_iter().map(of).collect();
+    let most = corrections
+        .iter()
+        .copied()
+        .fold(f64::NEG_INFINITY, f64::max);
+    let weights: Vec<f64> = corrections.iter().map(|c| (c - most).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    let n = points.len() as f64;
+    // beside the same draws without weights, so that their own scatter drops out
+    let shift = |k: usize| {
+        let weighed = points
+            .iter()
+            .zip(&weights)
+            .map(|(x, w)| w * x[k])
+            .sum::<f64>()
+            / sum;
+        let plain = points.iter().map(|x| x[k]).sum::<f64>() / n;
+        (weighed - plain).abs() / verdict.rows[k].sd
+    };
+    Exact {
+        draws: points.len(),
+        effective: sum * sum / squares / n,
+        shift_sd: (0..target.dim()).map(shift).fold(0.0, f64::max),
+    }
+}
+
+impl Exact {
+    fn warning(&self) -> Option<String> {
+        /// Shift of a mean, posterior sds, and effective share of the draws that are worth a word.
+        const MOST: f64 = 0.3;
+        const LEAST: f64 = 0.3;
+        (self.shift_sd > MOST || self.effective < LEAST).then(|| {
+            format!(
+                "frequencies to second order about the likeliest plate do not reach over the whole posterior: by exact ones its means move \
+                 by up to {:.2} sd ({:.0} % of the draws are effective); more peaks, or tighter priors, make it narrower",
+                self.shift_sd,
+                100.0 * self.effective
+            )
+        })
+    }
+}
+
+/// Peaks and modes of experiment `e` over draws.
+fn found(ringing: &Ringing, target: &Joint, e: usize, draws: &Draws) -> Result<PlateFound> {
+    let points = some(draws, DRAWS).map(|x| target.own(e, x));
+    let seen: Vec<_> = points.filter_map(|x| ringing.seen(&x)).collect();
+    let Some(first) = seen.first() else {
+        return Err(Error::program("frequencies", "draws that some plate has"));
+    };
+    let band = ringing.spec.peak_model(0.01).band_hz;
+    let mut modes: Vec<(f64, usize, ModeFound, Vec<f64>)> = Vec::new();
+    let side = [
+        ringing.spec.specimen.length_mm.mean,
+        ringing.spec.specimen.width_mm.mean,
+    ];
+    let grid = grid(side);
+    for mode in &first.modes {
+        let own: Vec<(f64, f64, Vec<f64>)> = seen
+            .iter()
+            .filter_map(|s| {
+                let j = s.modes.iter().position(|m| m.is(mode))?;
+                let matched = s.assigned.matched.row(j).iter().copied().collect();
+                Some((s.modes[j].frequency_hz(), s.assigned.missing(j), matched))
+            })
+            .collect();
+        let n = own.len() as f64;
+        let mean_hz = own.iter().map(|o| o.0).sum::<f64>() / n;
+        let variance = own.iter().map(|o| (o.0 - mean_hz).powi(2)).sum::<f64>() / n;
+        let of_peak = |i: usize| own.iter().map(|o| o.2[i]).sum::<f64>() / seen.len() as f64;
+        let matched: Vec<f64> = (0..ringing.spec.frequencies_hz.len())
+            .map(of_peak)
+            .collect();
+        let likely = matched.iter().copied().fold(0.0, f64::max);
+        if (band[0]..=band[1]).contains(&mean_hz) || likely > 0.5 {
+            let found = ModeFound {
+                label: ringing.ritz().label(mode),
+                odd: mode.odd,
+                mean_hz,
+                sd_hz: variance.sqrt(),
+                missing: own.iter().map(|o| o.1).sum::<f64>() / n,
+                shape: shape(ringing.ritz(), mode, grid),
+            };
+            modes.push((mean_hz, modes.len(), found, matched));
+        }
+    }
+    modes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let peaks = ringing.spec.frequencies_hz.iter().enumerate();
+    let peaks = peaks
+        .map(|(i, &frequency_hz)| {
+            let best = modes
+                .iter()
+                .enumerate()
+                .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
+            let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
+            match best.filter(|(_, m)| m.3[i] > no_mode) {
+                Some((k, m)) => PeakFound {
+                    frequency_hz,
+                    mode: Some(k),
+                    probability: m.3[i],
+                },
+                None => PeakFound {
+                    frequency_hz,
+                    mode: None,
+                    probability: no_mode,
+                },
+            }
+        })
+        .collect();
+    Ok(PlateFound {
+        name: ringing.spec.name.clone(),
+        peaks,
+        modes: modes.into_iter().map(|m| m.2).collect(),
+        grid,
+        size_mm: side,
+    })
+}
+
+fn grid([length, width]: [f64; 2]) -> [usize; 2] {
+    let longest = length.max(width);
+    [length, width].map(|side| ((SHAPE as f64 * side / longest).round() as usize).max(8))
+}
+
+/// The deflection, 1 at most.
+fn shape(ritz: &Ritz, mode: &Mode, [columns, rows]: [usize; 2]) -> Vec<f64> {
+    let at = |k: usize, n: usize| (k as f64 + 0.5) / n as f64;
+    let points: Vec<[f64; 2]> = (0..rows)
+        .flat_map(|r| (0..columns).map(move |c| [at(c, columns), at(r, rows)]))
+        .collect();
+    let w = ritz.deflection(mode, &points);
+    let largest = w.iter().fold(0.0_f64, |m, w| m.max(w.abs()));
+    w.iter().map(|w| w / largest).collect()
+}
+
+/// Another assignment that is nearly as probable.
+fn rivals(ringing: &Ringing) -> Option<String> {
+    let best = ringing
+        .tops
+        .iter()
+        .map(|t| t.log_evidence)
+        .fold(f64::MIN, f64::max);
+    let first = &ringing.tops[0];
+    let other = ringing.tops.iter().skip(1).find(|t| {
+        let near = t.log_evidence - best > RIVAL;
+        near && (&t.place - &first.place).amax() > 1.0
+    })?;
+    let share = (other.log_evidence - best).exp();
+    Some(format!(
+        "{}: other constants explain the peaks by another assignment, with {:.2} of the evidence; the chains need not have been there: \
+         more modes, or their parities, decide",
+        ringing.spec.name, share
+    ))
+}
+
+fn unassigned(plate: &PlateFound) -> Option<String> {
+    let none: Vec<String> = plate
+        .peaks
+        .iter()
+        .filter(|p| p.mode.is_none())
+        .map(|p| format!("{} Hz", p.frequency_hz))
+        .collect();
+    (!none.is_empty()).then(|| {
+        format!(
+            "{}: no mode of the plate is at {}: another resonance (support, sensor, air), a split mode, or constants outside their priors",
+            plate.name,
+            none.join(", ")
+        )
+    })
+}
