@@ -21,6 +21,8 @@ struct Judged {
     /// Names of what acted.
     truth: Vec<String>,
     foreign: bool,
+    /// Too small, and too many, to be named all.
+    many: bool,
 }
 
 impl Judged {
@@ -29,7 +31,8 @@ impl Judged {
         if self.foreign {
             return self.ended.status == Status::Unexplained;
         }
-        self.truth.iter().all(|name| self.ended.names(name)) && !self.is_wrong()
+        let all = || self.truth.iter().all(|name| self.ended.names(name));
+        (self.many || all()) && !self.is_wrong()
     }
 
     /// An effect is named, alone, that did not act.
@@ -163,6 +166,7 @@ fn reference_series_are_read_right() {
                 ended: looped(folder, &model, &truth),
                 truth: acts.iter().map(|name| (*name).to_string()).collect(),
                 foreign: false,
+                many: false,
             }
         })
         .collect();
@@ -199,15 +203,12 @@ impl Simulated {
         let constants: Vec<f64> = self.truth.constants.iter().map(|(_, x)| *x).collect();
         let ended = looped(&format!("{} {file}", self.truth.name), &model, &constants);
         let foreign = matches!(self.kind, Kind::Foreign(_));
-        let truth = if foreign || matches!(self.kind, Kind::Many) {
-            Vec::new()
-        } else {
-            self.truth.effects.iter().map(|e| e.name.clone()).collect()
-        };
+        let acted = self.truth.effects.iter().filter(|_| !foreign);
         Judged {
             ended,
-            truth,
+            truth: acted.map(|e| e.name.clone()).collect(),
             foreign,
+            many: matches!(self.kind, Kind::Many),
         }
     }
 }
@@ -300,6 +301,7 @@ fn single(what: Ordinary, seed: u64) -> Judged {
         ended: looped(&format!("{what:?} {seed}"), &model, &constants),
         truth: truth.effects.iter().map(|e| e.name.clone()).collect(),
         foreign: false,
+        many: false,
     }
 }
 
