@@ -236,6 +236,29 @@ fn what_cannot_be_right_is_said() {
     said(&beside, "beside \"frequencies\"");
 }
 
+/// Which side is the length matters, and so does a mass in kg: said where the numbers are.
+#[test]
+fn a_plate_that_does_not_ring_so_is_said() {
+    let text = std::fs::read_to_string("models/plate.json").unwrap();
+    let good: Value = serde_json::from_str(&text).unwrap();
+    let mut swapped = good.clone();
+    swapped["experiments"][0]["specimen"]["length_mm"]["mean"] = 150.into();
+    swapped["experiments"][0]["specimen"]["width_mm"]["mean"] = 200.into();
+    let mut light = good;
+    light["experiments"][0]["specimen"]["mass_g"] = known(0.0375, 0.0001);
+    for (model, says) in [
+        (swapped, "which side is the length"),
+        (light, "does not ring so"),
+    ] {
+        let (_, report) = identified("ringing-wrong", &model);
+        assert!(
+            report["warnings"].to_string().contains(says),
+            "{says}: {}",
+            report["warnings"]
+        );
+    }
+}
+
 /// The fast sum over assignments is the careful one.
 #[test]
 fn the_likelihood_alone_is_that_of_all_assignments() {

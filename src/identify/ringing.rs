@@ -7,7 +7,7 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::experiment::frequencies::{Mode, Ritz};
-use crate::infer::{Joint, LogDensity, Ringing, RingingModel, joint};
+use crate::infer::{Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
 use crate::progress::Progress;
 use crate::sample::{self, Schedule, Start, Stopped};
 
@@ -74,8 +74,9 @@ const SPREAD: f64 = 1.5;
 /// Change of tau that ends the run, and steps between draws; see the posterior to quote.
 const TAU_CHANGE: f64 = 0.1;
 const THIN: usize = 4;
-/// Windows of warm-up, at most: chains that have not settled then are said not to have converged.
+/// Windows of warm-up, and draws, at most: chains that have not settled then are said not to have converged.
 const WARMUP: usize = 16;
+const MOST_DRAWS: usize = 1 << 18;
 /// Evidence over that of the best top, logarithm, from which another assignment is worth a warning.
 const RIVAL: f64 = -4.6;
 
@@ -121,6 +122,7 @@ pub fn identify_ringing(
     progress.end();
     let mut warnings: Vec<String> = ringings.iter().filter_map(rivals).collect();
     warnings.extend(plates.iter().flat_map(unassigned));
+    warnings.extend(too_wrong(&verdict));
     warnings.extend(exact.warning());
     Ok(RingingIdentification {
         draws: outcome.draws,
@@ -151,6 +153,7 @@ fn sampled(
     let given = &options.schedule;
     let schedule = Schedule {
         warmup_windows: given.warmup_windows.min(WARMUP),
+        max_draws: given.max_draws.min(MOST_DRAWS),
         thin: given.thin.or(Some(THIN)),
         ..given.clone()
     };
@@ -359,11 +362,37 @@ fn unassigned(plate: &PlateFound) -> Option<String> {
         .filter(|p| p.mode.is_none())
         .map(|p| format!("{} Hz", p.frequency_hz))
         .collect();
+    let count = plate.peaks.len();
+    if 2 * none.len() > count {
+        return Some(format!(
+            "{}: {} of {count} peaks are no mode of the plate: this plate does not ring so. Check units, dimensions, mass, layup and support \
+             before anything else",
+            plate.name,
+            none.len()
+        ));
+    }
     (!none.is_empty()).then(|| {
         format!(
             "{}: no mode of the plate is at {}: another resonance (support, sensor, air), a split mode, or constants outside their priors",
             plate.name,
             none.join(", ")
+        )
+    })
+}
+
+/// A model error that is too large to be one.
+fn too_wrong(verdict: &Verdict) -> Option<String> {
+    /// Percent; wood is at one.
+    const MOST: f64 = 2.0;
+    let row = verdict
+        .rows
+        .iter()
+        .find(|r| r.name.ends_with(MODEL_ERROR))?;
+    (row.median > MOST).then(|| {
+        format!(
+            "frequencies are wrong by {:.1} % beyond what dimensions, mass and constants allow: check which side is the length, the support, the \
+             layup, and whether the lowest modes are among the peaks",
+            row.median
         )
     })
 }

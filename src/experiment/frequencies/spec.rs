@@ -361,8 +361,9 @@ impl FrequenciesSpec {
     pub fn small(&self, ritz: &Ritz, plates: &[Plate]) -> Result<(Ritz, usize)> {
         /// Modes beyond the band that are predicted.
         const MORE: usize = 2;
-        /// Modes that are looked through for the band's end.
+        /// Modes that are looked through for the band's end, and most of them within it.
         const MOST: usize = 64;
+        const MOST_WITHIN: usize = 48;
         /// How far beyond the band modes span the small problem.
         const SPAN: f64 = 1.15;
         let end = self.peak_model(0.01).band_hz[1];
@@ -372,6 +373,11 @@ impl FrequenciesSpec {
         for design in &designs {
             let found = small.modes(design, MOST)?;
             count = count.max(found.iter().filter(|m| m.frequency_hz() < end).count());
+        }
+        if count > MOST_WITHIN {
+            return Err(Error::input("frequencies_Hz", format!("peaks among the lowest {MOST_WITHIN} modes of the plate"))
+                .found(format!("up to {count} modes below {end:.0} Hz"))
+                .hint("leave the highest peaks out and state band_Hz; or check units (Hz, mm, g), thickness and support"));
         }
         Ok((small, count + MORE))
     }
