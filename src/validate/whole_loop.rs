@@ -133,7 +133,8 @@ fn draw(model: &Model, plan: &Plan, withheld: bool, replicate: usize, attempt: u
     };
     let mut effects: Vec<Acting> = acted.iter().map(|e| acting(*e)).collect();
     effects.push(acting(LOAD_SCALE));
-    let thickness = model.loaded_thickness_mm();
+    // the load scale has its own draw above
+    let thickness = model.experiment().specimen.thickness_mm;
     let z: f64 = StandardNormal.sample(&mut rng);
     let [low, high] = NOISE_NM;
     let truth = Truth {
