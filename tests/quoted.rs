@@ -8,7 +8,7 @@ use plychain::sample::SAMPLERS;
 use plychain::trace::{Closed, Quoted, close, quote};
 
 use crate::loops::options;
-use crate::program::coarse;
+use crate::program::{coarse, python, succeed};
 
 fn closed(model: &Model) -> Closed {
     let sampler = (SAMPLERS[0].build)();
@@ -49,6 +49,11 @@ fn both_samplers_agree_with_the_closed_form() {
     for quoted in &found {
         let answer = &quoted.answers[0];
         assert!(answer.verdict.converged, "{}", answer.verdict.line());
+        // small effects: the full model at the draws weighs them all alike
+        let full = &answer.importance;
+        println!("{full:?}");
+        assert!(full.effective > 0.9 && full.impossible == 0, "{full:?}");
+        assert!(!full.reweighted, "{full:?}");
         for (name, sampled) in quoted.intervals(std::slice::from_ref(averaged)) {
             let form = averaged[&name];
             println!("{name}: {sampled:?} {form:?}");
@@ -87,4 +92,40 @@ fn the_posterior_to_quote_is_the_same_for_any_number_of_threads() {
         pool.install(|| quoted(&closed, 0).draws)
     };
     assert_eq!(with(1), with(3));
+}
+
+const SCRIPT: &str = r#"
+import json, sys, arviz as az, getdist, numpy as np, pandas as pd, xarray as xr
+run = sys.argv[1]
+report = json.load(open(f"{run}/report.json"))
+tree = xr.open_datatree(f"{run}/averaged/chain.zarr", engine="zarr")
+posterior = tree.posterior.to_dataset()
+table = pd.read_csv(f"{run}/averaged/chain.csv")
+samples = getdist.loadMCSamples(f"{run}/export", settings={"ignore_rows": 0})
+summary = az.summary(az.InferenceData(posterior=posterior), var_names=list(report["averaged_posterior"]))
+for name, quoted in report["averaged_posterior"].items():
+    x = posterior[name].values
+    assert x.shape[0] * x.shape[1] == len(table) and np.array_equal(table[name].to_numpy(), x.ravel()), name
+    assert abs(x.mean() - quoted["mean"]) < 0.1 * quoted["sd"], (name, x.mean(), quoted)
+    assert abs(x.std() / quoted["sd"] - 1) < 0.1, (name, x.std(), quoted)
+    assert abs(samples.mean(name) - x.mean()) < 1e-6 * abs(x.mean()), name
+    assert summary.loc[name, "r_hat"] < 1.05, summary
+acts = [n for n in posterior if n.startswith("acts.")]
+assert len(acts) > 10 and all(set(np.unique(posterior[n].values)) <= {0.0, 1.0} for n in acts), acts
+varying = {n for n in posterior if np.ptp(posterior[n].values) > 0}
+assert set(samples.getParamNames().list()) == varying
+"#;
+
+/// ArviZ, GetDist and pandas open what a loop quotes, and find in it what the report says.
+#[test]
+#[ignore = "needs Python"]
+fn other_programs_open_what_a_loop_quotes() {
+    let place = tempfile::tempdir().unwrap();
+    let run = place.path().join("run");
+    let run = run.to_str().unwrap();
+    succeed(&["loop", &coarse(), "--out", run, "--quiet"]);
+    succeed(&["export", run, "--format", "getdist"]);
+    let output = python().args(["-c", SCRIPT, run]).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}");
 }

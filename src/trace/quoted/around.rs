@@ -14,8 +14,9 @@ use crate::trace::ridge::of_series;
 use crate::trace::sensitivities::{Few, Linearised, Sensitivities};
 use crate::trace::series::{averages, of_blocks};
 
-/// The test linearised about a point and, for every constant, about the point with that constant raised by some prior sds; there without
-/// the effects that are not declared, whose small fields hardly change.
+/// The test linearised about a point and, for every constant, about the point with that constant raised by some prior sds; with all
+/// effects there too. Their fields are small, but an amplitude of what can be told from none of the load's scale (the sensitivity of both
+/// components) is as good as one of the load, and follows the constants as the load does.
 pub struct Around {
     pub here: Sensitivities,
     pub raised: Vec<Sensitivities>,
@@ -60,10 +61,7 @@ impl Around {
                     few: Few::new(prepared, &measured.blocks),
                     step: &|| (),
                 };
-                let at = |k: Option<usize>| {
-                    let sought = if k.is_none() { &sought[..] } else { &[] };
-                    linearised.sensitivities(&moved(state, k), sought)
-                };
+                let at = |k: Option<usize>| linearised.sensitivities(&moved(state, k), sought);
                 places.into_iter().map(at).collect()
             }
             About::Series {
@@ -84,7 +82,6 @@ impl Around {
                         shared,
                         ..state.clone()
                     };
-                    let sought = if k.is_none() { &sought[..] } else { &[] };
                     of_series(&stepped, &state, declared, sought)
                 };
                 places.into_par_iter().map(at).collect()

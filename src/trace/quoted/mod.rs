@@ -7,6 +7,8 @@ mod around;
 mod choices;
 mod complete;
 mod evidence;
+mod full;
+mod importance;
 mod pose;
 mod quadratic;
 mod run;

@@ -7,13 +7,13 @@ use super::answer::Answer;
 use super::around::Around;
 use super::choices::{likeliest, with_rival};
 use super::quadratic::Equations;
-use super::space::{Space, Whose, stacked};
+use super::space::{Space, Whose, shown, stacked};
 use crate::error::Result;
 use crate::files::Keyed;
-use crate::infer::{Marginal, Model};
+use crate::infer::{LogDensity, Marginal, Model};
 use crate::trace::account::Account;
 use crate::trace::averaged::{Interval, MULTIPLES};
-use crate::trace::weighing::NoisePair;
+use crate::trace::weighing::{NoisePair, Weighing};
 
 /// An answer ready to be sampled, with what its draws need to be completed.
 pub(super) struct Sampled<'a> {
@@ -24,6 +24,10 @@ pub(super) struct Sampled<'a> {
     pub kept: Vec<usize>,
     pub pairs: Vec<NoisePair>,
     pub supposing: Supposing,
+    /// Columns of [`stacked`], (u1, u2).
+    pub columns: [DMatrix<f64>; 2],
+    /// Choices of the noise, where they are not the account's.
+    wide: Option<Weighing>,
 }
 
 /// Steps of the constants beside which slopes are taken: posterior sds in prior sds, within these.
@@ -64,22 +68,20 @@ impl<'a> Sampled<'a> {
             _ => 1.0,
         };
         let largest = DVector::from_iterator(whose.len(), whose.iter().map(largest));
-        let n = here.constants;
+        let measured = &evidence.measured;
+        // of the columns as they are here: at another point other combinations are not seen
+        let own = [0, 1].map(|c| shown(here, &kept, c));
         let mut gram = DMatrix::zeros(kept.len(), kept.len());
-        for pair in &pairs {
-            let all = weighing.gram(pair);
-            gram += DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
-                all[(n + kept[i], n + kept[j])]
-            });
+        for of_pair in weighing.grams(measured, [&own[0], &own[1]], &pairs)? {
+            gram += of_pair;
         }
         let space = Space::new(whose, largest, &gram);
-        let measured = &evidence.measured;
         let columns = [0, 1].map(|c| stacked(around, measured, &space, &kept, c));
         let grams = weighing.grams(measured, [&columns[0], &columns[1]], &pairs)?;
         let directions = space.directions();
         let noise = grams
             .iter()
-            .map(|g| Equations::new(g, directions, n))
+            .map(|g| Equations::new(g, directions, here.constants))
             .collect();
         let constants = model
             .marginals()
@@ -98,17 +100,29 @@ impl<'a> Sampled<'a> {
             kept,
             pairs,
             supposing,
+            columns,
+            wide,
         })
     }
 
-    /// A point to start from and the sd to start with.
+    /// What weighs the residual.
+    pub fn weighing(&self) -> &Weighing {
+        let own = &self.account.evidence.weighing;
+        self.wide.as_ref().unwrap_or(own)
+    }
+
+    /// A point to start from and the sd to start with: the closed form's, or the prior's where that is no material.
     pub fn start(&self, averaged: &Keyed<Interval>) -> (Vec<f64>, Vec<f64>) {
         let columns = &self.around.here.base[..self.answer.constants()];
         let of = |name: &str| averaged.get(name).map(|i| (i.mean, i.sd));
         let moments = columns
             .iter()
             .map(|c| of(&c.name).unwrap_or((c.mean, c.sd)));
-        moments.unzip()
+        let (mean, sd): (Vec<f64>, Vec<f64>) = moments.unzip();
+        if self.answer.log_density(&mean).is_finite() {
+            return (mean, sd);
+        }
+        columns.iter().map(|c| (c.mean, c.sd)).unzip()
     }
 }
 

@@ -4,7 +4,10 @@ use std::time::Instant;
 
 use super::Supposing;
 use super::around::Around;
+use super::full::Full;
+use super::importance::Importance;
 use super::pose::{Sampled, steps};
+use super::variables::Completed;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
@@ -32,6 +35,8 @@ pub struct AnswerDraws {
     pub draws: Draws,
     /// Of what the samplers drew.
     pub verdict: Verdict,
+    /// How the draws fare under the full model.
+    pub importance: Importance,
 }
 
 impl Quoted {
@@ -115,7 +120,7 @@ fn sampled(
         None,
     );
     let around = Around::new(account, model, prepared, steps(model, averaged))?;
-    prepared.problem.experiment.rest();
+    let full = Full::new(model, prepared, account, &around)?;
     progress.end();
     let mut answers = Vec::new();
     for &supposing in which {
@@ -124,15 +129,36 @@ fn sampled(
         let sampled = Sampled::new(model, account, &around, supposing)?;
         progress.say(&sampled.answer.size_in_words());
         let draws = draw(&sampled, averaged, options, progress)?;
-        let verdict = diagnose(&draws, &rule(&options.rule));
+        let mut verdict = diagnose(&draws, &rule(&options.rule));
+        let Completed { draws, importance } =
+            sampled.completed(&draws, &full, options.schedule.seed)?;
+        if importance.reweighted {
+            // convergence is that of what was drawn, moments are those of what is quoted
+            let constants = around.here.constants;
+            verdict.rows = diagnose(&first(&draws, constants)?, &rule(&options.rule)).rows;
+        }
         answers.push(AnswerDraws {
             name: supposing.key(),
-            draws: sampled.completed(&draws, options.schedule.seed)?,
+            draws,
             verdict,
+            importance,
         });
         progress.end();
     }
+    prepared.problem.experiment.rest();
     Ok(answers)
+}
+
+/// The first variables of draws alone.
+fn first(draws: &Draws, count: usize) -> Result<Draws> {
+    let values = draws.points().flat_map(|x| x[..count].iter().copied());
+    let names = draws.names()[..count].to_vec();
+    Draws::new(
+        names,
+        draws.ensemble().to_vec(),
+        values.collect(),
+        draws.lp().to_vec(),
+    )
 }
 
 /// Spread of the start about the mode, in units of its normal approximation.

@@ -93,6 +93,16 @@ pub(super) fn linear(of: &Sensitivities) -> Vec<&Column> {
     of.base[of.constants..].iter().chain(sought).collect()
 }
 
+/// Some linear columns of one component, the near-edge rival's behind all others.
+pub(super) fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64> {
+    let own = linear(of);
+    let column = |&k: &usize| match own.get(k) {
+        Some(column) => column.values[c].clone(),
+        None => of.near_edge[k - own.len()][c].clone(),
+    };
+    DMatrix::from_columns(&kept.iter().map(column).collect::<Vec<DVector<f64>>>())
+}
+
 /// One component's columns for an account: those of `space` in its directions, at the point and then their changes for a prior sd of
 /// each constant; and what the data leave where all amplitudes in the directions are zero, a column for each of [`monomials`].
 pub(super) fn stacked(
@@ -105,15 +115,7 @@ pub(super) fn stacked(
     let here = &around.here;
     let all = linear(here);
     let rows = here.predicted[c].len();
-    let matrix = |of: &Sensitivities| {
-        let own = linear(of);
-        // where no column was made for the raised point, it is taken to be the same
-        let column = |&k: &usize| match own.get(k).or_else(|| all.get(k)) {
-            Some(column) => column.values[c].clone(),
-            None => here.near_edge[k - all.len()][c].clone(),
-        };
-        DMatrix::from_columns(&kept.iter().map(column).collect::<Vec<DVector<f64>>>())
-    };
+    let matrix = |of: &Sensitivities| shown(of, kept, c);
     let mut scaled = space.seen.clone();
     for (mut row, sd) in scaled.row_iter_mut().zip(space.largest.iter()) {
         row *= *sd;

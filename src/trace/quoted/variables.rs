@@ -2,6 +2,8 @@
 
 use super::Supposing;
 use super::complete::{Drawn, Inclusion, complete};
+use super::full::Full;
+use super::importance::Importance;
 use super::pose::Sampled;
 use super::space::linear;
 use crate::chain::Draws;
@@ -23,6 +25,12 @@ fn distinct(names: &[String]) -> Vec<String> {
         n => format!("{}_{}", names[k], n + 1),
     };
     (0..names.len()).map(of).collect()
+}
+
+/// Completed draws.
+pub(super) struct Completed {
+    pub draws: Draws,
+    pub importance: Importance,
 }
 
 impl Sampled<'_> {
@@ -55,11 +63,12 @@ impl Sampled<'_> {
         distinct(&names)
     }
 
-    /// The draws of the answer's density with all that was integrated out of it drawn, in border units.
+    /// The draws of the answer's density with all that was integrated out of it drawn, in border units, and how they fare under the `full`
+    /// model, by which they are weighed where that matters.
     ///
     /// # Errors
     /// Of the program, for draws of another density.
-    pub fn completed(&self, draws: &Draws, seed: u64) -> Result<Draws> {
+    pub fn completed(&self, draws: &Draws, full: &Full<'_>, seed: u64) -> Result<Completed> {
         let subsets = &self.account.evidence.subsets;
         let draws = &draws.every(draws.len().div_ceil(MOST_COMPLETED))?;
         let points: Vec<Vec<f64>> = draws.points().map(<[f64]>::to_vec).collect();
@@ -80,18 +89,19 @@ impl Sampled<'_> {
         };
         let stream = |k: usize| Stream::at(key, k as u64, 0);
         let found = complete(&self.answer, &points, &inclusion, &stream);
-        let mut values = Vec::new();
-        for (x, drawn) in points.iter().zip(&found) {
-            self.write(x, drawn, &mut values);
+        let (importance, order) = self.importance(full, &points, &found, seed)?;
+        let order = order.unwrap_or_else(|| (0..points.len()).collect());
+        let (mut values, mut lp) = (Vec::new(), Vec::new());
+        for k in order {
+            self.write(&points[k], &found[k], &mut values);
+            lp.push(draws.lp()[k]);
         }
-        let mut completed = Draws::new(
-            self.names(),
-            draws.ensemble().to_vec(),
-            values,
-            draws.lp().to_vec(),
-        )?;
+        let mut completed = Draws::new(self.names(), draws.ensemble().to_vec(), values, lp)?;
         completed.info = draws.info.clone();
-        Ok(completed)
+        Ok(Completed {
+            draws: completed,
+            importance,
+        })
     }
 
     /// A completed draw.

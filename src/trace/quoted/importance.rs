@@ -1,0 +1,309 @@
+//! The answer, which is linear in the amplitudes and follows the constants to second order, held against the full model at its draws
+//! (importance sampling: a draw weighs as much as the full model's density over the answer's).
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::complete::Drawn;
+use super::full::Full;
+use super::pose::Sampled;
+use super::space::{Whose, monomials, values};
+use crate::error::Result;
+use crate::sample::{Key, Stream};
+
+/// How the draws fare under the full model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Importance {
+    /// Draws at which the full model was solved, and those that it cannot have.
+    pub draws: usize,
+    pub impossible: usize,
+    /// Effective share of them.
+    pub effective: f64,
+    /// By how much the mean of each constant shifts, posterior sds, and the standard error of that.
+    pub shifts: Vec<[f64; 2]>,
+    /// Whether the draws were reweighted for it.
+    pub reweighted: bool,
+}
+
+/// Draws at which the full model is solved at first, and at most.
+const FIRST: usize = 48;
+const MOST: usize = 192;
+
+/// Effective share of the first draws below which more are asked.
+const FEW: f64 = 0.5;
+
+/// A shift of a mean that is corrected, posterior sds.
+const WORTH: f64 = 0.05;
+
+/// Stream that resamples, apart from those of ensembles and of completion.
+const RESAMPLING: u64 = u64::MAX - 2;
+
+impl Sampled<'_> {
+    /// Hold draws against the full model. Where it shifts a mean by more than a twentieth of an sd, an order of draws that has them as
+    /// often as they weigh comes with it.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub(super) fn importance(
+        &self,
+        full: &Full<'_>,
+        points: &[Vec<f64>],
+        drawn: &[Drawn],
+        seed: u64,
+    ) -> Result<(Importance, Option<Vec<usize>>)> {
+        let mut count = FIRST.min(points.len());
+        loop {
+            let chosen: Vec<usize> = (0..count)
+                .map(|k| (2 * k + 1) * points.len() / (2 * count))
+                .collect();
+            let logs = self.log_weights(full, points, drawn, &chosen)?;
+            let features = self.features(points, drawn);
+            let weights = relative(&logs);
+            let mut found = of_weights(points, &chosen, &weights);
+            let beyond = |by: f64| move |s: &[f64; 2]| s[0].abs() > WORTH.max(by * s[1]);
+            let unsure = found.shifts.iter().any(beyond(1.0)) || found.effective < FEW;
+            if unsure && count < MOST.min(points.len()) {
+                count = MOST.min(points.len());
+                continue;
+            }
+            let clear = beyond(2.0);
+            if !found.shifts.iter().any(clear) {
+                return Ok((found, None));
+            }
+            let fitted = regressed(&features, &chosen, &logs);
+            found.reweighted = true;
+            let key = Key {
+                seed,
+                ensemble: RESAMPLING,
+            };
+            let order = resampled(&relative(&fitted), Stream::at(key, 0, 0).uniform());
+            return Ok((found, Some(order)));
+        }
+    }
+
+    /// Log density of the full model over the answer's at some draws; -inf where the full model cannot be.
+    fn log_weights(
+        &self,
+        full: &Full<'_>,
+        points: &[Vec<f64>],
+        drawn: &[Drawn],
+        chosen: &[usize],
+    ) -> Result<Vec<f64>> {
+        let evidence = &self.account.evidence;
+        let base = self.left_at_linearisation();
+        let residuals: Vec<Option<[[DVector<f64>; 2]; 2]>> = chosen
+            .par_iter()
+            .map(|&k| {
+                let amplitudes = self.all_amplitudes(&drawn[k]);
+                let change = full.change(&points[k], &amplitudes).ok()?;
+                let linear = self.left(&points[k], &drawn[k]);
+                let own = [0, 1].map(|c| &base[c] - &change[c] - self.rival(&drawn[k], c));
+                Some([linear, own])
+            })
+            .collect();
+        let mut logs = vec![f64::NEG_INFINITY; chosen.len()];
+        for (noise, pair) in self.pairs.iter().enumerate() {
+            let own: Vec<(usize, &[[DVector<f64>; 2]; 2])> = residuals
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| drawn[chosen[*i]].noise == noise)
+                .filter_map(|(i, r)| Some((i, r.as_ref()?)))
+                .collect();
+            if own.is_empty() {
+                continue;
+            }
+            let columns = [0, 1].map(|c| {
+                let both = own
+                    .iter()
+                    .flat_map(|(_, r)| [r[0][c].clone(), r[1][c].clone()]);
+                DMatrix::from_columns(&both.collect::<Vec<_>>())
+            });
+            let measured = &evidence.measured;
+            let grams = self
+                .weighing()
+                .grams(measured, [&columns[0], &columns[1]], &[*pair])?;
+            for (k, (i, _)) in own.iter().enumerate() {
+                let square = |j: usize| grams[0][(2 * k + j, 2 * k + j)];
+                logs[*i] = 0.5 * (square(0) - square(1));
+            }
+        }
+        Ok(logs)
+    }
+
+    /// What the answer leaves of the data at a draw.
+    fn left(&self, x: &[f64], drawn: &Drawn) -> [DVector<f64>; 2] {
+        let space = &self.answer.space;
+        let gamma = space
+            .seen
+            .tr_mul(&drawn.amplitudes.component_div(&space.largest));
+        self.residual(&self.answer.distances(x), &gamma)
+    }
+
+    /// The same where the test was linearised, with the amplitudes that it had there.
+    fn left_at_linearisation(&self) -> [DVector<f64>; 2] {
+        let space = &self.answer.space;
+        let all = super::space::linear(&self.around.here);
+        let at = self.kept.iter().zip(space.largest.iter());
+        let at =
+            at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
+        let at = DVector::from_iterator(self.kept.len(), at);
+        self.residual(&vec![0.0; self.answer.constants()], &space.seen.tr_mul(&at))
+    }
+
+    fn residual(&self, distances: &[f64], gamma: &DVector<f64>) -> [DVector<f64>; 2] {
+        let d: Vec<f64> = std::iter::once(1.0)
+            .chain(distances.iter().copied())
+            .collect();
+        let left = values(&monomials(distances.len()), &d);
+        let directions = d.iter().flat_map(|d| gamma.iter().map(move |g| -d * g));
+        let coefficients: Vec<f64> = directions.chain(left).collect();
+        let coefficients = DVector::from_vec(coefficients);
+        [0, 1].map(|c| &self.columns[c] * &coefficients)
+    }
+
+    /// Amplitudes of all linear columns of the account, zeros of those that the answer does not have.
+    fn all_amplitudes(&self, drawn: &Drawn) -> Vec<f64> {
+        let mut all = vec![0.0; super::space::linear(&self.around.here).len()];
+        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
+            if let Some(amplitude) = all.get_mut(k) {
+                *amplitude = *a;
+            }
+        }
+        all
+    }
+
+    /// What the near-edge rival does at a draw, which enters linearly in the full model too.
+    fn rival(&self, drawn: &Drawn, c: usize) -> DVector<f64> {
+        let here = &self.around.here;
+        let linear = super::space::linear(here).len();
+        let mut sum = DVector::zeros(here.predicted[c].len());
+        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
+            if let Some(fields) = k.checked_sub(linear).and_then(|k| here.near_edge.get(k)) {
+                sum.axpy(*a, &fields[c], 1.0);
+            }
+        }
+        sum
+    }
+
+    /// What a draw's weight may depend on, each of unit variance: constants, and amplitudes that take part in every draw.
+    fn features(&self, points: &[Vec<f64>], drawn: &[Drawn]) -> Vec<Vec<f64>> {
+        let always = |k: &usize| self.answer.space.whose[*k] == Whose::Always;
+        let own: Vec<usize> = (0..self.kept.len()).filter(always).collect();
+        let raw: Vec<Vec<f64>> = points
+            .iter()
+            .zip(drawn)
+            .map(|(x, d)| {
+                let amplitudes = own.iter().map(|&k| d.amplitudes[k]);
+                x.iter().copied().chain(amplitudes).collect()
+            })
+            .collect();
+        standardised(raw)
+    }
+}
+
+/// Each of zero mean and unit variance; what does not vary stays 0.
+fn standardised(mut raw: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let n = raw.len() as f64;
+    for k in 0..raw.first().map_or(0, Vec::len) {
+        let mean = raw.iter().map(|x| x[k]).sum::<f64>() / n;
+        let sd = (raw.iter().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n).sqrt();
+        for x in &mut raw {
+            x[k] = if sd > 0.0 { (x[k] - mean) / sd } else { 0.0 };
+        }
+    }
+    raw
+}
+
+/// Weights over the largest.
+fn relative(logs: &[f64]) -> Vec<f64> {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY {
+        return vec![0.0; logs.len()];
+    }
+    logs.iter().map(|l| (l - most).exp()).collect()
+}
+
+/// Effective share and shifts of means of weighed draws.
+fn of_weights(points: &[Vec<f64>], chosen: &[usize], weights: &[f64]) -> Importance {
+    let n = weights.len() as f64;
+    let sum: f64 = weights.iter().sum();
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    let all = points.len() as f64;
+    let shift = |k: usize| {
+        let mean = points.iter().map(|x| x[k]).sum::<f64>() / all;
+        let variance = points.iter().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / all;
+        let sd = variance.sqrt().max(f64::MIN_POSITIVE);
+        // about the chosen draws' own mean: what the choice does to it is no shift
+        let z: Vec<f64> = chosen.iter().map(|&i| (points[i][k] - mean) / sd).collect();
+        let own = z.iter().sum::<f64>() / n;
+        let shift = z
+            .iter()
+            .zip(weights)
+            .map(|(z, w)| w * (z - own))
+            .sum::<f64>()
+            / sum;
+        let relative = |w: f64| w * n / sum;
+        let error = z.iter().zip(weights);
+        let error = error.map(|(z, w)| ((relative(*w) - 1.0) * (z - own) - shift).powi(2));
+        [shift, (error.sum::<f64>()).sqrt() / n]
+    };
+    Importance {
+        draws: chosen.len(),
+        impossible: weights.iter().filter(|w| **w == 0.0).count(),
+        effective: sum * sum / squares / n,
+        shifts: (0..points.first().map_or(0, Vec::len)).map(shift).collect(),
+        reweighted: false,
+    }
+}
+
+/// Log weights of all draws by a ridge regression on their features, the squares of these and the constants' products: of some draws they
+/// are known.
+fn regressed(features: &[Vec<f64>], chosen: &[usize], logs: &[f64]) -> Vec<f64> {
+    let row = |x: &Vec<f64>| -> Vec<f64> {
+        let pairs = (0..x.len()).flat_map(|a| (a..x.len()).map(move |b| (a, b)));
+        let products = pairs.map(|(a, b)| x[a] * x[b]);
+        let products: Vec<f64> = products.collect();
+        std::iter::once(1.0)
+            .chain(x.iter().copied())
+            .chain(products)
+            .collect()
+    };
+    let known: Vec<(Vec<f64>, f64)> = chosen
+        .iter()
+        .zip(logs)
+        .filter(|(_, l)| l.is_finite())
+        .map(|(&k, l)| (row(&features[k]), *l))
+        .collect();
+    let width = row(&features[0]).len();
+    let x = DMatrix::from_fn(known.len(), width, |i, j| known[i].0[j]);
+    let y = DVector::from_iterator(known.len(), known.iter().map(|k| k.1));
+    let mut normal = x.tr_mul(&x);
+    for k in 1..width {
+        normal[(k, k)] += 1.0;
+    }
+    let solved = normal.lu().solve(&x.tr_mul(&y));
+    let Some(slope) = solved else {
+        return vec![0.0; features.len()];
+    };
+    let of = |x: &Vec<f64>| row(x).iter().zip(slope.iter()).map(|(a, b)| a * b).sum();
+    features.iter().map(of).collect()
+}
+
+/// Systematic resampling: every draw as often as it weighs, in their order.
+fn resampled(weights: &[f64], start: f64) -> Vec<usize> {
+    let n = weights.len();
+    let step = weights.iter().sum::<f64>() / n as f64;
+    let (mut order, mut sum) = (Vec::with_capacity(n), 0.0);
+    for (k, w) in weights.iter().enumerate() {
+        sum += w;
+        while order.len() < n && (order.len() as f64 + start) * step < sum {
+            order.push(k);
+        }
+    }
+    order.resize(n, n - 1);
+    order
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/importance.rs"]
+mod tests;
