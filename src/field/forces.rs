@@ -40,6 +40,31 @@ pub(super) struct Loaded {
     pub shift_mm: [f64; 2],
 }
 
+/// The first step whose field is at least half of what its force would make, were its sign the other. Plastic strain that outlasts a
+/// reversal is less. Which of the two signs is the odd one more steps say, or else the larger force.
+fn reversed(steps: &[Loaded]) -> Option<(Loaded, Loaded)> {
+    const HALF: f64 = 0.5;
+    let forces = || steps.iter().filter_map(|s| Some((s.force?, *s)));
+    let largest = forces().max_by(|a, b| a.1.size.abs().total_cmp(&b.1.size.abs()))?;
+    let peak = forces().map(|(f, _)| f.abs()).fold(0.0, f64::max);
+    let per_force = largest.1.size / largest.0;
+    let (odd, others): (Vec<_>, Vec<_>) = forces()
+        .filter(|(f, _)| f.abs() > MUCH * peak)
+        .partition(|(f, s)| s.size / f / per_force < -HALF);
+    let (odd, others) = if odd.len() > others.len() {
+        (others, odd)
+    } else {
+        (odd, others)
+    };
+    let at = |of: &[(f64, Loaded)]| {
+        of.iter()
+            .copied()
+            .max_by(|a, b| a.1.size.abs().total_cmp(&b.1.size.abs()))
+    };
+    (per_force.is_finite() && per_force != 0.0 && !odd.is_empty())
+        .then(|| Some((odd.first()?.1, at(&others)?.1)))?
+}
+
 impl Loaded {
     /// What a picture may make of the difference of two sizes.
     fn optical(&self, other: &Self) -> f64 {
@@ -56,10 +81,12 @@ pub(super) struct Forces {
     range: f64,
     /// A size that noise may make.
     noise: f64,
+    /// Where both signs occur: a step whose force has the other sign than its field, by the step with the largest.
+    reversed: Option<(Loaded, Loaded)>,
 }
 
 impl Forces {
-    /// Compression is turned into tension. Where both occur nothing is judged.
+    /// Compression is turned into tension. Where both occur only signs are judged.
     pub fn new(mut steps: Vec<Loaded>, noise: f64) -> Self {
         let known = |steps: &[Loaded]| -> Vec<(f64, f64)> {
             let both = steps.iter().filter_map(|s| Some((s.force?, s.size)));
@@ -67,7 +94,9 @@ impl Forces {
         };
         let forces = known(&steps);
         let negative = forces.iter().any(|(f, _)| *f < 0.0);
-        if negative && forces.iter().any(|(f, _)| *f > 0.0) {
+        let mixed = negative && forces.iter().any(|(f, _)| *f > 0.0);
+        let reversed = mixed.then(|| reversed(&steps)).flatten();
+        if mixed {
             steps.clear();
         }
         if negative {
@@ -86,6 +115,7 @@ impl Forces {
             range: if range.is_finite() { range } else { 0.0 },
             steps,
             noise,
+            reversed,
         }
     }
 
@@ -94,6 +124,15 @@ impl Forces {
     /// # Errors
     /// Of the input: forces that contradict the fields.
     pub fn check(&self, files: &[&Path]) -> Result<Vec<String>> {
+        if let Some((odd, largest)) = &self.reversed {
+            let file = files[odd.step].display();
+            let force = odd.force.unwrap_or(0.0);
+            let of = |s: &Loaded| files[s.step].display();
+            let place = format!("steps[{}].force_N", odd.step);
+            return Err(Error::input(place, format!("a force of the sign that the field of {file} has by that of {}", of(largest)))
+                .found(force)
+                .hint("forces are positive in tension; a field that is proportional to its force changes its sign with it"));
+        }
         if self.largest <= 0.0 || self.range <= ORDERED * self.noise {
             return Ok(Vec::new());
         }

@@ -80,6 +80,13 @@ fn shuffled_and_wrong_forces_are_told() {
         case.set_forces(forces);
         case.refused(&[".force_N", "larger force with a smaller strain"]);
     }
+    // one of the other sign, and one true among three of the other sign
+    let mut case = Case::written();
+    case.set_forces(&[500.0, 1000.0, -1500.0, 2000.0, 0.0]);
+    case.refused(&["steps[2].force_N", "-1500", "step-04.csv"]);
+    let mut case = Case::written();
+    case.set_forces(&[-500.0, 1000.0, -1500.0, -2000.0, 0.0]);
+    case.refused(&["steps[1].force_N", "1000"]);
     // ten times too large
     let mut case = Case::written();
     case.set_forces(&[500.0, 1000.0, 1500.0, 20_000.0, 0.0]);
