@@ -2,6 +2,7 @@
 
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
+use plychain::effect::Kind;
 use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::sample::SAMPLERS;
@@ -34,6 +35,49 @@ fn apart(a: &Draws, b: &Draws) -> Vec<(String, f64)> {
         .collect()
 }
 
+/// Birth and death draw every effect as often as the enumeration of subsets makes it likely, within the Monte Carlo error of draws whose
+/// walkers count as one value each, and a tenth: the enumeration takes all other effects for none, the draws for small ones.
+fn acts_as_often_as_likely(closed: &Closed, quoted: &Quoted) {
+    let draws = &quoted.draws;
+    let mut sums = [0.0; 2];
+    for found in &closed.rounds.last().unwrap().tracing.candidates {
+        let Some(k) = draws.index(&format!("acts.{}", found.effect.name())) else {
+            // what the recording adds is corrected in the field, and enters no draw
+            assert_eq!(found.effect.kind(), Kind::Recorded);
+            continue;
+        };
+        let shares: Vec<f64> = (0..draws.chains())
+            .map(|c| {
+                (0..draws.draws())
+                    .map(|d| draws.point(c, d)[k])
+                    .sum::<f64>()
+                    / draws.draws() as f64
+            })
+            .collect();
+        let n = shares.len() as f64;
+        let mean = shares.iter().sum::<f64>() / n;
+        let variance = shares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let likely = found.inclusion_probability;
+        let error = (variance / n).max(likely / draws.len() as f64).sqrt();
+        println!(
+            "{}: {likely:.5} {mean:.5} +- {error:.5}",
+            found.effect.name()
+        );
+        assert!(
+            (mean - likely).abs() < 4.5 * error + 0.1 * likely,
+            "{}: {likely} {mean} +- {error}",
+            found.effect.name()
+        );
+        sums[0] += likely;
+        sums[1] += mean;
+    }
+    let error = (sums[0] / draws.len() as f64).sqrt();
+    assert!(
+        (sums[1] - sums[0]).abs() < 4.0 * error + 0.1 * sums[0],
+        "{sums:?}"
+    );
+}
+
 /// On a field whose effects are small the closed form is right: the chains agree with it, by either sampler, in all of some sixty variables.
 #[test]
 fn both_samplers_agree_with_the_closed_form() {
@@ -54,6 +98,7 @@ fn both_samplers_agree_with_the_closed_form() {
         println!("{full:?}");
         assert!(full.effective > 0.9 && full.impossible == 0, "{full:?}");
         assert!(!full.reweighted, "{full:?}");
+        acts_as_often_as_likely(&closed, quoted);
         for (name, sampled) in quoted.intervals(std::slice::from_ref(averaged)) {
             let form = averaged[&name];
             println!("{name}: {sampled:?} {form:?}");

@@ -18,6 +18,10 @@ pub(super) struct Drawn {
     pub amplitudes: DVector<f64>,
 }
 
+/// Offers to every candidate, on average: of an unlikely one that does not act in the part where a draw begins, the first of five finds
+/// 63 % of its probability, all five 99 %.
+const SWEEPS: usize = 5;
+
 /// What may act: the prior log probability of so many effects, and which candidates exclude each other.
 pub(super) struct Inclusion<'a> {
     /// Number of candidates; none where inclusion is not drawn.
@@ -42,7 +46,7 @@ fn drawn(answer: &Answer, x: &[f64], inclusion: &Inclusion<'_>, rng: &mut Stream
     let mut choice = choose(answer, x, rng);
     let (gram, right) = answer.noise[choice.noise].at(&place);
     let mut given = Given::new(answer, (&gram, &right), &choice);
-    for _ in 0..inclusion.candidates {
+    for _ in 0..SWEEPS * inclusion.candidates {
         given = birth_or_death(given, &mut choice, inclusion, rng);
     }
     Drawn {
