@@ -89,6 +89,14 @@ impl Stepped<'_> {
         stacked(&report(state, of, loaded, scene, self.places, self.counts))
     }
 
+    /// What all steps show at a state, mm.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn shown(&self, at: &SeriesState) -> Result<Stack> {
+        Ok(self.seen(at, &at.shared, &self.loaded(None, at)?, self.scene()))
+    }
+
     /// The point about which to linearise.
     ///
     /// # Errors

@@ -62,6 +62,14 @@ impl<'a> Full<'a> {
         Ok(full)
     }
 
+    /// Draws at which it is solved at first, and at most: of a series fewer, all of whose steps are solved at each.
+    pub fn draws(&self) -> [usize; 2] {
+        match &self.account.about {
+            About::Field { .. } => [48, 192],
+            About::Series { .. } => [12, 12],
+        }
+    }
+
     /// By how much block averages differ, mm, from those where the test was linearised: at some constants (border units), with amplitudes
     /// of the linear columns in prior sds from their means.
     ///
@@ -138,7 +146,7 @@ impl<'a> Full<'a> {
             average: &average,
             ..of_blocks(self.model, self.prepared, steps, blocks)
         };
-        Ok(stepped.here(state)?.predicted())
+        stepped.shown(state)
     }
 
     /// The linear columns in their order, with what they are.

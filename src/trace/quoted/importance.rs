@@ -25,10 +25,6 @@ pub struct Importance {
     pub reweighted: bool,
 }
 
-/// Draws at which the full model is solved at first, and at most.
-const FIRST: usize = 48;
-const MOST: usize = 192;
-
 /// Effective share of the first draws below which more are asked.
 const FEW: f64 = 0.5;
 
@@ -51,7 +47,8 @@ impl Sampled<'_> {
         drawn: &[Drawn],
         seed: u64,
     ) -> Result<(Importance, Option<Vec<usize>>)> {
-        let mut count = FIRST.min(points.len());
+        let [first, most] = full.draws().map(|n| n.min(points.len()));
+        let mut count = first;
         loop {
             let chosen: Vec<usize> = (0..count)
                 .map(|k| (2 * k + 1) * points.len() / (2 * count))
@@ -62,8 +59,8 @@ impl Sampled<'_> {
             let mut found = of_weights(points, &chosen, &weights);
             let beyond = |by: f64| move |s: &[f64; 2]| s[0].abs() > WORTH.max(by * s[1]);
             let unsure = found.shifts.iter().any(beyond(1.0)) || found.effective < FEW;
-            if unsure && count < MOST.min(points.len()) {
-                count = MOST.min(points.len());
+            if unsure && count < most {
+                count = most;
                 continue;
             }
             let clear = beyond(2.0);
