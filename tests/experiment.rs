@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use plychain::effect::{Acting, EFFECTS, Kind, LOAD_SCALE};
+use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
     Direction, Experiment, FieldExperiment, Gauge, MockExperiment, Sight, Softening, State, gauged,
@@ -273,4 +274,47 @@ fn bumps_of_the_stiffness_add_up_to_a_stiffer_plate() {
     let one = size(&fields[fields.len() / 2]);
     assert!(one > 1e-2 * size(&plain), "{one:e}");
     assert!(!softened(Softening::NearEdge).is_empty());
+}
+
+/// A nonlinearity of no size changes nothing of a series, whatever else acts: what the load adds in closed form (bending out of the plane) is
+/// neither lost beside it nor there twice.
+#[test]
+fn a_nonlinearity_of_no_size_leaves_a_series_as_it_is() {
+    let experiment = &experiments()[1];
+    let points: Vec<[f64; 2]> = (0..40)
+        .map(|k| [4.0 + 0.1 * f64::from(k), -3.0 + 0.15 * f64::from(k)])
+        .collect();
+    let (sight, inside) = experiment.locate(&points, &[]);
+    assert!(inside.iter().all(|i| *i));
+    let average = |u: &[[f64; 2]]| u.to_vec();
+    let solver = Solver {
+        experiment: &**experiment,
+        sight: &sight,
+        average: &average,
+    };
+    let act = |name: &str, share: f64| {
+        let effect = EFFECTS.iter().find(|e| e.name() == name).unwrap();
+        let of = effect.parameters().iter();
+        Acting {
+            effect: *effect,
+            amplitude: of.map(|p| share * p.prior_sd.unwrap()).collect(),
+        }
+    };
+    let plain = State::new(&CONSTANTS, 0.78);
+    let bent = plain.clone().with([act("out_of_plane_bending", 1.0)]);
+    let both = bent.clone().with([act("shear_nonlinearity", 1e-9)]);
+    let loads = [0.5, 1.0];
+    let [plain, bent, both] = [plain, bent, both].map(|s| solver.loaded(None, &s, &loads).unwrap());
+    let added: Field = bent
+        .linear
+        .iter()
+        .zip(&plain.linear)
+        .map(|(a, b)| [a[0] - b[0], a[1] - b[1]])
+        .collect();
+    assert_eq!(both.linear, bent.linear);
+    assert_eq!(both.beyond.len(), loads.len());
+    for beyond in &both.beyond {
+        println!("{:e} of {:e}", size(beyond), size(&added));
+        assert!(size(beyond) < 1e-3 * size(&added));
+    }
 }

@@ -231,7 +231,8 @@ impl Solver<'_> {
             Some(_) => self.experiment.look_near(about, &plain, self.sight)?,
             None => self.experiment.look(&plain, self.sight, true)?,
         };
-        let mut linear = self.places(&look);
+        let solved = self.places(&look);
+        let mut linear = solved.clone();
         for a in state.acting().iter().filter(|a| is_added_by_the_load(a)) {
             let added = self.experiment.added(a.effect, &a.amplitude, self.sight)?;
             for (u, added) in linear.iter_mut().zip((self.average)(&added)) {
@@ -244,7 +245,7 @@ impl Solver<'_> {
             let mut known: Vec<(f64, Vec<[f64; 2]>)> = Vec::new();
             for &load in &acted(loads, remains) {
                 if !known.iter().any(|(f, _)| *f == load) {
-                    known.push((load, self.beyond(about, state, load, &linear)?));
+                    known.push((load, self.beyond(about, state, load, &solved)?));
                 }
                 let added = known.iter().find(|(f, _)| *f == load);
                 beyond.extend(added.map(|(_, added)| added.clone()));
@@ -257,24 +258,24 @@ impl Solver<'_> {
         })
     }
 
-    /// What a state's nonlinear effects add under a force, mm.
+    /// What a state's nonlinear effects add under a force to what is `solved` without them, mm.
     fn beyond(
         &self,
         about: Option<&Anchor>,
         state: &State,
         load: f64,
-        linear: &[[f64; 2]],
+        solved: &[[f64; 2]],
     ) -> Result<Vec<[f64; 2]>> {
         if load.abs() < LEAST_LOAD {
-            return Ok(vec![[0.0; 2]; linear.len()]);
+            return Ok(vec![[0.0; 2]; solved.len()]);
         }
         let mut state = state.clone();
         let percent = (1.0 + 0.01 * state.amplitude(LOAD_SCALE)[0]) * load - 1.0;
         state.set(LOAD_SCALE, vec![100.0 * percent]);
         let look = self.experiment.look_near(about, &state, self.sight)?;
-        let whole = self.places(&look).into_iter().zip(linear);
+        let whole = self.places(&look).into_iter().zip(solved);
         Ok(whole
-            .map(|(u, linear)| [0, 1].map(|c| u[c] - load * linear[c]))
+            .map(|(u, solved)| [0, 1].map(|c| u[c] - load * solved[c]))
             .collect())
     }
 
