@@ -7,7 +7,7 @@ use crate::program::python;
 use plychain::chain::{Draws, Series};
 use plychain::diagnose::{
     Rule, diagnose, ess_bulk, ess_mean, ess_quantile, ess_tail, mcse_mean, mcse_quantile, mcse_sd,
-    rhat, tau,
+    rhat, tau, weigh,
 };
 use plychain::sample::{Key, Stream};
 
@@ -23,6 +23,58 @@ fn ar1(a: f64, chains: usize, draws: usize, seed: u64) -> Series {
         }
     }
     Series::of_chains(values, draws)
+}
+
+/// Draws of N(0, 1) weighed for N(0.5, 1): the mean moves by 0.5, 1 / E[w^2] = exp(-0.25) of the draws are effective, and over many sets
+/// the shifts scatter by their stated errors.
+#[test]
+fn weights_move_a_mean_by_what_they_should() {
+    const SETS: usize = 400;
+    const DRAWS: usize = 500;
+    let mut rng = Stream::at(
+        Key {
+            seed: 11,
+            ensemble: 0,
+        },
+        0,
+        0,
+    );
+    let (mut shifts, mut errors, mut shares) = (Vec::new(), 0.0, 0.0);
+    for _ in 0..SETS {
+        let points: Vec<[f64; 2]> = (0..DRAWS).map(|_| [rng.normal(), rng.normal()]).collect();
+        let logs: Vec<f64> = points.iter().map(|x| 0.5 * x[0] - 0.125).collect();
+        let points: Vec<&[f64]> = points.iter().map(|x| &x[..]).collect();
+        let found = weigh(&points, &logs);
+        assert_eq!(found.impossible, 0);
+        let [_, beside] = [found.shifts[0], found.shifts[1]];
+        assert!(beside[0].abs() < 5.0 * beside[1], "{beside:?}");
+        shifts.push(found.shifts[0][0]);
+        errors += found.shifts[0][1] / SETS as f64;
+        shares += found.effective / SETS as f64;
+    }
+    let mean = shifts.iter().sum::<f64>() / SETS as f64;
+    let variance = shifts.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (SETS - 1) as f64;
+    let scatter = variance.sqrt();
+    println!("{mean} scatter {scatter} stated {errors} effective {shares}");
+    // a ratio of means is off by a part in the number of draws
+    assert!((mean - 0.5).abs() < 4.0 * scatter / (SETS as f64).sqrt() + 1.0 / DRAWS as f64);
+    // four standard errors of a scatter of 400 values
+    assert!((errors / scatter - 1.0).abs() < 4.0 / (2.0 * SETS as f64).sqrt());
+    let expected = (-0.25_f64).exp();
+    assert!((shares - expected).abs() < 0.01, "{shares} {expected}");
+}
+
+#[test]
+fn draws_that_a_density_does_not_have_weigh_nothing() {
+    let points: Vec<[f64; 1]> = (0..100).map(|k| [f64::from(k) - 49.5]).collect();
+    let points: Vec<&[f64]> = points.iter().map(|x| &x[..]).collect();
+    let half = |x: &&[f64]| if x[0] < 0.0 { f64::NEG_INFINITY } else { 0.0 };
+    let found = weigh(&points, &points.iter().map(half).collect::<Vec<_>>());
+    assert_eq!((found.impossible, found.effective), (50, 0.5));
+    assert_eq!(found.shifts[0][0], 25.0);
+    let none = weigh(&points, &[f64::NEG_INFINITY; 100]);
+    assert_eq!((none.impossible, none.effective), (100, 0.0));
+    assert_eq!(none.shifts, [[0.0; 2]]);
 }
 
 /// tau = (1 + a) / (1 - a) = 19. Madras & Sokal: var(tau)/tau^2 = 2 (2 M + 1) / n, M = 5 tau: 0.7 % here; five sd

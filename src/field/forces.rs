@@ -40,31 +40,6 @@ pub(super) struct Loaded {
     pub shift_mm: [f64; 2],
 }
 
-/// The first step whose field is at least half of what its force would make, were its sign the other. Plastic strain that outlasts a
-/// reversal is less. Which of the two signs is the odd one more steps say, or else the larger force.
-fn reversed(steps: &[Loaded]) -> Option<(Loaded, Loaded)> {
-    const HALF: f64 = 0.5;
-    let forces = || steps.iter().filter_map(|s| Some((s.force?, *s)));
-    let largest = forces().max_by(|a, b| a.1.size.abs().total_cmp(&b.1.size.abs()))?;
-    let peak = forces().map(|(f, _)| f.abs()).fold(0.0, f64::max);
-    let per_force = largest.1.size / largest.0;
-    let (odd, others): (Vec<_>, Vec<_>) = forces()
-        .filter(|(f, _)| f.abs() > MUCH * peak)
-        .partition(|(f, s)| s.size / f / per_force < -HALF);
-    let (odd, others) = if odd.len() > others.len() {
-        (others, odd)
-    } else {
-        (odd, others)
-    };
-    let at = |of: &[(f64, Loaded)]| {
-        of.iter()
-            .copied()
-            .max_by(|a, b| a.1.size.abs().total_cmp(&b.1.size.abs()))
-    };
-    (per_force.is_finite() && per_force != 0.0 && !odd.is_empty())
-        .then(|| Some((odd.first()?.1, at(&others)?.1)))?
-}
-
 impl Loaded {
     /// What a picture may make of the difference of two sizes.
     fn optical(&self, other: &Self) -> f64 {
@@ -81,8 +56,8 @@ pub(super) struct Forces {
     range: f64,
     /// A size that noise may make.
     noise: f64,
-    /// Where both signs occur: a step whose force has the other sign than its field, by the step with the largest.
-    reversed: Option<(Loaded, Loaded)>,
+    /// Whether tension and compression occur.
+    mixed: bool,
 }
 
 impl Forces {
@@ -95,11 +70,7 @@ impl Forces {
         let forces = known(&steps);
         let negative = forces.iter().any(|(f, _)| *f < 0.0);
         let mixed = negative && forces.iter().any(|(f, _)| *f > 0.0);
-        let reversed = mixed.then(|| reversed(&steps)).flatten();
-        if mixed {
-            steps.clear();
-        }
-        if negative {
+        if negative && !mixed {
             for s in &mut steps {
                 s.force = s.force.map(|f| -f);
                 s.size = -s.size;
@@ -115,7 +86,7 @@ impl Forces {
             range: if range.is_finite() { range } else { 0.0 },
             steps,
             noise,
-            reversed,
+            mixed,
         }
     }
 
@@ -124,14 +95,8 @@ impl Forces {
     /// # Errors
     /// Of the input: forces that contradict the fields.
     pub fn check(&self, files: &[&Path]) -> Result<Vec<String>> {
-        if let Some((odd, largest)) = &self.reversed {
-            let file = files[odd.step].display();
-            let force = odd.force.unwrap_or(0.0);
-            let of = |s: &Loaded| files[s.step].display();
-            let place = format!("steps[{}].force_N", odd.step);
-            return Err(Error::input(place, format!("a force of the sign that the field of {file} has by that of {}", of(largest)))
-                .found(force)
-                .hint("forces are positive in tension; a field that is proportional to its force changes its sign with it"));
+        if self.mixed {
+            return self.check_signs(files).map(|()| Vec::new());
         }
         if self.largest <= 0.0 || self.range <= ORDERED * self.noise {
             return Ok(Vec::new());
@@ -182,6 +147,41 @@ impl Forces {
             }
         }
         Ok(warnings)
+    }
+
+    fn check_signs(&self, files: &[&Path]) -> Result<()> {
+        let Some((odd, like)) = self.reversed() else {
+            return Ok(());
+        };
+        let [file, like] = [odd, like].map(|s| files[s.step].display());
+        let place = format!("steps[{}].force_N", odd.step);
+        let expected = format!("the sign that the field of {file} has beside that of {like}");
+        let found = odd.force.unwrap_or(0.0);
+        Err(Error::input(place, expected).found(found).hint(
+            "forces are positive in tension and count from the reference picture; a field changes its sign with its force",
+        ))
+    }
+
+    /// A step whose field is at least half of what its force would make were its sign the other, and the step with the largest field of
+    /// the rest: plastic strain that outlasts a reversal is less. The odd sign is that of fewer steps.
+    fn reversed(&self) -> Option<(&Loaded, &Loaded)> {
+        const HALF: f64 = 0.5;
+        let forces = || self.steps.iter().filter_map(|s| Some((s.force?, s)));
+        let peak = forces().map(|(f, _)| f.abs()).fold(0.0, f64::max);
+        let judged = || forces().filter(|(f, _)| f.abs() > MUCH * peak);
+        let by_size =
+            |a: &(f64, &Loaded), b: &(f64, &Loaded)| a.1.size.abs().total_cmp(&b.1.size.abs());
+        let (force, largest) = judged().max_by(by_size)?;
+        if largest.size.abs() <= ORDERED * self.noise {
+            return None;
+        }
+        let per_force = largest.size / force;
+        let (mut odd, mut rest): (Vec<_>, Vec<_>) =
+            judged().partition(|(f, s)| s.size / f / per_force < -HALF);
+        if odd.len() > rest.len() {
+            std::mem::swap(&mut odd, &mut rest);
+        }
+        Some((odd.first()?.1, rest.into_iter().max_by(by_size)?.1))
     }
 
     /// Two steps of which the larger force has the smaller size: the step with the smaller force first.

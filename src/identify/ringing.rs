@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Options, Reporting};
 use crate::chain::Draws;
-use crate::diagnose::{Rule, Verdict, diagnose};
+use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::experiment::frequencies::{Mode, Ritz};
 use crate::infer::{Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
@@ -202,29 +202,14 @@ fn exact(ringings: &[Ringing], target: &Joint, draws: &Draws, verdict: &Verdict)
         each.sum()
     };
     let corrections: Vec<f64> = points.par_iter().map(of).collect();
-    let most = corrections
-        .iter()
-        .copied()
-        .fold(f64::NEG_INFINITY, f64::max);
-    let weights: Vec<f64> = corrections.iter().map(|c| (c - most).exp()).collect();
-    let sum: f64 = weights.iter().sum();
-    let squares: f64 = weights.iter().map(|w| w * w).sum();
-    let n = points.len() as f64;
-    // beside the same draws without weights, so that their own scatter drops out
-    let shift = |k: usize| {
-        let weighed = points
-            .iter()
-            .zip(&weights)
-            .map(|(x, w)| w * x[k])
-            .sum::<f64>()
-            / sum;
-        let plain = points.iter().map(|x| x[k]).sum::<f64>() / n;
-        (weighed - plain).abs() / verdict.rows[k].sd
-    };
+    let weighed = weigh(&points, &corrections);
+    let shifts = weighed.shifts.iter().zip(&verdict.rows);
     Exact {
         draws: points.len(),
-        effective: sum * sum / squares / n,
-        shift_sd: (0..target.dim()).map(shift).fold(0.0, f64::max),
+        effective: weighed.effective,
+        shift_sd: shifts
+            .map(|([shift, _], row)| shift.abs() / row.sd)
+            .fold(0.0, f64::max),
     }
 }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
 use crate::chain::Draws;
-use crate::trace::{AnswerDraws, Closed, Interval, Quoted};
+use crate::trace::{Closed, Importance, Interval, Quoted};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,23 +27,8 @@ pub struct QuotedAnswer {
     pub converged: bool,
     /// Whether the chains have converged, in words.
     pub convergence: String,
-    pub full_model: FullModel,
-}
-
-/// How an answer's draws fare under the full nonlinear model with all effects, by which they are weighted where it shifts a mean by more
-/// than a twentieth of an sd.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FullModel {
-    /// Draws at which it was solved, and those at which it cannot be.
-    pub draws: usize,
-    pub impossible: usize,
-    /// Share of them that is effective when they are weighted.
-    pub effective: f64,
-    /// By how much the mean of each constant shifts, sds.
-    pub shift_sd: Keyed<f64>,
-    /// Standard errors of that.
-    pub shift_error_sd: Keyed<f64>,
-    pub reweighted: bool,
+    /// How the draws fare under the full nonlinear model.
+    pub full_model: Importance,
 }
 
 /// A constant of an answer that is not what the closed form makes of it.
@@ -91,7 +76,7 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
             closed_form: closed_form(k).unwrap_or_default(),
             converged: a.verdict.converged,
             convergence: a.verdict.line(),
-            full_model: full_model(a),
+            full_model: a.importance.clone(),
         });
     let answers: Vec<QuotedAnswer> = answers.collect();
     Some(QuotedReport {
@@ -99,23 +84,6 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
         trades: trades(sampled),
         answers,
     })
-}
-
-fn full_model(answer: &AnswerDraws) -> FullModel {
-    let found = &answer.importance;
-    let of = |which: usize| {
-        let rows = answer.verdict.rows.iter().zip(&found.shifts);
-        rows.map(|(row, shift)| (row.name.clone(), shift[which]))
-            .collect()
-    };
-    FullModel {
-        draws: found.draws,
-        impossible: found.impossible,
-        effective: found.effective,
-        shift_sd: of(0),
-        shift_error_sd: of(1),
-        reweighted: found.reweighted,
-    }
 }
 
 fn apart(answer: &QuotedAnswer) -> Vec<Apart> {
@@ -178,26 +146,37 @@ fn correlation(draws: &Draws, a: &str, b: &str) -> Option<f64> {
     Some(sums[2] / (sums[0] * sums[1]).sqrt()).filter(|r| r.is_finite())
 }
 
-impl FullModel {
-    fn words(&self, answer: Option<&str>) -> String {
-        let most = self.shift_sd.iter();
-        let most = most.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        let Some((name, shift)) = most else {
-            return String::new();
-        };
-        let error = self.shift_error_sd.get(name).copied().unwrap_or(f64::NAN);
-        format!(
-            " Under the full nonlinear model{} the means move by {shift:+.2} +- {error:.2} sd at most ({name}; {:.0} % of {} draws effective){}.",
-            answer.map_or(String::new(), |a| format!(" (answer {a})")),
-            100.0 * self.effective,
-            self.draws,
-            if self.reweighted {
-                ", and the draws are weighted for it"
-            } else {
-                ""
-            },
-        )
+/// Effective share below which draws do not say how the full model moves them.
+const SAYS: f64 = 0.3;
+
+/// What the full model makes of an answer's draws.
+fn under_the_full_model(of: &Importance, answer: &str) -> String {
+    let [draws, share] = [
+        of.draws.to_string(),
+        format!("{:.0} %", 100.0 * of.effective),
+    ];
+    if of.effective < SAYS {
+        return format!(
+            " The full nonlinear model at {draws} draws{answer} differs by more than they can be weighted for ({share} effective): what it moves \
+             cannot be said."
+        );
     }
+    let largest = of
+        .shift_sd
+        .iter()
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let Some((name, shift)) = largest else {
+        return String::new();
+    };
+    let error = of.shift_error_sd.get(name).copied().unwrap_or(f64::NAN);
+    let weighted = match of.reweighted {
+        true => ", for which the draws are reweighted",
+        false => "",
+    };
+    format!(
+        " The full nonlinear model at {draws} draws{answer} ({share} effective) moves the means by {shift:+.2} +- {error:.2} sd at most \
+         ({name}){weighted}."
+    )
 }
 
 impl QuotedReport {
@@ -234,10 +213,11 @@ impl QuotedReport {
             );
         }
         for answer in &self.answers {
-            said += &answer.full_model.words(match self.answers.len() {
-                1 => None,
-                _ => Some(&answer.name),
-            });
+            let of = match self.answers.len() {
+                1 => String::new(),
+                _ => format!(" of the answer {}", answer.name),
+            };
+            said += &under_the_full_model(&answer.full_model, &of);
         }
         if !self.trades.is_empty() {
             let trades = self.trades.iter().take(4);

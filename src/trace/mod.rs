@@ -36,7 +36,7 @@ pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;
 pub use linearity::NOT_LINEAR;
-pub use quoted::{AnswerDraws, Quoted, quote, rule as quoted_rule};
+pub use quoted::{AnswerDraws, Importance, Quoted, quote, rule as quoted_rule};
 pub use round::Round;
 pub use sought::candidates;
 pub use subsets::SIZES;

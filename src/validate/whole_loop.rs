@@ -316,3 +316,7 @@ impl LoopSummary {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/whole_loop.rs"]
+mod tests;

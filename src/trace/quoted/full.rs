@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
 use crate::experiment::{State, predict};
 use crate::identify::Prepared;
-use crate::infer::{Acts, Column, Model, Stepped};
+use crate::infer::{Acts, Column, LENS, Model, Stepped, WEAK};
 use crate::reduce::THICKNESS;
 use crate::trace::account::{About, Account};
 use crate::trace::sensitivities::Few;
@@ -85,17 +85,20 @@ impl<'a> Full<'a> {
                 place => values.push((place, value, column.at)),
             }
         }
+        let thinner = thinner(&values);
+        let scaled = values.into_iter().map(|(place, value, at)| {
+            let value = match place {
+                Place::Thickness => at / (1.0 - thinner),
+                Place::Load => value / (1.0 - thinner),
+                _ => value,
+            };
+            (place, value, at)
+        });
         let mut change = match &self.account.about {
             About::Field { state, .. } => {
                 let mut state = state.clone();
                 state.constants.copy_from_slice(constants);
-                let thinner = thinner(&values);
-                for (place, value, at) in values {
-                    let value = match place {
-                        Place::Thickness => at / (1.0 - thinner),
-                        Place::Load => value / (1.0 - thinner),
-                        _ => value,
-                    };
+                for (place, value, _) in scaled {
                     set(&mut state, &place, value);
                 }
                 self.of_field(&state)?
@@ -103,17 +106,15 @@ impl<'a> Full<'a> {
             About::Series { state, .. } => {
                 let mut state = state.clone();
                 state.shared.constants.copy_from_slice(constants);
-                let thinner = thinner(&values);
-                for (place, value, at) in values {
+                for (place, value, at) in scaled {
                     match place {
-                        Place::Thickness => state.shared.thickness_mm = at / (1.0 - thinner),
                         Place::Amplitude(effect, k, weights) => {
                             state = state.raised(effect, k, value - at, &weights);
                         }
-                        Place::Load => {
-                            let factor = 1.0 + 0.01 * value / (1.0 - thinner);
-                            state.loads.iter_mut().for_each(|f| *f *= factor);
-                        }
+                        Place::Load => state
+                            .loads
+                            .iter_mut()
+                            .for_each(|f| *f *= 1.0 + 0.01 * value),
                         place => set(&mut state.shared, &place, value),
                     }
                 }
@@ -188,7 +189,28 @@ impl<'a> Full<'a> {
             let place = move |c: &Column| of(acts, &c.name).unwrap_or(Place::None);
             candidate.columns.iter().map(move |c| (c, place(c)))
         });
-        base.chain(own).collect()
+        let mut all: Vec<(&Column, Place)> = base.chain(own).collect();
+        if matches!(self.account.about, About::Series { .. }) {
+            without_weak_centers(&mut all);
+        }
+        all
+    }
+}
+
+/// The columns of the centre of a lens that is as good as none are those of its product with the strength, in a series.
+fn without_weak_centers(all: &mut [(&Column, Place)]) {
+    let is_lens = |place: &Place, of: &dyn Fn(usize) -> bool| match place {
+        Place::Amplitude(effect, k, _) => effect.name() == LENS && of(*k),
+        _ => false,
+    };
+    let strength = all.iter().find(|(_, place)| is_lens(place, &|k| k == 0));
+    if strength.is_some_and(|(column, _)| column.at.abs() < WEAK * column.sd) {
+        for (_, place) in all
+            .iter_mut()
+            .filter(|(_, place)| is_lens(place, &|k| k > 0))
+        {
+            *place = Place::None;
+        }
     }
 }
 

@@ -3,30 +3,40 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::complete::Drawn;
 use super::full::Full;
 use super::pose::Sampled;
-use super::space::{Whose, monomials, values};
+use super::space::{Whose, linear, monomials, values};
+use crate::diagnose::{Weighed, relative_weights, weigh};
 use crate::error::Result;
+use crate::files::Keyed;
+use crate::infer::LogDensity;
 use crate::sample::{Key, Stream};
 
-/// How the draws fare under the full model.
-#[derive(Debug, Clone, PartialEq)]
+/// How an answer's draws fare under the full nonlinear model with all effects, by which they are reweighted where it moves a mean by more
+/// than a twentieth of an sd.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Importance {
     /// Draws at which the full model was solved, and those that it cannot have.
     pub draws: usize,
     pub impossible: usize,
     /// Effective share of them.
     pub effective: f64,
-    /// By how much the mean of each constant shifts, posterior sds, and the standard error of that.
-    pub shifts: Vec<[f64; 2]>,
+    /// By how much the mean of each constant moves, posterior sds.
+    pub shift_sd: Keyed<f64>,
+    /// Standard errors of that.
+    pub shift_error_sd: Keyed<f64>,
     /// Whether the draws were reweighted for it.
     pub reweighted: bool,
 }
 
 /// Effective share of the first draws below which more are asked.
 const FEW: f64 = 0.5;
+
+/// Fewest effective draws that say how all others weigh.
+const ENOUGH: f64 = 40.0;
 
 /// A shift of a mean that is corrected, posterior sds.
 const WORTH: f64 = 0.05;
@@ -54,26 +64,38 @@ impl Sampled<'_> {
                 .map(|k| (2 * k + 1) * points.len() / (2 * count))
                 .collect();
             let logs = self.log_weights(full, points, drawn, &chosen)?;
-            let features = self.features(points, drawn);
-            let weights = relative(&logs);
-            let mut found = of_weights(points, &chosen, &weights);
+            let own: Vec<&[f64]> = chosen.iter().map(|&k| &*points[k]).collect();
+            let weighed = weigh(&own, &logs);
+            let shifts = in_sds(&weighed, points);
             let beyond = |by: f64| move |s: &[f64; 2]| s[0].abs() > WORTH.max(by * s[1]);
-            let unsure = found.shifts.iter().any(beyond(1.0)) || found.effective < FEW;
+            let unsure = shifts.iter().any(beyond(1.0)) || weighed.effective < FEW;
             if unsure && count < most {
                 count = most;
                 continue;
             }
-            let clear = beyond(2.0);
-            if !found.shifts.iter().any(clear) {
+            let known = weighed.effective * count as f64 > ENOUGH;
+            let reweighted = known && shifts.iter().any(beyond(2.0));
+            let of = |which: usize| {
+                let named = self.answer.names().iter().cloned().zip(&shifts);
+                named.map(|(name, shift)| (name, shift[which])).collect()
+            };
+            let found = Importance {
+                draws: count,
+                impossible: weighed.impossible,
+                effective: weighed.effective,
+                shift_sd: of(0),
+                shift_error_sd: of(1),
+                reweighted,
+            };
+            if !reweighted {
                 return Ok((found, None));
             }
-            let fitted = regressed(&features, &chosen, &logs);
-            found.reweighted = true;
+            let fitted = regressed(&self.features(points, drawn), &chosen, &logs);
             let key = Key {
                 seed,
                 ensemble: RESAMPLING,
             };
-            let order = resampled(&relative(&fitted), Stream::at(key, 0, 0).uniform());
+            let order = resampled(&relative_weights(&fitted), Stream::at(key, 0, 0).uniform());
             return Ok((found, Some(order)));
         }
     }
@@ -91,7 +113,7 @@ impl Sampled<'_> {
         let residuals: Vec<Option<[[DVector<f64>; 2]; 2]>> = chosen
             .par_iter()
             .map(|&k| {
-                let amplitudes = self.all_amplitudes(&drawn[k]);
+                let amplitudes = self.amplitudes(&drawn[k]);
                 let change = full.change(&points[k], &amplitudes).ok()?;
                 let linear = self.left(&points[k], &drawn[k]);
                 let own = [0, 1].map(|c| &base[c] - &change[c] - self.rival(&drawn[k], c));
@@ -139,7 +161,7 @@ impl Sampled<'_> {
     /// The same where the test was linearised, with the amplitudes that it had there.
     fn left_at_linearisation(&self) -> [DVector<f64>; 2] {
         let space = &self.answer.space;
-        let all = super::space::linear(&self.around.here);
+        let all = linear(&self.around.here);
         let at = self.kept.iter().zip(space.largest.iter());
         let at =
             at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
@@ -158,24 +180,13 @@ impl Sampled<'_> {
         [0, 1].map(|c| &self.columns[c] * &coefficients)
     }
 
-    /// Amplitudes of all linear columns of the account, zeros of those that the answer does not have.
-    fn all_amplitudes(&self, drawn: &Drawn) -> Vec<f64> {
-        let mut all = vec![0.0; super::space::linear(&self.around.here).len()];
-        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
-            if let Some(amplitude) = all.get_mut(k) {
-                *amplitude = *a;
-            }
-        }
-        all
-    }
-
     /// What the near-edge rival does at a draw, which enters linearly in the full model too.
     fn rival(&self, drawn: &Drawn, c: usize) -> DVector<f64> {
         let here = &self.around.here;
-        let linear = super::space::linear(here).len();
+        let before = linear(here).len();
         let mut sum = DVector::zeros(here.predicted[c].len());
         for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
-            if let Some(fields) = k.checked_sub(linear).and_then(|k| here.near_edge.get(k)) {
+            if let Some(fields) = k.checked_sub(before).and_then(|k| here.near_edge.get(k)) {
                 sum.axpy(*a, &fields[c], 1.0);
             }
         }
@@ -211,50 +222,20 @@ fn standardised(mut raw: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     raw
 }
 
-/// Weights over the largest.
-fn relative(logs: &[f64]) -> Vec<f64> {
-    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if most == f64::NEG_INFINITY {
-        return vec![0.0; logs.len()];
-    }
-    logs.iter().map(|l| (l - most).exp()).collect()
-}
-
-/// Effective share and shifts of means of weighed draws.
-fn of_weights(points: &[Vec<f64>], chosen: &[usize], weights: &[f64]) -> Importance {
-    let n = weights.len() as f64;
-    let sum: f64 = weights.iter().sum();
-    let squares: f64 = weights.iter().map(|w| w * w).sum();
-    let all = points.len() as f64;
-    let shift = |k: usize| {
-        let mean = points.iter().map(|x| x[k]).sum::<f64>() / all;
-        let variance = points.iter().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / all;
-        let sd = variance.sqrt().max(f64::MIN_POSITIVE);
-        // about the chosen draws' own mean: what the choice does to it is no shift
-        let z: Vec<f64> = chosen.iter().map(|&i| (points[i][k] - mean) / sd).collect();
-        let own = z.iter().sum::<f64>() / n;
-        let shift = z
-            .iter()
-            .zip(weights)
-            .map(|(z, w)| w * (z - own))
-            .sum::<f64>()
-            / sum;
-        let relative = |w: f64| w * n / sum;
-        let error = z.iter().zip(weights);
-        let error = error.map(|(z, w)| ((relative(*w) - 1.0) * (z - own) - shift).powi(2));
-        [shift, (error.sum::<f64>()).sqrt() / n]
+/// Shifts of means and their errors in sds of some points.
+fn in_sds(weighed: &Weighed, points: &[Vec<f64>]) -> Vec<[f64; 2]> {
+    let n = points.len() as f64;
+    let sd = |k: usize| {
+        let mean = points.iter().map(|x| x[k]).sum::<f64>() / n;
+        let variance = points.iter().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n;
+        variance.sqrt().max(f64::MIN_POSITIVE)
     };
-    Importance {
-        draws: chosen.len(),
-        impossible: weights.iter().filter(|w| **w == 0.0).count(),
-        effective: sum * sum / squares / n,
-        shifts: (0..points.first().map_or(0, Vec::len)).map(shift).collect(),
-        reweighted: false,
-    }
+    let shifts = weighed.shifts.iter().enumerate();
+    shifts.map(|(k, shift)| shift.map(|s| s / sd(k))).collect()
 }
 
-/// Log weights of all draws by a ridge regression on their features, the squares of these and the constants' products: of some draws they
-/// are known.
+/// Log weights of all draws by a ridge regression on their features, the squares of these and their products: of some draws they are
+/// known.
 fn regressed(features: &[Vec<f64>], chosen: &[usize], logs: &[f64]) -> Vec<f64> {
     let row = |x: &Vec<f64>| -> Vec<f64> {
         let pairs = (0..x.len()).flat_map(|a| (a..x.len()).map(move |b| (a, b)));

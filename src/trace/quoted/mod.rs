@@ -15,6 +15,7 @@ mod run;
 mod space;
 mod variables;
 
+pub use importance::Importance;
 pub use run::{AnswerDraws, Quoted, quote, rule};
 
 /// What an answer supposes beside what is declared.

@@ -104,6 +104,17 @@ impl Sampled<'_> {
         })
     }
 
+    /// Amplitudes of all linear columns, prior sds from their means, zeros of those that the answer does not have.
+    pub fn amplitudes(&self, drawn: &Drawn) -> Vec<f64> {
+        let mut all = vec![0.0; linear(&self.around.here).len()];
+        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
+            if let Some(amplitude) = all.get_mut(k) {
+                *amplitude = *a;
+            }
+        }
+        all
+    }
+
     /// A completed draw.
     fn write(&self, x: &[f64], drawn: &Drawn, values: &mut Vec<f64>) {
         let here = &self.around.here;
@@ -116,18 +127,8 @@ impl Sampled<'_> {
             _ => drawn.size,
         };
         values.extend([size, f64::from(u8::from(pair.discrepancy)), first, second]);
-        let mut amplitudes = vec![0.0; linear(here).len()];
-        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
-            if let Some(amplitude) = amplitudes.get_mut(k) {
-                *amplitude = *a;
-            }
-        }
-        values.extend(
-            linear(here)
-                .iter()
-                .zip(&amplitudes)
-                .map(|(c, a)| c.mean + c.sd * a),
-        );
+        let amplitudes = linear(here).into_iter().zip(self.amplitudes(drawn));
+        values.extend(amplitudes.map(|(c, a)| c.mean + c.sd * a));
         let acts = |k: usize| match self.supposing {
             Supposing::Small => drawn.own.contains(&k),
             Supposing::All => true,
