@@ -1,6 +1,7 @@
 //! The command line: arguments, validated into a plan before any work, and one file a verb.
 
 mod bench;
+mod beside;
 mod build;
 mod calibrate;
 mod closing;

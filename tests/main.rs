@@ -51,6 +51,7 @@ mod starts;
 mod steps;
 mod suspect;
 mod targets;
+mod together;
 mod tracing;
 mod validation;
 mod yielding;

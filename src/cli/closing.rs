@@ -9,15 +9,17 @@ use super::diagnose::AVERAGED;
 use super::folder::{Folder, check_run};
 use super::identify::{resolved, truth};
 use super::running::Running;
-use super::{Global, cache, print};
+use super::{Global, beside, cache, print};
 use crate::chain::{write_csv, write_zarr};
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
+use crate::identify::Beside;
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::json::Keyed;
 use crate::report::round::MeanAndSd;
+use crate::report::together::TogetherReport;
 use crate::report::{Page, Report, gather, ranking, terminal, traced};
 use crate::trace::{self, Closed, Suspect};
 
@@ -42,7 +44,8 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
             .found("frequencies alone")
             .hint("plychain identify takes them"));
     }
-    let plan = running.plan(global)?;
+    let mut plan = running.plan(global)?;
+    let beside = beside::identified(&mut plan, console)?;
     let options = |round: usize| plan.options(&place(plan.folder.path(), round));
     let most = usize::from(arguments.rounds);
     let mut closed = trace::close(&plan.model, most, &options, console)?;
@@ -55,12 +58,19 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
             "  the intervals to quote are those of the closed form: {e}"
         )),
     }
-    let page = write(&plan.folder, &plan.model, &closed, global.seed)?;
+    let page = write(
+        &plan.folder,
+        &plan.model,
+        &closed,
+        beside.as_ref(),
+        global.seed,
+    )?;
     let report = &page.report;
     if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
         print(&terminal::identification(&report.model, last))?;
         print(&ranking::closed(&page, closing))?;
     }
+    print(&report.together_text())?;
     console.begin("report and figures", None);
     page.write(plan.folder.path(), running.png)?;
     console.end();
@@ -79,7 +89,13 @@ fn place(folder: &Path, round: usize) -> PathBuf {
     }
 }
 
-fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<Page> {
+fn write(
+    folder: &Folder,
+    model: &Model,
+    closed: &Closed,
+    beside: Option<&Beside>,
+    seed: u64,
+) -> Result<Page> {
     for step in &closed.rounds {
         let k = step.attempt;
         let place = place(folder.path(), k);
@@ -103,7 +119,8 @@ fn write(folder: &Folder, model: &Model, closed: &Closed, seed: u64) -> Result<P
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
     folder.write_json("model.extended.json", &resolved(&last.model)?)?;
-    let report = gather::closed(closed, seed);
+    let mut report = gather::closed(closed, seed);
+    report.together = beside.map(|b| TogetherReport::new(b, trace::tension(last).as_ref()));
     folder.write_json("report.json", &report)?;
     let files = &closed.rounds[0]
         .identification
@@ -129,7 +146,7 @@ pub struct TraceArguments {
 pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let run = &arguments.run;
     let extended = run.join("model.extended.json");
-    let model = if extended.exists() {
+    let mut model = if extended.exists() {
         Model::load(&extended)
     } else {
         Model::load(&run.join("model.json"))
@@ -137,6 +154,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
+    beside::know(run, &mut model)?;
     let prepared = crate::identify::prepare(&model, &cache(), console)?;
     let (tracing, _) = trace::attribute(&model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));

@@ -8,13 +8,14 @@ use serde_json::Value;
 use super::console::Console;
 use super::folder::Folder;
 use super::running::Running;
-use super::{Global, print, ringing};
+use super::{Global, beside, print, ringing};
 use crate::chain::write_csv;
-use crate::error::{Error, Result};
-use crate::identify::{self, Identification};
+use crate::error::Result;
+use crate::identify::{self, Beside, Identification};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::manifest::KnownTruth;
+use crate::report::together::TogetherReport;
 use crate::report::{Page, gather, terminal};
 
 /// Arguments of `identify`.
@@ -33,14 +34,22 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     if let Some(model) = running.plates()? {
         return ringing::run(&model, running, global, console);
     }
-    let plan = running.plan(global)?;
+    let mut plan = running.plan(global)?;
+    let beside = beside::identified(&mut plan, console)?;
     let options = plan.options(plan.folder.path());
     let round = identify::identify(&plan.model, &options, console)?;
     let rounds = [round];
-    let page = write(&plan.model, &rounds, &plan.folder, global.seed)?;
+    let page = write(
+        &plan.model,
+        &rounds,
+        beside.as_ref(),
+        &plan.folder,
+        global.seed,
+    )?;
     for round in &page.report.rounds {
         print(&terminal::identification(&page.report.model, round))?;
     }
+    print(&page.report.together_text())?;
     console.begin("report and figures", None);
     page.write(plan.folder.path(), running.png)?;
     console.end();
@@ -64,17 +73,23 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
 pub fn resolved(model: &Model) -> Result<Value> {
     let mut resolved = model.clone();
     *resolved.experiment_mut() = model.experiment().clone().below(model.base_dir())?;
-    serde_json::to_value(&resolved.file)
-        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+    resolved.file.to_json()
 }
 
 /// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
-pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u64) -> Result<Page> {
+pub fn write(
+    model: &Model,
+    rounds: &[Identification],
+    beside: Option<&Beside>,
+    folder: &Folder,
+    seed: u64,
+) -> Result<Page> {
     if let Some(round) = rounds.last() {
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
     folder.write_json("model.json", &resolved(model)?)?;
-    let report = gather::identified(model, rounds, seed);
+    let mut report = gather::identified(model, rounds, seed);
+    report.together = beside.map(|b| TogetherReport::new(b, None));
     folder.write_json("report.json", &report)?;
     let files = rounds
         .last()

@@ -1,12 +1,14 @@
 //! `plychain identify` of a model whose experiments are frequencies.
 
+use std::path::Path;
+
 use super::console::Console;
 use super::running::Running;
 use super::{Global, print};
 use crate::chain::write_csv;
 use crate::error::Result;
 use crate::files;
-use crate::identify::identify_ringing;
+use crate::identify::{RingingIdentification, identify_ringing};
 use crate::infer::RingingModel;
 use crate::progress::Progress;
 use crate::report::manifest::KnownTruth;
@@ -21,21 +23,32 @@ pub fn run(
     let plan = running.plan_of_plates(model, global)?;
     let folder = &plan.folder;
     let found = identify_ringing(model, &plan.options(folder.path()), console)?;
-    write_csv(&found.draws, &folder.path().join("chain.csv"))?;
-    folder.write_json("model.json", &model.file)?;
-    let report = RingingReport::new(model, &found);
-    folder.write_json("report.json", &report)?;
-    folder.write_manifest(&model.path, &[], global.seed)?;
-    print(&report.text())?;
     console.begin("report and figures", None);
-    let truth = model.path.parent().map_or(Ok(None), KnownTruth::load)?;
-    files::replace(
-        &folder.path().join("report.html"),
-        page(&report, &found, truth.as_ref())?,
-    )?;
+    let report = write(model, &found, folder.path())?;
+    folder.write_manifest(&model.path, &[], global.seed)?;
     console.end();
+    print(&report.text())?;
     let path = folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
     plan.folder.keep();
     running.judge([&found.verdict])
+}
+
+/// Write what the frequencies said into a folder.
+///
+/// # Errors
+/// Of the input: a folder that cannot be written.
+pub fn write(
+    model: &RingingModel,
+    found: &RingingIdentification,
+    place: &Path,
+) -> Result<RingingReport> {
+    write_csv(&found.draws, &place.join("chain.csv"))?;
+    files::write_json(&place.join("model.json"), &model.file)?;
+    let report = RingingReport::new(model, found);
+    files::write_json(&place.join("report.json"), &report)?;
+    let truth = model.path.parent().map_or(Ok(None), KnownTruth::load)?;
+    let page = page(&report, found, truth.as_ref())?;
+    files::replace(&place.join("report.html"), page)?;
+    Ok(report)
 }

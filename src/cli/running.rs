@@ -78,7 +78,7 @@ impl Running {
         model.file.reduced_model.full_order |= self.full_order;
         let data = hashes(model.measurement_files()?.iter())?;
         let name = model.file.name.clone();
-        let file = model_json(&model.file)?;
+        let file = model.file.to_json()?.to_string();
         self.planned(model, (&name, &file, data.into_values().collect()), global)
     }
 
@@ -94,7 +94,8 @@ impl Running {
             return Err(Error::input("--refine, --full-order", "a model of a field")
                 .found("frequencies, which have no reduced model"));
         }
-        let file = model_json(&model.file)?;
+        let file = serde_json::to_string(&model.file)
+            .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
         self.planned((), (&model.file.name, &file, Vec::new()), global)
     }
 
@@ -239,17 +240,12 @@ pub fn load(path: &Path, data: Option<&PathBuf>) -> Result<Model> {
 pub fn identity(model: &Model, sampler: &dyn Sampler, schedule: &Schedule) -> Result<Value> {
     let data = hashes(model.measurement_files()?.iter())?;
     let data: Vec<String> = data.into_values().collect();
-    let file = model_json(&model.file)?;
+    let file = model.file.to_json()?.to_string();
     Ok(identity_of(
         (&model.file.name, &file, &data),
         sampler,
         schedule,
     ))
-}
-
-fn model_json(file: &impl serde::Serialize) -> Result<String> {
-    serde_json::to_string(file)
-        .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))
 }
 
 fn identity_of(

@@ -1,5 +1,6 @@
 //! `plychain simulate`.
 
+mod frequencies;
 mod series;
 
 use std::path::PathBuf;
@@ -14,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
 use crate::field::{READERS, Reader, Source};
-use crate::infer::Model;
+use crate::infer::{Model, RingingModel};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -86,6 +87,9 @@ fn effects_help() -> String {
 }
 
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
+    if let Some(plates) = RingingModel::load(&arguments.model)? {
+        return frequencies::run(arguments, &plates, global.seed);
+    }
     let mut model = Model::load(&arguments.model)?;
     if !arguments.steps.is_empty() || model.experiment().steps.is_some() {
         return series::run(arguments, model, global.seed);
@@ -117,6 +121,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
         .map(|text| Acting::parse("--effect", text))
         .collect::<Result<Vec<_>>>()?;
     truth.effects = ordered(acting, &model.scene())?;
+    frequencies::beside(&mut model, &truth.constants, global.seed)?;
     let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let grid = model.simulate(&truth)?;
     let path = PathBuf::from(reader.file_name());
@@ -170,17 +175,7 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
         }
         seen.push(name.trim());
     }
-    for text in &arguments.set {
-        let (name, value) = text
-            .split_once('=')
-            .ok_or_else(|| Error::input("--set", "NAME=VALUE").found(text))?;
-        let value: f64 = value
-            .parse()
-            .ok()
-            .filter(|v: &f64| v.is_finite() && v.abs() < 1e9)
-            .ok_or_else(|| {
-                Error::input(format!("--set {name}"), "a number below 1e9").found(value)
-            })?;
+    for (name, value) in settings(arguments)? {
         if name == "thickness_mm" && value > 0.0 {
             truth.thickness_mm = value;
         } else if let Some(k) = model.constants().iter().position(|c| *c == name) {
@@ -189,11 +184,27 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
             let known = model.constants().join(", ");
             return Err(
                 Error::input("--set", format!("one of {known}, thickness_mm (above 0)"))
-                    .found(text),
+                    .found(format!("{name}={value}")),
             );
         }
     }
     Ok(truth)
+}
+
+/// Names and values of `--set`.
+fn settings(arguments: &Arguments) -> Result<Vec<(String, f64)>> {
+    let of = |text: &String| {
+        let (name, value) = text
+            .split_once('=')
+            .ok_or_else(|| Error::input("--set", "NAME=VALUE").found(text))?;
+        let number = value.parse().ok();
+        let number = number.filter(|v: &f64| v.is_finite() && v.abs() < 1e9);
+        let place = format!("--set {name}");
+        let number =
+            number.ok_or_else(|| Error::input(place, "a number below 1e9").found(value))?;
+        Ok((name.to_string(), number))
+    };
+    arguments.set.iter().map(of).collect()
 }
 
 /// Noise of the field itself: fringe images have their own.
@@ -234,8 +245,7 @@ fn reader(format: &str) -> Result<&'static dyn Reader> {
 fn model_json(model: &Model, source: Source) -> Result<serde_json::Value> {
     let mut model = model.clone();
     model.experiment_mut().measurement.source = source;
-    serde_json::to_value(&model.file)
-        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+    model.file.to_json()
 }
 
 fn not_negative(place: &str, value: f64) -> Result<f64> {
@@ -245,13 +255,14 @@ fn not_negative(place: &str, value: f64) -> Result<f64> {
     Err(Error::input(place, "a number from 0 to 1e9").found(value))
 }
 
+/// Values by name.
+fn named(names: &[&str], values: &[f64]) -> serde_json::Map<String, serde_json::Value> {
+    let pairs = names.iter().zip(values);
+    pairs.map(|(n, v)| ((*n).to_string(), json!(v))).collect()
+}
+
 fn truth_json(model: &Model, truth: &Truth) -> serde_json::Value {
-    let constants: serde_json::Map<_, _> = model
-        .constants()
-        .iter()
-        .zip(&truth.constants)
-        .map(|(n, v)| ((*n).to_string(), json!(v)))
-        .collect();
+    let constants = named(model.constants(), &truth.constants);
     let effects: serde_json::Map<_, _> = truth
         .effects
         .iter()

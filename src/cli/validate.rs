@@ -110,7 +110,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
         deadline: None,
     };
     let found = [identify::identify(&model, &options, console)?];
-    write(&model, &found, &folder, global.seed)?.write(folder.path(), false)?;
+    write(&model, &found, None, &folder, global.seed)?.write(folder.path(), false)?;
     let [
         Identification {
             inverse,

@@ -225,14 +225,18 @@ pub fn posterior(
             });
         }
     }
-    Ok(Posterior::new(
+    let posterior = Posterior::new(
         names,
         model.material(),
         marginals,
         likelihood,
         noise.reference_nm(),
         model.file.likelihood.noise_nm,
-    ))
+    );
+    Ok(match &model.known {
+        Some(known) => posterior.beside(known),
+        None => posterior,
+    })
 }
 
 /// Where chains start: the mode without the priors' cuts, moved inside them.

@@ -1,5 +1,6 @@
 //! One identification: inverse problem, sample, residual, checks.
 
+mod beside;
 pub mod fringes;
 mod identification;
 mod inverse;
@@ -18,6 +19,7 @@ mod tiles;
 mod warnings;
 mod waves;
 
+pub use beside::{Beside, beside, know};
 pub use identification::{Identification, Refinement};
 pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};

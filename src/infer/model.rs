@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::known::Known;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
 use super::traced::TracedSeries;
@@ -30,6 +31,8 @@ pub struct Model {
     pub effects: Vec<&'static dyn Effect>,
     /// What tracing found of the declared effects of a series: about that the next identification is linear in them.
     pub traced: Option<TracedSeries>,
+    /// What experiments beside the field say of the constants.
+    pub known: Option<Arc<Known>>,
 }
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
@@ -56,6 +59,7 @@ impl Model {
             path: path.to_path_buf(),
             effects,
             traced: None,
+            known: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
         Ok(model)

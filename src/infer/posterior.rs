@@ -2,6 +2,7 @@
 
 use super::density::LogDensity;
 use super::kernel::{LARGEST_SCALE, Room, with_room};
+use super::known::Known;
 use super::lanes::{Lanes, Parameters, Repeated, Together, first, ln_vector};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
@@ -20,6 +21,8 @@ pub struct Posterior {
     material: Material,
     marginals: Vec<Marginal>,
     normals: Vec<NormalPrior>,
+    /// What other experiments say of the constants.
+    known: Option<Elsewhere>,
     likelihood: Likelihood,
     /// The noise in nm at scale 1.
     reference_nm: f64,
@@ -49,6 +52,7 @@ impl Posterior {
             material,
             normals: NormalPrior::of(&marginals),
             marginals,
+            known: None,
             likelihood,
             reference_nm,
             declared_nm,
@@ -59,6 +63,13 @@ impl Posterior {
     #[must_use]
     pub fn shifted(mut self, constant: f64) -> Self {
         self.constant += constant;
+        self
+    }
+
+    /// The same density times what other experiments say of the constants.
+    #[must_use]
+    pub fn beside(mut self, known: &Known) -> Self {
+        self.known = Some(Elsewhere::new(known));
         self
     }
 
@@ -240,6 +251,9 @@ impl Posterior {
         }
         let constant = simd.splat_f64s(self.constant);
         let mut density = simd.mul_add_e_f64s(simd.splat_f64s(-0.5), square, constant);
+        if let Some(known) = &self.known {
+            density = simd.add_f64s(density, known.log_density(simd, x));
+        }
         if self.declared_nm.is_none() {
             let (least, largest) = (f64::MIN_POSITIVE, LARGEST_SCALE);
             let positive = simd.less_than_or_equal_f64s(simd.splat_f64s(least), scale);
@@ -254,6 +268,42 @@ impl Posterior {
         }
         let density = simd.add_f64s(density, log_likelihood);
         simd.select_f64s(inside, density, simd.splat_f64s(f64::NEG_INFINITY))
+    }
+}
+
+/// What other experiments say, ready for evaluation: of distances d from some means, b'd - d'A d / 2.
+#[derive(Clone)]
+struct Elsewhere {
+    means: Vec<f64>,
+    /// A, row by row.
+    precision: Vec<f64>,
+    towards: Vec<f64>,
+}
+
+impl Elsewhere {
+    fn new(known: &Known) -> Self {
+        let (means, precision, towards) = known.in_border_units();
+        Self {
+            means,
+            precision,
+            towards,
+        }
+    }
+
+    #[inline(always)]
+    fn log_density<S: pulp::Simd>(&self, simd: S, x: &impl Parameters<S>) -> S::f64s {
+        let n = self.means.len();
+        let distance = |k: usize| simd.sub_f64s(x.get(simd, k), simd.splat_f64s(self.means[k]));
+        let mut sum = simd.splat_f64s(0.0);
+        for i in 0..n {
+            let mut slope = simd.splat_f64s(self.towards[i]);
+            for j in 0..n {
+                let a = simd.splat_f64s(-0.5 * self.precision[i * n + j]);
+                slope = simd.mul_add_e_f64s(a, distance(j), slope);
+            }
+            sum = simd.mul_add_e_f64s(slope, distance(i), sum);
+        }
+        sum
     }
 }
 

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::density::LogDensity;
 use super::joint::{Joint, Member};
+use super::model::Model;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{MaterialSpec, SCHEMA};
 use crate::error::{Error, Result};
@@ -70,16 +71,10 @@ impl RingingModel {
             .flatten()
             .map(|e| e["kind"].as_str().unwrap_or_default())
             .collect();
-        if !kinds.contains(&"frequencies") {
+        if !kinds.contains(&"frequencies") || kinds.iter().any(|k| *k != "frequencies") {
             return Ok(None);
         }
         let place = path.display().to_string();
-        if let Some(other) = kinds.iter().find(|k| **k != "frequencies") {
-            let expected = "experiments that are all frequencies, or one field";
-            return Err(Error::input(format!("{place}: experiments"), expected)
-                .found(format!("\"{other}\" beside \"frequencies\""))
-                .hint("this version identifies each in a file of its own"));
-        }
         let file: RingingFile = parse_json(text, &place)?;
         let model = Self {
             file,
@@ -87,6 +82,21 @@ impl RingingModel {
         };
         model.validate().map_err(|e| e.within(&place))?;
         Ok(Some(model))
+    }
+
+    /// The frequencies that stand beside the field of a model, as a model of their own; none where there are none.
+    pub fn beside(model: &Model) -> Option<Self> {
+        let file = &model.file;
+        (!file.frequencies.is_empty()).then(|| Self {
+            file: RingingFile {
+                schema: SCHEMA.into(),
+                name: file.name.clone(),
+                note: None,
+                material: file.material.clone(),
+                experiments: file.frequencies.clone(),
+            },
+            path: model.path.clone(),
+        })
     }
 
     fn validate(&self) -> Result<()> {

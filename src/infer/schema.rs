@@ -3,11 +3,14 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
+use super::kinds::{self, Apart};
 use super::prior::PriorSpec;
 use super::version1;
 use crate::effect::Effect;
 use crate::error::{Error, Result};
+use crate::experiment::frequencies::FrequenciesSpec;
 use crate::experiment::{ExperimentSpec, check_name};
 use crate::files::{parse_json, unique};
 use crate::laminate::{Material, MeanSd};
@@ -28,8 +31,11 @@ pub struct ModelFile {
     pub note: Option<String>,
     /// The material that all experiments share.
     pub material: MaterialSpec,
-    /// What was measured; one experiment for now.
+    /// The field that was measured: one.
     pub experiments: Vec<ExperimentSpec>,
+    /// Frequencies of plates of the same material; they stand among the experiments of the file.
+    #[serde(skip)]
+    pub frequencies: Vec<FrequenciesSpec>,
     pub reduced_model: ReducedSpec,
     pub likelihood: LikelihoodSpec,
 }
@@ -106,7 +112,7 @@ pub fn parse(text: &str, place: &str) -> Result<(ModelFile, Vec<&'static dyn Eff
             },
         ),
         None | Some(SCHEMA) => (
-            parse_json(text, place)?,
+            parse2(text, place)?,
             Paths {
                 material: "material.",
                 experiment: "experiments[0].",
@@ -121,16 +127,54 @@ pub fn parse(text: &str, place: &str) -> Result<(ModelFile, Vec<&'static dyn Eff
     Ok((file, effects))
 }
 
+/// A file of version 2, in which frequencies may stand beside the field.
+fn parse2(text: &str, place: &str) -> Result<ModelFile> {
+    let Some(Apart { text, frequencies }) = kinds::apart(text, place)? else {
+        return parse_json(text, place);
+    };
+    let file = parse_json(&text, place)?;
+    Ok(ModelFile {
+        frequencies,
+        ..file
+    })
+}
+
+impl ModelFile {
+    /// The file as it is written, all experiments in one list.
+    ///
+    /// # Errors
+    /// Of the program: a value that JSON cannot hold.
+    pub fn to_json(&self) -> Result<Value> {
+        let fail = |e| Error::program("model.json", "a model that JSON can hold").found(e);
+        let mut file = serde_json::to_value(self).map_err(fail)?;
+        for own in &self.frequencies {
+            let own = serde_json::to_value(own).map_err(fail)?;
+            if let Some(experiments) = file["experiments"].as_array_mut() {
+                experiments.push(own);
+            }
+        }
+        Ok(file)
+    }
+}
+
 /// Check everything that the types cannot, and resolve the effects.
 fn validate(file: &ModelFile, paths: &Paths) -> Result<Vec<&'static dyn Effect>> {
     check_name(&file.name, "run folders")?;
     let [experiment] = &file.experiments[..] else {
         return Err(Error::input(
             "experiments",
-            "one experiment: this version cannot combine several yet",
+            "one field, alone or beside frequencies",
         )
-        .found(file.experiments.len()));
+        .found(format!("{} fields", file.experiments.len()))
+        .hint("load steps of one specimen are a series, \"steps\"; a field of another specimen needs a file of its own"));
     };
+    let others = file.frequencies.iter().map(|f| &*f.name);
+    kinds::names_differ(std::iter::once(&*experiment.name).chain(others))?;
+    let isotropic = file.material.kind == Material::Isotropic;
+    for own in &file.frequencies {
+        own.validate(isotropic)
+            .map_err(|e| e.below(format!("experiments: {}: ", own.name)))?;
+    }
     let effects = experiment
         .validate(file.material.kind)
         .map_err(|e| e.below(paths.experiment))?;

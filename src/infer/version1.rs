@@ -110,6 +110,7 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
             yield_mpa: None,
         },
         experiments: vec![experiment],
+        frequencies: Vec::new(),
         reduced_model: file.reduced_model,
         likelihood: file.likelihood,
     })

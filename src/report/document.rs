@@ -6,7 +6,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::json::{Keyed, part, read};
 use super::quoted::QuotedReport;
-use super::round::RoundReport;
+use super::round::{MeanAndSd, RoundReport};
+use super::together::TogetherReport;
 use super::tracing::BlindSpotReport;
 use super::verdict::BeforeAfter;
 use crate::error::{Error, Result};
@@ -24,6 +25,9 @@ pub struct Report {
     pub seed: u64,
     /// One identification of `identify`; those of a loop in order, the first of the model as it was given.
     pub rounds: Vec<RoundReport>,
+    /// The frequencies beside the field, where the model has them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub together: Option<TogetherReport>,
     /// What a loop adds.
     #[serde(flatten, deserialize_with = "closing")]
     pub closing: Option<Closing>,
@@ -74,6 +78,28 @@ impl Report {
     /// An averaged constant of a loop.
     pub fn averaged(&self, name: &str) -> Option<&Interval> {
         self.closing.as_ref()?.averaged_posterior.get(name)
+    }
+
+    /// The constants by all experiments: those to quote of a loop, those of the last round otherwise.
+    pub fn both(&self) -> Keyed<MeanAndSd> {
+        let moments = |i: &Interval| MeanAndSd {
+            mean: i.mean,
+            sd: i.sd,
+        };
+        match (&self.closing, self.last()) {
+            (Some(closing), _) => {
+                let quoted = closing.averaged_posterior.iter();
+                quoted.map(|(name, i)| (name.clone(), moments(i))).collect()
+            }
+            (None, Some(round)) => round.alone(),
+            (None, None) => Keyed::default(),
+        }
+    }
+
+    /// What the terminal says of experiments of two kinds, nothing of one.
+    pub fn together_text(&self) -> String {
+        let together = self.together.as_ref();
+        together.map_or_else(String::new, |t| t.text(&self.both()))
     }
 
     pub fn last(&self) -> Option<&RoundReport> {

@@ -56,6 +56,7 @@ fn report(model: &Model, seed: u64, rounds: Vec<RoundReport>) -> Report {
         model: model.file.name.clone(),
         seed,
         rounds,
+        together: None,
         closing: None,
     }
 }

@@ -22,6 +22,7 @@ pub mod steps;
 pub mod surrogate;
 pub mod tables;
 pub mod terminal;
+pub mod together;
 pub mod traced;
 pub mod tracing;
 pub mod validation;

@@ -3,14 +3,15 @@
 use std::fmt::Write;
 
 use indexmap::IndexMap;
-use maud::{Markup, html};
-use serde::Serialize;
+use maud::html;
+use serde::{Deserialize, Serialize};
 
 use super::figures::{Figure, FigureData, Palette, Picture, Scale, posterior_corner};
 use super::html;
 use super::manifest::KnownTruth;
 use super::terminal::table;
 use crate::error::Result;
+use crate::experiment::frequencies::Parity;
 use crate::identify::{PlateFound, RingingIdentification};
 use crate::infer::RingingModel;
 use crate::quantity::significant;
@@ -57,14 +58,14 @@ pub struct ExactReport {
 }
 
 /// An experiment's peaks and modes.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlateReport {
     pub name: String,
     pub peaks: Vec<PeakReport>,
     pub modes: Vec<ModeReport>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PeakReport {
     #[serde(rename = "measured_Hz")]
     pub measured_hz: f64,
@@ -80,10 +81,10 @@ pub struct PeakReport {
     pub off_percent: Option<f64>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModeReport {
     pub mode: [usize; 2],
-    pub parity: Option<&'static str>,
+    pub parity: Option<Parity>,
     #[serde(rename = "predicted_Hz")]
     pub predicted_hz: f64,
     #[serde(rename = "predicted_sd_Hz")]
@@ -189,7 +190,7 @@ impl RingingReport {
 }
 
 const POSTERIOR: [&str; 8] = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"];
-const PEAKS: [&str; 5] = [
+pub(super) const PEAKS: [&str; 5] = [
     "measured Hz",
     "mode",
     "probability",
@@ -198,7 +199,7 @@ const PEAKS: [&str; 5] = [
 ];
 
 impl PlateReport {
-    fn new(found: &PlateFound) -> Self {
+    pub(super) fn new(found: &PlateFound) -> Self {
         let peaks = found.peaks.iter().map(|p| {
             let mode = p.mode.map(|k| &found.modes[k]);
             PeakReport {
@@ -212,7 +213,9 @@ impl PlateReport {
         });
         let modes = found.modes.iter().map(|m| ModeReport {
             mode: m.label,
-            parity: m.odd.map(|odd| if odd { "odd" } else { "even" }),
+            parity: m
+                .odd
+                .map(|odd| if odd { Parity::Odd } else { Parity::Even }),
             predicted_hz: m.mean_hz,
             predicted_sd_hz: m.sd_hz,
             missing: m.missing,
@@ -224,7 +227,7 @@ impl PlateReport {
         }
     }
 
-    fn peak_rows(&self) -> Vec<Vec<String>> {
+    pub(super) fn peak_rows(&self) -> Vec<Vec<String>> {
         let row = |p: &PeakReport| {
             let predicted = p.predicted_hz.zip(p.predicted_sd_hz);
             vec![
@@ -273,13 +276,13 @@ pub fn page(
         main {
             section id="posterior" {
                 h2 { "Posterior" }
-                (rows(&POSTERIOR, &report.posterior_rows()))
+                (html::rows_of(&POSTERIOR, &report.posterior_rows()))
                 @if let Some(figure) = &corner { (html::figure(figure)) }
             }
             @for (own, figures) in &plates {
                 section id=(own.name) {
                     h2 { (own.name) ": peaks and modes" }
-                    (rows(&PEAKS, &own.peak_rows()))
+                    (html::rows_of(&PEAKS, &own.peak_rows()))
                     @if !own.missing().is_empty() { p { "Modes without a peak: " (own.missing().join(", ")) "." } }
                     h3 { "Mode shapes" }
                     p.soft { "Deflection over the plate at the first draw, length to the right; (m, n): half-waves along length and width." }
@@ -293,17 +296,6 @@ pub fn page(
         &format!("{}: plychain frequencies", report.model),
         &body,
     ))
-}
-
-fn rows(header: &[&str], rows: &[Vec<String>]) -> Markup {
-    html! {
-        div.scroll { table {
-            thead { tr { @for cell in header { th { (cell) } } } }
-            tbody { @for row in rows { tr { @for (k, cell) in row.iter().enumerate() {
-                @if k == 0 { th { (cell) } } @else { td { (cell) } }
-            } } } }
-        } }
-    }
 }
 
 fn shapes(plate: &PlateFound) -> Result<Vec<Figure>> {

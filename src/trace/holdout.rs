@@ -75,7 +75,7 @@ impl<'a> Holdout<'a> {
         let fitted = self.fitted(subset);
         [0, 1, 2, 3].map(|division| {
             let regions = self.normal(&fitted, division);
-            let all = sum(&regions, fitted.len());
+            let all = self.all(&regions, fitted.len());
             let evidence = |(gram, right): Normal| {
                 NormalEquations::with_unit_prior(gram, right).map_or(0.0, |fit| fit.log_evidence())
             };
@@ -91,7 +91,7 @@ impl<'a> Holdout<'a> {
     pub fn rms_nm(&self, subset: &Subset) -> f64 {
         let fitted = self.fitted(subset);
         let regions = self.normal(&fitted, QUADRANTS);
-        let all = sum(&regions, fitted.len());
+        let all = self.all(&regions, fitted.len());
         let (mut square, mut count) = (0.0, 0);
         for (region, own) in regions.iter().enumerate() {
             let rest = (&all.0 - &own.0, &all.1 - &own.1);
@@ -121,6 +121,17 @@ impl<'a> Holdout<'a> {
         self.sensitivities.base.iter().chain(chosen).collect()
     }
 
+    /// Normal equations of all regions, and what other experiments say, which no region holds out.
+    fn all(&self, regions: &[Normal], p: usize) -> Normal {
+        let mut all = (DMatrix::zeros(p, p), DVector::zeros(p));
+        for own in regions {
+            all.0 += &own.0;
+            all.1 += &own.1;
+        }
+        self.sensitivities.add_known(&mut all.0, &mut all.1);
+        all
+    }
+
     /// Normal equations of each region of a division.
     fn normal(&self, fitted: &[&Column], division: usize) -> Vec<Normal> {
         let region = &self.region[division];
@@ -141,13 +152,6 @@ impl<'a> Holdout<'a> {
         }
         regions
     }
-}
-
-fn sum(regions: &[Normal], p: usize) -> Normal {
-    let zero = (DMatrix::zeros(p, p), DVector::zeros(p));
-    regions
-        .iter()
-        .fold(zero, |all, own| (all.0 + &own.0, all.1 + &own.1))
 }
 
 const QUADRANTS: usize = 2;

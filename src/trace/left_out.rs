@@ -89,8 +89,9 @@ impl<'a> LeftOut<'a> {
     fn fit(&self, known: &Known, columns: &[usize]) -> Option<(NormalEquations, f64, f64)> {
         let (gram, log_det) = known.equations(columns, self.reference);
         let p = columns.len();
-        let right = gram.view((0, p), (p, 1)).column(0).into_owned();
-        let inside = gram.view((0, 0), (p, p)).into_owned();
+        let mut right = gram.view((0, p), (p, 1)).column(0).into_owned();
+        let mut inside = gram.view((0, 0), (p, p)).into_owned();
+        self.sensitivities.add_known(&mut inside, &mut right);
         let fit = NormalEquations::with_unit_prior(inside, right)?;
         Some((fit, gram[(p, p)], log_det))
     }

@@ -25,6 +25,7 @@ mod sought;
 mod stiffness;
 mod subsets;
 mod suspect;
+mod together;
 mod tracing;
 mod vetoes;
 mod weighing;
@@ -41,6 +42,7 @@ pub use round::Round;
 pub use sought::candidates;
 pub use subsets::SIZES;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
+pub use together::tension;
 pub use tracing::{
     Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt, StiffnessField,
     Tracing,

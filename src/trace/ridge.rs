@@ -154,6 +154,7 @@ pub fn of_series(
             })
             .collect(),
         near_edge,
+        known: stepped.model.known.clone(),
     };
     sensitivities.carry_to_means();
     Ok(sensitivities)
@@ -209,7 +210,9 @@ impl Sensitivities {
             total += all[(p, p)];
         }
         let solve = |variance: f64| {
-            NormalEquations::with_unit_prior(gram.clone() / variance, &right / variance)
+            let (mut gram, mut right) = (&gram / variance, &right / variance);
+            self.add_known(&mut gram, &mut right);
+            NormalEquations::with_unit_prior(gram, right)
                 .map_or_else(|| DVector::zeros(p), |f| f.mean())
         };
         // the white variance of a point from what a nearly free fit leaves

@@ -1,7 +1,9 @@
 //! The test linearised about a state: its prediction there, and what a change of every constant and of every effect's amplitude
 //! does to it, as block averages.
 
-use nalgebra::DVector;
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
@@ -14,7 +16,7 @@ use crate::fem::Anchor;
 use crate::field::blocks::one_a_tile;
 use crate::field::{Blocks, Field};
 use crate::identify::Prepared;
-use crate::infer::Model;
+use crate::infer::{Known, Model};
 use crate::laminate::MeanSd;
 use crate::reduce::THICKNESS;
 
@@ -43,9 +45,19 @@ pub struct Sensitivities {
     /// Block averages of (u1, u2), mm, of the near-edge rival's fields ([`Softening::NearEdge`]); none where no
     /// effect is a candidate.
     pub near_edge: Vec<[DVector<f64>; 2]>,
+    /// What experiments beside the field say of the constants.
+    pub known: Option<Arc<Known>>,
 }
 
 impl Sensitivities {
+    /// Add what other experiments say to normal equations X'X, X'y of columns that begin with the constants.
+    pub fn add_known(&self, gram: &mut DMatrix<f64>, right: &mut DVector<f64>) {
+        if let Some(known) = &self.known {
+            let places: Vec<usize> = (0..self.constants).collect();
+            known.add_to(gram, right, &places);
+        }
+    }
+
     /// Whether all that is predicted, and all columns, are numbers.
     pub fn is_finite(&self) -> bool {
         let sought = self.candidates.iter().flat_map(|c| &c.columns);
@@ -231,6 +243,7 @@ impl Linearised<'_> {
             constants: at.constants.len(),
             candidates,
             near_edge,
+            known: self.model.known.clone(),
         })
     }
 

@@ -3,6 +3,7 @@
 use super::averaged::Interval;
 use super::evidence::LARGEST_MULTIPLE;
 use super::round::Round;
+use super::together::tension;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::identify::Identification;
 use crate::infer::Model;
@@ -47,6 +48,7 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     }
     said.extend(quoted(last));
     said.extend(steps_apart(last));
+    said.extend(in_tension(last));
     said
 }
 
@@ -177,4 +179,12 @@ fn steps_apart(last: &Round) -> Vec<String> {
         (z > STEP_SDS).then(|| format!("the other steps do not predict {name} (z = {z:.1})"))
     });
     far.collect()
+}
+
+/// 7. Experiments beside the field that contradict it, with all that was found.
+fn in_tension(last: &Round) -> Option<String> {
+    let p = tension(last)?.p;
+    (p < MISFIT).then(|| {
+        format!("field and frequencies contradict each other whatever was found in the field (p = {p:.0e})")
+    })
 }

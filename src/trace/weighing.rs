@@ -5,11 +5,14 @@
 //! the bare fit's residual, loud effects were never named, because they inflate it (prototype study). Short lengths are noise; long
 //! ones are a smooth discrepancy, the rival of every named effect.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::sensitivities::{Measured, Sensitivities};
 use crate::error::{Error, Result};
 use crate::field::Blocks;
+use crate::infer::Known;
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
 use crate::noise::series::{Frames, SeriesNoise, Setting, settings};
@@ -49,6 +52,8 @@ pub struct Weighing {
     base: usize,
     /// Number of blocks.
     blocks: usize,
+    /// What experiments beside the field say of the constants, which are the first columns.
+    known: Option<Arc<Known>>,
 }
 
 /// What is known under every choice of the noise.
@@ -106,6 +111,7 @@ impl Weighing {
             source: Source::Components(choices),
             base: sensitivities.base.len(),
             blocks: measured.blocks.len(),
+            known: sensitivities.known.clone(),
         })
     }
 
@@ -131,6 +137,7 @@ impl Weighing {
             source: Source::Series(noise),
             base: sensitivities.base.len(),
             blocks: measured.blocks.len(),
+            known: sensitivities.known.clone(),
         })
     }
 
@@ -154,12 +161,32 @@ impl Weighing {
         Self {
             source,
             pairs: self.pairs.clone(),
+            known: self.known.clone(),
             ..*self
         }
     }
 
-    /// Normal equations of all columns and, last, the data, under a pair.
+    /// Normal equations of all columns and, last, the data, under a pair; with what other experiments say, as data of their own.
     pub fn gram(&self, pair: &NoisePair) -> DMatrix<f64> {
+        let mut gram = self.gram_of_field(pair);
+        let Some(known) = &self.known else {
+            return gram;
+        };
+        let data = gram.nrows() - 1;
+        let (precision, towards, square) = known.equations();
+        let n = known.constants();
+        let mut inside = gram.view_mut((0, 0), (n, n));
+        inside += precision;
+        for k in 0..n {
+            gram[(k, data)] += towards[k];
+            gram[(data, k)] += towards[k];
+        }
+        gram[(data, data)] += square;
+        gram
+    }
+
+    /// The same of the field alone.
+    pub fn gram_of_field(&self, pair: &NoisePair) -> DMatrix<f64> {
         match &self.source {
             Source::Components([first, second]) => {
                 &first[pair.of[0]].gram + &second[pair.of[1]].gram
@@ -188,7 +215,7 @@ impl Weighing {
         })
     }
 
-    /// Log evidence of a model without a column, with the pair's log prior, up to a constant.
+    /// Log evidence of a model without a column, with the pair's log prior, up to a constant (what other experiments say is one).
     pub fn log_data(&self, pair: &NoisePair) -> f64 {
         let log = |log_det: f64, gram: &DMatrix<f64>| {
             log_det + gram[(gram.nrows() - 1, gram.nrows() - 1)]

@@ -53,6 +53,7 @@ fn toy() -> Toy {
             space,
             Vec::new(),
             Vec::new(),
+            None,
         ),
         whole,
     }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::super::folder::Folder;
 use super::super::print;
-use super::{Arguments, amplitudes, not_negative, ordered, plan, reader, truth_json};
+use super::{Arguments, amplitudes, frequencies, not_negative, ordered, plan, reader, truth_json};
 use crate::effect::{Acting, Scope};
 use crate::error::{Error, Result};
 use crate::experiment::Gauge;
@@ -45,6 +45,7 @@ pub fn run(arguments: &Arguments, mut model: Model, seed: u64) -> Result<()> {
         motion_mm: not_negative("--motion-mm", arguments.motion_mm)?,
         subsets: model.subsets(),
     };
+    frequencies::beside(&mut model, &truth.shared.constants, seed)?;
     let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let simulated = model.simulate_series(&truth)?;
     let frame = model.scene().frame;
@@ -294,6 +295,5 @@ fn model_json(
     for (step, force) in experiment.steps.iter_mut().flatten().zip(declared) {
         step.force_n = *force;
     }
-    serde_json::to_value(&model.file)
-        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+    model.file.to_json()
 }

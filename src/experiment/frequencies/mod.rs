@@ -11,6 +11,7 @@ mod lattice;
 mod plate;
 mod reduced;
 mod ritz;
+mod simulate;
 mod spec;
 mod theory;
 pub mod weigh;

@@ -48,6 +48,7 @@ pub fn report(page: &Page, figures: &Figures) -> String {
     let name = &page.report.model;
     let sections = [
         ("before-after", "Before and after", tables::rounds(page)),
+        ("together", "Field and frequencies", together(page)),
         ("steps", "Steps", sections::steps(page, figures)),
         ("maps", "Maps", sections::maps(page, figures)),
         ("effects", "Effects", effects::ranking(page, figures)),
@@ -89,6 +90,13 @@ pub fn report(page: &Page, figures: &Figures) -> String {
         footer.soft { "Units stand in the names: GPa, mm, \u{b5}m, nm. Intervals hold 95 % of the posterior." }
     };
     document(&format!("{name}: plychain report"), &body)
+}
+
+/// The experiments of two kinds beside each other, where there are two.
+fn together(page: &Page) -> Markup {
+    let report = &page.report;
+    let together = report.together.as_ref();
+    together.map_or_else(|| html! {}, |t| t.section(&report.both()))
 }
 
 /// A figure that scales with the page.
@@ -144,6 +152,18 @@ fn table(
                 }
             }
         }
+    }
+}
+
+/// A plain table, the first cell of a row its name.
+pub fn rows_of(header: &[&str], rows: &[Vec<String>]) -> Markup {
+    html! {
+        div.scroll { table {
+            thead { tr { @for cell in header { th { (cell) } } } }
+            tbody { @for row in rows { tr { @for (k, cell) in row.iter().enumerate() {
+                @if k == 0 { th { (cell) } } @else { td { (cell) } }
+            } } } }
+        } }
     }
 }
 

@@ -2,12 +2,14 @@
 //! of acting effects and of the size of all others summed. The noise keeps the scale that its contrasts have, to which no effect
 //! contributes: left free, an answer that does not describe the data took its misfit for noise and was 60 times as wide.
 
+use std::sync::Arc;
+
 use nalgebra::DMatrix;
 
 use super::evidence::{Compiled, log_evidences};
 use super::quadratic::Equations;
 use super::space::Space;
-use crate::infer::{LogDensity, Marginal};
+use crate::infer::{Known, LogDensity, Marginal};
 use crate::laminate::Material;
 use crate::trace::subsets::log_sum;
 
@@ -38,6 +40,8 @@ pub struct Answer {
     material: Material,
     /// Priors of the constants, and where the test was linearised, border units.
     constants: Vec<(Marginal, f64)>,
+    /// What other experiments say of them.
+    known: Option<Arc<Known>>,
     pub(super) space: Space,
     /// The data under every choice of the noise.
     pub(super) noise: Vec<Equations>,
@@ -51,6 +55,7 @@ impl Answer {
         space: Space,
         noise: Vec<Equations>,
         choices: Vec<Choice>,
+        known: Option<Arc<Known>>,
     ) -> Self {
         let names = material.constants().iter();
         let names: Vec<String> = names.map(|n| (*n).to_string()).collect();
@@ -68,6 +73,7 @@ impl Answer {
             names,
             material,
             constants,
+            known,
             space,
             noise,
         }
@@ -84,13 +90,14 @@ impl Answer {
         x.iter().zip(&self.constants).map(distance).collect()
     }
 
-    /// Log prior density of a point, -inf outside.
+    /// Log prior density of a point with what other experiments say of it, -inf outside.
     fn log_prior(&self, x: &[f64]) -> f64 {
         if !self.material.ply(x).is_admissible() {
             return f64::NEG_INFINITY;
         }
         let of = |(x, (m, _)): (&f64, &(Marginal, f64))| m.log_density(*x);
-        x.iter().zip(&self.constants).map(of).sum()
+        let prior: f64 = x.iter().zip(&self.constants).map(of).sum();
+        prior + self.known.as_ref().map_or(0.0, |k| k.log_density(x))
     }
 
     /// Log weight of every part at some points, part by part.

@@ -92,6 +92,7 @@ impl<'a> Sampled<'a> {
             space,
             noise,
             choices,
+            model.known.clone(),
         );
         Ok(Self {
             answer,

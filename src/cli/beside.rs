@@ -1,0 +1,43 @@
+//! The frequencies that stand beside a field: identified first, in a folder of their own within the run's.
+
+use std::path::Path;
+
+use super::console::Console;
+use super::ringing;
+use super::running::Plan;
+use crate::chain::read_zarr;
+use crate::error::Result;
+use crate::identify::{self, Beside};
+use crate::infer::Model;
+
+/// Where they are kept, and the field's chains without them.
+const FREQUENCIES: &str = "frequencies";
+const FIELD: &str = "field-alone";
+
+/// Identify what stands beside a field; the plan's model knows it afterwards. None where nothing does.
+///
+/// # Errors
+/// Those of either identification.
+pub fn identified(plan: &mut Plan, console: &Console) -> Result<Option<Beside>> {
+    let place = |name: &str| plan.folder.path().join(name);
+    let [frequencies, field] = [FREQUENCIES, FIELD].map(|name| plan.options(&place(name)));
+    let mut model = plan.model.clone();
+    let found = identify::beside(&mut model, [&frequencies, &field], console)?;
+    if let Some(beside) = &found {
+        ringing::write(&beside.model, &beside.found, &place(FREQUENCIES))?;
+    }
+    plan.model = model;
+    Ok(found)
+}
+
+/// Let the model of a finished run know what the frequencies beside its field said in it.
+///
+/// # Errors
+/// Of the input: a folder without their chains.
+pub fn know(run: &Path, model: &mut Model) -> Result<()> {
+    if model.file.frequencies.is_empty() {
+        return Ok(());
+    }
+    let draws = read_zarr(&run.join(FREQUENCIES).join("chain.zarr"), None)?;
+    identify::know(model, &draws).map(|_| ())
+}

@@ -1,0 +1,106 @@
+//! How far two experiments on one material disagree.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::prior::Marginal;
+
+/// Mean and covariance of the constants, border units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moments {
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+}
+
+impl Moments {
+    /// Of points, of each the first `count` values.
+    pub fn of<'a>(points: impl Iterator<Item = &'a [f64]>, count: usize) -> Self {
+        let points: Vec<&[f64]> = points.collect();
+        let n = points.len() as f64;
+        let mut mean = DVector::zeros(count);
+        for x in &points {
+            mean += DVector::from_column_slice(&x[..count]);
+        }
+        mean /= n;
+        let mut covariance = DMatrix::zeros(count, count);
+        for x in points {
+            let d = DVector::from_column_slice(&x[..count]) - &mean;
+            covariance.ger(1.0 / n, &d, &d, 1.0);
+        }
+        Self { mean, covariance }
+    }
+
+    /// In prior sds from the prior means.
+    fn scaled(&self, priors: &[Marginal]) -> Self {
+        let n = priors.len();
+        Self {
+            mean: DVector::from_fn(n, |k, _| (self.mean[k] - priors[k].mean) / priors[k].sd),
+            covariance: DMatrix::from_fn(n, n, |i, j| {
+                self.covariance[(i, j)] / (priors[i].sd * priors[j].sd)
+            }),
+        }
+    }
+}
+
+/// Two posteriors of the same constants, from different data and one prior, held against each other as normal densities.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tension {
+    /// For each constant the difference of the posterior means, and its sd if both saw one material, border units.
+    pub difference: Vec<[f64; 2]>,
+    /// Square of the whole difference in those sds, the number of directions of which either says something, and the probability of as
+    /// much by chance.
+    pub chi2: f64,
+    pub directions: usize,
+    pub p: f64,
+    /// Log Bayes factor for one material against one for each, of the same prior: log of the integral of p(c|first) p(c|second) / p(c).
+    pub log_bayes_factor: f64,
+}
+
+/// Variances of the difference, prior variances, below which neither experiment says anything.
+const SILENT: f64 = 1e-3;
+
+impl Tension {
+    /// Of two posteriors under a common prior; none where one is singular.
+    pub fn between(first: &Moments, second: &Moments, priors: &[Marginal]) -> Option<Self> {
+        let n = priors.len();
+        let [a, b] = [first, second].map(|m| m.scaled(priors));
+        let (sa, sb) = (&a.covariance, &b.covariance);
+        // of means that shrink towards one prior: cov(a - b) = Sa + Sb - Sa Sb - Sb Sa
+        let spread = sa + sb - sa * sb - sb * sa;
+        let off = &a.mean - &b.mean;
+        let eigen = SymmetricEigen::new(spread.clone());
+        let along = eigen.eigenvectors.tr_mul(&off);
+        let said: Vec<usize> = (0..n).filter(|&k| eigen.eigenvalues[k] > SILENT).collect();
+        let chi2 = said
+            .iter()
+            .map(|&k| along[k] * along[k] / eigen.eigenvalues[k])
+            .sum();
+        let p = match said.len() {
+            0 => 1.0,
+            directions => ChiSquared::new(directions as f64).ok()?.sf(chi2),
+        };
+        let (pa, pb) = (sa.clone().cholesky()?, sb.clone().cholesky()?);
+        let log_det = |m: &DMatrix<f64>| -> Option<f64> {
+            Some(2.0 * m.clone().cholesky()?.l().diagonal().map(f64::ln).sum())
+        };
+        let both = pa.inverse() + pb.inverse() - DMatrix::identity(n, n);
+        let (ea, eb) = (pa.solve(&a.mean), pb.solve(&b.mean));
+        let eta = &ea + &eb;
+        let square =
+            a.mean.dot(&ea) + b.mean.dot(&eb) - eta.dot(&both.clone().cholesky()?.solve(&eta));
+        let log_bayes_factor =
+            -0.5 * (log_det(sa)? + log_det(sb)? + log_det(&both)?) - 0.5 * square;
+        let difference = (0..n).map(|k| {
+            let sd = spread[(k, k)].max(0.0).sqrt() * priors[k].sd;
+            [first.mean[k] - second.mean[k], sd]
+        });
+        Some(Self {
+            difference: difference.collect(),
+            chi2,
+            directions: said.len(),
+            p,
+            log_bayes_factor,
+        })
+    }
+}
