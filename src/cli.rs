@@ -6,6 +6,7 @@ mod build;
 mod calibrate;
 mod closing;
 mod console;
+mod design;
 mod diagnose;
 mod effects;
 mod exports;
@@ -75,6 +76,8 @@ enum Verb {
     Report(report::Arguments),
     /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
     Validate(validate::Arguments),
+    /// Say what to measure next: what coupons and plates would add, and which undeclared effects they would expose
+    Design(design::Arguments),
     /// Measure a field from phase-shifted fringe images, with the sd of every point
     Fringes(fringes::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
@@ -134,6 +137,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
         Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
+        Verb::Design(arguments) => design::run(&arguments, &console),
         Verb::Fringes(arguments) => fringes::run(&arguments, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),

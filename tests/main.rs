@@ -4,6 +4,7 @@ mod bending;
 mod browser;
 mod chain_files;
 mod cli;
+mod design;
 mod diagnostics;
 mod dic;
 mod dictionary;

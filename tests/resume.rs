@@ -199,6 +199,11 @@ fn a_killed_loop_goes_on_to_the_same_report() {
     assert!(kills > 2, "{kills} kills");
     assert_same_chains(&bench.path("whole"), &bench.path("killed"));
     assert_same_chains(&bench.path("whole/round-1"), &bench.path("killed/round-1"));
+    let averaged = |name: &str| std::fs::read(bench.path(name).join("averaged/chain.csv")).unwrap();
+    assert!(
+        averaged("whole") == averaged("killed"),
+        "the draws to quote differ"
+    );
     let report = |name: &str| {
         let text = std::fs::read_to_string(bench.path(name).join("report.json")).unwrap();
         serde_json::from_str::<serde_json::Value>(&text).unwrap()
@@ -213,6 +218,13 @@ fn a_killed_loop_goes_on_to_the_same_report() {
     ] {
         assert_eq!(whole[key], killed[key], "{key}");
     }
+    // another verb would write over what the loop left
+    let other = identify(&model, "whole", &["--resume"]);
+    let refused = bench.run(&other);
+    assert_eq!(refused.status.code(), Some(1));
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(said.contains("a finished run of loop"), "{said}");
+    assert!(report("whole")["verdict"].is_object());
 }
 
 fn refused(bench: &Bench, arguments: &[&str], words: &str) {

@@ -13,7 +13,7 @@ use crate::dic::cases::{Kind, campaign, case};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
 use crate::dic::ordinary::{ORDINARY, Ordinary, ordinary};
 use crate::loops::{Ended, looped};
-use crate::program::{fresh, plychain, set_coarse, shared};
+use crate::program::{changed, fresh, identify, plychain, posterior, set_coarse, shared, succeed};
 
 /// A series' loop with what acted in it.
 struct Judged {
@@ -344,6 +344,97 @@ fn ordinary_single_fields_are_not_misread() {
     assert!(held as f64 >= 0.93 * count as f64, "{held} of {count}");
     let worst = judged.iter().map(|j| j.ended.worst()).fold(0.0, f64::max);
     assert!(worst < 5.0, "{worst}");
+}
+
+/// Steps of the default coupon on a coarse mesh under these forces with a hole of this diameter, in a folder of their own.
+fn simulated_steps(forces: &str, diameter_mm: f64) -> PathBuf {
+    let model = changed("openhole.json", |model| {
+        set_coarse(model);
+        model["experiments"][0]["specimen"]["hole"]["diameter_mm"] = diameter_mm.into();
+    });
+    let out = fresh("steps");
+    let folder = out.display().to_string();
+    let arguments = [
+        "simulate",
+        &model,
+        "--steps",
+        forces,
+        "--grid",
+        "41",
+        "--noise-nm",
+        "20",
+        "--out",
+        &folder,
+    ];
+    succeed(&arguments);
+    out
+}
+
+/// Without a force ratios are measured whatever the priors' common factor is, and it is said.
+#[test]
+fn a_series_without_forces_gives_ratios() {
+    let folder = simulated_steps("0,700,1400,2100", 4.0);
+    let file = folder.join("model.json");
+    let mut model: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+    for step in model["experiments"][0]["steps"].as_array_mut().unwrap() {
+        step["force_N"] = Value::Null;
+    }
+    std::fs::write(&file, model.to_string()).unwrap();
+    let round = identify(&file.display().to_string(), &[]);
+    let of = |name: &str| posterior(&round, name);
+    let (e1, sd) = of("E1_GPa");
+    // the common factor is the prior's
+    assert!((e1 - 162.0).abs() < 20.0 && sd > 5.0, "{e1} +- {sd}");
+    let warnings = round["warnings"].to_string();
+    assert!(
+        warnings.contains("No force of the series is known"),
+        "{warnings}"
+    );
+    for (ratio, truth) in [("E2/E1", 7.58 / 162.0), ("G12/E1", 4.41 / 162.0)] {
+        let said = warnings.split(&format!("{ratio} = ")).nth(1).unwrap();
+        let numbers: Vec<f64> = said
+            .split(|c: char| !(c.is_ascii_digit() || c == '.' || c == 'e'))
+            .filter_map(|t| t.trim_end_matches('.').parse().ok())
+            .take(2)
+            .collect();
+        let scale = if said.starts_with('(') { 1e-3 } else { 1.0 };
+        let (mean, sd) = (numbers[0] * scale, numbers[1] * scale);
+        assert!(
+            (mean - truth).abs() < 4.0 * sd && sd < 0.1 * truth,
+            "{ratio}: {mean} +- {sd} in {said}"
+        );
+    }
+}
+
+/// A step of a specimen whose hole is half as large again is refused by name; the largest step, which yielding may have changed, is warned of.
+#[test]
+fn a_step_of_a_specimen_with_another_hole_is_named() {
+    const FORCES: &str = "350,700,1050,1400";
+    let folder = simulated_steps(FORCES, 4.0);
+    let other = simulated_steps(FORCES, 6.0);
+    let read = || {
+        Model::load(&folder.join("model.json"))
+            .unwrap()
+            .read_series()
+            .map(Option::unwrap)
+    };
+    assert!(read().unwrap().warnings.is_empty());
+    let steps = Model::load(&folder.join("model.json")).unwrap();
+    let name = |k: usize| steps.experiment().steps.as_ref().unwrap()[k].file.clone();
+    let own = std::fs::read(folder.join(name(1))).unwrap();
+    std::fs::copy(other.join(name(1)), folder.join(name(1))).unwrap();
+    let error = read().err().unwrap().to_string();
+    assert!(
+        error.contains(&name(1).display().to_string()) && error.contains("pattern"),
+        "{error}"
+    );
+    std::fs::write(folder.join(name(1)), own).unwrap();
+    std::fs::copy(other.join(name(3)), folder.join(name(3))).unwrap();
+    let warnings = read().unwrap().warnings;
+    assert!(
+        warnings.iter().any(|w| w.contains("pattern")),
+        "{warnings:?}"
+    );
 }
 
 /// A real series of a coupon with an open hole (its README), forces unknown: constants are ratios, relative to a nominal force.

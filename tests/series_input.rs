@@ -193,6 +193,27 @@ fn a_series_is_read_at_its_common_points() {
     }
 }
 
+/// A file may state another force than the model: the model's counts, and it is said. Steps that are all without load are none.
+#[test]
+fn forces_that_contradict_their_files_or_are_all_zero_are_said() {
+    let mut case = Case::written();
+    let text = csv(&grid(), &field(&grid(), FORCES[1], 1));
+    case.write(1, &format!("# force : {}\n{text}", FORCES[1]));
+    assert!(case.read().unwrap().warnings.is_empty());
+    case.write(1, &format!("# force [kN] : {}\n{text}", FORCES[1]));
+    let warnings = case.read().unwrap().warnings;
+    let [only] = &warnings[..] else {
+        panic!("{warnings:?}")
+    };
+    assert!(
+        only.contains("step-02.csv") && only.contains("the model's is taken"),
+        "{only}"
+    );
+    case.set_forces(&[0.0; 5]);
+    let error = case.parse().err().unwrap().to_string();
+    assert!(error.contains("0 in all of them"), "{error}");
+}
+
 /// Another order of rows, and points that one step lacks: matched by their places, dropped and counted.
 #[test]
 fn points_that_a_step_lacks_are_dropped_and_counted() {
@@ -212,7 +233,10 @@ fn points_that_a_step_lacks_are_dropped_and_counted() {
     assert_eq!(series.field.rejected.unmatched, missing);
     let rest = few.len() - series.field.rejected.outliers;
     assert_eq!(series.field.len(), rest);
-    assert_eq!(series.warnings.len(), 4, "{:?}", series.warnings);
+    assert_eq!(series.warnings.len(), 5, "{:?}", series.warnings);
+    let lacks = format!("it lacks {missing} of the");
+    let odd = |w: &&String| w.contains("step-02.csv") && w.contains(&lacks);
+    assert_eq!(series.warnings.iter().filter(odd).count(), 1);
     // the same place has the same displacement as in the file
     let (p, moved) = (series.field.points[77], series.steps[1].displacement[77]);
     let there = points

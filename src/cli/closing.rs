@@ -14,7 +14,7 @@ use crate::chain::{write_csv, write_zarr};
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
-use crate::identify::Beside;
+use crate::identify::{Beside, settle_force};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::json::Keyed;
@@ -152,6 +152,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
         Model::load(&run.join("model.json"))
     }
     .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
+    settle_force(&mut model)?;
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
     beside::know(run, &mut model)?;

@@ -113,7 +113,7 @@ fn digits(text: &str) -> (&str, &str) {
 /// The input's fault: a file that cannot be read.
 pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
     let mut said = String::from(
-        "  steps, in the order taken (of their numbers; it matters for what drifts):\n",
+        "  steps, in the order taken (by the numbers in their names, without any by the names; it matters for what drifts):\n",
     );
     let mut steps = Vec::with_capacity(files.len());
     let mut unknown = false;

@@ -56,8 +56,12 @@ impl Folder {
                 format!("--out {}", path.display()),
                 "a folder that does not exist yet",
             )
-            .found("an existing one")
-            .hint("give another name, or remove the old one"));
+            .found(if is_unfinished(&path) {
+                "that of an interrupted run"
+            } else {
+                "an existing one"
+            })
+            .hint("give another name, or remove the old one; --resume goes on with a run that was interrupted"));
         }
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent).map_err(|e| unwritable(&path, &e))?;
@@ -68,6 +72,18 @@ impl Folder {
             started: Instant::now(),
             kept: false,
         })
+    }
+
+    /// The interrupted run that a new one in the next free folder leaves behind, if there is one.
+    pub fn interrupted(&self) -> Option<PathBuf> {
+        let name = self.path.file_name()?.to_str()?;
+        let (stem, number) = name.rsplit_once('-')?;
+        let before = match number.parse::<usize>().ok()? {
+            2 => stem.to_string(),
+            n => format!("{stem}-{}", n - 1),
+        };
+        let path = self.path.with_file_name(before);
+        is_unfinished(&path).then_some(path)
     }
 
     /// The folder of an earlier run, to go on with it. Nothing of it is removed.
@@ -142,13 +158,29 @@ impl Folder {
         };
         let known: Value = serde_json::from_str(&text)
             .map_err(|e| Error::input(path.display(), "the manifest of a run").found(e))?;
-        match known.get("unfinished") {
-            Some(theirs) if theirs != identity => Err(Error::input(
-                path.display(),
-                format!("a run that is {identity}"),
-            )
-            .found(theirs)
-            .hint("this folder belongs to another run; nothing was changed")),
+        let wanted = |expected: String| {
+            Error::input(path.display(), expected)
+                .hint("this folder belongs to another run; nothing was changed")
+        };
+        if let Some(theirs) = known.get("unfinished") {
+            let keys = identity.as_object().into_iter().flatten();
+            let differing: Vec<String> = keys
+                .filter(|(key, value)| theirs.get(key) != Some(value))
+                .map(|(key, _)| key.clone())
+                .collect();
+            return match differing.is_empty() {
+                true => Ok(()),
+                false => Err(wanted("the run that was interrupted".into())
+                    .found(format!("another {}", differing.join(", ")))),
+            };
+        }
+        // a finished run may be asked for again, and by the same verb only: another would write over what it left
+        let command = known["command"].as_array().into_iter().flatten();
+        let theirs = verb(command.filter_map(Value::as_str));
+        match (identity["verb"].as_str(), theirs) {
+            (Some(own), Some(theirs)) if own != theirs => {
+                Err(wanted(format!("a run of {own}")).found(format!("a finished run of {theirs}")))
+            }
             _ => Ok(()),
         }
     }
@@ -191,6 +223,19 @@ impl Drop for Folder {
             let _ = std::fs::remove_dir_all(&self.path);
         }
     }
+}
+
+/// The verb among the arguments of a run that has a folder.
+pub fn verb<'a>(mut arguments: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    const VERBS: [&str; 3] = ["identify", "loop", "validate"];
+    arguments.find(|a| VERBS.contains(a))
+}
+
+/// Whether a folder is that of a run that was interrupted.
+fn is_unfinished(path: &Path) -> bool {
+    let text = std::fs::read_to_string(path.join("run.json")).unwrap_or_default();
+    let known: Value = serde_json::from_str(&text).unwrap_or_default();
+    known.get("unfinished").is_some()
 }
 
 fn unwritable(path: &Path, error: &std::io::Error) -> Error {

@@ -175,7 +175,7 @@ fn next(path: &Path, is_series: bool) -> String {
         ""
     };
     let force = if is_series {
-        "steps[].force_N                   between the reference and each image; null if unknown"
+        "steps[].force_N                   where it is not right above: between the reference and each image; null if unknown"
     } else {
         "load.force_N                      between the reference and this image"
     };
@@ -226,6 +226,13 @@ fn propose(files: &[PathBuf], arguments: &Arguments, experiment: &mut Value) -> 
     let (mut measurement, mut said) = export.propose(&files[chosen], arguments.subset_mm, specimen);
     if let [file] = files {
         measurement["file"] = json!(file);
+        if let Some(force) = table::stated_force(file)? {
+            experiment["load"]["force_N"] = json!(force);
+            let _ = writeln!(
+                said,
+                "  load.force_N {force}: stated in the file; N if it says no unit"
+            );
+        }
     } else {
         let (steps, of_steps) = exports::steps(files)?;
         experiment["steps"] = json!(steps);

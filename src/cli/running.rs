@@ -7,11 +7,12 @@ use clap::Args;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::folder::{Folder, hashes};
+use super::console::line;
+use super::folder::{Folder, hashes, verb};
 use super::{DEFAULT_MODEL, Global, cache};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
-use crate::identify::Options;
+use crate::identify::{Options, settle_force};
 use crate::infer::{Model, RingingModel};
 use crate::reduce::cache::hex;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
@@ -76,6 +77,7 @@ impl Running {
     pub fn plan(&self, global: &Global) -> Result<Plan> {
         let mut model = load(&self.model, self.data.as_ref())?;
         model.file.reduced_model.full_order |= self.full_order;
+        settle_force(&mut model)?;
         let data = hashes(model.measurement_files()?.iter())?;
         let name = model.file.name.clone();
         let file = model.file.to_json()?.to_string();
@@ -116,6 +118,13 @@ impl Running {
         let folder = Folder::open(self.out.as_deref(), name, self.resume)?;
         let identity = identity_of((name, file, &data), &*sampler, &schedule);
         folder.begin(&identity)?;
+        if let Some(before) = folder.interrupted().filter(|_| self.out.is_none()) {
+            line(&format!(
+                "  {} is a run that was interrupted: --out {} --resume goes on with it",
+                before.display(),
+                before.display()
+            ));
+        }
         Ok(Plan {
             model,
             folder,
@@ -253,7 +262,10 @@ fn identity_of(
     sampler: &dyn Sampler,
     schedule: &Schedule,
 ) -> Value {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let verb = verb(arguments.iter().map(String::as_str));
     json!({
+        "verb": verb,
         "version": env!("CARGO_PKG_VERSION"),
         "model": name,
         "model_sha256": hex(&Sha256::digest(file)),

@@ -37,6 +37,9 @@ pub struct ExperimentSpec {
     /// A series of loads in place of one, in the order in which they were taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<Vec<StepSpec>>,
+    /// The force of the reference step, N, as the size of its field has it: of a series of which no force is known.
+    #[serde(skip)]
+    pub fitted_n: Option<f64>,
     /// Restriction of the points used, `[[x0, y0], [x1, y1]]` in the data's frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub window_mm: Option<[[f64; 2]; 2]>,
@@ -174,8 +177,14 @@ impl ExperimentSpec {
     pub fn nominal_load(&self) -> LoadSpec {
         let of_steps = || step::nominal_n(self.steps.as_deref().unwrap_or_default());
         self.load.unwrap_or_else(|| LoadSpec {
-            force_n: of_steps(),
+            force_n: self.fitted_n.unwrap_or_else(of_steps),
         })
+    }
+
+    /// Whether this is a series of which no force is known.
+    pub fn lacks_force(&self) -> bool {
+        let steps = self.steps.as_deref();
+        steps.is_some_and(|steps| steps.iter().all(|s| s.force_n.is_none_or(|f| f == 0.0)))
     }
 
     /// The same experiment with absolute paths: `base_dir` is where relative ones start.

@@ -27,6 +27,13 @@ const ODD: (f64, f64) = (0.85, 5.0);
 /// The others must agree among themselves to this cosine.
 const ALIKE: f64 = 0.9;
 
+/// The pattern of a step, over that of the others in proportion to the mean strain: among themselves they agree within the first, beyond
+/// the second it is worth a word, beyond the third another specimen's; if it is so many standard errors off.
+const LIKE: f64 = 1.2;
+const NEAR: f64 = 1.3;
+const FAR: f64 = 1.6;
+const SURE: f64 = 8.0;
+
 /// A step as it is judged.
 pub(super) struct Judged<'a> {
     pub file: &'a Path,
@@ -214,6 +221,31 @@ impl Likeness {
         median(&mut (0..self.steps.len()).map(of).collect::<Vec<_>>())
     }
 
+    /// How many times as large the field of step `s` is, without its mean strain, as in the others in proportion to that strain, where that
+    /// is odd: a hole of another size does it.
+    fn odd_pattern(&self, s: usize, others: &[usize]) -> Option<f64> {
+        let times = |s: usize, of: &[usize]| {
+            let along: f64 = of.iter().map(|&t| self.size[t] * self.gram[s][t]).sum();
+            let square: f64 = of
+                .iter()
+                .flat_map(|&t| of.iter().map(move |&v| (t, v)))
+                .map(|(t, v)| self.size[t] * self.size[v] * self.gram[t][v])
+                .sum();
+            let sizes: f64 = of.iter().map(|&t| self.size[t].powi(2)).sum();
+            let error = self.against(s, of).1 * sizes / (square.sqrt() * self.size[s].abs());
+            (along / square * sizes / self.size[s], error)
+        };
+        let (own, error) = times(s, others);
+        // the others agree among themselves
+        let alike = others.iter().all(|&t| {
+            let rest = self.others(&[s, t]);
+            let (times, _) = times(t, &rest);
+            (1.0 / LIKE..LIKE).contains(&times)
+        });
+        let odd = !(1.0 / NEAR..NEAR).contains(&own) && (own - 1.0).abs() > SURE * error;
+        (odd && alike && others.len() >= 2).then_some(own)
+    }
+
     /// Every field looks like the others. Two fields cannot tell which is odd.
     fn check(&self, files: &[&Path]) -> Result<Vec<String>> {
         let mut warnings = Vec::new();
@@ -233,7 +265,27 @@ impl Likeness {
             if cosine < OTHER_SPECIMEN.0 && ratio > OTHER_SPECIMEN.1 {
                 return Err(Error::input(file, "a field like those of the other steps")
                     .found(format!("one whose cosine with theirs is {cosine:.2}, once rigid motion and mean strain are taken out"))
-                    .hint("a step of another specimen, or after failure? leave it out of steps"));
+                    .hint("a step of another specimen, or after failure: leave it out of steps; or many points that failed to correlate (zeros, outliers): map columns.correlation or columns.sigma, or leave them empty in the file"));
+            }
+            if let Some(times) = self.odd_pattern(s, &others) {
+                let said = format!(
+                    "a pattern {times:.2} times as large for its mean strain as in the other steps"
+                );
+                let is_largest = others
+                    .iter()
+                    .all(|&t| self.size[t].abs() < self.size[s].abs());
+                let far = !(1.0 / FAR..FAR).contains(&times);
+                // yielding and damage make it larger, and more so under the largest load
+                if far && !(is_largest && times > 1.0) {
+                    return Err(Error::input(file, "a field like those of the other steps")
+                        .found(said)
+                        .hint(
+                            "a step of another specimen, with another hole? leave it out of steps",
+                        ));
+                }
+                warnings.push(format!(
+                    "{file}: {said}: another specimen, or yielding or damage?"
+                ));
             }
             if cosine < ODD.0 && ratio > ODD.1 {
                 warnings.push(format!(

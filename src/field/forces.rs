@@ -58,6 +58,8 @@ pub(super) struct Forces {
     noise: f64,
     /// Whether tension and compression occur.
     mixed: bool,
+    /// What the forces were multiplied by to be tension.
+    sign: f64,
 }
 
 impl Forces {
@@ -76,6 +78,7 @@ impl Forces {
                 s.size = -s.size;
             }
         }
+        let sign = if negative && !mixed { -1.0 } else { 1.0 };
         let forces = known(&steps);
         let fold = |start: f64, pick: fn(f64, f64) -> f64| {
             forces.iter().map(|(_, size)| *size).fold(start, pick)
@@ -87,6 +90,7 @@ impl Forces {
             steps,
             noise,
             mixed,
+            sign,
         }
     }
 
@@ -102,18 +106,15 @@ impl Forces {
             return Ok(Vec::new());
         }
         let said = |s: &Loaded| {
-            let force = s.force.unwrap_or(0.0);
-            format!(
-                "{} ({force} N, strain {:.6})",
-                files[s.step].display(),
-                s.size
-            )
+            // without a negative zero
+            let [force, size] = [s.force.unwrap_or(0.0), s.size].map(|v| self.sign * v + 0.0);
+            format!("{} ({force} N, strain {size:.6})", files[s.step].display())
         };
         if let Some((less, more)) = self.contradiction(CONTRADICTION, |a, b| self.excused(a, b)) {
             let place = format!("steps[{}].force_N", more.step);
             return Err(Error::input(place, "forces that go with the fields")
-                .found(format!("a larger force with a smaller strain: {} and {}", said(more), said(less)))
-                .hint("forces or files in another order? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
+                .found(format!("a larger force with a smaller strain{}: {} and {}", if self.sign < 0.0 { ", both as compression" } else { "" }, said(more), said(less)))
+                .hint("forces or files in another order, or one file in another unit? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
         }
         let mut warnings = Vec::new();
         if let Some((less, more)) = self.contradiction(DOUBT, |_, _| 0.0) {

@@ -10,6 +10,7 @@ use super::measured::{Field, Reason, Rejected};
 use super::outliers::outliers_of_steps;
 use super::spec::{MeasurementSpec, OutlierRule};
 use super::step::{self, StepSpec};
+use super::table;
 use crate::error::{Error, Result};
 
 /// A measured load series, steps in the order in which they were taken.
@@ -79,6 +80,9 @@ impl Series {
         }
         let odd = agreement::check(&series.field.points, &series.judged(steps))?;
         series.warnings.extend(odd);
+        series
+            .warnings
+            .extend(otherwise(measurement, steps, base_dir)?);
         Ok(series)
     }
 
@@ -109,6 +113,18 @@ impl Series {
             .collect();
         let names = names(steps);
         let mut warnings = Vec::new();
+        for ((field, found), other) in fields.iter().zip(&index).zip(&count) {
+            let lacking = base.len() - other;
+            if lacking as f64 > MANY_LOST * base.len() as f64 {
+                let at_all = found.iter().filter(|f| f.is_none()).count();
+                warnings.push(format!(
+                    "{}: it lacks {at_all} of the {} points of {}, which are dropped from all steps: a file that was cut, or a picture that failed?",
+                    field.place(),
+                    base.len(),
+                    base.place()
+                ));
+            }
+        }
         let mut at_points = Vec::with_capacity(fields.len());
         for ((field, found), (spec, name)) in fields.iter().zip(&index).zip(steps.iter().zip(names))
         {
@@ -176,6 +192,37 @@ impl Series {
     }
 }
 
+/// Forces that the files state otherwise than the model.
+fn otherwise(
+    measurement: &MeasurementSpec,
+    steps: &[StepSpec],
+    base_dir: &Path,
+) -> Result<Vec<String>> {
+    /// Share of the force that is rounding.
+    const ROUNDING: f64 = 1e-2;
+    let mut said = Vec::new();
+    for (k, step) in steps.iter().enumerate() {
+        let Some(declared) = step.force_n else {
+            continue;
+        };
+        for file in measurement
+            .clone()
+            .with_path(step.file.clone())
+            .files(base_dir)?
+        {
+            if let Some(stated) = table::stated_force(&file)?
+                && (stated - declared).abs() > ROUNDING * stated.abs().max(declared.abs())
+            {
+                said.push(format!(
+                    "steps[{k}].force_N is {declared}, and {} states a force of {stated} N: the model's is taken",
+                    file.display()
+                ));
+            }
+        }
+    }
+    Ok(said)
+}
+
 /// Two paths may lead to one file.
 fn check_files(steps: &[StepSpec], base_dir: &Path) -> Result<()> {
     let real = |s: &StepSpec| {
@@ -215,17 +262,17 @@ fn check_grids(fields: &[Field], count: &[usize], reference: usize) -> Result<()
         [first, reference]
     };
     let expected = format!(
-        "the points of the other steps, such as {}",
+        "the points of the other steps, such as the {} of {}",
+        fields[other].len(),
         fields[other].place()
     );
     Err(Error::input(fields[odd].place(), expected)
         .found(format!(
-            "{} of its {} points among the {} there",
-            count[first],
+            "{} points, {} of which are at places that the other has",
             fields[odd].len(),
-            fields[other].len()
+            count[first]
         ))
-        .hint("points of another specimen or another grid? export all steps at the reference picture's coordinates, on one grid, or leave the step out of steps"))
+        .hint("a file that was cut, or points of another specimen or another grid? export all steps at the reference picture's coordinates, on one grid, or leave the step out of steps"))
 }
 
 /// A short name for each step, all different.

@@ -58,6 +58,16 @@ pub fn check(steps: &[StepSpec]) -> Result<()> {
     if steps.is_empty() {
         return Err(Error::input("steps", "at least one step").found("[]"));
     }
+    if steps.iter().all(|s| s.force_n == Some(0.0)) {
+        return Err(Error::input(
+            "steps[].force_N",
+            "a force above 0 in some step, or null where it is not known",
+        )
+        .found("0 in all of them")
+        .hint(
+            "a step without load says what is not mechanics; the constants need one with a load",
+        ));
+    }
     for (k, step) in steps.iter().enumerate() {
         if let Some(force) = step.force_n.filter(|f| !f.is_finite()) {
             let place = format!("steps[{k}].force_N");

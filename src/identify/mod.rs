@@ -1,6 +1,7 @@
 //! One identification: inverse problem, sample, residual, checks.
 
 mod beside;
+mod force;
 pub mod fringes;
 mod identification;
 mod inverse;
@@ -20,6 +21,7 @@ mod warnings;
 mod waves;
 
 pub use beside::{Beside, beside, know};
+pub use force::settle_force;
 pub use identification::{Identification, Refinement};
 pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};

@@ -45,13 +45,16 @@ pub fn check_size(
             continue;
         }
         let place = match &field.files[..] {
-            [_, _, u, v] => [u, v][c].display().to_string(),
+            [_, _, u, v] if field.grid.is_some() => [u, v][c].display().to_string(),
             files => files
                 .first()
                 .map_or_else(|| "measurement".into(), |f| f.display().to_string()),
         };
         let size = format!("{:.1} to {MOST_RATIO}", 1.0 / MOST_RATIO);
-        let hint = if ratio < 0.0 {
+        let thousand = |r: f64| (0.5..2.0).contains(&(r / 1000.0));
+        let hint = if thousand(ratio) || thousand(1.0 / ratio) {
+            "a factor of about a thousand: a force in kN, coordinates or displacements in m or um, or moduli in MPa?"
+        } else if ratio < 0.0 {
             "check the signs and directions of the axes, and which file or column is which"
         } else {
             "check the units, the loading axis, which file or column is which, the layup, the load and the thickness"

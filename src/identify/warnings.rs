@@ -9,7 +9,7 @@ use crate::effect::YIELDING;
 use crate::field::rigid;
 use crate::infer::{Model, REASON_SDS};
 use crate::laminate::Material;
-use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
+use crate::quantity::{NM_PER_MM, URAD_PER_RAD, plus_minus};
 
 /// Structure is spoken of where the residual's chi^2 exceeds 1 by this many standard errors of chi^2.
 const CHI2_ERRORS: f64 = 4.0;
@@ -54,6 +54,9 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
             said.push(format!("{name} lies {z:+.1} prior sd from its prior's mean: data and prior contradict each other."));
         }
     }
+    let steps = of.inverse.prepared.observation.steps.iter();
+    said.extend(steps.flat_map(|s| s.warnings.clone()));
+    said.extend(without_force(model, of));
     said.extend(yields(model, of));
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {
@@ -70,6 +73,45 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
         ));
     }
     said
+}
+
+/// A series without a force measures ratios: they are stated.
+fn without_force(model: &Model, of: &Identification) -> Option<String> {
+    let experiment = model.experiment();
+    if !experiment.lacks_force() {
+        return None;
+    }
+    let constants = model.constants();
+    let moduli: Vec<usize> = (0..constants.len())
+        .filter(|k| constants[*k].ends_with("_GPa"))
+        .collect();
+    let symbol = |k: usize| constants[k].trim_end_matches("_GPa");
+    let ratio = |k: usize, to: usize| {
+        let values: Vec<f64> = of.draws.points().map(|x| x[k] / x[to]).collect();
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+        format!(
+            "{}/{} = {}",
+            symbol(k),
+            symbol(to),
+            plus_minus(mean, variance.sqrt())
+        )
+    };
+    let ratios: Vec<String> = match &moduli[..] {
+        [first, rest @ ..] => rest.iter().map(|k| ratio(*k, *first)).collect(),
+        [] => Vec::new(),
+    };
+    let measured = if ratios.is_empty() {
+        String::new()
+    } else {
+        format!(" Measured by this model are ratios: {}.", ratios.join(", "))
+    };
+    Some(format!(
+        "No force of the series is known: that of the largest step was taken for {:.0} N, at which displacements have the size that the priors expect. \
+         The common factor of all moduli is the priors'.{measured}",
+        experiment.nominal_load().force_n
+    ))
 }
 
 /// Metal that must yield at an edge, by the elastic stresses at the posterior mean.

@@ -26,7 +26,8 @@ use crate::laminate::Material;
 pub const MODEL_ERROR: &str = "model_error_percent";
 
 /// Prior of the model error: median, percent, and sd of its logarithm. Laminates of prepreg are at a third of a percent, wood at one.
-const MODEL_ERROR_PRIOR: [f64; 2] = [0.3, 1.0];
+const MODEL_ERROR_PRIOR: [f64; 2] = [USUAL_ERROR, 1.0];
+pub(super) const USUAL_ERROR: f64 = 0.3;
 
 /// A model file of plates that vibrate. Unknown keys are errors.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -211,7 +212,7 @@ impl Ringing {
         /// Percent: a better fit is luck.
         const LEAST_ERROR: f64 = 0.05;
         let mut names: Vec<String> = constants.iter().map(|c| c.0.clone()).collect();
-        let mut sampled: Vec<Sampled> = constants.iter().map(|c| of_constant(&c.0, c.1)).collect();
+        let mut sampled: Vec<Sampled> = constants.iter().map(sampled_constant).collect();
         for Nuisance {
             name,
             parameter,
@@ -380,17 +381,22 @@ fn misfit(top: &Estimate, peaks: &[Peak]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
-fn of_constant(name: &str, prior: Marginal) -> Sampled {
-    let (parameter, unit) = match name {
+/// What a constant is of a plate, and its unit there.
+pub(super) fn of_constant(name: &str) -> (Parameter, f64) {
+    match name {
         "E1_GPa" => (Parameter::E1, 1e3),
         "E2_GPa" => (Parameter::E2, 1e3),
         "G12_GPa" => (Parameter::G12, 1e3),
         "nu12" => (Parameter::Nu12, 1.0),
         "E_GPa" => (Parameter::E, 1e3),
         _ => (Parameter::Nu, 1.0),
-    };
+    }
+}
+
+fn sampled_constant((name, prior): &(String, Marginal)) -> Sampled {
+    let (parameter, unit) = of_constant(name);
     Sampled {
-        prior,
+        prior: *prior,
         parameter,
         unit,
     }

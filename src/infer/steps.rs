@@ -15,6 +15,8 @@ pub struct Steps {
     pub displacement: Vec<Vec<[f64; 2]>>,
     /// Motion of the specimen in the plane in each step, by least squares.
     pub rigid: Vec<RigidMotion>,
+    /// What is odd about the files.
+    pub warnings: Vec<String>,
 }
 
 /// Loads that vary by less over a series than this part of the largest do not tell a constant from what grows with the load.
@@ -44,6 +46,7 @@ impl Steps {
             known: series.steps.iter().map(|s| s.force_n.is_some()).collect(),
             displacement,
             rigid,
+            warnings: series.warnings.clone(),
         };
         steps.guess_loads(&points, series.reference);
         steps

@@ -89,6 +89,7 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
         gauge: file.gauge,
         measurement: file.measurement,
         steps: None,
+        fitted_n: None,
         window_mm: file.window_mm,
         effects: file.effects,
         laws: BTreeMap::new(),

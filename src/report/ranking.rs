@@ -72,7 +72,7 @@ fn row(found: &CandidateReport) -> Vec<String> {
         .filter(|_| found.inclusion_probability >= PROBABLE);
     let alike = found.aliases.iter().filter(|a| a.cosine >= ALIKE).take(3);
     vec![
-        found.effect.clone(),
+        found.name(),
         format!("{:.3}", found.inclusion_probability),
         found
             .log_bayes_factor
@@ -80,7 +80,7 @@ fn row(found: &CandidateReport) -> Vec<String> {
         amplitude.collect::<Vec<_>>().join(", ") + flag,
         explains.map_or("-".into(), |f| format!("{:.0}", 100.0 * f)),
         alike
-            .map(|a| format!("{} {:.2}", a.effect, a.cosine))
+            .map(|a| format!("{} {:.2}", a.name(), a.cosine))
             .collect::<Vec<_>>()
             .join(", "),
     ]
@@ -174,7 +174,7 @@ fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> String {
     text
 }
 
-fn three_digits(x: f64) -> String {
+pub(super) fn three_digits(x: f64) -> String {
     if x == 0.0 || x.is_nan() {
         return x.to_string();
     }

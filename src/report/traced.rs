@@ -65,8 +65,9 @@ fn candidate(found: &Found) -> CandidateReport {
         implausible: found.multiple > LARGEST_MULTIPLE,
         explained_fraction: finite(found.explained_fraction),
         detectable: finite(found.detectable),
-        aliases: map(&found.aliases, |(effect, cosine)| AliasReport {
+        aliases: map(&found.aliases, |(effect, law, cosine)| AliasReport {
             effect: (*effect).into(),
+            law: *law,
             cosine: *cosine,
         }),
     }
@@ -115,6 +116,7 @@ fn blind_spot(effect: &str, spot: &BlindSpot) -> BlindSpotReport {
     let parameter = parameter(&spot.parameter);
     BlindSpotReport {
         effect: effect.into(),
+        law: spot.law,
         plausible: spot.plausible,
         unit: unit(&parameter),
         parameter,

@@ -65,6 +65,8 @@ pub struct AmplitudeReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AliasReport {
     pub effect: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<Law>,
     pub cosine: f64,
 }
 
@@ -123,6 +125,9 @@ pub struct LeftOut {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BlindSpotReport {
     pub effect: String,
+    /// How its amplitude goes over the steps of a series.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub law: Option<Law>,
     pub parameter: String,
     /// Prior sd, border units.
     pub plausible: f64,
@@ -145,8 +150,27 @@ impl BlindSpotReport {
         self.shift_in_percent.get(constant).copied().flatten()
     }
 
-    /// `effect.parameter`.
+    /// `effect.parameter`, with the law.
     pub fn name(&self) -> String {
-        format!("{}.{}", self.effect, self.parameter)
+        with_law(&format!("{}.{}", self.effect, self.parameter), self.law)
     }
+}
+
+impl CandidateReport {
+    /// The effect with its law.
+    pub fn name(&self) -> String {
+        with_law(&self.effect, self.law)
+    }
+}
+
+impl AliasReport {
+    /// The effect with its law.
+    pub fn name(&self) -> String {
+        with_law(&self.effect, self.law)
+    }
+}
+
+/// As `simulate --effect` has it: `NAME:LAW`.
+fn with_law(name: &str, law: Option<Law>) -> String {
+    law.map_or_else(|| name.to_string(), |law| format!("{name}:{}", law.key()))
 }

@@ -47,6 +47,8 @@ pub fn unit(parameter: &str) -> String {
     let below: Vec<&str> = parts.collect();
     match below[..] {
         [] => head.rsplit('_').next().unwrap_or(head).to_string(),
+        // before it stands a symbol, or a temperature
+        [one] if head.ends_with("_K") => format!("K/{one}"),
         [one] => format!("1/{one}"),
         _ => format!("1/({})", below.join(" ")),
     }

@@ -52,9 +52,8 @@ pub fn attribute(
     let square: f64 = field.displacement.iter().flatten().map(|u| u * u).sum();
     let linearised = Linearised {
         model,
-        prepared,
+        experiment: &*prepared.problem.experiment,
         size_mm: (square / field.len().max(1) as f64).sqrt(),
-        blocks: &measured.blocks,
         few: Few::new(prepared, &measured.blocks),
         step: &|| progress.step(),
     };

@@ -11,6 +11,7 @@ use super::sensitivities::{Column, Sensitivities};
 use super::subsets::{Subset, Subsets, log_sum};
 use super::weighing::{NoisePair, Weighing};
 use crate::error::{Error, Result};
+use crate::experiment::series::Law;
 use crate::files::Keyed;
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
@@ -43,6 +44,8 @@ pub struct BlindSpot {
     pub shift_percent: Vec<(String, f64)>,
     /// Smallest amplitude that these data would show, border units.
     pub detectable: f64,
+    /// How it goes over the steps of a series.
+    pub law: Option<Law>,
 }
 
 /// A normal component of a mixture.
@@ -351,6 +354,7 @@ pub fn blind_spots(
                     })
                     .collect(),
                 detectable: column.sd * detectable(projected.g[(at, at)], prior),
+                law: c.law,
             };
             spots.push((candidate, spot));
             at += 1;
@@ -360,7 +364,7 @@ pub fn blind_spots(
 }
 
 /// Amplitude, in prior sds, whose expected evidence brings prior odds up to a probability of 0.95, for an amplitude known to 1/sqrt(g).
-fn detectable(g: f64, prior_odds: f64) -> f64 {
+pub(super) fn detectable(g: f64, prior_odds: f64) -> f64 {
     if g <= 0.0 {
         return f64::INFINITY;
     }

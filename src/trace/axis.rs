@@ -75,7 +75,7 @@ impl Linearised<'_> {
         if effect.name() != ROTATION {
             return Ok(Vec::new());
         }
-        let experiment = &*self.prepared.problem.experiment;
+        let experiment = self.experiment;
         let sight = self.few.sight();
         let amplitude = at.amplitude(effect);
         let size = |k: usize| self.prior_sd(effect, k).max(amplitude[k].abs());

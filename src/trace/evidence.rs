@@ -221,6 +221,7 @@ impl Evidence {
                 })
                 .collect(),
             detectable: f64::INFINITY,
+            law: None,
         })
     }
 
@@ -370,7 +371,7 @@ impl Evidence {
         }
     }
 
-    fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, f64)> {
+    fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, Option<Law>, f64)> {
         let subsets = &self.subsets;
         let projected = &subsets.projected[subsets.best_pair];
         let of = |j: usize| {
@@ -381,15 +382,15 @@ impl Evidence {
             )
         };
         let group = groups.iter().find(|g| g.members.contains(&k));
-        let mut aliases: Vec<(&'static str, f64)> = (0..subsets.layout.ranges.len())
+        let mut aliases: Vec<(&'static str, Option<Law>, f64)> = (0..subsets.layout.ranges.len())
             .filter(|j| *j != k)
             .map(|j| (group.is_some_and(|g| g.members.contains(&j)), j, of(j)))
             .filter(|(member, _, cosine)| {
                 *member || (*cosine > SIMILAR && group.is_none_or(|g| g.members.len() == 1))
             })
-            .map(|(_, j, cosine)| (self.name(j), cosine))
+            .map(|(_, j, cosine)| (self.name(j), self.sensitivities.candidates[j].law, cosine))
             .collect();
-        aliases.sort_by(|a, b| b.1.total_cmp(&a.1));
+        aliases.sort_by(|a, b| b.2.total_cmp(&a.2));
         aliases
     }
 }

@@ -10,7 +10,8 @@ use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::Law;
 use crate::experiment::{
-    Direction, Prediction, Sight, Softening, State, predict_with_gradient, sensitivity,
+    Direction, Experiment, Prediction, Sight, Softening, State, predict, predict_with_gradient,
+    sensitivity,
 };
 use crate::fem::Anchor;
 use crate::field::blocks::one_a_tile;
@@ -112,13 +113,10 @@ fn averages(blocks: &Blocks, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
 
 pub struct Linearised<'a> {
     pub model: &'a Model,
-    /// Plate and measured points.
-    pub prepared: &'a Prepared,
+    pub experiment: &'a dyn Experiment,
     /// Root mean square of the measured displacements, mm: what scales the prior of amplitudes that nothing bounds.
     pub size_mm: f64,
-    /// Block averages' geometry.
-    pub blocks: &'a Blocks,
-    /// Where slopes are looked at.
+    /// Where predictions and slopes are looked at.
     pub few: Few<'a>,
     pub step: &'a (dyn Fn() + Sync),
 }
@@ -127,7 +125,10 @@ pub struct Linearised<'a> {
 /// is a plane but for a thousandth; the prediction itself, which is held against the data, is averaged over all points.
 pub enum Few<'a> {
     All(&'a Sight, &'a Blocks),
-    Some(Box<(Sight, Blocks)>),
+    /// The points that stand for all of the others.
+    Some(Box<(Sight, Blocks)>, &'a Sight, &'a Blocks),
+    /// Single points in place of averages.
+    Points(&'a Sight),
 }
 
 /// Along a side of a block, points that stand for the others.
@@ -137,7 +138,9 @@ impl<'a> Few<'a> {
     /// Of a prepared model's points in blocks.
     pub fn new(prepared: &'a Prepared, blocks: &'a Blocks) -> Self {
         let sight = &prepared.observation.sight;
-        Self::some(prepared, blocks).map_or(Self::All(sight, blocks), |few| Self::Some(few.into()))
+        Self::some(prepared, blocks).map_or(Self::All(sight, blocks), |few| {
+            Self::Some(few.into(), sight, blocks)
+        })
     }
 
     fn some(prepared: &Prepared, blocks: &Blocks) -> Option<(Sight, Blocks)> {
@@ -158,15 +161,33 @@ impl<'a> Few<'a> {
 
     pub(super) fn sight(&self) -> &Sight {
         match self {
-            Self::All(sight, _) => sight,
-            Self::Some(few) => &few.0,
+            Self::All(sight, _) | Self::Points(sight) => sight,
+            Self::Some(few, ..) => &few.0,
         }
     }
 
     pub(super) fn average(&self, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
         match self {
             Self::All(_, blocks) => averages(blocks, field),
-            Self::Some(few) => averages(&few.1, field),
+            Self::Some(few, ..) => averages(&few.1, field),
+            Self::Points(_) => {
+                [0, 1].map(|c| DVector::from_iterator(field.len(), field.iter().map(|u| u[c])))
+            }
+        }
+    }
+
+    /// The prediction, which is `here` at the points of slopes.
+    fn predicted(
+        &self,
+        experiment: &dyn Experiment,
+        at: &State,
+        here: &Prediction,
+    ) -> Result<[DVector<f64>; 2]> {
+        match self {
+            Self::Some(_, sight, blocks) => {
+                Ok(averages(blocks, &predict(experiment, at, sight)?.field))
+            }
+            _ => Ok(self.average(&here.field)),
         }
     }
 }
@@ -199,7 +220,7 @@ impl Linearised<'_> {
         at: &State,
         candidates: &[&'static dyn Effect],
     ) -> Result<Sensitivities> {
-        let experiment = &*self.prepared.problem.experiment;
+        let experiment = self.experiment;
         let here = predict_with_gradient(experiment, at, self.few.sight())?;
         let anchor = experiment.anchor(at)?;
         let about = (at, anchor.as_ref());
@@ -214,10 +235,7 @@ impl Linearised<'_> {
                 column
             })
             .collect::<Result<_>>()?;
-        let mut predicted = match self.few {
-            Few::All(..) => averages(self.blocks, &here.field),
-            Few::Some(_) => averages(self.blocks, &self.prepared.predict(at)?.field),
-        };
+        let mut predicted = self.few.predicted(experiment, at, &here)?;
         move_to_means(&mut predicted, columns.iter());
         let near_edge = if candidates.is_empty() {
             Vec::new()
@@ -251,11 +269,9 @@ impl Linearised<'_> {
     /// microradian, a rotation in the plane.
     fn rival(&self, (at, about): (&State, Option<&Anchor>)) -> Result<Vec<Vec<[f64; 2]>>> {
         let sight = self.few.sight();
-        let mut fields =
-            self.prepared
-                .problem
-                .experiment
-                .softened(about, at, sight, Softening::NearEdge)?;
+        let mut fields = self
+            .experiment
+            .softened(about, at, sight, Softening::NearEdge)?;
         if !fields.is_empty() {
             let turned = |p: &[f64; 2]| [-ROTATION * p[1], ROTATION * p[0]];
             fields.push(sight.points().iter().map(turned).collect());
@@ -339,7 +355,7 @@ impl Linearised<'_> {
             }
         };
         let slope = sensitivity(
-            &*self.prepared.problem.experiment,
+            self.experiment,
             (at, about),
             here,
             self.few.sight(),

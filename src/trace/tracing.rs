@@ -29,8 +29,8 @@ pub struct Found {
     pub explained_fraction: f64,
     /// Smallest amplitude of its first parameter that would have been found, border units.
     pub detectable: f64,
-    /// Effects of its alias group, or else those of the most similar signatures, with the cosine.
-    pub aliases: Vec<(&'static str, f64)>,
+    /// Effects of its alias group, or else those of the most similar signatures, with their laws and the cosine.
+    pub aliases: Vec<(&'static str, Option<Law>, f64)>,
 }
 
 impl Found {

@@ -2,6 +2,7 @@
 
 pub mod article;
 pub mod calibration;
+pub mod design;
 pub mod grid;
 pub mod priors;
 pub mod quadrature;

@@ -60,6 +60,11 @@ fn init_proposes_a_series() {
     ] {
         assert!(said.contains(words), "\"{words}\" is missing in {said}");
     }
+    let single = ["init", "single", "--like", "steel", "--csv", "load-50.csv"];
+    let (done, alone) = here(folder, &single);
+    assert!(done && alone.contains("load.force_N 1250"), "{alone}");
+    let model = Model::load(&folder.join("single.json")).unwrap();
+    assert_eq!(model.experiment().nominal_load().force_n, 1250.0);
     let path = folder.join("coupon.json");
     let model = Model::load(&path).unwrap();
     let steps = model.experiment().steps.as_ref().unwrap();

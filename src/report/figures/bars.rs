@@ -11,7 +11,7 @@ use crate::report::tracing::{BlindSpotReport, TracingReport};
 use crate::report::words::LINEAR_PERCENT;
 
 const ROW: u32 = 20;
-const NAMES: u32 = 168;
+const NAMES: u32 = 200;
 
 /// Effects of smaller probability have no bar.
 pub const SMALLEST_BAR: f64 = 0.005;
@@ -37,7 +37,7 @@ pub fn ranking(tracing: &TracingReport) -> Result<Option<Figure>> {
             let p = candidate.inclusion_probability;
             let end = NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32;
             bar(root, [NAMES as i32, end], y, colour)?;
-            label(root, &candidate.effect, [NAMES, y as u32])?;
+            label(root, &candidate.name(), [NAMES, y as u32])?;
             let figure = format!("{p:.3}");
             say(root, figure, (end + 5, y), 11, HPos::Left)?;
         }
@@ -90,7 +90,7 @@ pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Result<Opti
         return Ok(None);
     }
     // effects stand with their parameters here
-    const WIDE: u32 = 264;
+    const WIDE: u32 = 300;
     let size = (
         WIDE + PANEL * constants.len() as u32 + 16,
         64 + ROW * spots.len() as u32,

@@ -65,7 +65,7 @@ fn candidate(found: &CandidateReport) -> Vec<String> {
     });
     let aliases = found.aliases.iter().filter(|a| a.cosine >= ALIKE);
     let mut aliases: Vec<String> = aliases
-        .map(|a| format!("{} ({})", a.effect, short(a.cosine)))
+        .map(|a| format!("{} ({})", a.name(), short(a.cosine)))
         .collect();
     let more = aliases.len().saturating_sub(SHOWN);
     if more > 0 {
@@ -80,7 +80,7 @@ fn candidate(found: &CandidateReport) -> Vec<String> {
     let p = found.inclusion_probability;
     let explained = found.explained_fraction.filter(|_| p >= PROBABLE);
     vec![
-        found.effect.clone(),
+        found.name(),
         format!("{p:.3}"),
         short(found.log_bayes_factor),
         amplitude.collect::<Vec<_>>().join(", ") + flag,

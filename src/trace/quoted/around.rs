@@ -55,9 +55,8 @@ impl Around {
             } => {
                 let linearised = Linearised {
                     model,
-                    prepared,
+                    experiment: &*prepared.problem.experiment,
                     size_mm: *size_mm,
-                    blocks: &measured.blocks,
                     few: Few::new(prepared, &measured.blocks),
                     step: &|| (),
                 };

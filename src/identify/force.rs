@@ -1,0 +1,37 @@
+//! A series of which no force is known.
+
+use crate::error::Result;
+use crate::experiment::{Gauge, Sight, gauged, predict};
+use crate::infer::Model;
+
+/// Where no force of a series is known, take that of its reference step for the one at which displacements have the size that the priors'
+/// means predict: constants then are where their priors are, up to the common factor that only a force would tell.
+///
+/// # Errors
+/// Those of reading the series and of a finite-element solution.
+pub fn settle_force(model: &mut Model) -> Result<()> {
+    if !model.experiment().lacks_force() {
+        return Ok(());
+    }
+    let Some(series) = model.read_series()? else {
+        return Ok(());
+    };
+    let points = &series.field.points;
+    let sight = Sight::anywhere(points, &[]);
+    let experiment = model.experiment_over(series.field.measured_bounds(), 1.0)?;
+    let state = model.state(&|_| None);
+    let predicted = predict(&*experiment, &state, &experiment.sight(points))?.field;
+    let measured = &series.steps[series.reference].displacement;
+    let [predicted, measured] = [&predicted, measured].map(|u| gauged(Gauge::Window, &sight, u));
+    let dot = |a: &[[f64; 2]]| -> f64 {
+        let pairs = a.iter().zip(&predicted);
+        pairs.map(|(a, b)| a[0] * b[0] + a[1] * b[1]).sum()
+    };
+    let ratio = dot(&measured) / dot(&predicted);
+    // a field of the wrong sign, or none, is refused where it is compared with its model
+    if ratio.is_finite() && ratio > 0.0 {
+        let nominal = model.experiment().nominal_load().force_n;
+        model.experiment_mut().fitted_n = Some(nominal * ratio);
+    }
+    Ok(())
+}
