@@ -1,6 +1,6 @@
 //! `plychain design`: what to measure next.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -55,7 +55,7 @@ struct Declared {
     field: Option<Model>,
 }
 
-fn load(path: &PathBuf) -> Result<Declared> {
+fn load(path: &Path) -> Result<Declared> {
     if let Some(model) = RingingModel::load(path)? {
         let plate = &model.file.experiments[0].specimen;
         return Ok(Declared {

@@ -39,7 +39,7 @@ pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;
 pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;
-pub use quoted::{AnswerDraws, Importance, Quoted, quote, rule as quoted_rule};
+pub use quoted::{AnswerDraws, Importance, Quoted, quote, rule as quoted_rule, with_density};
 pub use round::Round;
 pub use sought::candidates;
 pub use subsets::SIZES;

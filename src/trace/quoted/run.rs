@@ -105,6 +105,24 @@ pub fn quote(
     Ok(Quoted { answers, draws })
 }
 
+/// Show somebody the density of a round's answer to quote where the account is not suspect, with a point to start from and the sd to start
+/// with.
+///
+/// # Errors
+/// Those of finite-element solutions.
+pub fn with_density(
+    round: &Round,
+    act: &mut dyn FnMut(&dyn LogDensity, &[f64], &[f64]),
+) -> Result<()> {
+    let (model, averaged) = (&round.model, &round.tracing.averaged);
+    let prepared = &round.identification.inverse.prepared;
+    let around = Around::new(&round.account, model, prepared, steps(model, averaged))?;
+    let sampled = Sampled::new(model, &round.account, &around, Supposing::Small)?;
+    let (centre, sd) = sampled.start(averaged);
+    act(&sampled.answer, &centre, &sd);
+    Ok(())
+}
+
 /// Some answers of a round.
 fn sampled(
     round: &Round,
