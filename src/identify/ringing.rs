@@ -7,8 +7,9 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::experiment::frequencies::{Mode, Ritz};
-use crate::infer::{Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
+use crate::infer::{Disturbed, Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
 use crate::progress::Progress;
+use crate::quantity::plus_minus;
 use crate::sample::{self, Schedule, Start, Stopped};
 
 /// What the peaks say.
@@ -41,6 +42,8 @@ pub struct PlateFound {
     /// Deflections of the modes on a grid of this many points along length and width.
     pub grid: [usize; 2],
     pub size_mm: [f64; 2],
+    /// What may act that nobody declared.
+    pub disturbed: Vec<Disturbed>,
 }
 
 /// A measured peak.
@@ -115,13 +118,15 @@ pub fn identify_ringing(
     let verdict = diagnose(&outcome.draws, &rule);
     progress.begin("assigning peaks over the posterior", None);
     let exact = exact(&ringings, &target, &outcome.draws, &verdict);
+    let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let plates = ringings.iter().enumerate();
     let plates: Vec<PlateFound> = plates
-        .map(|(e, ringing)| found(ringing, &target, e, &outcome.draws))
+        .map(|(e, ringing)| found(ringing, &target, e, (&outcome.draws, &mean)))
         .collect::<Result<_>>()?;
     progress.end();
     let mut warnings: Vec<String> = ringings.iter().filter_map(rivals).collect();
     warnings.extend(plates.iter().flat_map(unassigned));
+    warnings.extend(plates.iter().flat_map(disturbances));
     warnings.extend(too_wrong(&verdict));
     warnings.extend(exact.warning());
     Ok(RingingIdentification {
@@ -230,7 +235,12 @@ impl Exact {
 }
 
 /// Peaks and modes of experiment `e` over draws.
-fn found(ringing: &Ringing, target: &Joint, e: usize, draws: &Draws) -> Result<PlateFound> {
+fn found(
+    ringing: &Ringing,
+    target: &Joint,
+    e: usize,
+    (draws, mean): (&Draws, &[f64]),
+) -> Result<PlateFound> {
     let points = some(draws, DRAWS).map(|x| target.own(e, x));
     let seen: Vec<_> = points.filter_map(|x| ringing.seen(&x)).collect();
     let Some(first) = seen.first() else {
@@ -301,6 +311,7 @@ fn found(ringing: &Ringing, target: &Joint, e: usize, draws: &Draws) -> Result<P
         modes: modes.into_iter().map(|m| m.2).collect(),
         grid,
         size_mm: side,
+        disturbed: ringing.disturbed(&target.own(e, mean)),
     })
 }
 
@@ -363,6 +374,30 @@ fn unassigned(plate: &PlateFound) -> Option<String> {
             none.join(", ")
         )
     })
+}
+
+/// What the peaks ask for that nobody declared.
+fn disturbances(plate: &PlateFound) -> Vec<String> {
+    /// Log Bayes factor from which it is worth a word.
+    const WORTH: f64 = 3.0;
+    let called = plate
+        .disturbed
+        .iter()
+        .filter(|d| d.log_bayes_factor > WORTH);
+    called
+        .map(|d| {
+            let [amplitude, sd] = d.amplitude;
+            format!(
+                "{}: the peaks ask for {} ({} {}, log Bayes factor {:.1}). {}",
+                plate.name,
+                d.name,
+                plus_minus(amplitude, sd),
+                d.parameter,
+                d.log_bayes_factor,
+                d.confirm
+            )
+        })
+        .collect()
 }
 
 /// A model error that is too large to be one.

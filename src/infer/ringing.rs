@@ -26,7 +26,7 @@ use crate::laminate::Material;
 pub const MODEL_ERROR: &str = "model_error_percent";
 
 /// Prior of the model error: median, percent, and sd of its logarithm. Laminates of prepreg are at a third of a percent, wood at one.
-const MODEL_ERROR_PRIOR: [f64; 2] = [USUAL_ERROR, 1.0];
+pub(super) const MODEL_ERROR_PRIOR: [f64; 2] = [USUAL_ERROR, 1.0];
 pub(super) const USUAL_ERROR: f64 = 0.3;
 
 /// A model file of plates that vibrate. Unknown keys are errors.
@@ -168,10 +168,10 @@ pub fn joint(model: &RingingModel, ringings: Vec<Ringing>) -> Result<Joint> {
 
 /// A sampled quantity: its prior, and what it is of the plate.
 #[derive(Debug, Clone)]
-struct Sampled {
-    prior: Marginal,
-    parameter: Parameter,
-    unit: f64,
+pub(super) struct Sampled {
+    pub prior: Marginal,
+    pub parameter: Parameter,
+    pub unit: f64,
 }
 
 /// The log likelihood of an experiment's peaks over the constants, what is uncertain of its plate, and the model's error, with the priors of
@@ -180,12 +180,12 @@ struct Sampled {
 pub struct Ringing {
     pub spec: FrequenciesSpec,
     names: Vec<String>,
-    constants: usize,
-    sampled: Vec<Sampled>,
+    pub(super) constants: usize,
+    pub(super) sampled: Vec<Sampled>,
     ritz: Ritz,
     /// At the prior means.
     plate: Plate,
-    peaks: Vec<Peak>,
+    pub(super) peaks: Vec<Peak>,
     modes: usize,
     /// About the best of them.
     expansion: Expansion,
@@ -305,7 +305,7 @@ impl Ringing {
     }
 
     /// The plate and the model error (a fraction) of a point.
-    fn at(&self, x: &[f64]) -> (Plate, f64) {
+    pub(super) fn at(&self, x: &[f64]) -> (Plate, f64) {
         let each = self.sampled.iter().zip(x);
         let plate = each.fold(self.plate.clone(), |plate, (s, x)| {
             plate.with(s.parameter, x * s.unit)

@@ -9,12 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::figures::{Figure, FigureData, Palette, Picture, Scale, posterior_corner};
 use super::html;
 use super::manifest::KnownTruth;
+use super::ranking::three_digits;
 use super::terminal::table;
 use crate::error::Result;
 use crate::experiment::frequencies::Parity;
 use crate::identify::{PlateFound, RingingIdentification};
-use crate::infer::RingingModel;
-use crate::quantity::significant;
+use crate::infer::{Disturbed, RingingModel};
+use crate::quantity::{plus_minus, significant};
 
 /// The schema of `report.json` of a model of plates.
 pub const SCHEMA: &str = "plychain-frequencies/1";
@@ -63,6 +64,22 @@ pub struct PlateReport {
     pub name: String,
     pub peaks: Vec<PeakReport>,
     pub modes: Vec<ModeReport>,
+    /// What may act in the test that nobody declared.
+    pub disturbances: Vec<DisturbanceReport>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DisturbanceReport {
+    pub name: String,
+    pub parameter: String,
+    /// Prior sd, in the parameter's unit.
+    pub plausible: f64,
+    pub log_bayes_factor: f64,
+    /// If it acts, with an sd.
+    pub amplitude: [f64; 2],
+    /// What it does to the constants at its plausible size, undeclared, in their order; prior sds.
+    pub shift_in_prior_sd: Vec<f64>,
+    pub confirm: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -137,6 +154,8 @@ impl RingingReport {
             if !missing.is_empty() {
                 let _ = writeln!(text, "\n  modes without a peak: {}", missing.join(", "));
             }
+            let _ = writeln!(text, "\nwhat may act that nobody declared\n");
+            text += &table(&DISTURBANCES, experiment.disturbance_rows());
         }
         let _ = writeln!(
             text,
@@ -190,6 +209,14 @@ impl RingingReport {
 }
 
 const POSTERIOR: [&str; 8] = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"];
+const DISTURBANCES: [&str; 6] = [
+    "disturbance",
+    "unit",
+    "plausible",
+    "log Bayes factor",
+    "amplitude if it acts",
+    "moves the constants by, prior sd",
+];
 pub(super) const PEAKS: [&str; 5] = [
     "measured Hz",
     "mode",
@@ -197,6 +224,20 @@ pub(super) const PEAKS: [&str; 5] = [
     "predicted Hz",
     "off %",
 ];
+
+impl DisturbanceReport {
+    fn new(found: &Disturbed) -> Self {
+        Self {
+            name: found.name.into(),
+            parameter: found.parameter.into(),
+            plausible: found.plausible,
+            log_bayes_factor: found.log_bayes_factor,
+            amplitude: found.amplitude,
+            shift_in_prior_sd: found.shift_sds.clone(),
+            confirm: found.confirm.into(),
+        }
+    }
+}
 
 impl PlateReport {
     pub(super) fn new(found: &PlateFound) -> Self {
@@ -224,7 +265,28 @@ impl PlateReport {
             name: found.name.clone(),
             peaks: peaks.collect(),
             modes: modes.collect(),
+            disturbances: found.disturbed.iter().map(DisturbanceReport::new).collect(),
         }
+    }
+
+    pub(super) fn disturbance_rows(&self) -> Vec<Vec<String>> {
+        let row = |d: &DisturbanceReport| {
+            let [amplitude, sd] = d.amplitude;
+            let shifts: Vec<String> = d
+                .shift_in_prior_sd
+                .iter()
+                .map(|s| format!("{s:+.2}"))
+                .collect();
+            vec![
+                d.name.clone(),
+                d.parameter.clone(),
+                three_digits(d.plausible),
+                format!("{:+.1}", d.log_bayes_factor),
+                plus_minus(amplitude, sd),
+                shifts.join(" "),
+            ]
+        };
+        self.disturbances.iter().map(row).collect()
     }
 
     pub(super) fn peak_rows(&self) -> Vec<Vec<String>> {
@@ -283,6 +345,8 @@ pub fn page(
                 section id=(own.name) {
                     h2 { (own.name) ": peaks and modes" }
                     (html::rows_of(&PEAKS, &own.peak_rows()))
+                    h3 { "What may act that nobody declared" }
+                    (html::rows_of(&DISTURBANCES, &own.disturbance_rows()))
                     @if !own.missing().is_empty() { p { "Modes without a peak: " (own.missing().join(", ")) "." } }
                     h3 { "Mode shapes" }
                     p.soft { "Deflection over the plate at the first draw, length to the right; (m, n): half-waves along length and width." }

@@ -43,3 +43,59 @@ fn regressed_weights_resample_to_the_wanted_distribution() {
         "{variance}"
     );
 }
+
+/// Logs that nothing explains, and logs of another shape, leave as many effective draws as they have, or are not used.
+#[test]
+fn weights_that_features_do_not_explain_do_no_harm() {
+    const FEATURES: usize = 12;
+    const KNOWN: usize = 192;
+    let mut used = 0;
+    for case in 0..40 {
+        let key = Key {
+            seed: 100 + case,
+            ensemble: 0,
+        };
+        let mut rng = Stream::at(key, 0, 0);
+        let points: Vec<Vec<f64>> = (0..4000)
+            .map(|_| (0..FEATURES).map(|_| rng.normal()).collect())
+            .collect();
+        let chosen: Vec<usize> = (0..KNOWN).map(|k| 4000 / KNOWN * k).collect();
+        let log = |x: &[f64], noise: f64| match case % 3 {
+            0 => noise,
+            1 => -0.3 * x[0] * x[1] + 0.3 * noise,
+            _ => 0.4 * x[0] - 0.1 * x[1] * x[1] + 0.3 * noise,
+        };
+        let logs: Vec<f64> = chosen
+            .iter()
+            .map(|&k| log(&points[k], rng.normal()))
+            .collect();
+        let own: Vec<&[f64]> = chosen.iter().map(|&k| &points[k][..]).collect();
+        let weighed = weigh(&own, &logs);
+        let shifts = in_sds(&weighed, &points);
+        let fitted = regressed(&standardised(points.clone()), &chosen, &logs);
+        let weights = relative_weights(&fitted);
+        if !is_sound(&weights, &points, &weighed, &shifts) {
+            continue;
+        }
+        used += 1;
+        let order = resampled(&weights, 0.5);
+        let mut distinct = order;
+        distinct.dedup();
+        assert!(
+            distinct.len() > 1000,
+            "case {case}: {} draws",
+            distinct.len()
+        );
+    }
+    assert!(used > 10, "{used}");
+    // all weight on one draw is no account of anything
+    let points = draws();
+    let mut one = vec![0.0; DRAWS];
+    one[17] = 1.0;
+    let flat = Weighed {
+        effective: 0.6,
+        impossible: 0,
+        shifts: vec![[0.0, 0.05]; 2],
+    };
+    assert!(!is_sound(&one, &points, &flat, &flat.shifts));
+}

@@ -5,6 +5,7 @@ mod assembly;
 pub mod assignment;
 mod basis;
 mod dense;
+pub mod disturbance;
 pub mod estimate;
 mod expansion;
 mod lattice;
@@ -23,5 +24,7 @@ pub use plate::{
     Weight,
 };
 pub use ritz::{Mode, Ritz, Settings};
-pub use spec::{EdgeSpec, FrequenciesSpec, Nuisance, Parity, PlateSpec, SupportSpec};
+pub use spec::{
+    AddedMassSpec, EdgeSpec, FrequenciesSpec, Nuisance, Parity, PlateSpec, SupportSpec,
+};
 pub use theory::{EdgeLayers, Supports, Theory};

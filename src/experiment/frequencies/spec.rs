@@ -71,6 +71,18 @@ pub struct PlateSpec {
     pub g13_gpa: Option<MeanSd>,
     #[serde(rename = "G23_GPa", default, skip_serializing_if = "Option::is_none")]
     pub g23_gpa: Option<MeanSd>,
+    /// A body that sits on the plate, an accelerometer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub added_mass: Option<AddedMassSpec>,
+}
+
+/// A body on the plate that is small beside the modes' wavelengths.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AddedMassSpec {
+    pub mass_g: MeanSd,
+    /// Its place along length and width, shares from 0 to 1.
+    pub at: [f64; 2],
 }
 
 /// How edges are held: all alike, or each by itself.
@@ -258,6 +270,10 @@ impl FrequenciesSpec {
             of("thickness_mm", Parameter::Thickness, s.thickness_mm, 1.0),
         ];
         all.extend(weight.map(|(name, known, unit)| of(name, Parameter::Weight, known, unit)));
+        all.extend(
+            s.added_mass
+                .map(|body| of("added_mass_g", Parameter::PointMass, body.mass_g, T_PER_G)),
+        );
         all.push(of(
             AIR,
             Parameter::AirDensity,
@@ -349,6 +365,7 @@ impl FrequenciesSpec {
             supports,
             edge_layers: is_free.then(|| plate.edge_layers()),
             air_aspect: (plate.air_density > 0.0).then_some(plate.length / plate.width),
+            point: self.specimen.added_mass.map(|body| body.at),
             ..Settings::free(Theory::Sheared)
         };
         Ritz::new(&settings)
