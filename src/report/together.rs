@@ -76,9 +76,14 @@ impl TensionReport {
         } else {
             "they agree"
         };
+        let p = if self.p < 0.01 {
+            format!("{:.0e}", self.p)
+        } else {
+            format!("{:.2}", self.p)
+        };
         format!(
-            "{verdict}: chi2 {:.1} in {} directions, p = {:.1e}{bayes}",
-            self.chi2, self.directions, self.p
+            "{verdict}: chi2 {:.1} in {} directions, p = {p}{bayes}",
+            self.chi2, self.directions
         )
     }
 }
