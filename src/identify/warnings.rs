@@ -109,7 +109,7 @@ fn without_force(model: &Model, of: &Identification) -> Option<String> {
     };
     Some(format!(
         "No force of the series is known: that of the largest step was taken for {:.0} N, at which displacements have the size that the priors expect. \
-         The common factor of all moduli is the priors'.{measured}",
+         All moduli are those of that force: their common factor is not measured.{measured}",
         experiment.nominal_load().force_n
     ))
 }

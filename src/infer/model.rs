@@ -38,10 +38,6 @@ pub struct Model {
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
 const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 
-/// Sd of a load of which nothing is known but that it makes a field of the size that the priors expect, percent: beside it the priors' own
-/// sds are all that is known of the moduli's common factor.
-const UNKNOWN_LOAD_PERCENT: f64 = 30.0;
-
 impl Model {
     /// Read and validate a model file.
     pub fn load(path: &Path) -> Result<Self> {
@@ -200,9 +196,7 @@ impl Model {
         let declared = self.file.material.yield_mpa.filter(|stress| {
             stress.sd > 0.0 && effect.name() == YIELDING && parameter.name == YIELD_PERCENT
         });
-        let unknown = effect.name() == LOAD_SCALE.name() && self.experiment().lacks_force();
         own.copied()
-            .or(unknown.then_some(UNKNOWN_LOAD_PERCENT))
             .or(declared.map(|stress| 100.0 * stress.sd / stress.mean))
             .or(parameter.prior_sd)
     }

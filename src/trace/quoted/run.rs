@@ -105,15 +105,15 @@ pub fn quote(
     Ok(Quoted { answers, draws })
 }
 
+/// Takes a density, a point to start from and the sd to start with.
+type Showing<'a> = &'a mut dyn FnMut(&dyn LogDensity, &[f64], &[f64]);
+
 /// Show somebody the density of a round's answer to quote where the account is not suspect, with a point to start from and the sd to start
 /// with.
 ///
 /// # Errors
 /// Those of finite-element solutions.
-pub fn with_density(
-    round: &Round,
-    act: &mut dyn FnMut(&dyn LogDensity, &[f64], &[f64]),
-) -> Result<()> {
+pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let (model, averaged) = (&round.model, &round.tracing.averaged);
     let prepared = &round.identification.inverse.prepared;
     let around = Around::new(&round.account, model, prepared, steps(model, averaged))?;
