@@ -106,7 +106,7 @@ fn what_is_not_built_yet_is_refused_by_its_key() {
         });
         let error = error.err().unwrap();
         assert!(
-            error.contains("m.json: experiments: found") && error.contains("yet"),
+            error.contains("m.json: experiments: found") && error.contains("one field"),
             "{error}"
         );
     }
