@@ -231,6 +231,7 @@ fn passing_on_moments_gives_the_joint_posterior() {
     .unwrap();
     for row in &diagnose(&outcome.draws, &rule).rows[..4] {
         let (mean, sd) = posterior(&found["rounds"][0], &row.name);
+        // what is passed on is normal, and the exact posterior need not be: bounds of what changes no conclusion
         let shift = (mean - row.mean) / row.sd;
         assert!(
             shift.abs() < 0.15 && (sd / row.sd - 1.0).abs() < 0.1,

@@ -3,6 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::ringing::{MODEL_ERROR_PRIOR, Ringing};
+use crate::experiment::frequencies::Mode;
+use crate::experiment::frequencies::assignment::Peak;
 use crate::experiment::frequencies::disturbance::{DISTURBANCES, Disturbance};
 use crate::noise::NormalEquations;
 
@@ -68,10 +70,7 @@ impl Ringing {
         let place = self.sampled.iter().zip(x);
         let place = place.map(|(s, x)| (x - s.prior.mean) / s.prior.sd);
         let place = DVector::from_iterator(self.sampled.len(), place);
-        let log = |(peak, mode): &(
-            &crate::experiment::frequencies::assignment::Peak,
-            &crate::experiment::frequencies::Mode,
-        )| { (peak.frequency_hz / mode.frequency_hz()).ln() };
+        let log = |(peak, mode): &(&Peak, &Mode)| (peak.frequency_hz / mode.frequency_hz()).ln();
         let here = DVector::from_iterator(pairs.len(), pairs.iter().map(log));
         let linear = Linear {
             left: here + &columns * place,
@@ -101,8 +100,7 @@ impl Ringing {
         plausible: f64,
     ) -> Option<Disturbed> {
         let base = linear.columns.ncols();
-        let with = linear.columns.clone().insert_column(base, 0.0);
-        let mut with = with;
+        let mut with = linear.columns.clone().insert_column(base, 0.0);
         with.set_column(base, column);
         let errors: Vec<(f64, f64)> = match self.spec.model_error_percent {
             Some(percent) => vec![(percent, 0.0)],

@@ -106,13 +106,12 @@ impl Known {
         (&self.precision, &self.towards, square.sum())
     }
 
-    /// Add it to normal equations X'X, X'y of columns that begin with the constants; `places` says which of the columns those are.
-    pub fn add_to(&self, gram: &mut DMatrix<f64>, right: &mut DVector<f64>, places: &[usize]) {
-        for (i, &row) in places.iter().enumerate() {
-            right[row] += self.towards[i];
-            for (j, &column) in places.iter().enumerate() {
-                gram[(row, column)] += self.precision[(i, j)];
-            }
-        }
+    /// Add it to normal equations X'X (columns x columns), X'y of columns that begin with the constants in prior sds from their means.
+    pub fn add_to(&self, gram: &mut DMatrix<f64>, right: &mut DVector<f64>) {
+        let n = self.constants();
+        let mut inside = gram.view_mut((0, 0), (n, n));
+        inside += &self.precision;
+        let mut own = right.rows_mut(0, n);
+        own += &self.towards;
     }
 }

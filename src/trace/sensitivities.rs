@@ -54,8 +54,7 @@ impl Sensitivities {
     /// Add what other experiments say to normal equations X'X, X'y of columns that begin with the constants.
     pub fn add_known(&self, gram: &mut DMatrix<f64>, right: &mut DVector<f64>) {
         if let Some(known) = &self.known {
-            let places: Vec<usize> = (0..self.constants).collect();
-            known.add_to(gram, right, &places);
+            known.add_to(gram, right);
         }
     }
 

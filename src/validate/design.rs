@@ -9,6 +9,7 @@ use crate::experiment::frequencies::{EdgeSpec, FrequenciesSpec, PlateSpec, Suppo
 use crate::experiment::simulate::HALF_WINDOW;
 use crate::infer::{Marginal, Model, RingingModel, plate_information};
 use crate::laminate::{Material, MeanSd, abd};
+use crate::quantity::NM_PER_MM;
 use crate::trace::{Hidden, Information, field_information};
 
 /// An experiment that could be made.
@@ -239,7 +240,11 @@ pub fn information(
             let side = model.subsets().map_or(0.0, |s| s.side_mm);
             let points_in_tile = (measuring.grid as f64 / TILES as f64).powi(2);
             let worth = points_in_tile.min((tile / side).powi(2));
-            field_information(&model, &points, measuring.noise_nm * 1e-6 / worth.sqrt())
+            field_information(
+                &model,
+                &points,
+                measuring.noise_nm / NM_PER_MM / worth.sqrt(),
+            )
         }
     }
 }
