@@ -100,18 +100,6 @@ where
     deserializer.deserialize_map(Unique(std::marker::PhantomData))
 }
 
-/// The place of a key whose meaning is fixed but not built: a file that has it is refused.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct NotYet;
-
-impl<'de> Deserialize<'de> for NotYet {
-    fn deserialize<D: serde::Deserializer<'de>>(_: D) -> std::result::Result<Self, D::Error> {
-        Err(serde::de::Error::custom(
-            "a key that this version cannot honour yet, expected no such key",
-        ))
-    }
-}
-
 /// Write a value as a JSON file, indented.
 ///
 /// # Errors

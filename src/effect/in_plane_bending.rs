@@ -1,6 +1,6 @@
 //! The line of the load lies beside the plate's centreline.
 
-use super::{Effect, Entry, Kind, Parameter};
+use super::{Effect, Entry, Kind, Parameter, Scene, unless_moments};
 use crate::fem::Setup;
 
 pub struct InPlaneBending;
@@ -19,5 +19,9 @@ impl Effect for InPlaneBending {
     /// End traction N (1 + 12 e t / W^2): a moment F e.
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
         setup.load.moment += setup.load.axial * amplitude[0];
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        unless_moments(scene)
     }
 }

@@ -1,6 +1,6 @@
 //! The load's resultant leans towards direction 2.
 
-use super::{Effect, Entry, Kind, Parameter};
+use super::{Effect, Entry, Kind, Parameter, Scene, unless_moments};
 use crate::fem::Setup;
 
 pub struct LoadMisalignment;
@@ -21,5 +21,9 @@ impl Effect for LoadMisalignment {
         let (sin, cos) = amplitude[0].to_radians().sin_cos();
         setup.load.shear += setup.load.axial * sin;
         setup.load.axial *= cos;
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        unless_moments(scene)
     }
 }

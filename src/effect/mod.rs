@@ -86,6 +86,12 @@ pub static LOAD_SCALE: &dyn Effect = &load_scale::LoadScale;
 const NEEDS_FRINGES: &str =
     "displacements are not read from fringes: measurement.fringe_frequency_per_mm is not given";
 
+/// The obstacle of an effect that bends or turns the specimen in its plane, where stiff grips load it.
+fn unless_moments(scene: &Scene) -> Option<&'static str> {
+    (!scene.setup.geometry.yields_to_moments())
+        .then_some("stiff grips guide all loaded edges, which can neither turn nor lean")
+}
+
 /// The obstacle of an effect that changes the shape, where the geometry does not offer it.
 fn unless_offered(scene: &Scene, change: Change) -> Option<&'static str> {
     (!scene.setup.geometry.offers(change))

@@ -33,6 +33,12 @@ impl Effect for OutOfPlaneBending {
         Some([amplitude[0] / MM_PER_M, amplitude[1] / MM_PER_M])
     }
 
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        (!scene.setup.geometry.has_ends()).then_some(
+            "the specimen has no straight edges low and high across the load to be bent at",
+        )
+    }
+
     /// That of the face z = +h/2 of a thin plate without a hole, about the hole's centre, under moments at its ends; for a stack that is
     /// not symmetric the coupling B is left out.
     fn displacement(&self, amplitude: &[f64], scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {

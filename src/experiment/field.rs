@@ -257,7 +257,8 @@ impl Experiment for FieldExperiment {
 
     fn serialisation(&self) -> serde_json::Value {
         let scene = &self.scene;
-        serde_json::json!([self.test, scene.material, scene.setup.yield_stress])
+        let shape = format!("{:?}", scene.setup.geometry);
+        serde_json::json!([self.test, shape, scene.material, scene.setup.yield_stress])
     }
 
     fn mesh_size(&self) -> [usize; 2] {

@@ -38,7 +38,7 @@ pub struct Truth {
 /// simulated data from the analyst's model.
 pub const FINER: f64 = 1.5;
 
-/// Half the side of the default window over the plate's width: the article's 24.3 mm of 25 mm.
+/// Half the side of the default window over the plate's width (the smaller extent of an imported mesh): the article's 24.3 mm of 25 mm.
 pub const HALF_WINDOW: f64 = 0.5 * 24.3 / 25.0;
 
 /// Simulate a field in the model's frame over the square of half-side `half` (mm) about the origin, with NaN where the

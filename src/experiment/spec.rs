@@ -1,7 +1,8 @@
 //! One experiment as a model file declares it: specimen, load, measurement, and the effects that may act in it.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -11,8 +12,9 @@ use crate::effect::{self, Effect};
 use crate::error::{Error, Result};
 use crate::field::spec::{absolute, check_window};
 use crate::field::{MeasurementSpec, StepSpec, step};
-use crate::files::{NotYet, unique};
-use crate::geometry::Density;
+use crate::files::unique;
+use crate::geometry::imported::{ImportedPlate, MeshSpec, Part};
+use crate::geometry::{self, Density, Geometry};
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
 
 /// An entry of `experiments`. Unknown keys are errors.
@@ -25,8 +27,11 @@ pub struct ExperimentSpec {
     pub kind: ExperimentKind,
     pub specimen: SpecimenSpec,
     /// An imported mesh in place of the strip.
-    #[serde(default, skip_serializing)]
-    pub mesh: NotYet,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<MeshSpec>,
+    /// The shape that this mesh makes, once it was read.
+    #[serde(skip)]
+    pub meshed: Option<Arc<ImportedPlate>>,
     /// The load of the one measurement; the steps of a series have their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load: Option<LoadSpec>,
@@ -120,7 +125,10 @@ impl ExperimentSpec {
     /// The input's fault; the place is the key within this experiment.
     pub fn validate(&self, material: Material) -> Result<Vec<&'static dyn Effect>> {
         check_name(&self.name, "the experiment's own parameters")?;
-        self.specimen.validate(material)?;
+        self.specimen.validate(material, self.mesh.is_some())?;
+        if let Some(mesh) = &self.mesh {
+            mesh.validate()?;
+        }
         self.validate_load()?;
         check_window(self.window_mm)?;
         let [low, high] = DENSITIES;
@@ -196,7 +204,39 @@ impl ExperimentSpec {
         for step in self.steps.iter_mut().flatten() {
             step.file = absolute(base_dir, &step.file)?;
         }
+        if let Some(mesh) = &mut self.mesh {
+            mesh.file = absolute(base_dir, &mesh.file)?;
+        }
         Ok(self)
+    }
+
+    /// Read the imported mesh, if there is one; `base_dir` is where a relative path starts.
+    ///
+    /// # Errors
+    /// Those of [`Part::read`].
+    pub fn read_mesh(&mut self, base_dir: &Path) -> Result<()> {
+        if let Some(mesh) = &self.mesh {
+            let part = Part::read(mesh.clone().below(base_dir))?;
+            let frame = self.measurement.frame;
+            let plate = ImportedPlate::new(part, &|v| frame.vector(v));
+            self.meshed = Some(Arc::new(plate));
+        }
+        Ok(())
+    }
+
+    /// The files of the imported mesh, none where there is none.
+    pub fn mesh_files(&self) -> &[PathBuf] {
+        self.meshed
+            .as_ref()
+            .map_or(&[], |plate| plate.part().files())
+    }
+
+    /// The specimen's shape in the frame of its measurement.
+    pub fn geometry(&self) -> Arc<dyn Geometry> {
+        match &self.meshed {
+            Some(plate) => plate.clone(),
+            None => geometry::declared(&self.specimen),
+        }
     }
 
     /// Every name is that of an effect's parameter, and every size can be a standard deviation.

@@ -3,6 +3,7 @@
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 
 use super::element::{self, GAUSS};
+use super::supports::Supports;
 use crate::geometry::Mesh;
 use crate::laminate::Membrane;
 
@@ -15,6 +16,9 @@ pub struct Assembly {
     first: Vec<usize>,
     row: Vec<u32>,
     integral: Vec<[f64; 4]>,
+    /// What is pinned; nodes that follow others are, and take their displacements afterwards.
+    supports: Supports,
+    followers: Vec<u32>,
     pinned: Vec<usize>,
     /// Stored entries of pinned rows and columns, and of their diagonals.
     cleared: Vec<usize>,
@@ -24,17 +28,28 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Assemble for a mesh. The `pinned` unknowns are held at zero: they get unit rows and columns.
-    pub fn new(mesh: &Mesh, pinned: &[usize]) -> Self {
-        let (first, row) = node_pattern(mesh);
+    /// Assemble for a mesh. The pinned unknowns are held at zero: they get unit rows and columns, and so do those of nodes that follow
+    /// others, whose elements belong to their leaders.
+    pub fn new(mesh: &Mesh, supports: &Supports) -> Self {
+        let (first, row) = node_pattern(mesh, &|n| supports.leader(n));
         let pattern = scalar_pattern(&first, &row, 2);
-        let (cleared, unit) = pinned_entries(&pattern, pinned);
+        let nodes = 0..mesh.nodes.len() as u32;
+        let followers: Vec<u32> = nodes.filter(|&n| supports.leader(n) != n).collect();
+        let following = followers
+            .iter()
+            .flat_map(|&n| [0, 1].map(|k| 2 * n as usize + k));
+        let mut pinned: Vec<usize> = supports.pinned.iter().copied().chain(following).collect();
+        pinned.sort_unstable();
+        pinned.dedup();
+        let (cleared, unit) = pinned_entries(&pattern, &pinned);
         let mut assembly = Self {
             nodes: mesh.nodes.len(),
             first,
             row,
             integral: Vec::new(),
-            pinned: pinned.to_vec(),
+            supports: supports.clone(),
+            followers,
+            pinned,
             cleared,
             unit,
             pattern,
@@ -50,6 +65,7 @@ impl Assembly {
         for (e, nodes) in mesh.elements.iter().enumerate() {
             let x = mesh.corners(e);
             let block = gradient_products(&x, scale);
+            let nodes = nodes.map(|n| self.supports.leader(n));
             for (i, &a) in nodes.iter().enumerate() {
                 for (j, &b) in nodes.iter().enumerate() {
                     if a < b {
@@ -112,13 +128,37 @@ impl Assembly {
         }
     }
 
-    /// Set the pinned entries of load vectors, one after the other, to zero.
+    /// Give what acts on nodes that follow to their leaders, and set the pinned entries to zero, of load vectors one after the other.
     pub fn pin_loads(&self, loads: &mut [f64]) {
         for load in loads.chunks_mut(2 * self.nodes) {
+            for &node in &self.followers {
+                let leader = self.supports.leader(node) as usize;
+                load[2 * leader] += load[2 * node as usize];
+                load[2 * leader + 1] += load[2 * node as usize + 1];
+            }
             for &dof in &self.pinned {
                 load[dof] = 0.0;
             }
         }
+    }
+
+    /// Give the nodes that follow the displacements of their leaders.
+    pub fn follow(&self, displacements: &mut [f64]) {
+        if self.followers.is_empty() {
+            return;
+        }
+        for u in displacements.chunks_mut(2 * self.nodes) {
+            for &node in &self.followers {
+                let leader = self.supports.leader(node) as usize;
+                u[2 * node as usize] = u[2 * leader];
+                u[2 * node as usize + 1] = u[2 * leader + 1];
+            }
+        }
+    }
+
+    /// The unknown that an unknown is, or follows.
+    pub fn leading(&self, unknown: usize) -> usize {
+        2 * self.supports.leader((unknown / 2) as u32) as usize + unknown % 2
     }
 
     /// K u for one displacement vector, some integrals and a membrane stiffness (without the pinning).
@@ -230,12 +270,13 @@ fn gradient_products(x: &[[f64; 2]; 8], scale: &dyn Fn([f64; 2]) -> f64) -> [[[f
     block
 }
 
-/// Lower-triangular CSC pattern of the node graph.
-pub(super) fn node_pattern(mesh: &Mesh) -> (Vec<usize>, Vec<u32>) {
-    let mut below: Vec<Vec<u32>> = vec![Vec::new(); mesh.nodes.len()];
+/// Lower-triangular CSC pattern of the node graph, each node standing for its leader.
+pub(super) fn node_pattern(mesh: &Mesh, leader: &dyn Fn(u32) -> u32) -> (Vec<usize>, Vec<u32>) {
+    let mut below: Vec<Vec<u32>> = (0..mesh.nodes.len() as u32).map(|n| vec![n]).collect();
     for nodes in &mesh.elements {
-        for &a in nodes {
-            for &b in nodes {
+        let nodes = nodes.map(leader);
+        for a in nodes {
+            for b in nodes {
                 if a >= b {
                     below[b as usize].push(a);
                 }

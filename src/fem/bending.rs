@@ -34,7 +34,7 @@ impl BendingPattern {
     /// # Errors
     /// A mesh that does not fit into memory.
     pub fn new(mesh: &Mesh) -> Result<Self> {
-        let (first, row) = node_pattern(mesh);
+        let (first, row) = node_pattern(mesh, &|n| n);
         let scalar = scalar_pattern(&first, &row, PER_NODE);
         let symbolic = Symbolic::new(scalar.as_ref())?;
         Ok(Self {

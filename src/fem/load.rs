@@ -1,7 +1,7 @@
 //! Tractions on named edges and the load vectors they give.
 
 use super::element::GAUSS;
-use crate::geometry::{HIGH, LOW, Mesh};
+use crate::geometry::{Boundary, Edge, EdgeForce, HIGH, LOW, Mesh};
 
 /// Self-equilibrated tractions on the edges `low` and `high`. Stress resultants a length of edge, with t' measured from the plate's
 /// centreline, s' from its mid-length, and W the width:
@@ -29,8 +29,12 @@ impl EndLoad {
 }
 
 impl Mesh {
-    /// Consistent nodal forces (N, two an entry of `nodes`) of the end tractions.
+    /// Consistent nodal forces (N, two an entry of `nodes`) of the end tractions, or of what stands for them at the edges that an
+    /// imported mesh is loaded through.
     pub fn end_forces(&self, load: &EndLoad) -> Vec<f64> {
+        if let Some(boundary) = &self.boundary {
+            return self.named_forces(boundary, load);
+        }
         let [[s0, s1], [t0, t1]] = self.extents;
         let width = t1 - t0;
         let (center_t, half) = (0.5 * (t0 + t1), 0.5 * (s1 - s0));
@@ -40,6 +44,88 @@ impl Mesh {
             let normal = load.axial / width + 12.0 * moment * t / width.powi(3);
             let tangent = 1.5 * load.shear / width * (1.0 - (2.0 * t / width).powi(2));
             [outward * normal, outward * tangent]
+        })
+    }
+
+    /// The axial force along each loaded edge's own direction, uniform; the shear force across it, uniform too; the moment by a
+    /// traction along the direction that is linear across it. Loads that no support holds get the moments that balance the shear forces,
+    /// shared alike.
+    fn named_forces(&self, boundary: &Boundary, load: &EndLoad) -> Vec<f64> {
+        let Some(first) = boundary.loads.first() else {
+            return vec![0.0; self.unknowns()];
+        };
+        let across = turned(first.direction);
+        let sections: Vec<Section> = boundary
+            .loads
+            .iter()
+            .map(|l| self.section(l, across))
+            .collect();
+        let shears = boundary.loads.iter().map(|l| {
+            let outward = dot(l.direction, first.direction).signum();
+            across.map(|x| outward * load.shear * x)
+        });
+        let couples = sections.iter().zip(shears.clone());
+        let couple: f64 = couples
+            .map(|(at, f)| at.middle[0] * f[1] - at.middle[1] * f[0])
+            .sum();
+        let balance = if boundary.held.is_empty() {
+            couple / sections.len() as f64
+        } else {
+            0.0
+        };
+        let mut forces = vec![0.0; self.unknowns()];
+        for ((edge, section), shear) in boundary.loads.iter().zip(&sections).zip(shears) {
+            let outward = dot(edge.direction, first.direction).signum();
+            // a traction t along d at the distance x from the middle turns by -t x, with d the first load's
+            let moment = load.moment + outward * balance;
+            let names: Vec<&str> = edge.edges.iter().map(String::as_str).collect();
+            let own = self.edge_forces(&names, &|p, _| {
+                let x = dot([p[0] - section.middle[0], p[1] - section.middle[1]], across);
+                let bent = if section.inertia > 0.0 {
+                    moment * x / section.inertia
+                } else {
+                    0.0
+                };
+                let pull = load.axial / section.length + bent;
+                [0, 1].map(|k| pull * edge.direction[k] + shear[k] / section.length)
+            });
+            for (sum, f) in forces.iter_mut().zip(own) {
+                *sum += f;
+            }
+        }
+        forces
+    }
+
+    /// Length, middle and second moment of the edges that a force acts on, measured along a direction.
+    fn section(&self, force: &EdgeForce, across: [f64; 2]) -> Section {
+        let edges = || force.edges.iter().flat_map(|name| self.edge(name));
+        let points: Vec<OnEdge> = edges().flat_map(|e| self.gauss(e)).collect();
+        let length: f64 = points.iter().map(|p| p.length).sum();
+        let mean = |k: usize| points.iter().map(|p| p.length * p.point[k]).sum::<f64>() / length;
+        let middle = [mean(0), mean(1)];
+        let inertia = points.iter().map(|p| {
+            let from = [p.point[0] - middle[0], p.point[1] - middle[1]];
+            p.length * dot(from, across).powi(2)
+        });
+        Section {
+            length,
+            middle,
+            inertia: inertia.sum(),
+        }
+    }
+
+    fn gauss(&self, edge: &Edge) -> [OnEdge; 3] {
+        let [a, m, b] = edge.map(|n| self.nodes[n as usize]);
+        GAUSS.map(|(x, weight)| {
+            let shape = [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)];
+            let along = [0, 1].map(|k| (x - 0.5) * a[k] - 2.0 * x * m[k] + (x + 0.5) * b[k]);
+            let length = along[0].hypot(along[1]);
+            OnEdge {
+                shape,
+                point: [0, 1].map(|k| shape[0] * a[k] + shape[1] * m[k] + shape[2] * b[k]),
+                normal: [along[1] / length, -along[0] / length],
+                length: weight * length,
+            }
         })
     }
 
@@ -53,15 +139,9 @@ impl Mesh {
     ) -> Vec<f64> {
         let mut forces = vec![0.0; self.unknowns()];
         for edge in names.iter().flat_map(|name| self.edge(name)) {
-            let [a, m, b] = edge.map(|n| self.nodes[n as usize]);
-            for (x, weight) in GAUSS {
-                let n = [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)];
-                let along = [0, 1].map(|k| (x - 0.5) * a[k] - 2.0 * x * m[k] + (x + 0.5) * b[k]);
-                let point = [0, 1].map(|k| n[0] * a[k] + n[1] * m[k] + n[2] * b[k]);
-                let length = along[0].hypot(along[1]);
-                let normal = [along[1] / length, -along[0] / length];
-                let force = traction(point, normal).map(|t| t * weight * length);
-                for (node, n) in edge.iter().zip(n) {
+            for at in self.gauss(edge) {
+                let force = traction(at.point, at.normal).map(|t| t * at.length);
+                for (node, n) in edge.iter().zip(at.shape) {
                     forces[2 * *node as usize] += n * force[0];
                     forces[2 * *node as usize + 1] += n * force[1];
                 }
@@ -69,4 +149,32 @@ impl Mesh {
         }
         forces
     }
+}
+
+/// A point of the quadrature on an edge.
+struct OnEdge {
+    /// Shape functions of the edge's three nodes.
+    shape: [f64; 3],
+    point: [f64; 2],
+    /// Outward unit normal.
+    normal: [f64; 2],
+    /// Length that it stands for, mm.
+    length: f64,
+}
+
+/// What a force is spread over.
+struct Section {
+    length: f64,
+    middle: [f64; 2],
+    /// Second moment across the force, mm^3.
+    inertia: f64,
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+/// A vector turned by a quarter, from direction 1 to direction 2.
+fn turned([a, b]: [f64; 2]) -> [f64; 2] {
+    [-b, a]
 }

@@ -11,8 +11,9 @@ use super::ply_law::PlyLaw;
 use super::profile::Profile;
 use super::setup::Setup;
 use super::solve::{Factor, Kept, Pool, Symbolic};
+use super::supports::Supports;
 use crate::error::{Error, Result};
-use crate::geometry::{Density, Geometry, HIGH, LOW, Mesh, Morph};
+use crate::geometry::{Density, Geometry, Mesh, Morph};
 use crate::laminate::Ply;
 
 /// Nodal displacements and the mesh they live on.
@@ -69,7 +70,7 @@ impl Plate {
         geometry.validate()?;
         let counts = geometry.counts(density);
         let mesh = geometry.mesh(&counts);
-        let assembly = Assembly::new(&mesh, &pinned(&mesh, held)?);
+        let assembly = Assembly::new(&mesh, &Supports::of(&mesh, held)?);
         let symbolic = Symbolic::new(assembly.pattern())?;
         Ok(Self {
             geometry,
@@ -263,23 +264,4 @@ pub(super) fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
         load: setup.load,
     };
     Some((setup.profile.annulus.map(|ring| ring.reach), query))
-}
-
-/// The unknowns held at zero: those of the held edge, or else three that fix the rigid motion without stress: both
-/// components at the middle of the low end and the transverse one at the middle of the high end.
-fn pinned(mesh: &Mesh, held: Option<&str>) -> Result<Vec<usize>> {
-    let edge = |name: &str| match mesh.edge(name) {
-        [] => Err(Error::program("supports", "an edge of the mesh").found(name)),
-        edges => Ok(edges),
-    };
-    if let Some(name) = held {
-        let mut nodes: Vec<u32> = edge(name)?.iter().flatten().copied().collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let unknowns = nodes.iter().map(|&n| 2 * n as usize);
-        return Ok(unknowns.flat_map(|k| [k, k + 1]).collect());
-    }
-    let middle = |name: &str| edge(name).map(|edges| edges[edges.len() / 2][0] as usize);
-    let (low, high) = (middle(LOW)?, middle(HIGH)?);
-    Ok(vec![2 * low, 2 * low + 1, 2 * high + 1])
 }

@@ -197,6 +197,7 @@ impl<'a> Factor<'a> {
         } = &mut self.space;
         self.assembly.pin_loads(loads);
         self.symbolic.solve_in(factor, scratch, loads);
+        self.assembly.follow(loads);
     }
 }
 
@@ -216,6 +217,7 @@ impl Kept {
     pub fn solve(&self, symbolic: &Symbolic, assembly: &Assembly, loads: &mut [f64]) {
         assembly.pin_loads(loads);
         symbolic.solve(&self.0, loads);
+        assembly.follow(loads);
     }
 }
 

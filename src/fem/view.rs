@@ -128,12 +128,17 @@ fn compliances(
     let elements = (0..count).filter_map(|k| observer.spot(k).map(|(e, _)| e));
     let mut blocks: BTreeMap<usize, Block> = elements.map(|e| (e, [[[0.0; 2]; 8]; 8])).collect();
     let nodes = blocks.keys().flat_map(|&e| mesh.elements[e]);
-    let unknowns: Vec<usize> = nodes.flat_map(|a| [0, 1].map(|i| unknown(a, i))).collect();
+    let leading = |a, i| plate.assembly.leading(unknown(a, i));
+    let unknowns: Vec<usize> = nodes.flat_map(|a| [0, 1].map(|i| leading(a, i))).collect();
     let inverse = plate.inverse_of(factor, &unknowns)?;
     let mut free = vec![1.0; mesh.unknowns()];
     plate.assembly.pin_loads(&mut free);
+    // a leader was given what its followers had
+    for entry in &mut free {
+        *entry = entry.min(1.0);
+    }
     blocks.par_iter_mut().try_for_each(|(&e, block)| {
-        *block = block_of(&inverse, &free, mesh.elements[e])?;
+        *block = block_of(&inverse, (plate, &free), mesh.elements[e])?;
         Ok::<(), Error>(())
     })?;
     let own = |k: usize| match observer.spot(k) {
@@ -163,12 +168,16 @@ fn unknown(node: u32, i: usize) -> usize {
     2 * node as usize + i
 }
 
-fn block_of(inverse: &Inverse<'_>, free: &[f64], nodes: [u32; 8]) -> Result<Block> {
+fn block_of(
+    inverse: &Inverse<'_>,
+    (plate, free): (&Plate, &[f64]),
+    nodes: [u32; 8],
+) -> Result<Block> {
     let mut block = [[[0.0; 2]; 8]; 8];
     for (row, a) in block.iter_mut().zip(nodes) {
         for (entries, b) in row.iter_mut().zip(nodes) {
             for (i, entry) in entries.iter_mut().enumerate() {
-                let (a, b) = (unknown(a, i), unknown(b, i));
+                let [a, b] = [a, b].map(|n| plate.assembly.leading(unknown(n, i)));
                 let known = inverse.entry(a, b).ok_or_else(|| {
                     Error::program("inverse", "an entry for nodes of one element")
                 })?;

@@ -1,6 +1,7 @@
 //! Nodes, eight-node quadrilaterals (Q8) and named edges; blocks of elements on lattices of nodes.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// An element's edge on the boundary: corner, midside, corner, with the material on its left.
 pub type Edge = [u32; 3];
@@ -16,6 +17,26 @@ pub struct Mesh {
     pub edges: BTreeMap<String, Vec<Edge>>,
     /// Extents of the parallel part, as [`super::Geometry::extents`].
     pub extents: [[f64; 2]; 2],
+    /// What loads and holds it; none of a strip, whose ends are pulled.
+    pub boundary: Option<Arc<Boundary>>,
+}
+
+/// What loads and holds a mesh through edges of any names. Directions are along (direction 1, direction 2).
+#[derive(Debug, Clone, Default)]
+pub struct Boundary {
+    pub loads: Vec<EdgeForce>,
+    /// Edges along which components of the displacement are zero.
+    pub held: Vec<(String, [bool; 2])>,
+}
+
+/// The whole force of a test on some edges.
+#[derive(Debug, Clone)]
+pub struct EdgeForce {
+    pub edges: Vec<String>,
+    /// Unit vector along which a positive force pulls.
+    pub direction: [f64; 2],
+    /// Whether a stiff grip guides the edges: they move alike along the direction, and not across it.
+    pub is_grip: bool,
 }
 
 /// Index of a lattice point that no Q8 element has (the middle of an element).

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::laminate::{End, SpecimenSpec};
 
-pub use mesh::{Edge, Mesh};
+pub use mesh::{Boundary, Edge, EdgeForce, Mesh};
 pub use outline::{Clamp, Outline};
 pub use plain_strip::PlainStrip;
 pub use strip_with_hole::StripWithHole;
@@ -128,6 +128,16 @@ pub trait Geometry: Debug + Send + Sync {
     /// Radius of the hole, mm, if there is one.
     fn hole_radius(&self) -> Option<f64> {
         None
+    }
+
+    /// Whether edges `low` and `high` stand across direction 1, through which it can be bent.
+    fn has_ends(&self) -> bool {
+        true
+    }
+
+    /// Whether what loads it may be bent and turned in the plane, which stiff grips are not.
+    fn yields_to_moments(&self) -> bool {
+        true
     }
 
     /// Distance of a point from the hole's centre over the hole's radius, if there is a hole.

@@ -16,9 +16,8 @@ use crate::experiment::{
     State, check_gauge,
 };
 use crate::fem::Setup;
+use crate::field::Field;
 use crate::field::rigid::{self, RigidMotion};
-use crate::field::{Field, StepSpec};
-use crate::geometry;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{Problem, exponents};
 
@@ -53,7 +52,10 @@ impl Model {
     /// Parse and validate the text of a model file at `path`.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let (file, effects) = schema::parse(text, &place)?;
+        let (mut file, effects) = schema::parse(text, &place)?;
+        let base_dir = path.parent().unwrap_or(Path::new(""));
+        let read = file.experiments[0].read_mesh(base_dir);
+        read.map_err(|e| e.within(&place))?;
         let model = Self {
             file,
             path: path.to_path_buf(),
@@ -100,7 +102,7 @@ impl Model {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The files of the measurement, of all its steps if it is a series; they are not read.
+    /// The files of the measurement, of all its steps if it is a series, and those of an imported mesh; they are not read.
     ///
     /// # Errors
     /// Those of [`crate::field::MeasurementSpec::files`].
@@ -108,20 +110,21 @@ impl Model {
         let ExperimentSpec {
             measurement, steps, ..
         } = self.experiment();
+        let mut files = self.experiment().mesh_files().to_vec();
         let Some(steps) = steps else {
-            return measurement.files(self.base_dir());
+            files.extend(measurement.files(self.base_dir())?);
+            return Ok(files);
         };
-        let of_step = |step: &StepSpec| {
+        for step in steps {
             let measurement = measurement.clone().with_path(step.file.clone());
-            measurement.files(self.base_dir())
-        };
-        let files: Result<Vec<Vec<PathBuf>>> = steps.iter().map(of_step).collect();
-        Ok(files?.concat())
+            files.extend(measurement.files(self.base_dir())?);
+        }
+        Ok(files)
     }
 
     /// The hole that the model declares is where the points leave room for it.
     pub(super) fn check_hole(&self, field: &Field) -> Result<()> {
-        match geometry::declared(&self.experiment().specimen).hole_radius() {
+        match self.experiment().geometry().hole_radius() {
             Some(radius) => field
                 .check_hole(radius)
                 .map_err(|e| e.within(self.path.display())),
@@ -226,6 +229,7 @@ impl Model {
             frame,
             setup: Setup {
                 yield_stress: material.yield_mpa.map(|stress| stress.mean),
+                geometry: experiment.geometry(),
                 ..Setup::nominal(
                     &experiment.specimen,
                     &experiment.nominal_load(),

@@ -30,7 +30,10 @@ impl Model {
 
     /// The experiment on a finer mesh, and half the side of the window.
     fn simulating(&self) -> Result<(Arc<dyn Experiment>, f64)> {
-        let half = HALF_WINDOW * self.experiment().specimen.width_mm;
+        let spec = self.experiment();
+        let [s, t] = spec.geometry().extents().map(|[low, high]| high - low);
+        let narrow = if spec.mesh.is_some() { s.min(t) } else { t };
+        let half = HALF_WINDOW * narrow;
         let experiment = self.experiment_over([[-half; 2], [half; 2]], FINER)?;
         Ok((experiment, half))
     }

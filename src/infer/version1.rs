@@ -8,7 +8,7 @@ use super::schema::{self, LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec
 use crate::error::Result;
 use crate::experiment::{ExperimentKind, ExperimentSpec, Gauge};
 use crate::field::MeasurementSpec;
-use crate::files::{NotYet, parse_json, unique};
+use crate::files::{parse_json, unique};
 use crate::laminate::{ClampSpec, HoleSpec, LoadSpec, Material, MeanSd, SpecimenSpec};
 use crate::reduce::ReducedSpec;
 
@@ -84,7 +84,8 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
             clamp: specimen.clamp,
             note: specimen.note,
         },
-        mesh: NotYet,
+        mesh: None,
+        meshed: None,
         load: Some(file.load),
         gauge: file.gauge,
         measurement: file.measurement,

@@ -10,9 +10,11 @@ use crate::quantity;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenSpec {
-    /// Length along direction 1, mm.
+    /// Length along direction 1, mm; 0 where a mesh stands in place of the dimensions.
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub length_mm: f64,
-    /// Width along direction 2, mm.
+    /// Width along direction 2, mm; as the length.
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub width_mm: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hole: Option<HoleSpec>,
@@ -135,10 +137,14 @@ impl SpecimenSpec {
         self.layup_deg.as_deref().unwrap_or(&[0.0])
     }
 
-    /// Check every dimension; errors name the key.
-    pub fn validate(&self, material: Material) -> Result<()> {
-        positive("specimen.length_mm", self.length_mm)?;
-        positive("specimen.width_mm", self.width_mm)?;
+    /// Check every dimension, which are the mesh's where the specimen is `meshed`; errors name the key.
+    pub fn validate(&self, material: Material, meshed: bool) -> Result<()> {
+        if meshed {
+            self.validate_meshed()?;
+        } else {
+            positive("specimen.length_mm", self.length_mm)?;
+            positive("specimen.width_mm", self.width_mm)?;
+        }
         self.thickness_mm.validate("specimen.thickness_mm")?;
         if self.thickness_mm.sd > 0.1 * self.thickness_mm.mean {
             return Err(Error::input("specimen.thickness_mm.sd", "at most a tenth of the mean")
@@ -150,6 +156,23 @@ impl SpecimenSpec {
         }
         self.validate_clamp()?;
         self.validate_layup(material)
+    }
+
+    fn validate_meshed(&self) -> Result<()> {
+        let given = [
+            ("length_mm", self.length_mm != 0.0),
+            ("width_mm", self.width_mm != 0.0),
+            ("hole", self.hole.is_some()),
+            ("clamp", self.clamp.is_some()),
+        ];
+        match given.iter().find(|(_, given)| *given) {
+            Some((key, _)) => Err(Error::input(
+                format!("specimen.{key}"),
+                "no such key, because the mesh has the specimen's shape and what holds it",
+            )
+            .found("one")),
+            None => Ok(()),
+        }
     }
 
     fn validate_hole(&self, hole: &HoleSpec) -> Result<()> {
@@ -242,6 +265,11 @@ impl LoadSpec {
     pub fn validate(&self) -> Result<()> {
         positive("load.force_N", self.force_n)
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde's signature
+fn is_zero(length: &f64) -> bool {
+    *length == 0.0
 }
 
 fn finite(place: &str, value: f64) -> Result<()> {

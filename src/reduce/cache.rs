@@ -14,7 +14,7 @@ use crate::experiment::State;
 use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 /// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]

@@ -17,7 +17,7 @@ use crate::files::Keyed;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ReducedModel {
     pub dimensions: Vec<Dimension>,
-    /// `modes[c][k][i]`: mode k of component c at point i of the experiment's support; orthonormal over it.
+    /// `modes[c][k][i]`: mode k of component c at point i of the experiment's support; orthonormal over a lattice of the window.
     pub modes: [Vec<Vec<f64>>; 2],
     /// Surfaces of the coefficients: those of u1, then those of u2.
     pub surface: Surface,
@@ -39,8 +39,8 @@ impl ReducedModel {
     /// Build from snapshots: POD of each component, then the response surface with the smaller held-out error.
     pub fn build(problem: &Problem, snapshots: &Snapshots) -> Result<Self> {
         let (first, second) = rayon::join(
-            || pod::decompose(&snapshots.fields[0]),
-            || pod::decompose(&snapshots.fields[1]),
+            || pod::decompose_as_seen(&snapshots.fields[0], &snapshots.seen[0]),
+            || pod::decompose_as_seen(&snapshots.fields[1], &snapshots.seen[1]),
         );
         let pods = [first?, second?];
         let cross_validation = [0, 1].map(|c| leave_one_out(&pods[c], TABLED));

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// POD of a snapshot matrix (n x N): X = modes diag(singular) right^T.
 #[derive(Debug, Clone)]
 pub struct Pod {
-    /// Orthonormal modes, n x r with r = min(n, N).
+    /// Orthonormal modes, n x r with r at most N.
     pub modes: Mat<f64>,
     /// Singular values, decreasing.
     pub singular: Vec<f64>,
@@ -51,6 +51,27 @@ pub fn decompose(snapshots: &Mat<f64>) -> Result<Pod> {
         right,
     })
 }
+
+/// POD of fields (n x N) by what a lattice of points sees of them (P x N): the modes are those combinations of the fields that are
+/// orthonormal at the lattice's points, whatever the n points are that they are kept at.
+pub fn decompose_as_seen(fields: &Mat<f64>, seen: &Mat<f64>) -> Result<Pod> {
+    let pod = decompose(seen)?;
+    let largest = pod.singular.first().copied().unwrap_or(0.0);
+    let inverse = |k: usize| match pod.singular[k] {
+        s if s > ROUNDING * largest => 1.0 / s,
+        _ => 0.0,
+    };
+    let weights = Mat::from_fn(pod.right.nrows(), pod.right.ncols(), |i, k| {
+        pod.right[(i, k)] * inverse(k)
+    });
+    Ok(Pod {
+        modes: fields * &weights,
+        ..pod
+    })
+}
+
+/// Singular values below this share of the largest are rounding.
+const ROUNDING: f64 = 1e-14;
 
 impl Pod {
     /// Truncation error of `k` modes (Gogu et al. 2013, Eq. 10): 1 - sum_{j<=k} s_j^2 / sum s_j^2, summed from the

@@ -7,15 +7,32 @@ use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
 use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
-use crate::experiment::{State, predict};
+use crate::experiment::{Experiment, Gauge, Sight, State, predict};
+use crate::field::rigid::{self, RigidMotion};
 use crate::numeric::add_scaled;
 
 /// Snapshots of both displacement components.
 pub struct Snapshots {
     /// DoE points, border units, one row of `dimensions.len()` values a snapshot.
     pub points: Vec<Vec<f64>>,
-    /// u1 and u2 in mm at the experiment's support, each points x snapshots, gauged over it.
+    /// u1 and u2 in mm at the experiment's support, each points x snapshots, gauged over a lattice of points of the window.
     pub fields: [Mat<f64>; 2],
+    /// The same at that lattice.
+    pub seen: [Mat<f64>; 2],
+}
+
+/// Points of the lattice along each side of the window: more than there are snapshots, of which modes are made that do not depend on
+/// where a mesh has its nodes.
+const SIDE: usize = 48;
+
+/// A lattice of points of the specimen over the window.
+fn lattice(experiment: &dyn Experiment) -> Sight {
+    let [low, high] = experiment.window();
+    let at = |k: usize, i: usize| low[k] + (high[k] - low[k]) * (i as f64 + 0.5) / SIDE as f64;
+    let points: Vec<[f64; 2]> = (0..SIDE * SIDE)
+        .map(|i| [at(0, i / SIDE), at(1, i % SIDE)])
+        .collect();
+    experiment.locate(&points, &[]).0
 }
 
 /// Design seed: the reduced model does not depend on the seed of the chains.
@@ -66,8 +83,34 @@ impl Snapshots {
                 Ok(field)
             })
             .collect::<Result<_>>()?;
-        let fields = [0, 1].map(|c| Mat::from_fn(count, points.len(), |i, j| solutions[j][i][c]));
-        Ok(Self { points, fields })
+        let lattice = lattice(experiment);
+        let free = experiment.gauge() == Gauge::Window;
+        let gauged = |u: &Vec<[f64; 2]>| {
+            let seen = experiment.spread(u, &lattice);
+            let motion = if free {
+                rigid::fit(lattice.points(), &seen)
+            } else {
+                RigidMotion::NONE
+            };
+            let still = |points: &[[f64; 2]], u: &[[f64; 2]]| -> Vec<[f64; 2]> {
+                let left = |(&p, u): (&[f64; 2], &[f64; 2])| {
+                    let m = motion.at(p);
+                    [u[0] - m[0], u[1] - m[1]]
+                };
+                points.iter().zip(u).map(left).collect()
+            };
+            [still(support.points(), u), still(lattice.points(), &seen)]
+        };
+        let gauged: Vec<[Vec<[f64; 2]>; 2]> = solutions.par_iter().map(gauged).collect();
+        let matrix = |of: usize, c: usize| {
+            let rows = gauged.first().map_or(0, |u| u[of].len());
+            Mat::from_fn(rows, points.len(), |i, j| gauged[j][of][i][c])
+        };
+        Ok(Self {
+            fields: [matrix(0, 0), matrix(0, 1)],
+            seen: [matrix(1, 0), matrix(1, 1)],
+            points,
+        })
     }
 }
 

@@ -6,6 +6,7 @@ mod broken_abaqus;
 mod gmsh;
 mod mangled;
 mod model;
+mod plate;
 mod raised;
 mod round_trips;
 mod writers;

@@ -11,10 +11,13 @@ pub mod gmsh;
 mod jacobian;
 mod kind;
 mod mesh;
+mod plate;
+mod quads;
 mod raise;
 mod seams;
 mod shape;
 mod sides;
+mod spec;
 
 use std::path::Path;
 
@@ -22,8 +25,9 @@ use crate::error::{Error, Result};
 
 pub use kind::Kind;
 pub use mesh::{BoundaryEdge, Element, ImportedMesh};
-
+pub use plate::{ImportedPlate, Part};
 pub use raise::raise;
+pub use spec::{HeldEdge, LoadedEdge, MeshAxis, MeshSpec, OneOrMany, Spread};
 
 /// Read a mesh file: Gmsh's by its first line, Abaqus' by the name `*.inp` or a first line that begins with `*`.
 ///

@@ -133,8 +133,11 @@ fn check(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> Result<()> {
             columns[1].shape()
         )));
     }
-    if columns.iter().any(|c| c.iter().any(|v| !v.is_finite())) {
-        return Err(Error::program("noise::series", "finite columns and data"));
+    let whole = columns.iter().flat_map(|c| c.column_iter().enumerate());
+    let mut lacking = whole.filter(|(_, column)| column.iter().any(|v| !v.is_finite()));
+    if let Some((k, _)) = lacking.next() {
+        return Err(Error::program("noise::series", "finite columns and data")
+            .found(format!("column {k} of {}", shape.1)));
     }
     Ok(())
 }

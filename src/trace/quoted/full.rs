@@ -74,7 +74,7 @@ impl<'a> Full<'a> {
     /// of the linear columns in prior sds from their means.
     ///
     /// # Errors
-    /// Those of a finite-element solution: of amplitudes that cannot be, too.
+    /// Those of a finite-element solution: of amplitudes that cannot be, too; displacements that are not finite.
     pub fn change(&self, constants: &[f64], amplitudes: &[f64]) -> Result<[DVector<f64>; 2]> {
         let mut left: Vec<(&Column, f64)> = Vec::new();
         let mut values = Vec::new();
@@ -128,6 +128,10 @@ impl<'a> Full<'a> {
             for (u, values) in change.iter_mut().zip(&column.values) {
                 u.axpy(by, values, 1.0);
             }
+        }
+        if change.iter().any(|u| u.iter().any(|v| !v.is_finite())) {
+            // a law of the plies has no answer there
+            return Err(Error::input("draw", "displacements that are finite"));
         }
         Ok(change)
     }
