@@ -4,6 +4,7 @@ mod bench;
 mod beside;
 mod build;
 mod calibrate;
+mod campaign;
 mod closing;
 mod console;
 mod design;
@@ -76,6 +77,8 @@ enum Verb {
     Report(report::Arguments),
     /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
     Validate(validate::Arguments),
+    /// Run many: models, data and seeds, on this machine or on a cluster, and collect what they found
+    Campaign(Box<campaign::Arguments>),
     /// Say what to measure next: what coupons and plates would add, and which undeclared effects they would expose
     Design(design::Arguments),
     /// Measure a field from phase-shifted fringe images, with the sd of every point
@@ -137,6 +140,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Export(arguments) => diagnose::export(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
         Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
+        Verb::Campaign(arguments) => campaign::run(&arguments, &cli.global, &console),
         Verb::Design(arguments) => design::run(&arguments, &console),
         Verb::Fringes(arguments) => fringes::run(&arguments, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),

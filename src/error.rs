@@ -5,6 +5,9 @@ use std::fmt;
 /// Result of every fallible call in this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// Exit code of work that was told to stop (SIGTERM) and is gone on with by `--resume`: `EX_TEMPFAIL` of sysexits.h.
+pub const TO_BE_RESUMED: u8 = 75;
+
 /// Whose fault an error is, which fixes the exit code of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blame {
@@ -14,6 +17,8 @@ pub enum Blame {
     Limit,
     /// The program's: a broken invariant, a failed factorisation. Exit code 2.
     Program,
+    /// Nobody's: it was told to stop, and `--resume` goes on. Exit code 75.
+    Stopped,
 }
 
 /// An error with its place, the offending value, what was expected, and a hint.
@@ -43,6 +48,11 @@ impl Error {
     /// An error of the program at `place`; `expected` is the invariant that failed.
     pub fn program(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::new(Blame::Program, place, expected)
+    }
+
+    /// The work at `place` was told to stop before what was `expected`; it can be gone on with.
+    pub fn stopped(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::new(Blame::Stopped, place, expected)
     }
 
     fn new(blame: Blame, place: impl fmt::Display, expected: impl fmt::Display) -> Self {
@@ -98,6 +108,7 @@ impl Error {
         match self.0.blame {
             Blame::Input | Blame::Limit => 1,
             Blame::Program => 2,
+            Blame::Stopped => TO_BE_RESUMED,
         }
     }
 

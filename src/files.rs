@@ -23,6 +23,15 @@ pub fn replace(path: &Path, contents: impl AsRef<[u8]>) -> Result<()> {
         .map_err(|e| Error::input(path.display(), "a file that can be written").found(e))
 }
 
+/// Make a folder with those above it, if it is not there.
+///
+/// # Errors
+/// The input's fault if it cannot be made.
+pub fn make_folder(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path)
+        .map_err(|e| Error::input(path.display(), "a place that can be written").found(e))
+}
+
 /// Parse the JSON text of `file`.
 ///
 /// # Errors

@@ -4,8 +4,9 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `dense, error, files, numeric, quantity, progress < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < cli`.
+//! `dense, error, files, numeric, quantity, progress, signals < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < chain < sample < diagnose < identify < trace < validate < report < campaign < cli`.
 
+pub mod campaign;
 pub mod chain;
 pub mod cli;
 mod dense;
@@ -27,5 +28,6 @@ pub mod quantity;
 pub mod reduce;
 pub mod report;
 pub mod sample;
+pub mod signals;
 pub mod trace;
 pub mod validate;

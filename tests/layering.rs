@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
 const ORDER: [&[&str]; 19] = [
-    &["dense", "error", "files", "numeric", "quantity", "progress"],
+    &[
+        "dense", "error", "files", "numeric", "quantity", "progress", "signals",
+    ],
     &["field", "laminate"],
     &["noise"],
     &["geometry"],

@@ -6,6 +6,7 @@ mod getdist;
 mod npz;
 mod reader;
 mod store;
+mod table;
 mod zarr;
 
 pub use csv::{read_csv, write_csv, write_stan};
@@ -14,3 +15,4 @@ pub use getdist::{read_getdist, write_getdist};
 pub use npz::write_npz;
 pub use reader::{Reader, TakeChunk, read as read_zarr};
 pub use store::{Layout, Replay, Store, write_zarr};
+pub use table::write_table;

@@ -9,14 +9,13 @@ use std::time::Instant;
 use clap::Args;
 
 use super::console::Console;
-use super::running::load;
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::{inverse_problem, prepare, start};
 use crate::infer::{
-    Laplace, LogDensity, Posterior, Tabulated, TabulatedMoments, TestPoint, laplace,
+    Laplace, LogDensity, Model, Posterior, Tabulated, TabulatedMoments, TestPoint, laplace,
 };
 use crate::sample::{
     Ensemble, MOVES, Mixture, Monitor, Outcome, Phase, PhaseReport, Sampler, Schedule, Start, Stop,
@@ -42,7 +41,7 @@ pub fn run(arguments: &BenchArguments, global: &Global, console: &Console) -> Re
     let (posterior, normal, known) = match &arguments.file {
         Some(path) => tabulated(&Tabulated::load(path)?)?,
         None => {
-            let model = load(DEFAULT_MODEL.as_ref(), None)?;
+            let model = Model::load_with(DEFAULT_MODEL.as_ref(), None)?;
             let prepared = prepare(&model, &cache(), console)?;
             let posterior = inverse_problem(&model, prepared, console)?.posterior;
             let normal = start(&posterior)?;

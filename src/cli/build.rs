@@ -7,7 +7,6 @@ use serde_json::json;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::running::load;
 use super::{DEFAULT_MODEL, cache, print};
 use crate::effect::Scene;
 use crate::error::{Error, Result};
@@ -15,6 +14,7 @@ use crate::experiment::State;
 use crate::fem::Certificate;
 use crate::fem::verify::{Check, basis, checks};
 use crate::identify::{self, Prepared};
+use crate::infer::Model;
 use crate::progress::Progress;
 use crate::reduce::{cache as reduced_models, spread_over};
 use crate::report::tables;
@@ -46,7 +46,7 @@ pub struct Arguments {
 const SCHEMA: &str = "plychain-reduced-model/1";
 
 pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
-    let mut model = load(&arguments.model, arguments.data.as_ref())?;
+    let mut model = Model::load_with(&arguments.model, arguments.data.as_ref())?;
     model.file.reduced_model.full_order |= arguments.full_order;
     let folder = Folder::create(
         arguments.out.as_deref(),

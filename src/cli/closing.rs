@@ -7,7 +7,7 @@ use clap::Args;
 use super::console::{Console, line};
 use super::diagnose::AVERAGED;
 use super::folder::{Folder, check_run};
-use super::identify::{resolved, truth};
+use super::identify::truth;
 use super::running::Running;
 use super::{Global, beside, cache, print};
 use crate::chain::{write_csv, write_zarr};
@@ -105,7 +105,7 @@ fn write(
         } else {
             format!("round-{k}/model.json")
         };
-        folder.write_json(&name, &resolved(&step.model)?)?;
+        folder.write_json(&name, &step.model.resolved()?)?;
     }
     if let Some(sampled) = &closed.sampled {
         let place = folder.path().join(AVERAGED);
@@ -118,7 +118,7 @@ fn write(
         write_csv(&sampled.draws, &place.join("chain.csv"))?;
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
-    folder.write_json("model.extended.json", &resolved(&last.model)?)?;
+    folder.write_json("model.extended.json", &last.model.resolved()?)?;
     let mut report = gather::closed(closed, seed);
     report.together = beside.map(|b| TogetherReport::new(b, trace::tension(last).as_ref()));
     folder.write_json("report.json", &report)?;

@@ -5,17 +5,13 @@ use std::time::Instant;
 
 use serde::Serialize;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 
 use super::RUNS;
 use super::console::line;
 use crate::error::{Error, Result};
-use crate::field::unreadable;
 use crate::files;
 use crate::infer::Model;
-use crate::reduce::cache::hex;
-use crate::report::json::Keyed;
-use crate::report::manifest::Manifest;
+use crate::report::manifest::{Manifest, hashes};
 
 /// A folder under construction. Dropped without [`Folder::keep`], it is removed.
 pub struct Folder {
@@ -244,18 +240,6 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Error {
         "a place that can be written",
     )
     .found(error)
-}
-
-/// SHA-256 of files, by path.
-pub fn hashes<'a>(files: impl Iterator<Item = &'a PathBuf>) -> Result<Keyed<String>> {
-    files
-        .map(|path| Ok((path.display().to_string(), hash(path)?)))
-        .collect()
-}
-
-fn hash(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
-    Ok(hex(&Sha256::digest(bytes)))
 }
 
 /// Attempts at rounds that a loop may have made.

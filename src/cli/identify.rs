@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::Value;
 
 use super::console::Console;
 use super::folder::Folder;
@@ -69,13 +68,6 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
     beside.map_or(Ok(None), KnownTruth::load)
 }
 
-/// The model with its measurement's absolute paths, so that it can be read from a run's folder.
-pub fn resolved(model: &Model) -> Result<Value> {
-    let mut resolved = model.clone();
-    *resolved.experiment_mut() = model.experiment().clone().below(model.base_dir())?;
-    resolved.file.to_json()
-}
-
 /// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
 pub fn write(
     model: &Model,
@@ -87,7 +79,7 @@ pub fn write(
     if let Some(round) = rounds.last() {
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
-    folder.write_json("model.json", &resolved(model)?)?;
+    folder.write_json("model.json", &model.resolved()?)?;
     let mut report = gather::identified(model, rounds, seed);
     report.together = beside.map(|b| TogetherReport::new(b, None));
     folder.write_json("report.json", &report)?;

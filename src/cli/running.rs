@@ -8,14 +8,16 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::console::line;
-use super::folder::{Folder, hashes, verb};
+use super::folder::{Folder, verb};
 use super::{DEFAULT_MODEL, Global, cache};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::identify::{Options, settle_force};
 use crate::infer::{Model, RingingModel};
 use crate::reduce::cache::hex;
+use crate::report::manifest::hashes;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
+use crate::signals::on_termination;
 
 /// Arguments of a run.
 #[derive(Debug, Args)]
@@ -75,7 +77,7 @@ impl Running {
 
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<Plan> {
-        let mut model = load(&self.model, self.data.as_ref())?;
+        let mut model = Model::load_with(&self.model, self.data.as_ref())?;
         model.file.reduced_model.full_order |= self.full_order;
         settle_force(&mut model)?;
         let data = hashes(model.measurement_files()?.iter())?;
@@ -118,6 +120,7 @@ impl Running {
         let folder = Folder::open(self.out.as_deref(), name, self.resume)?;
         let identity = identity_of((name, file, &data), &*sampler, &schedule);
         folder.begin(&identity)?;
+        stoppable(folder.path())?;
         if let Some(before) = folder.interrupted().filter(|_| self.out.is_none()) {
             line(&format!(
                 "  {} is a run that was interrupted: --out {} --resume goes on with it",
@@ -215,6 +218,22 @@ impl Limits {
     }
 }
 
+/// What SIGTERM ends from now on is gone on with from its last checkpoint, which is about a second old: files are written so that a process
+/// may end at any moment.
+fn stoppable(folder: &Path) -> Result<()> {
+    let stopped = Error::stopped(folder.display(), "a run that comes to its end")
+        .found("SIGTERM")
+        .hint("the same command with --out and --resume goes on from the last checkpoint");
+    on_termination(move || {
+        line(&format!("error: {stopped}"));
+        line(&format!(
+            "hint: {}",
+            stopped.hint_text().unwrap_or_default()
+        ));
+        std::process::exit(i32::from(stopped.exit_code()))
+    })
+}
+
 /// An error if figures are wanted as PNG and the program was built without it.
 pub fn check_png(wanted: bool) -> Result<()> {
     if wanted && !cfg!(feature = "png") {
@@ -224,25 +243,6 @@ pub fn check_png(wanted: bool) -> Result<()> {
         );
     }
     Ok(())
-}
-
-/// Read a model, with its measurement elsewhere if `data` says so.
-pub fn load(path: &Path, data: Option<&PathBuf>) -> Result<Model> {
-    let mut model = Model::load(path)?;
-    if let Some(data) = data {
-        if model.experiment().steps.is_some() {
-            let place = format!("--data {}", data.display());
-            return Err(Error::input(place, "a model with one measurement")
-                .found("a load series")
-                .hint("name the files in experiments[0].steps"));
-        }
-        // Joined to the model's directory later, an absolute path stays as it is.
-        let absolute = std::path::absolute(data)
-            .map_err(|e| Error::input(format!("--data {}", data.display()), "a path").found(e))?;
-        model.experiment_mut().measurement =
-            model.experiment().measurement.clone().with_path(absolute);
-    }
-    Ok(model)
 }
 
 /// What a resumed run must share with the one that was interrupted.

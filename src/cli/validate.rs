@@ -10,7 +10,7 @@ use super::calibrate::{article_twin, calibrate};
 use super::console::Console;
 use super::folder::{Folder, check_run, say_round};
 use super::identify::write;
-use super::running::{identity, load, sampler};
+use super::running::{identity, sampler};
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     if arguments.target.is_dir() {
         return run_folder(arguments, global, console);
     }
-    let model = load(&arguments.target, arguments.data.as_ref())?;
+    let model = Model::load_with(&arguments.target, arguments.data.as_ref())?;
     if let Some(replicates) = arguments.sbc {
         return calibrate(arguments, replicates as usize, &model, global, console);
     }
@@ -143,7 +143,7 @@ fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Resu
     }
     let folder = Folder::of_run(path)?;
     say_round(path);
-    let model = load(&path.join("model.json"), None)?;
+    let model = Model::load_with(&path.join("model.json"), None)?;
     check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;
     let (prepared, refinements) = as_refined(path, &model, console)?;

@@ -49,6 +49,39 @@ impl Model {
         Self::parse(&text, path)
     }
 
+    /// Read a model, with its measurement elsewhere if `data` says so.
+    ///
+    /// # Errors
+    /// Those of [`Model::load`]; data in place of a load series.
+    pub fn load_with(path: &Path, data: Option<&PathBuf>) -> Result<Self> {
+        let mut model = Self::load(path)?;
+        if let Some(data) = data {
+            if model.experiment().steps.is_some() {
+                let place = format!("--data {}", data.display());
+                return Err(Error::input(place, "a model with one measurement")
+                    .found("a load series")
+                    .hint("name the files in experiments[0].steps"));
+            }
+            // Joined to the model's directory later, an absolute path stays as it is.
+            let absolute = std::path::absolute(data).map_err(|e| {
+                Error::input(format!("--data {}", data.display()), "a path").found(e)
+            })?;
+            model.experiment_mut().measurement =
+                model.experiment().measurement.clone().with_path(absolute);
+        }
+        Ok(model)
+    }
+
+    /// The model's file with its measurement's absolute paths, so that it can be read from anywhere.
+    ///
+    /// # Errors
+    /// Of the input: a current directory that is gone. Of the program: a value that JSON cannot hold.
+    pub fn resolved(&self) -> Result<serde_json::Value> {
+        let mut resolved = self.clone();
+        *resolved.experiment_mut() = self.experiment().clone().below(self.base_dir())?;
+        resolved.file.to_json()
+    }
+
     /// Parse and validate the text of a model file at `path`.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let place = path.display().to_string();

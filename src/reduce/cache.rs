@@ -1,5 +1,6 @@
 //! Reduced models on disk, by the hash of what determines them.
 
+use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +67,11 @@ pub fn obtain(
         progress.end();
         return Ok((model, true));
     }
+    let lock = Lock::of(&path, progress);
+    // what another process built meanwhile
+    if let Some(model) = lock.as_ref().and_then(|_| read(&path, &key)) {
+        return Ok((model, true));
+    }
     progress.begin(
         "finite-element snapshots",
         Some(problem.spec.snapshots as u64),
@@ -81,6 +87,36 @@ pub fn obtain(
     }
     progress.end();
     Ok((stored.model, false))
+}
+
+/// Held while a reduced model is built, so that of several processes one builds it and the others wait. The system lets go of
+/// it when its process ends, in whatever way.
+struct Lock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl Lock {
+    /// Waits for it; none where there are no locks, and then the model is built by each.
+    fn of(path: &Path, progress: &dyn Progress) -> Option<Self> {
+        let path = path.with_extension("lock");
+        std::fs::create_dir_all(path.parent()?).ok()?;
+        let file = File::create(&path).ok()?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            progress.begin("another process builds the same reduced model", None);
+            let locked = file.lock();
+            progress.end();
+            locked.ok()?;
+        }
+        Some(Self { path, _file: file })
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Whoever waits for it holds a file without a name then, and finds the model that was built.
+        let _ = std::fs::remove_file(&self.path);
+    }
 }
 
 fn read(path: &PathBuf, key: &str) -> Option<ReducedModel> {

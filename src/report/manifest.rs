@@ -1,13 +1,16 @@
 //! `run.json`, what a run was, and `truth.json`, what simulated data were made of.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use super::json::{Keyed, read};
 use crate::error::Result;
+use crate::field::unreadable;
 use crate::files;
+use crate::reduce::cache::hex;
 
 /// `run.json` of a finished run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,4 +68,19 @@ impl KnownTruth {
             Some(amplitudes) => amplitudes.get(parameter)?.as_f64(),
         }
     }
+}
+
+/// SHA-256 of files, by path.
+///
+/// # Errors
+/// The input's fault, with the file, if it cannot be read.
+pub fn hashes<'a>(files: impl Iterator<Item = &'a PathBuf>) -> Result<Keyed<String>> {
+    files
+        .map(|path| Ok((path.display().to_string(), hash(path)?)))
+        .collect()
+}
+
+fn hash(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
+    Ok(hex(&Sha256::digest(bytes)))
 }

@@ -32,6 +32,6 @@ mod words;
 
 pub use document::Report;
 pub use figures::{FieldCells, Figure, FigureData, Palette};
-pub use html::comparison;
+pub use html::{comparison, document, table};
 pub use page::{FIGURES, Page};
 pub use words::SILENT_HELD_PERCENT;

@@ -118,7 +118,7 @@ fn wide(figure: &Figure) -> Markup {
 const LONG: usize = 28;
 
 /// A table: its caption, header and rows; the first column holds the rows' names.
-fn table(
+pub fn table(
     caption: &str,
     header: &[impl AsRef<str>],
     rows: impl IntoIterator<Item = Vec<String>>,

@@ -1,0 +1,123 @@
+//! What one run found.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::campaign::manifest::Entry;
+use crate::campaign::status::{Places, State};
+use crate::error::Result;
+use crate::files::{Keyed, parse_json};
+use crate::report::Report;
+use crate::report::json::read;
+use crate::report::ringing;
+
+/// A run in the table.
+#[derive(Debug, Clone)]
+pub struct Row {
+    pub entry: Entry,
+    pub verdict: String,
+    /// Effects that were added.
+    pub effects: Vec<String>,
+    /// None of a run that is not done.
+    pub converged: Option<bool>,
+    pub warnings: usize,
+    pub constants: Keyed<Found>,
+}
+
+/// A constant, in the unit of its name, with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub struct Found {
+    pub mean: f64,
+    pub sd: f64,
+    pub low: f64,
+    pub high: f64,
+    /// Distance from the other runs'; see [`super::robust_z`].
+    #[serde(skip)]
+    pub robust_z: Option<f64>,
+}
+
+/// What is read of the report of a model of plates.
+#[derive(Deserialize)]
+struct Plates {
+    posterior: Keyed<FoundOfPlates>,
+    converged: bool,
+    warnings: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct FoundOfPlates {
+    #[serde(flatten)]
+    found: Found,
+    /// Of constants alone.
+    variance_left: Option<f64>,
+}
+
+impl Row {
+    /// # Errors
+    /// The input's fault, with the file: a report that cannot be read.
+    pub fn of(entry: &Entry, places: &Places) -> Result<Self> {
+        let row = Self {
+            entry: entry.clone(),
+            verdict: String::new(),
+            effects: Vec::new(),
+            converged: None,
+            warnings: 0,
+            constants: Keyed::new(),
+        };
+        if entry.status.state != State::Done {
+            return Ok(row);
+        }
+        let folder = places.run(&entry.run.name);
+        #[derive(Deserialize)]
+        struct Versioned {
+            schema: String,
+        }
+        let (file, text) = read(&folder, "report.json")?;
+        let Versioned { schema } = parse_json(&text, &file)?;
+        match schema == ringing::SCHEMA {
+            true => row.of_plates(parse_json(&text, &file)?),
+            false => row.of_a_field(&folder),
+        }
+    }
+
+    fn of_plates(mut self, plates: Plates) -> Result<Self> {
+        self.converged = Some(plates.converged);
+        self.warnings = plates.warnings.len();
+        let all = plates.posterior.into_iter();
+        let constants = all.filter(|(_, f)| f.variance_left.is_some());
+        self.constants = constants.map(|(name, f)| (name, f.found)).collect();
+        Ok(self)
+    }
+
+    /// The quoted constants of a loop, those of the round otherwise.
+    fn of_a_field(mut self, folder: &Path) -> Result<Self> {
+        let report = Report::load(folder)?;
+        let Some(last) = report.last() else {
+            return Ok(self);
+        };
+        self.converged = Some(report.rounds.iter().all(|r| r.convergence.converged));
+        self.warnings = last.warnings.len();
+        if let Some(closing) = &report.closing {
+            self.verdict = closing.verdict.status.words().into();
+            self.effects = closing.verdict.effects.clone();
+        }
+        let found = |name: &str| {
+            let [mean, sd, low, high] = match (report.averaged(name), last.posterior.get(name)) {
+                (Some(a), _) => [a.mean, a.sd, a.low, a.high],
+                (None, Some(p)) => [p.mean, p.sd, p.low, p.high],
+                (None, None) => return None,
+            };
+            let found = Found {
+                mean,
+                sd,
+                low,
+                high,
+                robust_z: None,
+            };
+            Some((name.to_string(), found))
+        };
+        self.constants = last.constants().filter_map(found).collect();
+        Ok(self)
+    }
+}

@@ -1,0 +1,112 @@
+//! `manifest.json`: every run of a campaign with its state, made from the runs' own files whenever something is to be said.
+
+use serde::{Deserialize, Serialize};
+
+use super::engine::Campaign;
+use super::plan::{Plan, Run};
+use super::status::{Places, State, Status};
+use crate::error::{Error, Result};
+use crate::files::{self, Keyed, parse_json};
+
+/// The schema of `manifest.json`.
+pub const SCHEMA: &str = "plychain-campaign-manifest/1";
+
+/// `manifest.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CampaignManifest {
+    pub schema: String,
+    pub name: String,
+    /// Of the program that wrote it.
+    pub version: String,
+    /// Runs in each state.
+    pub counts: Keyed<usize>,
+    pub runs: Vec<Entry>,
+}
+
+/// A run in the manifest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    #[serde(flatten)]
+    pub run: Run,
+    #[serde(flatten)]
+    pub status: Status,
+}
+
+impl CampaignManifest {
+    /// How a campaign stands.
+    pub fn of(plan: &Plan, places: &Places) -> Self {
+        let entry = |run: &Run| Entry {
+            status: places.state(run),
+            run: run.clone(),
+        };
+        let runs: Vec<Entry> = plan.runs.iter().map(entry).collect();
+        let count = |state: State| runs.iter().filter(|e| e.status.state == state).count();
+        let counts = State::ALL.map(|s| (s.words().replace(' ', "_"), count(s)));
+        Self {
+            schema: SCHEMA.into(),
+            name: plan.name.clone(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            counts: counts.into_iter().collect(),
+            runs,
+        }
+    }
+
+    /// How the campaign in a folder stands.
+    ///
+    /// # Errors
+    /// The input's fault: a folder that is no campaign's.
+    pub fn in_folder(places: &Places) -> Result<Self> {
+        let plan = Plan::load(&places.0)?.ok_or_else(|| {
+            Error::input(places.0.display(), "the folder of a campaign").found("no plan.json in it")
+        })?;
+        Ok(Self::of(&plan, places))
+    }
+
+    /// Read a manifest as it was written.
+    ///
+    /// # Errors
+    /// The input's fault, with the place.
+    pub fn load(places: &Places) -> Result<Self> {
+        let path = places.0.join("manifest.json");
+        let place = path.display().to_string();
+        let text = std::fs::read_to_string(&path)
+            .map_err(|e| Error::input(&place, "the manifest of a campaign").found(e))?;
+        parse_json(&text, &place)
+    }
+
+    pub fn count(&self, state: State) -> usize {
+        let mut states = self.runs.iter().map(|e| e.status.state);
+        states.by_ref().filter(|s| *s == state).count()
+    }
+
+    /// In words: how many runs are in which state, and why some are not done.
+    pub fn text(&self) -> String {
+        let counts = State::ALL.map(|s| (s, self.count(s)));
+        let counts = counts.iter().filter(|(_, n)| *n > 0);
+        let counts: Vec<String> = counts.map(|(s, n)| format!("{n} {}", s.words())).collect();
+        let mut text = format!(
+            "{}: {} runs: {}\n",
+            self.name,
+            self.runs.len(),
+            counts.join(", ")
+        );
+        let failed = |e: &&Entry| matches!(e.status.state, State::Failed);
+        for entry in self.runs.iter().filter(failed) {
+            let cause = entry.status.cause.as_deref().unwrap_or("no cause noted");
+            text += &format!("  {} failed: {cause}\n", entry.run.name);
+        }
+        text
+    }
+}
+
+/// Write how a campaign stands into its folder, and return it.
+///
+/// # Errors
+/// Of the input: a folder that cannot be written.
+pub fn write(campaign: &Campaign) -> Result<CampaignManifest> {
+    let places = &campaign.places;
+    let _alone = places.alone()?;
+    let manifest = CampaignManifest::of(&campaign.plan, places);
+    files::write_json(&places.0.join("manifest.json"), &manifest)?;
+    Ok(manifest)
+}

@@ -1,0 +1,41 @@
+//! Many runs: of models, data and seeds, on this machine or by a cluster's job array, each in an ordinary run folder.
+
+mod children;
+pub mod collect;
+mod engine;
+pub mod file;
+mod local;
+pub mod manifest;
+mod pattern;
+mod plan;
+mod process;
+mod settle;
+mod slurm;
+mod status;
+mod sweep;
+
+use crate::error::{Error, Result};
+
+pub use engine::{Campaign, Cluster, Engine, Resources};
+pub use plan::{Plan, Run};
+pub use settle::{Asked, name_of, settle};
+pub use status::{Places, State};
+
+/// Every engine.
+pub const ENGINES: &[&dyn Engine] = &[&local::Local, &slurm::Slurm];
+
+/// The engine of a name.
+///
+/// # Errors
+/// The input's fault: there is none.
+pub fn engine(name: &str) -> Result<&'static dyn Engine> {
+    let known = || ENGINES.iter().map(|e| e.name());
+    ENGINES
+        .iter()
+        .find(|e| e.name() == name)
+        .copied()
+        .ok_or_else(|| {
+            let known: Vec<_> = known().collect();
+            Error::input("--engine", format!("one of {}", known.join(", "))).found(name)
+        })
+}

@@ -1,0 +1,185 @@
+//! The runs of a campaign with the hashes of what they read, frozen in `plan.json` of its folder.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::file::{Declared, Verb, read};
+use super::sweep;
+use crate::error::{Error, Result};
+use crate::files::{self, Keyed, parse_json};
+use crate::infer::{Model, RingingModel};
+use crate::report::manifest::hashes;
+
+/// The schema of `plan.json`.
+pub const SCHEMA: &str = "plychain-campaign-plan/1";
+
+/// `plan.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    pub schema: String,
+    pub name: String,
+    pub version: String,
+    pub runs: Vec<Run>,
+}
+
+/// One run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Names its folder.
+    pub name: String,
+    pub verb: Verb,
+    /// The model file that it reads: one in the campaign's folder where keys were set.
+    pub model: PathBuf,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<PathBuf>,
+    pub seed: u64,
+    /// Keys that were set in the model file.
+    #[serde(default, skip_serializing_if = "Keyed::is_empty")]
+    pub set: Keyed<Value>,
+    /// Options of the verb.
+    pub options: Vec<String>,
+    /// SHA-256 of every file that it reads.
+    pub inputs_sha256: Keyed<String>,
+}
+
+impl Run {
+    /// Arguments of the program that runs it in `folder`.
+    pub fn arguments(&self, folder: &Path) -> Vec<String> {
+        let mut all = vec![self.verb.name().into(), self.model.display().to_string()];
+        if let Some(data) = &self.data {
+            all.extend(["--data".into(), data.display().to_string()]);
+        }
+        all.extend(["--seed".into(), self.seed.to_string()]);
+        all.extend(self.options.iter().cloned());
+        let out = folder.display().to_string();
+        all.extend(["--out".into(), out, "--resume".into(), "--quiet".into()]);
+        all
+    }
+
+    /// The first of its inputs that is no more what it was, if there is one.
+    pub fn changed_input(&self) -> Option<String> {
+        let differs = |(file, hash): (&String, &String)| {
+            let now = hashes(std::iter::once(&PathBuf::from(file)));
+            let same = now.is_ok_and(|now| now.values().eq(std::iter::once(hash)));
+            (!same).then(|| file.clone())
+        };
+        self.inputs_sha256.iter().find_map(differs)
+    }
+
+    /// What of `other`, the same run as it is asked for now, differs.
+    fn difference(&self, other: &Self) -> Option<String> {
+        if self == other {
+            return None;
+        }
+        let files = self.inputs_sha256.iter();
+        let changed = files
+            .filter(|(file, hash)| other.inputs_sha256.get(*file) != Some(*hash))
+            .map(|(file, _)| file.clone())
+            .next();
+        Some(changed.unwrap_or_else(|| "the campaign file, which defines the run".into()))
+    }
+}
+
+impl Plan {
+    /// The plan of a campaign file: every model is read, and every input hashed. Models with keys set are written into `folder`.
+    ///
+    /// # Errors
+    /// The input's fault: the campaign file's, a model's, or that of a file that cannot be read.
+    pub fn make(file: &Path, folder: &Path, seed: u64) -> Result<Self> {
+        let (name, declared) = read(file, seed)?;
+        let mut known = BTreeMap::new();
+        let plan = |run: Declared| {
+            let about = format!("{}: run {}", file.display(), run.name);
+            planned(run, folder, &mut known).map_err(|e| e.within(about))
+        };
+        Ok(Self {
+            schema: SCHEMA.into(),
+            name,
+            version: env!("CARGO_PKG_VERSION").into(),
+            runs: declared.into_iter().map(plan).collect::<Result<_>>()?,
+        })
+    }
+
+    /// The plan in a campaign's folder; none if there is none.
+    ///
+    /// # Errors
+    /// The input's fault, with the place.
+    pub fn load(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join("plan.json");
+        let place = path.display().to_string();
+        match std::fs::read_to_string(&path) {
+            Ok(text) => parse_json(&text, &place).map(Some),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(Error::input(place, "the plan of a campaign").found(e)),
+        }
+    }
+
+    /// # Errors
+    /// Of the input: a folder that cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        files::write_json(&folder.join("plan.json"), self)
+    }
+
+    /// Runs of this plan that are not what an earlier plan says, with what differs.
+    pub fn changed_since<'a>(&'a self, earlier: &'a Self) -> Vec<(&'a Run, String)> {
+        let known: BTreeMap<&str, &Run> =
+            earlier.runs.iter().map(|r| (r.name.as_str(), r)).collect();
+        let differs = |run: &'a Run| {
+            let difference = known.get(run.name.as_str())?.difference(run)?;
+            Some((run, difference))
+        };
+        self.runs.iter().filter_map(differs).collect()
+    }
+}
+
+/// Hashes by model and data, so that a model of many seeds is read once.
+type Known = BTreeMap<(PathBuf, Option<PathBuf>), Keyed<String>>;
+
+fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
+    let absolute = |path: &Path| {
+        std::path::absolute(path).map_err(|e| Error::input(path.display(), "a path").found(e))
+    };
+    let mut model = absolute(&run.model)?;
+    if !run.set.is_empty() {
+        let changed = sweep::changed(&model, &run.set)?;
+        let models = folder.join("models");
+        model = models.join(format!("{}.json", run.name));
+        files::make_folder(&models)?;
+        files::write_json(&model, &changed)?;
+    }
+    let data = run.data.as_deref().map(absolute).transpose()?;
+    let inputs_sha256 = match known.get(&(model.clone(), data.clone())) {
+        Some(inputs) => inputs.clone(),
+        None => {
+            let inputs = inputs(&model, data.as_ref())?;
+            known.insert((model.clone(), data.clone()), inputs.clone());
+            inputs
+        }
+    };
+    Ok(Run {
+        name: run.name,
+        verb: run.verb,
+        options: run.options.arguments(),
+        seed: run.seed,
+        set: run.set,
+        inputs_sha256,
+        model,
+        data,
+    })
+}
+
+/// SHA-256 of a model file and of the data that it is run with, all checked as far as they are before a run.
+fn inputs(path: &PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
+    let mut files = vec![path.clone()];
+    if RingingModel::load(path)?.is_none() {
+        files.extend(Model::load_with(path, data)?.measurement_files()?);
+    } else if let Some(data) = data {
+        return Err(Error::input("data", "a model of a field")
+            .found(data.display())
+            .hint("frequencies stand in the model file itself"));
+    }
+    hashes(files.iter())
+}

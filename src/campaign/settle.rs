@@ -1,0 +1,147 @@
+//! What is settled before a campaign's first run: its folder, its plan, and what became of its inputs since.
+
+use std::path::{Path, PathBuf};
+
+use super::engine::{Campaign, Resources};
+use super::file::read;
+use super::plan::Plan;
+use super::status::{Places, State};
+use crate::error::{Error, Result};
+use crate::files::make_folder;
+
+/// How a campaign is asked for.
+#[derive(Debug, Clone)]
+pub struct Asked {
+    pub file: PathBuf,
+    /// Its folder.
+    pub out: PathBuf,
+    pub resume: bool,
+    /// Run those again whose inputs changed.
+    pub rerun_changed: bool,
+    pub retry: bool,
+    /// Share K of N, which goes on with what it finds.
+    pub share: Option<[usize; 2]>,
+    /// Seed of runs that name none.
+    pub seed: u64,
+    pub resources: Resources,
+}
+
+/// The name in a campaign file, which names its folder.
+///
+/// # Errors
+/// Those of the file.
+pub fn name_of(file: &Path) -> Result<String> {
+    read(file, 0).map(|(name, _)| name)
+}
+
+/// Make the folder and the plan, or take up those that are there. Nothing is run.
+///
+/// # Errors
+/// The input's fault: a folder that is there and not to be gone on with, inputs that changed, what a plan is refused for.
+pub fn settle(asked: &Asked) -> Result<Campaign> {
+    let absolute = |path: &Path| {
+        std::path::absolute(path).map_err(|e| Error::input(path.display(), "a path").found(e))
+    };
+    let places = Places(absolute(&asked.out)?);
+    let known = Plan::load(&places.0)?;
+    check_folder(asked, &places, known.is_some())?;
+    for folder in ["runs", "status", "log"] {
+        make_folder(&places.0.join(folder))?;
+    }
+    let _alone = places.alone()?;
+    // another share may have made it meanwhile
+    let known = Plan::load(&places.0)?;
+    let plan = match known {
+        // a share takes the plan as it is: many of them begin at one moment
+        Some(plan) if asked.share.is_some() => plan,
+        known => {
+            let plan = Plan::make(&asked.file, &places.0, asked.seed)?;
+            if let Some(known) = &known {
+                changes(asked, &places, &plan, known)?;
+            }
+            if known.as_ref() != Some(&plan) {
+                plan.write(&places.0)?;
+            }
+            plan
+        }
+    };
+    Ok(Campaign {
+        file: absolute(&asked.file)?,
+        places,
+        plan,
+        resources: asked.resources.clone(),
+        retry: asked.retry,
+        share: asked.share,
+    })
+}
+
+fn check_folder(asked: &Asked, places: &Places, is_ours: bool) -> Result<()> {
+    let path = &places.0;
+    let wanted = |expected: &str| {
+        Error::input(
+            format!("--out {}", asked.out.display()),
+            expected.to_string(),
+        )
+    };
+    if is_ours {
+        return match asked.resume || asked.share.is_some() {
+            true => Ok(()),
+            false => Err(wanted("a folder that does not exist yet")
+                .found("that of a campaign")
+                .hint("--resume goes on with it, and runs what is missing only")),
+        };
+    }
+    let mut entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+    // a campaign that was killed before it had a plan has made these
+    let made = |name: &std::ffi::OsStr| {
+        let names = ["runs", "status", "log", "models", "slurm", "campaign.lock"];
+        names.iter().any(|n| name == *n) || name == "plan.json.new"
+    };
+    match entries.any(|e| !made(&e.file_name())) {
+        true => Err(wanted("an empty folder, or one that does not exist yet")
+            .found("one with other files")
+            .hint("nothing was changed")),
+        false => Ok(()),
+    }
+}
+
+/// Runs that were begun and are no more what they were: an error, or, if they are to be run again, put aside.
+fn changes(asked: &Asked, places: &Places, plan: &Plan, known: &Plan) -> Result<()> {
+    for (run, what) in plan.changed_since(known) {
+        if places.state(run).state == State::Waiting {
+            continue;
+        }
+        if !asked.rerun_changed {
+            return Err(
+                Error::input(what, format!("what run {} was begun with", run.name))
+                    .found("something else")
+                    .hint("--rerun-changed runs it again and keeps what there was in replaced/"),
+            );
+        }
+        put_aside(places, &run.name)?;
+    }
+    Ok(())
+}
+
+/// Move what there is of a run to the next free `replaced/NAME-K`.
+fn put_aside(places: &Places, name: &str) -> Result<()> {
+    let Some(lock) = places.take(name)? else {
+        return Err(Error::input(name, "a run that ended").found("one that is running"));
+    };
+    let folder = places.0.join("replaced");
+    make_folder(&folder)?;
+    let free = (1..).map(|k| folder.join(format!("{name}-{k}")));
+    let free = free.into_iter().find(|p| !p.exists()).unwrap_or_default();
+    let run = places.run(name);
+    let failed = |e| Error::input(run.display(), "a folder that can be moved").found(e);
+    if run.exists() {
+        std::fs::rename(&run, free).map_err(failed)?;
+    }
+    match std::fs::remove_file(places.status(name)) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(failed(e)),
+        _ => {
+            drop(lock);
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The state of each run, from files of its own: what its folder holds, what was noted when it ended, and a lock that its process holds.
+//! No two processes write one file, and the system lets go of a lock in whatever way its holder ends.
+
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::plan::Run;
+use crate::error::{Error, Result};
+use crate::files;
+use crate::report::manifest::Manifest;
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    Waiting,
+    Running,
+    Done,
+    Failed,
+    ToBeResumed,
+}
+
+impl State {
+    pub const ALL: [Self; 5] = [
+        Self::Waiting,
+        Self::Running,
+        Self::Done,
+        Self::Failed,
+        Self::ToBeResumed,
+    ];
+
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Running => "running",
+            Self::Done => "done",
+            Self::Failed => "failed",
+            Self::ToBeResumed => "to be resumed",
+        }
+    }
+}
+
+/// What is noted of a run when it begins and when it ends, `status/NAME.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    pub state: State,
+    /// Why it failed, or was not brought to its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<String>,
+    /// How often it was begun or gone on with.
+    pub attempts: usize,
+    /// Of the program that ran it last.
+    pub version: String,
+    /// Of all attempts.
+    pub seconds: f64,
+}
+
+impl Default for Status {
+    fn default() -> Self {
+        Self {
+            state: State::Waiting,
+            cause: None,
+            attempts: 0,
+            version: env!("CARGO_PKG_VERSION").into(),
+            seconds: 0.0,
+        }
+    }
+}
+
+/// Places in a campaign's folder.
+#[derive(Debug, Clone)]
+pub struct Places(pub PathBuf);
+
+impl Places {
+    /// The folder of a run, as if it had been run alone.
+    pub fn run(&self, name: &str) -> PathBuf {
+        self.0.join("runs").join(name)
+    }
+
+    /// What a run printed.
+    pub fn log(&self, name: &str) -> PathBuf {
+        self.0.join("log").join(format!("{name}.txt"))
+    }
+
+    pub fn status(&self, name: &str) -> PathBuf {
+        self.0.join("status").join(format!("{name}.json"))
+    }
+
+    fn lock(&self, name: &str) -> PathBuf {
+        self.0.join("status").join(format!("{name}.lock"))
+    }
+
+    /// What is noted of a run; what cannot be read is as if it were not there.
+    pub fn noted(&self, name: &str) -> Status {
+        let text = std::fs::read_to_string(self.status(name)).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    }
+
+    /// # Errors
+    /// Of the input: a folder that cannot be written.
+    pub fn note(&self, name: &str, status: &Status) -> Result<()> {
+        files::write_json(&self.status(name), status)
+    }
+
+    /// The state of a run as its files tell it, with what is noted of it. A run whose process is gone without a word is to be resumed.
+    pub fn state(&self, run: &Run) -> Status {
+        let mut status = self.noted(&run.name);
+        status.state = match status.state {
+            _ if self.is_finished(run) => State::Done,
+            _ if self.is_locked(&run.name) => State::Running,
+            State::Failed => State::Failed,
+            State::Waiting if !self.run(&run.name).exists() => State::Waiting,
+            _ => State::ToBeResumed,
+        };
+        if status.state == State::Done {
+            status.cause = None;
+        }
+        status
+    }
+
+    /// The page is what a field's run writes last, the manifest what a plate's does.
+    pub fn is_finished(&self, run: &Run) -> bool {
+        let folder = self.run(&run.name);
+        folder.join("report.html").is_file() && Manifest::load(&folder).is_ok()
+    }
+
+    fn is_locked(&self, name: &str) -> bool {
+        let Ok(file) = File::open(self.lock(name)) else {
+            return false;
+        };
+        // one that looks at the same moment does not keep a run from its lock
+        matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
+    }
+
+    /// The lock of a run; none if another process holds it.
+    ///
+    /// # Errors
+    /// Of the input: a folder that cannot be written.
+    pub fn take(&self, name: &str) -> Result<Option<File>> {
+        let path = self.lock(name);
+        let file = lock_file(&path)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => Ok(None),
+            // where there are no locks, shares that differ keep processes apart
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Some(file)),
+        }
+    }
+
+    /// Waits for what only one process may do to the campaign's folder at a time.
+    ///
+    /// # Errors
+    /// Of the input: a folder that cannot be written.
+    pub fn alone(&self) -> Result<File> {
+        let file = lock_file(&self.0.join("campaign.lock"))?;
+        // without locks the last to write wins, and writes the same
+        let _ = file.lock();
+        Ok(file)
+    }
+}
+
+fn lock_file(path: &Path) -> Result<File> {
+    let file = File::options()
+        .read(true)
+        .append(true)
+        .create(true)
+        .open(path);
+    file.map_err(|e| Error::input(path.display(), "a file that can be written").found(e))
+}
