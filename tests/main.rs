@@ -2,6 +2,7 @@
 
 mod bending;
 mod browser;
+mod campaign;
 mod chain_files;
 mod cli;
 mod design;

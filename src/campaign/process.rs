@@ -112,23 +112,32 @@ fn judged(end: ExitStatus, printed: &str, stopped: bool) -> (State, Option<Strin
         Some(code) if code == i32::from(TO_BE_RESUMED) => {
             (State::ToBeResumed, Some("told to stop".into()))
         }
-        // a signal is no fault of the run's; one that was sent before the program could take it is a request to stop
-        None => {
-            let cause = match (stopped, signal(end)) {
-                (true, _) => "told to stop".into(),
-                (_, Some(9)) => "killed (signal 9): by hand, or out of memory".into(),
-                (_, Some(n)) => format!("killed by signal {n}"),
-                (_, None) => "killed".into(),
-            };
-            (State::ToBeResumed, Some(cause))
-        }
+        // one that was sent before the program could take it is a request to stop
+        None if stopped => (State::ToBeResumed, Some("told to stop".into())),
+        None => match signal(end) {
+            // from outside (HUP, INT, KILL, TERM): no fault of the run's
+            Some(n @ (1 | 2 | 9 | 15)) => {
+                let cause = format!("killed by signal {n}: by hand, or for want of memory");
+                (State::ToBeResumed, Some(cause))
+            }
+            n => {
+                let n = n.map_or_else(|| "a signal".into(), |n| format!("signal {n}"));
+                let said = last(printed).unwrap_or("nothing printed");
+                (State::Failed, Some(format!("ended by {n}: {said}")))
+            }
+        },
         Some(code) => {
-            let lines = || printed.lines().rev().filter(|l| !l.trim().is_empty());
-            let said = lines().find(|l| l.starts_with("error:"));
-            let said = said.or_else(|| lines().next()).unwrap_or("nothing printed");
+            let error = printed.lines().rev().find(|l| l.starts_with("error:"));
+            let said = error.or_else(|| last(printed));
+            let said = said.unwrap_or("nothing printed");
             (State::Failed, Some(format!("exit {code}: {said}")))
         }
     }
+}
+
+/// The last line that was printed.
+fn last(printed: &str) -> Option<&str> {
+    printed.lines().rev().find(|l| !l.trim().is_empty())
 }
 
 #[cfg(unix)]

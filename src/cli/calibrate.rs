@@ -15,7 +15,7 @@ use crate::validate::grid::Grid;
 use crate::validate::twin::{Truth, Twin};
 use crate::validate::whole_loop::{self, LoopSummary};
 use crate::validate::{article, quadrature};
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Noise of the article's simulated twin, nm, and points along a side.
 const TWIN_NOISE_NM: f64 = 10.0;
@@ -84,6 +84,7 @@ fn calibrate_loop(
             reduced: false,
             seed: global.seed,
             grid: arguments.grid,
+            share: arguments.share()?,
         };
         let what = if arguments.withheld {
             "withheld"
@@ -93,15 +94,15 @@ fn calibrate_loop(
         let record = out.join(format!("sbc-{what}-{correlation_mm}mm.jsonl"));
         let withheld = arguments.withheld;
         let found = whole_loop::calibrate_loop(model, &plan, withheld, &cache(), &record, console)?;
+        if plan.share.is_some() {
+            say_share(&plan, found.len())?;
+            continue;
+        }
         let summary = LoopSummary::new(&plan, withheld, &found);
         print(&loop_text(&summary))?;
         all.push(loop_numbers(&summary));
     }
-    let value =
-        json!({ "schema": crate::report::validation::SCHEMA, "calibration_of_the_loop": all });
-    let path = out.join("validation.json");
-    files::write_json(&path, &value)?;
-    print(&format!("written to {}\n", path.display()))
+    finish(out, "calibration_of_the_loop", all)
 }
 
 /// Run `--sbc`.
@@ -156,15 +157,35 @@ pub fn calibrate(
             reduced: arguments.reduced,
             seed: global.seed,
             grid: arguments.grid,
+            share: arguments.share()?,
         };
         let record = out.join(format!("sbc-{correlation_mm}mm.jsonl"));
         let found = calibration::calibrate(&model, &twin, &plan, &record, console)?;
+        if plan.share.is_some() {
+            say_share(&plan, found.len())?;
+            continue;
+        }
         let summary = calibration::summarise(&plan, &names, &found);
         print(&calibration_text(&summary))?;
         all.push(calibration_numbers(&summary));
     }
-    let value = json!({ "schema": crate::report::validation::SCHEMA, "calibration": all });
+    finish(&out, "calibration", all)
+}
+
+/// Write the tables, if there are any: a share has none.
+fn finish(out: &Path, key: &str, all: Vec<Value>) -> Result<()> {
+    if all.is_empty() {
+        return Ok(());
+    }
+    let value = json!({ "schema": crate::report::validation::SCHEMA, key: all });
     let path = out.join("validation.json");
     files::write_json(&path, &value)?;
     print(&format!("written to {}\n", path.display()))
+}
+
+fn say_share(plan: &Plan, done: usize) -> Result<()> {
+    print(&format!(
+        "{done} of {} replicates done, {} mm; the same command without --task makes the table\n",
+        plan.replicates, plan.correlation_mm
+    ))
 }

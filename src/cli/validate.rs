@@ -22,6 +22,7 @@ use crate::report::calibration::{article_numbers, article_text};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, Schedule};
 use crate::validate::grid::{self, Grid};
+use crate::validate::record::Share;
 use crate::validate::{priors, quadrature, thickness};
 
 /// Arguments of `validate`.
@@ -69,9 +70,31 @@ pub struct Arguments {
     /// Points along a side of the simulated field for --sbc
     #[arg(long, default_value_t = 61)]
     pub(super) grid: usize,
+    /// Share K of N of the replicates of --sbc, in a record of its own; without --task all records make the table
+    #[arg(long, value_name = "K", requires_all = ["of", "sbc"], value_parser = clap::value_parser!(u32).range(1..))]
+    task: Option<u32>,
+    /// Number of shares
+    #[arg(long, value_name = "N", requires = "task", value_parser = clap::value_parser!(u32).range(1..))]
+    of: Option<u32>,
     /// Simulate the fields of --sbc by the reduced model in place of the finite elements
     #[arg(long)]
     pub(super) reduced: bool,
+}
+
+impl Arguments {
+    /// The share that is asked for.
+    pub(super) fn share(&self) -> Result<Option<Share>> {
+        let Some((task, of)) = self.task.zip(self.of) else {
+            return Ok(None);
+        };
+        if task > of {
+            return Err(Error::input("--task", format!("a number from 1 to {of}")).found(task));
+        }
+        Ok(Some(Share {
+            task: task as usize,
+            of: of as usize,
+        }))
+    }
 }
 
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
-use super::record::Record;
+use super::record::{Record, Share};
 use super::twin::{Truth, Twin};
 use crate::chain::Draws;
 use crate::diagnose::Rule;
@@ -46,6 +46,9 @@ pub struct Plan {
     pub seed: u64,
     /// Points along a side of the lattice.
     pub grid: usize,
+    /// Which of the replicates are run; the others may be in records beside.
+    #[serde(skip)]
+    pub share: Option<Share>,
 }
 
 /// One line of the record.
@@ -115,10 +118,9 @@ pub fn calibrate(
         replicates: 0,
         ..plan.clone()
     };
-    let (mut record, mut done) = Record::open::<Replicate>(path, &(of, &model.file))?;
-    let todo: Vec<usize> = (0..plan.replicates)
-        .filter(|k| done.iter().all(|r| r.replicate != *k))
-        .collect();
+    let (mut record, mut done) =
+        Record::open_among::<Replicate>(path, &(of, &model.file), plan.share)?;
+    let todo = plan.todo(|k| done.iter().any(|r| r.replicate == k));
     let noise = if plan.correlation_mm == 0.0 {
         "white noise".to_string()
     } else {
@@ -151,10 +153,17 @@ pub fn calibrate(
     progress.end();
     done.retain(|r| r.replicate < plan.replicates);
     done.sort_by_key(|r| r.replicate);
+    done.dedup_by_key(|r| r.replicate);
     Ok(done)
 }
 
 impl Plan {
+    /// Replicates of the share that are not done.
+    pub fn todo(&self, is_done: impl Fn(usize) -> bool) -> Vec<usize> {
+        let own = (0..self.replicates).filter(|&k| self.share.is_none_or(|s| s.has(k)));
+        own.filter(|&k| !is_done(k)).collect()
+    }
+
     /// The seed of a replicate, for a purpose.
     pub fn seed_of(&self, replicate: usize, purpose: u64) -> u64 {
         let mut rng = Pcg64Dxsm::seed_from_u64(self.seed);

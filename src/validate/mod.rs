@@ -6,7 +6,7 @@ pub mod design;
 pub mod grid;
 pub mod priors;
 pub mod quadrature;
-mod record;
+pub mod record;
 pub mod thickness;
 pub mod twin;
 pub mod whole_loop;

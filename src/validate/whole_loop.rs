@@ -64,9 +64,9 @@ pub fn calibrate_loop(
         replicates: 0,
         ..plan.clone()
     };
-    let (mut record, mut done) = Record::open::<LoopReplicate>(path, &(of, withheld, &model.file))?;
-    let is_done = |k: &usize| done.iter().any(|r| r.ranked.replicate == *k);
-    let todo: Vec<usize> = (0..plan.replicates).filter(|k| !is_done(k)).collect();
+    let of = (of, withheld, &model.file);
+    let (mut record, mut done) = Record::open_among::<LoopReplicate>(path, &of, plan.share)?;
+    let todo = plan.todo(|k| done.iter().any(|r| r.ranked.replicate == k));
     progress.begin("calibration of the loop", Some(todo.len() as u64));
     for some in todo.chunks(rayon::current_num_threads()) {
         let found: Vec<Result<LoopReplicate>> = some
@@ -86,6 +86,7 @@ pub fn calibrate_loop(
     progress.end();
     done.retain(|r| r.ranked.replicate < plan.replicates);
     done.sort_by_key(|r| r.ranked.replicate);
+    done.dedup_by_key(|r| r.ranked.replicate);
     Ok(done)
 }
 

@@ -14,6 +14,7 @@ fn the_scale_of_the_response_is_drawn_with_its_prior() {
         reduced: false,
         seed: 3,
         grid: 61,
+        share: None,
     };
     let thickness = model.experiment().specimen.thickness_mm;
     let scale = |k: usize| {
