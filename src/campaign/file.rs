@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
+use super::calibration::CalibrationSpec;
 use super::pattern;
 use crate::error::{Error, Result};
 use crate::experiment::check_name;
@@ -20,6 +21,8 @@ pub enum Verb {
     Identify,
     #[default]
     Loop,
+    /// Simulation-based calibration, `validate --sbc`.
+    Calibrate,
 }
 
 impl Verb {
@@ -27,6 +30,7 @@ impl Verb {
         match self {
             Self::Identify => "identify",
             Self::Loop => "loop",
+            Self::Calibrate => "validate",
         }
     }
 }
@@ -55,6 +59,9 @@ pub struct CampaignFile {
     pub sweep: Keyed<Vec<Value>>,
     #[serde(default)]
     pub options: Options,
+    /// Of the verb `calibrate`, and of no other.
+    #[serde(default)]
+    pub calibration: Option<CalibrationSpec>,
     /// Runs beside those of models x data x sweep x seeds.
     #[serde(default)]
     pub runs: Vec<RunSpec>,
@@ -165,7 +172,10 @@ pub struct Declared {
     pub data: Option<PathBuf>,
     pub seed: u64,
     pub set: Keyed<Value>,
-    pub options: Options,
+    /// Arguments of the verb.
+    pub options: Vec<String>,
+    /// Share K of N of a calibration, and the folder that all of them have.
+    pub share: Option<(String, [usize; 2])>,
 }
 
 /// Read a campaign file, and write out its runs in order, with names of their own. Seeds are counted from `seed` where none are given.
@@ -193,12 +203,35 @@ pub fn read(path: &Path, seed: u64) -> Result<(String, Vec<Declared>)> {
         return Err(Error::input(&place, "runs: \"models\", or \"runs\"").found("none"));
     }
     distinct(&mut runs, &file).map_err(within)?;
+    if let Some(calibration) = &file.calibration {
+        runs = calibration.shared(runs);
+    }
     Ok((file.name, runs))
+}
+
+/// Arguments of the campaign's verb.
+fn options(file: &CampaignFile) -> Result<Vec<String>> {
+    file.options.check(file.verb, "options")?;
+    match (file.verb, &file.calibration) {
+        (Verb::Calibrate, Some(_)) if file.options != Options::default() => Err(Error::input(
+            "options",
+            "no such key beside \"calibration\"",
+        )),
+        (Verb::Calibrate, Some(calibration)) => calibration.arguments(),
+        (Verb::Calibrate, None) => Err(Error::input(
+            "calibration",
+            "{\"replicates\": N, \"shares\": N}, which the verb calibrate needs",
+        )),
+        (_, Some(_)) => {
+            Err(Error::input("calibration", "the verb calibrate").found(file.verb.name()))
+        }
+        (_, None) => Ok(file.options.arguments()),
+    }
 }
 
 /// Models x data x sweep x seeds.
 fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Declared>> {
-    file.options.check(file.verb, "options")?;
+    let options = options(file)?;
     if file.models.is_empty() {
         let needless = !(file.data.is_empty() && file.seeds.is_empty() && file.sweep.is_empty());
         return match needless {
@@ -241,7 +274,8 @@ fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Declared>>
                         data: data.clone(),
                         seed,
                         set: set.clone(),
-                        options: file.options.clone(),
+                        options: options.clone(),
+                        share: None,
                     });
                 }
             }
@@ -264,6 +298,13 @@ fn listed(
         None => (&file.options, "options".to_string()),
     };
     options.check(verb, &place)?;
+    if verb == Verb::Calibrate {
+        return Err(
+            Error::input(format!("runs[{k}]"), "a run of identify or loop")
+                .found("calibrate")
+                .hint("a campaign that calibrates has models"),
+        );
+    }
     let mut name = own.name.clone();
     if let Some(name) = &name {
         check_name(name, "the run's folder").map_err(|e| e.below(format!("runs[{k}].")))?;
@@ -275,7 +316,8 @@ fn listed(
         data: own.data.as_ref().map(|d| base.join(d)),
         seed: own.seed.unwrap_or(seed),
         set: own.set.clone(),
-        options: options.clone(),
+        options: options.arguments(),
+        share: None,
         model,
     })
 }

@@ -128,7 +128,7 @@ fn command(campaign: &Campaign, run: &Run) -> Command {
             shell
         }
     };
-    command.args(run.arguments(&campaign.places.run(&run.name)));
+    command.args(run.arguments(&campaign.places.run(run)));
     command.args(["--threads", &threads.to_string()]);
     command
 }

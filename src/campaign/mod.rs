@@ -1,5 +1,6 @@
 //! Many runs: of models, data and seeds, on this machine or by a cluster's job array, each in an ordinary run folder.
 
+mod calibration;
 mod children;
 pub mod collect;
 mod engine;

@@ -28,7 +28,7 @@ pub struct Plan {
 /// One run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// Names its folder.
+    /// Names its folder, unless it is a share of something.
     pub name: String,
     pub verb: Verb,
     /// The model file that it reads: one in the campaign's folder where keys were set.
@@ -41,21 +41,42 @@ pub struct Run {
     pub set: Keyed<Value>,
     /// Options of the verb.
     pub options: Vec<String>,
+    /// Share K of N of a calibration, and the name of the folder that all shares have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub share: Option<(String, [usize; 2])>,
     /// SHA-256 of every file that it reads.
     pub inputs_sha256: Keyed<String>,
 }
 
 impl Run {
+    /// The name of its folder.
+    pub fn folder(&self) -> &str {
+        self.share.as_ref().map_or(&self.name, |(folder, _)| folder)
+    }
+
     /// Arguments of the program that runs it in `folder`.
     pub fn arguments(&self, folder: &Path) -> Vec<String> {
+        let mut all = self.whole(folder);
+        match &self.share {
+            None => all.push("--resume".into()),
+            Some((_, [k, n])) => {
+                let (k, n) = (k.to_string(), n.to_string());
+                all.extend(["--task".into(), k, "--of".into(), n]);
+            }
+        }
+        all.push("--quiet".into());
+        all
+    }
+
+    /// The same of all shares, whose records it makes a table of.
+    pub fn whole(&self, folder: &Path) -> Vec<String> {
         let mut all = vec![self.verb.name().into(), self.model.display().to_string()];
         if let Some(data) = &self.data {
             all.extend(["--data".into(), data.display().to_string()]);
         }
         all.extend(["--seed".into(), self.seed.to_string()]);
         all.extend(self.options.iter().cloned());
-        let out = folder.display().to_string();
-        all.extend(["--out".into(), out, "--resume".into(), "--quiet".into()]);
+        all.extend(["--out".into(), folder.display().to_string()]);
         all
     }
 
@@ -162,7 +183,8 @@ fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
     Ok(Run {
         name: run.name,
         verb: run.verb,
-        options: run.options.arguments(),
+        options: run.options,
+        share: run.share,
         seed: run.seed,
         set: run.set,
         inputs_sha256,

@@ -57,7 +57,7 @@ pub fn take_up(
         return places.note(&run.name, &status).map(|()| true);
     };
     (status.state, status.cause) = judged(end, &printed, children.stopped());
-    if status.state == State::Done && !places.is_finished(run) {
+    if status.state == State::Done && run.share.is_none() && !places.is_finished(run) {
         let cause = "the program ended well and left no report";
         (status.state, status.cause) = (State::Failed, Some(cause.into()));
     }

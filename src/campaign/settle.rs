@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::engine::{Campaign, Resources};
 use super::file::read;
-use super::plan::Plan;
+use super::plan::{Plan, Run};
 use super::status::{Places, State};
 use crate::error::{Error, Result};
 use crate::files::make_folder;
@@ -118,21 +118,22 @@ fn changes(asked: &Asked, places: &Places, plan: &Plan, known: &Plan) -> Result<
                     .hint("--rerun-changed runs it again and keeps what there was in replaced/"),
             );
         }
-        put_aside(places, &run.name)?;
+        put_aside(places, run)?;
     }
     Ok(())
 }
 
 /// Move what there is of a run to the next free `replaced/NAME-K`.
-fn put_aside(places: &Places, name: &str) -> Result<()> {
+fn put_aside(places: &Places, run: &Run) -> Result<()> {
+    let name = &run.name;
     let Some(lock) = places.take(name)? else {
         return Err(Error::input(name, "a run that ended").found("one that is running"));
     };
     let folder = places.0.join("replaced");
     make_folder(&folder)?;
-    let free = (1..).map(|k| folder.join(format!("{name}-{k}")));
+    let free = (1..).map(|k| folder.join(format!("{}-{k}", run.folder())));
     let free = free.into_iter().find(|p| !p.exists()).unwrap_or_default();
-    let run = places.run(name);
+    let run = places.run(run);
     let failed = |e| Error::input(run.display(), "a folder that can be moved").found(e);
     if run.exists() {
         std::fs::rename(&run, free).map_err(failed)?;

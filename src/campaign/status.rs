@@ -75,8 +75,8 @@ pub struct Places(pub PathBuf);
 
 impl Places {
     /// The folder of a run, as if it had been run alone.
-    pub fn run(&self, name: &str) -> PathBuf {
-        self.0.join("runs").join(name)
+    pub fn run(&self, run: &Run) -> PathBuf {
+        self.0.join("runs").join(run.folder())
     }
 
     /// What a run printed.
@@ -111,7 +111,7 @@ impl Places {
             _ if self.is_finished(run) => State::Done,
             _ if self.is_locked(&run.name) => State::Running,
             State::Failed => State::Failed,
-            State::Waiting if !self.run(&run.name).exists() => State::Waiting,
+            State::Waiting if run.share.is_some() || !self.run(run).exists() => State::Waiting,
             _ => State::ToBeResumed,
         };
         if status.state == State::Done {
@@ -120,9 +120,13 @@ impl Places {
         status
     }
 
-    /// The page is what a field's run writes last, the manifest what a plate's does.
+    /// The page is what a field's run writes last, the manifest what a plate's does. A share has neither; to run one again that is
+    /// done costs little.
     pub fn is_finished(&self, run: &Run) -> bool {
-        let folder = self.run(&run.name);
+        if run.share.is_some() {
+            return self.noted(&run.name).state == State::Done;
+        }
+        let folder = self.run(run);
         folder.join("report.html").is_file() && Manifest::load(&folder).is_ok()
     }
 

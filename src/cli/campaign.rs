@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use super::console::Console;
 use super::{Global, RUNS, print};
 use crate::campaign::collect::{Collected, MOST_Z, write};
-use crate::campaign::manifest::{self, CampaignManifest};
+use crate::campaign::manifest::{self, CampaignManifest, Entry};
 use crate::campaign::{self, Asked, Campaign, Cluster, Places, Resources, State};
 use crate::error::{Error, Result};
 
@@ -199,6 +199,29 @@ fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
     }
 }
 
+/// The tables of calibrations whose shares are all done.
+fn calibrations(collected: &Collected, places: &Places) -> Result<()> {
+    let program = std::env::current_exe()
+        .map_err(|e| Error::program("campaign", "the path of the program").found(e))?;
+    let mut seen = std::collections::BTreeSet::new();
+    let runs = || collected.rows.iter().map(|r| &r.entry);
+    for entry in runs() {
+        let of = |e: &&Entry| e.run.folder() == entry.run.folder();
+        let all_done = runs().filter(of).all(|e| e.status.state == State::Done);
+        if !all_done || !seen.insert(entry.run.folder()) {
+            continue;
+        }
+        let mut table = std::process::Command::new(&program);
+        table.args(entry.run.whole(&places.run(&entry.run)));
+        let end = table.arg("--quiet").status();
+        let failed = || Error::program(entry.run.folder(), "a table of its records");
+        if !end.map_err(|e| failed().found(e))?.success() {
+            return Err(failed());
+        }
+    }
+    Ok(())
+}
+
 fn collected(arguments: &CollectArguments) -> Result<()> {
     let places = Places(arguments.folder.clone());
     let collected = Collected::gather(&places)?;
@@ -208,6 +231,10 @@ fn collected(arguments: &CollectArguments) -> Result<()> {
             "  {} is unlike the others: {name} lies {z:.1} sds from their median (more than {MOST_Z})\n",
             row.entry.run.name
         );
+    }
+    if collected.rows.iter().any(|r| r.entry.run.share.is_some()) {
+        print(&text)?;
+        return calibrations(&collected, &places);
     }
     let [csv, zarr, html] = write(&collected, &arguments.folder)?;
     text += &format!(

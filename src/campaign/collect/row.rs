@@ -65,10 +65,10 @@ impl Row {
             warnings: 0,
             constants: Keyed::new(),
         };
-        if entry.status.state != State::Done {
+        if entry.status.state != State::Done || entry.run.share.is_some() {
             return Ok(row);
         }
-        let folder = places.run(&entry.run.name);
+        let folder = places.run(&entry.run);
         #[derive(Deserialize)]
         struct Versioned {
             schema: String,
