@@ -296,6 +296,12 @@ fn every_file_of_a_registry_is_listed() {
             plychain::geometry::GEOMETRIES.len(),
         ),
         ("field", "Reader", "READERS", plychain::field::READERS.len()),
+        (
+            "campaign",
+            "Engine",
+            "ENGINES",
+            plychain::campaign::ENGINES.len(),
+        ),
     ] {
         let modules = modules();
         let files: Vec<_> = modules.iter().filter(|(m, _)| m[0] == room).collect();

@@ -2,7 +2,6 @@
 
 use serde::Deserialize;
 
-use super::file::Declared;
 use crate::error::{Error, Result};
 
 /// The `calibration` object of a campaign file. Unknown keys are errors.
@@ -68,17 +67,5 @@ impl CalibrationSpec {
         let flags = flags.iter().filter(|(on, _)| *on);
         all.extend(flags.map(|(_, flag)| (*flag).to_string()));
         Ok(all)
-    }
-
-    /// The shares of calibrations, each a run; those of one have its folder.
-    pub fn shared(&self, runs: Vec<Declared>) -> Vec<Declared> {
-        let n = self.shares as usize;
-        let share = |run: &Declared, k: usize| Declared {
-            name: format!("{}-share-{k}", run.name),
-            share: Some((run.name.clone(), [k, n])),
-            ..run.clone()
-        };
-        let shares = |run: &Declared| (1..=n).map(|k| share(run, k)).collect::<Vec<_>>();
-        runs.iter().flat_map(shares).collect()
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::error::Result;
 use crate::signals::on_termination;
@@ -68,7 +68,7 @@ impl Children {
     }
 
     fn wait(&self, child: &mut Child) -> std::io::Result<ExitStatus> {
-        let mut pause = Duration::from_millis(1);
+        let began = Instant::now();
         loop {
             {
                 let mut ids = self.ids();
@@ -79,8 +79,9 @@ impl Children {
                     return Ok(status);
                 }
             }
-            std::thread::sleep(pause);
-            pause = (pause * 5 / 4).min(Duration::from_millis(50));
+            // an end is seen late by a fiftieth of the time that it took to come, at most
+            let pause = began.elapsed() / 50;
+            std::thread::sleep(pause.clamp(Duration::from_millis(1), Duration::from_millis(50)));
         }
     }
 }

@@ -1,61 +1,11 @@
 //! One table of all runs of a campaign: constants side by side, verdicts, and specimens unlike the others.
 
+mod collected;
 mod outlying;
 mod row;
 mod write;
 
-use crate::campaign::manifest::{CampaignManifest, Entry};
-use crate::campaign::status::Places;
-use crate::error::Result;
-
+pub use collected::Collected;
 pub use outlying::{MOST_Z, robust_z};
 pub use row::{Found, Row};
 pub use write::write;
-
-/// What all runs found.
-#[derive(Debug, Clone)]
-pub struct Collected {
-    pub name: String,
-    /// How the campaign stands, in words.
-    pub standing: String,
-    /// Names of the constants, in the order in which runs have them.
-    pub constants: Vec<String>,
-    pub rows: Vec<Row>,
-}
-
-impl Collected {
-    /// Gather what the runs in a campaign's folder found; those that are not done have a line too.
-    ///
-    /// # Errors
-    /// The input's fault: a folder that is no campaign's, a report that cannot be read.
-    pub fn gather(places: &Places) -> Result<Self> {
-        let manifest = CampaignManifest::in_folder(places)?;
-        let row = |entry: &Entry| Row::of(entry, places);
-        let mut rows: Vec<Row> = manifest.runs.iter().map(row).collect::<Result<_>>()?;
-        let mut constants: Vec<String> = Vec::new();
-        for name in rows.iter().flat_map(|r| r.constants.keys()) {
-            if !constants.contains(name) {
-                constants.push(name.clone());
-            }
-        }
-        for name in &constants {
-            outlying::mark(&mut rows, name);
-        }
-        Ok(Self {
-            name: manifest.name.clone(),
-            standing: manifest.text(),
-            constants,
-            rows,
-        })
-    }
-
-    /// Runs with a constant that is unlike the others', with the constant and its robust z.
-    pub fn outlying(&self) -> impl Iterator<Item = (&Row, &str, f64)> {
-        self.rows.iter().flat_map(|row| {
-            let all = row.constants.iter();
-            let far = all.filter_map(|(name, c)| Some((name.as_str(), c.robust_z?)));
-            far.filter(|(_, z)| z.abs() > MOST_Z)
-                .map(move |(name, z)| (row, name, z))
-        })
-    }
-}

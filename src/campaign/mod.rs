@@ -3,6 +3,7 @@
 mod calibration;
 mod children;
 pub mod collect;
+mod declared;
 mod engine;
 pub mod file;
 mod local;

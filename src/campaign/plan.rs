@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::file::{Declared, Verb, read};
+use super::declared::{Declared, read};
+use super::file::Verb;
 use super::sweep;
 use crate::error::{Error, Result};
 use crate::files::{self, Keyed, parse_json};

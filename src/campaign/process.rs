@@ -122,7 +122,10 @@ fn judged(end: ExitStatus, printed: &str, stopped: bool) -> (State, Option<Strin
             }
             n => {
                 let n = n.map_or_else(|| "a signal".into(), |n| format!("signal {n}"));
-                let said = last(printed).unwrap_or("nothing printed");
+                let telling =
+                    |l: &&str| l.starts_with("memory allocation of") || l.contains(" panicked at ");
+                let said = printed.lines().find(telling).or_else(|| last(printed));
+                let said = said.unwrap_or("nothing printed");
                 (State::Failed, Some(format!("ended by {n}: {said}")))
             }
         },
@@ -152,7 +155,7 @@ fn signal(_end: ExitStatus) -> Option<i32> {
 
 /// A word as a shell takes it.
 pub fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+%".contains(c);
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+%@".contains(c);
     match !word.is_empty() && word.chars().all(plain) {
         true => word.into(),
         false => format!("'{}'", word.replace('\'', "'\\''")),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::engine::{Campaign, Resources};
-use super::file::read;
+use super::file::CampaignFile;
 use super::plan::{Plan, Run};
 use super::status::{Places, State};
 use crate::error::{Error, Result};
@@ -31,7 +31,7 @@ pub struct Asked {
 /// # Errors
 /// Those of the file.
 pub fn name_of(file: &Path) -> Result<String> {
-    read(file, 0).map(|(name, _)| name)
+    CampaignFile::load(file).map(|file| file.name)
 }
 
 /// Make the folder and the plan, or take up those that are there. Nothing is run.

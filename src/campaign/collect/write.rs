@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use maud::html;
 
+use super::collected::Collected;
+use super::outlying::MOST_Z;
 use super::row::{Found, Row};
-use super::{Collected, MOST_Z};
 use crate::chain::write_table;
 use crate::error::{Error, Result};
 use crate::files;
