@@ -31,8 +31,8 @@ pub struct Declared {
 /// The input's fault, with file, line and key.
 pub fn read(path: &Path, seed: u64) -> Result<(String, Vec<Declared>)> {
     let file = CampaignFile::load(path)?;
-    let place = path.display();
-    let within = |e: Error| e.within(place);
+    let place = path.display().to_string();
+    let within = |e: Error| e.within(&place);
     check_name(&file.name, "the campaign's folder").map_err(within)?;
     let base = path.parent().unwrap_or(Path::new(""));
     let mut runs = product(&file, base, seed).map_err(within)?;
