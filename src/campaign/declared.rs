@@ -25,7 +25,8 @@ pub struct Declared {
     pub share: Option<(String, [usize; 2])>,
 }
 
-/// Read a campaign file, and write out its runs in order, with names of their own. Seeds are counted from `seed` where none are given.
+/// Read a campaign file, and write out its runs in order, with names of their own. Runs that name no seed have
+/// `seed`.
 ///
 /// # Errors
 /// The input's fault, with file, line and key.
@@ -33,7 +34,6 @@ pub fn read(path: &Path, seed: u64) -> Result<(String, Vec<Declared>)> {
     let file = CampaignFile::load(path)?;
     let place = path.display().to_string();
     let within = |e: Error| e.within(&place);
-    check_name(&file.name, "the campaign's folder").map_err(within)?;
     let base = path.parent().unwrap_or(Path::new(""));
     let mut runs = product(&file, base, seed).map_err(within)?;
     for (k, own) in file.runs.iter().enumerate() {

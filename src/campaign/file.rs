@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::calibration::CalibrationSpec;
 use crate::error::{Error, Result};
+use crate::experiment::check_name;
 use crate::files::{Keyed, parse_json};
 
 /// The schema of a campaign file.
@@ -178,6 +179,7 @@ impl CampaignFile {
                     .found(&file.schema),
             );
         }
+        check_name(&file.name, "the campaign's folder").map_err(|e| e.within(&place))?;
         Ok(file)
     }
 }

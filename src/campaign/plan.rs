@@ -176,7 +176,7 @@ fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
     let inputs_sha256 = match known.get(&(model.clone(), data.clone())) {
         Some(inputs) => inputs.clone(),
         None => {
-            let inputs = inputs(&model, data.as_ref())?;
+            let inputs = inputs(model.clone(), data.as_ref())?;
             known.insert((model.clone(), data.clone()), inputs.clone());
             inputs
         }
@@ -195,14 +195,14 @@ fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
 }
 
 /// SHA-256 of a model file and of the data that it is run with, all checked as far as they are before a run.
-fn inputs(path: &PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
-    let mut files = vec![path.clone()];
-    if RingingModel::load(path)?.is_none() {
-        files.extend(Model::load_with(path, data)?.measurement_files()?);
+fn inputs(path: PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
+    let mut files = Vec::new();
+    if RingingModel::load(&path)?.is_none() {
+        files = Model::load_with(&path, data)?.measurement_files()?;
     } else if let Some(data) = data {
         return Err(Error::input("data", "a model of a field")
             .found(data.display())
             .hint("frequencies stand in the model file itself"));
     }
-    hashes(files.iter())
+    hashes(std::iter::once(&path).chain(&files))
 }

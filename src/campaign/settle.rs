@@ -9,6 +9,9 @@ use super::status::{Places, State};
 use crate::error::{Error, Result};
 use crate::files::make_folder;
 
+/// What a campaign's folder always has.
+const FOLDERS: [&str; 3] = ["runs", "status", "log"];
+
 /// How a campaign is asked for.
 #[derive(Debug, Clone)]
 pub struct Asked {
@@ -45,26 +48,10 @@ pub fn settle(asked: &Asked) -> Result<Campaign> {
     let places = Places(absolute(&asked.out)?);
     let known = Plan::load(&places.0)?;
     check_folder(asked, &places, known.is_some())?;
-    for folder in ["runs", "status", "log"] {
+    for folder in FOLDERS {
         make_folder(&places.0.join(folder))?;
     }
-    let _alone = places.alone()?;
-    // another share may have made it meanwhile
-    let known = Plan::load(&places.0)?;
-    let plan = match known {
-        // a share takes the plan as it is: many of them begin at one moment
-        Some(plan) if asked.share.is_some() => plan,
-        known => {
-            let plan = Plan::make(&asked.file, &places.0, asked.seed)?;
-            if let Some(known) = &known {
-                changes(asked, &places, &plan, known)?;
-            }
-            if known.as_ref() != Some(&plan) {
-                plan.write(&places.0)?;
-            }
-            plan
-        }
-    };
+    let plan = planned(asked, &places).inspect_err(|_| tidy(&places))?;
     Ok(Campaign {
         file: absolute(&asked.file)?,
         places,
@@ -73,6 +60,40 @@ pub fn settle(asked: &Asked) -> Result<Campaign> {
         retry: asked.retry,
         share: asked.share,
     })
+}
+
+/// The plan that is there, if it still holds, or else a new one.
+fn planned(asked: &Asked, places: &Places) -> Result<Plan> {
+    let _alone = places.alone()?;
+    // another share may have made it meanwhile
+    let known = Plan::load(&places.0)?;
+    match known {
+        // a share takes the plan as it is: many of them begin at one moment
+        Some(plan) if asked.share.is_some() => Ok(plan),
+        known => {
+            let plan = Plan::make(&asked.file, &places.0, asked.seed)?;
+            if let Some(known) = &known {
+                changes(asked, places, &plan, known)?;
+            }
+            if known.as_ref() != Some(&plan) {
+                plan.write(&places.0)?;
+            }
+            Ok(plan)
+        }
+    }
+}
+
+/// A campaign that never had a plan leaves nothing behind: folders go that are empty.
+fn tidy(places: &Places) {
+    if places.0.join("plan.json").exists() {
+        return;
+    }
+    // what stays is in nobody's way, and the error that led here is what counts
+    let _ = std::fs::remove_file(places.0.join("campaign.lock"));
+    for folder in FOLDERS {
+        let _ = std::fs::remove_dir(places.0.join(folder));
+    }
+    let _ = std::fs::remove_dir(&places.0);
 }
 
 fn check_folder(asked: &Asked, places: &Places, is_ours: bool) -> Result<()> {
