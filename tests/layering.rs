@@ -304,7 +304,9 @@ fn every_file_of_a_registry_is_listed() {
         ),
     ] {
         let modules = modules();
-        let files: Vec<_> = modules.iter().filter(|(m, _)| m[0] == room).collect();
+        // a folder below a room is nothing that the room lists
+        let listed = |m: &[String]| m[0] == room && m.len() <= 2;
+        let files: Vec<_> = modules.iter().filter(|(m, _)| listed(m)).collect();
         let begin = format!("{list}: &[");
         let listing = files.iter().find_map(|(_, code)| code.split(&begin).nth(1));
         let (_, listing) = listing.unwrap().split_once("= &[").unwrap();

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::bending::Bending;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
+use super::mesh_error::{MeshError, mesh_error};
 use super::subset::{Images, Subsets};
 use super::window::{widened, window_nodes};
 use super::{
@@ -383,6 +384,10 @@ impl Experiment for FieldExperiment {
     fn edge_stress(&self, state: &State) -> Result<Option<EdgeStress>> {
         let (setup, ply) = self.tested(state)?;
         self.plate.edge_stress(&setup, &ply)
+    }
+
+    fn mesh_error(&self, state: &State) -> Result<Option<MeshError>> {
+        mesh_error(&self.plate, &self.tested(state)?, &self.test)
     }
 
     fn span(&self, states: &[State]) -> Result<()> {

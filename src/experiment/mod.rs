@@ -8,6 +8,7 @@ mod bending;
 mod field;
 pub mod frequencies;
 mod gauge;
+mod mesh_error;
 mod mock;
 mod sensitivity;
 pub mod series;
@@ -20,6 +21,7 @@ mod window;
 
 pub use field::{FieldExperiment, FieldTest};
 pub use gauge::{Gauge, check as check_gauge, gauged};
+pub use mesh_error::MeshError;
 pub use mock::MockExperiment;
 pub use sensitivity::{Direction, beyond_the_axis, sensitivity};
 pub use sight::Sight;
@@ -133,6 +135,14 @@ pub trait Experiment: Send + Sync {
     /// # Errors
     /// Those of [`Experiment::look`].
     fn edge_stress(&self, _state: &State) -> Result<Option<EdgeStress>> {
+        Ok(None)
+    }
+
+    /// How far a mesh that another program made is from a finer one; none where the mesh is the geometry's own.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::look`].
+    fn mesh_error(&self, _state: &State) -> Result<Option<MeshError>> {
         Ok(None)
     }
 

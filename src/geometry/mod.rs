@@ -39,7 +39,8 @@ pub fn end(end: End) -> &'static str {
 /// Makes a specimen's geometry, if it is of the kind.
 pub type Builder = fn(&SpecimenSpec) -> Option<Arc<dyn Geometry>>;
 
-/// Every known kind of geometry. A specimen's is the first whose builder takes it.
+/// Every kind of geometry that a specimen's dimensions make. A specimen's is the first whose builder takes it; that of a mesh file is
+/// [`imported::ImportedPlate`].
 pub static GEOMETRIES: &[Builder] = &[strip_with_hole::build, plain_strip::build];
 
 pub fn declared(specimen: &SpecimenSpec) -> Arc<dyn Geometry> {

@@ -58,6 +58,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     said.extend(steps.flat_map(|s| s.warnings.clone()));
     said.extend(without_force(model, of));
     said.extend(yields(model, of));
+    said.extend(of_mesh(model, of));
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {
         said.push(format!(
@@ -112,6 +113,36 @@ fn without_force(model: &Model, of: &Identification) -> Option<String> {
          All moduli are those of that force: their common factor is not measured.{measured}",
         experiment.nominal_load().force_n
     ))
+}
+
+/// A mesh's error that may be this share of the noise of a point, root mean square, and this many times of it anywhere: what is the same at
+/// hundreds of points is seen below their noise.
+const MESH_RMS: f64 = 0.1;
+const MESH_LARGEST: f64 = 1.0;
+
+/// An imported mesh, and elements that are too large for what was measured.
+fn of_mesh(model: &Model, of: &Identification) -> Vec<String> {
+    let spec = model.experiment();
+    let Some(plate) = &spec.meshed else {
+        return Vec::new();
+    };
+    let mut said = plate.part().warnings.clone();
+    let state = model.state(&|name| of.moments(name).map(|(mean, _)| mean));
+    let experiment = &of.inverse.prepared.problem.experiment;
+    // constants without a solution are refused elsewhere
+    let Ok(Some(error)) = experiment.mesh_error(&state) else {
+        return said;
+    };
+    let noise = of.inverse.noise.reference_nm();
+    let [rms, largest] = [error.rms_mm, error.largest_mm].map(|mm| mm * NM_PER_MM);
+    if rms > MESH_RMS * noise || largest > MESH_LARGEST * noise {
+        let [x, y] = experiment.scene().frame.data_point(error.place);
+        said.push(format!(
+            "The mesh is too coarse: halving its elements moves points by {rms:.2} nm (RMS), and by {largest:.2} nm at ({x:.2}, {y:.2}) mm of the data, where the noise of a point is {noise:.2} nm. Refine it there, or set mesh_density to {:.0}.",
+            2.0 * spec.mesh_density.max(1.0)
+        ));
+    }
+    said
 }
 
 /// Metal that must yield at an edge, by the elastic stresses at the posterior mean.

@@ -148,3 +148,221 @@ fn the_strip_s_own_mesh_from_a_file_gives_the_strip_s_field() {
         difference(&expected, &found)
     );
 }
+
+/// A disc of T6 about the middle and Q8 around, in sectors, with the arcs `top` and `bottom` of so many sectors each.
+fn disc(radius: f64, rings: usize, sectors: usize, loaded: usize) -> Model {
+    let mut model = Model::default();
+    let mut node = |r: f64, turn: f64| {
+        let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+        model.nodes.push([r * cos, r * sin, 0.0]);
+        model.nodes.len() - 1
+    };
+    let middle = node(0.0, 0.0);
+    let step = radius / rings as f64;
+    // at half rings, corners and middles of sectors
+    let lattice: Vec<Vec<usize>> = (1..=2 * rings)
+        .map(|i| {
+            let places = (0..2 * sectors).map(|j| {
+                let used = i % 2 == 0 || j % 2 == 0;
+                let turn = j as f64 / (2 * sectors) as f64;
+                if used {
+                    node(0.5 * step * i as f64, turn)
+                } else {
+                    usize::MAX
+                }
+            });
+            places.collect()
+        })
+        .collect();
+    let at = |i: usize, j: usize| lattice[i - 1][j % (2 * sectors)];
+    for j in (0..2 * sectors).step_by(2) {
+        let first = vec![
+            middle,
+            at(2, j),
+            at(2, j + 2),
+            at(1, j),
+            at(2, j + 1),
+            at(1, j + 2),
+        ];
+        model.cells.push((Kind::T6, first));
+        for i in (2..2 * rings).step_by(2) {
+            let corners = [at(i, j), at(i + 2, j), at(i + 2, j + 2), at(i, j + 2)];
+            let middles = [
+                at(i + 1, j),
+                at(i + 2, j + 1),
+                at(i + 1, j + 2),
+                at(i, j + 1),
+            ];
+            model.cells.push((Kind::Q8, [corners, middles].concat()));
+        }
+    }
+    for (name, quarter) in [("top", 1), ("bottom", 3)] {
+        let first = quarter * sectors / 4 - loaded / 2;
+        let line = |s: usize| {
+            let j = 2 * (first + s);
+            vec![at(2 * rings, j), at(2 * rings, j + 2), at(2 * rings, j + 1)]
+        };
+        model
+            .edges
+            .insert(name.into(), (0..loaded).map(line).collect());
+    }
+    model
+}
+
+/// Strains (e11, e22, 2 e12) at a point.
+fn strain(setup: &Setup, ply: &Ply, density: Density, point: [f64; 2]) -> [f64; 3] {
+    let plate = Plate::new(setup, density).unwrap();
+    let solution = plate.solve(setup, ply).unwrap();
+    let (observer, _) = Locator::new(&solution.mesh).observe(&[point]);
+    let g = observer.gradient(&solution.nodal)[0];
+    [g[0][0], g[1][1], g[0][1] + g[1][0]]
+}
+
+/// A sheet of one isotropic ply.
+fn sheet(part: Part, force_n: f64, thickness: f64) -> Setup {
+    Setup {
+        geometry: Arc::new(ImportedPlate::new(part, &|v| v)),
+        angles: vec![0.0],
+        thickness,
+        handedness: 1.0,
+        ..Setup::nominal(&specimen(), &LoadSpec { force_n }, 1.0)
+    }
+}
+
+#[test]
+fn the_middle_of_a_disc_under_diametral_compression_is_that_of_the_closed_form() {
+    let (radius, force, thickness) = (20.0, 3000.0, 2.0);
+    let ply = Ply::isotropic(70e3, 0.33);
+    let model = disc(radius, 10, 96, 2);
+    let spec = json!({ "file": "", "load": [
+        { "edge": "top", "direction": [0, -1] }, { "edge": "bottom", "direction": [0, 1] }] });
+    let setup = sheet(
+        part("disc.msh", &msh41(&model, false), spec).unwrap(),
+        force,
+        thickness,
+    );
+    let [across, along, shear] = strain(&setup, &ply, Density::DEFAULT, [0.0; 2]);
+    // Hertz: P / (pi R h) across the load, three times that in compression along it
+    let unit = force / (std::f64::consts::PI * radius * thickness);
+    let expected = [
+        (unit + 0.33 * 3.0 * unit) / 70e3,
+        (-3.0 * unit - 0.33 * unit) / 70e3,
+    ];
+    // over arcs of 2 a the middle's stresses are less by 4 a^2 at most (Hondros 1959), a = 3.75 degrees
+    for (found, expected) in [across, along].into_iter().zip(expected) {
+        assert!(
+            (found / expected - 1.0).abs() < 0.015,
+            "{found:e}, {expected:e}"
+        );
+    }
+    assert!(shear.abs() < 1e-3 * across);
+}
+
+/// A rectangle of 30 by 10 mm, corner at (-10, 5), whose ends along x are the edges u0 and u1.
+fn rectangle(spec: serde_json::Value) -> Result<Part> {
+    let model = super::model::rectangle(Kind::Q8, [12, 4]);
+    part("rectangle.inp", inp(&model).as_bytes(), spec)
+}
+
+#[test]
+fn a_grip_moves_as_one_and_carries_the_force() {
+    let spec = json!({ "file": "", "origin_mm": [-10, 5],
+        "load": { "edge": "u1", "direction": [1, 0], "spread": "grip" }, "supports": [{ "edge": "u0" }] });
+    let setup = sheet(rectangle(spec).unwrap(), 500.0, 1.5);
+    // without Poisson's ratio grips change nothing: u = F x / (E W h)
+    let free = Ply::isotropic(2e3, 0.0);
+    let [along, across, shear] = strain(&setup, &free, Density::DEFAULT, [29.0, 3.0]);
+    let expected = 500.0 / (2e3 * 10.0 * 1.5);
+    assert!((along / expected - 1.0).abs() < 1e-9 && across.abs() < 1e-12 && shear.abs() < 1e-12);
+    // with it the ends cannot contract, and the middle does
+    let ply = Ply::isotropic(2e3, 0.4);
+    let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
+    let solution = plate.solve(&setup, &ply).unwrap();
+    let end: Vec<[f64; 2]> = (0..=8).map(|k| [30.0, 1.25 * f64::from(k)]).collect();
+    let (observer, inside) = Locator::new(&solution.mesh).observe(&end);
+    assert!(inside.iter().all(|x| *x));
+    let u = observer.displacement(&solution.nodal);
+    assert!(
+        u.iter()
+            .all(|v| (v[0] - u[0][0]).abs() < 1e-12 && v[1].abs() < 1e-12)
+    );
+    let [middle, narrow, _] = strain(&setup, &ply, Density::DEFAULT, [15.0, 5.0]);
+    assert!((narrow / middle + 0.4).abs() < 0.02, "{}", narrow / middle);
+    // stiffer than without grips
+    assert!(u[0][0] < 30.0 * expected && u[0][0] > 0.9 * 30.0 * expected);
+}
+
+#[test]
+fn loads_that_nothing_holds_and_edges_that_are_not_there_are_refused() {
+    let alone = json!({ "file": "", "load": { "edge": "u1", "direction": [1, 0] } });
+    let setup = sheet(rectangle(alone).unwrap(), 500.0, 1.5);
+    let error = Plate::new(&setup, Density::DEFAULT).err().unwrap();
+    assert!(error.to_string().contains("mesh.supports"), "{error}");
+    assert_eq!(error.exit_code(), 1);
+    let named = json!({ "file": "", "load": { "edge": "hihg", "direction": [1, 0] } });
+    let error = rectangle(named).err().unwrap();
+    assert!(
+        error.to_string().contains("hihg") && error.to_string().contains("u1"),
+        "{error}"
+    );
+    for (key, wrong) in [
+        ("mm_per_unit", json!(0)),
+        ("load", json!([])),
+        ("origin_mm", json!([0])),
+    ] {
+        let mut spec = json!({ "file": "", "load": { "edge": "u1", "direction": [1, 0] } });
+        spec[key] = wrong;
+        let read = serde_json::from_value::<MeshSpec>(spec);
+        assert!(
+            read.is_err() || read.is_ok_and(|s| s.validate().is_err()),
+            "{key}"
+        );
+    }
+}
+
+#[test]
+fn a_larger_hole_in_a_mesh_is_that_of_the_strip() {
+    let own = strip();
+    let coarse = Density(0.5);
+    let mesh = own.geometry.mesh(&own.geometry.counts(coarse));
+    let imported = with(
+        part(
+            "larger.msh",
+            &msh41(&exported(&mesh, false), true),
+            pulled(),
+        )
+        .unwrap(),
+    );
+    let points: Vec<[f64; 2]> = around()
+        .into_iter()
+        .filter(|p| p[0].hypot(p[1]) > 2.2)
+        .collect();
+    let [expected, found] =
+        [(&own, coarse), (&imported, Density::DEFAULT)].map(|(setup, density)| {
+            let larger = Setup {
+                morph: plychain::geometry::Morph {
+                    hole_size: 1.05,
+                    hole_offset: [0.1, -0.05],
+                    ring: None,
+                },
+                ..setup.clone()
+            };
+            let plate = Plate::new(setup, density).unwrap();
+            let field = |setup: &Setup| {
+                let solution = plate.solve(setup, &PLY).unwrap();
+                let (observer, _) = Locator::new(&solution.mesh).observe(&points);
+                without_rigid_motion(&points, &observer.displacement(&solution.nodal))
+            };
+            let (here, there) = (field(setup), field(&larger));
+            let change = here
+                .iter()
+                .zip(&there)
+                .map(|(a, b)| [b[0] - a[0], b[1] - a[1]]);
+            change.collect::<Vec<_>>()
+        });
+    assert!(
+        difference(&expected, &found) < 0.01,
+        "{}",
+        difference(&expected, &found)
+    );
+}
