@@ -43,8 +43,7 @@ pub struct FieldTest {
     pub window: [[f64; 2]; 2],
     /// Mesh density.
     pub density: Density,
-    /// Solve for every prediction instead of answering from a reduced basis or, where metal yields, from a table, or by corrections of a
-    /// solution nearby.
+    /// Solve for every prediction: no reduced basis, no table of what yields, no corrections of a solution nearby.
     pub full_order: bool,
 }
 
@@ -387,7 +386,8 @@ impl Experiment for FieldExperiment {
     }
 
     fn mesh_error(&self, state: &State) -> Result<Option<MeshError>> {
-        mesh_error(&self.plate, &self.tested(state)?, &self.test)
+        let over = (self.test.window, self.test.density);
+        mesh_error(&self.plate, &self.tested(state)?, over)
     }
 
     fn span(&self, states: &[State]) -> Result<()> {

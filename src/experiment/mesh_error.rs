@@ -1,6 +1,5 @@
 //! How far an imported mesh is from a finer one.
 
-use super::field::FieldTest;
 use crate::error::Result;
 use crate::fem::{Locator, Plate, Setup};
 use crate::field::rigid;
@@ -27,13 +26,13 @@ const SIDE: usize = 60;
 pub(super) fn mesh_error(
     plate: &Plate,
     (setup, ply): &(Setup, Ply),
-    test: &FieldTest,
+    (window, density): ([[f64; 2]; 2], Density),
 ) -> Result<Option<MeshError>> {
     if plate.geometry.name() != "imported" {
         return Ok(None);
     }
-    let finer = Plate::new(setup, Density(test.density.0.max(1.0)).scaled(2.0))?;
-    let [low, high] = test.window;
+    let finer = Plate::new(setup, Density(density.0.max(1.0)).scaled(2.0))?;
+    let [low, high] = window;
     let at = |k: usize, i: usize| low[k] + (high[k] - low[k]) * (i as f64 + 0.5) / SIDE as f64;
     let lattice = (0..SIDE * SIDE).map(|i| [at(0, i / SIDE), at(1, i % SIDE)]);
     let lattice: Vec<[f64; 2]> = lattice.collect();
