@@ -34,25 +34,15 @@ impl Folder {
 
     /// Make the folder of a run: `out` if given, which must not exist, or the first free of `runs/NAME`, `runs/NAME-2`, ...
     pub fn create(out: Option<&Path>, name: &str) -> Result<Self> {
-        let path = match out {
-            Some(path) => path.to_path_buf(),
-            None => (1..)
-                .map(|k| {
-                    PathBuf::from(RUNS).join(if k == 1 {
-                        name.to_string()
-                    } else {
-                        format!("{name}-{k}")
-                    })
-                })
-                .find(|path| !path.exists())
-                .unwrap_or_default(),
+        let Some(path) = out else {
+            return Self::first_free(name);
         };
         if path.exists() {
             return Err(Error::input(
                 format!("--out {}", path.display()),
                 "a folder that does not exist yet",
             )
-            .found(if is_unfinished(&path) {
+            .found(if is_unfinished(path) {
                 "that of an interrupted run"
             } else {
                 "an existing one"
@@ -60,14 +50,36 @@ impl Folder {
             .hint("give another name, or remove the old one; --resume goes on with a run that was interrupted"));
         }
         if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(|e| unwritable(&path, &e))?;
+            std::fs::create_dir_all(parent).map_err(|e| unwritable(path, &e))?;
         }
-        std::fs::create_dir(&path).map_err(|e| unwritable(&path, &e))?;
-        Ok(Self {
+        std::fs::create_dir(path).map_err(|e| unwritable(path, &e))?;
+        Ok(Self::made(path.to_path_buf()))
+    }
+
+    /// The first of `runs/NAME`, `runs/NAME-2`, ... that nobody has, another process that starts at the same time included.
+    fn first_free(name: &str) -> Result<Self> {
+        let runs = Path::new(RUNS);
+        std::fs::create_dir_all(runs).map_err(|e| unwritable(runs, &e))?;
+        let mut path = runs.join(name);
+        let mut number = 1;
+        loop {
+            match std::fs::create_dir(&path) {
+                Ok(()) => return Ok(Self::made(path)),
+                Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
+                    number += 1;
+                    path = runs.join(format!("{name}-{number}"));
+                }
+                Err(e) => return Err(unwritable(&path, &e)),
+            }
+        }
+    }
+
+    fn made(path: PathBuf) -> Self {
+        Self {
             path,
             started: Instant::now(),
             kept: false,
-        })
+        }
     }
 
     /// The interrupted run that a new one in the next free folder leaves behind, if there is one.
