@@ -19,6 +19,7 @@ mod init;
 #[cfg(feature = "manual")]
 mod manual;
 mod mappings;
+mod population;
 mod report;
 mod ringing;
 mod running;

@@ -672,3 +672,57 @@ fn a_reduced_model_is_built_once() {
     let models = names.inspect(|p| assert!(p.extension().unwrap() == "json", "{p:?} is left"));
     assert_eq!(built, models.count());
 }
+
+/// The material of a campaign's specimens: its files are chains like any other, the same for any number of threads; one measurement is one
+/// specimen, and what is left out is said.
+#[test]
+fn a_population_is_made_of_the_specimens_of_a_campaign() {
+    let bench = Bench::new(5);
+    bench.coupons(4000);
+    bench.succeed(&["campaign", "campaign.json", "--out", "whole"]);
+    let said = bench.succeed(&["campaign", "population", "whole", "--threads", "1"]);
+    assert!(said.contains("population of 5 specimens"), "{said}");
+    let chain = || std::fs::read(bench.place.join("whole/population/chain.csv")).unwrap();
+    let first = chain();
+    bench.succeed(&["campaign", "population", "whole", "--threads", "2"]);
+    assert_eq!(first, chain());
+    let report = read_json(&bench.place.join("whole/population/population.json"));
+    assert_eq!(report["schema"], "plychain-population/1");
+    // E1 is 151, 152, 153, 150, 151 GPa in turn, each measured to about a percent
+    let e1 = &report["constants"]["E1_GPa"];
+    let at = |path: &str| e1.pointer(path).unwrap().as_f64().unwrap();
+    assert!(
+        (at("/mean/mean") - 151.4).abs() < 4.0 * at("/mean/sd"),
+        "{e1}"
+    );
+    assert!(at("/a_basis/value") < at("/b_basis/value"), "{e1}");
+    assert!(at("/b_basis/value") < at("/mean/low"), "{e1}");
+    let judged = bench.succeed(&["diagnose", "whole/population"]);
+    assert!(judged.contains("percentile_10_E1_GPa"), "{judged}");
+
+    let run = report["specimens"]
+        .as_object()
+        .unwrap()
+        .keys()
+        .next()
+        .unwrap()
+        .clone();
+    let said = bench.succeed(&["campaign", "population", "whole", "--leave-out", &run]);
+    assert!(
+        said.contains(&format!("not among the specimens: {run}")),
+        "{said}"
+    );
+    let said = bench.refused(
+        &["campaign", "population", "whole", "--leave-out", "coupon-9"],
+        1,
+    );
+    assert!(said.contains("a run of the campaign"), "{said}");
+    bench.write(
+        "twice.json",
+        &json!({ "schema": "plychain-campaign/1", "name": "twice", "verb": "identify", "models": "mock.json", "data": "coupon-1",
+            "seeds": [1, 2, 3], "options": { "max_draws": 2000, "min_ess": 1e9 } }),
+    );
+    bench.succeed(&["campaign", "twice.json", "--out", "twice"]);
+    let said = bench.refused(&["campaign", "population", "twice"], 1);
+    assert!(said.contains("one run a specimen"), "{said}");
+}

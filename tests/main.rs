@@ -36,6 +36,7 @@ mod nulls;
 mod optics;
 mod patterns;
 mod phase;
+mod population;
 mod program;
 mod quoted;
 mod reduce;

@@ -10,6 +10,7 @@ mod local;
 pub mod manifest;
 mod pattern;
 mod plan;
+pub mod population;
 mod process;
 mod settle;
 mod slurm;

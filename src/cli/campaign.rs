@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::console::Console;
-use super::{Global, RUNS, print};
+use super::{Global, RUNS, population, print};
 use crate::campaign::collect::{Collected, MOST_Z, write};
 use crate::campaign::manifest::{self, CampaignManifest, Entry};
 use crate::campaign::{self, Asked, Campaign, Cluster, Places, Resources, State};
@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
   plychain campaign coupons.json --engine slurm --time 4:00:00 --runs-a-task 10 --dry-run
   plychain campaign coupons.json --task 3 --of 8         the third of eight shares, under any scheduler
   plychain campaign collect runs/coupons                 one table of all runs
+  plychain campaign population runs/coupons              the material: mean, scatter, A- and B-basis values
 
 Exit status: 0 all runs done (or handed to the scheduler), 1 the input's fault or a run that failed, 2 the program's fault,
 75 told to stop by SIGTERM or tasks lost: --resume goes on."
@@ -36,6 +37,8 @@ pub struct Arguments {
 enum What {
     /// Write one table of all runs: collected.csv, collected.zarr, collected.html
     Collect(CollectArguments),
+    /// Mean and scatter of the material's constants over the specimens of a campaign, with A- and B-basis values
+    Population(population::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -99,6 +102,7 @@ const MOST_TASKS: usize = 500;
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
     match &arguments.what {
         Some(What::Collect(collect)) => collected(collect),
+        Some(What::Population(arguments)) => population::run(arguments, global, console),
         None => start(&arguments.running, global, console),
     }
 }

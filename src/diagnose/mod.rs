@@ -19,7 +19,7 @@ pub use importance::{Weighed, relative_weights, weigh};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rhat::rhat;
 pub use tau::{autocorrelation, tau};
-pub use transform::{mean, sd};
+pub use transform::{mean, sd, sorted};
 pub use verdict::{Row, Rule, Verdict, diagnose};
 
 use crate::chain::Series;

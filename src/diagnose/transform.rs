@@ -19,7 +19,7 @@ pub(super) fn variance(values: &[f64]) -> f64 {
 }
 
 /// The values in increasing order.
-pub(super) fn sorted(values: &[f64]) -> Vec<f64> {
+pub fn sorted(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted

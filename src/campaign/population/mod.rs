@@ -1,0 +1,15 @@
+//! The material, not the coupon: mean and scatter of the constants over specimens, by MCMC from the specimens' chains (hierarchical model by
+//! importance weights: Hogg, Myers & Bovy 2010, ApJ 725, 2166), the specimens given all others, and A- and B-basis values.
+
+mod density;
+mod gather;
+mod report;
+mod sampled;
+mod specimen;
+mod write;
+
+pub use gather::{Gathered, gather};
+pub use report::{Basis, Estimate, OfConstant, OfSpecimen, PopulationReport};
+pub use sampled::{LEAST, Sampled, sample};
+pub use specimen::Specimen;
+pub use write::write;

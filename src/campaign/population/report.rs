@@ -1,0 +1,189 @@
+//! What is said of a population: `population.json`.
+
+use serde::{Deserialize, Serialize};
+
+use super::sampled::Sampled;
+use super::specimen::Specimen;
+use crate::diagnose::{Row, mcse_quantile, mean, sd, sorted};
+use crate::error::{Error, Result};
+use crate::files::Keyed;
+use crate::numeric::quantile;
+
+/// The schema of `population.json`.
+pub const SCHEMA: &str = "plychain-population/1";
+
+/// `population.json`. Constants are in the units of their names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PopulationReport {
+    pub schema: String,
+    pub name: String,
+    pub version: String,
+    pub seed: u64,
+    pub constants: Keyed<OfConstant>,
+    /// By `correlation_` and the two constants.
+    pub correlations: Keyed<Estimate>,
+    /// By run.
+    pub specimens: Keyed<OfSpecimen>,
+    /// Runs that are not among the specimens, with the reason.
+    pub left_out: Keyed<String>,
+    pub converged: bool,
+    pub convergence: String,
+    pub warnings: Vec<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    pub mean: f64,
+    pub sd: f64,
+    /// Ends of the 95 % interval.
+    pub low: f64,
+    pub high: f64,
+}
+
+/// A constant over the population.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OfConstant {
+    pub mean: Estimate,
+    /// Between specimens.
+    pub sd: Estimate,
+    pub a_basis: Basis,
+    pub b_basis: Basis,
+}
+
+/// A tolerance bound: above it lies, with 95 % confidence, the share of the population that its name asks (A 99 %, B 90 %).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Basis {
+    /// 5 % quantile of the percentile's posterior.
+    pub value: f64,
+    /// Standard error of the value, as it was sampled.
+    pub mcse: f64,
+    /// The 1st or 10th percentile of the population.
+    pub percentile: Estimate,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OfSpecimen {
+    /// Alone, without its prior: mean and sd by constant.
+    pub alone: Keyed<[f64; 2]>,
+    /// Given all specimens.
+    pub shrunken: Keyed<Estimate>,
+    /// Share of its draws that is left in effect when the prior is divided out.
+    pub draws_left: f64,
+}
+
+impl Estimate {
+    fn of_row(row: &Row) -> Self {
+        Self {
+            mean: row.mean,
+            sd: row.sd,
+            low: row.low,
+            high: row.high,
+        }
+    }
+
+    fn of_values(values: &[f64]) -> Self {
+        let sorted = sorted(values);
+        Self {
+            mean: mean(values),
+            sd: sd(values),
+            low: quantile(&sorted, 0.025),
+            high: quantile(&sorted, 0.975),
+        }
+    }
+}
+
+/// Below this share of draws left in effect, a specimen's constants are its prior's more than its data's.
+const LEAST_LEFT: f64 = 0.1;
+
+/// Fewer specimens are warned of: their bounds rest on the form of the distribution and on few values.
+const FEW: usize = 18;
+
+/// Confidence of a bound.
+const BELOW: f64 = 0.05;
+
+impl PopulationReport {
+    /// # Errors
+    /// The program's fault: draws without a constant's columns.
+    pub fn new(name: &str, seed: u64, sampled: &Sampled, specimens: &[Specimen]) -> Result<Self> {
+        let of = |constant: &String| Ok((constant.clone(), of_constant(sampled, constant)?));
+        let correlations = sampled.verdict.rows.iter();
+        let correlations = correlations.filter(|r| r.name.starts_with("correlation_"));
+        let pairs = specimens.iter().zip(&sampled.shrunken);
+        Ok(Self {
+            schema: SCHEMA.into(),
+            name: name.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            seed,
+            constants: sampled.constants.iter().map(of).collect::<Result<_>>()?,
+            correlations: correlations
+                .map(|r| (r.name.clone(), Estimate::of_row(r)))
+                .collect(),
+            specimens: pairs
+                .map(|(s, draws)| (s.name.clone(), of_specimen(s, draws)))
+                .collect(),
+            left_out: Keyed::new(),
+            converged: sampled.verdict.converged,
+            convergence: sampled.verdict.line(),
+            warnings: warnings(specimens),
+        })
+    }
+}
+
+fn of_constant(sampled: &Sampled, constant: &str) -> Result<OfConstant> {
+    let missing = || Error::program("population", format!("a column of {constant}"));
+    let row = |what: &str| {
+        let name = format!("{what}_{constant}");
+        let mut rows = sampled.verdict.rows.iter();
+        rows.find(|r| r.name == name).ok_or_else(missing)
+    };
+    let basis = |what: &str| -> Result<Basis> {
+        let row = row(what)?;
+        let at = sampled.draws.index(&row.name).ok_or_else(missing)?;
+        let series = sampled.draws.series(at);
+        Ok(Basis {
+            value: quantile(&sorted(&series.values), BELOW),
+            mcse: mcse_quantile(&series, BELOW),
+            percentile: Estimate::of_row(row),
+        })
+    };
+    Ok(OfConstant {
+        mean: Estimate::of_row(row("mean")?),
+        sd: Estimate::of_row(row("sd")?),
+        a_basis: basis("percentile_1")?,
+        b_basis: basis("percentile_10")?,
+    })
+}
+
+fn of_specimen(specimen: &Specimen, draws: &[Vec<f64>]) -> OfSpecimen {
+    let names = || specimen.constants.iter().cloned().enumerate();
+    let alone = |k: usize| [specimen.mean[k], specimen.covariance[(k, k)].sqrt()];
+    OfSpecimen {
+        alone: names().map(|(k, c)| (c, alone(k))).collect(),
+        shrunken: names()
+            .map(|(k, c)| (c, Estimate::of_values(&draws[k])))
+            .collect(),
+        draws_left: specimen.left,
+    }
+}
+
+fn warnings(specimens: &[Specimen]) -> Vec<String> {
+    let mut all = Vec::new();
+    if specimens.len() < FEW {
+        all.push(format!(
+            "{} specimens: the basis values rest on the normal form of the distribution; handbooks ask for {FEW} at least",
+            specimens.len()
+        ));
+    }
+    for s in specimens.iter().filter(|s| s.left < LEAST_LEFT) {
+        all.push(format!(
+            "{}: without its prior {:.0} % of its draws are left in effect: its data say little of some constant; a wider prior makes its share reliable",
+            s.name,
+            100.0 * s.left
+        ));
+    }
+    all.push(
+        "what all specimens share (a load cell, a camera, a thickness gauge, the batch) is not between them: it moves the population's mean as a whole"
+            .into(),
+    );
+    all
+}

@@ -1,0 +1,253 @@
+//! What one specimen says of its constants: its chain without the prior, as a mixture of normal kernels.
+
+use std::path::Path;
+
+use nalgebra::{DMatrix, DVector};
+use serde::Deserialize;
+
+use crate::chain::{Draws, Reader};
+use crate::diagnose::relative_weights;
+use crate::error::{Error, Result};
+use crate::files::{Keyed, parse_json};
+use crate::infer::PriorSpec;
+use crate::report::json::read;
+
+/// Draws of a chain that are read.
+const MOST_DRAWS: usize = 1 << 14;
+
+/// Kernels of a specimen.
+const KERNELS: usize = 1 << SPLITS;
+const SPLITS: usize = 6;
+
+/// A specimen's likelihood of its constants, unnormalised: kernels of equal weight and covariance, whose mixture has the mean and the covariance
+/// of the weighted draws (shrunken kernels: West 1993, J. R. Stat. Soc. B 55, 409).
+#[derive(Debug, Clone)]
+pub struct Specimen {
+    pub name: String,
+    /// Names of the constants, with their units.
+    pub constants: Vec<String>,
+    /// Means of the kernels.
+    pub centres: Vec<DVector<f64>>,
+    /// Covariance of every kernel.
+    pub kernel: DMatrix<f64>,
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    /// Share of the draws that is left in effect when the prior is divided out.
+    pub left: f64,
+}
+
+/// What is read of a model.
+#[derive(Deserialize)]
+struct WithMaterial {
+    material: WithPriors,
+}
+
+#[derive(Deserialize)]
+struct WithPriors {
+    parameters: Keyed<WithPrior>,
+}
+
+#[derive(Deserialize)]
+struct WithPrior {
+    prior: PriorSpec,
+}
+
+impl Specimen {
+    /// The specimen of a finished run: of a loop the posterior to quote.
+    ///
+    /// # Errors
+    /// The input's fault, with the file: a model or chains that cannot be read, constants that do not vary.
+    pub fn of_run(name: &str, folder: &Path) -> Result<Self> {
+        let (file, text) = read(folder, "model.json")?;
+        let model: WithMaterial = parse_json(&text, &file)?;
+        let stores = ["averaged/chain.zarr", "chain.zarr"].map(|s| folder.join(s));
+        let store = stores.iter().find(|s| s.is_dir()).ok_or_else(|| {
+            Error::input(folder.display(), "the chains of a finished run").found("no chain.zarr")
+        })?;
+        let draws = Reader::open(store)?.thinned(MOST_DRAWS)?;
+        let of = |(name, p): (&String, &WithPrior)| {
+            let PriorSpec::Normal { mean, sd } = p.prior;
+            draws.index(name).map(|k| (k, [mean, sd]))
+        };
+        // in the order of the chain, which is that of the constants
+        let mut own: Vec<(usize, [f64; 2])> =
+            model.material.parameters.iter().filter_map(of).collect();
+        own.sort_by_key(|(k, _)| *k);
+        Self::of_draws(name, &draws, &own).map_err(|e| e.within(store.display()))
+    }
+
+    /// The specimen of a chain, whose columns `own` are constants with normal priors, `[mean, sd]`.
+    ///
+    /// # Errors
+    /// The input's fault: constants that do not vary over the draws.
+    pub fn of_draws(name: &str, draws: &Draws, own: &[(usize, [f64; 2])]) -> Result<Self> {
+        let constants = own.iter().map(|(k, _)| draws.names()[*k].clone()).collect();
+        let pick = |x: &[f64]| DVector::from_iterator(own.len(), own.iter().map(|(k, _)| x[*k]));
+        let points: Vec<DVector<f64>> = draws.points().map(pick).collect();
+        let log_prior = |x: &[f64]| -> f64 {
+            let z = own.iter().map(|(k, [mean, sd])| (x[*k] - mean) / sd);
+            z.map(|z| -0.5 * z * z).sum()
+        };
+        let without_prior: Vec<f64> = draws.points().map(|x| -log_prior(x)).collect();
+        let weights = relative_weights(&without_prior);
+        let total: f64 = weights.iter().sum();
+        let weights: Vec<f64> = weights.iter().map(|w| w / total).collect();
+        let (mean, covariance) = moments(points.iter(), &weights);
+        let singular = || {
+            Error::input(name, "constants that vary over the draws of a chain")
+                .found(format!("{} draws", points.len()))
+        };
+        let root = covariance.clone().cholesky().ok_or_else(singular)?.l();
+        // the mixture's covariance is (1 - h^2) C of the centres and h^2 C of the kernels
+        let d = own.len() as f64;
+        let bandwidth = (4.0 / ((d + 2.0) * KERNELS as f64)).powf(1.0 / (d + 4.0));
+        let centres = spread_of(
+            &points,
+            &weights,
+            &mean,
+            &root,
+            (1.0 - bandwidth.powi(2)).sqrt(),
+        )
+        .ok_or_else(singular)?;
+        Ok(Self {
+            name: name.into(),
+            constants,
+            centres,
+            kernel: &covariance * bandwidth.powi(2),
+            left: 1.0 / (weights.iter().map(|w| w * w).sum::<f64>() * points.len() as f64),
+            mean,
+            covariance,
+        })
+    }
+}
+
+fn moments<'a>(
+    points: impl Iterator<Item = &'a DVector<f64>> + Clone,
+    weights: &[f64],
+) -> (DVector<f64>, DMatrix<f64>) {
+    let d = points.clone().next().map_or(0, DVector::len);
+    let mut mean = DVector::zeros(d);
+    for (x, w) in points.clone().zip(weights) {
+        mean.axpy(*w, x, 1.0);
+    }
+    let mut covariance = DMatrix::zeros(d, d);
+    for (x, w) in points.zip(weights) {
+        let off = x - &mean;
+        covariance.ger(*w, &off, &off, 1.0);
+    }
+    (mean, covariance)
+}
+
+/// [`KERNELS`] of the points, one of each part of equal weight, moved so that their mean is `mean` and their covariance `by`^2 `root` `root`^T.
+fn spread_of(
+    points: &[DVector<f64>],
+    weights: &[f64],
+    mean: &DVector<f64>,
+    root: &DMatrix<f64>,
+    by: f64,
+) -> Option<Vec<DVector<f64>>> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    let mut taken = Vec::with_capacity(KERNELS);
+    part(points, weights, &mut order, SPLITS, &mut taken);
+    let taken: Vec<&DVector<f64>> = taken.into_iter().map(|k| &points[k]).collect();
+    let even = vec![1.0 / taken.len() as f64; taken.len()];
+    let (middle, covariance) = moments(taken.iter().copied(), &even);
+    let own = covariance.cholesky()?.l();
+    let moved = |x: &&DVector<f64>| {
+        let z = own.solve_lower_triangular(&(*x - &middle))?;
+        Some(mean + root * z * by)
+    };
+    taken.iter().map(moved).collect()
+}
+
+/// Split points into halves of equal weight, along one constant after the other, and take the middle one of each part by its place in the chain,
+/// which has nothing to do with where it lies.
+fn part(
+    points: &[DVector<f64>],
+    weights: &[f64],
+    order: &mut [usize],
+    splits: usize,
+    taken: &mut Vec<usize>,
+) {
+    if splits == 0 || order.len() < 2 {
+        order.sort_unstable();
+        taken.extend(order.get(order.len() / 2));
+        return;
+    }
+    let axis = splits % points[order[0]].len();
+    order.sort_by(|a, b| points[*a][axis].total_cmp(&points[*b][axis]));
+    let half = 0.5 * order.iter().map(|k| weights[*k]).sum::<f64>();
+    let mut below = 0.0;
+    let lower = order.iter().take_while(|k| {
+        below += weights[**k];
+        below < half
+    });
+    let middle = lower.count().clamp(1, order.len() - 1);
+    let (low, high) = order.split_at_mut(middle);
+    part(points, weights, low, splits - 1, taken);
+    part(points, weights, high, splits - 1, taken);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::{Key, Stream};
+
+    /// A posterior is that of its likelihood and a strong prior; without the prior the likelihood's mean and sd are left.
+    #[test]
+    fn the_prior_is_divided_out() {
+        let (likelihood, prior): ([f64; 2], [f64; 2]) = ([10.0, 1.0], [8.0, 2.0]);
+        let precision = likelihood[1].powi(-2) + prior[1].powi(-2);
+        let mean =
+            (likelihood[0] / likelihood[1].powi(2) + prior[0] / prior[1].powi(2)) / precision;
+        let key = Key {
+            seed: 1,
+            ensemble: 0,
+        };
+        let mut rng = Stream::at(key, 0, 0);
+        let count = MOST_DRAWS;
+        let values = (0..count).map(|_| mean + rng.normal() / precision.sqrt());
+        let names = vec!["c".to_string()];
+        let draws = Draws::new(names, vec![0], values.collect(), vec![0.0; count]).unwrap();
+        let found = Specimen::of_draws("s", &draws, &[(0, prior)]).unwrap();
+        // the sd of the mean of so many weighted draws
+        let sd = 1.0 / (found.left * count as f64).sqrt();
+        assert!(
+            (found.mean[0] - 10.0).abs() < 4.0 * sd,
+            "{} {sd}",
+            found.mean[0]
+        );
+        assert!((found.covariance[(0, 0)].sqrt() - 1.0).abs() < 4.0 * sd);
+        assert!(found.left > 0.1 && found.left < 0.9, "{}", found.left);
+    }
+
+    /// Kernels have the mean, the covariance and nearly the skewness of the draws.
+    #[test]
+    fn kernels_keep_the_moments_of_a_skewed_chain() {
+        let key = Key {
+            seed: 2,
+            ensemble: 0,
+        };
+        let mut rng = Stream::at(key, 0, 0);
+        let count = MOST_DRAWS;
+        let mut values = Vec::new();
+        for _ in 0..count {
+            let (a, b) = (rng.normal(), rng.normal());
+            values.extend([(0.3 * a).exp(), 2.0 + 0.5 * a + b]);
+        }
+        let names = vec!["a".to_string(), "b".to_string()];
+        let draws = Draws::new(names, vec![0], values, vec![0.0; count]).unwrap();
+        let own = [(0, [1.0, 1e9]), (1, [1.0, 1e9])];
+        let found = Specimen::of_draws("s", &draws, &own).unwrap();
+        let even = vec![1.0 / KERNELS as f64; KERNELS];
+        let (mean, covariance) = moments(found.centres.iter(), &even);
+        assert!((mean - &found.mean).amax() < 1e-9);
+        assert!((covariance + &found.kernel - &found.covariance).amax() < 1e-9);
+        let third = |centre: f64, values: &mut dyn Iterator<Item = f64>| -> f64 {
+            values.map(|v| (v - centre).powi(3)).sum()
+        };
+        let whole = third(found.mean[0], &mut draws.points().map(|x| x[0])) / count as f64;
+        let kept = third(found.mean[0], &mut found.centres.iter().map(|c| c[0])) / KERNELS as f64;
+        assert!(kept > 0.1 * whole && kept < whole, "{kept} of {whole}");
+    }
+}
