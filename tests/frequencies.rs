@@ -1,5 +1,7 @@
 //! Natural frequencies and the assignment of measured peaks.
 
+#[path = "frequencies/hole.rs"]
+mod hole;
 #[path = "frequencies/inertia.rs"]
 mod inertia;
 #[path = "frequencies/limits.rs"]

@@ -26,6 +26,7 @@ mod solve;
 mod span;
 mod supports;
 pub mod verify;
+mod vibration;
 mod view;
 mod yielding;
 
@@ -46,4 +47,5 @@ pub use setup::{Setup, Yield};
 pub use solve::Factor;
 pub use span::Certificate;
 pub use supports::Supports;
+pub use vibration::{NaturalModes, Vibrating};
 pub use view::{Motion, View};

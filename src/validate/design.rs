@@ -178,6 +178,7 @@ fn plate(layup_deg: Vec<f64>, sides: [f64; 2], thickness_mm: MeanSd) -> Frequenc
             density_kg_m3: Some(DENSITY),
             g13_gpa: None,
             g23_gpa: None,
+            hole: None,
             added_mass: None,
         },
         support: SupportSpec::All(EdgeSpec::Free),

@@ -9,6 +9,7 @@ pub mod disturbance;
 pub mod estimate;
 mod expansion;
 mod lattice;
+mod perforated;
 mod plate;
 mod reduced;
 mod ritz;

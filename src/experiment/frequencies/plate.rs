@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix3};
 
 use super::theory::{EdgeLayers, PAIRS, TWISTING, strain_scale};
 use crate::error::{Error, Result};
-use crate::laminate::{Constant, Ply, stacked, stiffness_slope, transverse};
+use crate::laminate::{Constant, PlateStiffness, Ply, stacked, stiffness_slope, transverse};
 
 /// Number of stiffness terms: the six of D and the three of S, in the order of `PAIRS`.
 pub const STIFFNESSES: usize = PAIRS.len();
@@ -242,11 +242,17 @@ impl Plate {
         self
     }
 
+    pub fn stiffness(&self) -> PlateStiffness {
+        PlateStiffness {
+            bending: stacked(&self.ply.stiffness(), &self.angles, self.thickness).d,
+            shear: transverse(self.g13(), self.g23(), &self.angles, self.thickness),
+        }
+    }
+
     /// Factors of the stored matrices.
     pub fn coefficients(&self) -> Coefficients {
-        let d = stacked(&self.ply.stiffness(), &self.angles, self.thickness).d;
-        let s = transverse(self.g13(), self.g23(), &self.angles, self.thickness);
-        self.assembled(&d, &s)
+        let PlateStiffness { bending, shear } = self.stiffness();
+        self.assembled(&bending, &shear)
     }
 
     /// With bending stiffness `d` (N mm) and transverse shear stiffness `s` (N/mm).

@@ -5,6 +5,8 @@
 //! the sum of both parities decides), which splits the problem into families. Frequencies are upper bounds that fall with the order.
 //! (W. Ritz, J. reine angew. Math. 135 (1909) 1; S. F. Bassily and S. M. Dickinson, J. Appl. Mech. 42 (1975) 858 for the polynomials.)
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::air;
@@ -57,6 +59,8 @@ pub struct Ritz {
     functions: Functions,
     /// Families of laminates without and with coupling of bending and twisting.
     pub(super) partitions: [Vec<Family>; 2],
+    /// Factors of lambda by partition, family and rank, where a hole has any.
+    factors: BTreeMap<([usize; 2], usize), f64>,
 }
 
 /// A natural mode.
@@ -69,6 +73,8 @@ pub struct Mode {
     pub odd: Option<bool>,
     /// Place by frequency among its family's modes: with the family it tells which mode this is where others cross it.
     pub rank: usize,
+    /// What a hole makes of lambda; included in it.
+    factor: f64,
     /// Which partition and which family of it.
     pub(super) place: [usize; 2],
     /// Amplitudes in the family's unknowns, of unit modal mass (t).
@@ -124,7 +130,21 @@ impl Ritz {
         Ok(Self {
             functions,
             partitions,
+            factors: BTreeMap::new(),
         })
+    }
+
+    /// The same with factors of the lambdas of some modes; a mode beyond them has that of the one below it in its family.
+    pub fn with_factors(mut self, modes: &[Mode], factors: &[f64]) -> Self {
+        let places = modes.iter().map(|m| (m.place, m.rank));
+        self.factors = places.zip(factors.iter().copied()).collect();
+        self
+    }
+
+    /// The factor of a mode, or that of the next lower one of its family.
+    fn factor(&self, place: [usize; 2], rank: usize) -> f64 {
+        let known = self.factors.range((place, 0)..=(place, rank));
+        known.last().map_or(1.0, |(_, factor)| *factor)
     }
 
     /// The `count` lowest modes with strain, by increasing frequency; fewer if the polynomials have fewer.
@@ -166,9 +186,10 @@ impl Ritz {
         hold(&mut k, &m, &family.rigid);
         let (lambda, vectors) = dense::lowest(k, m, count.min(family.elastic()))?;
         let modes = lambda.into_iter().enumerate().map(|(i, lambda)| Mode {
-            lambda,
+            lambda: lambda * self.factor(place, i),
             odd: family.odd,
             rank: i,
+            factor: self.factor(place, i),
             place,
             amplitudes: vectors.column(i).into_owned(),
         });
@@ -195,7 +216,7 @@ impl Ritz {
         let family = &self.partitions[mode.place[0]][mode.place[1]];
         let (stiffness, inertia) = family.energies(&mode.amplitudes);
         Coefficients {
-            stiffness,
+            stiffness: stiffness.map(|energy| mode.factor * energy),
             inertia: inertia.map(|energy| -mode.lambda * energy),
         }
     }

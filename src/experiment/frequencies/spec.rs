@@ -4,12 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::assignment::{Peak, PeakModel};
 use super::basis::Edge;
+use super::perforated;
 use super::plate::{Coefficients, Parameter, Plate, TransverseShear, Weight};
-use super::ritz::{Ritz, Settings};
+use super::ritz::{Mode, Ritz, Settings};
 use super::theory::{Supports, Theory};
 use crate::error::{Error, Result};
 use crate::experiment::check_name;
-use crate::laminate::{MeanSd, Ply};
+use crate::laminate::{HoleSpec, MeanSd, Ply};
 use crate::quantity::MPA_PER_GPA;
 
 /// t of a gram, t/mm^3 of a kg/m^3.
@@ -71,6 +72,9 @@ pub struct PlateSpec {
     pub g13_gpa: Option<MeanSd>,
     #[serde(rename = "G23_GPa", default, skip_serializing_if = "Option::is_none")]
     pub g23_gpa: Option<MeanSd>,
+    /// A circular hole through the plate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hole: Option<HoleSpec>,
     /// A body that sits on the plate, an accelerometer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub added_mass: Option<AddedMassSpec>,
@@ -368,7 +372,26 @@ impl FrequenciesSpec {
             point: self.specimen.added_mass.map(|body| body.at),
             ..Settings::free(Theory::Sheared)
         };
-        Ritz::new(&settings)
+        let ritz = Ritz::new(&settings)?;
+        let Some(hole) = &self.specimen.hole else {
+            return Ok(ritz);
+        };
+        let modes = self.modes_of(&ritz, plate)?;
+        let factors = perforated::factors(plate, hole, &supports, (&ritz, &modes))?;
+        Ok(ritz.with_factors(&modes, &factors))
+    }
+
+    /// The modes that a hole's factors are computed for: those of the band, and some beyond.
+    fn modes_of(&self, ritz: &Ritz, plate: &Plate) -> Result<Vec<Mode>> {
+        /// How far beyond the band, for other constants than the plate's.
+        const BEYOND: f64 = 1.3;
+        const MOST: usize = 40;
+        let end = BEYOND * self.peak_model(0.01).band_hz[1];
+        let mut modes = ritz.modes(&plate.coefficients(), MOST)?;
+        let least = self.frequencies_hz.len() + 2;
+        let below = modes.iter().filter(|m| m.frequency_hz() < end).count();
+        modes.truncate(below.max(least));
+        Ok(modes)
     }
 
     /// The matrices small enough for many draws about some plates, and how many modes pass the band in any of them.
