@@ -27,6 +27,7 @@ fn frames(frames: usize) -> Camera {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn errors_are_those_of_the_noise_whatever_the_steps_were() {
     for n in 3..=8 {
         for seed in 0..2 {

@@ -311,6 +311,7 @@ fn signature(plate: &Plate, effect: &dyn Effect, k: usize, a: f64, points: &[[f6
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn changes_of_the_field_converge_and_are_linear_where_small() {
     let setup = nominal(4.0, [0.0; 2]);
     let coarse = Plate::new(&setup, Density::DEFAULT).unwrap();

@@ -86,6 +86,7 @@ fn judge(cases: &[Null], seeds: std::ops::Range<u64>) {
 
 /// The shortest and the longest correlation of small, ordinary and large windows.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn noise_is_measured_and_nothing_is_found_in_any_window() {
     let cases = [
         Null {

@@ -157,6 +157,7 @@ fn a_patch_is_found_where_it_is() {
 
 /// Miscounted orders, or the ripple of a phase-shift error, out of the dictionary: the verdict is that something is unexplained.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn effects_of_the_recording_that_no_dictionary_has_do_not_go_unsaid() {
     for (case, words) in [
         ("fringe_order_jump=1,0,5,6,3", "breaks out of the noise"),

@@ -144,6 +144,7 @@ fn amplitudes_are_recovered_within_their_standard_errors() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn no_error_raises_no_alarm_whatever_the_noise() {
     silent(10, 2);
 }

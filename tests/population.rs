@@ -77,6 +77,7 @@ fn bounds_of_specimens_known_exactly_are_those_of_tolerance_factors() {
 
 /// Correlations that are not known change the bounds of few specimens of several constants little on the whole, towards caution.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn bounds_of_four_constants_are_about_those_of_each_alone() {
     let mut rng = Pcg64::seed_from_u64(12);
     for (count, b, _) in [FACTORS[0], FACTORS[1]] {
@@ -243,6 +244,7 @@ fn within(found: [usize; 2], share: f64) -> bool {
 
 /// Means and sds of two constants are held as often as is said, where specimens are known about as well as they scatter.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn intervals_of_a_population_hold_the_truth() {
     let population = Simulated {
         mean: &[7.8, 0.33],

@@ -80,6 +80,7 @@ fn acts_as_often_as_likely(closed: &Closed, quoted: &Quoted) {
 
 /// On a field whose effects are small the closed form is right: the chains agree with it, by either sampler, in all of some sixty variables.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn both_samplers_agree_with_the_closed_form() {
     let model = Model::load(coarse().as_ref()).unwrap();
     let closed = closed(&model);
@@ -126,6 +127,7 @@ fn both_samplers_agree_with_the_closed_form() {
 
 /// One seed, one posterior, for any number of threads.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn the_posterior_to_quote_is_the_same_for_any_number_of_threads() {
     let model = Model::load(coarse().as_ref()).unwrap();
     let closed = closed(&model);

@@ -228,6 +228,7 @@ fn the_reach_of_a_bound_is_that_of_a_unit_force() {
 
 /// Stiffness that varies over the plate and loads that are not along its axis have terms of their own.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn tapers_rings_and_skew_loads_are_spanned() {
     let problem = problem(&coarse());
     let nominal = problem.experiment.scene().setup.clone();
@@ -360,6 +361,7 @@ fn an_identification_does_not_change_when_every_prediction_is_solved() {
 
 /// A whole loop, its chains and sensitivities included. What is left is the basis's own error, some ten thousandth of a nanometre.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_loop_does_not_change_when_every_prediction_is_solved() {
     let [spanned, solved] = [&[][..], &["--full-order"]].map(|extra| {
         let out = fresh("loop");

@@ -149,6 +149,7 @@ fn killed_times(most: usize) {
 
 /// A loop that is killed in any of its rounds ends with the report of one that was not.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_killed_loop_goes_on_to_the_same_report() {
     let bench = Bench::new();
     let model = model();

@@ -307,6 +307,7 @@ fn single(what: Ordinary, seed: u64) -> Judged {
 
 /// What a camera's axis off the middle of the picture makes of a rotation is not called a cause of its own.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_turned_specimen_is_not_taken_for_a_strained_one() {
     let judged = single(Ordinary::Turned(1.25), 0);
     assert!(

@@ -557,6 +557,7 @@ fn what_follows_a_law_does_not_enter_the_noise_and_its_rival_wins() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn no_rival_wins_over_noise_alone() {
     const SEEDS: u64 = 20;
     let window = Window::new(32, 2, true);

@@ -417,6 +417,7 @@ fn what_no_series_can_be_is_refused() {
 
 /// A moving specimen that turns out of its plane under load, from simulation to the intervals to quote.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_simulated_series_is_read_right() {
     let folder = simulated(
         &coupon(),

@@ -113,6 +113,7 @@ pub fn judge(outcomes: &[Outcome], share: f64) {
 
 /// Four of the visible culprits.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn intervals_hold_the_truth_where_the_culprit_is_withheld() {
     let cases = [
         "camera_rotation",

@@ -182,6 +182,7 @@ fn what_an_experiment_says_is_its_likelihood() {
 /// The field's posterior beside what the frequencies say as a normal density, against the posterior of both sampled over all that either
 /// depends on.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn passing_on_moments_gives_the_joint_posterior() {
     let file = simulated(&[], "3");
     let out = fresh("joint").display().to_string();
@@ -250,6 +251,7 @@ fn passing_on_moments_gives_the_joint_posterior() {
 
 /// Pixels that are half a percent larger than is said: both experiments contradict each other until the loop names the scale.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_loop_over_both_names_the_scale_that_they_disagree_about() {
     let file = simulated(&["--effect", "magnification=0.5"], "1");
     let out = fresh("loop").display().to_string();

@@ -294,6 +294,7 @@ fn crude() -> String {
 /// A run is validated with the reduced model that its chain was drawn with: a coarse one is caught, and what the finite
 /// elements make of the draws stands beside them; the same run refined is within the tolerance.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_refined_run_is_validated_with_its_refined_model() {
     let file = crude();
     let validated = |extra: &[&str]| {

@@ -64,6 +64,9 @@ pub struct Rejected {
     /// The images did not correlate there, by the export's own account (`sigma`, `correlation`).
     #[serde(default)]
     pub uncorrelated: usize,
+    /// Rows that stand in the file again.
+    #[serde(default)]
+    pub repeated: usize,
     /// Not measured in another step of the series.
     #[serde(default)]
     pub unmatched: usize,

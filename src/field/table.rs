@@ -1,6 +1,7 @@
 //! A table with named columns, as programs for digital image correlation export it: comma, semicolon or tab
 //! separated, `#` starts a comment line, failed points have empty or NaN cells.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +70,7 @@ impl Reader for Csv {
 ///
 /// # Errors
 /// Of the input: a missing, empty or non-text file, an unknown or repeated column (with the columns there are), a
-/// row of another length or a cell that is not a number (with line and column), no measured point, a correlation that is
+/// row of another length or a cell that is not a number (with line and column), two displacements of one point, no measured point, a correlation that is
 /// below [`LEAST_CORRELATION`] nearly everywhere.
 pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
     let text = read_text(path)?;
@@ -94,15 +95,15 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
         files: vec![path.to_owned()],
     };
     let mut faint = 0;
+    let mut known = Known::default();
     let mut record = StringRecord::new();
     while reader
         .read_record(&mut record)
         .map_err(|e| Error::input(path.display(), "rows of text").found(e))?
     {
-        let place = || {
-            let line = record.position().map_or(0, |p| line_at(&text, p.byte()));
-            format!("{}:{line}", path.display())
-        };
+        let byte = record.position().map_or(0, csv::Position::byte);
+        let line = |byte| format!("{}:{}", path.display(), line_at(&text, byte));
+        let place = || line(byte);
         if record.len() != headers.len() {
             let expected = format!("{} cells as in the header", headers.len());
             return Err(Error::input(place(), expected).found(format!("{} cells", record.len())));
@@ -111,6 +112,9 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
             Point::Missing => field.rejected.missing += 1,
             Point::Failed => field.rejected.uncorrelated += 1,
             Point::Faint => faint += 1,
+            Point::Measured { at, u, .. } if known.has(at, (u, byte), &line)? => {
+                field.rejected.repeated += 1;
+            }
             Point::Measured { at, u, sigma } => {
                 field.points.push(frame.point(at));
                 field.displacement.push(frame.vector(u));
@@ -123,6 +127,33 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
     field.rejected.uncorrelated += faint;
     check_measured(path, map, &field, faint)?;
     Ok(field)
+}
+
+/// The points of a table so far, by the bits of their coordinates: what was measured there, and at which byte of the file.
+#[derive(Default)]
+struct Known(HashMap<[u64; 2], ([f64; 2], u64)>);
+
+impl Known {
+    /// Whether a row at some byte of the file stands in the table already.
+    ///
+    /// # Errors
+    /// The input's fault: another displacement at the same point.
+    fn has(
+        &mut self,
+        at: [f64; 2],
+        (u, byte): ([f64; 2], u64),
+        line: &dyn Fn(u64) -> String,
+    ) -> Result<bool> {
+        // 0 is added to make one of both zeros
+        let key = at.map(|x| (x + 0.0).to_bits());
+        let (same, first) = *self.0.entry(key).or_insert((u, byte));
+        if same != u {
+            return Err(Error::input(line(byte), "one displacement of every point")
+                .found(format!("another one of the point of {}", line(first)))
+                .hint("are these two steps, or two regions that overlap, in one file? give each step a file of its own, and export each point once"));
+        }
+        Ok(first != byte)
+    }
 }
 
 /// Something was measured, and little of it is `faint`.

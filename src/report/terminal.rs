@@ -152,11 +152,11 @@ fn residual(round: &RoundReport) -> String {
     ];
     let table = table(&["", "RMS nm", "noise nm", "ratio"], rows);
     format!(
-        "\nresidual against the noise\n\n{table}\n  {} values of {} points count as {:.0} independent ones; points dropped: {} not measured or not correlated, {} outliers, {} off the plate, {} outside the window\n  reduced chi^2 of the block averages: {:.3}\n",
+        "\nresidual against the noise\n\n{table}\n  {} values of {} points count as {:.0} independent ones; points dropped: {} not measured, not correlated or repeated, {} outliers, {} off the plate, {} outside the window\n  reduced chi^2 of the block averages: {:.3}\n",
         2 * r.n,
         r.n,
         r.n_eff,
-        dropped.missing + dropped.uncorrelated + dropped.unmatched,
+        dropped.missing + dropped.uncorrelated + dropped.repeated + dropped.unmatched,
         dropped.outliers,
         dropped.outside_plate,
         dropped.outside_window,

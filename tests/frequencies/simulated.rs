@@ -216,11 +216,13 @@ fn without_parity(error: f64) {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn simulated_plates_with_parity_are_assigned_right_and_their_constants_covered() {
     with_parity(0.005);
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn without_parity_what_cannot_be_decided_is_said_to_be_open() {
     without_parity(0.005);
 }

@@ -197,3 +197,31 @@ fn forces_stand_in_comments() {
         ["index", "x_undef [mm]", "y_undef [mm]", "u [mm]", "v [mm]"]
     );
 }
+
+/// A row that stands in a file again counts once; two displacements of one point are refused with both lines.
+#[test]
+fn a_point_counts_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.csv");
+    let row = |k: usize| format!("{},{},{},0.5\n", k % 10, k / 10, 0.01 * k as f64);
+    let mut text = String::from("# an export\nx,y,u,v\n");
+    (0..100).for_each(|k| text += &row(k));
+    text += &row(7);
+    text += &row(8);
+    fs::write(&path, &text).unwrap();
+    let spec: MeasurementSpec = serde_json::from_value(json!({
+        "format": "csv", "file": "t.csv", "columns": { "x": "x", "y": "y", "ux": "u", "uy": "v" },
+        "units": { "coordinates": "mm", "displacements": "um" }, "loading_axis": "x",
+        "hole_center_in_data_mm": [0, 0], "outliers": "keep",
+    }))
+    .unwrap();
+    let field = spec.read(folder.path(), None).unwrap();
+    assert_eq!((field.len(), field.rejected.repeated), (100, 2));
+    text += "3,0,0.04,0.5\n";
+    fs::write(&path, &text).unwrap();
+    let error = spec.read(folder.path(), None).unwrap_err().to_string();
+    assert!(
+        error.contains("t.csv:105") && error.contains("t.csv:6"),
+        "{error}"
+    );
+}
