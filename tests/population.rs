@@ -15,6 +15,17 @@ fn normal(rng: &mut Pcg64) -> f64 {
 
 /// A specimen whose likelihood is normal, by draws of it; its prior is as good as none.
 fn specimen(name: &str, mean: &[f64], root: &[Vec<f64>], rng: &mut Pcg64) -> Specimen {
+    let names: Vec<String> = (0..mean.len()).map(|k| format!("c{k}")).collect();
+    of_constants(name, &names, mean, root, rng)
+}
+
+fn of_constants(
+    name: &str,
+    names: &[String],
+    mean: &[f64],
+    root: &[Vec<f64>],
+    rng: &mut Pcg64,
+) -> Specimen {
     let d = mean.len();
     let count = 4000;
     let mut values = Vec::new();
@@ -22,8 +33,7 @@ fn specimen(name: &str, mean: &[f64], root: &[Vec<f64>], rng: &mut Pcg64) -> Spe
         let z: Vec<f64> = (0..d).map(|_| normal(rng)).collect();
         values.extend((0..d).map(|i| mean[i] + (0..=i).map(|j| root[i][j] * z[j]).sum::<f64>()));
     }
-    let names = (0..d).map(|k| format!("c{k}")).collect();
-    let draws = Draws::new(names, vec![0], values, vec![0.0; count]).unwrap();
+    let draws = Draws::new(names.to_vec(), vec![0], values, vec![0.0; count]).unwrap();
     let own: Vec<(usize, [f64; 2])> = (0..d).map(|k| (k, [mean[k], 1e9])).collect();
     Specimen::of_draws(name, &draws, &own).unwrap()
 }
@@ -36,8 +46,8 @@ fn single(means: &[f64], sds: &[f64]) -> Vec<Specimen> {
 }
 
 fn report(specimens: &[Specimen], seed: u64) -> (PopulationReport, Sampled) {
-    let sampled = sample(specimens, seed, &Silent).unwrap();
-    let report = PopulationReport::new("test", seed, &sampled, specimens).unwrap();
+    let sampled = sample(specimens, 0.0, seed, &Silent).unwrap();
+    let report = PopulationReport::new("test", (seed, 0.0), &sampled, specimens).unwrap();
     assert!(report.converged, "{}", report.convergence);
     (report, sampled)
 }
@@ -175,6 +185,45 @@ fn a_population_of_one_constant_is_that_of_a_grid() {
         );
         assert!(found.sd < spread[k], "{k}: {found:?} {}", spread[k]);
     }
+}
+
+/// A scale that all specimens share is no scatter: it widens the population's mean by as much as it is open, however many specimens there are.
+#[test]
+fn a_shared_scale_is_in_the_mean_and_in_no_specimen() {
+    let mut rng = Pcg64::seed_from_u64(17);
+    let values = standardised(30, 100.0, 1.0, &mut rng);
+    let root = vec![vec![1.2]];
+    let specimens: Vec<Specimen> = values
+        .iter()
+        .enumerate()
+        .map(|(k, v)| of_constants(&format!("s{k}"), &["E_GPa".into()], &[*v], &root, &mut rng))
+        .collect();
+    let own: Vec<Specimen> = specimens
+        .iter()
+        .map(|s| s.clone().without_scale(0.01).unwrap())
+        .collect();
+    // 1.2 % of which 1 % is everybody's
+    assert!((own[3].covariance[(0, 0)].sqrt() - 0.44_f64.sqrt()).abs() < 0.06);
+    let sampled = sample(&own, 0.01, 3, &Silent).unwrap();
+    let report = PopulationReport::new("test", (3, 0.01), &sampled, &own).unwrap();
+    let found = &report.constants["E_GPa"];
+    assert!(
+        found.mean.sd > 0.98 && found.mean.sd < 1.12,
+        "{:?}",
+        found.mean
+    );
+    // what is left of the scatter of 1
+    assert!(
+        (found.sd.mean - 0.56_f64.sqrt()).abs() < 2.0 * found.sd.sd,
+        "{:?}",
+        found.sd
+    );
+    let refused = specimens[0]
+        .clone()
+        .without_scale(0.02)
+        .unwrap_err()
+        .to_string();
+    assert!(refused.contains("--shared-percent"), "{refused}");
 }
 
 /// A population of constants with these means and sds, correlated by a common factor, and specimens that are known to `open` times the sd between

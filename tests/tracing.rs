@@ -189,6 +189,7 @@ fn all_named(file: &str, grid: usize, noise: Noise) {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn two_effects_together_are_both_named() {
     for (k, pair) in [
         ["load_misalignment=1", "in_plane_bending=0.2"],

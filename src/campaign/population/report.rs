@@ -19,6 +19,8 @@ pub struct PopulationReport {
     pub name: String,
     pub version: String,
     pub seed: u64,
+    /// Relative sd of a scale of all moduli that all specimens share, percent; in the means and percentiles, not in the specimens.
+    pub shared_percent: f64,
     pub constants: Keyed<OfConstant>,
     /// By `correlation_` and the two constants.
     pub correlations: Keyed<Estimate>,
@@ -104,7 +106,12 @@ const BELOW: f64 = 0.05;
 impl PopulationReport {
     /// # Errors
     /// The program's fault: draws without a constant's columns.
-    pub fn new(name: &str, seed: u64, sampled: &Sampled, specimens: &[Specimen]) -> Result<Self> {
+    pub fn new(
+        name: &str,
+        (seed, shared): (u64, f64),
+        sampled: &Sampled,
+        specimens: &[Specimen],
+    ) -> Result<Self> {
         let of = |constant: &String| Ok((constant.clone(), of_constant(sampled, constant)?));
         let correlations = sampled.verdict.rows.iter();
         let correlations = correlations.filter(|r| r.name.starts_with("correlation_"));
@@ -114,6 +121,7 @@ impl PopulationReport {
             name: name.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             seed,
+            shared_percent: 100.0 * shared,
             constants: sampled.constants.iter().map(of).collect::<Result<_>>()?,
             correlations: correlations
                 .map(|r| (r.name.clone(), Estimate::of_row(r)))
@@ -124,7 +132,7 @@ impl PopulationReport {
             left_out: Keyed::new(),
             converged: sampled.verdict.converged,
             convergence: sampled.verdict.line(),
-            warnings: warnings(specimens),
+            warnings: warnings(specimens, shared),
         })
     }
 }
@@ -166,7 +174,7 @@ fn of_specimen(specimen: &Specimen, draws: &[Vec<f64>]) -> OfSpecimen {
     }
 }
 
-fn warnings(specimens: &[Specimen]) -> Vec<String> {
+fn warnings(specimens: &[Specimen], shared: f64) -> Vec<String> {
     let mut all = Vec::new();
     if specimens.len() < FEW {
         all.push(format!(
@@ -181,9 +189,11 @@ fn warnings(specimens: &[Specimen]) -> Vec<String> {
             100.0 * s.left
         ));
     }
-    all.push(
-        "what all specimens share (a load cell, a camera, a thickness gauge, the batch) is not between them: it moves the population's mean as a whole"
-            .into(),
-    );
+    if shared == 0.0 {
+        all.push(
+            "what all specimens share (a load cell, a camera, a thickness gauge, the batch) is not between them: it moves the population's mean as a whole; --shared-percent counts a scale of all moduli"
+                .into(),
+        );
+    }
     all
 }

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::density::{Place, Population};
-use super::specimen::Specimen;
+use super::specimen::{Specimen, is_modulus};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
@@ -18,6 +18,15 @@ pub const LEAST: usize = 3;
 /// Standard normal quantiles of the 1st and the 10th percentile.
 const Z_1: f64 = -2.326_347_874_040_841;
 const Z_10: f64 = -1.281_551_565_544_600_4;
+
+/// The key of streams that no walker has: a lane a specimen, and one for the shared scale.
+fn own(seed: u64) -> Key {
+    Key {
+        seed,
+        ensemble: u64::MAX,
+    }
+}
+const SCALES: u64 = u64::MAX;
 
 /// What was drawn.
 pub struct Sampled {
@@ -41,11 +50,17 @@ const TAU_CHANGE: f64 = 0.1;
 /// Draws of the population at which specimens are drawn.
 const AT: usize = 4000;
 
-/// Draw from the posterior of the population of some specimens.
+/// Draw from the posterior of the population of some specimens, which have a scale of all their moduli in common that is known with a relative
+/// sd of `shared` (see [`Specimen::without_scale`]).
 ///
 /// # Errors
 /// The input's fault: fewer than [`LEAST`] specimens, or specimens of different constants.
-pub fn sample(specimens: &[Specimen], seed: u64, progress: &dyn Progress) -> Result<Sampled> {
+pub fn sample(
+    specimens: &[Specimen],
+    shared: f64,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Sampled> {
     let constants = match specimens {
         [first, ..] if specimens.len() >= LEAST => first.constants.clone(),
         _ => {
@@ -86,7 +101,10 @@ pub fn sample(specimens: &[Specimen], seed: u64, progress: &dyn Progress) -> Res
     let sampler = Adaptive::default();
     let outcome = sample::run(&target, &sampler, &start, &schedule, &rule, &monitor)?;
     progress.end();
-    let draws = in_units(&target, &constants, &outcome.draws)?;
+    let mut scales = Stream::at(own(seed), SCALES, 0);
+    let draws = in_units(&target, &constants, &outcome.draws, &mut || {
+        1.0 + shared * scales.normal()
+    })?;
     Ok(Sampled {
         verdict: judge(&outcome.draws, &draws, &rule),
         shrunken: shrunken(&target, specimens, &outcome.draws, seed),
@@ -109,7 +127,12 @@ fn judge(sampled: &Draws, in_units: &Draws, rule: &Rule) -> Verdict {
     verdict
 }
 
-fn in_units(target: &Population<'_>, constants: &[String], drawn: &Draws) -> Result<Draws> {
+fn in_units(
+    target: &Population<'_>,
+    constants: &[String],
+    drawn: &Draws,
+    scale: &mut dyn FnMut() -> f64,
+) -> Result<Draws> {
     let of = |what: &str| {
         constants
             .iter()
@@ -125,7 +148,14 @@ fn in_units(target: &Population<'_>, constants: &[String], drawn: &Draws) -> Res
     names.extend(pairs().map(|(j, i)| format!("correlation_{}_{}", constants[j], constants[i])));
     let mut values = Vec::with_capacity(drawn.len() * names.len());
     for x in drawn.points() {
-        let (place, _) = target.place(x);
+        let (mut place, _) = target.place(x);
+        let scale = scale();
+        for (k, name) in constants.iter().enumerate() {
+            if is_modulus(name) {
+                place.mean[k] *= scale;
+                place.sds[k] *= scale;
+            }
+        }
         let with = |z: f64| {
             place
                 .mean
@@ -157,22 +187,17 @@ fn shrunken(
 ) -> Vec<Vec<Vec<f64>>> {
     let points: Vec<&[f64]> = drawn.points().step_by((drawn.len() / AT).max(1)).collect();
     let one = |(s, specimen): (usize, &Specimen)| {
-        let mut own = vec![Vec::with_capacity(points.len()); target.constants()];
-        // lanes of their own, which no walker has
-        let key = Key {
-            seed,
-            ensemble: u64::MAX,
-        };
-        let mut rng = Stream::at(key, s as u64, 0);
+        let mut all = vec![Vec::with_capacity(points.len()); target.constants()];
+        let mut rng = Stream::at(own(seed), s as u64, 0);
         for x in &points {
             let (place, _) = target.place(x);
             if let Some(theta) = draw(&place, specimen, &mut rng) {
-                for (values, value) in own.iter_mut().zip(theta.iter()) {
+                for (values, value) in all.iter_mut().zip(theta.iter()) {
                     values.push(*value);
                 }
             }
         }
-        own
+        all
     };
     specimens.iter().enumerate().map(one).collect()
 }

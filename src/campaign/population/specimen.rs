@@ -76,6 +76,38 @@ impl Specimen {
         Self::of_draws(name, &draws, &own).map_err(|e| e.within(store.display()))
     }
 
+    /// The specimen without what a scale of all moduli leaves open that is not its own but all specimens': a relative sd of `share`.
+    ///
+    /// # Errors
+    /// The input's fault: a scale that is less certain than this specimen's moduli are.
+    pub fn without_scale(mut self, share: f64) -> Result<Self> {
+        let scaled = |(name, mean): (&String, &f64)| if is_modulus(name) { *mean } else { 0.0 };
+        let along = self.constants.iter().zip(self.mean.iter()).map(scaled);
+        let along = DVector::from_iterator(self.mean.len(), along);
+        let mut own = self.covariance.clone();
+        own.ger(-share * share, &along, &along, 1.0);
+        let roots = [&self.covariance, &own].map(|c| c.clone().cholesky());
+        let [Some(before), Some(after)] = roots else {
+            let wanted = format!(
+                "at most what {} itself leaves open of its moduli",
+                self.name
+            );
+            return Err(Error::input("--shared-percent", wanted).found(100.0 * share));
+        };
+        // kernels and their covariance are moved as the covariance is
+        let (before, after) = (before.l(), after.l());
+        let moved = |centre: &DVector<f64>| {
+            let z = before.solve_lower_triangular(&(centre - &self.mean))?;
+            Some(&self.mean + &after * z)
+        };
+        let centres: Option<Vec<DVector<f64>>> = self.centres.iter().map(moved).collect();
+        let height = self.kernel[(0, 0)] / self.covariance[(0, 0)];
+        self.centres = centres.ok_or_else(|| Error::program(&self.name, "a root"))?;
+        self.kernel = &own * height;
+        self.covariance = own;
+        Ok(self)
+    }
+
     /// The specimen of a chain, whose columns `own` are constants with normal priors, `[mean, sd]`.
     ///
     /// # Errors
@@ -119,6 +151,11 @@ impl Specimen {
             covariance,
         })
     }
+}
+
+/// Whether a scale of all moduli scales a constant, by its unit.
+pub fn is_modulus(name: &str) -> bool {
+    name.ends_with("_GPa")
 }
 
 fn moments<'a>(

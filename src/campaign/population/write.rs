@@ -78,6 +78,10 @@ impl PopulationReport {
     }
 
     fn page(&self) -> String {
+        self.ascii_page().replace(" +- ", " \u{b1} ")
+    }
+
+    fn ascii_page(&self) -> String {
         let count = self.specimens.len();
         let mut header = vec!["specimen".to_string()];
         for name in self.constants.keys() {
