@@ -11,7 +11,8 @@ const ETA: f64 = 4.0;
 /// Constants of specimens are normal: N(mean, S R S), S the sds between specimens, R their correlations. Sampled are the means, the logarithms of
 /// the sds, and atanh of the canonical partial correlations.
 ///
-/// Priors: the means flat; an sd 1/(sd + w), w what a specimen leaves open of the constant. Where that is nothing it is 1/sd, by which the bounds
+/// Priors: of the means what the runs' models know of the material, if all know the same, which every specimen's likelihood is without (else
+/// flat); an sd 1/(sd + w), w what a specimen leaves open of the constant. Where that is nothing it is 1/sd, by which the bounds
 /// of a normal population's percentiles are those of classical tolerance factors (Geisser & Cornfield 1963 for one constant); where it is more
 /// than the sd, it is flat, so that a spread of nothing is possible. No sd is larger than its constant.
 pub struct Population<'a> {
@@ -19,6 +20,8 @@ pub struct Population<'a> {
     specimens: &'a [Specimen],
     /// w of each constant.
     open: Vec<f64>,
+    /// Of the means, [mean, sd]; none where the runs' differ.
+    priors: Option<&'a [[f64; 2]]>,
 }
 
 /// A population.
@@ -50,6 +53,7 @@ impl<'a> Population<'a> {
         Self {
             names,
             specimens,
+            priors: common(specimens),
             open: (0..n).map(open).collect(),
         }
     }
@@ -106,8 +110,19 @@ impl<'a> Population<'a> {
             root[(i, i)] = rest.sqrt();
         }
         let mean = DVector::from_column_slice(&x[..n]);
+        let known = self.priors.unwrap_or_default().iter().zip(&mean);
+        log_prior += known
+            .map(|([m, s], x)| -0.5 * ((x - m) / s).powi(2))
+            .sum::<f64>();
         (Place { mean, sds, root }, log_prior)
     }
+}
+
+/// The priors of all specimens, if they are the same.
+pub fn common(specimens: &[Specimen]) -> Option<&[[f64; 2]]> {
+    let first = &specimens.first()?.priors;
+    let same = specimens.iter().all(|s| s.priors == *first);
+    same.then_some(first)
 }
 
 impl Place {

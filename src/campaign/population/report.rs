@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::density::common;
 use super::sampled::Sampled;
-use super::specimen::Specimen;
+use super::specimen::{LEAST_LEFT, Specimen};
 use crate::diagnose::{Row, mcse_quantile, mean, sd, sorted};
 use crate::error::{Error, Result};
 use crate::files::Keyed;
@@ -94,9 +95,6 @@ impl Estimate {
     }
 }
 
-/// Below this share of draws left in effect, a specimen's constants are its prior's more than its data's.
-const LEAST_LEFT: f64 = 0.1;
-
 /// Fewer specimens are warned of: their bounds rest on the form of the distribution and on few values.
 const FEW: usize = 18;
 
@@ -184,10 +182,13 @@ fn warnings(specimens: &[Specimen], shared: f64) -> Vec<String> {
     }
     for s in specimens.iter().filter(|s| s.left < LEAST_LEFT) {
         all.push(format!(
-            "{}: without its prior {:.0} % of its draws are left in effect: its data say little of some constant; a wider prior makes its share reliable",
+            "{}: without its prior {:.0} % of its draws are left in effect: its data say little of some constant, and are taken as a normal likelihood",
             s.name,
             100.0 * s.left
         ));
+    }
+    if common(specimens).is_none() {
+        all.push("the runs have different priors of the constants: none is given to the means of the population".into());
     }
     if shared == 0.0 {
         all.push(

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 
 use crate::chain::{Draws, Reader};
+use crate::dense::eigen;
 use crate::diagnose::relative_weights;
 use crate::error::{Error, Result};
 use crate::files::{Keyed, parse_json};
@@ -32,9 +33,14 @@ pub struct Specimen {
     pub kernel: DMatrix<f64>,
     pub mean: DVector<f64>,
     pub covariance: DMatrix<f64>,
+    /// Normal priors of the constants, [mean, sd], which its likelihood is without.
+    pub priors: Vec<[f64; 2]>,
     /// Share of the draws that is left in effect when the prior is divided out.
     pub left: f64,
 }
+
+/// Below this share the likelihood is taken as normal.
+pub const LEAST_LEFT: f64 = 0.1;
 
 /// What is read of a model.
 #[derive(Deserialize)]
@@ -124,11 +130,26 @@ impl Specimen {
         let weights = relative_weights(&without_prior);
         let total: f64 = weights.iter().sum();
         let weights: Vec<f64> = weights.iter().map(|w| w / total).collect();
-        let (mean, covariance) = moments(points.iter(), &weights);
         let singular = || {
             Error::input(name, "constants that vary over the draws of a chain")
                 .found(format!("{} draws", points.len()))
         };
+        let left = 1.0 / (weights.iter().map(|w| w * w).sum::<f64>() * points.len() as f64);
+        let priors: Vec<[f64; 2]> = own.iter().map(|(_, prior)| *prior).collect();
+        if left < LEAST_LEFT {
+            let (mean, covariance) = divided(&points, &priors).ok_or_else(singular)?;
+            return Ok(Self {
+                name: name.into(),
+                constants,
+                centres: vec![mean.clone()],
+                kernel: covariance.clone(),
+                mean,
+                covariance,
+                priors,
+                left,
+            });
+        }
+        let (mean, covariance) = moments(points.iter(), &weights);
         let root = covariance.clone().cholesky().ok_or_else(singular)?.l();
         // the mixture's covariance is (1 - h^2) C of the centres and h^2 C of the kernels
         let d = own.len() as f64;
@@ -146,9 +167,10 @@ impl Specimen {
             constants,
             centres,
             kernel: &covariance * bandwidth.powi(2),
-            left: 1.0 / (weights.iter().map(|w| w * w).sum::<f64>() * points.len() as f64),
             mean,
             covariance,
+            priors,
+            left,
         })
     }
 }
@@ -156,6 +178,33 @@ impl Specimen {
 /// Whether a scale of all moduli scales a constant, by its unit.
 pub fn is_modulus(name: &str) -> bool {
     name.ends_with("_GPa")
+}
+
+/// Mean and covariance of a normal likelihood: the precision of the draws less that of the priors, and in directions of which the data say next
+/// to nothing a hundredth of the priors'.
+fn divided(points: &[DVector<f64>], priors: &[[f64; 2]]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    const LEAST: f64 = 0.01;
+    let d = priors.len();
+    // in sds of the priors from their means
+    let scaled: Vec<DVector<f64>> = points
+        .iter()
+        .map(|x| DVector::from_fn(d, |k, _| (x[k] - priors[k][0]) / priors[k][1]))
+        .collect();
+    let even = vec![1.0 / points.len() as f64; points.len()];
+    let (mean, covariance) = moments(scaled.iter(), &even);
+    let precision = covariance.cholesky()?.inverse();
+    let (own, axes) = eigen(&(&precision - DMatrix::identity(d, d))).ok()?;
+    let own = own.map(|p| p.max(LEAST));
+    // what the data say of each direction: precision times mean, of which the priors', about zero, have no part
+    let along = axes.tr_mul(&(precision * mean)).component_div(&own);
+    let scale = DMatrix::from_fn(d, d, |i, j| if i == j { priors[i][1] } else { 0.0 });
+    let turned = &scale * axes;
+    let middle = DVector::from_fn(d, |k, _| priors[k][0]);
+    let spread = DMatrix::from_diagonal(&own.map(|p| 1.0 / p));
+    Some((
+        middle + &turned * along,
+        &turned * spread * turned.transpose(),
+    ))
 }
 
 fn moments<'a>(
@@ -256,6 +305,45 @@ mod tests {
         );
         assert!((found.covariance[(0, 0)].sqrt() - 1.0).abs() < 4.0 * sd);
         assert!(found.left > 0.1 && found.left < 0.9, "{}", found.left);
+    }
+
+    /// Where the prior is nearly all there is, the likelihood is found all the same, and is wide where the data are silent.
+    #[test]
+    fn a_likelihood_that_says_little_is_divided_as_a_normal_one() {
+        let key = Key {
+            seed: 3,
+            ensemble: 0,
+        };
+        let mut rng = Stream::at(key, 0, 0);
+        // measured: a to 1 about 10, b to 3 about 6, c not at all; priors of sd 2, 1 and 1 about 8, 5 and 4
+        let priors = [[8.0, 2.0], [5.0, 1.0], [4.0, 1.0]];
+        let measured = [[10.0, 1.0], [6.0, 3.0], [0.0, 1e6]];
+        let posterior = [0, 1, 2].map(|k| {
+            let ([m, s], [m0, s0]): ([f64; 2], [f64; 2]) = (measured[k], priors[k]);
+            let precision = s.powi(-2) + s0.powi(-2);
+            [
+                (m / s.powi(2) + m0 / s0.powi(2)) / precision,
+                precision.powf(-0.5),
+            ]
+        });
+        let count = MOST_DRAWS;
+        let mut values = Vec::new();
+        for _ in 0..count {
+            values.extend(posterior.map(|[mean, sd]| mean + sd * rng.normal()));
+        }
+        let names = ["a", "b", "c"].map(String::from).to_vec();
+        let draws = Draws::new(names, vec![0], values, vec![0.0; count]).unwrap();
+        let own: Vec<(usize, [f64; 2])> = priors.into_iter().enumerate().collect();
+        let found = Specimen::of_draws("s", &draws, &own).unwrap();
+        assert!(found.left < LEAST_LEFT, "{}", found.left);
+        let sd = |k: usize| found.covariance[(k, k)].sqrt();
+        assert!((found.mean[0] - 10.0).abs() < 0.1 && (sd(0) - 1.0).abs() < 0.05);
+        assert!(
+            (found.mean[1] - 6.0).abs() < 0.6 && (sd(1) - 3.0).abs() < 0.5,
+            "{}",
+            sd(1)
+        );
+        assert!(sd(2) > 5.0, "{}", sd(2));
     }
 
     /// Kernels have the mean, the covariance and nearly the skewness of the draws.
