@@ -13,12 +13,13 @@ mod effects;
 mod exports;
 mod folder;
 mod fringes;
-mod hole;
 mod identify;
 mod init;
 #[cfg(feature = "manual")]
 mod manual;
 mod mappings;
+mod meshes;
+mod points;
 mod population;
 mod report;
 mod ringing;

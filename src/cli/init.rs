@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::exports;
-use super::hole::hole;
 use super::mappings::{Found, MAPPINGS, matching, quality};
+use super::points::{hole, loading_axis, strain};
 use super::print;
+use super::{exports, meshes};
 use crate::error::{Error, Result};
 use crate::field::{
     Axis, ColumnMap, Columns, Field, Frame, LEAST_CORRELATION, PIXEL, Series, Units, table,
@@ -24,7 +24,8 @@ use crate::infer::Model;
   plychain init strip --like steel                a copy of the steel strip's model
   plychain init strip --like steel --csv field.csv    columns, hole and axis read from a DIC export
   plychain init coupon --csv 'step-*.csv' --subset-mm 1 --camera-distance-mm 500
-                                                  the same of a load series, one file a step")]
+                                                  the same of a load series, one file a step
+  plychain init plate --mesh plate.msh --csv field.csv    a specimen of any shape; plate-mesh.svg shows mesh and points")]
 pub struct Arguments {
     /// Name of the model; the file is NAME.json
     #[arg(default_value = "specimen")]
@@ -36,6 +37,10 @@ pub struct Arguments {
     /// quotation marks, are the steps of a load series
     #[arg(long, value_name = "FILE", num_args = 1..)]
     csv: Vec<PathBuf>,
+    /// A mesh of Gmsh or Abaqus in place of the plate's dimensions: its frame, loads and supports are proposed, and NAME-mesh.svg shows
+    /// mesh, named edges and measured points
+    #[arg(long, value_name = "FILE")]
+    mesh: Option<PathBuf>,
     /// Size of a pixel on the specimen, for exports in pixels
     #[arg(long, value_name = "MM", requires = "csv")]
     mm_per_pixel: Option<f64>,
@@ -92,12 +97,16 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         specimen.remove("clamp");
     }
     let files = exports::expand(&arguments.csv)?;
-    let said = if files.is_empty() {
+    let (mut said, field) = if files.is_empty() {
         experiment["measurement"] = unread();
-        String::new()
+        (String::new(), None)
     } else {
-        propose(&files, arguments, experiment)?
+        let (said, field) = propose(&files, arguments, experiment)?;
+        (said, Some(field))
     };
+    if let Some(mesh) = &arguments.mesh {
+        said += &meshes::propose(mesh, field.as_ref(), experiment)?;
+    }
     if let Some(subset) = arguments.subset_mm {
         let mut images = json!({ "subset_mm": subset });
         if let Some(distance) = arguments.camera_distance_mm {
@@ -113,11 +122,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     text.push('\n');
     let model = Model::parse(&text, &path)?;
     files::replace(&path, text)?;
+    if arguments.mesh.is_some() {
+        let picture = PathBuf::from(format!("{}-mesh.svg", arguments.name));
+        said += &meshes::draw(&model, field.as_ref(), &picture)?;
+    }
     print(&format!(
         "{} written\n{said}{}{}",
         path.display(),
         series(&model),
-        next(&path, files.len() > 1)
+        next(&path, files.len() > 1, arguments.mesh.is_some())
     ))
 }
 
@@ -167,7 +180,13 @@ fn unread() -> Value {
 }
 
 /// What to do with the file.
-fn next(path: &Path, is_series: bool) -> String {
+fn next(path: &Path, is_series: bool, is_meshed: bool) -> String {
+    let shape = if is_meshed {
+        "mesh.load, mesh.supports          the edges on which the force acts, and those that are held"
+    } else {
+        "specimen.length_mm, width_mm      the plate between the grips
+  specimen.hole                     diameter, and place from the plate's centre"
+    };
     let images = if is_series {
         "
   measurement.image_correlation     subset_mm, camera_distance_mm, pixel_mm (image correlation)"
@@ -183,8 +202,7 @@ fn next(path: &Path, is_series: bool) -> String {
         "\nto be edited before the first run, because no file of displacements says it:
   material.parameters               priors: what is known of the constants beforehand
 and of the experiment
-  specimen.length_mm, width_mm      the plate between the grips
-  specimen.hole                     diameter, and place from the plate's centre
+  {shape}
   specimen.layup_deg, thickness_mm  (laminate)
   {force}{images}
 then
@@ -206,9 +224,14 @@ struct Export {
     said: String,
 }
 
-/// Put the measurement of one DIC export, or of a series of them, into the experiment; returns what was assumed about it.
-fn propose(files: &[PathBuf], arguments: &Arguments, experiment: &mut Value) -> Result<String> {
-    let exports = files
+/// Put the measurement of one DIC export, or of a series of them, into the experiment; returns what was assumed about it, and the field
+/// of the largest strain in the data's own axes.
+fn propose(
+    files: &[PathBuf],
+    arguments: &Arguments,
+    experiment: &mut Value,
+) -> Result<(String, Field)> {
+    let mut exports = files
         .iter()
         .map(|file| Export::read(file, arguments.mm_per_pixel))
         .collect::<Result<Vec<Export>>>()?;
@@ -242,7 +265,7 @@ fn propose(files: &[PathBuf], arguments: &Arguments, experiment: &mut Value) -> 
         said += &of_steps;
     }
     experiment["measurement"] = measurement;
-    Ok(said)
+    Ok((said, exports.swap_remove(chosen).field))
 }
 
 impl Export {
@@ -404,25 +427,4 @@ fn shortened(names: &[&str]) -> String {
         }
     }
     short.join(", ")
-}
-
-/// The axis of the larger mean strain (points and displacements in the data's own axes).
-fn loading_axis(field: &Field) -> &'static str {
-    let [x, y] = strain(field);
-    if y > x { "y" } else { "x" }
-}
-
-/// Sizes of the mean strains along the data's axes.
-fn strain(field: &Field) -> [f64; 2] {
-    [0, 1].map(|k| {
-        let n = field.len() as f64;
-        let mean = |f: &dyn Fn(usize) -> f64| (0..field.len()).map(f).sum::<f64>() / n;
-        let (x, u) = (
-            mean(&|i| field.points[i][k]),
-            mean(&|i| field.displacement[i][k]),
-        );
-        let xu = mean(&|i| (field.points[i][k] - x) * (field.displacement[i][k] - u));
-        let xx = mean(&|i| (field.points[i][k] - x).powi(2));
-        (xu / xx.max(f64::MIN_POSITIVE)).abs()
-    })
 }

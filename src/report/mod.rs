@@ -31,7 +31,7 @@ pub mod verdict;
 mod words;
 
 pub use document::Report;
-pub use figures::{FieldCells, Figure, FigureData, Palette};
+pub use figures::{FieldCells, Figure, FigureData, Palette, mesh_figure, mesh_lines, on_mesh};
 pub use html::{comparison, document, table};
 pub use page::{FIGURES, Page};
 pub use words::SILENT_HELD_PERCENT;

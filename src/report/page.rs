@@ -27,6 +27,13 @@ pub struct Page {
     pub quoted: FigureData,
 }
 
+/// The mesh of all rounds is one.
+fn keep_first_mesh(figures: &mut [FigureData]) {
+    for later in figures.iter_mut().skip(1) {
+        later.mesh = Vec::new();
+    }
+}
+
 /// What tables and figures of the posterior to quote are called.
 const AVERAGED: &str = "averaged";
 
@@ -42,7 +49,8 @@ impl Page {
         truth: Option<KnownTruth>,
     ) -> Self {
         let gather = |round: &&Identification| FigureData::gather(round, truth.as_ref());
-        let figures = rounds.iter().map(gather).collect();
+        let mut figures: Vec<FigureData> = rounds.iter().map(gather).collect();
+        keep_first_mesh(&mut figures);
         Self {
             report,
             manifest,
@@ -69,11 +77,13 @@ impl Page {
                 truth.as_ref(),
             )
         });
+        let mut figures: Vec<FigureData> = rounds
+            .map(|r| FigureData::traced(r, truth.as_ref()))
+            .collect();
+        keep_first_mesh(&mut figures);
         Self {
             quoted: quoted.unwrap_or_default(),
-            figures: rounds
-                .map(|r| FigureData::traced(r, truth.as_ref()))
-                .collect(),
+            figures,
             report,
             manifest,
             truth,

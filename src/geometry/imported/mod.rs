@@ -25,7 +25,7 @@ use crate::error::{Error, Result};
 
 pub use kind::Kind;
 pub use mesh::{BoundaryEdge, Element, ImportedMesh};
-pub use plate::{ImportedPlate, Part};
+pub use plate::{Circle, ImportedPlate, Part};
 pub use raise::raise;
 pub use spec::{HeldEdge, LoadedEdge, MeshAxis, MeshSpec, OneOrMany, Spread};
 

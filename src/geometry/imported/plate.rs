@@ -91,19 +91,25 @@ impl Part {
 
     /// The circle of the edge `hole`, if that is one.
     pub fn hole(&self) -> Option<Circle> {
-        let edges = self.mesh.edges.get(HOLE)?;
-        let nodes = edges.iter().flat_map(|&e| {
-            let (a, m, _) = self.mesh.edge_nodes(e);
-            [Some(a), m].into_iter().flatten()
-        });
-        let points: Vec<[f64; 2]> = nodes.map(|n| self.mesh.nodes[n as usize]).collect();
-        circle(&points)
+        self.mesh.circle(HOLE)
     }
 
     /// The point of the mesh that the data's frame begins at, mm.
     pub fn origin(&self) -> [f64; 2] {
         let of_hole = || self.hole().map(|hole| hole.center);
         self.spec.origin_mm.or_else(of_hole).unwrap_or([0.0; 2])
+    }
+}
+
+impl ImportedMesh {
+    /// The circle of a named edge, if that is one.
+    pub fn circle(&self, name: &str) -> Option<Circle> {
+        let nodes = self.edges.get(name)?.iter().flat_map(|&e| {
+            let (a, m, _) = self.edge_nodes(e);
+            [Some(a), m].into_iter().flatten()
+        });
+        let points: Vec<[f64; 2]> = nodes.map(|n| self.nodes[n as usize]).collect();
+        circle(&points)
     }
 }
 

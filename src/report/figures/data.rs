@@ -18,6 +18,8 @@ pub struct FigureData {
     pub steps: Vec<StepCell>,
     /// The stiffness that would make what grows with the load of a series, where that is called for.
     pub stiffness: Vec<StiffnessCell>,
+    /// The mesh of another program with edges and points; that of the first round alone.
+    pub mesh: Vec<MeshPoint>,
     /// Posterior summary, prior, cut and truth of each parameter.
     pub parameters: Vec<ParameterLine>,
     pub marginals: Vec<MarginalBin>,
@@ -44,6 +46,7 @@ impl FigureData {
         write(folder, &of("maps"), &self.maps)?;
         write(folder, &of("steps"), &self.steps)?;
         write(folder, &of("stiffness"), &self.stiffness)?;
+        write(folder, &of("mesh"), &self.mesh)?;
         write(folder, &of("parameters"), &self.parameters)?;
         write(folder, &of("marginals"), &self.marginals)?;
         write(folder, &of("corner"), &self.corner)?;
@@ -64,6 +67,7 @@ impl FigureData {
             maps: read(folder, &of("maps"))?,
             steps: read(folder, &of("steps"))?,
             stiffness: read(folder, &of("stiffness"))?,
+            mesh: read(folder, &of("mesh"))?,
             parameters: read(folder, &of("parameters"))?,
             marginals: read(folder, &of("marginals"))?,
             corner: read(folder, &of("corner"))?,
@@ -97,6 +101,38 @@ pub struct StepCell {
     pub y_mm: f64,
     pub u1_residual_nm: Option<f64>,
     pub u2_residual_nm: Option<f64>,
+}
+
+/// What a line of the picture of a mesh is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MeshPart {
+    /// Sides between elements.
+    Element,
+    /// A side of one element.
+    Boundary,
+    /// A part of a named edge.
+    Edge,
+    /// From the middle of a named edge along the force on it.
+    Force,
+    /// A point of a named edge that is held.
+    Held,
+    /// A measured point on the mesh.
+    On,
+    /// A measured point off the mesh.
+    Off,
+}
+
+/// A point of a line of the picture of a mesh, in the data's frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeshPoint {
+    pub part: MeshPart,
+    /// The edge's name.
+    pub name: String,
+    /// Number of the line.
+    pub line: usize,
+    pub x_mm: f64,
+    pub y_mm: f64,
 }
 
 /// The relative change of the membrane stiffness at a block, percent, and its sd.

@@ -2,9 +2,10 @@
 
 use super::cells::FieldCells;
 use super::data::{
-    FigureData, JointBin, LagPoint, MapCell, MarginalBin, ParameterLine, RankBin, StepCell,
-    StiffnessCell, SurfaceLine, TracePoint, TruncationLine,
+    FigureData, JointBin, LagPoint, MapCell, MarginalBin, MeshPoint, ParameterLine, RankBin,
+    StepCell, StiffnessCell, SurfaceLine, TracePoint, TruncationLine,
 };
+use super::mesh::lines;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, autocorrelation, diagnose};
 use crate::field::blocks::origin;
@@ -25,6 +26,7 @@ impl FigureData {
             maps: maps(round),
             steps: Vec::new(),
             stiffness: Vec::new(),
+            mesh: imported(round),
             parameters: parameters(round, truth),
             marginals: marginals(draws, &ranges),
             corner: densities(draws, &ranges),
@@ -75,6 +77,22 @@ impl FigureData {
             ..Self::default()
         }
     }
+}
+
+/// The mesh of another program with the measured points; nothing of a shape that the program meshes itself.
+fn imported(round: &Identification) -> Vec<MeshPoint> {
+    let prepared = &round.inverse.prepared;
+    let geometry = &prepared.problem.experiment.scene().setup.geometry;
+    if geometry.name() != "imported" {
+        return Vec::new();
+    }
+    let field = &prepared.observation.field;
+    let points: Vec<[f64; 2]> = field
+        .points
+        .iter()
+        .map(|&p| field.frame.data_point(p))
+        .collect();
+    lines(&geometry.mesh(&[]), &field.frame, &points)
 }
 
 /// What is left of each step of a series, block by block, in the data's frame.

@@ -9,6 +9,7 @@ mod corner;
 pub mod data;
 mod gather;
 mod maps;
+mod mesh;
 mod pictures;
 #[cfg(feature = "png")]
 mod raster;
@@ -21,6 +22,7 @@ pub use colour::Palette;
 pub use corner::{MOST as AXES, corner as posterior_corner};
 pub use data::FigureData;
 pub use maps::Scale;
+pub use mesh::{lines as mesh_lines, mesh as mesh_figure, on_mesh};
 pub use pictures::Picture;
 #[cfg(feature = "png")]
 pub use raster::png;
@@ -78,6 +80,9 @@ pub fn all(page: &Page) -> Result<Figures> {
     let mut others = vec![
         bars::intervals(&page.intervals())?,
         bars::blind_spots(page.report.blind_spots(), &page.constants())?,
+        page.figures
+            .first()
+            .map_or(Ok(None), |data| mesh::mesh(&data.mesh))?,
         page.figures
             .last()
             .map_or(Ok(None), |data| steps::steps(&data.steps))?,

@@ -50,6 +50,7 @@ pub fn report(page: &Page, figures: &Figures) -> String {
         ("before-after", "Before and after", tables::rounds(page)),
         ("together", "Field and frequencies", together(page)),
         ("steps", "Steps", sections::steps(page, figures)),
+        ("mesh", "Mesh", sections::mesh(figures)),
         ("maps", "Maps", sections::maps(page, figures)),
         ("effects", "Effects", effects::ranking(page, figures)),
         (

@@ -121,6 +121,13 @@ pub fn steps(page: &Page, figures: &Figures) -> Markup {
     }
 }
 
+/// The mesh of another program, with what was measured on it.
+pub fn mesh(figures: &Figures) -> Markup {
+    html! {
+        @if let Some(figure) = figures.get("mesh") { (wide(figure)) }
+    }
+}
+
 /// Maps of every round.
 pub fn maps(page: &Page, figures: &Figures) -> Markup {
     let names = names(page);

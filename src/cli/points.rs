@@ -1,4 +1,4 @@
-//! The hole in a field: the largest gap in its points.
+//! What the points of a field show: the hole, which is the largest gap in them, and the axis along which it is stretched.
 
 use crate::field::Field;
 use crate::report::FieldCells;
@@ -85,4 +85,25 @@ fn circle(points: &[[f64; 2]], start: [f64; 2]) -> ([f64; 2], f64) {
         diameter = 2.0 * (fit[2] + a * a + b * b).max(0.0).sqrt();
     }
     (centre, diameter)
+}
+
+/// The axis of the larger mean strain (points and displacements in the data's own axes).
+pub fn loading_axis(field: &Field) -> &'static str {
+    let [x, y] = strain(field);
+    if y > x { "y" } else { "x" }
+}
+
+/// Sizes of the mean strains along the data's axes.
+pub fn strain(field: &Field) -> [f64; 2] {
+    [0, 1].map(|k| {
+        let n = field.len() as f64;
+        let mean = |f: &dyn Fn(usize) -> f64| (0..field.len()).map(f).sum::<f64>() / n;
+        let (x, u) = (
+            mean(&|i| field.points[i][k]),
+            mean(&|i| field.displacement[i][k]),
+        );
+        let xu = mean(&|i| (field.points[i][k] - x) * (field.displacement[i][k] - u));
+        let xx = mean(&|i| (field.points[i][k] - x).powi(2));
+        (xu / xx.max(f64::MIN_POSITIVE)).abs()
+    })
 }

@@ -1,0 +1,225 @@
+//! What `init` makes of a mesh file: its place in the data, its loads and supports, and a picture of all of it.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::points::hole;
+use crate::error::Result;
+use crate::field::Field;
+use crate::files;
+use crate::geometry::imported::{self, Circle, ImportedMesh};
+use crate::geometry::{HIGH, HOLE, LOW};
+use crate::infer::Model;
+use crate::report::{mesh_figure, mesh_lines, on_mesh};
+
+/// Data this many times as long as a mesh are in mm and the mesh is in metres.
+const METRES: f64 = 30.0;
+
+/// Points may lie beyond the mesh's bounds by this share of them, where both have one frame.
+const BEYOND: f64 = 0.02;
+
+/// The edge's points are at an end if they are this close to it, as a share of the length.
+const AT_END: f64 = 1e-6;
+
+/// Put a mesh into the experiment in place of the specimen's dimensions; returns what was assumed about it. `field` is in the data's own
+/// axes.
+///
+/// # Errors
+/// Those of [`imported::read`].
+pub fn propose(path: &Path, field: Option<&Field>, experiment: &mut Value) -> Result<String> {
+    let mut mesh = imported::raise(imported::read(path)?);
+    let mut said = format!(
+        "\nread from {}: {} elements; edges {}\nproposed, to be checked:\n",
+        path.display(),
+        mesh.elements.len(),
+        listed(mesh.edges.keys()),
+    );
+    let mut object = json!({ "file": path });
+    let unit = unit(&mesh, field);
+    if unit != 1.0 {
+        object["mm_per_unit"] = json!(unit);
+        let _ = writeln!(
+            said,
+            "  mesh.mm_per_unit {unit}: the mesh is in metres, if it is that of these points"
+        );
+        for x in mesh.nodes.iter_mut().flatten() {
+            *x *= unit;
+        }
+    }
+    if let Some(specimen) = experiment["specimen"].as_object_mut() {
+        for key in ["length_mm", "width_mm", "hole", "clamp", "note"] {
+            specimen.remove(key);
+        }
+    }
+    let axis = axis(&mesh, field, experiment);
+    experiment["measurement"]["loading_axis"] = json!(["x", "y"][axis]);
+    said += &place(&mesh, field, experiment, &mut object);
+    said += &loads(&mesh, axis, &mut object);
+    experiment["mesh"] = object;
+    Ok(said)
+}
+
+/// The axis of the load: that of the data's larger stretch, or the mesh's longer side where there are no data.
+fn axis(mesh: &ImportedMesh, field: Option<&Field>, experiment: &Value) -> usize {
+    let [low, high] = mesh.bounds();
+    let is_y = match field {
+        Some(_) => experiment["measurement"]["loading_axis"] == "y",
+        None => high[1] - low[1] > high[0] - low[0],
+    };
+    usize::from(is_y)
+}
+
+/// Length of the mesh's unit, mm.
+fn unit(mesh: &ImportedMesh, field: Option<&Field>) -> f64 {
+    let size = |[low, high]: [[f64; 2]; 2]| (high[0] - low[0]).max(high[1] - low[1]);
+    let is_metres = field.is_some_and(|field| size(field.bounds()) > METRES * size(mesh.bounds()));
+    if is_metres { 1000.0 } else { 1.0 }
+}
+
+/// Where the mesh lies in the data.
+fn place(
+    mesh: &ImportedMesh,
+    field: Option<&Field>,
+    experiment: &mut Value,
+    object: &mut Value,
+) -> String {
+    let circle = mesh.circle(HOLE);
+    let Some(field) = field else {
+        let center = circle.map_or([0.0; 2], |c| c.center);
+        experiment["measurement"]["hole_center_in_data_mm"] = json!(center.map(rounded));
+        return "  the data's frame is taken to be the mesh's own\n".into();
+    };
+    let (bounds, points) = (mesh.bounds(), field.bounds());
+    let fits = [0, 1].iter().all(|&k| {
+        let room = BEYOND * (bounds[1][k] - bounds[0][k]);
+        points[0][k] >= bounds[0][k] - room && points[1][k] <= bounds[1][k] + room
+    });
+    let middle = |[low, high]: [[f64; 2]; 2]| [0, 1].map(|k| 0.5 * (low[k] + high[k]));
+    let (origin, in_data, why) = match (circle, hole(field)) {
+        (Some(Circle { center, .. }), Some((gap, _))) => (
+            None,
+            gap,
+            format!("the gap in the points is the mesh's circle \"hole\", whose centre is {center:.2?} in the mesh"),
+        ),
+        (Some(Circle { center, .. }), None) if fits => (
+            None,
+            center,
+            "no gap in the points looks like a hole; data and mesh are taken to have one frame, because the points lie within the mesh".into(),
+        ),
+        (None, _) if fits => (
+            Some([0.0; 2]),
+            [0.0; 2],
+            "data and mesh are taken to have one frame, because the points lie within the mesh".into(),
+        ),
+        _ => (
+            Some(middle(bounds).map(rounded)),
+            middle(points),
+            "the middle of the points is taken for the middle of the mesh, which is a guess".into(),
+        ),
+    };
+    let in_data = in_data.map(rounded);
+    experiment["measurement"]["hole_center_in_data_mm"] = json!(in_data);
+    if let Some(origin) = origin {
+        object["origin_mm"] = json!(origin);
+    }
+    let origin = origin.map_or(String::new(), |o| format!("mesh.origin_mm {o:?} at "));
+    format!("  {origin}hole_center_in_data_mm {in_data:?}: {why}\n")
+}
+
+fn rounded(value: f64) -> f64 {
+    (100.0 * value).round() / 100.0
+}
+
+/// What loads it: the ends along the load.
+fn loads(mesh: &ImportedMesh, axis: usize, object: &mut Value) -> String {
+    let direction = |sign: f64| {
+        let mut direction = [0.0; 2];
+        direction[axis] = sign;
+        direction
+    };
+    let [low, high] = [(LOW, 0), (HIGH, 1)].map(|(name, end)| end_of(mesh, axis, name, end));
+    let names: Vec<&String> = mesh.edges.keys().collect();
+    if let (Some(low), Some(high)) = (low, high) {
+        object["load"] = json!([
+            { "edge": high, "direction": direction(1.0) },
+            { "edge": low, "direction": direction(-1.0) },
+        ]);
+        return format!(
+            "  mesh.load: uniform tractions pull \"{low}\" and \"{high}\", the ends along {}, apart\n",
+            ["x", "y"][axis]
+        );
+    }
+    let first = names.first().map_or("", |name| name.as_str());
+    object["load"] = json!({ "edge": first, "direction": direction(1.0) });
+    format!(
+        "  mesh.load: NOT known; \"{first}\" stands there only because an edge must. Say which of {} are loaded, along which direction, and which are held (mesh.supports)\n",
+        listed(names)
+    )
+}
+
+/// The name of the edge at an end of the mesh: that of the convention, or one of which all points lie there.
+fn end_of<'a>(mesh: &'a ImportedMesh, axis: usize, name: &'a str, end: usize) -> Option<&'a str> {
+    if mesh.edges.contains_key(name) {
+        return Some(name);
+    }
+    let [low, high] = mesh.bounds();
+    let limit = [low, high][end][axis];
+    let room = AT_END * (high[axis] - low[axis]);
+    let mut edges = mesh.edges.iter();
+    let is_there = |n: u32| (mesh.nodes[n as usize][axis] - limit).abs() <= room;
+    let found = edges.find(|(_, edges)| {
+        edges.iter().all(|&e| {
+            let (a, _, b) = mesh.edge_nodes(e);
+            is_there(a) && is_there(b)
+        })
+    });
+    found.map(|(name, _)| name.as_str())
+}
+
+fn listed<'a>(names: impl IntoIterator<Item = &'a String>) -> String {
+    let names: Vec<String> = names
+        .into_iter()
+        .map(|name| format!("\"{name}\""))
+        .collect();
+    if names.is_empty() {
+        "without names (a physical group of Gmsh, a *SURFACE or *NSET of Abaqus names them)".into()
+    } else {
+        names.join(", ")
+    }
+}
+
+/// Draw the model's mesh with the points of the data; returns what is to be said of it.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn draw(model: &Model, field: Option<&Field>, path: &Path) -> Result<String> {
+    let experiment = model.experiment();
+    let (mesh, frame) = (
+        experiment.geometry().mesh(&[]),
+        experiment.measurement.frame,
+    );
+    let points = field.map_or(&[][..], |field| &field.points);
+    if let Some(figure) = mesh_figure(&mesh_lines(&mesh, &frame, points))? {
+        files::replace(path, figure.file())?;
+    }
+    let mut said = format!("  {} shows the mesh, its named edges", path.display());
+    if points.is_empty() {
+        said += " and what acts on them\n";
+        return Ok(said);
+    }
+    let off = on_mesh(&mesh, &frame, points)
+        .iter()
+        .filter(|on| !**on)
+        .count();
+    let _ = match off {
+        0 => writeln!(said, " and the points, which all lie on it"),
+        off => writeln!(
+            said,
+            " and the points; {off} of {} lie OFF the mesh (red) and cannot be used: look at the frame before anything is run",
+            points.len()
+        ),
+    };
+    Ok(said)
+}
