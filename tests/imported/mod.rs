@@ -4,6 +4,7 @@ mod abaqus;
 mod broken;
 mod broken_abaqus;
 mod gmsh;
+mod init;
 mod mangled;
 mod model;
 mod plate;
