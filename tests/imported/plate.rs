@@ -12,7 +12,8 @@ use serde_json::json;
 
 use super::model::Model;
 use super::writers::{inp, msh41};
-use crate::program::fresh;
+use crate::loops::looped;
+use crate::program::{fresh, root};
 
 const PLY: Ply = Ply {
     e1: 140e3,
@@ -365,4 +366,43 @@ fn a_larger_hole_in_a_mesh_is_that_of_the_strip() {
         "{}",
         difference(&expected, &found)
     );
+}
+
+/// A shipped model of a mesh is closed: what acts unseen is named, alone or in a group, and the quoted intervals hold the truth beside it.
+fn closes(name: &str, acts: &str) {
+    let models = root().join("models");
+    let model = plychain::infer::Model::load(&models.join(format!("{name}.json"))).unwrap();
+    let truth: serde_json::Value = crate::report::json(&models.join(name).join("truth.json"));
+    let constants = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
+    let truth: Vec<f64> = constants
+        .iter()
+        .map(|c| truth["constants"][c].as_f64().unwrap())
+        .collect();
+    let ended = looped(name, &model, &truth);
+    assert!(ended.names(acts), "{}", ended.line());
+    assert_eq!(
+        ended.status,
+        plychain::trace::Status::Closed,
+        "{}",
+        ended.line()
+    );
+    assert_eq!(ended.held(), constants.len(), "{}", ended.line());
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_plate_with_two_holes_closes() {
+    closes("two-holes", "load_misalignment");
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn an_off_axis_coupon_with_oblique_ends_closes() {
+    closes("oblique", "magnification");
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_v_notched_shear_specimen_closes() {
+    closes("iosipescu", "thickness_taper");
 }
