@@ -45,9 +45,14 @@ pub fn copy(from: &Path, to: &Path) {
 
 /// Run `plychain` with some arguments in the workplace.
 pub fn plychain(arguments: &[&str]) -> Output {
+    plychain_in(&workplace(), arguments)
+}
+
+/// Run `plychain` with some arguments in a folder.
+pub fn plychain_in(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::cargo_bin("plychain").unwrap();
     command
-        .current_dir(workplace())
+        .current_dir(folder)
         .args(arguments)
         .output()
         .unwrap()

@@ -20,6 +20,10 @@ const METRES: f64 = 30.0;
 /// Points may lie beyond the mesh's bounds by this share of them, where both have one frame.
 const BEYOND: f64 = 0.02;
 
+/// A gap in the points is where the mesh has its circle if their centres are this close, as a share of the radius: points about a hole
+/// tell its centre no better.
+const SAME_PLACE: f64 = 0.2;
+
 /// The edge's points are at an end if they are this close to it, as a share of the length.
 const AT_END: f64 = 1e-6;
 
@@ -88,7 +92,7 @@ fn place(
     let circle = mesh.circle(HOLE);
     let Some(field) = field else {
         let center = circle.map_or([0.0; 2], |c| c.center);
-        experiment["measurement"]["hole_center_in_data_mm"] = json!(center.map(rounded));
+        experiment["measurement"]["hole_center_in_data_mm"] = json!(center);
         return "  the data's frame is taken to be the mesh's own\n".into();
     };
     let (bounds, points) = (mesh.bounds(), field.bounds());
@@ -98,9 +102,16 @@ fn place(
     });
     let middle = |[low, high]: [[f64; 2]; 2]| [0, 1].map(|k| 0.5 * (low[k] + high[k]));
     let (origin, in_data, why) = match (circle, hole(field)) {
+        (Some(Circle { center, radius }), Some((gap, _)))
+            if fits && (gap[0] - center[0]).hypot(gap[1] - center[1]) < SAME_PLACE * radius =>
+        (
+            None,
+            center,
+            "data and mesh are taken to have one frame, because the gap in the points lies at the mesh's circle \"hole\"".into(),
+        ),
         (Some(Circle { center, .. }), Some((gap, _))) => (
             None,
-            gap,
+            gap.map(rounded),
             format!("the gap in the points is the mesh's circle \"hole\", whose centre is {center:.2?} in the mesh"),
         ),
         (Some(Circle { center, .. }), None) if fits => (
@@ -115,11 +126,10 @@ fn place(
         ),
         _ => (
             Some(middle(bounds).map(rounded)),
-            middle(points),
+            middle(points).map(rounded),
             "the middle of the points is taken for the middle of the mesh, which is a guess".into(),
         ),
     };
-    let in_data = in_data.map(rounded);
     experiment["measurement"]["hole_center_in_data_mm"] = json!(in_data);
     if let Some(origin) = origin {
         object["origin_mm"] = json!(origin);
@@ -128,6 +138,7 @@ fn place(
     format!("  {origin}hole_center_in_data_mm {in_data:?}: {why}\n")
 }
 
+/// To as many decimals of a millimetre as points tell of a place.
 fn rounded(value: f64) -> f64 {
     (100.0 * value).round() / 100.0
 }

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::model::{Model, grid, rectangle, ring};
 use super::writers::{inp, msh41};
+use crate::program::plychain_in;
 
 const HEADER: &str = "coor.X [mm];coor.Y [mm];disp.Horizontal Displacement U [mm];disp.Vertical Displacement V [mm]\n";
 
@@ -34,12 +35,7 @@ fn proposed(folder: &Path, mesh: &str, with_data: bool) -> (Value, String, Strin
     if with_data {
         arguments.extend(["--csv", "field.csv"]);
     }
-    let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
-    let output = command
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap();
+    let output = plychain_in(folder, &arguments);
     let said = [output.stdout, output.stderr].map(|t| String::from_utf8_lossy(&t).into_owned());
     assert!(output.status.success(), "{said:?}");
     let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
@@ -109,6 +105,18 @@ fn a_hole_in_the_points_is_that_of_the_mesh_though_it_is_in_metres() {
     for (k, known) in [20.0, 10.0].iter().enumerate() {
         let center = &experiment["measurement"]["hole_center_in_data_mm"][k];
         assert!((center.as_f64().unwrap() - known).abs() < 0.1, "{center}");
+    }
+    // in one frame the centre is the mesh's own to all digits, not that of the gap
+    export(folder.path(), [[-8.0, -8.0], [8.5, 8.5]], &|x, y| {
+        (3.1..7.9).contains(&(x + 0.013).hypot(y))
+    });
+    let (experiment, one_frame, _) = proposed(folder.path(), "plate.msh", true);
+    for k in 0..2 {
+        let center = &experiment["measurement"]["hole_center_in_data_mm"][k];
+        assert!(
+            center.as_f64().unwrap().abs() < 1e-6,
+            "{center}: {one_frame}"
+        );
     }
     // a rim that is loaded all around has no ends
     assert!(said.contains("mesh.load: NOT known"), "{said}");

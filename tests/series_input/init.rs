@@ -7,15 +7,10 @@ use plychain::infer::Model;
 use serde_json::{Value, json};
 
 use super::{Case, csv, field, grid};
-use crate::program::{root, shared};
+use crate::program::{plychain_in, root, shared};
 
 fn here(folder: &Path, arguments: &[&str]) -> (bool, String) {
-    let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
-    let output = command
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap();
+    let output = plychain_in(folder, arguments);
     let text = [output.stdout, output.stderr].map(|t| String::from_utf8_lossy(&t).into_owned());
     assert_ne!(output.status.code(), Some(2), "{text:?}");
     (output.status.success(), text.concat())

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::ops::Range;
 
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -36,6 +37,30 @@ pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// Type at `size` pixels.
 pub fn text(size: u32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
+}
+
+/// A chart of places on the specimen.
+type Places<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Axes of x and y in mm without a grid: how many numbers along each at most, and their size in pixels.
+pub fn axes_mm(
+    chart: &mut Places<'_, '_>,
+    [along_x, along_y]: [usize; 2],
+    size: u32,
+) -> Result<()> {
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .axis_style(INK)
+        .label_style(text(size))
+        .x_desc("x, mm")
+        .y_desc("y, mm")
+        .x_labels(along_x)
+        .y_labels(along_y)
+        .x_label_formatter(&step)
+        .y_label_formatter(&step)
+        .draw()?;
+    Ok(())
 }
 
 /// Words of a size at a place: from it to the right, up to it from the left, or about it.

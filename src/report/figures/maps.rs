@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{Area, Figure, INK, NOT_MEASURED, Stretched, draw, span, step, text};
+use super::canvas::{Area, Figure, INK, NOT_MEASURED, Stretched, axes_mm, draw, span, step, text};
 use super::colour::Palette;
 use super::data::MapCell;
 use crate::error::Result;
@@ -212,18 +212,7 @@ fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Result<Pixels> {
         .y_label_area_size(LEFT)
         .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
     let tall = (y[1] - y[0]) > 0.4 * (x[1] - x[0]);
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .axis_style(INK)
-        .label_style(text(11))
-        .x_desc("x, mm")
-        .y_desc("y, mm")
-        .x_labels(5)
-        .y_labels(if tall { 5 } else { 3 })
-        .x_label_formatter(&step)
-        .y_label_formatter(&step)
-        .draw()?;
+    axes_mm(&mut chart, [5, if tall { 5 } else { 3 }], 11)?;
     let ends = [(x[0], y[0]), (x[1], y[1])];
     let blank = Rectangle::new(ends, NOT_MEASURED.filled());
     chart.plotting_area().draw(&blank)?;

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::canvas::{Area, Figure, GRID, INK, PRIOR, SERIES, TRUTH, draw, say, span, step, text};
+use super::canvas::{Area, Figure, GRID, INK, PRIOR, SERIES, TRUTH, axes_mm, draw, say, span};
 use super::data::{MeshPart, MeshPoint};
 use crate::error::Result;
 use crate::fem::Locator;
 use crate::field::Frame;
-use crate::geometry::{Edge, Mesh};
+use crate::geometry::{Edge, EdgeForce, HIGH, LOW, Mesh};
 
 /// Elements are drawn up to this many; of a finer mesh the boundary alone is.
 const MOST_ELEMENTS: usize = 6000;
@@ -94,12 +94,9 @@ impl Lines {
 /// The edges that a force pulls and along which direction: of a strip, its ends.
 fn pulled(mesh: &Mesh) -> Vec<(&str, [f64; 2])> {
     let Some(boundary) = &mesh.boundary else {
-        return vec![
-            (crate::geometry::HIGH, [1.0, 0.0]),
-            (crate::geometry::LOW, [-1.0, 0.0]),
-        ];
+        return vec![(HIGH, [1.0, 0.0]), (LOW, [-1.0, 0.0])];
     };
-    let of = |load: &crate::geometry::EdgeForce| load.direction;
+    let of = |load: &EdgeForce| load.direction;
     let loads = boundary.loads.iter();
     loads
         .flat_map(|load| load.edges.iter().map(move |name| (name.as_str(), of(load))))
@@ -221,18 +218,7 @@ fn lines_of(
         .x_label_area_size(BELOW)
         .y_label_area_size(LEFT)
         .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .axis_style(INK)
-        .label_style(text(10))
-        .x_desc("x, mm")
-        .y_desc("y, mm")
-        .x_labels(6)
-        .y_labels(8)
-        .x_label_formatter(&step)
-        .y_label_formatter(&step)
-        .draw()?;
+    axes_mm(&mut chart, [6, 8], 10)?;
     let canvas = chart.plotting_area();
     let dot = |p: &MeshPoint, radius: i32, colour: RGBColor| {
         canvas.draw(&Circle::new((p.x_mm, p.y_mm), radius, colour.filled()))

@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::canvas::{Area, Figure, INK, NOT_MEASURED, Stretched, draw, say, step, text};
+use super::canvas::{Area, Figure, NOT_MEASURED, Stretched, axes_mm, draw, say};
 use super::data::{StepCell, StiffnessCell};
 use super::maps::{Scale, bar, covering};
 use crate::error::Result;
@@ -197,18 +197,7 @@ fn map(
         .x_label_area_size(AXIS)
         .y_label_area_size(LEFT)
         .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .axis_style(INK)
-        .label_style(text(10))
-        .x_desc("x, mm")
-        .y_desc("y, mm")
-        .x_labels(3)
-        .y_labels(7)
-        .x_label_formatter(&step)
-        .y_label_formatter(&step)
-        .draw()?;
+    axes_mm(&mut chart, [3, 7], 10)?;
     let ends = [(x[0], y[0]), (x[1], y[1])];
     chart
         .plotting_area()
