@@ -634,11 +634,24 @@ fn a_cancelled_task_of_a_real_array_is_run_again() {
     );
     let end = child.wait_with_output().unwrap();
     assert_eq!(end.status.code(), Some(75), "{end:?}");
-    let attempts = |k: usize| bench.attempts("array")[&format!("mock-coupon-{k}")];
-    assert_eq!(bench.manifest("array")["runs"][0]["state"], "to_be_resumed");
+    let stopped = bench.manifest("array");
+    assert_eq!(stopped["runs"][0]["state"], "to_be_resumed");
     bench.succeed(&all);
-    assert!(all_done(&bench.manifest("array")));
-    assert_eq!([1, 2, 3, 4].map(attempts), [2, 1, 1, 1]);
+    let ended = bench.manifest("array");
+    assert!(all_done(&ended));
+    // how often the others were begun is Slurm's: it requeues what a slow node does not acknowledge
+    for (before, after) in std::iter::zip(
+        stopped["runs"].as_array().unwrap(),
+        ended["runs"].as_array().unwrap(),
+    ) {
+        let again = u64::from(before["state"] != "done");
+        let attempts = |run: &Value| run["attempts"].as_u64().unwrap();
+        assert_eq!(
+            attempts(after),
+            attempts(before) + again,
+            "{stopped} {ended}"
+        );
+    }
     bench.succeed(&["campaign", "campaign.json", "--out", "local"]);
     assert!(chains(&bench.place.join("array")) == chains(&bench.place.join("local")));
 }
