@@ -9,6 +9,7 @@ mod closing;
 mod console;
 mod design;
 mod diagnose;
+mod doe;
 mod effects;
 mod exports;
 mod folder;
@@ -83,6 +84,8 @@ enum Verb {
     Campaign(Box<campaign::Arguments>),
     /// Say what to measure next: what coupons and plates would add, and which undeclared effects they would expose
     Design(design::Arguments),
+    /// Write the constants for which another finite-element program is to solve a model's specimen, a table of one row a solution
+    DesignOfExperiments(doe::Arguments),
     /// Measure a field from phase-shifted fringe images, with the sd of every point
     Fringes(fringes::Arguments),
     /// Simulate a measurement, in the article's format, with effects and noise
@@ -144,6 +147,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
         Verb::Campaign(arguments) => campaign::run(&arguments, &cli.global, &console),
         Verb::Design(arguments) => design::run(&arguments, &console),
+        Verb::DesignOfExperiments(arguments) => doe::run(&arguments),
         Verb::Fringes(arguments) => fringes::run(&arguments, &console),
         Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Verb::Effects(arguments) => effects::run(&arguments),

@@ -12,7 +12,7 @@ use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
 use plychain::geometry::{Density, PlainStrip};
 use plychain::laminate::{LoadSpec, Material, Ply, SpecimenSpec, strain_rotation};
-use plychain::reduce::{Dimension, Snapshots};
+use plychain::reduce::{Dimension, Snapshots, SnapshotsSpec};
 
 use crate::program;
 use crate::reduce::{scene, small_problem, small_test};
@@ -406,7 +406,7 @@ fn an_amplitude_that_cannot_be_is_refused_with_its_bound() {
         );
     }
     let mut problem = small_problem();
-    problem.spec.snapshots = 200;
+    problem.spec.snapshots = SnapshotsSpec::Count(200);
     problem.effects = vec![effect::find("test", "hole_offset").unwrap()];
     for (name, reach) in [("hole_offset.dx_mm", 0.9), ("hole_offset.dy_mm", 11.0)] {
         let last = problem.dimensions.len() - 1;
@@ -462,7 +462,7 @@ static SHIFTED: Shifted = Shifted;
 #[test]
 fn snapshots_see_the_altered_plate_through_the_optics() {
     let mut problem = small_problem();
-    problem.spec.snapshots = 200;
+    problem.spec.snapshots = SnapshotsSpec::Count(200);
     problem.effects = vec![effect::find("test", "hole_size").unwrap(), &SHIFTED];
     for (name, reach) in [
         ("hole_size.diameter_percent", 6.0),

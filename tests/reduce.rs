@@ -15,8 +15,8 @@ use plychain::laminate::{LoadSpec, Material, SpecimenSpec};
 use plychain::progress::Silent;
 use plychain::reduce::{
     Choice, CrossValidation, Dimension, GOGU_2013, Modes, Pod, Problem, ReducedModel, ReducedSpec,
-    Reference, Snapshots, Surface, THICKNESS, TRUNCATIONS, Variables, cache, decompose, exponents,
-    latin_hypercube, leave_one_out, monomial,
+    Reference, Snapshots, SnapshotsSpec, Surface, THICKNESS, TRUNCATIONS, Variables, cache,
+    decompose, exponents, latin_hypercube, leave_one_out, monomial,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -55,6 +55,7 @@ pub fn scene(test: &FieldTest) -> Scene {
         material: Material::Ply,
         camera_distance_mm: None,
         pixel_mm: None,
+        solved_elsewhere: false,
         middle: [0.0; 2],
     }
 }
@@ -77,14 +78,7 @@ pub fn problem_of(test: FieldTest) -> Problem {
             side("G12_GPa", 3.2, 5.8),
             side(THICKNESS, 0.76, 0.80),
         ],
-        spec: ReducedSpec {
-            snapshots: 120,
-            modes: Modes::Count(4),
-            degree: 3,
-            doe: None,
-            reference: None,
-            full_order: false,
-        },
+        spec: ReducedSpec::of(120, Modes::Count(4), 3),
     }
 }
 
@@ -398,7 +392,7 @@ fn automatic_modes_are_the_fewest_within_the_limit() {
 fn a_cached_model_is_the_same_and_a_damaged_one_is_rebuilt() {
     let directory = tempfile::tempdir().unwrap();
     let mut problem = small_problem();
-    problem.spec.snapshots = 60;
+    problem.spec.snapshots = SnapshotsSpec::Count(60);
     let obtain = |problem: &Problem| cache::obtain(problem, directory.path(), &Silent).unwrap();
     let text = |model: &ReducedModel| serde_json::to_string(model).unwrap();
     let (first, cached) = obtain(&problem);

@@ -55,7 +55,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let prepared = identify::prepare(&model, &cache(), console)?;
     print(&tables::text(&prepared.reduced))?;
     let certificates = certify(&prepared, arguments.verify, console)?;
-    print(&tables::basis_text(&certificates))?;
+    if prepared.problem.experiment.given().is_none() {
+        print(&tables::basis_text(&certificates))?;
+    }
     let mut value = json!({
         "schema": SCHEMA,
         "tables": tables::numbers(&prepared.reduced),

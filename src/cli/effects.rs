@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::print;
-use crate::effect::{EFFECTS, Effect, Parameter};
+use crate::effect::{EFFECTS, Effect, Parameter, obstacle};
 use crate::error::{Error, Result};
 use crate::infer::Model;
 use crate::report::terminal::wrap;
@@ -64,7 +64,7 @@ fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> Entry {
                 None => parameter.prior_sd,
             })
             .collect(),
-        obstacle: model.and_then(|m| effect.obstacle(&m.scene())),
+        obstacle: model.and_then(|m| obstacle(effect, &m.scene())),
         declared: model.is_some_and(|m| named(&m.experiment().effects)),
         candidate: model.is_none_or(|m| m.experiment().candidates.as_deref().is_none_or(named)),
     }

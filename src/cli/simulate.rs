@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::folder::Folder;
 use super::{DEFAULT_MODEL, Global, print};
-use crate::effect::{Acting, EFFECTS, Effect, Scene};
+use crate::effect::{Acting, EFFECTS, Effect, Scene, obstacle};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
@@ -218,7 +218,7 @@ fn noise_nm(arguments: &Arguments) -> f64 {
 /// Effects that can act, in the order of the dictionary, whatever the order of the arguments.
 fn ordered(acting: Vec<Acting>, scene: &Scene) -> Result<Vec<Acting>> {
     for a in &acting {
-        if let Some(reason) = a.effect.obstacle(scene) {
+        if let Some(reason) = obstacle(a.effect, scene) {
             let expected = format!("an effect that can act, which this one cannot: {reason}");
             return Err(Error::input("--effect", expected).found(a.effect.name()));
         }

@@ -207,6 +207,8 @@ pub struct Scene {
     pub camera_distance_mm: Option<f64>,
     /// Size of a pixel on the specimen, mm, where images are correlated and it is declared.
     pub pixel_mm: Option<f64>,
+    /// Whether another program solved the fields, so that only what is added to them or done to their picture can be predicted.
+    pub solved_elsewhere: bool,
     /// Middle of the picture, (s, t) mm: the camera's axis and the centre of its lens are near it.
     pub middle: [f64; 2],
 }
@@ -326,6 +328,15 @@ pub trait Effect: Sync {
     fn obstacle(&self, _scene: &Scene) -> Option<&'static str> {
         None
     }
+}
+
+/// Why an effect cannot act in a test; nothing if it can.
+pub fn obstacle(effect: &dyn Effect, scene: &Scene) -> Option<&'static str> {
+    let is_mechanics = effect.kind() == Kind::Mechanical && effect.name() != LOAD_SCALE.name();
+    if scene.solved_elsewhere && is_mechanics {
+        return Some("the snapshots are another program's, which would have to solve it");
+    }
+    effect.obstacle(scene)
 }
 
 /// The effect of a name; `place` names the key or argument for the error, which lists the known names.

@@ -146,6 +146,11 @@ pub trait Experiment: Send + Sync {
         Ok(None)
     }
 
+    /// What another program solved; none where the own finite elements answer.
+    fn given(&self) -> Option<Given<'_>> {
+        None
+    }
+
     /// Make many predictions about states like these cheap from now on, at no loss that can be seen.
     ///
     /// # Errors
@@ -183,6 +188,15 @@ pub trait Experiment: Send + Sync {
 
     /// Free what is kept between predictions.
     fn rest(&self) {}
+}
+
+/// A design that another program solved.
+#[derive(Clone, Copy)]
+pub struct Given<'a> {
+    /// One row a snapshot: the constants, and the thickness where it varies, border units.
+    pub rows: &'a [Vec<f64>],
+    /// The rows' fields at [`Experiment::support`], mm.
+    pub fields: &'a [Vec<[f64; 2]>],
 }
 
 /// Changes of the stiffness that no effect of the dictionary is.

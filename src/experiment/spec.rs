@@ -231,6 +231,11 @@ impl ExperimentSpec {
             .map_or(&[], |plate| plate.part().files())
     }
 
+    /// The point of the imported mesh that the data's frame begins at, mm; none without one.
+    pub fn mesh_origin_mm(&self) -> Option<[f64; 2]> {
+        self.meshed.as_ref().map(|plate| plate.part().origin())
+    }
+
     /// The specimen's shape in the frame of its measurement.
     pub fn geometry(&self) -> Arc<dyn Geometry> {
         match &self.meshed {

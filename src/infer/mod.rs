@@ -26,6 +26,7 @@ mod sizes;
 mod statistics;
 mod stepped;
 mod steps;
+mod supplied;
 mod tabulated;
 mod tension;
 mod traced;

@@ -8,7 +8,7 @@ use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
 use super::traced::TracedSeries;
 use crate::effect::{
-    Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name,
+    Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name, obstacle,
 };
 use crate::error::{Error, Result};
 use crate::experiment::{
@@ -19,7 +19,7 @@ use crate::fem::Setup;
 use crate::field::Field;
 use crate::field::rigid::{self, RigidMotion};
 use crate::laminate::{Material, MeanSd};
-use crate::reduce::{Problem, exponents};
+use crate::reduce::{Problem, SnapshotsSpec, exponents};
 
 /// A validated model and where it came from.
 #[derive(Clone)]
@@ -79,6 +79,10 @@ impl Model {
     pub fn resolved(&self) -> Result<serde_json::Value> {
         let mut resolved = self.clone();
         *resolved.experiment_mut() = self.experiment().clone().below(self.base_dir())?;
+        if let Some(supplied) = self.file.reduced_model.supplied() {
+            let supplied = supplied.below(self.base_dir())?;
+            resolved.file.reduced_model.snapshots = SnapshotsSpec::Supplied(supplied);
+        }
         resolved.file.to_json()
     }
 
@@ -104,7 +108,7 @@ impl Model {
     fn validate_scene(&self) -> Result<()> {
         let scene = self.scene();
         for effect in &self.effects {
-            if let Some(reason) = effect.obstacle(&scene) {
+            if let Some(reason) = obstacle(*effect, &scene) {
                 let expected = format!("effects that can act, which this one cannot: {reason}");
                 return Err(Error::input("effects", expected).found(effect.name()));
             }
@@ -135,15 +139,19 @@ impl Model {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The files of the measurement, of all its steps if it is a series, and those of an imported mesh; they are not read.
+    /// The files of the measurement, of all its steps if it is a series, those of an imported mesh, and snapshots of another program; they
+    /// are not read.
     ///
     /// # Errors
-    /// Those of [`crate::field::MeasurementSpec::files`].
+    /// Those of [`crate::field::MeasurementSpec::files`] and [`crate::reduce::SuppliedSpec::files`].
     pub fn measurement_files(&self) -> Result<Vec<PathBuf>> {
         let ExperimentSpec {
             measurement, steps, ..
         } = self.experiment();
         let mut files = self.experiment().mesh_files().to_vec();
+        if let Some(supplied) = self.file.reduced_model.supplied() {
+            files.extend(supplied.files(self.base_dir())?);
+        }
         let Some(steps) = steps else {
             files.extend(measurement.files(self.base_dir())?);
             return Ok(files);
@@ -277,6 +285,7 @@ impl Model {
             material: material.kind,
             camera_distance_mm: images.and_then(|c| c.camera_distance_mm),
             pixel_mm: images.and_then(|c| c.pixel_mm),
+            solved_elsewhere: self.file.reduced_model.supplied().is_some(),
             middle: [0.0; 2],
         }
     }
@@ -326,7 +335,8 @@ impl Model {
             // a simulation asks for one field
             full_order: self.file.reduced_model.full_order || finer > 1.0,
         };
-        Ok(Arc::new(FieldExperiment::new(test, scene)?))
+        let own = Arc::new(FieldExperiment::new(test, scene)?);
+        self.with_snapshots(own)
     }
 
     /// The state in which everything has the values that `value` gives by name (`E1_GPa`, `load_misalignment.angle_deg`),
@@ -371,10 +381,11 @@ impl Model {
     }
 
     fn problem_over(&self, window: [[f64; 2]; 2], motion: RigidMotion) -> Result<Problem> {
+        let experiment = self.moved_experiment_over(window, motion, 1.0)?;
         let problem = Problem {
-            experiment: self.moved_experiment_over(window, motion, 1.0)?,
+            dimensions: self.dimensions_of(&*experiment)?,
+            experiment,
             effects: self.sampled(),
-            dimensions: self.dimensions()?,
             spec: self.file.reduced_model.clone(),
         };
         problem
@@ -392,6 +403,6 @@ impl Model {
         let reduced = &self.file.reduced_model;
         let variables = self.constants().len() + thickness + amplitudes;
         let wanted = 3 * exponents(variables, reduced.degree).len() / 2;
-        self.file.reduced_model.snapshots = reduced.snapshots.max(wanted);
+        self.file.reduced_model.at_least(wanted);
     }
 }

@@ -57,7 +57,8 @@ pub fn obtain(
 ) -> Result<(ReducedModel, bool)> {
     let key = key(problem);
     let path = directory.join(format!("{key}.json"));
-    let design = design(problem);
+    let given = problem.given();
+    let design = given.map_or_else(|| design(problem), |given| given.rows.to_vec());
     let states: Vec<State> = design.iter().map(|point| problem.state(point)).collect();
     progress.begin("reduced basis of the finite elements", None);
     problem.experiment.span(&states)?;
@@ -72,11 +73,11 @@ pub fn obtain(
     if let Some(model) = lock.as_ref().and_then(|_| read(&path, &key)) {
         return Ok((model, true));
     }
-    progress.begin(
-        "finite-element snapshots",
-        Some(problem.spec.snapshots as u64),
-    );
-    let snapshots = Snapshots::at(problem, design, &|| progress.step())?;
+    progress.begin("finite-element snapshots", Some(design.len() as u64));
+    let snapshots = match given {
+        Some(given) => Snapshots::of(problem, design, given.fields),
+        None => Snapshots::at(problem, design, &|| progress.step())?,
+    };
     progress.end();
     progress.begin("modes and response surfaces", None);
     let model = ReducedModel::build(problem, &snapshots)?;

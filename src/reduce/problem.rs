@@ -7,17 +7,18 @@ use serde::{Deserialize, Serialize};
 use super::design::{Dimension, enough_samples};
 use super::modes::Modes;
 use super::reference::Reference;
+use super::supplied::SuppliedSpec;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Effect};
 use crate::error::{Error, Result};
-use crate::experiment::{Experiment, State};
+use crate::experiment::{Experiment, Given, State};
 use crate::laminate::Material;
 
 /// The `reduced_model` object of a model file.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReducedSpec {
-    pub snapshots: usize,
+    pub snapshots: SnapshotsSpec,
     /// POD modes kept for each displacement component: a number, or `"auto"`.
     pub modes: Modes,
     /// Total degree of the response surfaces.
@@ -33,7 +34,56 @@ pub struct ReducedSpec {
     pub full_order: bool,
 }
 
+/// Where the snapshots come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum SnapshotsSpec {
+    /// So many of the own finite elements.
+    Count(usize),
+    /// Those of another program.
+    Supplied(SuppliedSpec),
+}
+
+/// Predictions by the surfaces through supplied snapshots, where an effect widens their design.
+const PREDICTED: usize = 200;
+
 impl ReducedSpec {
+    /// So many snapshots of the own finite elements, and nothing else declared.
+    pub fn of(count: usize, modes: Modes, degree: usize) -> Self {
+        Self {
+            snapshots: SnapshotsSpec::Count(count),
+            modes,
+            degree,
+            doe: None,
+            reference: None,
+            full_order: false,
+        }
+    }
+
+    /// Predictions that a reduced model is made of, where they are not given.
+    pub fn count(&self) -> usize {
+        match &self.snapshots {
+            SnapshotsSpec::Count(count) => *count,
+            SnapshotsSpec::Supplied(supplied) => supplied.predicted.max(PREDICTED),
+        }
+    }
+
+    /// Raise the number of predictions to `count`.
+    pub fn at_least(&mut self, count: usize) {
+        match &mut self.snapshots {
+            SnapshotsSpec::Count(own) => *own = count.max(*own),
+            SnapshotsSpec::Supplied(supplied) => supplied.predicted = count.max(supplied.predicted),
+        }
+    }
+
+    /// The snapshots of another program, if they are.
+    pub fn supplied(&self) -> Option<&SuppliedSpec> {
+        match &self.snapshots {
+            SnapshotsSpec::Count(_) => None,
+            SnapshotsSpec::Supplied(supplied) => Some(supplied),
+        }
+    }
+
     /// Check the numbers; errors name the key.
     pub fn validate(&self) -> Result<()> {
         let check = |key: &str, value: usize, low: usize, high: usize| {
@@ -46,7 +96,19 @@ impl ReducedSpec {
             )
             .found(value))
         };
-        check("snapshots", self.snapshots, 10, 5_000)?;
+        match &self.snapshots {
+            SnapshotsSpec::Count(count) => check("snapshots", *count, 10, 5_000)?,
+            SnapshotsSpec::Supplied(_) if self.doe.is_some() => {
+                let expected =
+                    "no bounds beside snapshots of another program, whose rows are the box";
+                return Err(Error::input("reduced_model.doe", expected));
+            }
+            SnapshotsSpec::Supplied(_) if self.reference.is_some() => {
+                let expected = "none beside snapshots of another program";
+                return Err(Error::input("reduced_model.reference", expected));
+            }
+            SnapshotsSpec::Supplied(_) => {}
+        }
         if let Modes::Count(modes) = self.modes {
             check("modes", modes, 1, 30)?;
         }
@@ -77,6 +139,17 @@ impl Problem {
     /// How the stiffness is parameterised.
     pub fn material(&self) -> Material {
         self.experiment.scene().material
+    }
+
+    /// The rows of a supplied design and their fields, where they are all of this problem's box: no effect varies, and nothing was refined.
+    pub fn given(&self) -> Option<Given<'_>> {
+        let given = self.experiment.given()?;
+        let reaches = |(k, d): (usize, &Dimension)| {
+            let side = |end: f64| given.rows.iter().any(|row| row.get(k) == Some(&end));
+            side(d.low) && side(d.high)
+        };
+        let whole = self.effects.is_empty() && self.dimensions.iter().enumerate().all(reaches);
+        whole.then_some(given)
     }
 
     /// Number of elastic constants.
@@ -186,12 +259,8 @@ impl Problem {
             dimensions,
             effects: Vec::new(),
             spec: ReducedSpec {
-                snapshots: published.snapshots,
-                modes: Modes::Count(4),
-                degree: 3,
-                doe: None,
-                reference: None,
                 full_order: self.spec.full_order,
+                ..ReducedSpec::of(published.snapshots, Modes::Count(4), 3)
             },
             ..self.clone()
         }
@@ -200,7 +269,12 @@ impl Problem {
     /// Check, before anything is solved, that every corner of the box has an admissible ply and every side some length,
     /// and that the snapshots determine the response surfaces.
     pub fn validate(&self) -> Result<()> {
-        enough_samples(self.spec.snapshots, self.spec.degree, self.dimensions.len())?;
+        enough_samples(
+            self.given()
+                .map_or(self.spec.count(), |given| given.rows.len()),
+            self.spec.degree,
+            self.dimensions.len(),
+        )?;
         if self.spec.reference.is_some() && self.material() != Material::Ply {
             return Err(Error::input(
                 "reduced_model.reference",

@@ -55,7 +55,7 @@ fn check_memory(nodes: usize, snapshots: usize) -> Result<()> {
 }
 
 impl Snapshots {
-    /// Predict over a Latin hypercube of `problem.spec.snapshots` points. `step` is called after each prediction.
+    /// Predict over a Latin hypercube of `problem.spec.count()` points. `step` is called after each prediction.
     pub fn compute(problem: &Problem, step: &(dyn Fn() + Sync)) -> Result<Self> {
         Self::at(problem, design(problem), step)
     }
@@ -83,6 +83,13 @@ impl Snapshots {
                 Ok(field)
             })
             .collect::<Result<_>>()?;
+        Ok(Self::of(problem, points, &solutions))
+    }
+
+    /// Of given points of the design the `solutions` at the experiment's support, mm.
+    pub fn of(problem: &Problem, points: Vec<Vec<f64>>, solutions: &[Vec<[f64; 2]>]) -> Self {
+        let experiment = &*problem.experiment;
+        let support = experiment.support();
         let lattice = lattice(experiment);
         let free = experiment.gauge() == Gauge::Window;
         let gauged = |u: &Vec<[f64; 2]>| {
@@ -106,11 +113,11 @@ impl Snapshots {
             let rows = gauged.first().map_or(0, |u| u[of].len());
             Mat::from_fn(rows, points.len(), |i, j| gauged[j][of][i][c])
         };
-        Ok(Self {
+        Self {
             fields: [matrix(0, 0), matrix(0, 1)],
             seen: [matrix(1, 0), matrix(1, 1)],
             points,
-        })
+        }
     }
 }
 
@@ -130,14 +137,23 @@ fn sum(fields: &[Vec<[f64; 2]>], factors: &[f64], count: usize) -> Vec<[f64; 2]>
 
 /// The points of a problem's design, one row a snapshot.
 pub fn design(problem: &Problem) -> Vec<Vec<f64>> {
-    spread_over(problem, problem.spec.snapshots, DESIGN_SEED)
+    rows_over(&problem.dimensions, problem.spec.count(), DESIGN_SEED)
 }
 
 /// A Latin hypercube of so many points over a problem's box.
 pub fn spread_over(problem: &Problem, count: usize, seed: u64) -> Vec<Vec<f64>> {
-    latin_hypercube(count, problem.dimensions.len(), seed)
+    rows_over(&problem.dimensions, count, seed)
+}
+
+/// The design that another program is to solve: a Latin hypercube of so many points over a box.
+pub fn rows_to_solve(dimensions: &[Dimension], count: usize) -> Vec<Vec<f64>> {
+    rows_over(dimensions, count, DESIGN_SEED)
+}
+
+fn rows_over(dimensions: &[Dimension], count: usize, seed: u64) -> Vec<Vec<f64>> {
+    latin_hypercube(count, dimensions.len(), seed)
         .iter()
-        .map(|unit| scale(&problem.dimensions, unit))
+        .map(|unit| scale(dimensions, unit))
         .collect()
 }
 

@@ -241,6 +241,7 @@ fn surrogate(round: &Identification) -> SurrogateReport {
         error_in_posterior_sd: error.shift_sd.iter().cloned().collect(),
         bias_in_posterior_sd: biases.map(|((name, _), b)| (name.clone(), *b)).collect(),
         truth_draws: error.draws,
+        supplied: round.inverse.prepared.problem.experiment.given().is_some(),
         field_error_nm: FieldErrorReport {
             max: error.max_field_nm,
             rms: error.rms_field_nm,

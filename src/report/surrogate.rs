@@ -17,6 +17,9 @@ pub struct SurrogateReport {
     pub bias_in_posterior_sd: Keyed<f64>,
     /// Draws at which the finite elements were solved.
     pub truth_draws: usize,
+    /// Whether the snapshots are another program's: what stands for the finite elements then are surfaces through them of more modes.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub supplied: bool,
     pub field_error_nm: FieldErrorReport,
     /// The same at random points of the box, where a reduced basis of the finite elements makes it known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -36,6 +39,16 @@ pub struct SurrogateReport {
     /// The reduced models used: the first, then every refinement.
     #[serde(default)]
     pub refinement: Vec<Refinement>,
+}
+
+impl SurrogateReport {
+    /// What the reduced model is held against.
+    pub fn truth(&self) -> &'static str {
+        match self.supplied {
+            true => "surfaces of more modes through the supplied snapshots",
+            false => "the finite elements",
+        }
+    }
 }
 
 /// Error of a field, nm.

@@ -66,8 +66,12 @@ fn surface_numbers(surface: &Surface) -> Value {
 /// The tables on the terminal.
 pub fn text(reduced: &ReducedModel) -> String {
     let [elements, unknowns] = reduced.mesh_size;
+    let mesh = match elements {
+        0 => String::new(),
+        _ => format!(" of {elements} quadratic elements, {unknowns} unknowns"),
+    };
     let mut text = format!(
-        "\n{} snapshots of {elements} quadratic elements, {unknowns} unknowns; {} modes kept\n\nDoE box\n\n",
+        "\n{} snapshots{mesh}; {} modes kept\n\nDoE box\n\n",
         reduced.snapshots,
         reduced.modes_per_component()
     );

@@ -93,7 +93,8 @@ pub fn mean_sd(name: &str, mean: f64, sd: f64) -> Vec<String> {
 /// What the finite elements say of the reduced model, and how refinement went.
 fn surrogate(reduced: &SurrogateReport) -> String {
     let mut text = format!(
-        "reduced model against the finite elements at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field\n",
+        "reduced model against {} at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field\n",
+        reduced.truth(),
         reduced.truth_draws,
         100.0 * reduced.max_error_in_posterior_sd,
         reduced.field_error_nm.max

@@ -1,6 +1,6 @@
 //! Which effects are sought.
 
-use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE};
+use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE, obstacle};
 use crate::infer::Model;
 
 /// Effects that may be weighed in a model, and those that may not, with the reason.
@@ -20,7 +20,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             .is_none_or(|list| list.iter().any(|n| n == name));
         if !listed {
             left_out.push((name, "not among the model's candidates".to_string()));
-        } else if let Some(reason) = effect.obstacle(&scene) {
+        } else if let Some(reason) = obstacle(*effect, &scene) {
             left_out.push((name, reason.to_string()));
         } else if name == LOAD_SCALE.name() {
             left_out.push((

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use plychain::error::Error;
 use plychain::experiment::FieldExperiment;
 use plychain::infer::Model;
-use plychain::reduce::{Choice, Modes, ReducedSpec, Surface, Variables};
+use plychain::reduce::{Choice, Modes, ReducedSpec, SnapshotsSpec, Surface, Variables};
 
 use super::{points, scene, small_problem, small_test};
 
@@ -25,7 +25,7 @@ fn fit(fitted: &[Vec<f64>]) -> Error {
 #[test]
 fn fewer_samples_than_monomials() {
     let mut problem = small_problem();
-    problem.spec.snapshots = 50;
+    problem.spec.snapshots = SnapshotsSpec::Count(50);
     let before_solving = told(&problem.validate().unwrap_err());
     let text = told(&fit(&points(&small_problem(), 50, 1)));
     assert_eq!(before_solving, text);

@@ -10,7 +10,7 @@ use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
 use plychain::laminate::Material;
 use plychain::progress::Silent;
-use plychain::reduce::{Problem, ReducedModel, Snapshots};
+use plychain::reduce::{Problem, ReducedModel, Snapshots, SnapshotsSpec};
 use plychain::sample::{SAMPLERS, Schedule};
 
 use super::small_problem;
@@ -18,7 +18,7 @@ use super::small_problem;
 /// A reduced model on the coarse mesh.
 fn reduced_model() -> (Problem, ReducedModel) {
     let mut problem = small_problem();
-    problem.spec.snapshots = 60;
+    problem.spec.snapshots = SnapshotsSpec::Count(60);
     let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
     let reduced = ReducedModel::build(&problem, &snapshots).unwrap();
     (problem, reduced)

@@ -250,7 +250,7 @@ pub fn surrogate(page: &Page) -> Markup {
     let [truncation, surfaces]: [Vec<_>; 2] = [truncation.collect(), surfaces.collect()];
     html! {
         p {
-            "Against the finite elements at " (s.truth_draws) " draws of the last posterior the reduced model moves no constant by more than "
+            "Against " (s.truth()) " at " (s.truth_draws) " draws of the last posterior the reduced model moves no constant by more than "
             (short(100.0 * s.max_error_in_posterior_sd)) " % of its posterior sd; "
             (short(s.field_error_nm.max)) " nm is the largest error of the field. "
             @if let Some(error) = &s.over_the_box {

@@ -1,0 +1,50 @@
+//! `plychain design-of-experiments`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{DEFAULT_MODEL, print};
+use crate::error::{Error, Result};
+use crate::files;
+use crate::infer::Model;
+use crate::reduce::{doe_text, rows_to_solve};
+
+/// Arguments of `design-of-experiments`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  plychain design-of-experiments model.json --out doe.csv
+then solve every row, write fields/1.csv, fields/2.csv, ... (x_mm,y_mm,ux_mm,uy_mm at nodes), and declare
+  \"reduced_model\": { \"snapshots\": { \"doe\": \"doe.csv\", \"fields\": \"fields/*.csv\" }, ... }")]
+pub struct Arguments {
+    /// Model file; its measurement is not needed
+    #[arg(default_value = DEFAULT_MODEL)]
+    model: PathBuf,
+    /// Table to write, which must not exist: row, the constants, and the thickness where it is uncertain
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Rows (default: the model's number of snapshots)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(10..=5000))]
+    snapshots: Option<u32>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let model = Model::load(&arguments.model)?;
+    let sides = model.box_to_solve()?;
+    let own = model.file.reduced_model.count();
+    let count = arguments.snapshots.map_or(own, |n| n as usize);
+    let rows = rows_to_solve(&sides, count);
+    if arguments.out.exists() {
+        let place = format!("--out {}", arguments.out.display());
+        return Err(Error::input(place, "a file that does not exist yet").found("one"));
+    }
+    files::replace(&arguments.out, doe_text(&sides, &rows))?;
+    let mut text = format!("{count} rows in {}\n", arguments.out.display());
+    for side in &sides {
+        text += &format!(
+            "  {:<14} {:>10.4} to {:.4}\n",
+            side.name, side.low, side.high
+        );
+    }
+    print(&text)
+}

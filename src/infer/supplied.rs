@@ -1,0 +1,52 @@
+//! A model whose mechanics another program solves.
+
+use std::sync::Arc;
+
+use super::model::Model;
+use crate::error::Result;
+use crate::experiment::Experiment;
+use crate::reduce::{Dimension, SnapshotExperiment, is_solved_for};
+
+impl Model {
+    /// The box of what another program is to solve for: the constants, and the thickness where it is uncertain.
+    ///
+    /// # Errors
+    /// Of the input: bounds for a parameter that is none.
+    pub fn box_to_solve(&self) -> Result<Vec<Dimension>> {
+        let mut sides = self.dimensions()?;
+        sides.retain(|d| is_solved_for(self.constants(), d));
+        Ok(sides)
+    }
+
+    /// An experiment, with the fields of another program where the model names them.
+    pub(super) fn with_snapshots(&self, own: Arc<dyn Experiment>) -> Result<Arc<dyn Experiment>> {
+        let reduced = &self.file.reduced_model;
+        let Some(spec) = reduced.supplied() else {
+            return Ok(own);
+        };
+        let sides = self.box_to_solve()?;
+        let names: Vec<&str> = sides.iter().map(|d| &*d.name).collect();
+        let supplied = spec.read(self.base_dir(), &names)?;
+        let of_mesh = || self.experiment().mesh_origin_mm();
+        let origin_mm = spec.origin_mm.or_else(of_mesh).unwrap_or([0.0; 2]);
+        let experiment = SnapshotExperiment::new(own, &supplied, origin_mm, reduced.degree)?;
+        Ok(Arc::new(experiment))
+    }
+
+    /// The box of an experiment's reduced model: [`Model::box_to_solve`] is that of the rows where another program solved them.
+    pub(super) fn dimensions_of(&self, experiment: &dyn Experiment) -> Result<Vec<Dimension>> {
+        let mut sides = self.dimensions()?;
+        let Some(given) = experiment.given() else {
+            return Ok(sides);
+        };
+        let solved = sides
+            .iter_mut()
+            .filter(|d| is_solved_for(self.constants(), d));
+        for (k, side) in solved.enumerate() {
+            let values = given.rows.iter().map(|row| row[k]);
+            side.low = values.clone().fold(f64::INFINITY, f64::min);
+            side.high = values.fold(f64::NEG_INFINITY, f64::max);
+        }
+        Ok(sides)
+    }
+}
