@@ -119,3 +119,8 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     text.push('\n');
     replace(path, text)
 }
+
+/// Hexadecimal digits of a hash.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

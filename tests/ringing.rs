@@ -438,6 +438,14 @@ fn the_likelihood_alone_is_that_of_all_assignments() {
     }
 }
 
+/// The constants, and what the publication calls them, with its unit.
+const NAMES: [(&str, &str, f64); 4] = [
+    ("E1_GPa", "Ex", 1e9),
+    ("E2_GPa", "Ey", 1e9),
+    ("G12_GPa", "Gxy", 1e9),
+    ("nu12", "nu_xy", 1.0),
+];
+
 /// Three real spruce plates (their README): poles up to 760 Hz with their parities.
 #[test]
 #[ignore = "needs ../shared, 3 plates, 3 minutes"]
@@ -474,21 +482,30 @@ fn real_plates_have_the_constants_of_spruce() {
             }],
         });
         let label = plate["label"].as_str().unwrap();
-        let (_, report) = identified(&format!("ringing-{label}"), &model);
         let published = &plate["published"];
-        for (name, theirs) in [
-            ("E1_GPa", "Ex"),
-            ("E2_GPa", "Ey"),
-            ("G12_GPa", "Gxy"),
-            ("nu12", "nu_xy"),
-        ] {
+        let mut model = model;
+        for (name, theirs, unit) in NAMES {
+            let value = published[theirs]["value"].as_f64().unwrap() / unit;
+            let sd = 0.01 * value * published[theirs]["sd_percent"].as_f64().unwrap();
+            model["material"]["parameters"][name]["published"] = known(value, sd);
+        }
+        let (_, report) = identified(&format!("ringing-{label}"), &model);
+        for (name, ..) in NAMES {
             let found = &report["posterior"][name];
+            let of = |row: &Value, key: &str| row[key].as_f64().unwrap();
             println!(
-                "{label} {name} {:.4} +- {:.4}, published {}",
-                found["mean"].as_f64().unwrap(),
-                found["sd"].as_f64().unwrap(),
-                published[theirs]["value"]
+                "{label} {name} {:.4} +- {:.4}, published {:.4} +- {:.4}",
+                of(found, "mean"),
+                of(found, "sd"),
+                of(&found["published"], "mean"),
+                of(&found["published"], "sd")
             );
+        }
+        for peak in report["experiments"][0]["peaks"].as_array().unwrap() {
+            assert_eq!(peak["mode"].is_null(), peak["why"].is_string(), "{peak}");
+            if let Some(why) = peak["why"].as_str() {
+                println!("  {} Hz: {why}", peak["measured_Hz"]);
+            }
         }
         let error = report["posterior"]["model_error_percent"]["mean"]
             .as_f64()

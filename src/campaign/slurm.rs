@@ -14,8 +14,8 @@ use super::process::quoted;
 use super::status::State;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::files::hex;
 use crate::progress::Progress;
-use crate::reduce::cache::hex;
 
 pub struct Slurm;
 

@@ -6,6 +6,7 @@ use super::{Options, Reporting};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
+use crate::experiment::frequencies::assignment::Peak;
 use crate::experiment::frequencies::{Mode, Ritz};
 use crate::infer::{Disturbed, Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
 use crate::progress::Progress;
@@ -49,6 +50,8 @@ pub struct PlateFound {
 /// A measured peak.
 pub struct PeakFound {
     pub frequency_hz: f64,
+    /// Its measured parity, where that is known.
+    pub odd: Option<bool>,
     /// Index of the mode that it is most probably, and how probably; none where it is more probably no mode.
     pub mode: Option<usize>,
     pub probability: f64,
@@ -283,27 +286,36 @@ fn found(
         }
     }
     modes.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let peaks = ringing.spec.frequencies_hz.iter().enumerate();
+    let peaks = ringing.spec.peaks().into_iter().enumerate();
     let peaks = peaks
-        .map(|(i, &frequency_hz)| {
-            let best = modes
-                .iter()
-                .enumerate()
-                .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
-            let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
-            match best.filter(|(_, m)| m.3[i] > no_mode) {
-                Some((k, m)) => PeakFound {
-                    frequency_hz,
-                    mode: Some(k),
-                    probability: m.3[i],
+        .map(
+            |(
+                i,
+                Peak {
+                    frequency_hz, odd, ..
                 },
-                None => PeakFound {
-                    frequency_hz,
-                    mode: None,
-                    probability: no_mode,
-                },
-            }
-        })
+            )| {
+                let best = modes
+                    .iter()
+                    .enumerate()
+                    .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
+                let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
+                match best.filter(|(_, m)| m.3[i] > no_mode) {
+                    Some((k, m)) => PeakFound {
+                        frequency_hz,
+                        odd,
+                        mode: Some(k),
+                        probability: m.3[i],
+                    },
+                    None => PeakFound {
+                        frequency_hz,
+                        odd,
+                        mode: None,
+                        probability: no_mode,
+                    },
+                }
+            },
+        )
         .collect();
     Ok(PlateFound {
         name: ringing.spec.name.clone(),

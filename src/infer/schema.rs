@@ -69,6 +69,9 @@ pub struct ParameterSpec {
     /// Bounds at which the prior is cut, as in the article's Table 5; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truncate: Option<[f64; 2]>,
+    /// What others found, to be printed beside the posterior; nothing is inferred from it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub published: Option<MeanSd>,
 }
 
 /// The `likelihood` object.
@@ -248,6 +251,9 @@ impl ParameterSpec {
                 Error::input("truncate", "bounds that leave some of the prior")
                     .found(format!("[{low}, {high}] with a prior of {mean} +- {sd}")),
             );
+        }
+        if let Some(published) = self.published {
+            published.validate("published")?;
         }
         Ok(mean)
     }

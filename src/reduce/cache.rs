@@ -12,6 +12,7 @@ use super::problem::{Problem, ReducedSpec};
 use super::snapshots::{Snapshots, design};
 use crate::error::{Error, Result};
 use crate::experiment::State;
+use crate::files::hex;
 use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
@@ -41,11 +42,6 @@ pub fn key(problem: &Problem) -> String {
         spec,
     ]);
     hex(&Sha256::digest(text.to_string()))
-}
-
-/// Hexadecimal digits of a hash.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// The reduced model of a problem: from `directory` if it is there, solved and stored there otherwise. Returns

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+/// Name of the thickness among the dimensions.
+pub const THICKNESS: &str = "thickness_mm";
+
 /// One side of the DoE box, in border units.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Dimension {

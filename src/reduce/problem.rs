@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::design::{Dimension, enough_samples};
+use super::design::{Dimension, THICKNESS, enough_samples};
 use super::modes::Modes;
 use super::reference::Reference;
 use super::supplied::SuppliedSpec;
@@ -131,9 +131,6 @@ pub struct Problem {
 
 /// Amplitudes whose corners are all checked.
 const MOST_CORNERS: usize = 12;
-
-/// Name of the thickness among the dimensions.
-pub const THICKNESS: &str = "thickness_mm";
 
 impl Problem {
     /// How the stiffness is parameterised.

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::problem::{Problem, THICKNESS};
+use super::design::THICKNESS;
+use super::problem::Problem;
 use crate::experiment::load_response;
 use crate::laminate::Material;
 

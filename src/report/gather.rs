@@ -105,7 +105,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
     let rows = &round.verdict.rows;
     RoundReport {
         effects_declared: map(&model.effects, |e| e.name().into()),
-        posterior: rows.iter().map(summary).collect(),
+        posterior: rows.iter().map(|row| summary(model, row)).collect(),
         effect_amplitudes: amplitudes(round),
         correlation: Correlation {
             names: map(rows, |r| r.name.clone()),
@@ -122,7 +122,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
     }
 }
 
-fn summary(row: &crate::diagnose::Row) -> (String, PosteriorSummary) {
+fn summary(model: &Model, row: &crate::diagnose::Row) -> (String, PosteriorSummary) {
     let summary = PosteriorSummary {
         mean: row.mean,
         sd: row.sd,
@@ -133,6 +133,7 @@ fn summary(row: &crate::diagnose::Row) -> (String, PosteriorSummary) {
         rhat: finite(row.rhat),
         ess_bulk: finite(row.ess_bulk),
         ess_tail: finite(row.ess_tail),
+        published: MeanAndSd::published(&model.file.material, &row.name),
     };
     (row.name.clone(), summary)
 }

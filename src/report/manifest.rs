@@ -10,7 +10,7 @@ use super::json::{Keyed, read};
 use crate::error::Result;
 use crate::field::unreadable;
 use crate::files;
-use crate::reduce::cache::hex;
+use crate::files::hex;
 
 /// `run.json` of a finished run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -14,6 +14,7 @@ mod html;
 pub mod json;
 pub mod manifest;
 mod page;
+mod plate;
 mod quoted;
 pub mod ranking;
 pub mod residual;

@@ -4,18 +4,18 @@ use std::fmt::Write;
 
 use indexmap::IndexMap;
 use maud::html;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::figures::{Figure, FigureData, Palette, Picture, Scale, posterior_corner};
 use super::html;
 use super::manifest::KnownTruth;
-use super::ranking::three_digits;
+use super::plate::{DISTURBANCES, PEAKS, PlateReport};
+use super::round::{MeanAndSd, beside_published};
 use super::terminal::table;
 use crate::error::Result;
-use crate::experiment::frequencies::Parity;
 use crate::identify::{PlateFound, RingingIdentification};
-use crate::infer::{Disturbed, RingingModel};
-use crate::quantity::{plus_minus, significant};
+use crate::infer::RingingModel;
+use crate::quantity::significant;
 
 /// The schema of `report.json` of a model of plates.
 pub const SCHEMA: &str = "plychain-frequencies/1";
@@ -47,6 +47,9 @@ pub struct ParameterFound {
     /// Posterior over prior variance, what the peaks leave of it; of constants alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub variance_left: Option<f64>,
+    /// What the model says that others found.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub published: Option<MeanAndSd>,
 }
 
 #[derive(Debug, Serialize)]
@@ -56,58 +59,6 @@ pub struct ExactReport {
     pub effective: f64,
     /// Largest shift of a parameter's mean, posterior sds.
     pub shift_sd: f64,
-}
-
-/// An experiment's peaks and modes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PlateReport {
-    pub name: String,
-    pub peaks: Vec<PeakReport>,
-    pub modes: Vec<ModeReport>,
-    /// What may act in the test that nobody declared.
-    pub disturbances: Vec<DisturbanceReport>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DisturbanceReport {
-    pub name: String,
-    pub parameter: String,
-    /// Prior sd, in the parameter's unit.
-    pub plausible: f64,
-    pub log_bayes_factor: f64,
-    /// If it acts, with an sd.
-    pub amplitude: [f64; 2],
-    /// What it does to the constants at its plausible size, undeclared, in their order; prior sds.
-    pub shift_in_prior_sd: Vec<f64>,
-    pub confirm: String,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PeakReport {
-    #[serde(rename = "measured_Hz")]
-    pub measured_hz: f64,
-    /// Half-waves along length and width of the mode that it is; none where it is more probably no mode.
-    pub mode: Option<[usize; 2]>,
-    /// Of this, or of being no mode.
-    pub probability: f64,
-    #[serde(rename = "predicted_Hz")]
-    pub predicted_hz: Option<f64>,
-    #[serde(rename = "predicted_sd_Hz")]
-    pub predicted_sd_hz: Option<f64>,
-    /// Measured over predicted, less 1.
-    pub off_percent: Option<f64>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ModeReport {
-    pub mode: [usize; 2],
-    pub parity: Option<Parity>,
-    #[serde(rename = "predicted_Hz")]
-    pub predicted_hz: f64,
-    #[serde(rename = "predicted_sd_Hz")]
-    pub predicted_sd_hz: f64,
-    /// Probability that it left no peak.
-    pub missing: f64,
 }
 
 impl RingingReport {
@@ -124,6 +75,7 @@ impl RingingReport {
                 rhat: row.rhat,
                 ess_bulk: row.ess_bulk,
                 variance_left: prior.map(|p| (row.sd / p.1.sd).powi(2)),
+                published: MeanAndSd::published(&model.file.material, &row.name),
             };
             (row.name.clone(), found)
         });
@@ -146,10 +98,14 @@ impl RingingReport {
     /// For the terminal.
     pub fn text(&self) -> String {
         let mut text = format!("\n{}: posterior\n\n", self.model);
-        text += &table(&POSTERIOR, self.posterior_rows());
+        let (header, rows) = self.posterior_table();
+        text += &table(&header, rows);
         for experiment in &self.experiments {
             let _ = writeln!(text, "\n{}\n", experiment.name);
             text += &table(&PEAKS, experiment.peak_rows());
+            for said in experiment.additional() {
+                let _ = writeln!(text, "  {said}");
+            }
             let missing = experiment.missing();
             if !missing.is_empty() {
                 let _ = writeln!(text, "\n  modes without a peak: {}", missing.join(", "));
@@ -177,20 +133,20 @@ impl RingingReport {
         text
     }
 
-    fn posterior_rows(&self) -> Vec<Vec<String>> {
+    fn posterior_table(&self) -> (Vec<&'static str>, Vec<Vec<String>>) {
         let row = |(name, r): (&String, &ParameterFound)| {
             let numbers = [r.mean, r.sd].map(|v| significant(v, r.sd));
             let ends = [r.low, r.high].map(|v| significant(v, r.sd));
             let cov = format!("{:.2}", 100.0 * r.sd / r.mean.abs());
             let worth = [format!("{:.4}", r.rhat), format!("{:.0}", r.ess_bulk)];
-            std::iter::once(name.clone())
+            let cells = std::iter::once(name.clone())
                 .chain(numbers)
                 .chain([cov])
                 .chain(ends)
-                .chain(worth)
-                .collect()
+                .chain(worth);
+            (cells.collect(), r.published)
         };
-        self.posterior.iter().map(row).collect()
+        beside_published(POSTERIOR, self.posterior.iter().map(row))
     }
 
     /// Constants of which the peaks say little.
@@ -209,109 +165,6 @@ impl RingingReport {
 }
 
 const POSTERIOR: [&str; 8] = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"];
-const DISTURBANCES: [&str; 6] = [
-    "disturbance",
-    "unit",
-    "plausible",
-    "log Bayes factor",
-    "amplitude if it acts",
-    "moves the constants by, prior sd",
-];
-pub(super) const PEAKS: [&str; 5] = [
-    "measured Hz",
-    "mode",
-    "probability",
-    "predicted Hz",
-    "off %",
-];
-
-impl DisturbanceReport {
-    fn new(found: &Disturbed) -> Self {
-        Self {
-            name: found.name.into(),
-            parameter: found.parameter.into(),
-            plausible: found.plausible,
-            log_bayes_factor: found.log_bayes_factor,
-            amplitude: found.amplitude,
-            shift_in_prior_sd: found.shift_sds.clone(),
-            confirm: found.confirm.into(),
-        }
-    }
-}
-
-impl PlateReport {
-    pub(super) fn new(found: &PlateFound) -> Self {
-        let peaks = found.peaks.iter().map(|p| {
-            let mode = p.mode.map(|k| &found.modes[k]);
-            PeakReport {
-                measured_hz: p.frequency_hz,
-                mode: mode.map(|m| m.label),
-                probability: p.probability,
-                predicted_hz: mode.map(|m| m.mean_hz),
-                predicted_sd_hz: mode.map(|m| m.sd_hz),
-                off_percent: mode.map(|m| 100.0 * (p.frequency_hz / m.mean_hz - 1.0)),
-            }
-        });
-        let modes = found.modes.iter().map(|m| ModeReport {
-            mode: m.label,
-            parity: m
-                .odd
-                .map(|odd| if odd { Parity::Odd } else { Parity::Even }),
-            predicted_hz: m.mean_hz,
-            predicted_sd_hz: m.sd_hz,
-            missing: m.missing,
-        });
-        Self {
-            name: found.name.clone(),
-            peaks: peaks.collect(),
-            modes: modes.collect(),
-            disturbances: found.disturbed.iter().map(DisturbanceReport::new).collect(),
-        }
-    }
-
-    pub(super) fn disturbance_rows(&self) -> Vec<Vec<String>> {
-        let row = |d: &DisturbanceReport| {
-            let [amplitude, sd] = d.amplitude;
-            let shifts: Vec<String> = d
-                .shift_in_prior_sd
-                .iter()
-                .map(|s| format!("{s:+.2}"))
-                .collect();
-            vec![
-                d.name.clone(),
-                d.parameter.clone(),
-                three_digits(d.plausible),
-                format!("{:+.1}", d.log_bayes_factor),
-                plus_minus(amplitude, sd),
-                shifts.join(" "),
-            ]
-        };
-        self.disturbances.iter().map(row).collect()
-    }
-
-    pub(super) fn peak_rows(&self) -> Vec<Vec<String>> {
-        let row = |p: &PeakReport| {
-            let predicted = p.predicted_hz.zip(p.predicted_sd_hz);
-            vec![
-                format!("{:.2}", p.measured_hz),
-                p.mode.map_or("none".into(), |[m, n]| format!("({m}, {n})")),
-                format!("{:.3}", p.probability),
-                predicted.map_or(String::new(), |(f, sd)| format!("{f:.2} +- {sd:.2}")),
-                p.off_percent.map_or(String::new(), |o| format!("{o:+.2}")),
-            ]
-        };
-        self.peaks.iter().map(row).collect()
-    }
-
-    /// Modes that more probably than not left no peak.
-    fn missing(&self) -> Vec<String> {
-        let missing = self.modes.iter().filter(|m| m.missing > 0.5);
-        missing
-            .map(|m| format!("({}, {}) at {:.1} Hz", m.mode[0], m.mode[1], m.predicted_hz))
-            .collect()
-    }
-}
-
 /// The page.
 ///
 /// # Errors
@@ -338,13 +191,15 @@ pub fn page(
         main {
             section id="posterior" {
                 h2 { "Posterior" }
-                (html::rows_of(&POSTERIOR, &report.posterior_rows()))
+                @let (header, rows) = report.posterior_table();
+                (html::rows_of(&header, &rows))
                 @if let Some(figure) = &corner { (html::figure(figure)) }
             }
             @for (own, figures) in &plates {
                 section id=(own.name) {
                     h2 { (own.name) ": peaks and modes" }
                     (html::rows_of(&PEAKS, &own.peak_rows()))
+                    @for said in own.additional() { p { (said) "." } }
                     h3 { "What may act that nobody declared" }
                     (html::rows_of(&DISTURBANCES, &own.disturbance_rows()))
                     @if !own.missing().is_empty() { p { "Modes without a peak: " (own.missing().join(", ")) "." } }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::iter::once;
 
-use super::round::RoundReport;
+use super::round::{RoundReport, beside_published};
 use super::surrogate::SurrogateReport;
 use crate::identify::Refinement;
 use crate::quantity::significant;
@@ -50,9 +50,10 @@ pub fn identification(model: &str, round: &RoundReport) -> String {
         row.push(digits(cov, 2));
         row.extend([r.low, r.high].map(|v| significant(v, r.sd)));
         row.extend([digits(r.rhat, 4), digits(r.ess_bulk, 0)]);
-        row
+        (row, r.published)
     });
     let header = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"];
+    let (header, rows) = beside_published(header, rows);
     text += &table(&header, rows);
     text += "\ncorrelation\n\n";
     let names = &round.correlation.names;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::html::rows_of;
 use super::json::{Keyed, finite};
-use super::ringing::{PEAKS, PlateReport};
+use super::plate::{PEAKS, PlateReport};
 use super::round::MeanAndSd;
 use super::terminal::table;
 use crate::identify::Beside;
@@ -171,6 +171,9 @@ impl TogetherReport {
         for experiment in &self.experiments {
             let _ = writeln!(text, "\n{}\n", experiment.name);
             text += &table(&PEAKS, experiment.peak_rows());
+            for said in experiment.additional() {
+                text += &format!("  {said}\n");
+            }
         }
         for warning in &self.warnings {
             let _ = writeln!(text, "  - {warning}");
@@ -186,6 +189,7 @@ impl TogetherReport {
             @for experiment in &self.experiments {
                 h3 { (experiment.name) ": peaks and modes" }
                 (rows_of(&PEAKS, &experiment.peak_rows()))
+                @for said in experiment.additional() { p { (said) "." } }
             }
             @if !self.warnings.is_empty() {
                 ul.warnings { @for warning in &self.warnings { li { (warning) } } }

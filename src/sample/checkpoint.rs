@@ -10,7 +10,7 @@ use super::{Block, State};
 use crate::chain::MoveTally;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::reduce::cache::hex;
+use crate::files::hex;
 
 /// Version of the file's format.
 pub const FORMAT: &str = "plychain-checkpoint/2";

@@ -6,14 +6,9 @@ use std::path::{Path, PathBuf};
 
 use csv::{ReaderBuilder, Trim};
 
+use super::nodes::Nodes;
 use super::vtu;
 use crate::error::{Error, Result};
-
-/// Points (x, y) and displacements (ux, uy), mm.
-pub(super) struct Nodes {
-    pub points: Vec<[f64; 2]>,
-    pub displacement: Vec<[f64; 2]>,
-}
 
 /// Columns of a table and arrays of an archive.
 const NAMES: [&str; 4] = ["x_mm", "y_mm", "ux_mm", "uy_mm"];

@@ -2,8 +2,8 @@
 //! elements.
 
 mod doe;
-mod experiment;
 mod files;
+mod nodes;
 mod spread;
 mod vtu;
 
@@ -12,12 +12,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::cache::hex;
-use super::design::Dimension;
-use super::problem::THICKNESS;
+use super::design::{Dimension, THICKNESS};
 use crate::error::{Error, Result};
+use crate::files::hex;
 pub use doe::{ROW, text as doe_text};
-pub use experiment::SnapshotExperiment;
+pub(super) use spread::{Weights, weights};
 
 /// `reduced_model.snapshots` in place of a number: a design and what another program solved of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

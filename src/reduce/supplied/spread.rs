@@ -6,7 +6,7 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 /// Weights of values at other points.
-pub(super) type Weights = Vec<(u32, f64)>;
+pub type Weights = Vec<(u32, f64)>;
 
 /// Points that one value is made of: three times the ten coefficients of a cubic.
 const NEIGHBOURS: usize = 30;
@@ -19,7 +19,7 @@ const SAME_MM: f64 = 1e-6;
 ///
 /// # Errors
 /// The first of the points `wanted` that the others do not reach, with its distance to them.
-pub(super) fn weights(
+pub fn weights(
     known: &[[f64; 2]],
     wanted: &[[f64; 2]],
 ) -> std::result::Result<Vec<Weights>, ([f64; 2], f64)> {

@@ -7,7 +7,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use roxmltree::{Document, Node};
 
-use super::files::Nodes;
+use super::nodes::Nodes;
 use crate::error::{Error, Result};
 
 /// What programs call the displacement, in lower case.

@@ -6,7 +6,7 @@ use super::tables::names;
 use super::{figure, fixed, mean_sd, minus, row, short, table, wide, with_sd};
 use crate::report::figures::Figures;
 use crate::report::page::Page;
-use crate::report::round::{PosteriorSummary, RoundReport};
+use crate::report::round::{PosteriorSummary, RoundReport, beside_published};
 use crate::report::steps;
 use crate::trace::{Confirming, Interval, Status};
 
@@ -172,15 +172,20 @@ pub fn posterior(page: &Page, figures: &Figures) -> Markup {
     let rounds = &page.report.rounds;
     let last = rounds.len().saturating_sub(1);
     let header = ["", "mean", "sd", "2.5 %", "median", "97.5 %"];
-    let drawn = |(name, s): (&String, &PosteriorSummary)| {
-        summary(name, [s.mean, s.sd, s.low, s.median, s.high])
+    let drawn = |round: &RoundReport| {
+        let row = |(name, s): (&String, &PosteriorSummary)| {
+            let row = summary(name, [s.mean, s.sd, s.low, s.median, s.high]);
+            (row, s.published)
+        };
+        beside_published(header, round.posterior.iter().map(row))
     };
     let mixed =
         |(name, a): (&String, &Interval)| summary(name, [a.mean, a.sd, a.low, a.median, a.high]);
     html! {
         @if let Some(figure) = figures.get("intervals") { (wide(figure)) }
         @for (round, name) in rounds.iter().zip(names(page)) {
-            (table(&format!("Posterior: {name}"), &header, round.posterior.iter().map(drawn), false))
+            @let (header, rows) = drawn(round);
+            (table(&format!("Posterior: {name}"), &header, rows.into_iter(), false))
         }
         @if let Some(closing) = &page.report.closing {
             (table("Averaged over effects that may act unseen", &header, closing.averaged_posterior.iter().map(mixed), false))

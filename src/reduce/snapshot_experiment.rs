@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use super::super::design::Dimension;
-use super::super::model::ReducedModel;
-use super::super::modes::Modes;
-use super::super::problem::{Problem, ReducedSpec, THICKNESS};
-use super::super::snapshots::Snapshots;
-use super::Supplied;
-use super::spread::{Weights, weights};
+use super::design::{Dimension, THICKNESS};
+use super::model::ReducedModel;
+use super::modes::Modes;
+use super::problem::{Problem, ReducedSpec};
+use super::snapshots::Snapshots;
+use super::supplied::{Supplied, Weights, weights};
 use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::experiment::{Experiment, Gauge, Given, Look, Sight, State};
