@@ -205,11 +205,17 @@ fn write_vtu(path: &Path, points: &[[f64; 2]], field: &[[f64; 2]]) {
 fn fields_of_another_mesh_give_the_same_posterior() {
     let bench = Bench::new("csv", 0.4, |model| {
         model["reduced_model"]["snapshots"]["origin_mm"] = json!([100.0, 7.5]);
+        model["material"]["parameters"]["E2_GPa"]["published"] =
+            json!({ "mean": 7.123, "sd": 0.2 });
     });
     bench.solve([100.0, 7.5], write_csv);
     bench.agrees(0.1);
     let shown = bench.succeed(&["identify", "model.json", "--quiet", "--out", "again"]);
     assert!(shown.contains("through the supplied snapshots"), "{shown}");
+    assert!(
+        shown.contains("published") && shown.contains("7.12 +- 0.20"),
+        "{shown}"
+    );
     let effects = bench.succeed(&["effects", "model.json", "--json"]);
     let effects: Value = serde_json::from_str(&effects).unwrap();
     let cannot: Vec<&str> = effects
@@ -225,6 +231,7 @@ fn fields_of_another_mesh_give_the_same_posterior() {
 
 /// What acts on the picture is traced over fields of another program as over the own.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_pixel_scale_is_found_over_supplied_fields() {
     let bench = Bench::new("csv", 1.0, |_| {});
     bench.solve([0.0; 2], write_csv);
