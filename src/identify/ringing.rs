@@ -6,7 +6,6 @@ use super::{Options, Reporting};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
-use crate::experiment::frequencies::assignment::Peak;
 use crate::experiment::frequencies::{Mode, Ritz};
 use crate::infer::{Disturbed, Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
 use crate::progress::Progress;
@@ -288,34 +287,20 @@ fn found(
     modes.sort_by(|a, b| a.0.total_cmp(&b.0));
     let peaks = ringing.spec.peaks().into_iter().enumerate();
     let peaks = peaks
-        .map(
-            |(
-                i,
-                Peak {
-                    frequency_hz, odd, ..
-                },
-            )| {
-                let best = modes
-                    .iter()
-                    .enumerate()
-                    .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
-                let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
-                match best.filter(|(_, m)| m.3[i] > no_mode) {
-                    Some((k, m)) => PeakFound {
-                        frequency_hz,
-                        odd,
-                        mode: Some(k),
-                        probability: m.3[i],
-                    },
-                    None => PeakFound {
-                        frequency_hz,
-                        odd,
-                        mode: None,
-                        probability: no_mode,
-                    },
-                }
-            },
-        )
+        .map(|(i, peak)| {
+            let best = modes
+                .iter()
+                .enumerate()
+                .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
+            let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
+            let best = best.filter(|(_, m)| m.3[i] > no_mode);
+            PeakFound {
+                frequency_hz: peak.frequency_hz,
+                odd: peak.odd,
+                mode: best.map(|(k, _)| k),
+                probability: best.map_or(no_mode, |(_, m)| m.3[i]),
+            }
+        })
         .collect();
     Ok(PlateFound {
         name: ringing.spec.name.clone(),

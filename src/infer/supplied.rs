@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::model::Model;
 use crate::error::Result;
 use crate::experiment::Experiment;
-use crate::reduce::{Dimension, SnapshotExperiment, is_solved_for};
+use crate::reduce::{Dimension, SnapshotExperiment, is_solved_for, ranges};
 
 impl Model {
     /// The box of what another program is to solve for: the constants, and the thickness where it is uncertain.
@@ -39,13 +39,12 @@ impl Model {
         let Some(given) = experiment.given() else {
             return Ok(sides);
         };
-        let solved = sides
-            .iter_mut()
-            .filter(|d| is_solved_for(self.constants(), d));
-        for (k, side) in solved.enumerate() {
-            let values = given.rows.iter().map(|row| row[k]);
-            side.low = values.clone().fold(f64::INFINITY, f64::min);
-            side.high = values.fold(f64::NEG_INFINITY, f64::max);
+        let solved = self.box_to_solve()?;
+        let names: Vec<&str> = solved.iter().map(|d| &*d.name).collect();
+        for own in ranges(&names, given.rows) {
+            for side in sides.iter_mut().filter(|d| d.name == own.name) {
+                *side = own.clone();
+            }
         }
         Ok(sides)
     }

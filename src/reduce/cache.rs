@@ -39,6 +39,8 @@ pub fn key(problem: &Problem) -> String {
         problem.experiment.serialisation(),
         effects,
         problem.dimensions,
+        // that of predictions over supplied snapshots is not in the file
+        spec.count(),
         spec,
     ]);
     hex(&Sha256::digest(text.to_string()))

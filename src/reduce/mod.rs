@@ -23,6 +23,6 @@ pub use problem::{Problem, ReducedSpec, SnapshotsSpec};
 pub use reference::{GOGU_2013, Published, Reference, TRUNCATIONS};
 pub use snapshot_experiment::SnapshotExperiment;
 pub use snapshots::{Snapshots, rows_to_solve, spread_over};
-pub use supplied::{ROW, Supplied, SuppliedSpec, doe_text, is_solved_for};
+pub use supplied::{Supplied, SuppliedSpec, doe_text, is_solved_for, ranges};
 pub use surface::{Quality, Surface};
 pub use variables::{Choice, Variables};

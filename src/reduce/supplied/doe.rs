@@ -9,7 +9,7 @@ use super::super::design::Dimension;
 use crate::error::{Error, Result};
 
 /// Column of the number of a row, from 1.
-pub const ROW: &str = "row";
+const ROW: &str = "row";
 
 /// The table of a design.
 pub fn text(dimensions: &[Dimension], rows: &[Vec<f64>]) -> String {

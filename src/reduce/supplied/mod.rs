@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 use super::design::{Dimension, THICKNESS};
 use crate::error::{Error, Result};
 use crate::files::hex;
-pub use doe::{ROW, text as doe_text};
+pub use doe::text as doe_text;
 pub(super) use spread::{Weights, weights};
 
 /// `reduced_model.snapshots` in place of a number: a design and what another program solved of it.
@@ -124,8 +124,8 @@ impl SuppliedSpec {
     }
 }
 
-/// The range of every column.
-fn ranges(names: &[&str], rows: &[Vec<f64>]) -> Vec<Dimension> {
+/// The range of every column of a design, border units, in the order of `names`.
+pub fn ranges(names: &[&str], rows: &[Vec<f64>]) -> Vec<Dimension> {
     let range = |(k, name): (usize, &&str)| {
         let values = rows.iter().map(|row| row[k]);
         Dimension {
