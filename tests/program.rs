@@ -80,6 +80,13 @@ pub fn changed(name: &str, change: impl Fn(&mut Value)) -> String {
         let folder = root().join("models").join(dir.as_str().unwrap());
         *dir = folder.display().to_string().into();
     }
+    if let Some(file) = value["experiments"][0]
+        .get_mut("mesh")
+        .and_then(|m| m.get_mut("file"))
+    {
+        let mesh = root().join("models").join(file.as_str().unwrap());
+        *file = mesh.display().to_string().into();
+    }
     change(&mut value);
     let file = fresh("changed.json");
     std::fs::write(&file, value.to_string()).unwrap();

@@ -98,7 +98,7 @@ fn calibrate_loop(
             say_share(&plan, found.len())?;
             continue;
         }
-        let summary = LoopSummary::new(&plan, withheld, &found);
+        let summary = LoopSummary::new(model, &plan, withheld, &found);
         print(&loop_text(&summary))?;
         all.push(loop_numbers(&summary));
     }

@@ -1,7 +1,7 @@
 //! How large effects may plausibly be in a series of image correlation.
 
-use super::Stepped;
 use super::stepped::FREE_MM;
+use super::{Model, Stepped};
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::laminate::abd;
 
@@ -36,21 +36,31 @@ fn far_strain(scene: &Scene) -> f64 {
 impl Stepped<'_> {
     /// Prior sd of an amplitude of a series, border units.
     pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> f64 {
+        self.model.prior_sd_seen(self.scene(), effect, k)
+    }
+}
+
+impl Model {
+    /// Prior sd of an amplitude of a series, border units.
+    pub fn prior_sd_in_series(&self, effect: &dyn Effect, k: usize) -> f64 {
+        self.prior_sd_seen(&self.scene(), effect, k)
+    }
+
+    fn prior_sd_seen(&self, scene: &Scene, effect: &dyn Effect, k: usize) -> f64 {
         let name = amplitude_name(effect, &effect.parameters()[k]);
-        if self.model.experiment().plausible.contains_key(&name) {
-            return self.model.experiment().plausible[&name];
+        if let Some(own) = self.experiment().plausible.get(&name) {
+            return *own;
         }
         if effect.name() == "out_of_plane_translation" {
-            let distance = self.scene().camera_distance_mm;
+            let distance = scene.camera_distance_mm;
             return distance.map_or(1.0, |z| TOWARDS * z);
         }
         if effect.name() == "out_of_plane_bending" {
-            let to_face_mm = 0.5 * self.scene().setup.thickness;
-            let uniform_per_m = 1e3 * BENT * far_strain(self.scene()) / to_face_mm;
+            let to_face_mm = 0.5 * scene.setup.thickness;
+            let uniform_per_m = 1e3 * BENT * far_strain(scene) / to_face_mm;
             return [1.0, BENT_GRADIENT_PER_MM][k] * uniform_per_m;
         }
         let seen = SEEN.iter().find(|(n, _)| *n == name).map(|(_, sd)| *sd);
-        let own = || self.model.prior_sd(effect, k);
-        seen.or_else(own).unwrap_or(FREE_MM)
+        seen.or_else(|| self.prior_sd(effect, k)).unwrap_or(FREE_MM)
     }
 }

@@ -141,11 +141,15 @@ pub fn loop_text(summary: &LoopSummary) -> String {
     } else {
         ""
     };
+    let what = match summary.steps {
+        0 => "fields".into(),
+        n => format!("series of {n} steps"),
+    };
     let mut text = format!(
-        "\ncalibration of the loop: {} replicates, fields by finite elements, noise of {} to {} nm correlated over {} mm, {} x {} points{withheld}\n\n",
+        "\ncalibration of the loop: {} replicates, {what} by finite elements, noise of {} to {} nm correlated over {} mm, {} x {} points{withheld}\n\n",
         summary.replicates,
-        NOISE_NM[0],
-        NOISE_NM[1],
+        summary.noise_nm[0],
+        summary.noise_nm[1],
         summary.plan.correlation_mm,
         summary.plan.grid,
         summary.plan.grid
@@ -169,7 +173,7 @@ pub fn loop_text(summary: &LoopSummary) -> String {
 /// The same as numbers.
 pub fn loop_numbers(summary: &LoopSummary) -> Value {
     json!({
-        "plan": summary.plan, "withheld": summary.withheld, "replicates": summary.replicates,
+        "plan": summary.plan, "withheld": summary.withheld, "replicates": summary.replicates, "noise_nm": summary.noise_nm, "steps": summary.steps,
         "held": summary.held[0], "of": summary.held[1], "flagged": summary.flagged, "with_another_name": summary.wrong,
         "acted": summary.acted[0], "named": summary.acted[1], "status": summary.statuses,
         "constants": parameters_numbers(&summary.constants), "amplitudes": parameters_numbers(&summary.amplitudes),

@@ -16,6 +16,7 @@ use super::weighing::Weighing;
 use crate::effect::{Effect, Kind};
 use crate::error::Result;
 use crate::experiment::State;
+use crate::field::Field;
 use crate::identify::{Prepared, is_clear};
 use crate::infer::Model;
 use crate::progress::Progress;
@@ -43,9 +44,55 @@ pub fn attribute(
     effects.retain(|e| wanted(e.name()));
     let own = &prepared.observation.field;
     progress.begin("the field at the constants found", None);
-    let (corrected, jumps) = recording::find_jumps(model, own, &prepared.predict(&start)?.field)?;
+    let (corrected, mut jumps) =
+        recording::find_jumps(model, own, &prepared.predict(&start)?.field)?;
     progress.end();
-    let field = corrected.as_ref().unwrap_or(own);
+    let trace = |field: &Field| trace_field(model, prepared, field, &start, &effects, progress);
+    let mut traced = None;
+    if jumps.is_some() {
+        // what an effect leaves may be as steep as a smeared jump: a jump is still there once the strongest effect acts
+        let plain = trace(own)?;
+        if !recording::may_jump(model, own, &prepared.predict(&plain.state)?.field) {
+            jumps = None;
+            traced = Some(plain);
+        }
+    }
+    let field = corrected.as_ref().filter(|_| jumps.is_some());
+    let field = field.unwrap_or(own);
+    let Traced {
+        state,
+        size_mm,
+        evidence,
+    } = traced.map_or_else(|| trace(field), Ok)?;
+    progress.begin("tracing: held-out blocks, blind spots", None);
+    let mut tracing = evidence.tracing(&state.constants)?;
+    tracing.left_out = left_out;
+    let phase = recording::find_phase(model, field, &prepared.predict(&state)?.field)?;
+    tracing.add_recorded(jumps, phase);
+    progress.end();
+    let about = About::Field {
+        state,
+        sought: effects,
+        size_mm,
+    };
+    Ok((tracing, Account { evidence, about }))
+}
+
+/// A field with what was weighed of it, and the state about which it was.
+struct Traced {
+    state: State,
+    size_mm: f64,
+    evidence: Evidence,
+}
+
+fn trace_field(
+    model: &Model,
+    prepared: &Prepared,
+    field: &Field,
+    start: &State,
+    effects: &[&'static dyn Effect],
+    progress: &dyn Progress,
+) -> Result<Traced> {
     let geometry = &*prepared.problem.experiment.scene().setup.geometry;
     let measured = Measured::new(field, |i| is_clear(geometry, field.points[i]));
     let measured = Arc::new(measured);
@@ -57,20 +104,13 @@ pub fn attribute(
         few: Few::new(prepared, &measured.blocks),
         step: &|| progress.step(),
     };
-    let mut state = start;
-    let evidence = converged(&linearised, &measured, &mut state, &effects, progress)?;
-    progress.begin("tracing: held-out blocks, blind spots", None);
-    let mut tracing = evidence.tracing(&state.constants)?;
-    tracing.left_out = left_out;
-    let phase = recording::find_phase(model, field, &prepared.predict(&state)?.field)?;
-    tracing.add_recorded(jumps, phase);
-    progress.end();
-    let about = About::Field {
+    let mut state = start.clone();
+    let evidence = converged(&linearised, &measured, &mut state, effects, progress)?;
+    Ok(Traced {
         state,
-        sought: effects,
         size_mm: linearised.size_mm,
-    };
-    Ok((tracing, Account { evidence, about }))
+        evidence,
+    })
 }
 
 /// Linearise and weigh, with the strongest effect of the best subset in the state, until that effect and its amplitudes repeat.

@@ -41,7 +41,7 @@ pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;
 pub use quoted::{AnswerDraws, Importance, Quoted, quote, rule as quoted_rule, with_density};
 pub use round::Round;
-pub use sought::candidates;
+pub use sought::{acting_in, candidates};
 pub use subsets::SIZES;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
 pub use together::tension;

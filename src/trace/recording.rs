@@ -43,6 +43,14 @@ pub fn find_jumps(
     Ok((Some(corrected), Some(found)))
 }
 
+/// Whether a field may have jumps relative to a prediction: some are found, or it is too steep for a search.
+pub fn may_jump(model: &Model, field: &Field, predicted: &[[f64; 2]]) -> bool {
+    order_mm(model).is_some_and(|order_mm| {
+        let found = jumps::find(field, predicted, order_mm);
+        found.refused.is_some() || !found.regions.is_empty()
+    })
+}
+
 /// The largest region speaks for the effect; its evidence is that of a step of whole orders at every point of a region's border,
 /// which no noise of a few nanometres makes.
 fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: &Model) -> Found {

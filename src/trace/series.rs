@@ -11,7 +11,7 @@ use super::alias::groups;
 use super::evidence::{Evidence, evidence_of_series};
 use super::ridge::{CONVERGED, series_at_ridge};
 use super::sensitivities::Measured;
-use super::sought::candidates;
+use super::sought::{acting_in, candidates, shares};
 use super::stiffness::stiffness_field;
 use super::tracing::Tracing;
 use crate::effect::{Kind, amplitude_name};
@@ -41,8 +41,7 @@ pub fn attribute_series(
     progress: &dyn Progress,
 ) -> Result<(Tracing, Account)> {
     let (mut effects, left_out) = candidates(model);
-    // every step has its own motion in the plane
-    effects.retain(|e| wanted(e.name()) && !e.name().starts_with("rigid_"));
+    effects.retain(|e| wanted(e.name()));
     let field = &prepared.observation.field;
     let geometry = &*prepared.problem.experiment.scene().setup.geometry;
     let used = |i: usize| is_clear(geometry, field.points[i]);
@@ -71,7 +70,7 @@ pub fn attribute_series(
         },
         measured: &measured,
         declared: declared(model),
-        sought: told_apart(Acts::all(&effects), &steps.loads),
+        sought: acting_in(&effects, &steps.loads),
     };
     let evidence = traced.converged(&mut state, progress)?;
     progress.begin("tracing: held-out blocks, blind spots", None);
@@ -138,24 +137,6 @@ pub fn averages(blocks: &Blocks, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
 pub fn relative(loads: &[f64]) -> Vec<f64> {
     let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     loads.iter().map(|f| f / largest).collect()
-}
-
-/// The first of all laws of an effect that are the same over these steps: where the load only grows, what is in proportion to it and what
-/// stays are one column, and both would lay claim to one amplitude of the state.
-fn told_apart(all: Vec<Acts>, loads: &[f64]) -> Vec<Acts> {
-    let mut kept: Vec<Acts> = Vec::with_capacity(all.len());
-    for acts in all {
-        if !kept.iter().any(|other| shares(other, &acts, loads)) {
-            kept.push(acts);
-        }
-    }
-    kept
-}
-
-/// Whether two laws of one effect have weights over these steps in common.
-fn shares(a: &Acts, b: &Acts, loads: &[f64]) -> bool {
-    let weights = b.weights(loads);
-    a.effect.name() == b.effect.name() && a.weights(loads).iter().any(|w| weights.contains(w))
 }
 
 /// The declared effects that the linearised prediction varies.

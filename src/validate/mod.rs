@@ -3,6 +3,7 @@
 pub mod article;
 pub mod calibration;
 pub mod design;
+mod drawn;
 pub mod grid;
 pub mod priors;
 pub mod quadrature;

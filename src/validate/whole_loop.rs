@@ -1,29 +1,23 @@
-//! Calibration of the whole loop: constants, load, thickness, noise and effects are drawn from their priors, a field is simulated with all of
-//! them on a finer mesh, the loop is closed on it, and the truth is looked for among the draws that it quotes. With `withheld` the
-//! dictionary lacks what acts most.
+//! Calibration of the whole loop: constants, load, thickness, noise and effects are drawn from their priors, a field or a load series is
+//! simulated with all of them on a finer mesh, the loop is closed on it, and the truth is looked for among the draws that it quotes. With
+//! `withheld` the dictionary lacks what acts most.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::calibration::{NOISE_NM, Parameter, Plan, Replicate, model_of, of_draws, summarise};
+use super::calibration::{Parameter, Plan, Replicate, model_of, of_draws, summarise};
+use super::drawn::{Drawn, noise_nm};
 use super::record::Record;
 use crate::diagnose::Rule;
-use crate::effect::{Acting, Effect, LOAD_SCALE, amplitude_name};
 use crate::error::{Error, Result};
-use crate::experiment::simulate::Truth;
-use crate::field::matrices::write_matrices;
-use crate::field::{READERS, Source};
 use crate::identify::Options;
 use crate::infer::Model;
 use crate::progress::{Progress, Silent};
 use crate::sample::{SAMPLERS, Schedule};
-use crate::trace::{SIZES, candidates, close, quote, quoted_rule};
+use crate::trace::{candidates, close, quote, quoted_rule};
 
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -59,6 +53,7 @@ pub fn calibrate_loop(
     progress: &dyn Progress,
 ) -> Result<Vec<LoopReplicate>> {
     let model = model_of(model);
+    refuse_unknown_forces(&model)?;
     // a longer or shorter record of the same plan is the same record
     let of = Plan {
         replicates: 0,
@@ -90,64 +85,18 @@ pub fn calibrate_loop(
     Ok(done)
 }
 
-/// What is drawn of a replicate.
-struct Drawn {
-    truth: Truth,
-    acted: Vec<&'static dyn Effect>,
-}
-
-/// A draw from the priors, by the seed of the replicate and of the attempt; with an effect at least if one is to be `withheld`.
-fn draw(model: &Model, plan: &Plan, withheld: bool, replicate: usize, attempt: u64) -> Drawn {
-    let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 4 + attempt));
-    let marginals = model.marginals();
-    let constants = loop {
-        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-        let x: Vec<f64> = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
-        let inside = marginals.iter().zip(&x).all(|(m, x)| {
-            let [low, high] = m.bounds();
-            (low..=high).contains(x)
-        });
-        if inside && model.material().ply(&x).is_admissible() {
-            break x;
-        }
+/// Forces cannot be drawn about values that nobody declares.
+fn refuse_unknown_forces(model: &Model) -> Result<()> {
+    let steps = model.experiment().steps.as_deref().unwrap_or_default();
+    let Some(k) = steps.iter().position(|s| s.force_n.is_none()) else {
+        return Ok(());
     };
-    let (mut open, _) = candidates(model);
-    let mut left: f64 = rng.random();
-    let number = SIZES.iter().take_while(|p| {
-        left -= *p;
-        left > 0.0
-    });
-    let mut acted = Vec::new();
-    let number = number.count().max(usize::from(withheld)).min(open.len());
-    for _ in 0..number {
-        acted.push(open.swap_remove(rng.random_range(0..open.len())));
-    }
-    let mut acting = |effect: &'static dyn Effect| Acting {
-        effect,
-        amplitude: (effect.parameters().iter())
-            .map(|p| {
-                let z: f64 = StandardNormal.sample(&mut rng);
-                let z = if p.positive { z.abs() } else { z };
-                (p.prior_sd.unwrap_or(0.0) * z).clamp(-p.bound, p.bound)
-            })
-            .collect(),
-    };
-    let mut effects: Vec<Acting> = acted.iter().map(|e| acting(*e)).collect();
-    effects.push(acting(LOAD_SCALE));
-    // the load scale has its own draw above
-    let thickness = model.experiment().specimen.thickness_mm;
-    let z: f64 = StandardNormal.sample(&mut rng);
-    let [low, high] = NOISE_NM;
-    let truth = Truth {
-        constants,
-        thickness_mm: thickness.mean + thickness.sd * z,
-        effects,
-        noise_nm: low * (high / low).powf(rng.random()),
-        correlation_mm: plan.correlation_mm,
-        grid: plan.grid,
-        seed: rng.random(),
-    };
-    Drawn { truth, acted }
+    let place = format!("experiments[0].steps[{k}].force_N");
+    Err(
+        Error::input(place, "a force in N, about which a calibration draws")
+            .found("null")
+            .hint("put in the forces that you plan; the files are not read"),
+    )
 }
 
 /// Simulate, close the loop, and look for the truth.
@@ -161,14 +110,13 @@ fn replicate(
 ) -> Result<LoopReplicate> {
     let mut last = None;
     for attempt in 0..ATTEMPTS {
-        let drawn = draw(model, plan, withheld, replicate, attempt);
-        match model.simulate(&drawn.truth) {
+        let drawn = Drawn::new(model, plan, withheld, replicate, attempt);
+        // each thread has a place of its own for the measurement
+        let place = record.with_extension(format!("field-{replicate}"));
+        match drawn.simulated(model, &place) {
             Err(e) => last = Some(e),
-            Ok(grid) => {
-                // each thread has a place of its own for the field
-                let place = record.with_extension(format!("field-{replicate}"));
-                write_matrices(&place, &grid, None)?;
-                let found = closed(model, plan, withheld, replicate, &drawn, &place, cache);
+            Ok(measured) => {
+                let found = closed(&measured, plan, withheld, replicate, &drawn, cache);
                 // a field that cannot be removed does no harm
                 let _ = std::fs::remove_dir_all(&place);
                 return found.map_err(|e| e.within(format!("replicate {replicate}")));
@@ -187,18 +135,12 @@ fn closed(
     withheld: bool,
     replicate: usize,
     drawn: &Drawn,
-    place: &Path,
     cache: &Path,
 ) -> Result<LoopReplicate> {
     let mut model = model.clone();
-    model.experiment_mut().measurement.source = Source {
-        reader: READERS[0],
-        path: Some(std::path::absolute(place).unwrap_or_else(|_| place.to_path_buf())),
-        columns: None,
-    };
     if withheld {
         let (all, _) = candidates(&model);
-        let lacks = drawn.acted.first().map_or("", |e| e.name());
+        let lacks = drawn.acted.first().map_or("", |a| a.effect.name());
         let names = all.iter().map(|e| e.name()).filter(|n| *n != lacks);
         model.experiment_mut().candidates = Some(names.map(String::from).collect());
     }
@@ -221,15 +163,12 @@ fn closed(
     found.sampled = Some(quote(&found.rounds, flagged, &options(99), &Silent)?);
     let intervals = found.quoted();
     let constants = model.constants();
-    let held = constants
-        .iter()
-        .zip(&drawn.truth.constants)
-        .map(|(name, x)| {
-            let interval = &intervals[*name];
-            (interval.low..=interval.high).contains(x)
-        });
+    let held = constants.iter().zip(drawn.constants()).map(|(name, x)| {
+        let interval = &intervals[*name];
+        (interval.low..=interval.high).contains(x)
+    });
     let held = held.collect();
-    let known = truths(&model, drawn);
+    let known = drawn.truths(&model);
     let Some(sampled) = &found.sampled else {
         return Err(Error::program("calibration", "quoted draws"));
     };
@@ -239,30 +178,22 @@ fn closed(
         names,
         ranked,
         held,
-        acted: drawn.acted.iter().map(|e| e.name().to_string()).collect(),
+        acted: (drawn.acted.iter())
+            .map(|a| a.effect.name().to_string())
+            .collect(),
         named: named.map(|e| e.name().to_string()).collect(),
         status: found.conclusion.status.words().to_string(),
         flagged,
     })
 }
 
-/// What is true, by the names of the quoted draws: the constants first.
-fn truths(model: &Model, drawn: &Drawn) -> Vec<(String, f64)> {
-    let constants = model.constants().iter().map(|n| (*n).to_string());
-    let mut known: Vec<(String, f64)> = constants
-        .zip(drawn.truth.constants.iter().copied())
-        .collect();
-    for acting in &drawn.truth.effects {
-        for (p, x) in acting.effect.parameters().iter().zip(&acting.amplitude) {
-            known.push((amplitude_name(acting.effect, p), *x));
-        }
-    }
-    known
-}
-
 /// How the loop fared.
 pub struct LoopSummary {
     pub plan: Plan,
+    /// Between which the noise of a point was drawn, nm.
+    pub noise_nm: [f64; 2],
+    /// Steps of the load series, 0 of a single field.
+    pub steps: usize,
     pub withheld: bool,
     pub replicates: usize,
     /// Constants, and amplitudes of effects, each over the replicates that quote it.
@@ -279,7 +210,7 @@ pub struct LoopSummary {
 }
 
 impl LoopSummary {
-    pub fn new(plan: &Plan, withheld: bool, all: &[LoopReplicate]) -> Self {
+    pub fn new(model: &Model, plan: &Plan, withheld: bool, all: &[LoopReplicate]) -> Self {
         let mut of: BTreeMap<(bool, String), Vec<Replicate>> = BTreeMap::new();
         for r in all {
             for (k, name) in r.names.iter().enumerate() {
@@ -302,6 +233,8 @@ impl LoopSummary {
         }
         Self {
             plan: plan.clone(),
+            noise_nm: noise_nm(model),
+            steps: model.experiment().steps.as_ref().map_or(0, Vec::len),
             withheld,
             replicates: all.len(),
             constants,
@@ -317,7 +250,3 @@ impl LoopSummary {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/whole_loop.rs"]
-mod tests;

@@ -3,6 +3,7 @@
 mod abaqus;
 mod broken;
 mod broken_abaqus;
+mod exact;
 mod gmsh;
 mod init;
 mod mangled;

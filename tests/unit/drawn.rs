@@ -18,7 +18,7 @@ fn the_scale_of_the_response_is_drawn_with_its_prior() {
     };
     let thickness = model.experiment().specimen.thickness_mm;
     let scale = |k: usize| {
-        let truth = draw(&model, &plan, false, k, 0).truth;
+        let truth = Drawn::new(&model, &plan, false, k, 0).truth;
         let load = truth
             .effects
             .iter()
