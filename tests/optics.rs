@@ -1,6 +1,9 @@
 //! Closed-form, optical and recorded effects: maps and their inverses, expansions at small amplitude, compatible
 //! strains, laminate theory, and the same physics whichever axis carries the load.
 
+mod recording;
+mod strain;
+
 use nalgebra::Vector3;
 use plychain::effect::{
     Acting, EFFECTS, Effect, Kind, Scene, Seen, amplitude_name, find, recorded_column,
@@ -290,163 +293,6 @@ fn a_quarter_turn_of_the_camera_is_exact() {
     }
 }
 
-#[test]
-fn magnification_changes_strain_read_from_fringes_only() {
-    let magnification = effect("magnification");
-    for (fringes, factor) in [(FRINGES, 1.0 / 1.02), (None, 1.0)] {
-        let scene = scene(Axis::Y, &[0.0], fringes);
-        for p in POINTS {
-            let strained = |[s, t]: [f64; 2]| [1e-3 * s, -3e-4 * t];
-            let acting = [Acting {
-                effect: magnification,
-                amplitude: vec![2.0],
-            }];
-            let camera = Seen::new(&acting, &scene);
-            let seen = camera.report(p, strained(camera.true_point(p)));
-            close(
-                seen,
-                strained(p).map(|u| u * factor),
-                1e-13,
-                "magnification",
-            );
-        }
-    }
-}
-
-#[test]
-fn a_uniform_strain_is_given_in_the_datas_axes() {
-    for axis in [Axis::X, Axis::Y] {
-        let scene = scene(axis, &[0.0], FRINGES);
-        let u = effect("uniform_strain").displacement(
-            &[10.0, -20.0, 5.0],
-            &scene,
-            scene.frame.vector([2.0, 3.0]),
-        );
-        // ux = exx x + exy y, uy = exy x + eyy y
-        close(
-            scene.frame.vector(u),
-            [35e-6, -50e-6],
-            1e-18,
-            "uniform strain",
-        );
-    }
-}
-
-#[test]
-fn free_expansion_follows_laminate_theory() {
-    let ply = scene(Axis::X, &[0.0], None).ply;
-    let check = |angles: &[f64], alpha: [f64; 2], expected: [f64; 3]| {
-        let angles: Vec<f64> = angles.iter().map(|a| a.to_radians()).collect();
-        let strain = free_expansion(&ply, &angles, alpha);
-        for k in 0..3 {
-            assert!(
-                (strain[k] - expected[k]).abs() < 1e-18,
-                "{angles:?}: {strain}, expected {expected:?}"
-            );
-        }
-    };
-    // A ply that expands alike in all directions makes a laminate that does.
-    check(&[30.0, -10.0, 80.0], [7e-6; 2], [7e-6, 7e-6, 0.0]);
-    check(&[0.0; 4], EXPANSION, [EXPANSION[0], EXPANSION[1], 0.0]);
-    check(&[90.0], EXPANSION, [EXPANSION[1], EXPANSION[0], 0.0]);
-    // A ply at 30 degrees: the strain of its own axes, seen from the laminate's.
-    let (s, c) = 30f64.to_radians().sin_cos();
-    let [a1, a2] = EXPANSION;
-    check(
-        &[30.0],
-        EXPANSION,
-        [
-            c * c * a1 + s * s * a2,
-            s * s * a1 + c * c * a2,
-            2.0 * s * c * (a1 - a2),
-        ],
-    );
-    // Cross-ply: both directions alike, from the balance of the two plies' forces.
-    let q = ply.stiffness();
-    let (q11, q12, q22) = (q[(0, 0)], q[(0, 1)], q[(1, 1)]);
-    let cross = (q11 * a1 + q12 * (a1 + a2) + q22 * a2) / (q11 + 2.0 * q12 + q22);
-    check(&[0.0, 90.0], EXPANSION, [cross, cross, 0.0]);
-}
-
-#[test]
-fn thermal_strain_is_the_laminates_expansion() {
-    let scene = scene(Axis::Y, &[0.0], None);
-    let u = effect("thermal_strain").displacement(&[2.0], &scene, [3.0, -5.0]);
-    close(
-        u,
-        [2.0 * EXPANSION[0] * 3.0, -2.0 * EXPANSION[1] * 5.0],
-        1e-18,
-        "[0]",
-    );
-    let mut unknown = scene.clone();
-    unknown.expansion_per_k = None;
-    let reason = effect("thermal_strain").obstacle(&unknown).unwrap();
-    assert!(reason.contains("expansion_per_K"));
-    assert!(effect("thermal_strain").obstacle(&scene).is_none());
-}
-
-/// Strains (e1, e2, gamma12) of an additive effect by central differences, exact for quadratic fields.
-fn strains(effect: &dyn Effect, amplitude: &[f64], scene: &Scene, [s, t]: [f64; 2]) -> [f64; 3] {
-    let h = 0.5;
-    let d = |axis: usize| {
-        let mut step = [0.0; 2];
-        step[axis] = h;
-        let at = |sign: f64| {
-            effect.displacement(amplitude, scene, [s + sign * step[0], t + sign * step[1]])
-        };
-        let (high, low) = (at(1.0), at(-1.0));
-        [0, 1].map(|c| (high[c] - low[c]) / (2.0 * h))
-    };
-    let (ds, dt) = (d(0), d(1));
-    [ds[0], dt[1], dt[0] + ds[1]]
-}
-
-/// The strains of the face are those of D^-1 (M, 0, 0), for balanced and unbalanced stacks. Where the moment grows along the load, that
-/// holds on the middle line, whose sides it leaves free: no M2, and a twisting moment that is constant along them. The face moves by the
-/// deflection's gradient, which has no curl.
-#[test]
-fn bending_out_of_the_plane_strains_the_surface_as_plate_theory_has_it() {
-    let bending = effect("out_of_plane_bending");
-    for layup in [
-        vec![45.0, -45.0, 0.0, 0.0, -45.0, 45.0],
-        vec![30.0, 10.0, 10.0, 30.0],
-        vec![90.0],
-    ] {
-        let scene = scene(Axis::Y, &layup, FRINGES);
-        let h = scene.setup.thickness;
-        let d = abd(&scene.ply, &scene.setup.angles, h).d;
-        let moment = |amplitude: &[f64], p| {
-            let e = strains(bending, amplitude, &scene, p);
-            d * nalgebra::Vector3::new(e[0], e[1], e[2]) * (2.0 / h)
-        };
-        for (amplitude, at_hole, slope) in [([0.025, 0.0], 25e-6, 0.0), ([0.0, 0.003], 0.0, 3e-6)] {
-            for [s, t] in POINTS {
-                let kappa1 = at_hole + slope * s;
-                let middle = strains(bending, &amplitude, &scene, [s, 0.0]);
-                assert!(
-                    (middle[0] - 0.5 * h * kappa1).abs() < 1e-14,
-                    "{layup:?}: strain {} along the load, curvature {kappa1} per mm",
-                    middle[0]
-                );
-                let size = d[(0, 0)] * 25e-6 * 1e-8;
-                let [here, there] = [s, s + 1.0].map(|s| moment(&amplitude, [s, t]));
-                assert!(here[1].abs() < size, "{layup:?}: moments {here}");
-                assert!(
-                    (here[2] - there[2]).abs() < size,
-                    "{layup:?}: {here} {there}"
-                );
-                if slope == 0.0 || t == 0.0 {
-                    assert!(here[2].abs() < size, "{layup:?}: moments {here}");
-                }
-                let at = |s: f64, t: f64| bending.displacement(&amplitude, &scene, [s, t]);
-                let curl =
-                    at(s + 0.5, t)[1] - at(s - 0.5, t)[1] - at(s, t + 0.5)[0] + at(s, t - 0.5)[0];
-                assert!(curl.abs() < 1e-14, "{layup:?}: curl {curl}");
-            }
-        }
-    }
-}
-
 /// The same specimen, measured once with the load along x and once along y: the second picture is the first turned by a
 /// quarter, although its (direction 1, direction 2) is left-handed.
 #[test]
@@ -501,65 +347,6 @@ fn physics_does_not_depend_on_the_axis_of_the_load() {
                 let second = seen(b, &along_y, quarter(p), quarter(u));
                 close(second, quarter(first), 1e-11, name);
             }
-        }
-    }
-}
-
-#[test]
-fn a_phase_shift_error_is_a_ripple_at_twice_the_fringe_frequency() {
-    let ripple = effect("phase_shift_error");
-    let scene = scene(Axis::Y, &[0.0], FRINGES);
-    let order = 1.0 / 2400.0;
-    let read = |[a, b]: [f64; 2], u: f64| {
-        let [u1, u2] = ripple.recorded(&[a, b, a, b], &scene, [0.0; 2], [u, -u]);
-        (u1 - u, u2 + u)
-    };
-    // sin(4 pi f F) is 1 at an eighth of an order, the cosine at whole halves.
-    for k in 0..4 {
-        let (u1, u2) = read([20.0, 0.0], (0.125 + 0.5 * f64::from(k)) * order);
-        assert!((u1 - 20e-6).abs() < 1e-15 && (u2 + 20e-6).abs() < 1e-15);
-        let (u1, u2) = read([0.0, 7.0], 0.5 * f64::from(k) * order);
-        assert!((u1 - 7e-6).abs() < 1e-15 && (u2 - 7e-6).abs() < 1e-15);
-    }
-    let points = POINTS.to_vec();
-    let smooth: Vec<_> = points.iter().map(|&p| field(p)).collect();
-    let columns = [0, 1, 2, 3].map(|k| recorded_column(ripple, k, &scene, &points, &smooth));
-    for (i, &u) in smooth.iter().enumerate() {
-        let seen = ripple.recorded(&[3.0, -4.0, 5.0, 2.0], &scene, points[i], u);
-        let added = |c: usize| -> f64 {
-            let columns = columns.iter().zip([3.0, -4.0, 5.0, 2.0]);
-            columns.map(|(column, a)| a * column[i][c]).sum()
-        };
-        let linear = [0, 1].map(|c| u[c] + added(c));
-        close(seen, linear, 1e-15, "linear in its amplitudes");
-    }
-}
-
-#[test]
-fn a_jump_adds_whole_orders_inside_its_disc() {
-    let jump = effect("fringe_order_jump");
-    let scene = scene(Axis::Y, &[0.0], FRINGES);
-    let amplitude = [2.0, -1.0, CENTER[0] + 4.0, CENTER[1], 3.0];
-    for (xy, inside) in [([4.0, 2.9], true), ([6.9, 0.0], true), ([0.9, 0.0], false)] {
-        let u = jump.recorded(&amplitude, &scene, scene.frame.vector(xy), [0.0; 2]);
-        let expected = if inside {
-            [2.0 / 2400.0, -1.0 / 2400.0]
-        } else {
-            [0.0; 2]
-        };
-        close(scene.frame.vector(u), expected, 1e-18, "jump");
-    }
-    assert!(jump.fault(&amplitude).is_none());
-    assert!(jump.fault(&[0.5, 0.0, 0.0, 0.0, 3.0]).is_some());
-    assert!(jump.fault(&[1.0, 0.0, 0.0, 0.0, 0.0]).is_some());
-}
-
-#[test]
-fn effects_on_fringes_need_a_fringe_frequency() {
-    for name in ["phase_shift_error", "fringe_order_jump"] {
-        for (fringes, can) in [(FRINGES, true), (None, false)] {
-            let reason = effect(name).obstacle(&scene(Axis::X, &[0.0], fringes));
-            assert_eq!(reason.is_none(), can, "{name}");
         }
     }
 }
@@ -710,40 +497,5 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
             [0, 1].map(|k| scene.middle[k] + (place[k] - scene.middle[k]) * scale - p[k]);
         // third order in the rotation is left out
         close(camera.report(p, u), expected, 1e-6, "perspective");
-    }
-}
-
-/// Nothing at whole and half pixels, the amplitude a quarter beyond: of the whole displacement along the data's axes.
-#[test]
-fn the_interpolation_of_grey_values_misreads_parts_of_pixels() {
-    let pixel = 0.05;
-    for axis in [Axis::X, Axis::Y] {
-        let mut scene = scene(axis, &[0.0], None);
-        let bias = effect("interpolation_bias");
-        assert!(bias.obstacle(&scene).unwrap().contains("pixel_mm"));
-        scene.pixel_mm = Some(pixel);
-        assert!(bias.obstacle(&scene).is_none());
-        let acting = [Acting {
-            effect: bias,
-            amplitude: vec![0.02],
-        }];
-        for (parts, misread) in [
-            ([0.0, 0.5], [0.0; 2]),
-            ([0.25, -0.75], [1.0, 1.0]),
-            ([2.75, 1.0], [-1.0, 0.0]),
-        ] {
-            let whole = scene.frame.vector(parts.map(|p| p * pixel));
-            // most of it is the specimen's motion
-            let u = [1e-3, -2e-3];
-            let motion = RigidMotion {
-                shift: [0, 1].map(|k| whole[k] - u[k]),
-                ..RigidMotion::NONE
-            };
-            let seen = Seen::new(&acting, &scene)
-                .moved(motion)
-                .report([3.0, 4.0], u);
-            let expected = [0, 1].map(|k| parts[k] * pixel + 0.02 * pixel * misread[k]);
-            close(scene.frame.vector(seen), expected, 1e-12, "interpolation");
-        }
     }
 }

@@ -211,9 +211,14 @@ then
     )
 }
 
-/// By how much a gap of subsets that lie on the specimen altogether is wider than its hole, over their side: the mean over all directions
-/// of |cos| + |sin|.
-const KEPT_OFF: f64 = 4.0 / std::f64::consts::PI;
+/// The diameter of a hole about which subsets of a side lie on the specimen altogether, from that of the gap in them: the area of a disc with a
+/// square moved over it is pi r^2 + 4 r side + side^2.
+fn beside_subsets(gap: f64, side: f64) -> f64 {
+    let pi = std::f64::consts::PI;
+    let area = 0.25 * pi * gap * gap - side * side;
+    let root = (4.0 * side * side + pi * area).max(0.0).sqrt();
+    2.0 * (root - 2.0 * side) / pi
+}
 
 /// An export as it is read.
 struct Export {
@@ -342,10 +347,10 @@ impl Export {
         );
         let centre = match hole(field) {
             Some((centre, gap)) => {
-                let diameter = gap - KEPT_OFF * subset.unwrap_or(0.0).min(0.5 * gap);
+                let diameter = beside_subsets(gap, subset.unwrap_or(0.0).min(0.4 * gap));
                 let _ = writeln!(
                     said,
-                    "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (a circle about the largest gap in the points; the true hole is a little smaller)",
+                    "  hole_center_in_data_mm [{:.2}, {:.2}] and hole.diameter_mm {diameter:.1} (by the points that the largest gap lacks; measure the hole)",
                     centre[0], centre[1]
                 );
                 specimen["hole"]["diameter_mm"] = json!(round(diameter, 1));

@@ -48,7 +48,9 @@ pub fn hole(field: &Field) -> Option<([f64; 2], f64)> {
         best.iter().map(|c| cells.x[c % columns]).sum::<f64>() / n,
         best.iter().map(|c| cells.y[c / columns]).sum::<f64>() / n,
     ];
-    Some(circle(&field.points, centre))
+    let (centre, rim) = circle(&field.points, centre);
+    let diameter = missing(&field.points, centre, rim).filter(|d| *d < rim);
+    Some((centre, diameter.unwrap_or(rim)))
 }
 
 /// Directions in which the hole's rim is sought.
@@ -85,6 +87,45 @@ fn circle(points: &[[f64; 2]], start: [f64; 2]) -> ([f64; 2], f64) {
         diameter = 2.0 * (fit[2] + a * a + b * b).max(0.0).sqrt();
     }
     (centre, diameter)
+}
+
+/// Radii about a gap within which points are counted, over its own.
+const COUNTED: [f64; 2] = [1.3, 1.8];
+const COUNTS: usize = 40;
+
+/// The diameter of a gap by the points that are missing in it: that of a circle through its rim is too large by some spacing. None where the
+/// points about it do not reach all around.
+fn missing(points: &[[f64; 2]], centre: [f64; 2], diameter: f64) -> Option<f64> {
+    let radius = 0.5 * diameter;
+    let reach = |k: usize, sign: f64| {
+        let far = points.iter().map(|p| sign * (p[k] - centre[k]));
+        far.fold(0.0, f64::max)
+    };
+    let [inner, outer] = COUNTED.map(|c| c * radius);
+    if [0, 1]
+        .iter()
+        .any(|&k| reach(k, 1.0).min(reach(k, -1.0)) < outer)
+    {
+        return None;
+    }
+    let mut distances: Vec<f64> = (points.iter())
+        .map(|p| (p[0] - centre[0]).hypot(p[1] - centre[1]))
+        .filter(|r| *r <= outer)
+        .collect();
+    distances.sort_by(f64::total_cmp);
+    // points within r are density (pi r^2 - area): a line through their numbers
+    let step = (outer - inner) / (COUNTS - 1) as f64;
+    let counted = (0..COUNTS).map(|k| {
+        let r = inner + step * k as f64;
+        let within = distances.partition_point(|d| *d <= r);
+        (std::f64::consts::PI * r * r, within as f64)
+    });
+    let counted: Vec<(f64, f64)> = counted.collect();
+    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| counted.iter().map(f).sum::<f64>() / COUNTS as f64;
+    let (disc, within) = (mean(&|c| c.0), mean(&|c| c.1));
+    let slope = mean(&|c| (c.0 - disc) * (c.1 - within)) / mean(&|c| (c.0 - disc).powi(2));
+    let area = disc - within / slope;
+    (area > 0.0).then(|| 2.0 * (area / std::f64::consts::PI).sqrt())
 }
 
 /// The axis of the larger mean strain (points and displacements in the data's own axes).

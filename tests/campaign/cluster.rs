@@ -1,0 +1,192 @@
+//! Shares of a campaign: those of a calibration, and the tasks of a Slurm array.
+
+use super::*;
+
+/// A calibration in shares gives the record of one that was run in one process, and the same table.
+#[test]
+fn shares_of_a_calibration_make_the_same_table() {
+    let bench = Bench::new(1);
+    bench.write(
+        "campaign.json",
+        &json!({ "schema": "plychain-campaign/1", "name": "calibration", "verb": "calibrate", "models": "mock.json",
+            "calibration": { "replicates": 5, "shares": 2, "correlation_mm": [0], "grid": 15, "reduced": true } }),
+    );
+    bench.succeed(&["campaign", "campaign.json", "--out", "shares"]);
+    assert!(all_done(&bench.manifest("shares")));
+    let table = bench.succeed(&["campaign", "collect", "shares"]);
+    let plain = [
+        "validate",
+        "mock.json",
+        "--sbc",
+        "5",
+        "--reduced",
+        "--grid",
+        "15",
+        "--correlation-mm",
+        "0",
+    ];
+    let whole = bench.succeed(&[&plain[..], &["--out", "whole"]].concat());
+    let text = |of: &str| of.split("written to").next().unwrap().to_string();
+    assert!(table.contains(&text(&whole)), "{table}\n{whole}");
+    let folder = bench.place.join("shares/runs/mock");
+    let of = |path: PathBuf| std::fs::read_to_string(path).unwrap();
+    let numbers = of(folder.join("validation.json"));
+    assert_eq!(numbers, of(bench.place.join("whole/validation.json")));
+    let lines = |text: String| text.lines().skip(1).map(String::from).collect::<Vec<_>>();
+    let shares = [1, 2].map(|k| lines(of(folder.join(format!("sbc-0mm.share-{k}-of-2.jsonl")))));
+    assert_eq!(shares.each_ref().map(Vec::len), [3, 2]);
+    let mut merged = shares.concat();
+    merged.sort();
+    let mut whole = lines(of(bench.place.join("whole/sbc-0mm.jsonl")));
+    whole.sort();
+    assert_eq!(merged, whole);
+}
+
+/// An array is submitted once, of the tasks that are neither done nor queued; what its tasks do is what a local campaign does.
+#[test]
+#[cfg(unix)]
+fn an_array_has_the_tasks_that_are_missing() {
+    use std::os::unix::fs::PermissionsExt;
+    let bench = Bench::new(5);
+    bench.coupons(3000);
+    let bin = bench.place.join("bin");
+    std::fs::create_dir(&bin).unwrap();
+    let script = |name: &str, text: &str| {
+        let path = bin.join(name);
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    };
+    // runs the tasks one after the other before it answers
+    script(
+        "sbatch",
+        "echo \"$@\" >>sbatch.log\nfor k in $(sed -n 's/^#SBATCH --array=//p' \"$2\" | tr , ' '); do\n\
+         SLURM_ARRAY_TASK_ID=$k sh \"$2\" >>tasks.log 2>&1\ndone\necho 17",
+    );
+    script("squeue", "cat queue");
+    let queue = |text: &str| std::fs::write(bench.place.join("queue"), text).unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let slurm = [
+        "campaign",
+        "campaign.json",
+        "--engine",
+        "slurm",
+        "--runs-a-task",
+        "2",
+        "--out",
+        "array",
+        "--resume",
+    ];
+    let run = |more: &[&str]| {
+        let mut command = bench.command(&[&slurm[..], more].concat());
+        command.env("PATH", &path).output().unwrap()
+    };
+    queue("");
+    let shown = run(&[
+        "--dry-run",
+        "--time",
+        "2:00:00",
+        "--sbatch=--partition=long",
+    ]);
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    for line in [
+        "#SBATCH --array=1,2,3",
+        "#SBATCH --time=2:00:00",
+        "#SBATCH --partition=long",
+        "#SBATCH --signal=B:TERM@60",
+    ] {
+        assert!(shown.lines().any(|l| l == line), "{line} in\n{shown}");
+    }
+    assert!(!bench.place.join("sbatch.log").exists());
+    // the second task is queued by an earlier call
+    queue("2 RUNNING\n");
+    let end = run(&[]);
+    assert!(end.status.success(), "{end:?}");
+    let states = |manifest: &Value| -> Vec<String> {
+        let runs = manifest["runs"].as_array().unwrap();
+        let state = |r: &Value| r["state"].as_str().unwrap().to_string();
+        runs.iter().map(state).collect()
+    };
+    let found = states(&bench.manifest("array"));
+    assert_eq!(found, ["done", "waiting", "done", "done", "waiting"]);
+    queue("");
+    let end = run(&["--wait"]);
+    assert!(end.status.success(), "{end:?}");
+    assert!(all_done(&bench.manifest("array")));
+    assert!(bench.attempts("array").values().all(|n| *n == 1));
+    run(&[]);
+    let submitted = std::fs::read_to_string(bench.place.join("sbatch.log")).unwrap();
+    assert_eq!(submitted.lines().count(), 2);
+    bench.succeed(&["campaign", "campaign.json", "--out", "local"]);
+    let of = |name: &str| chains(&bench.place.join(name));
+    assert!(of("array") == of("local"));
+    // a queue that does not answer is no empty one
+    script("squeue", "echo no controller >&2; exit 1");
+    let end = run(&[]);
+    assert_eq!(end.status.code(), Some(1));
+    assert!(
+        String::from_utf8(end.stderr)
+            .unwrap()
+            .contains("no controller")
+    );
+}
+
+/// On a real Slurm: the same bits as here, and a task that is cancelled is run again.
+#[test]
+#[ignore = "needs Slurm"]
+fn a_cancelled_task_of_a_real_array_is_run_again() {
+    let bench = Bench::new(4);
+    bench.coupons(1_000_000);
+    let slurm = [
+        "campaign",
+        "campaign.json",
+        "--engine",
+        "slurm",
+        "--runs-a-task",
+        "2",
+        "--out",
+        "array",
+    ];
+    let all = [&slurm[..], &["--resume", "--wait"]].concat();
+    let child = bench.command(&all).spawn().unwrap();
+    let begun = bench.place.join("array/runs/mock-coupon-1/checkpoint");
+    wait("the first task runs", || begun.exists());
+    let name = std::fs::read_to_string(bench.place.join("array/slurm/script.sh")).unwrap();
+    let name = name
+        .lines()
+        .find_map(|l| l.strip_prefix("#SBATCH --job-name="));
+    let queue = Command::new("squeue")
+        .args(["--noheader", "--me", "--format=%F", "--name", name.unwrap()])
+        .output()
+        .unwrap();
+    let job = String::from_utf8(queue.stdout).unwrap();
+    let task = format!("{}_1", job.lines().next().unwrap().trim());
+    assert!(
+        Command::new("scancel")
+            .arg(&task)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let end = child.wait_with_output().unwrap();
+    assert_eq!(end.status.code(), Some(75), "{end:?}");
+    let stopped = bench.manifest("array");
+    assert_eq!(stopped["runs"][0]["state"], "to_be_resumed");
+    bench.succeed(&all);
+    let ended = bench.manifest("array");
+    assert!(all_done(&ended));
+    // how often the others were begun is Slurm's: it requeues what a slow node does not acknowledge
+    for (before, after) in std::iter::zip(
+        stopped["runs"].as_array().unwrap(),
+        ended["runs"].as_array().unwrap(),
+    ) {
+        let again = u64::from(before["state"] != "done");
+        let attempts = |run: &Value| run["attempts"].as_u64().unwrap();
+        assert_eq!(
+            attempts(after),
+            attempts(before) + again,
+            "{stopped} {ended}"
+        );
+    }
+    bench.succeed(&["campaign", "campaign.json", "--out", "local"]);
+    assert!(chains(&bench.place.join("array")) == chains(&bench.place.join("local")));
+}
