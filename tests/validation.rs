@@ -429,3 +429,55 @@ fn a_small_calibration_of_the_loop_is_resumable() {
         assert!(!replicate["acted"].as_array().unwrap().is_empty());
     }
 }
+
+/// Load series of image correlation are drawn, simulated and closed as single fields are: motions act by laws, each step moves.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_loop_is_calibrated_over_load_series() {
+    let out = fresh("sbc-series");
+    let file = |forces: [Value; 4]| {
+        changed("openhole.json", |m| {
+            set_coarse(m);
+            let test = &mut m["experiments"][0];
+            let step = |(k, force): (usize, &Value)| serde_json::json!({ "file": format!("step-{k}.csv"), "force_N": force });
+            test["steps"] = forces.iter().enumerate().map(step).collect();
+            test["gauge"] = "window".into();
+            test["effects"] = serde_json::json!(["rigid_translation", "rigid_rotation"]);
+            test["measurement"]["image_correlation"] =
+                serde_json::json!({ "subset_mm": 1.0, "camera_distance_mm": 500.0 });
+            test["candidates"] = serde_json::json!(["out_of_plane_translation", "hole_size"]);
+            test.as_object_mut().unwrap().remove("load");
+            let measurement = test["measurement"].as_object_mut().unwrap();
+            measurement.remove("dir");
+            measurement.remove("fringe_frequency_per_mm");
+        })
+    };
+    let folder = out.display().to_string();
+    let run = |file: &str| {
+        let arguments = ["--sbc", "3", "--loop", "--grid", "41"];
+        let more = ["--correlation-mm", "0", "--quiet", "--out", &folder];
+        plychain(&[&["validate", file][..], &arguments, &more].concat())
+    };
+    let unknown = run(&file([0.into(), 1000.into(), Value::Null, 3000.into()]));
+    let said = String::from_utf8_lossy(&unknown.stderr).into_owned();
+    assert_eq!(unknown.status.code(), Some(1), "{said}");
+    assert!(said.contains("steps[2].force_N"), "{said}");
+    let done = run(&file([0, 1000, 2000, 3000].map(Value::from)));
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{done:?}");
+    assert!(
+        said.contains("series of 4 steps") && said.contains("of 12 constants"),
+        "{said}"
+    );
+    let lines = std::fs::read_to_string(out.join("sbc-loop-0mm.jsonl")).unwrap();
+    let all: Vec<Value> = lines
+        .lines()
+        .skip(1)
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect();
+    let held = all.iter().flat_map(|r| r["held"].as_array().unwrap());
+    let held = held.filter(|h| h.as_bool().unwrap()).count();
+    assert!(held >= 9, "{held} of 12");
+    // fields of replicates that are done are gone
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 2);
+}

@@ -9,7 +9,8 @@
 //! alone, where a formula written out for it took 44 to 58.
 //!
 //! Then the posterior to quote of a loop over the default test on a coarse mesh, whose density costs a tenth of a millisecond: the
-//! constants of 35 dimensions, what enters linearly being integrated out.
+//! constants of 35 dimensions, what enters linearly being integrated out. Beside other work on two such cores: 5.2 and 1.8 times on the table
+//! (mixture, stretch), 48 and 8 to 15 times on the posterior to quote, of which batches make a factor of ten.
 
 use std::cell::Cell;
 use std::hint::black_box;
