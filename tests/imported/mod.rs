@@ -10,5 +10,6 @@ mod mangled;
 mod model;
 mod plate;
 mod raised;
+mod regions;
 mod round_trips;
 mod writers;
