@@ -25,6 +25,7 @@ fn setup() -> Setup {
             .map(|a: f64| -a.to_radians())
             .to_vec(),
         thickness: 0.78,
+        regions: Vec::new(),
         profile: Profile::default(),
         shear_cubic: 0.0,
         fibre_quadratic: 0.0,
@@ -208,7 +209,7 @@ fn stiffness_times_solution_is_the_load() {
     factor.solve(&mut u);
     for (back, load) in plate
         .assembly
-        .multiply(plate.assembly.nominal(), &a, &u)
+        .multiply(plate.assembly.nominal(), &[a], &u)
         .iter()
         .zip(&load)
     {

@@ -93,7 +93,7 @@ pub fn measured(culprit: &Culprit, seed: u64) -> Model {
     factor
         .factorise_with(
             &plate.assembly.integrals(&plate.mesh, &stiffness),
-            &scene.setup.membrane(&ply),
+            &scene.setup.membranes(&ply),
         )
         .unwrap();
     let mut nodal = plate.mesh.end_forces(&scene.setup.load);

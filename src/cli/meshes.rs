@@ -35,10 +35,11 @@ const AT_END: f64 = 1e-6;
 pub fn propose(path: &Path, field: Option<&Field>, experiment: &mut Value) -> Result<String> {
     let mut mesh = imported::raise(imported::read(path)?);
     let mut said = format!(
-        "\nread from {}: {} elements; edges {}\nproposed, to be checked:\n",
+        "\nread from {}: {} elements; edges {}{}\nproposed, to be checked:\n",
         path.display(),
         mesh.elements.len(),
         listed(mesh.edges.keys()),
+        regions(&mesh),
     );
     let mut object = json!({ "file": path });
     let unit = unit(&mesh, field);
@@ -199,6 +200,18 @@ fn listed<'a>(names: impl IntoIterator<Item = &'a String>) -> String {
     } else {
         names.join(", ")
     }
+}
+
+/// The named regions, if there are any.
+fn regions(mesh: &ImportedMesh) -> String {
+    let names: Vec<&str> = mesh.regions.keys().map(String::as_str).collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    format!(
+        "; regions {} (mesh.regions may give them a layup_deg, rotation_deg or thickness_mm of their own)",
+        names.join(", ")
+    )
 }
 
 /// Draw the model's mesh with the points of the data; returns what is to be said of it.

@@ -92,10 +92,22 @@ fn unless_moments(scene: &Scene) -> Option<&'static str> {
         .then_some("stiff grips guide all loaded edges, which can neither turn nor lean")
 }
 
+/// The obstacle of an effect in closed form for plies of the same directions everywhere.
+fn unless_same_plies(scene: &Scene) -> Option<&'static str> {
+    (scene.setup.has_own_plies())
+        .then_some("regions of the mesh have plies of other directions (mesh.regions): they expand differently, and hold each other")
+}
+
 /// The obstacle of an effect that changes the shape, where the geometry does not offer it.
 fn unless_offered(scene: &Scene, change: Change) -> Option<&'static str> {
-    (!scene.setup.geometry.offers(change))
-        .then_some("the specimen's geometry has no hole that could be changed so")
+    let geometry = &scene.setup.geometry;
+    if geometry.offers(change) {
+        return None;
+    }
+    if !scene.setup.regions.is_empty() && geometry.hole_radius().is_some() {
+        return Some("regions of the mesh meet at the hole or near it, and would move with it");
+    }
+    Some("the specimen's geometry has no hole that could be changed so")
 }
 
 /// One parameter of an effect.

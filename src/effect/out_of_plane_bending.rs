@@ -34,6 +34,11 @@ impl Effect for OutOfPlaneBending {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        if !scene.setup.regions.is_empty() {
+            return Some(
+                "regions of the mesh have a stack of their own (mesh.regions): bending is solved for one bending stiffness",
+            );
+        }
         (!scene.setup.geometry.has_ends()).then_some(
             "the specimen has no straight edges low and high across the load to be bent at",
         )

@@ -18,10 +18,7 @@ impl Effect for PlyMisorientation {
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
-        let angle = setup.handedness * amplitude[0].to_radians();
-        for ply in &mut setup.angles {
-            *ply += angle;
-        }
+        setup.turn_plies(setup.handedness * amplitude[0].to_radians());
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {

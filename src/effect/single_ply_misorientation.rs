@@ -41,6 +41,11 @@ impl Effect for SinglePlyMisorientation {
         if scene.material == Material::Isotropic {
             return Some("an isotropic plate has no plies");
         }
+        if scene.setup.regions.iter().any(|r| r.layup.is_some()) {
+            return Some(
+                "regions of the mesh have a layup of their own (mesh.regions), without the specimen's plies",
+            );
+        }
         let angles = &scene.setup.angles;
         if angles.len() < 2 {
             return Some("a single ply is all plies");

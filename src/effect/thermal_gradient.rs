@@ -1,6 +1,6 @@
 //! The specimen's temperature varied over it when it was loaded.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, Entry, Kind, Parameter, Scene, unless_same_plies};
 use crate::laminate::free_expansion;
 
 pub struct ThermalGradient;
@@ -37,9 +37,9 @@ impl Effect for ThermalGradient {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        scene
-            .expansion_per_k
-            .is_none()
-            .then_some("the material's thermal expansion is unknown: give expansion_per_K")
+        if scene.expansion_per_k.is_none() {
+            return Some("the material's thermal expansion is unknown: give expansion_per_K");
+        }
+        unless_same_plies(scene)
     }
 }

@@ -60,6 +60,11 @@ impl Effect for Yielding {
         if scene.material != Material::Isotropic {
             return Some("a laminate does not yield as a metal does");
         }
+        if !scene.setup.regions.is_empty() {
+            return Some(
+                "regions of the mesh have a thickness of their own (mesh.regions): yielding is tabulated for one thickness",
+            );
+        }
         let known = scene.setup.yield_stress.is_some();
         (!known).then_some("the yield stress is not known: material.yield_MPa is not given")
     }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::field::spec::{absolute, check_window};
 use crate::field::{MeasurementSpec, StepSpec, step};
 use crate::files::unique;
-use crate::geometry::imported::{ImportedPlate, MeshSpec, Part};
+use crate::geometry::imported::{ImportedPlate, MeshSpec, Part, RegionSpec};
 use crate::geometry::{self, Density, Geometry};
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
 
@@ -128,6 +128,11 @@ impl ExperimentSpec {
         self.specimen.validate(material, self.mesh.is_some())?;
         if let Some(mesh) = &self.mesh {
             mesh.validate()?;
+            mesh.validate_material(material)?;
+            if self.kind == ExperimentKind::Mock && !mesh.regions.is_empty() {
+                let expected = "no regions, because a mock is one uniform sheet";
+                return Err(Error::input("mesh.regions", expected).found("some"));
+            }
         }
         self.validate_load()?;
         check_window(self.window_mm)?;
@@ -234,6 +239,11 @@ impl ExperimentSpec {
     /// The point of the imported mesh that the data's frame begins at, mm; none without one.
     pub fn mesh_origin_mm(&self) -> Option<[f64; 2]> {
         self.meshed.as_ref().map(|plate| plate.part().origin())
+    }
+
+    /// The stacks of regions of the imported mesh, none without one.
+    pub fn stacks(&self) -> Vec<RegionSpec> {
+        self.mesh.as_ref().map_or_else(Vec::new, MeshSpec::stacks)
     }
 
     /// The specimen's shape in the frame of its measurement.

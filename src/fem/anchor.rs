@@ -76,7 +76,7 @@ impl Plate {
         setup.profile.validate(&*geometry)?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         let integrals = self.integrals_of(setup, &mesh, &scale);
-        let membrane = setup.membrane(ply);
+        let membranes = setup.membranes(ply);
         let law = PlyLaw::new(setup, ply).map(|law| (law, gauss_points(&mesh)));
         let load = mesh.end_forces(&setup.load);
         let mut nodal = anchor.nodal.clone();
@@ -87,7 +87,7 @@ impl Plate {
             if let Some((law, gauss)) = &law {
                 law.add_forces((&mesh, gauss), &scale, &nodal, &mut correction);
             }
-            let inner = self.assembly.multiply(&integrals, &membrane, &nodal);
+            let inner = self.assembly.multiply(&integrals, &membranes, &nodal);
             for (c, f) in correction.iter_mut().zip(inner) {
                 *c -= f;
             }
@@ -170,12 +170,14 @@ impl Plate {
     ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
         let mesh = self.mesh_of(setup)?;
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
-        let membrane = setup.membrane(ply);
+        let membranes = setup.membranes(ply);
         let mut loads = Vec::with_capacity(bumps.len() * mesh.unknowns());
         for bump in bumps {
             let scale = |p: [f64; 2]| bump.at(p) * setup.profile.factor(&*geometry, p);
             let integrals = self.assembly.integrals(&mesh, &scale);
-            let forces = self.assembly.multiply(&integrals, &membrane, &anchor.nodal);
+            let forces = self
+                .assembly
+                .multiply(&integrals, &membranes, &anchor.nodal);
             loads.extend(forces.into_iter().map(|f| -f));
         }
         self.solve_with(&anchor.factor, &mut loads);

@@ -12,9 +12,13 @@ use crate::laminate::Membrane;
 #[derive(Debug, Clone)]
 pub struct Assembly {
     nodes: usize,
+    /// Number of stacks.
+    stacks: usize,
     /// CSC pattern of node pairs a >= b.
     first: Vec<usize>,
     row: Vec<u32>,
+    /// The integrals over the elements of each stack, one stack after the other. Each has all pairs: few plates have more than some
+    /// stacks, and a factorisation takes far longer than to pass over zeros.
     integral: Vec<[f64; 4]>,
     /// What is pinned; nodes that follow others are, and take their displacements afterwards.
     supports: Supports,
@@ -44,6 +48,7 @@ impl Assembly {
         let (cleared, unit) = pinned_entries(&pattern, &pinned);
         let mut assembly = Self {
             nodes: mesh.nodes.len(),
+            stacks: mesh.stacks(),
             first,
             row,
             integral: Vec::new(),
@@ -58,14 +63,16 @@ impl Assembly {
         assembly
     }
 
-    /// The integrals for a mesh of the same connectivity whose membrane stiffness is multiplied by `scale(point)`.
+    /// The integrals for a mesh of the same connectivity whose membrane stiffness is multiplied by `scale(point)`: for each stack those of
+    /// all node pairs.
     pub fn integrals(&self, mesh: &Mesh, scale: &dyn Fn([f64; 2]) -> f64) -> Vec<[f64; 4]> {
         let (first, row) = (&self.first, &self.row);
-        let mut integral = vec![[0.0; 4]; row.len()];
+        let mut integral = vec![[0.0; 4]; self.stacks * row.len()];
         for (e, nodes) in mesh.elements.iter().enumerate() {
             let x = mesh.corners(e);
             let block = gradient_products(&x, scale);
             let nodes = nodes.map(|n| self.supports.leader(n));
+            let own = mesh.region_of(e) * row.len();
             for (i, &a) in nodes.iter().enumerate() {
                 for (j, &b) in nodes.iter().enumerate() {
                     if a < b {
@@ -73,7 +80,7 @@ impl Assembly {
                     }
                     let column = first[b as usize]..first[b as usize + 1];
                     if let Ok(k) = row[column.clone()].binary_search(&a) {
-                        let slot = &mut integral[column.start + k];
+                        let slot = &mut integral[own + column.start + k];
                         for (sum, value) in slot.iter_mut().zip(block[i][j]) {
                             *sum += value;
                         }
@@ -89,6 +96,11 @@ impl Assembly {
         self.pattern.as_ref()
     }
 
+    /// Number of stacks.
+    pub fn stacks(&self) -> usize {
+        self.stacks
+    }
+
     /// Number of stored entries of the lower triangle.
     pub fn stored(&self) -> usize {
         4 * self.row.len() - self.nodes
@@ -99,14 +111,24 @@ impl Assembly {
         &self.integral
     }
 
-    /// Fill `values` (in the order of [`Assembly::pattern`]) for some integrals and a membrane stiffness.
-    pub fn refill(&self, integral: &[[f64; 4]], a: &Membrane, values: &mut [f64]) {
+    /// The 2 x 2 block of K for pair `k`, of all stacks together.
+    fn block(&self, integral: &[[f64; 4]], a: &[Membrane], k: usize) -> [f64; 4] {
+        let mut sum = block(&a[0], &integral[k]);
+        for (stack, a) in a.iter().enumerate().skip(1) {
+            let own = block(a, &integral[stack * self.row.len() + k]);
+            sum.iter_mut().zip(own).for_each(|(s, x)| *s += x);
+        }
+        sum
+    }
+
+    /// Fill `values` (in the order of [`Assembly::pattern`]) for some integrals and the membrane stiffness of every stack.
+    pub fn refill(&self, integral: &[[f64; 4]], a: &[Membrane], values: &mut [f64]) {
         let mut at = 0;
         for b in 0..self.nodes {
             let column = self.first[b]..self.first[b + 1];
             let blocks = column
                 .clone()
-                .map(|k| (self.row[k] as usize, block(a, &integral[k])));
+                .map(|k| (self.row[k] as usize, self.block(integral, a, k)));
             let height = 2 * column.len();
             for (k, (node, [xx, xy, yx, yy])) in blocks.enumerate() {
                 // Column 2b holds both rows of every block; column 2b + 1 starts at its own diagonal.
@@ -161,14 +183,14 @@ impl Assembly {
         2 * self.supports.leader((unknown / 2) as u32) as usize + unknown % 2
     }
 
-    /// K u for one displacement vector, some integrals and a membrane stiffness (without the pinning).
-    pub fn multiply(&self, integral: &[[f64; 4]], a: &Membrane, u: &[f64]) -> Vec<f64> {
+    /// K u for one displacement vector, some integrals and the membrane stiffness of every stack (without the pinning).
+    pub fn multiply(&self, integral: &[[f64; 4]], a: &[Membrane], u: &[f64]) -> Vec<f64> {
         let mut force = vec![0.0; u.len()];
         for b in 0..self.nodes {
             let column = self.first[b]..self.first[b + 1];
-            for (&node, integral) in self.row[column.clone()].iter().zip(&integral[column]) {
-                let node = node as usize;
-                let [xx, xy, yx, yy] = block(a, integral);
+            for k in column {
+                let node = self.row[k] as usize;
+                let [xx, xy, yx, yy] = self.block(integral, a, k);
                 force[2 * node] += xx * u[2 * b] + xy * u[2 * b + 1];
                 force[2 * node + 1] += yx * u[2 * b] + yy * u[2 * b + 1];
                 if node != b {
@@ -180,8 +202,14 @@ impl Assembly {
         force
     }
 
-    /// The same for each component of the membrane stiffness alone, in the order of [`Membrane`], in one sweep.
-    pub fn multiply_components(&self, integral: &[[f64; 4]], u: &[f64]) -> [Vec<f64>; 6] {
+    /// The same for each component of the membrane stiffness of every stack alone, those of a stack together in the order of [`Membrane`].
+    pub fn multiply_components(&self, integral: &[[f64; 4]], u: &[f64]) -> Vec<Vec<f64>> {
+        let stacks = integral.chunks(self.row.len());
+        stacks.flat_map(|own| self.multiply_stack(own, u)).collect()
+    }
+
+    /// Those of one stack, in one sweep.
+    fn multiply_stack(&self, integral: &[[f64; 4]], u: &[f64]) -> [Vec<f64>; 6] {
         let mut force = [0; 6].map(|_| vec![0.0; u.len()]);
         for b in 0..self.nodes {
             let [ub, vb] = [u[2 * b], u[2 * b + 1]];

@@ -1,12 +1,12 @@
 //! A certified reduced basis: the plate's answer for any membrane stiffness and any end load from a few solutions, with a rigorous bound
 //! of its error.
 //!
-//! The stiffness matrix is affine in the six membrane stiffnesses (times the few terms of a stiffness that varies over the plate) and the load
+//! The stiffness matrix is affine in the six membrane stiffnesses of every stack (times the few terms of a stiffness that varies over the plate) and the load
 //! in the three end resultants. A Galerkin solution in the span of a few solutions costs a small dense system; the dual norm of its
 //! residual over a lower bound of the coercivity bounds its error in the energy norm of a reference stiffness. (Rozza, Huynh and
 //! Patera, Arch. Comput. Methods Eng. 15 (2008); the residual's Riesz representers are orthonormalised, because their Gram matrix loses half
 //! of the digits.) The coercivity bound is the smallest eigenvalue of the membrane stiffness relative to the reference's: the bilinear
-//! form is an integral of strains under that stiffness, pointwise.
+//! form is an integral of strains under that stiffness, pointwise. Of a plate with regions it is the smallest of any stack.
 //!
 //! Cost on two shared cores, default specimen at densities 0.4, 1, 2 and 4 (`plychain build`; an answer is the field at all points of the
 //! support, of which a finer mesh has more):
@@ -39,7 +39,8 @@ pub(super) const COMPONENTS: usize = 6;
 /// What a plate is asked for: a stiffness and a load.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Query {
-    pub membrane: Membrane,
+    /// The membrane stiffness of every stack, the specimen's first.
+    pub membranes: Vec<Membrane>,
     /// How the stiffness varies over the plate.
     pub profile: Profile,
     pub load: EndLoad,
@@ -75,13 +76,13 @@ pub struct Basis {
     pub(super) shape: Shape,
     /// Largest width of the plate over that of its parallel part.
     pub(super) widening: f64,
-    /// The reference membrane stiffness, with a factor of 1 everywhere.
-    pub(super) reference: Membrane,
-    /// Inverse Cholesky factor of its matrix.
-    pub(super) whitening: Matrix3<f64>,
+    /// The reference membrane stiffness of every stack, with a factor of 1 everywhere.
+    pub(super) reference: Vec<Membrane>,
+    /// Inverse Cholesky factors of their matrices.
+    pub(super) whitening: Vec<Matrix3<f64>>,
     /// Orthonormal in the reference's energy, zero at the supports.
     pub(super) vectors: Columns,
-    /// The stiffness terms in the basis, those of a membrane component together.
+    /// The stiffness terms in the basis: for each field those of every stack, for each stack those of every membrane component.
     pub(super) stiffness: Vec<DMatrix<f64>>,
     /// The unit loads in the basis.
     pub(super) loads: [DVector<f64>; 3],
@@ -182,7 +183,7 @@ impl Basis {
             return None;
         }
         let (factors, least) = self.shape.factors(&query.profile, self.widening);
-        let weights = weights(&query.membrane, &factors);
+        let weights = weights(&query.membranes, &factors);
         let n = self.size();
         let mut stiffness = DMatrix::zeros(n, n);
         for (term, w) in self.stiffness.iter().zip(&weights) {
@@ -204,8 +205,10 @@ impl Basis {
                 residual.axpy(-c * w, &column, 1.0);
             }
         }
-        let relative = self.whitening * query.membrane.matrix() * self.whitening.transpose();
-        let alpha = least * relative.symmetric_eigenvalues().min();
+        let relative = self.whitening.iter().zip(&query.membranes);
+        let relative = relative.map(|(w, a)| w * a.matrix() * w.transpose());
+        let smallest = relative.map(|r| r.symmetric_eigenvalues().min());
+        let alpha = least * smallest.fold(f64::INFINITY, f64::min);
         let energy = coordinates.norm();
         (alpha > 0.0).then(|| Answer {
             energy,
@@ -228,10 +231,11 @@ impl Basis {
     }
 }
 
-/// Weights of the stiffness terms: those of each field under all components together.
-pub(super) fn weights(a: &Membrane, factors: &[f64]) -> Vec<f64> {
-    let components = [a.a11, a.a12, a.a22, a.a16, a.a26, a.a66];
-    let of = |factor: &f64| components.map(|c| factor * c);
+/// Weights of the stiffness terms: those of each field under all components of all stacks together.
+pub(super) fn weights(stacks: &[Membrane], factors: &[f64]) -> Vec<f64> {
+    let components = |a: &Membrane| [a.a11, a.a12, a.a22, a.a16, a.a26, a.a66];
+    let all: Vec<f64> = stacks.iter().flat_map(components).collect();
+    let of = |factor: &f64| all.iter().map(|c| factor * c).collect::<Vec<_>>();
     factors.iter().flat_map(of).collect()
 }
 

@@ -63,6 +63,18 @@ fn not_one() -> Error {
     )
 }
 
+/// The mean membrane stiffness of every stack.
+fn means(stacks: usize, queries: &[Query]) -> Result<Vec<Matrix3<f64>>> {
+    if queries.iter().any(|q| q.membranes.len() != stacks) {
+        return Err(not_one());
+    }
+    let mean = |k: usize| {
+        let all = queries.iter().map(|q| q.membranes[k].matrix());
+        all.sum::<Matrix3<f64>>() / queries.len() as f64
+    };
+    Ok((0..stacks).map(mean).collect())
+}
+
 /// The query at which the bound is largest and, for another thread, the one at which it is among those that lie far from it; none where
 /// all are small enough.
 fn worst<'a>(queries: &'a [Query], bounds: &[f64]) -> Vec<&'a Query> {
@@ -77,7 +89,7 @@ fn worst<'a>(queries: &'a [Query], bounds: &[f64]) -> Vec<&'a Query> {
         return vec![&queries[first]];
     }
     let distance = |k: usize| {
-        let of = |k: usize| weights(&queries[k].membrane, &[1.0]);
+        let of = |k: usize| weights(&queries[k].membranes, &[1.0]);
         let pairs = of(k).into_iter().zip(of(first));
         pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
     };
@@ -124,12 +136,15 @@ impl<'a> Growing<'a> {
             })
             .collect();
         let everywhere = sum(&integrals, &shape.factors(&Profile::default(), 1.0).0);
-        let mean: Matrix3<f64> = queries.iter().map(|q| q.membrane.matrix()).sum();
-        let mean = mean / queries.len() as f64;
+        let means = means(plate.assembly.stacks(), queries)?;
+        let reference: Vec<Membrane> = means.iter().map(Membrane::from).collect();
         let mut factor = plate.factor();
-        factor.factorise_with(&everywhere, &Membrane::from(&mean))?;
-        let whitening = mean.cholesky().and_then(|c| c.l().try_inverse());
-        let whitening = whitening.ok_or_else(not_one)?;
+        factor.factorise_with(&everywhere, &reference)?;
+        let whitening = means.iter().map(|mean| {
+            let inverse = mean.cholesky().and_then(|c| c.l().try_inverse());
+            inverse.ok_or_else(not_one)
+        });
+        let whitening = whitening.collect::<Result<_>>()?;
         let loads = [0, 1, 2].map(|k| {
             let mut load = mesh.end_forces(&unit_load(k));
             plate.assembly.pin_loads(&mut load);
@@ -141,10 +156,10 @@ impl<'a> Growing<'a> {
             basis: Basis {
                 shape,
                 widening: geometry.widening(),
-                reference: Membrane::from(&mean),
+                reference,
                 whitening,
                 vectors: Columns::new(n),
-                stiffness: vec![DMatrix::zeros(0, 0); COMPONENTS * count],
+                stiffness: vec![DMatrix::zeros(0, 0); COMPONENTS * count * plate.assembly.stacks()],
                 loads: [0, 1, 2].map(|_| DVector::zeros(0)),
                 residual: DMatrix::zeros(0, 0),
             },
@@ -171,7 +186,7 @@ impl<'a> Growing<'a> {
                 }
             }
             let mut factor = self.plate.factor();
-            factor.factorise_with(&sum(&self.integrals, &factors), &query.membrane)?;
+            factor.factorise_with(&sum(&self.integrals, &factors), &query.membranes)?;
             factor.solve(&mut nodal);
             Ok(nodal)
         };

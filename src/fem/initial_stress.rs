@@ -9,6 +9,8 @@ use crate::geometry::Mesh;
 pub struct Gauss {
     /// Where it is, mm.
     pub place: [f64; 2],
+    /// The stack there, as [`Mesh::region`].
+    pub stack: usize,
     /// Gradients of the element's shape functions, 1/mm.
     gradient: [[f64; 2]; 8],
     /// Its weight, mm^2.
@@ -25,6 +27,7 @@ pub fn gauss_points(mesh: &Mesh) -> Vec<Gauss> {
                 let (gradient, det) = element::physical_gradient(&x, a, b);
                 points.push(Gauss {
                     place: element::position(&x, &element::shape(a, b)),
+                    stack: mesh.region_of(e),
                     gradient,
                     weight: wa * wb * det,
                 });

@@ -43,7 +43,7 @@ pub use plastic_table::{Metal, PlasticTable};
 pub use plasticity::{J2, Plastic, von_mises};
 pub use plate::{Plate, Solution};
 pub use profile::{Annulus, Profile};
-pub use setup::{Setup, Yield};
+pub use setup::{Region, Setup, Yield};
 pub use solve::Factor;
 pub use span::Certificate;
 pub use supports::Supports;

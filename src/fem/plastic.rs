@@ -49,8 +49,14 @@ impl Plate {
     /// The table of plastic parts of the declared shape under an axial force, made when it is first asked for.
     ///
     /// # Errors
-    /// Those of [`PlasticTable::new`].
+    /// Those of [`PlasticTable::new`]; of the program, for a mesh with regions, of which no table is made.
     pub fn plastic_table(&self) -> Result<Arc<PlasticTable>> {
+        if self.assembly.stacks() > 1 {
+            return Err(
+                Error::program("Plate::plastic_table", "a plate of one stack")
+                    .found(format!("one of {}", self.assembly.stacks())),
+            );
+        }
         let make = || PlasticTable::new(&self.mesh, &|| self.factor()).map(Arc::new);
         self.plastic.get_or_init(make).clone()
     }
@@ -132,9 +138,10 @@ impl Plate {
         let (mut factor, solution) = self.factorised(setup, ply)?;
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
         let gauss = gauss_points(&solution.mesh);
+        let stacks = setup.stacks();
         let thickness = gauss
             .iter()
-            .map(|at| setup.thickness * setup.profile.factor(&*geometry, at.place))
+            .map(|at| stacks[at.stack].1 * setup.profile.factor(&*geometry, at.place))
             .collect();
         let body = Body {
             law: J2 {

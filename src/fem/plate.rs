@@ -132,7 +132,7 @@ impl Plate {
         let mut factor = self.factor();
         factor.factorise_with(
             &self.integrals_of(setup, &mesh, &scale),
-            &setup.membrane(ply),
+            &setup.membranes(ply),
         )?;
         let load = mesh.end_forces(&setup.load);
         let mut nodal = load.clone();
@@ -228,6 +228,12 @@ impl Plate {
             )
             .found(format!("{:?}, held at {:?}", setup.geometry, setup.held)));
         }
+        if 1 + setup.regions.len() != self.assembly.stacks() {
+            return Err(
+                Error::program("Plate::mesh_of", "a stack for every region of the mesh")
+                    .found(format!("{:?}", setup.regions)),
+            );
+        }
         let morph = setup.whole_morph();
         if morph == Morph::NONE {
             return Ok(Cow::Borrowed(&self.mesh));
@@ -259,7 +265,7 @@ pub(super) fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
         return None;
     }
     let query = Query {
-        membrane: setup.membrane(ply),
+        membranes: setup.membranes(ply),
         profile: setup.profile,
         load: setup.load,
     };

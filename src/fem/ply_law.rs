@@ -22,10 +22,12 @@ pub struct PlyLaw {
     g12: f64,
     /// E1 k, MPa.
     fibre: f64,
-    /// Different ply angles: the rows that take laminate strains to the ply's strain along its fibres and to its shear strain, and the
-    /// plies' thickness, mm.
-    plies: Vec<([Vector3<f64>; 2], f64)>,
+    /// Different ply angles of every stack.
+    stacks: Vec<Vec<PlyRows>>,
 }
+
+/// The rows that take laminate strains to a ply's strain along its fibres and to its shear strain, and its thickness, mm.
+type PlyRows = ([Vector3<f64>; 2], f64);
 
 /// Relative change of the field at which the iteration ends.
 const TOLERANCE: f64 = 1e-11;
@@ -39,20 +41,13 @@ impl PlyLaw {
         if setup.shear_cubic == 0.0 && setup.fibre_quadratic == 0.0 {
             return None;
         }
-        let thickness = setup.thickness / setup.angles.len() as f64;
-        let mut plies: Vec<(f64, f64)> = Vec::new();
-        for &angle in &setup.angles {
-            match plies.iter_mut().find(|(known, _)| *known == angle) {
-                Some((_, h)) => *h += thickness,
-                None => plies.push((angle, thickness)),
-            }
-        }
-        let rows = |angle: f64| [0, 2].map(|k| strain_rotation(angle).row(k).transpose());
+        let stacks = setup.stacks();
+        let stacks = stacks.iter().map(|(angles, h)| plies(angles, *h)).collect();
         Some(Self {
             beta: setup.shear_cubic,
             g12: ply.g12,
             fibre: setup.fibre_quadratic * ply.e1,
-            plies: plies.into_iter().map(|(a, h)| (rows(a), h)).collect(),
+            stacks,
         })
     }
 
@@ -63,9 +58,9 @@ impl PlyLaw {
         self.beta.signum() * linear * (1.0 - softening(x))
     }
 
-    /// Stress resultants N11, N22, N12 that the laminate lacks at a strain, N/mm.
-    fn resultant_deficit(&self, strain: &Vector3<f64>) -> Vector3<f64> {
-        self.plies
+    /// Stress resultants N11, N22, N12 that a stack lacks at a strain, N/mm.
+    fn resultant_deficit(&self, stack: usize, strain: &Vector3<f64>) -> Vector3<f64> {
+        self.stacks[stack]
             .iter()
             .map(|([along, shear], h)| {
                 let fibre = along.dot(strain);
@@ -84,8 +79,9 @@ impl PlyLaw {
         nodal: &[f64],
         force: &mut [f64],
     ) {
-        let lacking =
-            |at: &Gauss, strain: &Vector3<f64>| self.resultant_deficit(strain) * scale(at.place);
+        let lacking = |at: &Gauss, strain: &Vector3<f64>| {
+            self.resultant_deficit(at.stack, strain) * scale(at.place)
+        };
         add_forces(mesh, gauss, nodal, &lacking, force);
     }
 
@@ -126,6 +122,20 @@ impl PlyLaw {
         .found(format!("{:e} MPa^-3, {:e} MPa", self.beta, self.fibre))
         .hint("make the coefficient or the load smaller: the plies' stiffness is all but gone"))
     }
+}
+
+/// Different ply angles of a stack of equal plies.
+fn plies(angles: &[f64], thickness: f64) -> Vec<PlyRows> {
+    let each = thickness / angles.len() as f64;
+    let mut plies: Vec<(f64, f64)> = Vec::new();
+    for &angle in angles {
+        match plies.iter_mut().find(|(known, _)| *known == angle) {
+            Some((_, h)) => *h += each,
+            None => plies.push((angle, each)),
+        }
+    }
+    let rows = |angle: f64| [0, 2].map(|k| strain_rotation(angle).row(k).transpose());
+    plies.into_iter().map(|(a, h)| (rows(a), h)).collect()
 }
 
 /// The root f of f + x f^3 = 1 for x >= 0: shear stress over its linear value.

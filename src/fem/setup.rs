@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::load::EndLoad;
 use super::profile::Profile;
 use crate::error::Result;
+use crate::geometry::imported::RegionSpec;
 use crate::geometry::{self, Geometry, Morph};
 use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd};
 
@@ -17,6 +18,24 @@ pub struct Yield {
     pub stress: f64,
     /// Growth of the yield stress with the plastic strain, over Young's modulus.
     pub hardening: f64,
+}
+
+/// What a region of the mesh has in place of the specimen's stack.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// Ply angles in place of the specimen's, rad, as [`Setup::angles`].
+    pub layup: Option<Vec<f64>>,
+    /// By which these angles, or the specimen's, are turned, rad, in the same sense.
+    pub rotation: f64,
+    /// Its thickness over the specimen's.
+    pub thickness: f64,
+}
+
+impl Region {
+    /// Whether its plies have other directions than the specimen's.
+    pub fn has_own_plies(&self) -> bool {
+        self.layup.is_some() || self.rotation != 0.0
+    }
 }
 
 /// A test about to be solved: the specimen as it is, and the load as it acts. Effects change it.
@@ -32,6 +51,8 @@ pub struct Setup {
     pub angles: Vec<f64>,
     /// Total thickness, mm.
     pub thickness: f64,
+    /// Stacks of regions of the mesh ([`geometry::Mesh::region`]), from the first on.
+    pub regions: Vec<Region>,
     /// Factor on the stiffness over the plate.
     pub profile: Profile,
     /// Cubic coefficient beta of the plies' shear law, MPa^-3: gamma12 = tau12 / G12 + beta tau12^3.
@@ -64,6 +85,7 @@ impl Setup {
                 .map(|angle| handedness * angle.to_radians())
                 .collect(),
             thickness: specimen.thickness_mm.mean,
+            regions: Vec::new(),
             profile: Profile::default(),
             shear_cubic: 0.0,
             fibre_quadratic: 0.0,
@@ -76,6 +98,47 @@ impl Setup {
             },
             handedness,
         }
+    }
+
+    /// The same of a mesh with regions ([`crate::geometry::imported::MeshSpec::stacks`]); the thickness is still the mean of the
+    /// specimen's.
+    #[must_use]
+    pub fn with_regions(mut self, stacks: &[RegionSpec]) -> Self {
+        let turned = |angle: f64| self.handedness * angle.to_radians();
+        let region = |spec: &RegionSpec| Region {
+            layup: spec
+                .layup_deg
+                .as_ref()
+                .map(|all| all.iter().map(|a| turned(*a)).collect()),
+            rotation: turned(spec.rotation_deg.unwrap_or(0.0)),
+            thickness: spec.thickness_mm.map_or(1.0, |h| h / self.thickness),
+        };
+        self.regions = stacks.iter().map(region).collect();
+        self
+    }
+
+    /// Turn all plies, those of regions too, by an angle, rad.
+    pub fn turn_plies(&mut self, by: f64) {
+        let own = self.regions.iter_mut().filter_map(|r| r.layup.as_mut());
+        for angle in self.angles.iter_mut().chain(own.flatten()) {
+            *angle += by;
+        }
+    }
+
+    /// Whether some region's plies have other directions than the specimen's.
+    pub fn has_own_plies(&self) -> bool {
+        self.regions.iter().any(Region::has_own_plies)
+    }
+
+    /// Ply angles (rad) and thickness (mm) of every stack, the specimen's first.
+    pub fn stacks(&self) -> Vec<(Vec<f64>, f64)> {
+        let own = self.regions.iter().map(|region| {
+            let angles = region.layup.as_ref().unwrap_or(&self.angles);
+            let angles = angles.iter().map(|a| a + region.rotation).collect();
+            (angles, region.thickness * self.thickness)
+        });
+        let specimen = (self.angles.clone(), self.thickness);
+        std::iter::once(specimen).chain(own).collect()
     }
 
     /// Width of the plate, mm.
@@ -115,7 +178,14 @@ impl Setup {
         self.profile.validate(&*morphed)
     }
 
-    /// Membrane stiffness for a ply, where the profile's factor is 1.
+    /// Membrane stiffness of every stack for a ply, the specimen's first, where the profile's factor is 1.
+    pub fn membranes(&self, ply: &Ply) -> Vec<Membrane> {
+        let of =
+            |(angles, thickness): &(Vec<f64>, f64)| Membrane::from(&abd(ply, angles, *thickness).a);
+        self.stacks().iter().map(of).collect()
+    }
+
+    /// That of the specimen's own stack.
     pub fn membrane(&self, ply: &Ply) -> Membrane {
         Membrane::from(&abd(ply, &self.angles, self.thickness).a)
     }

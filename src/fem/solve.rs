@@ -171,13 +171,20 @@ impl<'a> Factor<'a> {
         }
     }
 
-    /// Refill K for a membrane stiffness on the mesh that was assembled, and factorise it.
+    /// Refill K for a membrane stiffness on the mesh that was assembled, which has one stack, and factorise it.
     pub fn factorise(&mut self, a: &Membrane) -> Result<()> {
-        self.factorise_with(self.assembly.nominal(), a)
+        self.factorise_with(self.assembly.nominal(), std::slice::from_ref(a))
     }
 
-    /// The same with the integrals of another mesh of the same connectivity, from the plate's assembly.
-    pub fn factorise_with(&mut self, integrals: &[[f64; 4]], a: &Membrane) -> Result<()> {
+    /// The same for the membrane stiffness of every stack, with the integrals of a mesh of the same connectivity, from the plate's assembly.
+    ///
+    /// # Errors
+    /// Of the program: another number of stacks than the mesh has. Of the input: a stiffness that is not positive definite.
+    pub fn factorise_with(&mut self, integrals: &[[f64; 4]], a: &[Membrane]) -> Result<()> {
+        if a.len() != self.assembly.stacks() {
+            let expected = format!("{} membrane stiffnesses", self.assembly.stacks());
+            return Err(Error::program("Factor::factorise_with", expected).found(a.len()));
+        }
         let space = &mut self.space;
         self.assembly.refill(integrals, a, &mut space.values);
         let k = SparseColMatRef::new(self.assembly.pattern(), &space.values);
@@ -187,7 +194,11 @@ impl<'a> Factor<'a> {
         {
             return Ok(());
         }
-        Err(not_definite(format!("the membrane stiffness {a:?} N/mm")))
+        let all: Vec<String> = a.iter().map(|a| format!("{a:?} N/mm")).collect();
+        Err(not_definite(format!(
+            "the membrane stiffness {}",
+            all.join(", ")
+        )))
     }
 
     /// Solve for the load vectors in `loads` (column by column, each `unknowns` long), in place.

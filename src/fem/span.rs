@@ -34,6 +34,9 @@ impl Certificate {
     }
 }
 
+/// Stacks of a plate of which a basis is made, at most: its residuals are some 100 columns a stack, as long as the field.
+const MOST_STACKS: usize = 6;
+
 /// Tests that one basis answers.
 struct Alike<'a> {
     ring: Option<f64>,
@@ -45,7 +48,8 @@ struct Alike<'a> {
 
 impl Plate {
     /// Answer tests like these from reduced bases from now on, where there are enough of them on one mesh (`least` of a uniform plate, and
-    /// more of one whose stiffness is a sum of fields, because the cost of a bound grows with their square), to within [`super::TOLERANCE`] of the
+    /// more of one whose stiffness is a sum of fields or that has several stacks, because the cost of a bound grows with their square; none of
+    /// many stacks, because its size does too), to within [`super::TOLERANCE`] of the
     /// field; what a basis cannot answer so well is solved.
     ///
     /// # Errors
@@ -75,7 +79,8 @@ impl Plate {
         } in kinds
         {
             let fields = shape.map_or(1 << 10, Shape::count);
-            if queries.len() < least * fields.pow(3) {
+            let stacks = self.assembly.stacks();
+            if stacks > MOST_STACKS || queries.len() < least * fields.pow(3) * stacks {
                 continue;
             }
             let known = self.basis_of(ring, &queries[0].profile);

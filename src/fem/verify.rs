@@ -65,10 +65,8 @@ pub fn checks(setup: &Setup, ply: &Ply, half: f64) -> Result<Vec<Check>> {
         angles: setup.angles.iter().map(|x| x + 0.35).collect(),
         ..setup.clone()
     };
-    rows.extend(lekhnitskii(
-        &turned.membrane(ply),
-        "laminate turned by 20 deg",
-    )?);
+    let turned = turned.membrane(ply);
+    rows.extend(lekhnitskii(&turned, "laminate turned by 20 deg")?);
     rows.push(concentration(
         &a,
         "stress concentration against the closed form, relative",
@@ -82,8 +80,10 @@ pub fn checks(setup: &Setup, ply: &Ply, half: f64) -> Result<Vec<Check>> {
         &kirsch,
         "stress concentration of an isotropic plate against 3, relative",
     )?);
-    rows.push(section_forces(setup, ply)?);
-    rows.push(mirror(setup, ply)?);
+    // both take one stack, and a strip that is symmetric
+    if setup.regions.is_empty() {
+        rows.extend([section_forces(setup, ply)?, mirror(setup, ply)?]);
+    }
     rows.push(window_convergence(setup, ply, Density::DEFAULT, half)?);
     Ok(rows)
 }
@@ -129,7 +129,7 @@ pub fn patch_test(a: &Membrane) -> Result<Check> {
         .iter()
         .flat_map(|[x, y]| [1e-3 * x + 2e-3 * y, -5e-4 * x + 3e-4 * y])
         .collect();
-    let mut force = plate.assembly.multiply(plate.assembly.nominal(), a, &u);
+    let mut force = plate.assembly.multiply(plate.assembly.nominal(), &[*a], &u);
     let largest = force.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     // The boundary carries the tractions of the uniform stress.
     for &node in plate.mesh.edges.values().flatten().flatten() {

@@ -13,6 +13,8 @@ pub struct Mesh {
     pub nodes: Vec<[f64; 2]>,
     /// Corners counter-clockwise, then the midside nodes of edges 0-1, 1-2, 2-3, 3-0.
     pub elements: Vec<[u32; 8]>,
+    /// The stack of each element: 0 the specimen's, others by their number; empty where all have the specimen's.
+    pub region: Vec<u8>,
     /// The boundary by name, each part of it in order: counter-clockwise about the plate, clockwise about a hole.
     pub edges: BTreeMap<String, Vec<Edge>>,
     /// Extents of the parallel part, as [`super::Geometry::extents`].
@@ -54,6 +56,16 @@ impl Mesh {
     /// Coordinates of an element's eight nodes.
     pub fn corners(&self, element: usize) -> [[f64; 2]; 8] {
         self.elements[element].map(|n| self.nodes[n as usize])
+    }
+
+    /// The stack of an element, as [`Mesh::region`].
+    pub fn region_of(&self, element: usize) -> usize {
+        self.region.get(element).copied().unwrap_or(0).into()
+    }
+
+    /// How many stacks there are, the specimen's among them.
+    pub fn stacks(&self) -> usize {
+        1 + usize::from(self.region.iter().copied().max().unwrap_or(0))
     }
 
     /// The edges of a name; none if there are none.

@@ -276,6 +276,7 @@ impl Model {
                     &experiment.nominal_load(),
                     frame.handedness(),
                 )
+                .with_regions(&experiment.stacks())
             },
             ply: material.kind.ply(&means),
             fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,

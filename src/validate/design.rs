@@ -89,6 +89,10 @@ pub fn coupons(model: &Model) -> Vec<Candidate> {
     let Some(layup) = model.experiment().specimen.layup_deg.clone() else {
         return Vec::new();
     };
+    if !model.experiment().stacks().is_empty() {
+        // the force that strains a coupon as much follows from one stack
+        return Vec::new();
+    }
     let single = vec![0.0; layup.len()];
     let mut all = Vec::new();
     for (what, angles) in [("layup", &layup), ("one direction", &single)] {

@@ -47,6 +47,7 @@ fn setup() -> Setup {
             .map(f64::to_radians)
             .to_vec(),
         thickness: 0.78,
+        regions: Vec::new(),
         profile: Profile::default(),
         shear_cubic: 0.0,
         fibre_quadratic: 0.0,
@@ -71,7 +72,9 @@ fn refill(bencher: Bencher, factor: f64) {
     let mut values = vec![0.0; plate.assembly.stored()];
     bencher.bench_local(|| {
         let integrals = plate.assembly.nominal();
-        plate.assembly.refill(integrals, black_box(&a), &mut values);
+        plate
+            .assembly
+            .refill(integrals, black_box(&[a]), &mut values);
     });
 }
 
@@ -181,7 +184,7 @@ fn multiply(bencher: Bencher, factor: f64) {
     let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
     let field = vec![1e-3; plate.mesh.unknowns()];
     let integrals = plate.assembly.nominal();
-    bencher.bench_local(|| plate.assembly.multiply(integrals, &a, black_box(&field)));
+    bencher.bench_local(|| plate.assembly.multiply(integrals, &[a], black_box(&field)));
 }
 
 /// One test with each mechanical effect at its plausible amplitude, from the nominal plate's mesh.

@@ -188,8 +188,8 @@ impl Loaded {
                     let factor = |p: [f64; 2]| stiffness.factor(swapped(p));
                     let integrals = plate.assembly.integrals(&mesh, &factor);
                     let mut solver = plate.factor();
-                    let membrane = setup.membrane(&ply);
-                    solver.factorise_with(&integrals, &membrane).unwrap();
+                    let membranes = setup.membranes(&ply);
+                    solver.factorise_with(&integrals, &membranes).unwrap();
                     let mut nodal = mesh.end_forces(&setup.load);
                     solver.solve(&mut nodal);
                     nodal

@@ -68,6 +68,7 @@ fn data_in_the_frame_of_the_mesh_lie_on_it_and_others_are_red() {
     for mesh in ["plate.msh", "plate.inp"] {
         let (experiment, said, picture) = proposed(folder, mesh, true);
         assert!(said.contains("which all lie on it"), "{said}");
+        assert!(said.contains("regions all, half "), "{said}");
         assert_eq!(experiment["mesh"]["origin_mm"], json!([0.0, 0.0]));
         // the ends along the data's stretch, by the places of the edges
         let loads = &experiment["mesh"]["load"];

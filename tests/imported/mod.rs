@@ -10,5 +10,7 @@ mod mangled;
 mod model;
 mod plate;
 mod raised;
+mod region_models;
+mod regions;
 mod round_trips;
 mod writers;

@@ -14,6 +14,7 @@ mod mesh;
 mod plate;
 mod quads;
 mod raise;
+mod regions;
 mod seams;
 mod shape;
 mod sides;
@@ -27,6 +28,7 @@ pub use kind::Kind;
 pub use mesh::{BoundaryEdge, Element, ImportedMesh};
 pub use plate::{Circle, ImportedPlate, Part};
 pub use raise::raise;
+pub use regions::RegionSpec;
 pub use spec::{HeldEdge, LoadedEdge, MeshAxis, MeshSpec, OneOrMany, Spread};
 
 /// Read a mesh file: Gmsh's by its first line, Abaqus' by the name `*.inp` or a first line that begins with `*`.

@@ -21,6 +21,8 @@ pub struct Part {
     pub spec: MeshSpec,
     /// Quadratic, in mm, in the file's own axes.
     pub mesh: ImportedMesh,
+    /// The stack of each element, as [`Mesh::region`].
+    stacks: Vec<u8>,
     /// What a user should know of it.
     pub warnings: Vec<String>,
     /// SHA-256 of the files that it was read from, one after the other.
@@ -34,6 +36,9 @@ pub struct Circle {
     pub radius: f64,
 }
 
+/// Stacks that meet within so many radii of the hole's centre leave no room in which its changes could fade.
+const BESIDE: f64 = 1.5;
+
 /// Nodes may be this far off a circle, as a share of its radius: what a mesh file's digits leave.
 const ROUND: f64 = 1e-4;
 
@@ -44,13 +49,18 @@ impl fmt::Debug for Part {
             origin_mm,
             loads,
             supports,
+            regions,
             file: _,
         } = &self.spec;
         write!(
             f,
-            "Part {{ {} x {mm_per_unit} mm, {origin_mm:?}, {loads:?}, {supports:?} }}",
+            "Part {{ {} x {mm_per_unit} mm, {origin_mm:?}, {loads:?}, {supports:?}",
             self.hash
-        )
+        )?;
+        if !regions.is_empty() {
+            write!(f, ", {regions:?}")?;
+        }
+        f.write_str(" }")
     }
 }
 
@@ -58,11 +68,13 @@ impl Part {
     /// Read the mesh of a spec whose path is absolute, or relative to the current directory.
     ///
     /// # Errors
-    /// The input's fault: those of [`MeshSpec::validate`] and [`read`], and an edge that the mesh does not have.
+    /// The input's fault: those of [`MeshSpec::validate`] and [`read`], an edge or a region that the mesh does not have, regions
+    /// that overlap.
     pub fn read(spec: MeshSpec) -> Result<Self> {
         spec.validate()?;
         let mut mesh = read(&spec.file)?;
         spec.check_edges(&mesh)?;
+        let stacks = spec.stack_of_elements(&mesh)?;
         for x in mesh.nodes.iter_mut().flatten() {
             *x *= spec.mm_per_unit;
         }
@@ -79,6 +91,7 @@ impl Part {
         Ok(Self {
             spec,
             mesh,
+            stacks,
             warnings,
             hash,
         })
@@ -152,8 +165,10 @@ pub struct ImportedPlate {
     base: Arc<Mesh>,
     /// Radius of the hole about the origin, mm, if there is one.
     hole: Option<f64>,
-    /// Distance from the origin of the nearest node on another edge, mm.
+    /// Distance from the origin of the nearest node on another edge, or between two stacks, mm.
     reach: f64,
+    /// Whether the hole may move or grow: no two stacks meet near it, which would move with it.
+    changes: bool,
 }
 
 impl fmt::Debug for ImportedPlate {
@@ -171,7 +186,7 @@ impl ImportedPlate {
     /// A part as the data's frame has it: `vector` turns components along the data's (x, y) into those along
     /// (direction 1, direction 2), and may mirror them.
     pub fn new(part: Part, vector: &dyn Fn([f64; 2]) -> [f64; 2]) -> Self {
-        let mut mesh = quads(&part.mesh);
+        let mut mesh = quads(&part.mesh, &part.stacks);
         let origin = part.origin();
         for p in &mut mesh.nodes {
             *p = vector([p[0] - origin[0], p[1] - origin[1]]);
@@ -193,13 +208,17 @@ impl ImportedPlate {
             p[0].hypot(p[1])
         };
         let extent = mesh.extents.iter().flatten().map(|x| x.abs());
-        let reach = nodes.map(far).chain(extent).fold(f64::INFINITY, f64::min);
+        let joint = joint(&mesh);
+        let joint = joint.iter().map(far).fold(f64::INFINITY, f64::min);
+        let reach = nodes.map(far).chain(extent).fold(joint, f64::min);
+        let changes = hole.is_some_and(|radius| joint > BESIDE * radius);
         Self {
             part: Arc::new(part),
             morph: Morph::NONE,
             base: Arc::new(mesh),
             hole,
             reach,
+            changes,
         }
     }
 
@@ -230,6 +249,24 @@ fn extents(nodes: &[[f64; 2]]) -> [[f64; 2]; 2] {
                 [low.min(p[k]), high.max(p[k])]
             })
     })
+}
+
+/// Nodes between elements of different stacks.
+fn joint(mesh: &Mesh) -> Vec<u32> {
+    let mut stack_of = vec![None; mesh.nodes.len()];
+    let mut joint = Vec::new();
+    if mesh.region.is_empty() {
+        return joint;
+    }
+    for (e, nodes) in mesh.elements.iter().enumerate() {
+        let own = mesh.region_of(e);
+        for &node in nodes {
+            if *stack_of[node as usize].get_or_insert(own) != own {
+                joint.push(node);
+            }
+        }
+    }
+    joint
 }
 
 /// Run through elements and edges in the other sense, after a reflection.
@@ -334,13 +371,15 @@ impl Geometry for ImportedPlate {
     }
 
     fn offers(&self, change: Change) -> bool {
-        // a ring needs no elements of its own: the points of quadrature see it
-        matches!(change, Change::HoleSize | Change::HoleOffset | Change::Ring)
-            && self.hole.is_some()
+        match change {
+            Change::HoleSize | Change::HoleOffset => self.changes,
+            // a ring needs no elements of its own: the points of quadrature see it
+            Change::Ring => self.hole.is_some(),
+        }
     }
 
     fn morphed(&self, morph: &Morph) -> Result<Arc<dyn Geometry>> {
-        if *morph != Morph::NONE && self.hole.is_none() {
+        if morph.changes().iter().any(|c| !self.offers(*c)) {
             return Err(not_offered(self, morph));
         }
         Ok(Arc::new(Self {

@@ -8,8 +8,9 @@ use super::kind::Kind;
 use super::mesh::{Element, ImportedMesh};
 use crate::geometry::{Edge, Mesh};
 
-/// A quadratic mesh as Q8: the same elements where all are Q8 already, or else all of them split.
-pub(super) fn quads(mesh: &ImportedMesh) -> Mesh {
+/// A quadratic mesh as Q8: the same elements where all are Q8 already, or else all of them split. `region` is that of each element, or
+/// empty, as [`Mesh::region`].
+pub(super) fn quads(mesh: &ImportedMesh, region: &[u8]) -> Mesh {
     let edge = |edge: &super::BoundaryEdge| {
         let (a, m, b) = mesh.edge_nodes(*edge);
         [a, m.unwrap_or(a), b]
@@ -18,11 +19,12 @@ pub(super) fn quads(mesh: &ImportedMesh) -> Mesh {
     let named = named.map(|(name, all)| (name.clone(), all.iter().map(edge).collect()));
     let edges: BTreeMap<String, Vec<Edge>> = named.collect();
     if mesh.elements.iter().any(|e| e.kind != Kind::Q8) {
-        return split(mesh.nodes.clone(), &mesh.elements, &edges);
+        return split(mesh.nodes.clone(), &mesh.elements, region, &edges);
     }
     Mesh {
         nodes: mesh.nodes.clone(),
         elements: mesh.elements.iter().map(|e| e.all).collect(),
+        region: region.to_vec(),
         edges,
         ..Mesh::default()
     }
@@ -38,7 +40,7 @@ pub(super) fn halved(mesh: Mesh) -> Mesh {
     Mesh {
         extents: mesh.extents,
         boundary: mesh.boundary,
-        ..split(mesh.nodes, &elements, &mesh.edges)
+        ..split(mesh.nodes, &elements, &mesh.region, &mesh.edges)
     }
 }
 
@@ -121,7 +123,12 @@ impl Splitter {
     }
 }
 
-fn split(nodes: Vec<[f64; 2]>, elements: &[Element], edges: &BTreeMap<String, Vec<Edge>>) -> Mesh {
+fn split(
+    nodes: Vec<[f64; 2]>,
+    elements: &[Element],
+    region: &[u8],
+    edges: &BTreeMap<String, Vec<Edge>>,
+) -> Mesh {
     let mesh = Mesh {
         nodes,
         ..Mesh::default()
@@ -133,6 +140,9 @@ fn split(nodes: Vec<[f64; 2]>, elements: &[Element], edges: &BTreeMap<String, Ve
     for element in elements {
         splitter.element(element);
     }
+    let parts = elements.iter().zip(region);
+    let of_parts = parts.flat_map(|(e, &region)| std::iter::repeat_n(region, e.kind.corners()));
+    splitter.mesh.region = of_parts.collect();
     for (name, all) in edges {
         let halves = all.iter().flat_map(|&[a, m, b]| {
             let [first, second] = splitter.quarters([a, m, b]);

@@ -1,11 +1,14 @@
 //! The `mesh` object of an experiment: a mesh of another program in place of the strip's dimensions, what loads it and what holds it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::mesh::ImportedMesh;
+use super::regions::RegionSpec;
 use crate::error::{Error, Result};
+use crate::files::unique;
 
 /// An imported mesh, its place in the data, its loads and supports. Directions and places are those of the mesh's own x and y,
 /// which are parallel to the data's.
@@ -27,6 +30,13 @@ pub struct MeshSpec {
     /// What is held; none where the loads balance each other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub supports: Vec<HeldEdge>,
+    /// What named regions have in place of the specimen's stack.
+    #[serde(
+        default,
+        deserialize_with = "unique",
+        skip_serializing_if = "BTreeMap::is_empty"
+    )]
+    pub regions: BTreeMap<String, RegionSpec>,
 }
 
 /// One value, or a list of them.
@@ -158,7 +168,7 @@ impl MeshSpec {
                     .found(format!("[] of {}", held.edge)),
             );
         }
-        Ok(())
+        self.validate_regions()
     }
 
     /// The edges that the spec names are those of a mesh.
