@@ -9,7 +9,7 @@ use super::points::hole;
 use crate::error::Result;
 use crate::field::Field;
 use crate::files;
-use crate::geometry::imported::{self, Circle, ImportedMesh};
+use crate::geometry::imported::{self, BoundaryEdge, Circle, ImportedMesh};
 use crate::geometry::{HIGH, HOLE, LOW};
 use crate::infer::Model;
 use crate::report::{mesh_figure, mesh_lines, on_mesh};
@@ -179,15 +179,24 @@ fn end_of<'a>(mesh: &'a ImportedMesh, axis: usize, name: &'a str, end: usize) ->
     let [low, high] = mesh.bounds();
     let limit = [low, high][end][axis];
     let room = AT_END * (high[axis] - low[axis]);
-    let mut edges = mesh.edges.iter();
     let is_there = |n: u32| (mesh.nodes[n as usize][axis] - limit).abs() <= room;
-    let found = edges.find(|(_, edges)| {
+    let lies_there = |edges: &[BoundaryEdge]| {
         edges.iter().all(|&e| {
             let (a, _, b) = mesh.edge_nodes(e);
             is_there(a) && is_there(b)
         })
-    });
-    found.map(|(name, _)| name.as_str())
+    };
+    let found = mesh.edges.iter().filter(|(_, edges)| lies_there(edges));
+    // Gmsh's input files for Abaqus number every line beside the names that the user gave
+    let named = found.min_by_key(|(name, _)| is_numbered(name));
+    named.map(|(name, _)| name.as_str())
+}
+
+/// Whether a name is one that Gmsh gives a line by its number.
+fn is_numbered(name: &str) -> bool {
+    let lower = name.to_ascii_lowercase();
+    let number = lower.strip_prefix("line").unwrap_or(&lower);
+    !number.is_empty() && number.chars().all(|c| c.is_ascii_digit())
 }
 
 fn listed<'a>(names: impl IntoIterator<Item = &'a String>) -> String {

@@ -74,8 +74,12 @@ impl FieldExperiment {
             .map_or(0.0, |i| 0.5 * i.subsets.side_mm);
         let nodes = window_nodes(&plate.mesh, widened(test.window, reach));
         if nodes.is_empty() {
+            let [s, t] = scene.setup.geometry.extents();
             return Err(Error::input("measurement", "points on the plate")
-                .found(format!("{:?}", test.window)));
+                .found(format!("points between {:.2?} and {:.2?} mm", test.window[0], test.window[1]))
+                .hint(format!(
+                    "the plate spans {s:.2?} mm along the load and {t:.2?} mm across it, from the point at hole_center_in_data_mm; check that, the units and, of a mesh, origin_mm and mm_per_unit"
+                )));
         }
         let points: Vec<[f64; 2]> = nodes
             .iter()

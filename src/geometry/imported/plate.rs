@@ -82,6 +82,9 @@ impl Part {
         if mesh.elements.iter().any(|e| !e.kind.is_quadratic()) {
             warnings.push("the mesh is linear: nodes were put in the middle of its sides, which stay straight; curved edges are polygons".to_string());
         }
+        if spec.origin_mm.is_none() && mesh.edges.contains_key(HOLE) && mesh.circle(HOLE).is_none() {
+            warnings.push("the edge \"hole\" is no circle (that of a linear mesh is a polygon): the mesh's own origin, not the hole's centre, is put at hole_center_in_data_mm; mesh.origin_mm says another".to_string());
+        }
         let mut hash = Sha256::new();
         for path in &mesh.files {
             hash.update(file::load(path)?);
@@ -201,8 +204,7 @@ impl ImportedPlate {
             (hole.center[0] - origin[0]).hypot(hole.center[1] - origin[1]) <= ROUND * hole.radius
         };
         let hole = part.hole().filter(centered).map(|hole| hole.radius);
-        let others = mesh.edges.iter().filter(|(name, _)| *name != HOLE);
-        let nodes = others.flat_map(|(_, edges)| edges.iter().flatten());
+        let nodes = mesh.edges.values().flatten().flatten();
         let far = |n: &u32| {
             let p = mesh.nodes[*n as usize];
             p[0].hypot(p[1])
@@ -210,7 +212,10 @@ impl ImportedPlate {
         let extent = mesh.extents.iter().flatten().map(|x| x.abs());
         let joint = joint(&mesh);
         let joint = joint.iter().map(far).fold(f64::INFINITY, f64::min);
-        let reach = nodes.map(far).chain(extent).fold(joint, f64::min);
+        // the hole's own nodes may stand under another name too
+        let beyond = hole.map_or(0.0, |radius| (1.0 + ROUND) * radius);
+        let others = nodes.map(far).filter(|r| *r > beyond);
+        let reach = others.chain(extent).fold(joint, f64::min);
         let changes = hole.is_some_and(|radius| joint > BESIDE * radius);
         Self {
             part: Arc::new(part),

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 use super::mesh::ImportedMesh;
 use super::regions::RegionSpec;
@@ -40,11 +42,25 @@ pub struct MeshSpec {
 }
 
 /// One value, or a list of them.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum OneOrMany<T> {
     One(T),
     Many(Vec<T>),
+}
+
+impl<'de, T: DeserializeOwned> Deserialize<'de> for OneOrMany<T> {
+    /// With what is wrong of the one, or of that of many, where the derived code would only say that neither fits.
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        let one = |value: Value| serde_json::from_value(value).map_err(D::Error::custom);
+        match Value::deserialize(from)? {
+            Value::Array(all) => {
+                let all: std::result::Result<_, _> = all.into_iter().map(one).collect();
+                Ok(Self::Many(all?))
+            }
+            value => one(value).map(Self::One),
+        }
+    }
 }
 
 impl<T> OneOrMany<T> {
@@ -142,10 +158,30 @@ impl MeshSpec {
         {
             return Err(Error::input("mesh.origin_mm", "two finite numbers"));
         }
+        if self.file.as_os_str().is_empty() {
+            return Err(Error::input("mesh.file", "the path of a mesh").found("\"\""));
+        }
+        self.check_loads()?;
+        if let Some(held) = self.supports.iter().find(|s| s.fixed.is_empty()) {
+            return Err(
+                Error::input("mesh.supports", "\"fixed\" with \"x\", \"y\" or both")
+                    .found(format!("[] of {}", held.edge)),
+            );
+        }
+        self.check_held()?;
+        self.validate_regions()
+    }
+
+    fn check_loads(&self) -> Result<()> {
         if self.loads.all().is_empty() {
             return Err(Error::input("mesh.load", "an edge on which the force acts").found("[]"));
         }
         for load in self.loads.all() {
+            if load.edge.all().is_empty() {
+                return Err(
+                    Error::input("mesh.load.edge", "the name of an edge, or several").found("[]"),
+                );
+            }
             let size = load.direction[0].hypot(load.direction[1]);
             if !(size.is_finite() && size > 0.0) {
                 let expected = "a direction (x, y), of any length but 0";
@@ -162,13 +198,26 @@ impl MeshSpec {
                 .hint("turn the mesh, or let a traction act"));
             }
         }
-        if let Some(held) = self.supports.iter().find(|s| s.fixed.is_empty()) {
-            return Err(
-                Error::input("mesh.supports", "\"fixed\" with \"x\", \"y\" or both")
-                    .found(format!("[] of {}", held.edge)),
-            );
+        Ok(())
+    }
+
+    /// What is held along a load's direction takes all of it, and nothing is strained.
+    fn check_held(&self) -> Result<()> {
+        for load in self.loads.all() {
+            let along = |axis: &MeshAxis| load.direction[usize::from(*axis == MeshAxis::Y)] != 0.0;
+            let mut supports = self.supports.iter();
+            let held = supports
+                .find(|s| load.edge.all().contains(&s.edge) && s.fixed.iter().any(along));
+            if let Some(held) = held {
+                return Err(Error::input(
+                    "mesh.supports",
+                    "an edge that is not loaded along what is fixed",
+                )
+                .found(format!("\"{}\", on which the force acts", held.edge))
+                .hint("hold the other end, or fix the component across the force alone"));
+            }
         }
-        self.validate_regions()
+        Ok(())
     }
 
     /// The edges that the spec names are those of a mesh.

@@ -42,8 +42,8 @@ pub(super) fn of(name: &str, place: impl Fn() -> String) -> Result<Type> {
         "STRI65" | "S6" | "M3D6" => Type::Shell(Kind::T6),
         "S8" | "S8R" | "S8R5" | "M3D8" | "M3D8R" => Type::Shell(Kind::Q8),
         "M3D9" | "M3D9R" | "S9R5" => Type::Nine,
-        "T2D2" | "T3D2" => Type::Line(2),
-        "T2D3" | "T3D3" => Type::Line(3),
+        "T2D2" | "T3D2" | "B21" | "B23" | "B31" | "B33" => Type::Line(2),
+        "T2D3" | "T3D3" | "B22" | "B32" => Type::Line(3),
         _ => return Err(refused(name, &upper, place())),
     })
 }
