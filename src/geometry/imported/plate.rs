@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::mesh::ImportedMesh;
 use super::quads::{halved, quads};
+use super::regions::stack_of_elements;
 use super::spec::{MeshAxis, MeshSpec, Spread};
 use super::{file, raise, read};
 use crate::error::Result;
@@ -74,7 +75,7 @@ impl Part {
         spec.validate()?;
         let mut mesh = read(&spec.file)?;
         spec.check_edges(&mesh)?;
-        let stacks = spec.stack_of_elements(&mesh)?;
+        let stacks = stack_of_elements(&spec.regions, &mesh, &spec.file)?;
         for x in mesh.nodes.iter_mut().flatten() {
             *x *= spec.mm_per_unit;
         }

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::mesh::ImportedMesh;
-use super::regions::RegionSpec;
+use super::regions::{self, RegionSpec, Regions};
 use crate::error::{Error, Result};
 use crate::files::unique;
+use crate::laminate::Material;
 
 /// An imported mesh, its place in the data, its loads and supports. Directions and places are those of the mesh's own x and y,
 /// which are parallel to the data's.
@@ -36,7 +37,7 @@ pub struct MeshSpec {
         deserialize_with = "unique",
         skip_serializing_if = "BTreeMap::is_empty"
     )]
-    pub regions: BTreeMap<String, RegionSpec>,
+    pub regions: Regions,
 }
 
 /// One value, or a list of them.
@@ -168,7 +169,21 @@ impl MeshSpec {
                     .found(format!("[] of {}", held.edge)),
             );
         }
-        self.validate_regions()
+        regions::validate(&self.regions)
+    }
+
+    /// Refuse plies of an isotropic material.
+    ///
+    /// # Errors
+    /// The input's fault, at the key.
+    pub fn validate_material(&self, material: Material) -> Result<()> {
+        regions::validate_material(&self.regions, material)
+    }
+
+    /// The different stacks of the named regions, in the order of their names. Elements of a mesh count them from 1
+    /// ([`crate::geometry::Mesh::region`]).
+    pub fn stacks(&self) -> Vec<RegionSpec> {
+        regions::stacks(&self.regions)
     }
 
     /// The edges that the spec names are those of a mesh.
