@@ -57,5 +57,6 @@ mod suspect;
 mod targets;
 mod together;
 mod tracing;
+mod unseen;
 mod validation;
 mod yielding;

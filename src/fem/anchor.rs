@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use nalgebra::Vector3;
 
+use super::anderson::Anderson;
 use super::initial_stress::{add_forces, gauss_points};
 use super::plate::{Plate, Solution};
 use super::ply_law::PlyLaw;
@@ -80,6 +81,7 @@ impl Plate {
         let load = mesh.end_forces(&setup.load);
         let mut nodal = anchor.nodal.clone();
         let mut first = 0.0;
+        let mut accelerated = Anderson::default();
         for k in 0..MOST {
             let mut correction = load.clone();
             if let Some((law, gauss)) = &law {
@@ -91,18 +93,20 @@ impl Plate {
             }
             self.solve_with(&anchor.factor, &mut correction);
             let size = correction.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
-            for (u, c) in nodal.iter_mut().zip(&correction) {
-                *u += c;
+            let mut image = correction;
+            for (u, c) in nodal.iter().zip(&mut image) {
+                *c += u;
             }
             if k == 0 {
                 first = size;
             }
             if size <= SETTLED * first {
-                return Ok(Solution { mesh, nodal });
+                return Ok(Solution { mesh, nodal: image });
             }
             if size > first {
                 break;
             }
+            nodal = accelerated.next(&nodal, image);
         }
         // too far away
         Ok(self.factorised(setup, ply)?.1)

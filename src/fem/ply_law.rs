@@ -3,6 +3,7 @@
 
 use nalgebra::Vector3;
 
+use super::anderson::Anderson;
 use super::initial_stress::{Gauss, add_forces, gauss_points};
 use super::setup::Setup;
 use super::solve::Factor;
@@ -98,19 +99,21 @@ impl PlyLaw {
         nodal: &mut Vec<f64>,
     ) -> Result<()> {
         let gauss = gauss_points(mesh);
+        let mut accelerated = Anderson::default();
         for _ in 0..MOST {
-            let mut next = load.to_vec();
-            self.add_forces((mesh, &gauss), scale, nodal, &mut next);
-            factor.solve(&mut next);
-            let size = next.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
-            let change = next
+            let mut image = load.to_vec();
+            self.add_forces((mesh, &gauss), scale, nodal, &mut image);
+            factor.solve(&mut image);
+            let size = image.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
+            let change = image
                 .iter()
                 .zip(nodal.iter())
                 .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-            *nodal = next;
             if change <= TOLERANCE * size {
+                *nodal = image;
                 return Ok(());
             }
+            *nodal = accelerated.next(nodal, image);
         }
         Err(Error::input(
             "shear_nonlinearity, fibre_nonlinearity",

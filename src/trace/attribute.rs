@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::account::{About, Account};
 use super::alias::groups;
 use super::evidence::{Evidence, evidence};
+use super::insoluble::without_insoluble;
 use super::recording;
 use super::ridge::{CONVERGED, STEPS, at_ridge};
 use super::sensitivities::{Few, Linearised, Measured};
@@ -42,6 +43,30 @@ pub fn attribute(
     }
     let (mut effects, left_out) = candidates(model);
     effects.retain(|e| wanted(e.name()));
+    let field = &prepared.observation.field;
+    without_insoluble(
+        effects,
+        &|e| e.name(),
+        &|effects| {
+            let measured = measured(prepared, field);
+            linearised(model, prepared, &measured, &|| ()).insoluble(&start, effects)
+        },
+        &|effects, insoluble| {
+            let (mut tracing, account) =
+                attribute_field(model, prepared, start.clone(), effects, progress)?;
+            tracing.left_out = left_out.iter().cloned().chain(insoluble).collect();
+            Ok((tracing, account))
+        },
+    )
+}
+
+fn attribute_field(
+    model: &Model,
+    prepared: &Prepared,
+    start: State,
+    effects: Vec<&'static dyn Effect>,
+    progress: &dyn Progress,
+) -> Result<(Tracing, Account)> {
     let own = &prepared.observation.field;
     progress.begin("the field at the constants found", None);
     let (corrected, mut jumps) =
@@ -66,7 +91,6 @@ pub fn attribute(
     } = traced.map_or_else(|| trace(field), Ok)?;
     progress.begin("tracing: held-out blocks, blind spots", None);
     let mut tracing = evidence.tracing(&state.constants)?;
-    tracing.left_out = left_out;
     let phase = recording::find_phase(model, field, &prepared.predict(&state)?.field)?;
     tracing.add_recorded(jumps, phase);
     progress.end();
@@ -85,6 +109,33 @@ struct Traced {
     evidence: Evidence,
 }
 
+fn measured(prepared: &Prepared, field: &Field) -> Measured {
+    let geometry = &*prepared.problem.experiment.scene().setup.geometry;
+    Measured::new(field, |i| is_clear(geometry, field.points[i]))
+}
+
+/// Root mean square of the displacements, mm.
+fn size_mm(field: &Field) -> f64 {
+    let square: f64 = field.displacement.iter().flatten().map(|u| u * u).sum();
+    (square / field.len().max(1) as f64).sqrt()
+}
+
+/// A prepared model to be linearised over a field's blocks.
+fn linearised<'a>(
+    model: &'a Model,
+    prepared: &'a Prepared,
+    measured: &'a Measured,
+    step: &'a (dyn Fn() + Sync),
+) -> Linearised<'a> {
+    Linearised {
+        model,
+        experiment: &*prepared.problem.experiment,
+        size_mm: size_mm(&prepared.observation.field),
+        few: Few::new(prepared, &measured.blocks),
+        step,
+    }
+}
+
 fn trace_field(
     model: &Model,
     prepared: &Prepared,
@@ -93,16 +144,11 @@ fn trace_field(
     effects: &[&'static dyn Effect],
     progress: &dyn Progress,
 ) -> Result<Traced> {
-    let geometry = &*prepared.problem.experiment.scene().setup.geometry;
-    let measured = Measured::new(field, |i| is_clear(geometry, field.points[i]));
-    let measured = Arc::new(measured);
-    let square: f64 = field.displacement.iter().flatten().map(|u| u * u).sum();
+    let measured = Arc::new(measured(prepared, field));
+    let step = || progress.step();
     let linearised = Linearised {
-        model,
-        experiment: &*prepared.problem.experiment,
-        size_mm: (square / field.len().max(1) as f64).sqrt(),
-        few: Few::new(prepared, &measured.blocks),
-        step: &|| progress.step(),
+        size_mm: size_mm(field),
+        ..linearised(model, prepared, &measured, &step)
     };
     let mut state = start.clone();
     let evidence = converged(&linearised, &measured, &mut state, effects, progress)?;

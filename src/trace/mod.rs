@@ -13,6 +13,7 @@ mod extend;
 mod fisher;
 mod fitted;
 mod holdout;
+mod insoluble;
 mod layout;
 mod left_out;
 mod linearity;

@@ -320,7 +320,7 @@ impl Linearised<'_> {
         Ok(sensitivities)
     }
 
-    fn column(
+    pub(super) fn column(
         &self,
         (at, about): (&State, Option<&Anchor>),
         here: &Prediction,

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::account::{About, Account};
 use super::alias::groups;
 use super::evidence::{Evidence, evidence_of_series};
+use super::insoluble::{insoluble_in_series, without_insoluble};
 use super::ridge::{CONVERGED, series_at_ridge};
 use super::sensitivities::Measured;
 use super::sought::{acting_in, candidates, shares};
@@ -57,25 +58,34 @@ pub fn attribute_series(
         averages: stepped.measured(),
         blocks: blocks.clone(),
     });
-    let mut state = match &model.traced {
+    let begun = match &model.traced {
         Some(traced) => traced.state.clone(),
         None => beginning(&stepped, model, start),
     };
-    let mut traced = Traced {
-        stepped: &stepped,
-        frames: Frames {
-            blocks: &blocks,
-            loads: relative(&steps.loads),
-            subset_mm: field.subset_mm,
+    let (traced, state, evidence, insoluble) = without_insoluble(
+        acting_in(&effects, &steps.loads),
+        &|acts| acts.effect.name(),
+        &|sought| insoluble_in_series(&stepped, &begun, sought),
+        &|sought, insoluble| {
+            let mut traced = Traced {
+                stepped: &stepped,
+                frames: Frames {
+                    blocks: &blocks,
+                    loads: relative(&steps.loads),
+                    subset_mm: field.subset_mm,
+                },
+                measured: &measured,
+                declared: declared(model),
+                sought,
+            };
+            let mut state = begun.clone();
+            let evidence = traced.converged(&mut state, progress)?;
+            Ok((traced, state, evidence, insoluble))
         },
-        measured: &measured,
-        declared: declared(model),
-        sought: acting_in(&effects, &steps.loads),
-    };
-    let evidence = traced.converged(&mut state, progress)?;
+    )?;
     progress.begin("tracing: held-out blocks, blind spots", None);
     let mut tracing = evidence.tracing(&state.shared.constants)?;
-    tracing.left_out = left_out;
+    tracing.left_out = left_out.into_iter().chain(insoluble).collect();
     if tracing.leaves_structure() {
         tracing.add_stiffness(stiffness_field(
             &stepped,

@@ -210,6 +210,9 @@ impl Given<'_> {
         let columns: Vec<usize> = (0..space.whose.len())
             .filter(|&k| space.whose[k] == Whose::Candidate(candidate))
             .collect();
+        if columns.is_empty() {
+            return 0.0;
+        }
         let (mean, covariance) = self.moments(&columns);
         let old: Vec<f64> = columns.iter().map(|&k| self.sds[k]).collect();
         let new: Vec<f64> = columns.iter().map(|&k| sd / space.largest[k]).collect();

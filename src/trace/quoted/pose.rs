@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::files::Keyed;
 use crate::infer::{LogDensity, Marginal, Model};
 use crate::trace::account::Account;
-use crate::trace::averaged::{Interval, MULTIPLES};
+use crate::trace::averaged::{Interval, MULTIPLES, unseen};
 use crate::trace::weighing::{NoisePair, Weighing};
 
 /// An answer ready to be sampled, with what its draws need to be completed.
@@ -58,7 +58,8 @@ impl<'a> Sampled<'a> {
         let wide = (supposing != Supposing::Small).then(|| evidence.weighing.beyond_rival());
         let weighing = wide.as_ref().unwrap_or(&evidence.weighing);
         let here = &around.here;
-        let (kept, whose) = kept(account, around, supposing);
+        let unseen = unseen(&evidence.weighing, &evidence.sensitivities, &evidence.subsets)?;
+        let (kept, whose) = kept(account, around, supposing, &unseen);
         let (pairs, choices) = match supposing {
             Supposing::Small => likeliest(evidence, weighing)?,
             _ => with_rival(evidence, weighing, supposing)?,
@@ -127,8 +128,13 @@ impl<'a> Sampled<'a> {
     }
 }
 
-/// Linear columns of an answer, and whose they are.
-fn kept(account: &Account, around: &Around, supposing: Supposing) -> (Vec<usize>, Vec<Whose>) {
+/// Linear columns of an answer, and whose they are; of the candidates' columns those that are `unseen`.
+fn kept(
+    account: &Account,
+    around: &Around,
+    supposing: Supposing,
+    unseen: &[bool],
+) -> (Vec<usize>, Vec<Whose>) {
     let here = &around.here;
     let base = here.base.len() - here.constants;
     let mut all: Vec<(usize, Whose)> = (0..base).map(|k| (k, Whose::Always)).collect();
@@ -139,6 +145,9 @@ fn kept(account: &Account, around: &Around, supposing: Supposing) -> (Vec<usize>
                 // where the specimen stands is nobody's account
                 Supposing::None if column.is_rigid() => all.push((next, Whose::Always)),
                 Supposing::None => {}
+                Supposing::Small if unseen.get(next - base) == Some(&true) => {
+                    all.push((next, Whose::Always));
+                }
                 _ => all.push((next, Whose::Candidate(candidate))),
             }
             next += 1;

@@ -8,7 +8,7 @@ use crate::trace::sensitivities::{Column, Measured, Sensitivities};
 /// Whose a column is that enters linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Whose {
-    /// Thickness, load, motion, declared effects: it acts with its own prior.
+    /// Thickness, load, motion, declared effects, what the data would not show: it acts with its own prior.
     Always,
     /// A candidate's.
     Candidate(usize),
