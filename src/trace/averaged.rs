@@ -133,7 +133,10 @@ pub fn unseen(
 ) -> Result<Vec<bool>> {
     let candidates = &sensitivities.candidates;
     if weighing.series().is_some() {
-        return Ok(vec![false; candidates.iter().map(|c| c.columns.len()).sum()]);
+        return Ok(vec![
+            false;
+            candidates.iter().map(|c| c.columns.len()).sum()
+        ]);
     }
     let projected = weighing.project(&weighing.pairs[subsets.best_pair])?;
     let odds = prior_odds(candidates.len());

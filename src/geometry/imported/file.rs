@@ -11,7 +11,9 @@ pub fn load(path: &Path) -> Result<Vec<u8>> {
     match regular {
         Ok(true) => {}
         Ok(false) => {
-            return Err(Error::input(path.display(), "a file").found("a folder, or what is no file"));
+            return Err(
+                Error::input(path.display(), "a file").found("a folder, or what is no file")
+            );
         }
         Err(e) => return Err(Error::input(path.display(), "a file that can be read").found(e)),
     }

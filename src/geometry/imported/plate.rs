@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::mesh::ImportedMesh;
 use super::quads::{halved, quads};
+use super::regions::stack_of_elements;
 use super::spec::{MeshAxis, MeshSpec, Spread};
 use super::{file, raise, read};
 use crate::error::Result;
@@ -74,7 +75,7 @@ impl Part {
         spec.validate()?;
         let mut mesh = read(&spec.file)?;
         spec.check_edges(&mesh)?;
-        let stacks = spec.stack_of_elements(&mesh)?;
+        let stacks = stack_of_elements(&spec.regions, &mesh, &spec.file)?;
         for x in mesh.nodes.iter_mut().flatten() {
             *x *= spec.mm_per_unit;
         }
@@ -82,7 +83,8 @@ impl Part {
         if mesh.elements.iter().any(|e| !e.kind.is_quadratic()) {
             warnings.push("the mesh is linear: nodes were put in the middle of its sides, which stay straight; curved edges are polygons".to_string());
         }
-        if spec.origin_mm.is_none() && mesh.edges.contains_key(HOLE) && mesh.circle(HOLE).is_none() {
+        if spec.origin_mm.is_none() && mesh.edges.contains_key(HOLE) && mesh.circle(HOLE).is_none()
+        {
             warnings.push("the edge \"hole\" is no circle (that of a linear mesh is a polygon): the mesh's own origin, not the hole's centre, is put at hole_center_in_data_mm; mesh.origin_mm says another".to_string());
         }
         let mut hash = Sha256::new();

@@ -1,9 +1,11 @@
 //! Regions of a mesh with a stack of their own.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
 use super::mesh::ImportedMesh;
-use super::spec::MeshSpec;
 use crate::error::{Error, Result};
 use crate::laminate::Material;
 
@@ -62,94 +64,100 @@ impl RegionSpec {
     }
 }
 
-impl MeshSpec {
-    /// The different stacks of the named regions, in the order of their names. Element regions ([`crate::geometry::Mesh::region`]) count
-    /// them from 1.
-    pub fn stacks(&self) -> Vec<RegionSpec> {
-        let mut stacks: Vec<RegionSpec> = Vec::new();
-        for stack in self.regions.values() {
-            if !stacks.contains(stack) {
-                stacks.push(stack.clone());
-            }
-        }
-        stacks
-    }
+/// Regions by the name that the mesh has for them.
+pub(super) type Regions = BTreeMap<String, RegionSpec>;
 
-    /// Check what the mesh need not be read for.
-    pub(super) fn validate_regions(&self) -> Result<()> {
-        for (name, region) in &self.regions {
-            region.validate(&format!("mesh.regions.{name}"))?;
+/// The different stacks of regions, in the order of their names.
+pub(super) fn stacks(regions: &Regions) -> Vec<RegionSpec> {
+    let mut stacks: Vec<RegionSpec> = Vec::new();
+    for stack in regions.values() {
+        if !stacks.contains(stack) {
+            stacks.push(stack.clone());
         }
-        let count = self.stacks().len();
-        if count > MOST {
-            let expected = format!("at most {MOST} different stacks");
-            return Err(Error::input("mesh.regions", expected).found(count));
-        }
-        Ok(())
     }
+    stacks
+}
 
-    /// Refuse plies of an isotropic material.
-    ///
-    /// # Errors
-    /// The input's fault, at the key.
-    pub fn validate_material(&self, material: Material) -> Result<()> {
-        for (name, region) in &self.regions {
-            let given = [
-                ("layup_deg", region.layup_deg.is_some()),
-                ("rotation_deg", region.rotation_deg.is_some()),
-            ];
-            let plies = given.iter().find(|(_, given)| *given);
-            if let (Material::Isotropic, Some((key, _))) = (material, plies) {
-                let place = format!("mesh.regions.{name}.{key}");
-                let expected = "no such key, because the material is isotropic";
-                return Err(Error::input(place, expected).found("one"));
-            }
-        }
-        Ok(())
+/// Check what the mesh need not be read for.
+///
+/// # Errors
+/// The input's fault, at the key.
+pub(super) fn validate(regions: &Regions) -> Result<()> {
+    for (name, region) in regions {
+        region.validate(&format!("mesh.regions.{name}"))?;
     }
-
-    /// The stack of every element of a mesh: 0 the specimen's, from 1 on [`MeshSpec::stacks`]. Empty where no region is named.
-    ///
-    /// # Errors
-    /// The input's fault: a region that the mesh does not have, an element with two stacks.
-    pub(super) fn stack_of_elements(&self, mesh: &ImportedMesh) -> Result<Vec<u8>> {
-        if self.regions.is_empty() {
-            return Ok(Vec::new());
-        }
-        let stacks = self.stacks();
-        let mut owner: Vec<Option<&str>> = vec![None; mesh.elements.len()];
-        let mut stack = vec![0; mesh.elements.len()];
-        for (name, region) in &self.regions {
-            let Some(elements) = mesh.regions.get(name) else {
-                return Err(self.unknown(name, mesh));
-            };
-            let own = stacks.iter().position(|s| s == region);
-            let own = 1 + own.unwrap_or(0) as u8;
-            for &e in elements {
-                match owner[e] {
-                    Some(other) if stack[e] != own => {
-                        let expected =
-                            format!("one stack for an element of both {other} and {name}");
-                        return Err(Error::input("mesh.regions", expected)
-                            .found("two")
-                            .hint("give regions that overlap the same keys, or name regions that do not overlap"));
-                    }
-                    _ => (owner[e], stack[e]) = (Some(name.as_str()), own),
-                }
-            }
-        }
-        Ok(stack)
+    let count = stacks(regions).len();
+    if count > MOST {
+        let expected = format!("at most {MOST} different stacks");
+        return Err(Error::input("mesh.regions", expected).found(count));
     }
+    Ok(())
+}
 
-    fn unknown(&self, name: &str, mesh: &ImportedMesh) -> Error {
-        let names: Vec<&str> = mesh.regions.keys().map(String::as_str).collect();
-        let file = self.file.display();
-        let expected = match names.as_slice() {
-            [] => format!("a named region, of which {file} has none"),
-            names => format!("one of the regions of {file}: {}", names.join(", ")),
+/// Refuse plies of an isotropic material.
+///
+/// # Errors
+/// The input's fault, at the key.
+pub(super) fn validate_material(regions: &Regions, material: Material) -> Result<()> {
+    for (name, region) in regions {
+        let given = [
+            ("layup_deg", region.layup_deg.is_some()),
+            ("rotation_deg", region.rotation_deg.is_some()),
+        ];
+        let plies = given.iter().find(|(_, given)| *given);
+        if let (Material::Isotropic, Some((key, _))) = (material, plies) {
+            let place = format!("mesh.regions.{name}.{key}");
+            let expected = "no such key, because the material is isotropic";
+            return Err(Error::input(place, expected).found("one"));
+        }
+    }
+    Ok(())
+}
+
+/// The stack of every element of the mesh in `file`: 0 the specimen's, from 1 on [`stacks`]. Empty where no region is named.
+///
+/// # Errors
+/// The input's fault: a region that the mesh does not have, an element with two stacks.
+pub(super) fn stack_of_elements(
+    regions: &Regions,
+    mesh: &ImportedMesh,
+    file: &Path,
+) -> Result<Vec<u8>> {
+    if regions.is_empty() {
+        return Ok(Vec::new());
+    }
+    let stacks = stacks(regions);
+    let mut owner: Vec<Option<&str>> = vec![None; mesh.elements.len()];
+    let mut stack = vec![0; mesh.elements.len()];
+    for (name, region) in regions {
+        let Some(elements) = mesh.regions.get(name) else {
+            return Err(unknown(name, mesh, file));
         };
-        Error::input("mesh.regions", expected)
-            .found(name)
-            .hint("name surfaces by a physical group (Gmsh) or elements by *ELSET (Abaqus)")
+        let own = stacks.iter().position(|s| s == region);
+        let own = 1 + own.unwrap_or(0) as u8;
+        for &e in elements {
+            match owner[e] {
+                Some(other) if stack[e] != own => {
+                    let expected = format!("one stack for an element of both {other} and {name}");
+                    return Err(Error::input("mesh.regions", expected)
+                        .found("two")
+                        .hint("give regions that overlap the same keys, or name regions that do not overlap"));
+                }
+                _ => (owner[e], stack[e]) = (Some(name.as_str()), own),
+            }
+        }
     }
+    Ok(stack)
+}
+
+fn unknown(name: &str, mesh: &ImportedMesh, file: &Path) -> Error {
+    let names: Vec<&str> = mesh.regions.keys().map(String::as_str).collect();
+    let file = file.display();
+    let expected = match names.as_slice() {
+        [] => format!("a named region, of which {file} has none"),
+        names => format!("one of the regions of {file}: {}", names.join(", ")),
+    };
+    Error::input("mesh.regions", expected)
+        .found(name)
+        .hint("name surfaces by a physical group (Gmsh) or elements by *ELSET (Abaqus)")
 }

@@ -8,9 +8,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
 use super::mesh::ImportedMesh;
-use super::regions::RegionSpec;
+use super::regions::{self, RegionSpec, Regions};
 use crate::error::{Error, Result};
 use crate::files::unique;
+use crate::laminate::Material;
 
 /// An imported mesh, its place in the data, its loads and supports. Directions and places are those of the mesh's own x and y,
 /// which are parallel to the data's.
@@ -38,7 +39,7 @@ pub struct MeshSpec {
         deserialize_with = "unique",
         skip_serializing_if = "BTreeMap::is_empty"
     )]
-    pub regions: BTreeMap<String, RegionSpec>,
+    pub regions: Regions,
 }
 
 /// One value, or a list of them.
@@ -169,7 +170,7 @@ impl MeshSpec {
             );
         }
         self.check_held()?;
-        self.validate_regions()
+        regions::validate(&self.regions)
     }
 
     fn check_loads(&self) -> Result<()> {
@@ -206,8 +207,8 @@ impl MeshSpec {
         for load in self.loads.all() {
             let along = |axis: &MeshAxis| load.direction[usize::from(*axis == MeshAxis::Y)] != 0.0;
             let mut supports = self.supports.iter();
-            let held = supports
-                .find(|s| load.edge.all().contains(&s.edge) && s.fixed.iter().any(along));
+            let held =
+                supports.find(|s| load.edge.all().contains(&s.edge) && s.fixed.iter().any(along));
             if let Some(held) = held {
                 return Err(Error::input(
                     "mesh.supports",
@@ -218,6 +219,20 @@ impl MeshSpec {
             }
         }
         Ok(())
+    }
+
+    /// Refuse plies of an isotropic material.
+    ///
+    /// # Errors
+    /// The input's fault, at the key.
+    pub fn validate_material(&self, material: Material) -> Result<()> {
+        regions::validate_material(&self.regions, material)
+    }
+
+    /// The different stacks of the named regions, in the order of their names. Elements of a mesh count them from 1
+    /// ([`crate::geometry::Mesh::region`]).
+    pub fn stacks(&self) -> Vec<RegionSpec> {
+        regions::stacks(&self.regions)
     }
 
     /// The edges that the spec names are those of a mesh.

@@ -58,7 +58,11 @@ impl<'a> Sampled<'a> {
         let wide = (supposing != Supposing::Small).then(|| evidence.weighing.beyond_rival());
         let weighing = wide.as_ref().unwrap_or(&evidence.weighing);
         let here = &around.here;
-        let unseen = unseen(&evidence.weighing, &evidence.sensitivities, &evidence.subsets)?;
+        let unseen = unseen(
+            &evidence.weighing,
+            &evidence.sensitivities,
+            &evidence.subsets,
+        )?;
         let (kept, whose) = kept(account, around, supposing, &unseen);
         let (pairs, choices) = match supposing {
             Supposing::Small => likeliest(evidence, weighing)?,

@@ -149,7 +149,10 @@ fn sampled(
         let draws = draw(&sampled, averaged, options, progress)?;
         let mut verdict = diagnose(&draws, &rule(&options.rule));
         progress.end();
-        progress.begin("quoted posterior: amplitudes, and the full model at some draws", None);
+        progress.begin(
+            "quoted posterior: amplitudes, and the full model at some draws",
+            None,
+        );
         let Completed { draws, importance } =
             sampled.completed(&draws, &full, options.schedule.seed)?;
         if importance.reweighted {
