@@ -316,9 +316,14 @@ impl Here<'_> {
         self.at.moved(acts.effect, weights)[k]
     }
 
-    /// A lens of no strength has no centre: then the columns are those of strength times centre, of one prior sd each.
+    /// A lens of no strength has no centre: then the columns are those of strength times centre, of one prior sd each. The centre's prior
+    /// lies about where it is in the state: taken back to the middle, beside a strength that is taken back to 0, it would subtract their
+    /// product twice, which under a specimen's motion is micrometres.
     fn of_the_lens_center(&self, effect: &'static dyn Effect, columns: &mut [Column]) {
         let strength = self.stepped.prior_sd(effect, 0);
+        for column in columns.iter_mut().skip(1) {
+            column.mean = column.at;
+        }
         if self.at.shared.amplitude(effect)[0].abs() >= WEAK * strength {
             return;
         }
@@ -335,6 +340,7 @@ impl Here<'_> {
             // a column is in units of its prior sd: of strength times centre
             let slope = self.slope([&moved[0], &moved[1]], 2.0, self.stepped.scene());
             column.values = slope;
+            column.product = true;
         }
     }
 

@@ -9,7 +9,7 @@ use super::tracing::{Named, Resembling};
 use super::vetoes::{surrogate, vetoes};
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::files::Keyed;
-use crate::identify::Identification;
+use crate::identify::Patterns;
 use crate::quantity::{plus_minus, significant};
 
 /// How the loop ended.
@@ -118,7 +118,7 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     // the last round's is called for, but there was no round to add it
     let wanted = accepted(last).and_then(|_| groups.pop());
     let structure = last.tracing.leaves_structure();
-    let patterns = last.identification.patterns.any();
+    let patterns = last.patterns().any();
     let mut vetoes = vetoes(rounds);
     let mut suspect = rounds[0].tracing.suspect.beside(&last.tracing.suspect);
     suspect.reasons.extend(vetoes.iter().cloned());
@@ -371,7 +371,7 @@ fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: 
     if structure {
         said.push("Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy.".into());
     }
-    let patterns = pattern_words(&rounds[rounds.len() - 1].identification, structure);
+    let patterns = pattern_words(&rounds[rounds.len() - 1], structure);
     let nothing = !structure && patterns.is_empty() && wanted.is_none();
     // what an effect makes that was not added is no pattern of its own
     said.extend(patterns.into_iter().filter(|_| wanted.is_none()));
@@ -400,12 +400,14 @@ fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: 
 const EVERYWHERE: f64 = 0.8;
 
 /// Sentences about what stationary noise does not do.
-fn pattern_words(round: &Identification, structure: bool) -> Vec<String> {
+fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
+    let Patterns { exceedance, wave } = round.patterns();
+    let size_mm = round.identification.inverse.noise.blocks.size_mm;
     let place = |[x, y]: [f64; 2]| format!("({x:.1}, {y:.1}) mm of the data");
-    let exceedance = round.patterns.exceedance.as_ref().map(|b| {
+    let exceedance = exceedance.map(|b| {
         let begin = format!(
             "In {} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
-            b.component, b.blocks, b.of, round.inverse.noise.blocks.size_mm, b.expected
+            b.component, b.blocks, b.of, size_mm, b.expected
         );
         if b.blocks > b.of / 10 {
             return format!("{begin}, all over the field: the model as it is does not describe it.");
@@ -417,7 +419,7 @@ fn pattern_words(round: &Identification, structure: bool) -> Vec<String> {
             if structure { ", or a peak of the structure that is left" } else { "" }
         )
     });
-    let wave = round.patterns.wave.as_ref().map(|w| {
+    let wave = wave.map(|w| {
         let [dx, dy] = w.direction_in_data;
         let angle = dy.atan2(dx).to_degrees().rem_euclid(180.0);
         let extent = if w.share > EVERYWHERE {

@@ -6,7 +6,7 @@ use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::LeftOut;
-use super::sensitivities::{Measured, Sensitivities};
+use super::sensitivities::{Column, Measured, Sensitivities};
 use super::subsets::{Subset, Subsets};
 use super::suspect::suspect;
 use super::tracing::{Found, Named, Resembling, Tracing};
@@ -14,6 +14,7 @@ use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
 use crate::error::Result;
 use crate::experiment::series::Law;
+use crate::infer::LENS;
 use crate::noise::series::Frames;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -333,7 +334,7 @@ impl Evidence {
             .take_while(|j| **j != k)
             .map(|&j| subsets.layout.ranges[j].len())
             .sum();
-        let amplitude: Vec<(String, f64, f64)> = candidate
+        let mut amplitude: Vec<(String, f64, f64)> = candidate
             .columns
             .iter()
             .enumerate()
@@ -342,6 +343,9 @@ impl Evidence {
                 (c.name.clone(), c.mean + c.sd * mean[at + j], sd)
             })
             .collect();
+        if candidate.effect.name() == LENS {
+            lens_center(&candidate.columns, &mut amplitude);
+        }
         // products with what is not known of the camera have no size of their own
         let multiple = candidate
             .columns
@@ -394,3 +398,20 @@ impl Evidence {
         aliases
     }
 }
+
+/// The centre of a lens from the products of its strength with it, for which it was solved where it is weak.
+fn lens_center(columns: &[Column], amplitude: &mut [(String, f64, f64)]) {
+    let Some((strength, center)) = amplitude.split_first_mut() else {
+        return;
+    };
+    let share = strength.1 / columns[0].sd;
+    for (column, (_, mean, sd)) in columns[1..].iter().zip(center) {
+        if column.product && share.abs() > LEAST_SHARE {
+            *mean = column.mean + (*mean - column.mean) / share;
+            *sd /= share.abs();
+        }
+    }
+}
+
+/// A strength of fewer prior sds says nothing of a centre.
+const LEAST_SHARE: f64 = 1e-3;

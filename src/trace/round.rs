@@ -1,8 +1,8 @@
 //! One turn of the loop.
 
 use super::account::Account;
-use super::tracing::Tracing;
-use crate::identify::Identification;
+use super::tracing::{MISFIT, Tracing};
+use crate::identify::{Identification, Patterns};
 use crate::infer::Model;
 
 /// An identification and what tracing made of its residual.
@@ -14,4 +14,16 @@ pub struct Round {
     pub tracing: Tracing,
     /// What the tracing rests on.
     pub account: Account,
+}
+
+impl Round {
+    /// What of the residual stationary noise does not do. The one field of a series is held against noise of short lengths: where the
+    /// series' own noise, which may be smooth, explains its misfit, a place where that breaks out is none.
+    pub fn patterns(&self) -> Patterns {
+        let mut found = self.identification.patterns.clone();
+        if self.tracing.misfit.is_some_and(|p| p >= MISFIT) {
+            found.exceedance = None;
+        }
+        found
+    }
 }

@@ -17,7 +17,7 @@ use crate::fem::Anchor;
 use crate::field::blocks::one_a_tile;
 use crate::field::{Blocks, Field};
 use crate::identify::Prepared;
-use crate::infer::{Known, Model};
+use crate::infer::{Known, LENS, Model};
 use crate::laminate::MeanSd;
 use crate::reduce::THICKNESS;
 
@@ -350,7 +350,14 @@ impl Linearised<'_> {
             Direction::Amplitude(effect, k) => {
                 let sd = self.prior_sd(effect, k);
                 let name = amplitude_name(effect, &effect.parameters()[k]);
-                (name, 0.0, sd, at.amplitude(effect)[k], AMPLITUDE_STEP * sd)
+                let value = at.amplitude(effect)[k];
+                // of a lens without strength the centre does not matter: taken back with it, their product would be subtracted twice
+                let mean = if effect.name() == LENS && k > 0 {
+                    value
+                } else {
+                    0.0
+                };
+                (name, mean, sd, value, AMPLITUDE_STEP * sd)
             }
         };
         let slope = sensitivity(

@@ -11,6 +11,9 @@ use crate::infer::TracedSeries;
 use crate::noise::Hyperparameters;
 use crate::noise::series::Linearity;
 
+/// Smallest probability of a misfit as large as the one found.
+pub const MISFIT: f64 = 1e-3;
+
 /// An effect weighed against the data.
 #[derive(Clone)]
 pub struct Found {

@@ -4,6 +4,7 @@ use super::averaged::Interval;
 use super::evidence::LARGEST_MULTIPLE;
 use super::round::Round;
 use super::together::tension;
+use super::tracing::MISFIT;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::identify::Identification;
 use crate::infer::Model;
@@ -12,9 +13,6 @@ use crate::quantity::plus_minus;
 /// Largest error of the reduced model, posterior sds, and share of draws outside its box.
 const SURROGATE_SDS: f64 = 0.05;
 const OUTSIDE: f64 = 0.01;
-
-/// Smallest probability of a misfit as large as the one found.
-const MISFIT: f64 = 1e-3;
 
 /// A refit and its tracing agree within so many combined sds, and a refit lies so many sds from zero.
 const AGREE_SDS: f64 = 4.0;

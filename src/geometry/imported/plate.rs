@@ -43,6 +43,9 @@ const BESIDE: f64 = 1.5;
 /// Nodes may be this far off a circle, as a share of its radius: what a mesh file's digits leave.
 const ROUND: f64 = 1e-4;
 
+/// Corners below which an edge is a polygon, whatever they lie on.
+const FEWEST: usize = 6;
+
 impl fmt::Debug for Part {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let MeshSpec {
@@ -85,7 +88,7 @@ impl Part {
         }
         if spec.origin_mm.is_none() && mesh.edges.contains_key(HOLE) && mesh.circle(HOLE).is_none()
         {
-            warnings.push("the edge \"hole\" is no circle (that of a linear mesh is a polygon): the mesh's own origin, not the hole's centre, is put at hole_center_in_data_mm; mesh.origin_mm says another".to_string());
+            warnings.push("the edge \"hole\" is no circle: the mesh's own origin, not the hole's centre, is put at hole_center_in_data_mm; mesh.origin_mm says another".to_string());
         }
         let mut hash = Sha256::new();
         for path in &mesh.files {
@@ -120,14 +123,11 @@ impl Part {
 }
 
 impl ImportedMesh {
-    /// The circle of a named edge, if that is one.
+    /// The circle of a named edge, if that is one: by its corners, between which a linear mesh is straight.
     pub fn circle(&self, name: &str) -> Option<Circle> {
-        let nodes = self.edges.get(name)?.iter().flat_map(|&e| {
-            let (a, m, _) = self.edge_nodes(e);
-            [Some(a), m].into_iter().flatten()
-        });
-        let points: Vec<[f64; 2]> = nodes.map(|n| self.nodes[n as usize]).collect();
-        circle(&points)
+        let corners = self.edges.get(name)?.iter().map(|&e| self.edge_nodes(e).0);
+        let points: Vec<[f64; 2]> = corners.map(|n| self.nodes[n as usize]).collect();
+        (points.len() >= FEWEST).then(|| circle(&points))?
     }
 }
 
