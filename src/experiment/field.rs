@@ -10,14 +10,14 @@ use super::bending::Bending;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::mesh_error::{MeshError, mesh_error};
 use super::subset::{Images, Subsets};
-use super::window::{widened, window_nodes};
+use super::window::{off_the_plate, widened, window_nodes};
 use super::{
     Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, Softening, State, gauged,
     in_closed_form,
 };
 use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fem::{
     Anchor, Answer, Basis, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution, View,
 };
@@ -74,12 +74,7 @@ impl FieldExperiment {
             .map_or(0.0, |i| 0.5 * i.subsets.side_mm);
         let nodes = window_nodes(&plate.mesh, widened(test.window, reach));
         if nodes.is_empty() {
-            let [s, t] = scene.setup.geometry.extents();
-            return Err(Error::input("measurement", "points on the plate")
-                .found(format!("points between {:.2?} and {:.2?} mm", test.window[0], test.window[1]))
-                .hint(format!(
-                    "the plate spans {s:.2?} mm along the load and {t:.2?} mm across it, from the point at hole_center_in_data_mm; check that, the units and, of a mesh, origin_mm and mm_per_unit"
-                )));
+            return Err(off_the_plate(test.window, scene.setup.geometry.extents()));
         }
         let points: Vec<[f64; 2]> = nodes
             .iter()

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::error::Error;
 use crate::geometry::Mesh;
 
 /// A window with a margin around it.
@@ -28,4 +29,13 @@ pub(super) fn window_nodes(mesh: &Mesh, [low, high]: [[f64; 2]; 2]) -> Vec<u32> 
         }
     }
     nodes.into_iter().collect()
+}
+
+/// What is wrong of points between the corners of `window` where none lies on a plate of these extents, mm.
+pub(super) fn off_the_plate([low, high]: [[f64; 2]; 2], [s, t]: [[f64; 2]; 2]) -> Error {
+    Error::input("measurement", "points on the plate")
+        .found(format!("points between {low:.2?} and {high:.2?} mm"))
+        .hint(format!(
+            "the plate spans {s:.2?} mm along the load and {t:.2?} mm across it, from the point at hole_center_in_data_mm; check that, the units and, of a mesh, origin_mm and mm_per_unit"
+        ))
 }
