@@ -13,6 +13,7 @@ use super::weighing::{NoisePair, Weighing};
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
 use crate::files::Keyed;
+use crate::infer::LENS;
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
 
@@ -144,10 +145,19 @@ pub fn unseen(
     for candidate in candidates {
         let first = all.len();
         let is_unseen = |k: usize| detectable(projected.g[(first + k, first + k)], odds) > 1.0;
+        // the centre of a lens of no strength is no parameter of its own either
+        let is_center = |k: usize| k > 0 && candidate.effect.name() == LENS;
+        let is_product = |(k, c): (usize, &Column)| c.product || is_center(k);
         let columns = candidate.columns.iter().enumerate();
-        let mut own = columns.clone().filter(|(_, c)| !c.product);
+        let mut own = columns.clone().filter(|c| !is_product(*c));
         let altogether = own.all(|(k, _)| is_unseen(k));
-        all.extend(columns.map(|(k, c)| if c.product { altogether } else { is_unseen(k) }));
+        all.extend(columns.map(|c| {
+            if is_product(c) {
+                altogether
+            } else {
+                is_unseen(c.0)
+            }
+        }));
     }
     Ok(all)
 }
