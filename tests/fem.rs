@@ -312,6 +312,7 @@ fn independent_reference_fields() {
         axial: 700.0 * angle.cos(),
         shear: 700.0 * angle.sin(),
         moment: 0.0,
+        ..EndLoad::default()
     };
     assert_reference("load-misalignment", &misaligned);
     let mut bent = setup();

@@ -242,6 +242,7 @@ fn tapers_rings_and_skew_loads_are_spanned() {
                 axial: 700.0,
                 shear: if tapered { 0.0 } else { 30.0 * (share - 0.5) },
                 moment: 200.0 * (5.0 * share).sin(),
+                ..EndLoad::default()
             };
             setup.profile = if tapered {
                 Profile {

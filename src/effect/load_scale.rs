@@ -18,8 +18,6 @@ impl Effect for LoadScale {
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
         let factor = 1.0 + 0.01 * amplitude[0];
-        setup.load.axial *= factor;
-        setup.load.shear *= factor;
-        setup.load.moment *= factor;
+        setup.load = setup.load.times(factor);
     }
 }

@@ -14,6 +14,7 @@ mod in_plane_bending;
 mod interpolation_bias;
 mod lens_distortion;
 pub mod limit;
+mod load_introduction;
 mod load_misalignment;
 mod load_scale;
 mod magnification;
@@ -41,6 +42,7 @@ use crate::field::Frame;
 use crate::geometry::Change;
 use crate::laminate::{Material, Ply};
 
+pub use load_introduction::NAMES as LOAD_INTRODUCTIONS;
 pub use seen::Seen;
 pub use yielding::{NAME as YIELDING, YIELD_PERCENT};
 
@@ -62,6 +64,8 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &interpolation_bias::InterpolationBias,
     &phase_shift_error::PhaseShiftError,
     &fringe_order_jump::FringeOrderJump,
+    &load_introduction::LoadIntroduction(0),
+    &load_introduction::LoadIntroduction(1),
     &load_misalignment::LoadMisalignment,
     &in_plane_bending::InPlaneBending,
     &out_of_plane_bending::OutOfPlaneBending,

@@ -159,6 +159,16 @@ impl ExperimentSpec {
             .collect())
     }
 
+    /// Declare what acts because a loaded edge of the mesh is to be measured.
+    pub fn declare_introductions(&mut self) {
+        let measured = self.mesh.as_ref().map_or(0, MeshSpec::measured);
+        for name in effect::LOAD_INTRODUCTIONS.iter().take(measured) {
+            if !self.effects.iter().any(|own| own == name) {
+                self.effects.push((*name).into());
+            }
+        }
+    }
+
     /// Either one load and one measurement, or steps that have their own.
     fn validate_load(&self) -> Result<()> {
         let path = &self.measurement.source.path;

@@ -2,7 +2,7 @@
 //! of its error.
 //!
 //! The stiffness matrix is affine in the six membrane stiffnesses of every stack (times the few terms of a stiffness that varies over the plate) and the load
-//! in the three end resultants. A Galerkin solution in the span of a few solutions costs a small dense system; the dual norm of its
+//! in the three end resultants, and in the tractions of edges whose load introduction is not known. A Galerkin solution in the span of a few solutions costs a small dense system; the dual norm of its
 //! residual over a lower bound of the coercivity bounds its error in the energy norm of a reference stiffness. (Rozza, Huynh and
 //! Patera, Arch. Comput. Methods Eng. 15 (2008); the residual's Riesz representers are orthonormalised, because their Gram matrix loses half
 //! of the digits.) The coercivity bound is the smallest eigenvalue of the membrane stiffness relative to the reference's: the bilinear
@@ -85,7 +85,7 @@ pub struct Basis {
     /// The stiffness terms in the basis: for each field those of every stack, for each stack those of every membrane component.
     pub(super) stiffness: Vec<DMatrix<f64>>,
     /// The unit loads in the basis.
-    pub(super) loads: [DVector<f64>; 3],
+    pub(super) loads: Vec<DVector<f64>>,
     /// Coordinates, in an orthonormal basis of the residuals' duals, of the unit loads and of every vector's forces under every term.
     pub(super) residual: DMatrix<f64>,
 }
@@ -189,19 +189,20 @@ impl Basis {
         for (term, w) in self.stiffness.iter().zip(&weights) {
             stiffness += term * *w;
         }
-        let amplitudes = amplitudes(&query.load);
+        let parts = query.load.parts();
+        let parts = &parts[..self.loads.len()];
         let mut load = DVector::zeros(n);
-        for (unit, a) in self.loads.iter().zip(amplitudes) {
-            load.axpy(a, unit, 1.0);
+        for (unit, a) in self.loads.iter().zip(parts) {
+            load.axpy(*a, unit, 1.0);
         }
         let coordinates = Cholesky::new(stiffness)?.solve(&load);
         let mut residual = DVector::zeros(self.residual.nrows());
-        for (k, a) in amplitudes.into_iter().enumerate() {
-            residual.axpy(a, &self.residual.column(k), 1.0);
+        for (k, a) in parts.iter().enumerate() {
+            residual.axpy(*a, &self.residual.column(k), 1.0);
         }
         for (v, c) in coordinates.iter().enumerate() {
             for (q, w) in weights.iter().enumerate() {
-                let column = self.residual.column(3 + v * weights.len() + q);
+                let column = self.residual.column(parts.len() + v * weights.len() + q);
                 residual.axpy(-c * w, &column, 1.0);
             }
         }
@@ -237,9 +238,4 @@ pub(super) fn weights(stacks: &[Membrane], factors: &[f64]) -> Vec<f64> {
     let all: Vec<f64> = stacks.iter().flat_map(components).collect();
     let of = |factor: &f64| all.iter().map(|c| factor * c).collect::<Vec<_>>();
     factors.iter().flat_map(of).collect()
-}
-
-/// Weights of the unit loads.
-pub(super) fn amplitudes(load: &EndLoad) -> [f64; 3] {
-    [load.axial, load.shear, load.moment]
 }

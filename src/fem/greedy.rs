@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, DVectorView, Matrix3};
 use rayon::prelude::*;
 
-use super::basis::{Basis, COMPONENTS, Query, Shape, TOLERANCE, amplitudes, weights};
+use super::basis::{Basis, COMPONENTS, Query, Shape, TOLERANCE, weights};
 use super::columns::Columns;
 use super::load::EndLoad;
 use super::plate::Plate;
@@ -44,15 +44,6 @@ impl Basis {
             }
         }
         Ok(growing.basis)
-    }
-}
-
-fn unit_load(k: usize) -> EndLoad {
-    let one = |j: usize| f64::from(u8::from(j == k));
-    EndLoad {
-        axial: one(0),
-        shear: one(1),
-        moment: one(2),
     }
 }
 
@@ -115,7 +106,7 @@ struct Growing<'a> {
     /// The reference stiffness, factorised, and its geometry integrals.
     reference: Kept,
     everywhere: Vec<[f64; 4]>,
-    loads: [Vec<f64>; 3],
+    loads: Vec<Vec<f64>>,
     /// Orthonormal residuals, and their Riesz representers.
     forces: Columns,
     duals: Columns,
@@ -145,11 +136,12 @@ impl<'a> Growing<'a> {
             inverse.ok_or_else(not_one)
         });
         let whitening = whitening.collect::<Result<_>>()?;
-        let loads = [0, 1, 2].map(|k| {
-            let mut load = mesh.end_forces(&unit_load(k));
+        let unit = |k: usize| {
+            let mut load = mesh.end_forces(&EndLoad::unit(k));
             plate.assembly.pin_loads(&mut load);
             load
-        });
+        };
+        let loads: Vec<Vec<f64>> = (0..mesh.load_parts()).map(unit).collect();
         let n = mesh.unknowns();
         let mut growing = Self {
             plate,
@@ -160,7 +152,7 @@ impl<'a> Growing<'a> {
                 whitening,
                 vectors: Columns::new(n),
                 stiffness: vec![DMatrix::zeros(0, 0); COMPONENTS * count * plate.assembly.stacks()],
-                loads: [0, 1, 2].map(|_| DVector::zeros(0)),
+                loads: vec![DVector::zeros(0); loads.len()],
                 residual: DMatrix::zeros(0, 0),
             },
             integrals,
@@ -180,7 +172,7 @@ impl<'a> Growing<'a> {
         let solve = |query: &&Query| -> Result<Vec<f64>> {
             let (factors, _) = self.basis.shape.factors(&query.profile, 1.0);
             let mut nodal = vec![0.0; self.forces.rows];
-            for (load, a) in self.loads.iter().zip(amplitudes(&query.load)) {
+            for (load, a) in self.loads.iter().zip(query.load.parts()) {
                 for (sum, f) in nodal.iter_mut().zip(load) {
                     *sum += a * f;
                 }

@@ -1,7 +1,8 @@
 //! Tractions on named edges and the load vectors they give.
 
 use super::element::GAUSS;
-use crate::geometry::{Boundary, Edge, EdgeForce, HIGH, LOW, Mesh};
+use super::introduction::{Introduction, TRACTIONS};
+use crate::geometry::{Boundary, Edge, EdgeForce, HIGH, INTRODUCTIONS, LOW, Mesh};
 
 /// Self-equilibrated tractions on the edges `low` and `high`. Stress resultants a length of edge, with t' measured from the plate's
 /// centreline, s' from its mid-length, and W the width:
@@ -14,7 +15,12 @@ pub struct EndLoad {
     pub shear: f64,
     /// Moment of N11 about the centreline, the same along the plate, N mm.
     pub moment: f64,
+    /// Tractions without a resultant on edges of a mesh whose load introduction is not known.
+    pub introduction: Introduction,
 }
+
+/// The resultants and amplitudes that a load is made of.
+const PARTS: usize = 3 + INTRODUCTIONS * TRACTIONS;
 
 impl EndLoad {
     /// The same load times a factor.
@@ -24,11 +30,41 @@ impl EndLoad {
             axial: factor * self.axial,
             shear: factor * self.shear,
             moment: factor * self.moment,
+            introduction: self.introduction.map(|edge| edge.map(|a| factor * a)),
+        }
+    }
+
+    /// What it is made of: axial force, shear force, moment, and the amplitudes of the tractions on each edge.
+    pub fn parts(&self) -> [f64; PARTS] {
+        let mut parts = [0.0; PARTS];
+        parts[..3].copy_from_slice(&[self.axial, self.shear, self.moment]);
+        parts[3..].copy_from_slice(self.introduction.as_flattened());
+        parts
+    }
+
+    /// A unit of one of these.
+    pub fn unit(part: usize) -> Self {
+        let one = |k: usize| f64::from(u8::from(k == part));
+        let [axial, shear, moment] = [0, 1, 2].map(one);
+        let mut introduction = Introduction::default();
+        for (k, a) in introduction.as_flattened_mut().iter_mut().enumerate() {
+            *a = one(3 + k);
+        }
+        Self {
+            axial,
+            shear,
+            moment,
+            introduction,
         }
     }
 }
 
 impl Mesh {
+    /// How many of a load's parts can act on it, the first ones.
+    pub fn load_parts(&self) -> usize {
+        3 + TRACTIONS * self.introductions()
+    }
+
     /// Consistent nodal forces (N, two an entry of `nodes`) of the end tractions, or of what stands for them at the edges that an
     /// imported mesh is loaded through.
     pub fn end_forces(&self, load: &EndLoad) -> Vec<f64> {
@@ -93,13 +129,18 @@ impl Mesh {
                 *sum += f;
             }
         }
+        self.add_introductions(boundary, &load.introduction, &mut forces);
         forces
+    }
+
+    /// The pieces of the edges that a force acts on.
+    pub(super) fn pieces(&self, force: &EdgeForce) -> impl Iterator<Item = &Edge> {
+        force.edges.iter().flat_map(|name| self.edge(name))
     }
 
     /// Length, middle and second moment of the edges that a force acts on, measured along a direction.
     fn section(&self, force: &EdgeForce, across: [f64; 2]) -> Section {
-        let edges = || force.edges.iter().flat_map(|name| self.edge(name));
-        let points: Vec<OnEdge> = edges().flat_map(|e| self.gauss(e)).collect();
+        let points: Vec<OnEdge> = self.pieces(force).flat_map(|e| self.gauss(e)).collect();
         let length: f64 = points.iter().map(|p| p.length).sum();
         let mean = |k: usize| points.iter().map(|p| p.length * p.point[k]).sum::<f64>() / length;
         let middle = [mean(0), mean(1)];
@@ -114,7 +155,8 @@ impl Mesh {
         }
     }
 
-    fn gauss(&self, edge: &Edge) -> [OnEdge; 3] {
+    /// Points of the quadrature on a piece of an edge.
+    pub(super) fn gauss(&self, edge: &Edge) -> [OnEdge; 3] {
         let [a, m, b] = edge.map(|n| self.nodes[n as usize]);
         GAUSS.map(|(x, weight)| {
             let shape = [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)];
@@ -152,14 +194,14 @@ impl Mesh {
 }
 
 /// A point of the quadrature on an edge.
-struct OnEdge {
+pub(super) struct OnEdge {
     /// Shape functions of the edge's three nodes.
-    shape: [f64; 3],
-    point: [f64; 2],
+    pub shape: [f64; 3],
+    pub point: [f64; 2],
     /// Outward unit normal.
     normal: [f64; 2],
     /// Length that it stands for, mm.
-    length: f64,
+    pub length: f64,
 }
 
 /// What a force is spread over.
@@ -170,11 +212,11 @@ struct Section {
     inertia: f64,
 }
 
-fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
 /// A vector turned by a quarter, from direction 1 to direction 2.
-fn turned([a, b]: [f64; 2]) -> [f64; 2] {
+pub(super) fn turned([a, b]: [f64; 2]) -> [f64; 2] {
     [-b, a]
 }

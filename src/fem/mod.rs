@@ -10,6 +10,7 @@ mod columns;
 pub mod element;
 mod greedy;
 mod initial_stress;
+mod introduction;
 mod inverse;
 mod lekhnitskii;
 mod load;

@@ -6,7 +6,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::element::{self, GAUSS};
 use super::lekhnitskii::HoleSolution;
-use super::load::EndLoad;
 use super::observe::Locator;
 use super::plate::Plate;
 use super::setup::Setup;
@@ -262,11 +261,8 @@ pub fn mirror(setup: &Setup, ply: &Ply) -> Result<Check> {
     here.angles.iter_mut().for_each(|x| *x += 0.2);
     let mut there = here.clone();
     there.angles.iter_mut().for_each(|x| *x = -*x);
-    there.load = EndLoad {
-        axial: here.load.axial,
-        shear: -here.load.shear,
-        moment: -here.load.moment,
-    };
+    there.load.shear = -here.load.shear;
+    there.load.moment = -here.load.moment;
     let points = window_points(&*here.geometry, half);
     let reflected: Vec<[f64; 2]> = points.iter().map(|p| [p[0], -p[1]]).collect();
     let plate = Plate::new(&here, Density::DEFAULT.scaled(0.5))?;

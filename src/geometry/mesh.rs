@@ -39,7 +39,12 @@ pub struct EdgeForce {
     pub direction: [f64; 2],
     /// Whether a stiff grip guides the edges: they move alike along the direction, and not across it.
     pub is_grip: bool,
+    /// Whether the measurement, not the model, says how the force is spread.
+    pub is_measured: bool,
 }
+
+/// Edges of a mesh, at most, whose tractions the measurement has to tell.
+pub const INTRODUCTIONS: usize = 2;
 
 /// Index of a lattice point that no Q8 element has (the middle of an element).
 pub const NONE: u32 = u32::MAX;

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::laminate::{End, SpecimenSpec};
 
-pub use mesh::{Boundary, Edge, EdgeForce, Mesh};
+pub use mesh::{Boundary, Edge, EdgeForce, INTRODUCTIONS, Mesh};
 pub use outline::{Clamp, Outline};
 pub use plain_strip::PlainStrip;
 pub use strip_with_hole::StripWithHole;
@@ -139,6 +139,11 @@ pub trait Geometry: Debug + Send + Sync {
     /// Whether what loads it may be bent and turned in the plane, which stiff grips are not.
     fn yields_to_moments(&self) -> bool {
         true
+    }
+
+    /// How many edges the force enters through in a way that only the measurement tells.
+    fn introductions(&self) -> usize {
+        0
     }
 
     /// Distance of a point from the hole's centre over the hole's radius, if there is a hole.

@@ -58,6 +58,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     said.extend(steps.flat_map(|s| s.warnings.clone()));
     said.extend(without_force(model, of));
     said.extend(yields(model, of));
+    said.extend(off_the_mesh(model, of));
     said.extend(of_mesh(model, of));
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {
@@ -143,6 +144,23 @@ fn of_mesh(model: &Model, of: &Identification) -> Vec<String> {
         ));
     }
     said
+}
+
+/// Measured points off an imported mesh, as a share of all, that are more than a border: the frame may be wrong.
+const OFF_THE_MESH: f64 = 0.03;
+
+/// Points in the window that the imported mesh does not reach.
+fn off_the_mesh(model: &Model, of: &Identification) -> Option<String> {
+    model.experiment().meshed.as_ref()?;
+    let field = &of.inverse.prepared.observation.field;
+    let off = field.rejected.outside_plate;
+    let all = field.len() + off;
+    (off as f64 > OFF_THE_MESH * all as f64).then(|| {
+        format!(
+            "{off} of {all} points ({:.0} %) lie off the mesh and were dropped: look at the picture of the mesh; hole_center_in_data_mm, mesh.origin_mm or mesh.mm_per_unit may be wrong.",
+            100.0 * off as f64 / all as f64
+        )
+    })
 }
 
 /// Metal that must yield at an edge, by the elastic stresses at the posterior mean.

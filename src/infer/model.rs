@@ -93,7 +93,7 @@ impl Model {
         let base_dir = path.parent().unwrap_or(Path::new(""));
         let read = file.experiments[0].read_mesh(base_dir);
         read.map_err(|e| e.within(&place))?;
-        let model = Self {
+        let mut model = Self {
             file,
             path: path.to_path_buf(),
             effects,
@@ -101,6 +101,10 @@ impl Model {
             known: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
+        let mesh = model.experiment().mesh.as_ref();
+        if mesh.is_some_and(|m| m.measured() > 0) {
+            model.ask_for_snapshots();
+        }
         Ok(model)
     }
 

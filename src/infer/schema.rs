@@ -106,7 +106,7 @@ pub fn parse(text: &str, place: &str) -> Result<(ModelFile, Vec<&'static dyn Eff
     }
     // Text that is no JSON is left to the parser of the whole file, whose error knows the key.
     let header: Option<Header> = serde_json::from_str(text).ok();
-    let (file, paths) = match header.and_then(|h| h.schema).as_deref() {
+    let (mut file, paths) = match header.and_then(|h| h.schema).as_deref() {
         Some(version1::SCHEMA) => (
             version1::parse(text, place)?,
             Paths {
@@ -126,6 +126,9 @@ pub fn parse(text: &str, place: &str) -> Result<(ModelFile, Vec<&'static dyn Eff
             return Err(Error::input(format!("{place}: schema"), expected).found(other));
         }
     };
+    for experiment in &mut file.experiments {
+        experiment.declare_introductions();
+    }
     let effects = validate(&file, &paths).map_err(|e| e.within(place))?;
     Ok((file, effects))
 }

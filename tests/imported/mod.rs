@@ -6,6 +6,7 @@ mod broken_abaqus;
 mod exact;
 mod gmsh;
 mod init;
+mod introduction;
 mod mangled;
 mod model;
 mod plate;

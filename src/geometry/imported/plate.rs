@@ -298,6 +298,7 @@ fn boundary(spec: &MeshSpec, vector: &dyn Fn([f64; 2]) -> [f64; 2]) -> Boundary 
             edges: load.edge.all().to_vec(),
             direction: vector([x / length, y / length]),
             is_grip: load.spread == Spread::Grip,
+            is_measured: load.spread == Spread::Measured,
         }
     });
     let held = spec.supports.iter().map(|held| {
@@ -371,6 +372,10 @@ impl Geometry for ImportedPlate {
     fn yields_to_moments(&self) -> bool {
         let boundary = self.base.boundary.as_ref();
         boundary.is_none_or(|b| b.loads.iter().any(|l| !l.is_grip))
+    }
+
+    fn introductions(&self) -> usize {
+        self.base.introductions()
     }
 
     fn validate(&self) -> Result<()> {

@@ -11,6 +11,7 @@ use super::mesh::ImportedMesh;
 use super::regions::{self, RegionSpec, Regions};
 use crate::error::{Error, Result};
 use crate::files::unique;
+use crate::geometry::INTRODUCTIONS;
 use crate::laminate::Material;
 
 /// An imported mesh, its place in the data, its loads and supports. Directions and places are those of the mesh's own x and y,
@@ -95,6 +96,8 @@ pub enum Spread {
     Traction,
     /// A stiff grip: all of the edge moves alike along the direction and not across it; the tractions follow.
     Grip,
+    /// As the measurement has it: only the resultant is the force, and its distribution is identified with the constants.
+    Measured,
 }
 
 impl Spread {
@@ -173,9 +176,19 @@ impl MeshSpec {
         regions::validate(&self.regions)
     }
 
+    /// How many loads enter in a way that the measurement has to tell.
+    pub fn measured(&self) -> usize {
+        let loads = self.loads.all().iter();
+        loads.filter(|l| l.spread == Spread::Measured).count()
+    }
+
     fn check_loads(&self) -> Result<()> {
         if self.loads.all().is_empty() {
             return Err(Error::input("mesh.load", "an edge on which the force acts").found("[]"));
+        }
+        if self.measured() > INTRODUCTIONS {
+            let expected = format!("at most {INTRODUCTIONS} loads that are \"measured\"");
+            return Err(Error::input("mesh.load.spread", expected).found(self.measured()));
         }
         for load in self.loads.all() {
             if load.edge.all().is_empty() {

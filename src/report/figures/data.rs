@@ -111,6 +111,8 @@ pub enum MeshPart {
     Element,
     /// A side of one element.
     Boundary,
+    /// A side between elements of different stacks.
+    Joint,
     /// A part of a named edge.
     Edge,
     /// From the middle of a named edge along the force on it.

@@ -25,14 +25,20 @@ pub fn lines(mesh: &Mesh, frame: &Frame, points: &[[f64; 2]]) -> Vec<MeshPoint> 
         count: 0,
     };
     let at = |n: &u32| frame.data_point(mesh.nodes[*n as usize]);
-    let (inner, boundary) = sides(mesh);
+    let Sides {
+        inner,
+        joint,
+        boundary,
+    } = sides(mesh);
     if mesh.elements.len() <= MOST_ELEMENTS {
         for trail in trails(mesh, &inner) {
             lines.add(MeshPart::Element, "", trail.iter().map(at));
         }
     }
-    for side in &boundary {
-        lines.add(MeshPart::Boundary, "", side.iter().map(at));
+    for (part, sides) in [(MeshPart::Joint, &joint), (MeshPart::Boundary, &boundary)] {
+        for side in sides {
+            lines.add(part, "", side.iter().map(at));
+        }
     }
     for (name, edges) in &mesh.edges {
         for edge in edges {
@@ -117,19 +123,37 @@ fn middle(mesh: &Mesh, name: &str) -> Option<[f64; 2]> {
     (!edges.is_empty()).then(|| [mean(0), mean(1)])
 }
 
-/// The sides that two elements share, and those of one.
-fn sides(mesh: &Mesh) -> (Vec<Edge>, Vec<Edge>) {
-    let mut seen: BTreeMap<[u32; 2], (Edge, usize)> = BTreeMap::new();
-    for element in &mesh.elements {
+/// Sides of elements.
+#[derive(Default)]
+struct Sides {
+    /// Those that two of one stack share.
+    inner: Vec<Edge>,
+    /// Those between two stacks.
+    joint: Vec<Edge>,
+    /// Those of one element.
+    boundary: Vec<Edge>,
+}
+
+fn sides(mesh: &Mesh) -> Sides {
+    let mut seen: BTreeMap<[u32; 2], (Edge, Vec<usize>)> = BTreeMap::new();
+    for (e, element) in mesh.elements.iter().enumerate() {
         for k in 0..4 {
             let (a, b) = (element[k], element[(k + 1) % 4]);
             let side = [a, element[4 + k], b];
-            seen.entry([a.min(b), a.max(b)]).or_insert((side, 0)).1 += 1;
+            let of = seen.entry([a.min(b), a.max(b)]);
+            of.or_insert((side, Vec::new())).1.push(mesh.region_of(e));
         }
     }
-    let (inner, outer): (Vec<_>, Vec<_>) = seen.into_values().partition(|(_, count)| *count > 1);
-    let edges = |sides: Vec<(Edge, usize)>| sides.into_iter().map(|(side, _)| side).collect();
-    (edges(inner), edges(outer))
+    let mut sides = Sides::default();
+    for (side, stacks) in seen.into_values() {
+        let kind = match &stacks[..] {
+            [_] => &mut sides.boundary,
+            [first, others @ ..] if others.iter().any(|s| s != first) => &mut sides.joint,
+            _ => &mut sides.inner,
+        };
+        kind.push(side);
+    }
+    sides
 }
 
 /// Sides as few long lines: each goes on as long as there is a side that was not walked.
@@ -180,7 +204,7 @@ pub fn mesh(points: &[MeshPoint]) -> Result<Option<Figure>> {
     let names = names(points);
     let least = 24 * (names.len() as u32 + 5);
     let size = (LEFT + width + NAMES, (height + BELOW + 10).max(least));
-    let alt = "The mesh in the data's frame: named edges in colour, where the force pulls, what is held, and the measured points, those off the mesh in red";
+    let alt = "The mesh in the data's frame: named edges in colour, where the force pulls, what is held, borders of regions, and the measured points, those off the mesh in red";
     let figure = draw("mesh", alt, size, |root, _| {
         let plot = root
             .clone()
@@ -229,6 +253,7 @@ fn lines_of(
         let style = match first.part {
             MeshPart::Element => GRID.stroke_width(1),
             MeshPart::Boundary => INK.stroke_width(1),
+            MeshPart::Joint => PRIOR.stroke_width(2),
             MeshPart::Edge => colour(names, &first.name).stroke_width(3),
             MeshPart::Force => INK.stroke_width(2),
             MeshPart::Held => {
@@ -284,6 +309,7 @@ fn legend(area: &Area<'_>, points: &[MeshPoint], names: &[&str], left: i32) -> R
         line(format!("{name}{acts}"), colour(names, name))?;
     }
     for (part, words, colour) in [
+        (MeshPart::Joint, "border of a region", PRIOR),
         (MeshPart::On, "measured point", PRIOR),
         (MeshPart::Off, "measured, off the mesh", TRUTH),
     ] {

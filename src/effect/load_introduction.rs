@@ -1,0 +1,45 @@
+//! The force enters through an edge otherwise than uniformly.
+
+use super::{Effect, Entry, Kind, Parameter, Scene};
+use crate::fem::Setup;
+
+/// On the `0`-th of the edges whose load introduction the measurement has to tell, counted from 0.
+pub struct LoadIntroduction(pub usize);
+
+/// The effects of the first and the second of these edges.
+pub const NAMES: [&str; 2] = ["load_introduction_1", "load_introduction_2"];
+
+impl Effect for LoadIntroduction {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: NAMES[self.0],
+            kind: Kind::Mechanical,
+            // a force that acts on half an edge has a second coefficient of 190 %, one at its middle 250 %
+            parameters: const {
+                &[
+                    Parameter::new("along_p2_percent", 100.0, 1000.0),
+                    Parameter::new("along_p3_percent", 100.0, 1000.0),
+                    Parameter::new("along_p4_percent", 100.0, 1000.0),
+                    Parameter::new("across_p1_percent", 50.0, 1000.0),
+                    Parameter::new("across_p2_percent", 50.0, 1000.0),
+                    Parameter::new("across_p3_percent", 50.0, 1000.0),
+                ]
+            },
+            about: "Over the first or second loaded edge that is declared \"measured\" the force is spread as the field has it: Legendre polynomials of the place on the edge, in percent of the mean traction, along the force and across it, without a resultant.",
+            confirm: "Put pressure-sensitive film between grip and specimen, or bring the window nearer to the edge.",
+        }
+    }
+
+    fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        let axial = setup.load.axial;
+        let own = &mut setup.load.introduction[self.0];
+        for (a, percent) in own.iter_mut().zip(amplitude) {
+            *a += 0.01 * percent * axial;
+        }
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        (scene.setup.geometry.introductions() <= self.0)
+            .then_some("no loaded edge of a mesh is declared to be measured (mesh.load.spread)")
+    }
+}
