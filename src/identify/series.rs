@@ -45,9 +45,9 @@ pub fn combine(
         for acts in &declared {
             for column in here.columns(acts)? {
                 let field = of_column(steps, points.len(), &column);
-                let amplitude = column.at - column.mean;
+                // amplitudes count from 0 in the fit, wherever their priors lie
                 for (left, u) in remainder.iter_mut().zip(&field) {
-                    *left = [0, 1].map(|c| left[c] - amplitude * u[c]);
+                    *left = [0, 1].map(|c| left[c] - column.at * u[c]);
                 }
                 let known = traced.and_then(|t| t.amplitudes.iter().find(|a| a.0 == column.name));
                 let prior = MeanSd {

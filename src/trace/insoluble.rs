@@ -11,7 +11,7 @@ use crate::experiment::{Direction, State, predict_with_gradient};
 use crate::infer::{Acts, Stepped};
 
 /// Effects by name, each with the reason why it is left out.
-pub type LeftOut = Vec<(&'static str, String)>;
+pub type Insoluble = Vec<(&'static str, String)>;
 
 /// Trace with some effects and, where that ends with a fault of the input, again without those that `insoluble` finds, if it finds any.
 ///
@@ -20,8 +20,8 @@ pub type LeftOut = Vec<(&'static str, String)>;
 pub fn without_insoluble<E: Clone, T>(
     effects: Vec<E>,
     name: &dyn Fn(&E) -> &'static str,
-    insoluble: &dyn Fn(&[E]) -> Result<LeftOut>,
-    trace: &dyn Fn(Vec<E>, LeftOut) -> Result<T>,
+    insoluble: &dyn Fn(&[E]) -> Result<Insoluble>,
+    trace: &dyn Fn(Vec<E>, Insoluble) -> Result<T>,
 ) -> Result<T> {
     let error = match trace(effects.clone(), Vec::new()) {
         Err(e) if e.blame() == Blame::Input => e,
@@ -41,7 +41,7 @@ impl Linearised<'_> {
     ///
     /// # Errors
     /// Those of the state's own solution.
-    pub fn insoluble(&self, at: &State, effects: &[&'static dyn Effect]) -> Result<LeftOut> {
+    pub fn insoluble(&self, at: &State, effects: &[&'static dyn Effect]) -> Result<Insoluble> {
         let here = predict_with_gradient(self.experiment, at, self.few.sight())?;
         let anchor = self.experiment.anchor(at)?;
         let about = (at, anchor.as_ref());
@@ -65,13 +65,13 @@ pub fn insoluble_in_series(
     stepped: &Stepped<'_>,
     at: &SeriesState,
     effects: &[Acts],
-) -> Result<LeftOut> {
+) -> Result<Insoluble> {
     let here = stepped.here(at)?;
     let fault = |acts: &Acts| {
         let error = here.columns(acts).err()?;
         Some((acts.effect.name(), reason(&error)))
     };
-    let mut found: LeftOut = effects.par_iter().filter_map(fault).collect();
+    let mut found: Insoluble = effects.par_iter().filter_map(fault).collect();
     found.dedup_by_key(|(name, _)| *name);
     Ok(found)
 }
