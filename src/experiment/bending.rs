@@ -92,6 +92,16 @@ impl Bending {
         shown.truncate(sight.points().len());
         shown
     }
+
+    /// What that perspective is less, mm a mm, where the camera looks about a place farther along either direction: w / Z; nothing without a
+    /// camera's distance.
+    pub fn off_axis(&self, curvature: [f64; 2], observer: &Observer) -> Vec<f64> {
+        let distance = self.camera_distance_mm.unwrap_or(f64::INFINITY);
+        let deflection = observer.displacement(&self.deflection).into_iter();
+        deflection
+            .map(|w| -(w[0] * curvature[0] + w[1] * curvature[1]) / distance)
+            .collect()
+    }
 }
 
 /// The middle of an interval.

@@ -4,12 +4,12 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::bending::Bending;
+use super::field_test::FieldTest;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::mesh_error::{MeshError, mesh_error};
-use super::subset::{Images, Subsets};
+use super::subset::Subsets;
 use super::window::{off_the_plate, widened, window_nodes};
 use super::{
     Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, Softening, State, gauged,
@@ -21,31 +21,9 @@ use crate::error::Result;
 use crate::fem::{
     Anchor, Answer, Basis, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution, View,
 };
-use crate::field::Frame;
 use crate::field::rigid::RigidMotion;
-use crate::geometry::{Density, Mesh};
-use crate::laminate::{LoadSpec, Ply, SpecimenSpec};
-
-/// Everything that determines what a field experiment predicts.
-#[derive(Debug, Clone, Serialize)]
-pub struct FieldTest {
-    pub specimen: SpecimenSpec,
-    pub load: LoadSpec,
-    /// The data's frame.
-    pub frame: Frame,
-    /// How the rigid motion of predictions is fixed.
-    pub gauge: Gauge,
-    /// Frequency of the fringes a mm of displacement, where displacements are read from fringes.
-    pub fringe_frequency_per_mm: Option<f64>,
-    /// How images are correlated, where they are.
-    pub images: Option<Images>,
-    /// Bounding box of the measured points, (s, t) mm, low and high corner.
-    pub window: [[f64; 2]; 2],
-    /// Mesh density.
-    pub density: Density,
-    /// Solve for every prediction: no reduced basis, no table of what yields, no corrections of a solution nearby.
-    pub full_order: bool,
-}
+use crate::geometry::Mesh;
+use crate::laminate::Ply;
 
 /// A meshed specimen, ready to be solved.
 pub struct FieldExperiment {
@@ -105,6 +83,16 @@ impl FieldExperiment {
         }
         let bending = Bending::new(&self.scene, &self.plate.mesh, self.test.window)?;
         Ok(self.bending.get_or_init(|| bending))
+    }
+
+    /// What a sight sees of the nominal specimen bent out of its plane.
+    fn bent<T>(&self, sight: &Sight, see: impl Fn(&Bending, &Observer) -> T) -> Result<T> {
+        let bending = self.bending()?;
+        if let Some(observer) = sight.observer() {
+            return Ok(see(bending, observer));
+        }
+        let located = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), sight);
+        Ok(see(bending, &located))
     }
 
     /// The specimen and the load as a state leaves them.
@@ -325,12 +313,25 @@ impl Experiment for FieldExperiment {
         let Some(curvature) = effect.curvature(amplitude) else {
             return Ok(in_closed_form(&self.scene, effect, amplitude, sight));
         };
-        let bending = self.bending()?;
-        if let Some(observer) = sight.observer() {
-            return Ok(bending.shown(curvature, observer, sight));
-        }
-        let located = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), sight);
-        Ok(bending.shown(curvature, &located, sight))
+        self.bent(sight, |bending, observer| {
+            bending.shown(curvature, observer, sight)
+        })
+    }
+
+    fn off_axis(
+        &self,
+        effect: &dyn Effect,
+        amplitude: &[f64],
+        sight: &Sight,
+    ) -> Result<Option<Vec<f64>>> {
+        let camera = self.scene.camera_distance_mm;
+        let Some(curvature) = effect.curvature(amplitude).filter(|_| camera.is_some()) else {
+            return Ok(None);
+        };
+        let all = self.bent(sight, |bending, observer| {
+            bending.off_axis(curvature, observer)
+        })?;
+        Ok(Some(all[..sight.points().len()].to_vec()))
     }
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {

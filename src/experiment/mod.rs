@@ -6,6 +6,7 @@
 
 mod bending;
 mod field;
+mod field_test;
 pub mod frequencies;
 mod gauge;
 mod mesh_error;
@@ -19,7 +20,8 @@ mod state;
 mod subset;
 mod window;
 
-pub use field::{FieldExperiment, FieldTest};
+pub use field::FieldExperiment;
+pub use field_test::FieldTest;
 pub use gauge::{Gauge, check as check_gauge, gauged};
 pub use mesh_error::MeshError;
 pub use mock::MockExperiment;
@@ -97,6 +99,20 @@ pub trait Experiment: Send + Sync {
         sight: &Sight,
     ) -> Result<Vec<[f64; 2]>> {
         Ok(in_closed_form(self.scene(), effect, amplitude, sight))
+    }
+
+    /// What an additive effect that bends the specimen towards the camera adds, at a sight's points without `further` ones, along each direction
+    /// in which the camera's axis lies farther from the middle of the window, mm a mm. None of another effect, or without a camera's distance.
+    ///
+    /// # Errors
+    /// Those of the mechanics.
+    fn off_axis(
+        &self,
+        _effect: &dyn Effect,
+        _amplitude: &[f64],
+        _sight: &Sight,
+    ) -> Result<Option<Vec<f64>>> {
+        Ok(None)
     }
 
     /// What changes of the stiffness add, to first order, as the camera reports it at a sight's points, mm. None without an anchor.

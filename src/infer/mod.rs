@@ -30,6 +30,7 @@ mod supplied;
 mod tabulated;
 mod tension;
 mod traced;
+mod unknown_axis;
 mod version1;
 
 pub use acts::{Acts, Amplitude};

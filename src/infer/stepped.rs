@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::column::FORCE;
 use super::{Acts, Amplitude, Column, Model, Steps};
-use crate::effect::{Effect, LOAD_SCALE, Scene, Scope, amplitude_name};
+use crate::effect::{LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::{Average, Loaded, SeriesState, Solver, report, rigid_free};
 use crate::experiment::{Experiment, Sight, Softening, State};
@@ -121,10 +121,10 @@ fn stacked(steps: &[Vec<[f64; 2]>]) -> Stack {
 
 /// The point about which a series is linearised.
 pub struct Here<'a> {
-    stepped: &'a Stepped<'a>,
+    pub(super) stepped: &'a Stepped<'a>,
     loaded: Loaded,
     anchor: Option<Anchor>,
-    at: &'a SeriesState,
+    pub(super) at: &'a SeriesState,
 }
 
 impl Here<'_> {
@@ -158,7 +158,7 @@ impl Here<'_> {
     }
 
     /// The difference quotient of two states that share this one's load displacements.
-    fn slope(&self, [high, low]: [&SeriesState; 2], over: f64, scene: &Scene) -> Stack {
+    pub(super) fn slope(&self, [high, low]: [&SeriesState; 2], over: f64, scene: &Scene) -> Stack {
         let see = |state| {
             self.stepped
                 .seen(state, &self.at.shared, &self.loaded, scene)
@@ -303,7 +303,7 @@ impl Here<'_> {
         match effect.name() {
             LENS => self.of_the_lens_center(effect, &mut columns),
             "out_of_plane_rotation" => self.of_the_axis(acts, &amplitudes, &mut columns),
-            _ => {}
+            _ => self.of_the_bent(acts, &amplitudes, &mut columns)?,
         }
         Ok(columns)
     }
@@ -316,73 +316,20 @@ impl Here<'_> {
         self.at.moved(acts.effect, weights)[k]
     }
 
-    /// A lens of no strength has no centre: then the columns are those of strength times centre, of one prior sd each. The centre's prior
-    /// lies about where it is in the state: taken back to the middle, beside a strength that is taken back to 0, it would subtract their
-    /// product twice, which under a specimen's motion is micrometres.
-    fn of_the_lens_center(&self, effect: &'static dyn Effect, columns: &mut [Column]) {
-        let strength = self.stepped.prior_sd(effect, 0);
-        for column in columns.iter_mut().skip(1) {
-            column.mean = column.at;
-        }
-        if self.at.shared.amplitude(effect)[0].abs() >= WEAK * strength {
-            return;
-        }
-        let with = |k: usize, by: f64| {
-            let mut state = self.at.clone();
-            let mut amplitude = state.shared.amplitude(effect);
-            amplitude[0] = strength;
-            amplitude[k] += by;
-            state.shared.set(effect, amplitude);
-            state
-        };
-        for (k, column) in columns.iter_mut().enumerate().skip(1) {
-            let moved = [with(k, AXIS_MM), with(k, -AXIS_MM)];
-            // a column is in units of its prior sd: of strength times centre
-            let slope = self.slope([&moved[0], &moved[1]], 2.0, self.stepped.scene());
-            column.values = slope;
-            column.product = true;
-        }
-    }
-
-    /// What a rotation does by its distance from the camera's axis, and from the origin: products with both.
-    fn of_the_axis(&self, acts: &Acts, amplitudes: &[Amplitude], columns: &mut Vec<Column>) {
-        let Ok(approach) = crate::effect::find("dictionary", "out_of_plane_translation") else {
-            return;
-        };
-        let scene = self.stepped.scene();
-        let mut product = |name: String, slope: Stack| {
-            let mut own = column(name, [0.0, 1.0], 0.0, slope);
-            own.product = true;
-            columns.push(own);
-        };
-        for amplitude in amplitudes {
-            let sd = self.stepped.prior_sd(acts.effect, amplitude.parameter);
-            let turned = self
-                .at
-                .raised(acts.effect, amplitude.parameter, sd, &amplitude.weights);
-            for axis in 0..2 {
-                let at = |by: f64| {
-                    let mut scene = scene.clone();
-                    scene.middle[axis] += by;
-                    self.slope([&turned, self.at], 1.0, &scene)
-                };
-                let slope = quotient([at(AXIS_MM), at(-AXIS_MM)], 2.0);
-                product(format!("{} x axis_{}", amplitude.name, axis + 1), slope);
-            }
-        }
-        let milli = 1e-3 * self.stepped.prior_sd(acts.effect, 0);
-        for (set, weights) in acts.weights(&self.at.loads).iter().enumerate() {
-            let raised = [1.0, -1.0].map(|sign| {
-                self.at
-                    .raised(approach, 0, sign * milli * PIVOT_MM, weights)
-            });
-            let slope = self.slope([&raised[0], &raised[1]], 2.0, scene);
-            let own = &amplitudes[set * acts.effect.parameters().len()].name;
-            let of = own
-                .split_once(" in ")
-                .map_or(String::new(), |(_, step)| format!(" in {step}"));
-            product(format!("{}.pivot{of}", acts.effect.name()), slope);
-        }
+    /// What all steps show of a field at the sight's points that grows with the load, mm under a full one.
+    pub(super) fn with_the_load(&self, field: &[[f64; 2]]) -> Stack {
+        let Stepped {
+            places,
+            counts,
+            average,
+            ..
+        } = self.stepped;
+        let average = rigid_free(places, counts, &average(field));
+        let steps = self.at.loads.iter().map(|f| {
+            let scaled = average.iter().map(|u| u.map(|u| f * u));
+            scaled.collect::<Vec<[f64; 2]>>()
+        });
+        stacked(&steps.collect::<Vec<_>>())
     }
 
     /// What changes of the stiffness do: in proportion to the load.
@@ -391,35 +338,25 @@ impl Here<'_> {
     /// Those of [`Experiment::softened`].
     pub fn softened(&self, softening: Softening<'_>) -> Result<Vec<Stack>> {
         let Stepped {
-            experiment,
-            sight,
-            places,
-            counts,
-            average,
-            ..
+            experiment, sight, ..
         } = self.stepped;
         let about = self.anchor.as_ref();
         let fields = experiment.softened(about, &self.at.shared, sight, softening)?;
-        let one = |field: &Vec<[f64; 2]>| {
-            let average = rigid_free(places, counts, &average(field));
-            let steps = self.at.loads.iter().map(|f| {
-                let scaled = average.iter().map(|u| u.map(|u| f * u));
-                scaled.collect::<Vec<[f64; 2]>>()
-            });
-            stacked(&steps.collect::<Vec<_>>())
-        };
-        Ok(fields.iter().map(one).collect())
+        Ok(fields
+            .iter()
+            .map(|field| self.with_the_load(field))
+            .collect())
     }
 }
 
-fn quotient([high, low]: [Stack; 2], over: f64) -> Stack {
+pub(super) fn quotient([high, low]: [Stack; 2], over: f64) -> Stack {
     let [a, b] = high;
     let [c, d] = low;
     [(a - c) / over, (b - d) / over]
 }
 
 /// A parameter of a prior mean and sd, with the value about which it is linearised and its slope.
-fn column(name: String, [mean, sd]: [f64; 2], at: f64, slope: Stack) -> Column {
+pub(super) fn column(name: String, [mean, sd]: [f64; 2], at: f64, slope: Stack) -> Column {
     Column {
         name,
         mean,

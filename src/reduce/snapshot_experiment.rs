@@ -202,6 +202,15 @@ impl Experiment for SnapshotExperiment {
         self.own.added(effect, amplitude, sight)
     }
 
+    fn off_axis(
+        &self,
+        effect: &dyn Effect,
+        amplitude: &[f64],
+        sight: &Sight,
+    ) -> Result<Option<Vec<f64>>> {
+        self.own.off_axis(effect, amplitude, sight)
+    }
+
     fn given(&self) -> Option<Given<'_>> {
         Some(Given {
             rows: &self.rows,

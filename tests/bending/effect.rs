@@ -186,6 +186,32 @@ fn the_camera_of_a_model_is_that_of_its_scene() {
     assert_eq!(plain.scene().camera_distance_mm, None);
 }
 
+/// Of a plate without a hole, whose deflection along the load is -curvature s^2 / 2 but for a plane, a camera that looks about a place
+/// farther by a mm sees the perspective less by w / Z.
+#[test]
+fn a_camera_off_the_middle_sees_the_deflection() {
+    let test = test(false, 120.0);
+    let at = |distance| FieldExperiment::new(test.clone(), seen_from(&test, distance)).unwrap();
+    let experiment = at(Some(500.0));
+    let points = vec![[-6.0, 2.0], [-2.0, 2.0], [2.0, 2.0]];
+    let sight = experiment.locate(&points, &[]).0;
+    let off = |amplitude: [f64; 2]| {
+        let found = experiment.off_axis(bending(), &amplitude, &sight);
+        found.unwrap().unwrap()
+    };
+    let [a, b, c] = off([0.1, 0.0])[..] else {
+        panic!("three points")
+    };
+    let second = (a - 2.0 * b + c) / 16.0;
+    assert!((second / (1e-4 / 500.0) - 1.0).abs() < 1e-4, "{second:e}");
+    assert!(off([0.0; 2]).iter().all(|share| *share == 0.0));
+    let none = at(None).off_axis(bending(), &[0.1, 0.0], &sight).unwrap();
+    assert_eq!(none, None);
+    let other = find("test", "uniform_strain").unwrap();
+    let none = experiment.off_axis(other, &[1.0; 3], &sight).unwrap();
+    assert_eq!(none, None);
+}
+
 /// What a hole changes in the default model's window: printed, and bounded to what plates with a hole of a sixth of their width do.
 #[test]
 fn a_hole_changes_the_default_field_by_some_percent() {
