@@ -3,7 +3,7 @@
 
 use super::stepped::{AXIS_MM, Here, PIVOT_MM, Stack, WEAK, column, quotient};
 use super::{Acts, Amplitude, Column};
-use crate::effect::Effect;
+use crate::effect::{Effect, find};
 use crate::error::Result;
 
 impl Here<'_> {
@@ -42,7 +42,7 @@ impl Here<'_> {
         amplitudes: &[Amplitude],
         columns: &mut Vec<Column>,
     ) {
-        let Ok(approach) = crate::effect::find("dictionary", "out_of_plane_translation") else {
+        let Ok(approach) = find("dictionary", "out_of_plane_translation") else {
             return;
         };
         let scene = self.stepped.scene();
@@ -77,8 +77,9 @@ impl Here<'_> {
         }
     }
 
-    /// What a specimen that bends out of its plane shows where the camera's axis is not in the middle of the window: products of its
-    /// curvatures with both distances.
+    /// What a specimen that bends out of its plane shows beside its curvature's own field: products of its curvatures with the distances of
+    /// the camera's axis from the middle of the window, and how far the window as a whole is lifted towards the camera, which is how the
+    /// specimen is held and not a cause of its own.
     ///
     /// # Errors
     /// Those of [`crate::experiment::Experiment::off_axis`].
@@ -109,6 +110,12 @@ impl Here<'_> {
                 columns.push(product(name, self.with_the_load(&field)));
             }
         }
+        let approach = find("dictionary", "out_of_plane_translation")?;
+        let sd = self.stepped.prior_sd(approach, 0);
+        let lifted = [sd, -sd].map(|by| self.at.raised(approach, 0, by, &self.at.loads));
+        let scene = self.stepped.scene();
+        let slope = self.slope([&lifted[0], &lifted[1]], 2.0, scene);
+        columns.push(product(format!("{}.lift", effect.name()), slope));
         Ok(())
     }
 }
