@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::load::{OnEdge, dot, turned};
+use super::edge::{OnEdge, dot, turned};
 use crate::geometry::{Boundary, EdgeForce, INTRODUCTIONS, Mesh};
 
 /// Tractions on each of these edges.

@@ -1,8 +1,8 @@
 //! Tractions on named edges and the load vectors they give.
 
-use super::element::GAUSS;
+use super::edge::{OnEdge, dot, turned};
 use super::introduction::{Introduction, TRACTIONS};
-use crate::geometry::{Boundary, Edge, EdgeForce, HIGH, INTRODUCTIONS, LOW, Mesh};
+use crate::geometry::{Boundary, EdgeForce, HIGH, INTRODUCTIONS, LOW, Mesh};
 
 /// Self-equilibrated tractions on the edges `low` and `high`. Stress resultants a length of edge, with t' measured from the plate's
 /// centreline, s' from its mid-length, and W the width:
@@ -133,11 +133,6 @@ impl Mesh {
         forces
     }
 
-    /// The pieces of the edges that a force acts on.
-    pub(super) fn pieces(&self, force: &EdgeForce) -> impl Iterator<Item = &Edge> {
-        force.edges.iter().flat_map(|name| self.edge(name))
-    }
-
     /// Length, middle and second moment of the edges that a force acts on, measured along a direction.
     fn section(&self, force: &EdgeForce, across: [f64; 2]) -> Section {
         let points: Vec<OnEdge> = self.pieces(force).flat_map(|e| self.gauss(e)).collect();
@@ -153,22 +148,6 @@ impl Mesh {
             middle,
             inertia: inertia.sum(),
         }
-    }
-
-    /// Points of the quadrature on a piece of an edge.
-    pub(super) fn gauss(&self, edge: &Edge) -> [OnEdge; 3] {
-        let [a, m, b] = edge.map(|n| self.nodes[n as usize]);
-        GAUSS.map(|(x, weight)| {
-            let shape = [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)];
-            let along = [0, 1].map(|k| (x - 0.5) * a[k] - 2.0 * x * m[k] + (x + 0.5) * b[k]);
-            let length = along[0].hypot(along[1]);
-            OnEdge {
-                shape,
-                point: [0, 1].map(|k| shape[0] * a[k] + shape[1] * m[k] + shape[2] * b[k]),
-                normal: [along[1] / length, -along[0] / length],
-                length: weight * length,
-            }
-        })
     }
 
     /// Consistent nodal forces (N, two an entry of `nodes`) of a traction on named edges: `traction(point, outward unit
@@ -193,30 +172,10 @@ impl Mesh {
     }
 }
 
-/// A point of the quadrature on an edge.
-pub(super) struct OnEdge {
-    /// Shape functions of the edge's three nodes.
-    pub shape: [f64; 3],
-    pub point: [f64; 2],
-    /// Outward unit normal.
-    normal: [f64; 2],
-    /// Length that it stands for, mm.
-    pub length: f64,
-}
-
 /// What a force is spread over.
 struct Section {
     length: f64,
     middle: [f64; 2],
     /// Second moment across the force, mm^3.
     inertia: f64,
-}
-
-pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
-/// A vector turned by a quarter, from direction 1 to direction 2.
-pub(super) fn turned([a, b]: [f64; 2]) -> [f64; 2] {
-    [-b, a]
 }

@@ -7,6 +7,7 @@ mod basis;
 mod bending;
 mod beyond;
 mod columns;
+mod edge;
 pub mod element;
 mod greedy;
 mod initial_stress;
