@@ -7,6 +7,7 @@ use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Locator, Plate, Setup};
 use plychain::geometry::imported::{ImportedPlate, Kind, MeshSpec, Part};
 use plychain::geometry::{Density, Mesh};
+use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
 use serde_json::json;
 
@@ -14,7 +15,7 @@ use super::exact::{rectangle, sheet};
 use super::model::Model;
 use super::writers::{inp, msh41};
 use crate::loops::looped;
-use crate::program::{changed, fresh, identify, root};
+use crate::program::{changed, fresh, identify, posterior, root, succeed};
 
 const PLY: Ply = Ply {
     e1: 140e3,
@@ -336,4 +337,63 @@ fn a_mesh_that_is_too_coarse_is_warned_of() {
     };
     assert!(warned(1.0));
     assert!(!warned(2.0));
+}
+
+/// The steel example as T6 of Gmsh and of Abaqus: the posterior of the built-in strip.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_clamped_strip_as_a_mesh_gives_its_posterior() {
+    let file = changed("steel-s235.json", |m| {
+        let e = &mut m["experiments"][0];
+        e["gauge"] = "window".into();
+        e["effects"] = json!(["rigid_translation", "rigid_rotation"]);
+        e["measurement"]["loading_axis"] = "y".into();
+    });
+    let out = fresh("simulated");
+    succeed(&[
+        "simulate",
+        &file,
+        "--grid",
+        "81",
+        "--noise-nm",
+        "300",
+        "--set",
+        "E_GPa=207",
+        "--set",
+        "nu=0.29",
+        "--seed",
+        "7",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    let text = std::fs::read_to_string(out.join("model.json")).unwrap();
+    let own: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let strip = ModelFile::load(&out.join("model.json")).unwrap();
+    let geometry = strip.scene().setup.geometry;
+    let mesh = geometry.mesh(&geometry.counts(Density::DEFAULT));
+    let triangles = exported(&mesh, true);
+    let expected = identify(out.join("model.json").to_str().unwrap(), &[]);
+    for (name, text) in [
+        ("steel.msh", msh41(&triangles, true)),
+        ("steel.inp", inp(&triangles).into_bytes()),
+    ] {
+        let path = fresh(name);
+        std::fs::write(&path, text).unwrap();
+        let mut meshed = own.clone();
+        let e = &mut meshed["experiments"][0];
+        e["specimen"] = json!({ "thickness_mm": { "mean": 3.05, "sd": 0.0 } });
+        e["mesh"] = json!({ "file": path, "load": { "edge": "high", "direction": [0, 1] }, "supports": [{ "edge": "low" }] });
+        let model = out.join(format!("{name}.json"));
+        std::fs::write(&model, meshed.to_string()).unwrap();
+        let round = identify(model.to_str().unwrap(), &[]);
+        for constant in ["E_GPa", "nu"] {
+            let ((own, sd), (mean, _)) =
+                (posterior(&expected, constant), posterior(&round, constant));
+            println!(
+                "{name} {constant}: {mean:.5}, built in {own:.5} +- {sd:.5}, {:+.4} sd",
+                (mean - own) / sd
+            );
+            assert!((mean - own).abs() < 0.05 * sd, "{name} {constant}");
+        }
+    }
 }
