@@ -20,16 +20,12 @@ impl Effect for LoadIntroduction {
                     Parameter::new("along_p2_percent", 100.0, 1000.0),
                     Parameter::new("along_p3_percent", 100.0, 1000.0),
                     Parameter::new("along_p4_percent", 100.0, 1000.0),
-                    Parameter::new("along_p5_percent", 100.0, 1000.0),
-                    Parameter::new("along_p6_percent", 100.0, 1000.0),
                     Parameter::new("across_p1_percent", 50.0, 1000.0),
                     Parameter::new("across_p2_percent", 50.0, 1000.0),
                     Parameter::new("across_p3_percent", 50.0, 1000.0),
-                    Parameter::new("across_p4_percent", 50.0, 1000.0),
-                    Parameter::new("across_p5_percent", 50.0, 1000.0),
                 ]
             },
-            about: "Over the first or second loaded edge that is declared \"measured\" the force is spread as the field has it: Legendre polynomials of the place on the edge, up to the sixth, in percent of the mean traction, along the force and across it, without a resultant.",
+            about: "Over the first or second loaded edge that is declared \"measured\" the force is spread as the field has it: Legendre polynomials of the place on the edge, in percent of the mean traction, along the force and across it, without a resultant.",
             confirm: "Put pressure-sensitive film between grip and specimen, or bring the window nearer to the edge.",
         }
     }

@@ -1,8 +1,8 @@
 //! How a force enters through an edge where that is not known: tractions without a resultant, by which its distribution differs from the
 //! declared one.
 //!
-//! With x the position on the edge, -1 to 1 along its longer side, these are the Legendre polynomials P2 to P6 of x along the force and
-//! P1 to P5 across it, less the part that moves or turns the edge as a whole: what is left of a resultant is the force, and the effects
+//! With x the position on the edge, -1 to 1 along its longer side, these are the Legendre polynomials P2, P3, P4 of x along the force and
+//! P1, P2, P3 across it, less the part that moves or turns the edge as a whole: what is left of a resultant is the force, and the effects
 //! that lean or shift it. Away from the edge the k-th has died out after about 1 / k of its length (Saint-Venant).
 
 use nalgebra::{Matrix3, Vector3};
@@ -11,10 +11,7 @@ use super::edge::{OnEdge, dot, turned};
 use crate::geometry::{Boundary, EdgeForce, INTRODUCTIONS, Mesh};
 
 /// Tractions on each of these edges.
-pub const TRACTIONS: usize = 2 * ALONG;
-
-/// Those along the force, and as many across it.
-const ALONG: usize = 5;
+pub const TRACTIONS: usize = 6;
 
 /// Amplitudes on each such edge: the resultant, N, of a uniform traction as large as the unit of each.
 pub type Introduction = [[f64; TRACTIONS]; INTRODUCTIONS];
@@ -101,13 +98,15 @@ impl<'a> Line<'a> {
         let longer = usize::from(along > across);
         let [low, high] = self.ranges[longer];
         let x = (2.0 * dot(p, self.axes[longer]) - low - high) / (high - low);
-        let shapes = legendre(x);
-        let sum = |shapes: &[f64], amplitudes: &[f64]| {
+        let [p1, p2, p3, p4] = legendre(x);
+        let sum = |shapes: [f64; 3], amplitudes: &[f64]| {
             let pairs = shapes.iter().zip(amplitudes);
             pairs.map(|(p, a)| p * a).sum::<f64>() / self.length
         };
-        let (along, across) = amplitudes.split_at(ALONG);
-        [sum(&shapes, across), sum(&shapes[1..], along)]
+        [
+            sum([p1, p2, p3], &amplitudes[3..]),
+            sum([p2, p3, p4], &amplitudes[..3]),
+        ]
     }
 
     /// The tractions at every point, along (direction 1, direction 2), N/mm.
@@ -139,15 +138,13 @@ impl<'a> Line<'a> {
     }
 }
 
-/// P1 to P6, by Bonnet's recursion.
-fn legendre(x: f64) -> [f64; ALONG + 1] {
-    let mut shapes = [x; ALONG + 1];
-    let mut before = 1.0;
-    for k in 1..shapes.len() {
-        let n = k as f64;
-        let next = ((2.0 * n + 1.0) * x * shapes[k - 1] - n * before) / (n + 1.0);
-        before = shapes[k - 1];
-        shapes[k] = next;
-    }
-    shapes
+/// P1 to P4.
+fn legendre(x: f64) -> [f64; 4] {
+    let square = x * x;
+    [
+        x,
+        0.5 * (3.0 * square - 1.0),
+        0.5 * x * (5.0 * square - 3.0),
+        0.125 * ((35.0 * square - 30.0) * square + 3.0),
+    ]
 }

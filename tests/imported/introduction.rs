@@ -48,8 +48,8 @@ fn tractions_that_are_not_known_have_no_resultant_on_any_edge() {
     ];
     for shape in shapes {
         let mesh = mesh_of(&grid(Kind::T6, [12, 6], false, &shape), both());
-        assert_eq!(mesh.load_parts(), 23);
-        for part in 3..23 {
+        assert_eq!(mesh.load_parts(), 15);
+        for part in 3..15 {
             let forces = mesh.end_forces(&EndLoad::unit(part));
             let size: f64 = forces.iter().map(|f| f.abs()).sum();
             assert!(size > 0.1, "{part}");
@@ -69,19 +69,22 @@ fn tractions_that_are_not_known_have_no_resultant_on_any_edge() {
 #[test]
 fn they_are_legendre_polynomials_of_the_place_on_a_straight_edge() {
     let mesh = mesh_of(&sheet(Kind::Q8, [24, 12], SIZE), both());
-    // by Rodrigues' formula: 2^-n sum of C(n, k)^2 (x - 1)^(n - k) (x + 1)^k
-    let legendre = |n: i32, x: f64| {
-        let mut choose = 1.0_f64;
-        let mut sum = 0.0;
-        for k in 0..=n {
-            sum += choose * choose * (x - 1.0).powi(n - k) * (x + 1.0).powi(k);
-            choose *= f64::from(n - k) / f64::from(k + 1);
+    // by Bonnet's recursion
+    let legendre = |degree: usize, x: f64| {
+        let mut pair = [1.0, x];
+        for n in 1..degree {
+            let n = n as f64;
+            pair = [
+                pair[1],
+                ((2.0 * n + 1.0) * x * pair[1] - n * pair[0]) / (n + 1.0),
+            ];
         }
-        sum / 2.0_f64.powi(n)
+        pair[1]
     };
-    let along = (2..=6).map(|degree| (degree, 0));
-    let across = (1..=5).map(|degree| (degree, 1));
-    for (k, (degree, axis)) in along.chain(across).enumerate() {
+    for (k, (degree, axis)) in [(2, 0), (3, 0), (4, 0), (1, 1), (2, 1), (3, 1)]
+        .into_iter()
+        .enumerate()
+    {
         // the second edge is pulled towards -x, and the axis across it points towards -y
         for (edge, sign) in [("u1", 1.0), ("u0", -1.0)] {
             let expected = mesh.edge_forces(&[edge], &|p, _| {
@@ -90,12 +93,11 @@ fn they_are_legendre_polynomials_of_the_place_on_a_straight_edge() {
                 traction[axis] = sign * legendre(degree, x) / SIZE[1];
                 traction
             });
-            let part = 3 + k + if edge == "u1" { 0 } else { 10 };
+            let part = 3 + k + if edge == "u1" { 0 } else { 6 };
             let own = mesh.end_forces(&EndLoad::unit(part));
             let off = own.iter().zip(&expected).map(|(a, b)| (a - b).abs());
             let off = off.fold(0.0, f64::max);
-            // three points a piece integrate the resultant of the sixth to 2e-7 of it, and that is taken out
-            assert!(off < 1e-7, "{edge} {k}: {off:e}");
+            assert!(off < 1e-14, "{edge} {k}: {off:e}");
         }
     }
 }
@@ -113,8 +115,8 @@ fn the_reduced_basis_answers_for_any_distribution() {
     .unwrap();
     let with = |shift: f64| {
         let acting = [
-            "load_introduction_1=80,-30,20,15,-10,5,9,-8,7,3",
-            "load_introduction_2=-40,10,0,-12,7,3,1,-2,4,2",
+            "load_introduction_1=80,-30,20,15,-10,5",
+            "load_introduction_2=-40,10,0,-12,7,3",
         ]
         .map(|text| {
             let mut acting = Acting::parse("test", text).unwrap();
@@ -181,7 +183,7 @@ fn only_a_measured_edge_has_an_unknown_introduction() {
         names,
         ["rigid_translation", "rigid_rotation", "load_introduction_1"]
     );
-    assert!(read.file.reduced_model.count() > 800);
+    assert!(read.file.reduced_model.count() > 400);
     let part = part(
         "swapped.msh",
         &msh41(&sheet(Kind::Q8, [8, 4], SIZE), false),
