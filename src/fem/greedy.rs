@@ -16,8 +16,8 @@ use crate::laminate::Membrane;
 /// A basis is grown until all that it is made for stays below this share of the tolerance, so that what lies between does too.
 const MARGIN: f64 = 0.3;
 
-/// Solutions in a basis, at most.
-const MOST: usize = 60;
+/// Solutions in a basis, at most, for each load that it is made for.
+const MOST: usize = 20;
 
 impl Basis {
     /// Grow a basis until it answers all queries, which share the mesh, within the tolerance, or has grown as large as pays.
@@ -31,7 +31,8 @@ impl Basis {
             return Err(not_one());
         }
         let mut growing = Growing::new(plate, mesh, shape, queries)?;
-        while growing.basis.size() < MOST {
+        let most = MOST * growing.loads.len();
+        while growing.basis.size() < most {
             let relative = |q: &Query| {
                 let answer = growing.basis.answer(q);
                 answer.map_or(f64::INFINITY, |a| a.relative())

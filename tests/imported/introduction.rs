@@ -241,9 +241,12 @@ fn the_spread_of_a_force_over_a_cut_is_measured() {
         println!("{}", ended.line());
         ended
     });
-    assert_eq!(measured.status, Status::NothingMissing);
+    // what six polynomials leave, some nanometres beside the line, is seen and counted as a discrepancy
     assert_eq!(measured.held(), 4);
+    assert!(measured.effects.is_empty(), "{}", measured.line());
     assert_eq!(uniform.status, Status::Unexplained);
+    let widths: Vec<(f64, f64)> = measured.widths().zip(uniform.widths()).collect();
+    assert!(widths.iter().all(|(a, b)| a < b), "{widths:?}");
 }
 
 /// A grip that is moved by a screw, with a load cell that was not read: one step of an unknown force. Ratios are measured.
