@@ -253,7 +253,7 @@ fn lines_of(
         let style = match first.part {
             MeshPart::Element => GRID.stroke_width(1),
             MeshPart::Boundary => INK.stroke_width(1),
-            MeshPart::Joint => PRIOR.stroke_width(2),
+            MeshPart::Joint => INK.stroke_width(2),
             MeshPart::Edge => colour(names, &first.name).stroke_width(3),
             MeshPart::Force => INK.stroke_width(2),
             MeshPart::Held => {
@@ -309,7 +309,7 @@ fn legend(area: &Area<'_>, points: &[MeshPoint], names: &[&str], left: i32) -> R
         line(format!("{name}{acts}"), colour(names, name))?;
     }
     for (part, words, colour) in [
-        (MeshPart::Joint, "border of a region", PRIOR),
+        (MeshPart::Joint, "border of a region", INK),
         (MeshPart::On, "measured point", PRIOR),
         (MeshPart::Off, "measured, off the mesh", TRUTH),
     ] {
