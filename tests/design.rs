@@ -8,7 +8,7 @@ use plychain::validate::design::{
 };
 use serde_json::Value;
 
-use crate::program::{coarse, fresh, identify, plychain, posterior, succeed};
+use crate::program::{coarse, fresh, identify, plychain, posterior, simulated, succeed};
 
 fn model() -> Model {
     Model::load(std::path::Path::new(&coarse())).unwrap()
@@ -41,28 +41,12 @@ fn a_field_says_what_design_says_it_would() {
         .iter()
         .find(|h| h.parameter == "magnification.percent")
         .unwrap();
-    let simulated = |effect: &str| {
-        let out = fresh("field").display().to_string();
-        let coarse = coarse();
-        let mut arguments = vec![
-            "simulate",
-            &coarse,
-            "--grid",
-            "61",
-            "--noise-nm",
-            "40",
-            "--seed",
-            "3",
-            "--out",
-            &out,
-        ];
-        if !effect.is_empty() {
-            arguments.extend(["--effect", effect]);
-        }
-        succeed(&arguments);
-        identify(&format!("{out}/model.json"), &[])
+    let identified = |effect: &str| {
+        let arguments = format!("--grid 61 --noise-nm 40 --seed 3 {effect}");
+        let folder = simulated(&coarse(), &arguments);
+        identify(folder.join("model.json").to_str().unwrap(), &[])
     };
-    let (plain, scaled) = (simulated(""), simulated("magnification=0.05"));
+    let (plain, scaled) = (identified(""), identified("--effect magnification=0.05"));
     for (k, (name, prior)) in model.constants().iter().zip(model.marginals()).enumerate() {
         let (before, sd) = posterior(&plain, name);
         let ratio = sds[k] * prior.sd / sd;

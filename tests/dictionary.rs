@@ -146,23 +146,12 @@ fn the_dictionary_of_a_model_has_its_sizes_and_obstacles() {
 
 /// One file of a simulated measurement, as numbers.
 fn simulated(effects: &[&str], file: &str) -> Vec<f64> {
-    let out = fresh("data").display().to_string();
-    let model = coarse();
-    let mut arguments = vec![
-        "simulate",
-        &model,
-        "--grid",
-        "41",
-        "--noise-nm",
-        "0",
-        "--out",
-        &out,
-    ];
+    let mut arguments = String::from("--grid 41 --noise-nm 0");
     for effect in effects {
-        arguments.extend(["--effect", effect]);
+        arguments += &format!(" --effect {effect}");
     }
-    succeed(&arguments);
-    std::fs::read_to_string(std::path::Path::new(&out).join(file))
+    let folder = crate::program::simulated(&coarse(), &arguments);
+    std::fs::read_to_string(folder.join(file))
         .unwrap()
         .split_whitespace()
         .map(|v| v.parse().unwrap())

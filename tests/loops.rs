@@ -25,6 +25,8 @@ pub struct Ended {
     pub effects: Vec<String>,
     pub alias_groups: Vec<Vec<String>>,
     pub vetoes: Vec<String>,
+    /// Why the account is not unique.
+    pub reasons: Vec<String>,
     /// Constants in order; the quoted intervals.
     quoted: Vec<Interval>,
     pub truth: Vec<f64>,
@@ -122,6 +124,12 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
         effects: closed.conclusion.effects.clone(),
         alias_groups: closed.conclusion.alias_groups.clone(),
         vetoes: closed.conclusion.vetoes.clone(),
+        reasons: closed
+            .conclusion
+            .suspect
+            .iter()
+            .flat_map(|s| s.reasons.clone())
+            .collect(),
         quoted: closed.quoted().into_values().collect(),
         truth: truth.to_vec(),
         held_out: [sure.len(), sure.iter().filter(|g| g.predicts).count()],

@@ -49,11 +49,13 @@ fn with(name: &str, amplitude: &[f64]) -> Setup {
 }
 
 /// Mechanical effects that can act on a laminate.
+/// Those that can act on a laminate with a hole.
 fn mechanical() -> impl Iterator<Item = &'static dyn Effect> {
+    let scene = scene(&small_test());
     EFFECTS
         .iter()
         .copied()
-        .filter(|e| e.kind() == Kind::Mechanical && e.name() != "yielding")
+        .filter(move |e| e.kind() == Kind::Mechanical && e.obstacle(&scene).is_none())
 }
 
 fn solve(plate: &Plate, setup: &Setup, points: &[[f64; 2]]) -> Field {

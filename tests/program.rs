@@ -67,6 +67,15 @@ pub fn succeed(arguments: &[&str]) -> String {
     text
 }
 
+/// The folder of what `simulate` makes of a model with these arguments.
+pub fn simulated(model: &str, arguments: &str) -> PathBuf {
+    let out = fresh("simulated");
+    let mut all = vec!["simulate", model, "--out", out.to_str().unwrap()];
+    all.extend(arguments.split_whitespace());
+    succeed(&all);
+    out
+}
+
 /// A model file of the repository.
 pub fn model(name: &str) -> String {
     root().join("models").join(name).display().to_string()

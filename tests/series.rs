@@ -5,9 +5,12 @@ mod real;
 
 use std::path::PathBuf;
 
+use nalgebra::DVector;
 use plychain::experiment::series::Law;
-use plychain::infer::Model;
-use plychain::trace::Status;
+use plychain::identify::prepare;
+use plychain::infer::{Column, Model, divide};
+use plychain::progress::Silent;
+use plychain::trace::{Status, attribute};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -15,7 +18,9 @@ use crate::dic::cases::{Kind, campaign, case};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
 use crate::dic::ordinary::{ORDINARY, Ordinary, ordinary};
 use crate::loops::{Ended, looped};
-use crate::program::{changed, fresh, identify, posterior, set_coarse, shared, succeed};
+use crate::program::{
+    changed, fresh, identify, posterior, set_coarse, shared, simulated, workplace,
+};
 
 /// A series' loop with what acted in it.
 struct Judged {
@@ -80,6 +85,34 @@ fn laws_go_over_the_steps_as_they_say() {
     assert!((seated[2] - 1.0 / 1.05).abs() < 1e-15 && seated[3] == 0.0);
     assert_eq!(of(Law::Free).len(), 4);
     assert_eq!(of(Law::Free)[1], [0.0, 1.0, 0.0, 0.0]);
+}
+
+/// A centre that was solved for times the lens' strength is that product over the strength; of a lens that is none it stays.
+#[test]
+fn a_centre_is_its_product_over_the_strength() {
+    let column = |sd: f64, product: bool| Column {
+        name: String::new(),
+        mean: 0.0,
+        sd,
+        at: 0.0,
+        positive: false,
+        product,
+        values: [0, 1].map(|_| DVector::zeros(0)),
+    };
+    let columns = [column(0.3, false), column(6.0, true), column(6.0, true)];
+    let divided = |mut solution: [f64; 3]| {
+        divide(&columns, &mut solution);
+        solution
+    };
+    // strength 0.1 and centre (4.5, -7.5): products with a third of the usual strength
+    let found = divided([0.1, 1.5, -2.5]);
+    assert!((found[1] - 4.5).abs() < 1e-12 && (found[2] + 7.5).abs() < 1e-12);
+    assert_eq!(divided([-0.1, 9.0, 0.0])[1], -18.0);
+    assert_eq!(divided([0.0, 0.0, 0.0]), [0.0; 3]);
+    // a centre that was solved for itself
+    let mut own = [0.1, 4.0];
+    divide(&[column(0.3, false), column(6.0, false)], &mut own);
+    assert_eq!(own, [0.1, 4.0]);
 }
 
 /// A model of a folder of reference data, as its analyst would declare it.
@@ -289,8 +322,8 @@ fn a_series_tells_effects_apart_that_one_step_groups() {
     assert!(alone[0] > alone[1]);
 }
 
-/// A field of the default test as image correlation has it, closed; and what acted in it.
-fn single(what: Ordinary, seed: u64) -> Judged {
+/// A field of the default test as image correlation has it, and what acted in it.
+fn written(what: Ordinary, seed: u64) -> (Model, Truth) {
     let series = ordinary(what, 10.0, 100 + seed);
     let folder = fresh(&format!("ordinary-{what:?}-{seed}"));
     let truth = series.write(&series.observed(), &folder);
@@ -298,6 +331,12 @@ fn single(what: Ordinary, seed: u64) -> Judged {
     let mut model: Value = serde_json::from_str(&text).unwrap();
     set_coarse(&mut model);
     let model = Model::parse(&model.to_string(), &folder.join(SINGLE)).unwrap();
+    (model, truth)
+}
+
+/// Its loop.
+fn single(what: Ordinary, seed: u64) -> Judged {
+    let (model, truth) = written(what, seed);
     let constants: Vec<f64> = truth.constants.iter().map(|(_, x)| *x).collect();
     Judged {
         ended: looped(&format!("{what:?} {seed}"), &model, &constants),
@@ -319,6 +358,24 @@ fn a_turned_specimen_is_not_taken_for_a_strained_one() {
     );
     assert!(!judged.is_wrong(), "{}", judged.ended.line());
     assert_eq!(judged.ended.held(), 4, "{}", judged.ended.line());
+}
+
+/// A lens is called for before anything else, wherever its centre is: of no strength it has none, and the first pass has to tell both.
+#[test]
+fn a_lens_off_the_middle_is_the_first_suspect() {
+    for seed in 0..3 {
+        let (model, truth) = written(Ordinary::Lens, seed);
+        let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+        let start = model.state(&|_| None);
+        let (tracing, _) = attribute(&model, &prepared, start, &|_| true, &Silent).unwrap();
+        let group = &tracing.groups[0];
+        assert_eq!(group.leader, "lens_distortion", "{seed}");
+        let mut candidates = tracing.candidates.iter();
+        let found = candidates.find(|c| c.effect.name() == group.leader);
+        let (_, strength, _) = found.unwrap().amplitude[0];
+        let (_, acts) = truth.effects[0].amplitudes[0];
+        assert!((strength - acts).abs() < 0.1 * acts.abs(), "{strength}");
+    }
 }
 
 /// Single fields with what is ordinary in image correlation: the last step alone, as most users measure. `PLYCHAIN_ONLY=Turned` runs those
@@ -355,22 +412,8 @@ fn simulated_steps(forces: &str, diameter_mm: f64) -> PathBuf {
         set_coarse(model);
         model["experiments"][0]["specimen"]["hole"]["diameter_mm"] = diameter_mm.into();
     });
-    let out = fresh("steps");
-    let folder = out.display().to_string();
-    let arguments = [
-        "simulate",
-        &model,
-        "--steps",
-        forces,
-        "--grid",
-        "41",
-        "--noise-nm",
-        "20",
-        "--out",
-        &folder,
-    ];
-    succeed(&arguments);
-    out
+    let arguments = format!("--steps {forces} --grid 41 --noise-nm 20");
+    simulated(&model, &arguments)
 }
 
 /// Without a force ratios are measured whatever the priors' common factor is, and it is said.

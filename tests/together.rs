@@ -14,21 +14,17 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde_json::Value;
 
-use crate::program::{changed, fresh, plychain, posterior, set_coarse, succeed};
+use crate::program::{changed, fresh, plychain, posterior, set_coarse, simulated, succeed};
 
 const MODEL: &str = "openhole-and-plate.json";
 const NAMES: [&str; 4] = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
 const TRUTH: [f64; 4] = [162.0, 7.58, 0.34, 4.41];
 
 /// The model of both experiments on a coarse mesh with measurements simulated of it, in a folder of their own.
-fn simulated(effect: &[&str], seed: &str) -> String {
+fn both(arguments: &str) -> String {
     let model = changed(MODEL, set_coarse);
-    let out = fresh("both").display().to_string();
-    let mut arguments = vec!["simulate", &model, "--grid", "61", "--noise-nm", "10"];
-    arguments.extend(["--seed", seed, "--out", &out]);
-    arguments.extend(effect);
-    succeed(&arguments);
-    format!("{out}/model.json")
+    let folder = simulated(&model, &format!("--grid 61 --noise-nm 10 {arguments}"));
+    folder.join("model.json").display().to_string()
 }
 
 fn report(folder: &str) -> Value {
@@ -184,7 +180,7 @@ fn what_an_experiment_says_is_its_likelihood() {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn passing_on_moments_gives_the_joint_posterior() {
-    let file = simulated(&[], "3");
+    let file = both("--seed 3");
     let out = fresh("joint").display().to_string();
     succeed(&["identify", &file, "--quiet", "--out", &out]);
     let found = report(&out);
@@ -253,7 +249,7 @@ fn passing_on_moments_gives_the_joint_posterior() {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn a_loop_over_both_names_the_scale_that_they_disagree_about() {
-    let file = simulated(&["--effect", "magnification=0.5"], "1");
+    let file = both("--seed 1 --effect magnification=0.5");
     let out = fresh("loop").display().to_string();
     succeed(&["loop", &file, "--quiet", "--out", &out]);
     let found = report(&out);

@@ -5,7 +5,7 @@ use plychain::trace::Status;
 use serde_json::json;
 
 use crate::loops::looped;
-use crate::program::{changed, fresh, succeed};
+use crate::program::{changed, simulated};
 
 const TRUTH: [f64; 2] = [207.0, 0.29];
 
@@ -22,13 +22,8 @@ fn strained(effect: &str) -> std::path::PathBuf {
         e["effects"] = json!(["rigid_translation", "rigid_rotation"]);
         e["measurement"]["image_correlation"] = json!({ "subset_mm": 1.5 });
     });
-    let out = fresh("unseen");
-    let folder = out.display().to_string();
-    let mut arguments = vec!["simulate", &model, "--grid", "31", "--noise-nm", "300"];
-    arguments.extend(["--set", "E_GPa=207", "--set", "nu=0.29", "--seed", "3"]);
-    arguments.extend(["--effect", effect, "--out", &folder]);
-    succeed(&arguments);
-    out
+    let arguments = "--grid 31 --noise-nm 300 --set E_GPa=207 --set nu=0.29 --seed 3 --effect";
+    simulated(&model, &format!("{arguments} {effect}"))
 }
 
 /// In a uniform strain a change of temperature is a change of E and nu, and no residual says which: what can be seen there does not make

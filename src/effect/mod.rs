@@ -43,6 +43,7 @@ use crate::geometry::Change;
 use crate::laminate::{Material, Ply};
 
 pub use load_introduction::NAMES as LOAD_INTRODUCTIONS;
+pub use optics::displacements_are_imaged;
 pub use seen::Seen;
 pub use yielding::{NAME as YIELDING, YIELD_PERCENT};
 

@@ -25,7 +25,7 @@ pub use field_test::FieldTest;
 pub use gauge::{Gauge, check as check_gauge, gauged};
 pub use mesh_error::MeshError;
 pub use mock::MockExperiment;
-pub use sensitivity::{Direction, beyond_the_axis, sensitivity};
+pub use sensitivity::{Direction, between, beyond_the_axis, sensitivity};
 pub use sight::Sight;
 pub use spec::{ExperimentKind, ExperimentSpec, check_name};
 pub use state::State;

@@ -83,14 +83,21 @@ fn optical(
     step: f64,
 ) -> Vec<[f64; 2]> {
     let states = [step, -step].map(|by| direction.moved(at, by));
-    let [high, low] = states
-        .each_ref()
-        .map(|state| reported(experiment, (at, here), sight, state, experiment.scene()));
-    gauged(
-        experiment.gauge(),
-        sight,
-        &quotient([&high, &low], 2.0 * step),
-    )
+    between(experiment, (at, here), sight, states.each_ref(), 2.0 * step)
+}
+
+/// What the camera shows more of one state than of another, mm at the sight's points over `over`, where both differ by optical effects alone
+/// from the state `at` that `here` is the prediction of.
+pub fn between(
+    experiment: &dyn Experiment,
+    (at, here): (&State, &Prediction),
+    sight: &Sight,
+    states: [&State; 2],
+    over: f64,
+) -> Vec<[f64; 2]> {
+    let [high, low] =
+        states.map(|state| reported(experiment, (at, here), sight, state, experiment.scene()));
+    gauged(experiment.gauge(), sight, &quotient([&high, &low], over))
 }
 
 /// (a - b) / `over`.

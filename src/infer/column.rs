@@ -20,10 +20,32 @@ pub struct Column {
     pub at: f64,
     /// Whether the parameter cannot be negative.
     pub positive: bool,
-    /// Whether it is a product of an amplitude with what is not known of the camera, which has no size of its own.
+    /// Whether it is a product of an amplitude with what is not known of the camera, or of a lens' strength with its centre, which has no size
+    /// of its own.
     pub product: bool,
     /// Change of the values of (u1, u2) for one prior sd, mm.
     pub values: [DVector<f64>; 2],
+}
+
+/// A place that was solved for as a product is taken at most so many prior sds from where it was.
+const FARTHEST: f64 = 3.0;
+
+/// Turn a linear solution for an effect's `columns` into amplitudes, border units: what was solved for as a product with the first of them,
+/// the centre of a lens, is divided by that.
+pub fn divide(columns: &[Column], solution: &mut [f64]) {
+    let Some(by) = solution.first().map(|strength| columns[0].sd / strength) else {
+        return;
+    };
+    let products = columns.iter().zip(solution).skip(1);
+    for (column, value) in products.filter(|(c, _)| c.product) {
+        let moved = column.at + by * (*value - column.at);
+        let reach = FARTHEST * column.sd;
+        *value = if moved.is_nan() {
+            column.at
+        } else {
+            moved.clamp(-reach, reach)
+        };
+    }
 }
 
 impl Column {

@@ -34,7 +34,7 @@ mod unknown_axis;
 mod version1;
 
 pub use acts::{Acts, Amplitude};
-pub use column::Column;
+pub use column::{Column, divide};
 pub use density::LogDensity;
 pub use disturbed::Disturbed;
 pub use joint::{Joint, Member};

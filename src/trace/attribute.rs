@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::experiment::State;
 use crate::field::Field;
 use crate::identify::{Prepared, is_clear};
-use crate::infer::Model;
+use crate::infer::{Model, divide};
 use crate::progress::Progress;
 
 /// Passes of linearisation, each with the strongest effect at its estimate: linearising at several new effects at once oscillated on a
@@ -211,14 +211,18 @@ fn adopt(state: &mut State, evidence: &Evidence, leader: usize, before: Option<u
         .map(|&k| subsets.layout.ranges[k].len())
         .sum::<usize>();
     let candidate = &sensitivities.candidates[leader];
+    let columns = &candidate.columns[..candidate.effect.parameters().len()];
+    let wanted = columns.iter().enumerate();
+    let mut wanted: Vec<f64> = wanted
+        .map(|(j, column)| column.mean + column.sd * mean[at + j])
+        .collect();
+    divide(columns, &mut wanted);
     let mut moved = 0.0_f64;
-    let amplitude = candidate
-        .columns
+    let amplitude = columns
         .iter()
         .zip(candidate.effect.parameters())
-        .enumerate()
-        .map(|(j, (column, parameter))| {
-            let wanted = column.mean + column.sd * mean[at + j];
+        .zip(wanted)
+        .map(|((column, parameter), wanted)| {
             let kept = wanted.clamp(-0.9 * parameter.bound, 0.9 * parameter.bound);
             moved = moved.max((kept - column.at).abs() / column.sd);
             kept

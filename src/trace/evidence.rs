@@ -14,7 +14,6 @@ use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
 use crate::error::Result;
 use crate::experiment::series::Law;
-use crate::infer::LENS;
 use crate::noise::series::Frames;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -153,14 +152,13 @@ impl Evidence {
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
         let mut suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?;
-        for g in named
-            .iter()
-            .filter(|g| g.probability > ACCEPT && !self.acceptable(g, &candidates))
-        {
-            suspect.reasons.push(format!(
-                "{} is called for and cannot be accepted",
-                g.members.join(" or ")
-            ));
+        for g in named.iter().filter(|g| g.probability > ACCEPT) {
+            if let Some(why) = self.objection(g, &candidates) {
+                suspect.reasons.push(format!(
+                    "{} is called for and cannot be accepted: {why}",
+                    g.members.join(" or ")
+                ));
+            }
         }
         Ok(Tracing {
             candidates,
@@ -294,12 +292,31 @@ impl Evidence {
     }
 
     fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
-        let doubtful = self.subsets.discrepancy > DOUBT;
+        group.probability > ACCEPT && self.objection(group, candidates).is_none()
+    }
+
+    /// What forbids to accept a group that is probable enough, in words.
+    fn objection(&self, group: &Named, candidates: &[Found]) -> Option<String> {
         let found = self.of(candidates, group.leader, group.laws.first().copied());
-        group.probability > ACCEPT
-            && group.predicts
-            && found.is_some_and(|f| f.multiple < LARGEST_MULTIPLE && !f.is_impossible())
-            && (!doubtful || group.log_bayes_factor > DOUBT_LOG_BAYES_FACTOR)
+        let Some(found) = found.filter(|f| f.multiple.is_finite()) else {
+            return Some("its size is not determined".into());
+        };
+        let leader = group.leader;
+        if !group.predicts {
+            return Some(format!("{leader} does not predict what was held out"));
+        }
+        if found.multiple >= LARGEST_MULTIPLE {
+            let times = found.multiple;
+            return Some(format!(
+                "{leader} would be {times:.1} times its plausible size (where it can be as large, say so under \"plausible\")"
+            ));
+        }
+        if found.is_impossible() {
+            return Some(format!("{leader} would have a sign that it cannot have"));
+        }
+        let doubtful = self.subsets.discrepancy > DOUBT;
+        (doubtful && group.log_bayes_factor <= DOUBT_LOG_BAYES_FACTOR)
+            .then(|| "structure that no effect explains might be its cause".into())
     }
 
     fn ranked(&self, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Vec<Found> {
@@ -343,9 +360,8 @@ impl Evidence {
                 (c.name.clone(), c.mean + c.sd * mean[at + j], sd)
             })
             .collect();
-        if candidate.effect.name() == LENS {
-            lens_center(&candidate.columns, &mut amplitude);
-        }
+        let own = candidate.effect.parameters().len();
+        undo_products(&candidate.columns, &mut amplitude[..own]);
         // products with what is not known of the camera have no size of their own
         let multiple = candidate
             .columns
@@ -400,7 +416,7 @@ impl Evidence {
 }
 
 /// The centre of a lens from the products of its strength with it, for which it was solved where it is weak.
-fn lens_center(columns: &[Column], amplitude: &mut [(String, f64, f64)]) {
+fn undo_products(columns: &[Column], amplitude: &mut [(String, f64, f64)]) {
     let Some((strength, center)) = amplitude.split_first_mut() else {
         return;
     };

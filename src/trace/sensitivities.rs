@@ -246,6 +246,7 @@ impl Linearised<'_> {
         let base = columns.by_ref().take(declared).collect();
         let candidate = |&effect: &&'static dyn Effect| -> Result<Candidate> {
             let mut own: Vec<Column> = columns.by_ref().take(effect.parameters().len()).collect();
+            self.of_the_lens_center((at, &here), effect, &mut own);
             own.extend(self.of_the_axis(about, &here, effect)?);
             Ok(Candidate {
                 effect,

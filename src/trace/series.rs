@@ -22,12 +22,9 @@ use crate::experiment::State;
 use crate::experiment::series::SeriesState;
 use crate::field::Blocks;
 use crate::identify::{Prepared, is_clear};
-use crate::infer::{AXIS_MM, Acts, LENS, Model, Stepped, Steps, TracedSeries, WEAK};
+use crate::infer::{Acts, Model, Stepped, Steps, TracedSeries, divide};
 use crate::noise::series::Frames;
 use crate::progress::Progress;
-
-/// A lens whose centre lies farther from the middle of the picture, three of its prior sds, is no finding of one.
-const FARTHEST_MM: f64 = 3.0 * AXIS_MM;
 
 /// Passes of linearisation, each with the strongest effect at its estimate.
 const PASSES: usize = 4;
@@ -267,15 +264,7 @@ impl Traced<'_> {
         let columns = candidate.columns.iter().take(amplitudes.len());
         let columns = columns.enumerate();
         let mut wanted: Vec<f64> = columns.map(|(k, c)| c.mean + c.sd * mean[at + k]).collect();
-        let strength = &candidate.columns[0];
-        if acts.effect.name() == LENS && strength.at.abs() < WEAK * strength.sd {
-            // what was solved for is strength times centre
-            let by = strength.sd / wanted[0];
-            for (center, column) in wanted.iter_mut().zip(&candidate.columns).skip(1) {
-                let moved = column.at + by * (*center - column.at);
-                *center = moved.clamp(-FARTHEST_MM, FARTHEST_MM);
-            }
-        }
+        divide(&candidate.columns, &mut wanted);
         let mut moved = 0.0_f64;
         for (k, amplitude) in amplitudes.iter().enumerate() {
             let column = &candidate.columns[k];

@@ -75,7 +75,7 @@ fn disc(radius: f64, rings: usize, sectors: usize, loaded: usize) -> Model {
 }
 
 /// Strains (e11, e22, 2 e12) at points.
-fn strains(setup: &Setup, ply: &Ply, points: &[[f64; 2]]) -> Vec<[f64; 3]> {
+pub fn strains(setup: &Setup, ply: &Ply, points: &[[f64; 2]]) -> Vec<[f64; 3]> {
     let plate = Plate::new(setup, Density::DEFAULT).unwrap();
     let solution = plate.solve(setup, ply).unwrap();
     let (observer, inside) = Locator::new(&solution.mesh).observe(points);

@@ -15,16 +15,14 @@ use super::plate::{difference, part, swap};
 use super::regions::{PLY, along_x, sheet, stack, still};
 use super::writers::msh41;
 use crate::loops::looped;
-use crate::program::{changed, fresh, model, plychain, succeed};
+use crate::program::{changed, fresh, model, plychain, simulated};
 
 const SIZE: [f64; 2] = [60.0, 25.0];
 
-const TRUTH: [(&str, f64); 4] = [
-    ("E1_GPa", 150.0),
-    ("E2_GPa", 8.1),
-    ("nu12", 0.32),
-    ("G12_GPa", 4.8),
-];
+/// E1, E2 (GPa), nu12 and G12 (GPa) of what is simulated.
+const TRUTH: [f64; 4] = [150.0, 8.1, 0.32, 4.8];
+const SIMULATED: &str = "--grid 81 --noise-nm 20 --seed 5 \
+     --set E1_GPa=150 --set E2_GPa=8.1 --set nu12=0.32 --set G12_GPa=4.8";
 
 /// A sheet along x whose ends are pulled; both distributions are unknown.
 fn both() -> Value {
@@ -225,19 +223,12 @@ fn the_spread_of_a_force_over_a_cut_is_measured() {
             experiment["window_mm"] = json!([[-15, -12], [12, 12]]);
         })
     };
-    let out = fresh("simulated");
-    let set = TRUTH.map(|(name, value)| format!("{name}={value}"));
-    let simulated = with(&files[0], "half", "traction", &out);
-    let mut arguments = vec!["simulate", &simulated, "--grid", "81", "--noise-nm", "20"];
-    arguments.extend(["--seed", "5", "--out", out.to_str().unwrap()]);
-    for pair in &set {
-        arguments.extend(["--set", pair]);
-    }
-    succeed(&arguments);
+    let whole = with(&files[0], "half", "traction", Path::new("none"));
+    let out = simulated(&whole, SIMULATED);
     let [measured, uniform] = ["measured", "traction"].map(|spread| {
         let file = with(&files[1], "u1", spread, &out);
         let model = ModelFile::load(file.as_ref()).unwrap();
-        let ended = looped(spread, &model, &TRUTH.map(|(_, value)| value));
+        let ended = looped(spread, &model, &TRUTH);
         println!("{}", ended.line());
         ended
     });
@@ -266,28 +257,7 @@ fn a_prescribed_displacement_without_its_reaction_measures_ratios() {
             change(experiment);
         })
     };
-    let out = fresh("simulated");
-    let simulated = model(&|_| {});
-    succeed(&[
-        "simulate",
-        &simulated,
-        "--grid",
-        "81",
-        "--noise-nm",
-        "20",
-        "--seed",
-        "5",
-        "--set",
-        "E1_GPa=150",
-        "--set",
-        "E2_GPa=8.1",
-        "--set",
-        "nu12=0.32",
-        "--set",
-        "G12_GPa=4.8",
-        "--out",
-        out.to_str().unwrap(),
-    ]);
+    let out = simulated(&model(&|_| {}), SIMULATED);
     let unknown = model(&|e| {
         e.as_object_mut().unwrap().remove("load");
         e["measurement"].as_object_mut().unwrap().remove("dir");

@@ -15,7 +15,7 @@ use super::exact::{rectangle, sheet};
 use super::model::Model;
 use super::writers::{inp, msh41};
 use crate::loops::looped;
-use crate::program::{changed, fresh, identify, posterior, root, succeed};
+use crate::program::{changed, fresh, identify, posterior, root, simulated};
 
 const PLY: Ply = Ply {
     e1: 140e3,
@@ -349,23 +349,10 @@ fn the_clamped_strip_as_a_mesh_gives_its_posterior() {
         e["effects"] = json!(["rigid_translation", "rigid_rotation"]);
         e["measurement"]["loading_axis"] = "y".into();
     });
-    let out = fresh("simulated");
-    succeed(&[
-        "simulate",
+    let out = simulated(
         &file,
-        "--grid",
-        "81",
-        "--noise-nm",
-        "300",
-        "--set",
-        "E_GPa=207",
-        "--set",
-        "nu=0.29",
-        "--seed",
-        "7",
-        "--out",
-        out.to_str().unwrap(),
-    ]);
+        "--grid 81 --noise-nm 300 --set E_GPa=207 --set nu=0.29 --seed 7",
+    );
     let text = std::fs::read_to_string(out.join("model.json")).unwrap();
     let own: serde_json::Value = serde_json::from_str(&text).unwrap();
     let strip = ModelFile::load(&out.join("model.json")).unwrap();

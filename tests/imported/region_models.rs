@@ -16,7 +16,7 @@ use super::plate::{difference, exported, part, pulled, specimen, swap};
 use super::regions::{PLY, along_x, sheet, stack, still, tension};
 use super::writers::{msh22, msh41};
 use crate::loops::looped;
-use crate::program::{changed, coarse, fresh, plychain, succeed};
+use crate::program::{changed, coarse, fresh, plychain, simulated};
 
 /// A strip with a hole as Q8 elements; what lies beyond 7 mm from the hole along the load, on either side, is a region.
 fn holed() -> Model {
@@ -339,37 +339,13 @@ fn the_loop_of_a_specimen_with_two_regions_closes() {
         experiment["measurement"]["loading_axis"] = json!("x");
         experiment["window_mm"] = json!([[-12, -12], [12, 12]]);
     });
-    let truth = [
-        ("E1_GPa", 150.0),
-        ("E2_GPa", 8.1),
-        ("nu12", 0.32),
-        ("G12_GPa", 4.8),
-    ];
-    let out = fresh("simulated");
-    let mut arguments = vec![
-        "simulate",
+    let out = simulated(
         &file,
-        "--grid",
-        "81",
-        "--noise-nm",
-        "20",
-        "--seed",
-        "5",
-        "--effect",
-        "load_misalignment=1",
-        "--out",
-        out.to_str().unwrap(),
-    ];
-    let set: Vec<String> = truth
-        .iter()
-        .map(|(name, value)| format!("{name}={value}"))
-        .collect();
-    for pair in &set {
-        arguments.extend(["--set", pair]);
-    }
-    succeed(&arguments);
+        "--grid 81 --noise-nm 20 --seed 5 --effect load_misalignment=1 \
+         --set E1_GPa=150 --set E2_GPa=8.1 --set nu12=0.32 --set G12_GPa=4.8",
+    );
     let model = ModelFile::load(&out.join("model.json")).unwrap();
-    let ended = looped("two regions", &model, &truth.map(|(_, value)| value));
+    let ended = looped("two regions", &model, &[150.0, 8.1, 0.32, 4.8]);
     println!("{}", ended.line());
     assert_eq!(ended.status, Status::Closed, "{}", ended.line());
     assert!(ended.names("load_misalignment"), "{}", ended.line());

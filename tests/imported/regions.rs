@@ -12,6 +12,7 @@ use plychain::geometry::imported::{ImportedPlate, Kind};
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec, abd};
 use serde_json::{Value, json};
 
+use super::exact::strains;
 use super::model::{KINDS, Model, grid};
 use super::plate::{difference, part, swap};
 use super::writers::{inp, msh41};
@@ -97,17 +98,6 @@ fn solved(setup: &Setup, ply: &Ply, density: f64) -> Vec<[f64; 2]> {
 pub fn still(plate: &Plate, nodal: &[f64]) -> Vec<[f64; 2]> {
     let u: Vec<[f64; 2]> = nodal.chunks(2).map(|u| [u[0], u[1]]).collect();
     without_rigid_motion(&plate.mesh.nodes, &u)
-}
-
-/// Strains (e11, e22, 2 e12) at points.
-fn strains(setup: &Setup, ply: &Ply, points: &[[f64; 2]]) -> Vec<[f64; 3]> {
-    let plate = Plate::new(setup, Density::DEFAULT).unwrap();
-    let solution = plate.solve(setup, ply).unwrap();
-    let (observer, inside) = Locator::new(&solution.mesh).observe(points);
-    assert!(inside.iter().all(|x| *x));
-    let gradients = observer.gradient(&solution.nodal);
-    let of = |g: &[[f64; 2]; 2]| [g[0][0], g[1][1], g[0][1] + g[1][0]];
-    gradients.iter().map(of).collect()
 }
 
 fn radians(angles_deg: &[f64]) -> Vec<f64> {

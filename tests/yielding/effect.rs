@@ -12,7 +12,7 @@ use plychain::infer::Model;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
 use serde_json::{Value, json};
 
-use crate::program::{changed, fresh, identify, model, plychain, succeed};
+use crate::program::{changed, fresh, identify, model, plychain, simulated, succeed};
 use crate::tracing::traced;
 
 /// The steel strip without its clamp, over a window about the hole, on a coarse mesh.
@@ -93,23 +93,9 @@ fn yielding_needs_a_metal_with_a_yield_stress() {
 #[test]
 fn simulated_yielding_is_the_plates_own() {
     let file = free_strip(&|_| ());
-    let out = |effect: &[&str]| -> Vec<f64> {
-        let out = fresh("data").display().to_string();
-        let mut arguments = vec![
-            "simulate",
-            &file,
-            "--grid",
-            "21",
-            "--noise-nm",
-            "0",
-            "--out",
-            &out,
-        ];
-        for e in effect {
-            arguments.extend(["--effect", e]);
-        }
-        succeed(&arguments);
-        let text = std::fs::read_to_string(Path::new(&out).join("U.txt")).unwrap();
+    let out = |effect: &str| -> Vec<f64> {
+        let out = simulated(&file, &format!("--grid 21 --noise-nm 0 {effect}"));
+        let text = std::fs::read_to_string(out.join("U.txt")).unwrap();
         text.split_whitespace()
             .map(|v| v.parse().unwrap())
             .collect()
@@ -118,14 +104,14 @@ fn simulated_yielding_is_the_plates_own() {
         let pairs = a.iter().zip(b).filter(|(a, _)| !a.is_nan());
         pairs.fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()))
     };
-    let plain = out(&[]);
-    assert_eq!(largest(&plain, &out(&["yielding=0,10,20"])), 0.0);
-    let yields = out(&["yielding=1,0,0"]);
+    let plain = out("");
+    assert_eq!(largest(&plain, &out("--effect yielding=0,10,20")), 0.0);
+    let yields = out("--effect yielding=1,0,0");
     // um
     let size = largest(&plain, &yields);
     assert!(size > 0.05, "{size}");
-    assert!(largest(&plain, &out(&["yielding=1,-20,0"])) > 1.5 * size);
-    let half = largest(&plain, &out(&["yielding=0.5,0,0"]));
+    assert!(largest(&plain, &out("--effect yielding=1,-20,0")) > 1.5 * size);
+    let half = largest(&plain, &out("--effect yielding=0.5,0,0"));
     assert!((half / size - 0.5).abs() < 1e-3);
 }
 

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
 use crate::experiment::{State, predict};
 use crate::identify::Prepared;
-use crate::infer::{Acts, Column, LENS, Model, Stepped, WEAK};
+use crate::infer::{Acts, Column, Model, Stepped};
 use crate::reduce::THICKNESS;
 use crate::trace::account::{About, Account};
 use crate::trace::sensitivities::Few;
@@ -193,28 +193,13 @@ impl<'a> Full<'a> {
             let place = move |c: &Column| of(acts, &c.name).unwrap_or(Place::None);
             candidate.columns.iter().map(move |c| (c, place(c)))
         });
-        let mut all: Vec<(&Column, Place)> = base.chain(own).collect();
-        if matches!(self.account.about, About::Series { .. }) {
-            without_weak_centers(&mut all);
-        }
-        all
-    }
-}
-
-/// The columns of the centre of a lens that is as good as none are those of its product with the strength, in a series.
-fn without_weak_centers(all: &mut [(&Column, Place)]) {
-    let is_lens = |place: &Place, of: &dyn Fn(usize) -> bool| match place {
-        Place::Amplitude(effect, k, _) => effect.name() == LENS && of(*k),
-        _ => false,
-    };
-    let strength = all.iter().find(|(_, place)| is_lens(place, &|k| k == 0));
-    if strength.is_some_and(|(column, _)| column.at.abs() < WEAK * column.sd) {
-        for (_, place) in all
-            .iter_mut()
-            .filter(|(_, place)| is_lens(place, &|k| k > 0))
-        {
-            *place = Place::None;
-        }
+        let all = base.chain(own);
+        // a product is no amplitude of its own
+        all.map(|(column, place)| match column.product {
+            true => (column, Place::None),
+            false => (column, place),
+        })
+        .collect()
     }
 }
 
