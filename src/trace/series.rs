@@ -2,8 +2,7 @@
 //!
 //! Whole loops over 57 series that the tests simulate (`tests/dic`: camera, subsets and noise of their own; nulls, single effects, pairs,
 //! many small ones, smooth noise, culprits of no dictionary) gave one wrong name (a decentred lens, which is in no dictionary, as a tilted
-//! camera), and the quoted 95 % intervals held 170 of 176 constants;
-//! of the five series of an independent program 16 of 16.
+//! camera), and the quoted 95 % intervals held 171 of 176 constants; of the five series of an independent program 16 of 16.
 
 use std::sync::Arc;
 
