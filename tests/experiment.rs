@@ -7,8 +7,8 @@ use plychain::effect::{Acting, EFFECTS, Kind, LOAD_SCALE};
 use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
-    Direction, Experiment, FieldExperiment, Gauge, MockExperiment, Sight, Softening, State, gauged,
-    load_response, predict, predict_with_gradient, sensitivity,
+    Direction, FieldExperiment, FieldSolver, Gauge, Mechanics, MockExperiment, Places, Sight,
+    Softening, State, gauged, load_response, predict, predict_with_gradient, sensitivity,
 };
 use plychain::fem::Bump;
 use plychain::field::matrices::write_matrices;
@@ -23,7 +23,7 @@ const CONSTANTS: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
 
 type Field = Vec<[f64; 2]>;
 
-fn experiments() -> Vec<Arc<dyn Experiment>> {
+fn experiments() -> Vec<Arc<dyn FieldSolver>> {
     let test = small_test();
     let scene = scene(&test);
     vec![

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::{inverse_problem, prepare};
 use plychain::infer::{
-    Joint, Known, Marginal, Member, Model, Moments, RingingModel, Tension, laplace,
+    FrequenciesModel, Joint, Known, Marginal, Member, Model, Moments, Tension, laplace,
 };
 use plychain::progress::Silent;
 use plychain::sample::{Ensemble, Quiet, Schedule, Start, run};
@@ -192,8 +192,8 @@ fn passing_on_moments_gives_the_joint_posterior() {
         .unwrap()
         .posterior;
     let names: Vec<String> = NAMES.map(String::from).to_vec();
-    let ringing = RingingModel::beside(&model).unwrap();
-    let plates = ringing.ringings().unwrap().into_iter();
+    let ringing = FrequenciesModel::beside(&model).unwrap();
+    let plates = ringing.plates().unwrap().into_iter();
     let mut members: Vec<Member> = plates
         .map(|r| Member {
             name: r.spec.name.clone(),

@@ -11,7 +11,7 @@ use super::file::Verb;
 use super::sweep;
 use crate::error::{Error, Result};
 use crate::files::{self, Keyed, parse_json};
-use crate::infer::{Model, RingingModel};
+use crate::infer::{FrequenciesModel, Model};
 use crate::report::manifest::hashes;
 
 /// The schema of `plan.json`.
@@ -197,7 +197,7 @@ fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
 /// SHA-256 of a model file and of the data that it is run with, all checked as far as they are before a run.
 fn inputs(path: PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
     let mut files = Vec::new();
-    if RingingModel::load(&path)?.is_none() {
+    if FrequenciesModel::load(&path)?.is_none() {
         files = Model::load_with(&path, data)?.measurement_files()?;
     } else if let Some(data) = data {
         return Err(Error::input("data", "a model of a field")

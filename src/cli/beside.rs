@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::console::Console;
-use super::ringing;
+use super::frequencies;
 use super::running::Plan;
 use crate::chain::read_zarr;
 use crate::error::Result;
@@ -24,7 +24,7 @@ pub fn identified(plan: &mut Plan, console: &Console) -> Result<Option<Beside>> 
     let mut model = plan.model.clone();
     let found = identify::beside(&mut model, [&frequencies, &field], console)?;
     if let Some(beside) = &found {
-        ringing::write(&beside.model, &beside.found, &place(FREQUENCIES))?;
+        frequencies::write(&beside.model, &beside.found, &place(FREQUENCIES))?;
     }
     plan.model = model;
     Ok(found)

@@ -8,7 +8,7 @@ use super::console::Console;
 use super::{DEFAULT_MODEL, print};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::infer::{Marginal, Model, RingingModel};
+use crate::infer::{FrequenciesModel, Marginal, Model};
 use crate::laminate::{Material, MeanSd};
 use crate::progress::Progress;
 use crate::report::design::{Constants, DesignReport};
@@ -56,7 +56,7 @@ struct Declared {
 }
 
 fn load(path: &Path) -> Result<Declared> {
-    if let Some(model) = RingingModel::load(path)? {
+    if let Some(model) = FrequenciesModel::load(path)? {
         let plate = &model.file.experiments[0].specimen;
         return Ok(Declared {
             name: model.file.name.clone(),

@@ -7,7 +7,7 @@ use clap::Args;
 use super::console::Console;
 use super::folder::Folder;
 use super::running::Running;
-use super::{Global, beside, print, ringing};
+use super::{Global, beside, frequencies, print};
 use crate::chain::write_csv;
 use crate::error::Result;
 use crate::identify::{self, Beside, Identification};
@@ -31,7 +31,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
     if let Some(model) = running.plates()? {
-        return ringing::run(&model, running, global, console);
+        return frequencies::run(&model, running, global, console);
     }
     let mut plan = running.plan(global)?;
     let beside = beside::identified(&mut plan, console)?;

@@ -14,7 +14,7 @@ use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::files::hex;
 use crate::identify::{Options, settle_force};
-use crate::infer::{Model, RingingModel};
+use crate::infer::{FrequenciesModel, Model};
 use crate::report::manifest::hashes;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 use crate::signals::on_termination;
@@ -71,8 +71,8 @@ pub struct Plan<M = Model> {
 
 impl Running {
     /// The model, if its experiments are the frequencies of plates.
-    pub fn plates(&self) -> Result<Option<RingingModel>> {
-        RingingModel::load(&self.model)
+    pub fn plates(&self) -> Result<Option<FrequenciesModel>> {
+        FrequenciesModel::load(&self.model)
     }
 
     /// Everything that can be refused is refused here.
@@ -87,7 +87,7 @@ impl Running {
     }
 
     /// The same of plates, which have no finite elements and no files of data.
-    pub fn plan_of_plates(&self, model: &RingingModel, global: &Global) -> Result<Plan<()>> {
+    pub fn plan_of_plates(&self, model: &FrequenciesModel, global: &Global) -> Result<Plan<()>> {
         if let Some(data) = &self.data {
             return Err(
                 Error::input(format!("--data {}", data.display()), "a model of a field")

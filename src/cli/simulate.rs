@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
 use crate::field::{READERS, Reader, Source};
-use crate::infer::{Model, RingingModel};
+use crate::infer::{FrequenciesModel, Model};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -87,7 +87,7 @@ fn effects_help() -> String {
 }
 
 pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
-    if let Some(plates) = RingingModel::load(&arguments.model)? {
+    if let Some(plates) = FrequenciesModel::load(&arguments.model)? {
         return frequencies::run(arguments, &plates, global.seed);
     }
     let mut model = Model::load(&arguments.model)?;

@@ -9,11 +9,12 @@ use super::bending::Bending;
 use super::field_test::FieldTest;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::mesh_error::{MeshError, mesh_error};
+use super::solver::in_closed_form;
 use super::subset::Subsets;
 use super::window::{off_the_plate, widened, window_nodes};
 use super::{
-    Experiment, Look, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Sight, Softening, State, gauged,
-    in_closed_form,
+    Look, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places, Sight, Softening, Spanning,
+    State, gauged,
 };
 use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
@@ -224,7 +225,7 @@ impl FieldExperiment {
     }
 }
 
-impl Experiment for FieldExperiment {
+impl Mechanics for FieldExperiment {
     fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -236,65 +237,6 @@ impl Experiment for FieldExperiment {
     fn motion(&self) -> RigidMotion {
         let images = self.test.images.as_ref();
         images.map_or(RigidMotion::NONE, |i| i.motion)
-    }
-
-    fn window(&self) -> [[f64; 2]; 2] {
-        self.test.window
-    }
-
-    fn serialisation(&self) -> serde_json::Value {
-        let scene = &self.scene;
-        let shape = format!("{:?}", scene.setup.geometry);
-        serde_json::json!([self.test, shape, scene.material, scene.setup.yield_stress])
-    }
-
-    fn mesh_size(&self) -> [usize; 2] {
-        [self.plate.mesh.elements.len(), self.plate.mesh.unknowns()]
-    }
-
-    fn support(&self) -> &Sight {
-        &self.support
-    }
-
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
-        let mut nodal = vec![0.0; self.plate.mesh.unknowns()];
-        for (&node, u) in self.nodes.iter().zip(at_support) {
-            nodal[2 * node as usize] = u[0];
-            nodal[2 * node as usize + 1] = u[1];
-        }
-        match sight.observer() {
-            Some(observer) => observer.displacement(&nodal),
-            None => self
-                .observer(&self.plate.mesh, &Seen::new(&[], &self.scene), sight)
-                .displacement(&nodal),
-        }
-    }
-
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
-        let locator = Locator::new(&self.plate.mesh);
-        let mut inside = self.on_specimen(&locator, &[points, further].concat());
-        let on_plate = |points: &[[f64; 2]], inside: &[bool]| -> Vec<[f64; 2]> {
-            let kept = points.iter().zip(inside).filter(|(_, inside)| **inside);
-            kept.map(|(p, _)| *p).collect()
-        };
-        let further = on_plate(further, &inside[points.len()..]);
-        inside.truncate(points.len());
-        let sight = Sight::anywhere(&on_plate(points, &inside), &further);
-        let sight = if self.subsets().is_some() {
-            sight.correlated()
-        } else {
-            sight
-        };
-        let observer = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), &sight);
-        (sight.with_observer(observer), inside)
-    }
-
-    fn sight(&self, points: &[[f64; 2]]) -> Sight {
-        let sight = Sight::anywhere(points, &[]);
-        match self.subsets() {
-            Some(_) => sight.correlated(),
-            None => sight,
-        }
     }
 
     fn shows(&self, state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>> {
@@ -388,6 +330,69 @@ impl Experiment for FieldExperiment {
     fn mesh_error(&self, state: &State) -> Result<Option<MeshError>> {
         let over = (self.test.window, self.test.density);
         mesh_error(&self.plate, &self.tested(state)?, over)
+    }
+}
+
+impl Places for FieldExperiment {
+    fn window(&self) -> [[f64; 2]; 2] {
+        self.test.window
+    }
+
+    fn support(&self) -> &Sight {
+        &self.support
+    }
+
+    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+        let mut nodal = vec![0.0; self.plate.mesh.unknowns()];
+        for (&node, u) in self.nodes.iter().zip(at_support) {
+            nodal[2 * node as usize] = u[0];
+            nodal[2 * node as usize + 1] = u[1];
+        }
+        match sight.observer() {
+            Some(observer) => observer.displacement(&nodal),
+            None => self
+                .observer(&self.plate.mesh, &Seen::new(&[], &self.scene), sight)
+                .displacement(&nodal),
+        }
+    }
+
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
+        let locator = Locator::new(&self.plate.mesh);
+        let mut inside = self.on_specimen(&locator, &[points, further].concat());
+        let on_plate = |points: &[[f64; 2]], inside: &[bool]| -> Vec<[f64; 2]> {
+            let kept = points.iter().zip(inside).filter(|(_, inside)| **inside);
+            kept.map(|(p, _)| *p).collect()
+        };
+        let further = on_plate(further, &inside[points.len()..]);
+        inside.truncate(points.len());
+        let sight = Sight::anywhere(&on_plate(points, &inside), &further);
+        let sight = if self.subsets().is_some() {
+            sight.correlated()
+        } else {
+            sight
+        };
+        let observer = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), &sight);
+        (sight.with_observer(observer), inside)
+    }
+
+    fn sight(&self, points: &[[f64; 2]]) -> Sight {
+        let sight = Sight::anywhere(points, &[]);
+        match self.subsets() {
+            Some(_) => sight.correlated(),
+            None => sight,
+        }
+    }
+}
+
+impl Spanning for FieldExperiment {
+    fn serialisation(&self) -> serde_json::Value {
+        let scene = &self.scene;
+        let shape = format!("{:?}", scene.setup.geometry);
+        serde_json::json!([self.test, shape, scene.material, scene.setup.yield_stress])
+    }
+
+    fn mesh_size(&self) -> [usize; 2] {
+        [self.plate.mesh.elements.len(), self.plate.mesh.unknowns()]
     }
 
     fn span(&self, states: &[State]) -> Result<()> {

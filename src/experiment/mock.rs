@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::{Experiment, Gauge, Look, Sight, State};
+use super::{Gauge, Look, Mechanics, Places, Sight, Spanning, State};
 use crate::effect::{Scene, Seen};
 use crate::error::Result;
 use crate::geometry::HOLE;
@@ -54,54 +54,13 @@ impl MockExperiment {
     }
 }
 
-impl Experiment for MockExperiment {
+impl Mechanics for MockExperiment {
     fn scene(&self) -> &Scene {
         &self.scene
     }
 
     fn gauge(&self) -> Gauge {
         self.gauge
-    }
-
-    fn window(&self) -> [[f64; 2]; 2] {
-        self.window
-    }
-
-    fn serialisation(&self) -> serde_json::Value {
-        let setup = format!("{:?}", self.scene.setup);
-        serde_json::json!(["mock", setup, self.scene.material, self.gauge, self.window])
-    }
-
-    fn mesh_size(&self) -> [usize; 2] {
-        [0, 0]
-    }
-
-    fn support(&self) -> &Sight {
-        &self.support
-    }
-
-    /// The quadratic through the values at the support, by least squares.
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
-        let mut gram = SMatrix::<f64, 6, 6>::zeros();
-        let mut right = SMatrix::<f64, 6, 2>::zeros();
-        for (&p, u) in self.support.points().iter().zip(at_support) {
-            let row = quadratic(p);
-            gram += row * row.transpose();
-            right += row * SMatrix::<f64, 1, 2>::from_row_slice(u);
-        }
-        let Some(factor) = gram.cholesky() else {
-            return vec![[0.0; 2]; sight.all().len()];
-        };
-        let fit = factor.solve(&right);
-        let value = |&p: &[f64; 2]| {
-            let u = fit.tr_mul(&quadratic(p));
-            [u[0], u[1]]
-        };
-        sight.all().iter().map(value).collect()
-    }
-
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
-        (Sight::anywhere(points, further), vec![true; points.len()])
     }
 
     fn shows(&self, _state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>> {
@@ -140,6 +99,51 @@ impl Experiment for MockExperiment {
             loaded,
             gradient,
         })
+    }
+}
+
+impl Places for MockExperiment {
+    fn window(&self) -> [[f64; 2]; 2] {
+        self.window
+    }
+
+    fn support(&self) -> &Sight {
+        &self.support
+    }
+
+    /// The quadratic through the values at the support, by least squares.
+    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+        let mut gram = SMatrix::<f64, 6, 6>::zeros();
+        let mut right = SMatrix::<f64, 6, 2>::zeros();
+        for (&p, u) in self.support.points().iter().zip(at_support) {
+            let row = quadratic(p);
+            gram += row * row.transpose();
+            right += row * SMatrix::<f64, 1, 2>::from_row_slice(u);
+        }
+        let Some(factor) = gram.cholesky() else {
+            return vec![[0.0; 2]; sight.all().len()];
+        };
+        let fit = factor.solve(&right);
+        let value = |&p: &[f64; 2]| {
+            let u = fit.tr_mul(&quadratic(p));
+            [u[0], u[1]]
+        };
+        sight.all().iter().map(value).collect()
+    }
+
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
+        (Sight::anywhere(points, further), vec![true; points.len()])
+    }
+}
+
+impl Spanning for MockExperiment {
+    fn serialisation(&self) -> serde_json::Value {
+        let setup = format!("{:?}", self.scene.setup);
+        serde_json::json!(["mock", setup, self.scene.material, self.gauge, self.window])
+    }
+
+    fn mesh_size(&self) -> [usize; 2] {
+        [0, 0]
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a change of one parameter does to a predicted field.
 
-use super::{Experiment, Look, Prediction, Sight, State, gauged, load_response, predict_near};
+use super::{FieldSolver, Look, Prediction, Sight, State, gauged, load_response, predict_near};
 use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Seen};
 use crate::error::Result;
 use crate::fem::Anchor;
@@ -38,7 +38,7 @@ impl Direction {
 /// # Errors
 /// Those of a prediction.
 pub fn sensitivity(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     (at, about): (&State, Option<&Anchor>),
     here: &Prediction,
     sight: &Sight,
@@ -75,7 +75,7 @@ pub fn sensitivity(
 
 /// What an optical effect changes: the field's gradient moves the displacement with the true points, and the camera reports both anew.
 fn optical(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     at: &State,
     here: &Prediction,
     sight: &Sight,
@@ -89,7 +89,7 @@ fn optical(
 /// What the camera shows more of one state than of another, mm at the sight's points over `over`, where both differ by optical effects alone
 /// from the state `at` that `here` is the prediction of.
 pub fn between(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     (at, here): (&State, &Prediction),
     sight: &Sight,
     states: [&State; 2],
@@ -110,7 +110,7 @@ fn quotient([a, b]: [&[[f64; 2]]; 2], over: f64) -> Vec<[f64; 2]> {
 
 /// What the camera of a scene reports of a state that differs from the one `here` is the prediction of by optical effects alone.
 fn reported(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     (at, here): (&State, &Prediction),
     sight: &Sight,
     state: &State,
@@ -135,7 +135,7 @@ fn reported(
 /// What parameter `k` of an effect raised by some border units does more, mm at the sight's points, where the camera's axis lies `mm`
 /// farther along direction `axis` (1 or 2) of the picture.
 pub fn beyond_the_axis(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     (at, here): (&State, &Prediction),
     sight: &Sight,
     (effect, k, by): (&'static dyn Effect, usize, f64),

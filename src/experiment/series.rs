@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Experiment, Gauge, Look, Sight, State, gauged};
+use super::{FieldSolver, Gauge, Look, Sight, State, gauged};
 use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, Seen};
 use crate::error::Result;
 use crate::fem::Anchor;
@@ -206,7 +206,7 @@ pub type Average<'a> = dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync + 'a;
 
 /// How a series' displacements are obtained.
 pub struct Solver<'a> {
-    pub experiment: &'a dyn Experiment,
+    pub experiment: &'a dyn FieldSolver,
     pub sight: &'a Sight,
     /// Averages of values at the sight's points: those at the places of the series.
     pub average: &'a Average<'a>,

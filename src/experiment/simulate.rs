@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use super::{Experiment, State, predict, record};
+use super::{FieldSolver, State, predict, record};
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Scene, obstacle};
 use crate::error::{Error, Result};
@@ -46,7 +46,7 @@ pub const HALF_WINDOW: f64 = 0.5 * 24.3 / 25.0;
 ///
 /// # Errors
 /// Effects that cannot act, amplitudes or constants that cannot be; a grid without a point on the specimen.
-pub fn simulate(experiment: &dyn Experiment, truth: &Truth, half: f64) -> Result<Grid> {
+pub fn simulate(experiment: &dyn FieldSolver, truth: &Truth, half: f64) -> Result<Grid> {
     let state = truth.state(experiment.scene())?;
     let Window {
         mut grid,
@@ -80,7 +80,7 @@ struct Window {
 
 impl Window {
     /// Over the square of half-side `half` about the origin, `count` points along each side.
-    fn new(experiment: &dyn Experiment, state: &State, half: f64, count: usize) -> Result<Self> {
+    fn new(experiment: &dyn FieldSolver, state: &State, half: f64, count: usize) -> Result<Self> {
         let frame = experiment.scene().frame;
         let [cx, cy] = frame.hole_center_mm;
         let corners = [[cx - half, cy - half], [cx + half, cy + half]];

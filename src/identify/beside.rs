@@ -3,17 +3,17 @@
 
 use std::sync::Arc;
 
-use super::ringing::{RingingIdentification, identify_ringing};
+use super::frequencies::{FrequenciesFound, identify_frequencies};
 use super::solve::{Options, identify};
 use crate::chain::Draws;
 use crate::error::{Error, Result};
-use crate::infer::{Known, Model, Moments, RingingModel, Tension};
+use crate::infer::{FrequenciesModel, Known, Model, Moments, Tension};
 use crate::progress::Progress;
 
 /// Frequencies beside a field.
 pub struct Beside {
-    pub model: RingingModel,
-    pub found: RingingIdentification,
+    pub model: FrequenciesModel,
+    pub found: FrequenciesFound,
     /// Constants by the frequencies alone, and by the field alone with the effects that its model declares.
     pub frequencies: Moments,
     pub field: Moments,
@@ -33,10 +33,10 @@ pub fn beside(
     [of_frequencies, of_field]: [&Options<'_>; 2],
     progress: &dyn Progress,
 ) -> Result<Option<Beside>> {
-    let Some(ringing) = RingingModel::beside(model) else {
+    let Some(plate) = FrequenciesModel::beside(model) else {
         return Ok(None);
     };
-    let found = identify_ringing(&ringing, of_frequencies, progress)?;
+    let found = identify_frequencies(&plate, of_frequencies, progress)?;
     let frequencies = know(model, &found.draws)?;
     let alone = Model {
         known: None,
@@ -46,7 +46,7 @@ pub fn beside(
     let field = Moments::of(field.draws.points(), model.constants().len());
     let tension = Tension::between(&field, &frequencies, &model.marginals());
     Ok(Some(Beside {
-        model: ringing,
+        model: plate,
         found,
         frequencies,
         field,

@@ -6,7 +6,7 @@
 
 use super::{jumps, phase};
 use crate::effect::{Effect, amplitude_name, recorded_column};
-use crate::experiment::Experiment;
+use crate::experiment::FieldSolver;
 use crate::field::{Blocks, Field};
 use crate::infer::{Model, Observation, RecordedAmplitude};
 use crate::noise::residual_of_fit;
@@ -26,7 +26,7 @@ pub fn correct_jumps(
     model: &Model,
     observation: &mut Observation,
     reduced: &ReducedModel,
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     nominal: &[f64],
 ) {
     let Some(order_mm) = order_mm(model) else {
@@ -49,7 +49,7 @@ pub fn correct_phase(
     model: &Model,
     observation: &mut Observation,
     reduced: &ReducedModel,
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
 ) {
     let Some((order_mm, effect)) = order_mm(model).zip(declared(model, PHASE)) else {
         return;

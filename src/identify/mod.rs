@@ -2,6 +2,7 @@
 
 mod beside;
 mod force;
+mod frequencies;
 pub mod fringes;
 mod identification;
 mod inverse;
@@ -10,7 +11,6 @@ mod patterns;
 pub mod phase;
 mod refine;
 mod residual;
-mod ringing;
 mod series;
 mod size;
 mod solve;
@@ -22,14 +22,15 @@ mod waves;
 
 pub use beside::{Beside, beside, know};
 pub use force::settle_force;
+pub use frequencies::{
+    Exact, FrequenciesFound, ModeFound, PeakFound, PlateFound, frequencies_rule,
+    identify_frequencies,
+};
 pub use identification::{Identification, Refinement};
 pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
-pub use ringing::{
-    Exact, ModeFound, PeakFound, PlateFound, RingingIdentification, identify_ringing, ringing_rule,
-};
 pub use solve::{Options, Reporting, identify, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};

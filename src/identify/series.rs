@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use crate::error::Result;
-use crate::experiment::{Experiment, State};
+use crate::experiment::{FieldSolver, State};
 use crate::infer::{Column, Model, Observation, Stepped, SteppedColumn, Steps};
 use crate::laminate::MeanSd;
 
@@ -15,7 +15,7 @@ use crate::laminate::MeanSd;
 pub fn combine(
     model: &Model,
     observation: &mut Observation,
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     about: State,
 ) -> Result<()> {
     let Some(steps) = &observation.steps else {

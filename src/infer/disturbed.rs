@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::ringing::{MODEL_ERROR_PRIOR, Ringing};
+use super::frequencies::{MODEL_ERROR_PRIOR, Peaks};
 use crate::experiment::frequencies::Mode;
 use crate::experiment::frequencies::assignment::Peak;
 use crate::experiment::frequencies::disturbance::{DISTURBANCES, Disturbance};
@@ -37,7 +37,7 @@ struct Linear {
     reading: Vec<f64>,
 }
 
-impl Ringing {
+impl Peaks {
     /// Weigh each disturbance against the peaks about a point of this experiment's parameters (the posterior mean); none where no plate is.
     pub fn disturbed(&self, x: &[f64]) -> Vec<Disturbed> {
         let Some(seen) = self.seen(x) else {

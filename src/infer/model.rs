@@ -12,8 +12,8 @@ use crate::effect::{
 };
 use crate::error::{Error, Result};
 use crate::experiment::{
-    Experiment, ExperimentKind, ExperimentSpec, FieldExperiment, FieldTest, Images, MockExperiment,
-    State, check_gauge,
+    ExperimentKind, ExperimentSpec, FieldExperiment, FieldSolver, FieldTest, Images,
+    MockExperiment, State, check_gauge,
 };
 use crate::fem::Setup;
 use crate::field::Field;
@@ -304,7 +304,7 @@ impl Model {
         &self,
         window: [[f64; 2]; 2],
         finer: f64,
-    ) -> Result<Arc<dyn Experiment>> {
+    ) -> Result<Arc<dyn FieldSolver>> {
         self.moved_experiment_over(window, RigidMotion::NONE, finer)
     }
 
@@ -314,7 +314,7 @@ impl Model {
         window: [[f64; 2]; 2],
         motion: RigidMotion,
         finer: f64,
-    ) -> Result<Arc<dyn Experiment>> {
+    ) -> Result<Arc<dyn FieldSolver>> {
         let [low, high] = window;
         let scene = Scene {
             middle: [0, 1].map(|k| 0.5 * (low[k] + high[k])),

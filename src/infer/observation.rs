@@ -4,7 +4,7 @@ use super::model::Model;
 use super::steps::Steps;
 use crate::effect::{Effect, amplitude_name};
 use crate::error::{Error, Result};
-use crate::experiment::{Experiment, Sight};
+use crate::experiment::{FieldSolver, Sight};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason, Series};
 use crate::laminate::MeanSd;
@@ -66,7 +66,7 @@ impl Observation {
     ///
     /// # Errors
     /// Of the input: a field of which much lies beside the plate.
-    pub fn new(field: Field, experiment: &dyn Experiment) -> Result<Self> {
+    pub fn new(field: Field, experiment: &dyn FieldSolver) -> Result<Self> {
         Ok(Self::located(field, experiment)?.0)
     }
 
@@ -74,7 +74,11 @@ impl Observation {
     ///
     /// # Errors
     /// Those of [`Observation::new`].
-    pub fn of_series(series: &Series, nominal_n: f64, experiment: &dyn Experiment) -> Result<Self> {
+    pub fn of_series(
+        series: &Series,
+        nominal_n: f64,
+        experiment: &dyn FieldSolver,
+    ) -> Result<Self> {
         let (own, kept) = Self::located(series.field.clone(), experiment)?;
         Ok(Self {
             steps: Some(Steps::new(series, nominal_n, &kept)),
@@ -83,7 +87,7 @@ impl Observation {
     }
 
     /// The points on the plate, and which of the field's those are.
-    fn located(mut field: Field, experiment: &dyn Experiment) -> Result<(Self, Vec<bool>)> {
+    fn located(mut field: Field, experiment: &dyn FieldSolver) -> Result<(Self, Vec<bool>)> {
         let count = field.len();
         let (sight, inside) = experiment.locate(&field.points, &field.outlying);
         let dropped = field.retain(Reason::OutsidePlate, |i| inside[i]);
@@ -120,7 +124,7 @@ impl Observation {
     pub fn drop_deviant_points(
         &mut self,
         reduced: &ReducedModel,
-        experiment: &dyn Experiment,
+        experiment: &dyn FieldSolver,
     ) -> usize {
         let modes = reduced.columns(experiment, &self.sight);
         let residual = residual_of_fit(&self.field, &modes);
@@ -131,11 +135,11 @@ impl Observation {
     /// Evaluate modes and the model's additive effects at the points, under the gauge.
     ///
     /// # Errors
-    /// Those of [`Experiment::added`].
+    /// Those of [`Mechanics::added`].
     pub fn columns(
         &self,
         reduced: &ReducedModel,
-        experiment: &dyn Experiment,
+        experiment: &dyn FieldSolver,
         model: &Model,
     ) -> Result<Columns> {
         let mut columns = Columns {
@@ -167,7 +171,7 @@ impl Observation {
         &self,
         effect: &dyn Effect,
         k: usize,
-        experiment: &dyn Experiment,
+        experiment: &dyn FieldSolver,
     ) -> Result<Vec<[f64; 2]>> {
         let mut unit = vec![0.0; effect.parameters().len()];
         unit[k] = 1.0;

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::frequencies::{USUAL_ERROR, of_constant};
 use super::prior::Marginal;
-use super::ringing::{USUAL_ERROR, of_constant};
 use crate::error::Result;
 use crate::experiment::frequencies::FrequenciesSpec;
 use crate::experiment::frequencies::Parameter;

@@ -4,7 +4,7 @@ use super::model::Model;
 use crate::error::Result;
 use crate::experiment::simulate::series::{SeriesTruth, SimulatedSeries, simulate_series};
 use crate::experiment::simulate::{FINER, HALF_WINDOW, Truth, simulate};
-use crate::experiment::{Experiment, Subsets};
+use crate::experiment::{FieldSolver, Subsets};
 use crate::field::{Grid, PartialSubsets, SubsetShape};
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ impl Model {
     }
 
     /// The experiment on a finer mesh, and half the side of the window.
-    fn simulating(&self) -> Result<(Arc<dyn Experiment>, f64)> {
+    fn simulating(&self) -> Result<(Arc<dyn FieldSolver>, f64)> {
         let spec = self.experiment();
         let [s, t] = spec.geometry().extents().map(|[low, high]| high - low);
         let narrow = if spec.mesh.is_some() { s.min(t) } else { t };

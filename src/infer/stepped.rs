@@ -12,7 +12,7 @@ use super::{Acts, Amplitude, Column, Model, Steps};
 use crate::effect::{LOAD_SCALE, Scene, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::{Average, Loaded, SeriesState, Solver, report, rigid_free};
-use crate::experiment::{Experiment, Sight, Softening, State};
+use crate::experiment::{FieldSolver, Sight, Softening, State};
 use crate::fem::Anchor;
 use crate::laminate::MeanSd;
 use crate::reduce::THICKNESS;
@@ -20,7 +20,7 @@ use crate::reduce::THICKNESS;
 /// A series, ready to be linearised.
 pub struct Stepped<'a> {
     pub model: &'a Model,
-    pub experiment: &'a dyn Experiment,
+    pub experiment: &'a dyn FieldSolver,
     pub sight: &'a Sight,
     pub steps: &'a Steps,
     /// Where the averages lie, mm, and how much each counts.
@@ -335,7 +335,7 @@ impl Here<'_> {
     /// What changes of the stiffness do: in proportion to the load.
     ///
     /// # Errors
-    /// Those of [`Experiment::softened`].
+    /// Those of [`Mechanics::softened`].
     pub fn softened(&self, softening: Softening<'_>) -> Result<Vec<Stack>> {
         let Stepped {
             experiment, sight, ..

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::model::Model;
 use crate::error::Result;
-use crate::experiment::Experiment;
+use crate::experiment::FieldSolver;
 use crate::reduce::{Dimension, SnapshotExperiment, is_solved_for, ranges};
 
 impl Model {
@@ -19,7 +19,7 @@ impl Model {
     }
 
     /// An experiment, with the fields of another program where the model names them.
-    pub(super) fn with_snapshots(&self, own: Arc<dyn Experiment>) -> Result<Arc<dyn Experiment>> {
+    pub(super) fn with_snapshots(&self, own: Arc<dyn FieldSolver>) -> Result<Arc<dyn FieldSolver>> {
         let reduced = &self.file.reduced_model;
         let Some(spec) = reduced.supplied() else {
             return Ok(own);
@@ -34,7 +34,7 @@ impl Model {
     }
 
     /// The box of an experiment's reduced model: [`Model::box_to_solve`] is that of the rows where another program solved them.
-    pub(super) fn dimensions_of(&self, experiment: &dyn Experiment) -> Result<Vec<Dimension>> {
+    pub(super) fn dimensions_of(&self, experiment: &dyn FieldSolver) -> Result<Vec<Dimension>> {
         let mut sides = self.dimensions()?;
         let Some(given) = experiment.given() else {
             return Ok(sides);

@@ -82,7 +82,7 @@ impl Here<'_> {
     /// specimen is held and not a cause of its own.
     ///
     /// # Errors
-    /// Those of [`crate::experiment::Experiment::off_axis`].
+    /// Those of [`crate::experiment::Mechanics::off_axis`].
     pub(super) fn of_the_bent(
         &self,
         acts: &Acts,

@@ -10,7 +10,7 @@ use super::snapshots::Snapshots;
 use super::surface::Surface;
 use super::variables::{Choice, Variables};
 use crate::error::Result;
-use crate::experiment::{Experiment, Sight, gauged};
+use crate::experiment::{FieldSolver, Sight, gauged};
 use crate::files::Keyed;
 
 /// A reduced model, as it is saved.
@@ -98,7 +98,7 @@ impl ReducedModel {
 
     /// The modes as columns at a sight's points, under the experiment's gauge: `columns[k][i]` = (u1, u2) of column k at
     /// point i, mm a mm of coefficient; columns of u1's modes, then of u2's.
-    pub fn columns(&self, experiment: &dyn Experiment, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
+    pub fn columns(&self, experiment: &dyn FieldSolver, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
         let mut columns = [Vec::new(), Vec::new()];
         for (first, second) in self.modes[0].iter().zip(&self.modes[1]) {
             let both: Vec<[f64; 2]> = first.iter().zip(second).map(|(&a, &b)| [a, b]).collect();

@@ -11,7 +11,7 @@ use super::supplied::SuppliedSpec;
 use crate::effect::limit::alter_checked;
 use crate::effect::{Acting, Effect};
 use crate::error::{Error, Result};
-use crate::experiment::{Experiment, Given, State};
+use crate::experiment::{FieldSolver, Given, State};
 use crate::laminate::Material;
 
 /// The `reduced_model` object of a model file.
@@ -120,7 +120,7 @@ impl ReducedSpec {
 #[derive(Clone)]
 pub struct Problem {
     /// What is predicted.
-    pub experiment: Arc<dyn Experiment>,
+    pub experiment: Arc<dyn FieldSolver>,
     /// Effects whose amplitudes vary with the constants: mechanical and optical ones.
     pub effects: Vec<&'static dyn Effect>,
     /// The DoE box: elastic constants, the effects' amplitudes, and last the thickness if it is uncertain. What is sampled

@@ -10,12 +10,14 @@ use super::snapshots::Snapshots;
 use super::supplied::{Supplied, Weights, weights};
 use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Seen};
 use crate::error::{Error, Result};
-use crate::experiment::{Experiment, Gauge, Given, Look, Sight, State};
+use crate::experiment::{
+    FieldSolver, Gauge, Given, Look, Mechanics, Places, Sight, Spanning, State,
+};
 use crate::field::rigid::RigidMotion;
 
 /// The specimen, camera and gauge of the own experiment, and fields of another program.
 pub struct SnapshotExperiment {
-    own: Arc<dyn Experiment>,
+    own: Arc<dyn FieldSolver>,
     dimensions: Vec<Dimension>,
     rows: Vec<Vec<f64>>,
     /// The rows' fields at the own experiment's support, mm.
@@ -37,7 +39,7 @@ impl SnapshotExperiment {
     /// # Errors
     /// Of the input: fields that do not cover the window, a gauge that snapshots do not know, too few rows for the surfaces.
     pub fn new(
-        own: Arc<dyn Experiment>,
+        own: Arc<dyn FieldSolver>,
         supplied: &Supplied,
         origin_mm: [f64; 2],
         degree: usize,
@@ -119,7 +121,7 @@ impl SnapshotExperiment {
 
 /// The supplied fields at the support of an experiment.
 fn on_support(
-    own: &dyn Experiment,
+    own: &dyn FieldSolver,
     supplied: &Supplied,
     origin_mm: [f64; 2],
 ) -> Result<Vec<Vec<[f64; 2]>>> {
@@ -148,7 +150,7 @@ fn on_support(
     Ok(supplied.fields.iter().map(field).collect())
 }
 
-impl Experiment for SnapshotExperiment {
+impl Mechanics for SnapshotExperiment {
     fn scene(&self) -> &Scene {
         self.own.scene()
     }
@@ -159,34 +161,6 @@ impl Experiment for SnapshotExperiment {
 
     fn motion(&self) -> RigidMotion {
         self.own.motion()
-    }
-
-    fn window(&self) -> [[f64; 2]; 2] {
-        self.own.window()
-    }
-
-    fn serialisation(&self) -> serde_json::Value {
-        serde_json::json!(["snapshots", self.hash, self.own.serialisation()])
-    }
-
-    fn mesh_size(&self) -> [usize; 2] {
-        [0, 0]
-    }
-
-    fn support(&self) -> &Sight {
-        self.own.support()
-    }
-
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
-        self.own.spread(at_support, sight)
-    }
-
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
-        self.own.locate(points, further)
-    }
-
-    fn sight(&self, points: &[[f64; 2]]) -> Sight {
-        self.own.sight(points)
     }
 
     fn shows(&self, state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>> {
@@ -209,13 +183,6 @@ impl Experiment for SnapshotExperiment {
         sight: &Sight,
     ) -> Result<Option<Vec<f64>>> {
         self.own.off_axis(effect, amplitude, sight)
-    }
-
-    fn given(&self) -> Option<Given<'_>> {
-        Some(Given {
-            rows: &self.rows,
-            fields: &self.fields,
-        })
     }
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
@@ -241,6 +208,45 @@ impl Experiment for SnapshotExperiment {
             displacement,
             loaded,
             gradient,
+        })
+    }
+}
+
+impl Places for SnapshotExperiment {
+    fn window(&self) -> [[f64; 2]; 2] {
+        self.own.window()
+    }
+
+    fn support(&self) -> &Sight {
+        self.own.support()
+    }
+
+    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+        self.own.spread(at_support, sight)
+    }
+
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
+        self.own.locate(points, further)
+    }
+
+    fn sight(&self, points: &[[f64; 2]]) -> Sight {
+        self.own.sight(points)
+    }
+}
+
+impl Spanning for SnapshotExperiment {
+    fn serialisation(&self) -> serde_json::Value {
+        serde_json::json!(["snapshots", self.hash, self.own.serialisation()])
+    }
+
+    fn mesh_size(&self) -> [usize; 2] {
+        [0, 0]
+    }
+
+    fn given(&self) -> Option<Given<'_>> {
+        Some(Given {
+            rows: &self.rows,
+            fields: &self.fields,
         })
     }
 }

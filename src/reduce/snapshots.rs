@@ -7,7 +7,7 @@ use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
 use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
-use crate::experiment::{Experiment, Gauge, Sight, State, predict};
+use crate::experiment::{FieldSolver, Gauge, Sight, State, predict};
 use crate::field::rigid::{self, RigidMotion};
 use crate::numeric::add_scaled;
 
@@ -26,7 +26,7 @@ pub struct Snapshots {
 const SIDE: usize = 48;
 
 /// A lattice of points of the specimen over the window.
-fn lattice(experiment: &dyn Experiment) -> Sight {
+fn lattice(experiment: &dyn FieldSolver) -> Sight {
     let [low, high] = experiment.window();
     let at = |k: usize, i: usize| low[k] + (high[k] - low[k]) * (i as f64 + 0.5) / SIDE as f64;
     let points: Vec<[f64; 2]> = (0..SIDE * SIDE)

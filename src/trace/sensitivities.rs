@@ -10,7 +10,7 @@ use crate::effect::{Effect, Kind, LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::Law;
 use crate::experiment::{
-    Direction, Experiment, Prediction, Sight, Softening, State, predict, predict_with_gradient,
+    Direction, FieldSolver, Prediction, Sight, Softening, State, predict, predict_with_gradient,
     sensitivity,
 };
 use crate::fem::Anchor;
@@ -112,7 +112,7 @@ fn averages(blocks: &Blocks, field: &[[f64; 2]]) -> [DVector<f64>; 2] {
 
 pub struct Linearised<'a> {
     pub model: &'a Model,
-    pub experiment: &'a dyn Experiment,
+    pub experiment: &'a dyn FieldSolver,
     /// Root mean square of the measured displacements, mm: what scales the prior of amplitudes that nothing bounds.
     pub size_mm: f64,
     /// Where predictions and slopes are looked at.
@@ -178,7 +178,7 @@ impl<'a> Few<'a> {
     /// The prediction, which is `here` at the points of slopes.
     fn predicted(
         &self,
-        experiment: &dyn Experiment,
+        experiment: &dyn FieldSolver,
         at: &State,
         here: &Prediction,
     ) -> Result<[DVector<f64>; 2]> {

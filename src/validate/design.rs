@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::experiment::frequencies::{EdgeSpec, FrequenciesSpec, PlateSpec, SupportSpec};
 use crate::experiment::simulate::HALF_WINDOW;
-use crate::infer::{Marginal, Model, RingingModel, plate_information};
+use crate::infer::{FrequenciesModel, Marginal, Model, plate_information};
 use crate::laminate::{Material, MeanSd, abd};
 use crate::quantity::NM_PER_MM;
 use crate::trace::{Hidden, Information, field_information};
@@ -72,7 +72,7 @@ pub fn declared(model: &Model) -> Vec<Candidate> {
 }
 
 /// The experiments of a model of plates.
-pub fn declared_plates(model: &RingingModel) -> Vec<Candidate> {
+pub fn declared_plates(model: &FrequenciesModel) -> Vec<Candidate> {
     model.file.experiments.iter().map(of_plate).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::{Effect, Scene, find};
-use plychain::experiment::{Experiment, FieldExperiment, FieldTest};
+use plychain::experiment::{FieldExperiment, FieldTest, Mechanics, Places};
 use plychain::infer::Model;
 use plychain::laminate::PlateStiffness;
 

@@ -7,14 +7,14 @@ use crate::cli::folder::Folder;
 use crate::cli::print;
 use crate::error::{Error, Result};
 use crate::experiment::frequencies::FrequenciesSpec;
-use crate::infer::{Model, RingingModel};
+use crate::infer::{FrequenciesModel, Model};
 use crate::laminate::{Material, Ply};
 
 /// What is added to the seed of a run for the readings of each plate.
 const READINGS: u64 = 1_000_003;
 
 /// Of a model of plates alone.
-pub fn run(arguments: &Arguments, model: &RingingModel, seed: u64) -> Result<()> {
+pub fn run(arguments: &Arguments, model: &FrequenciesModel, seed: u64) -> Result<()> {
     if !arguments.effects.is_empty() || !arguments.steps.is_empty() || arguments.fringes.is_some() {
         return Err(
             Error::input("--effect, --steps, --fringes", "a model of a field")

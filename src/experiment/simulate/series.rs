@@ -9,7 +9,7 @@ use super::pictures::Pictures;
 use super::{Truth, Window, fill, refuse_obstacles};
 use crate::error::Result;
 use crate::experiment::series::{Moving, SeriesState, Solver, reported};
-use crate::experiment::{Experiment, State, Subsets, record};
+use crate::experiment::{FieldSolver, State, Subsets, record};
 use crate::field::Grid;
 use crate::field::rigid::RigidMotion;
 use crate::quantity::NM_PER_MM;
@@ -42,7 +42,7 @@ pub struct SimulatedSeries {
 /// # Errors
 /// Those of [`super::simulate`].
 pub fn simulate_series(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     truth: &SeriesTruth,
     half: f64,
 ) -> Result<SimulatedSeries> {
@@ -87,7 +87,7 @@ pub fn simulate_series(
 
 /// The displacement of every step at points, mm, before noise.
 fn observed(
-    experiment: &dyn Experiment,
+    experiment: &dyn FieldSolver,
     truth: &SeriesTruth,
     shared: State,
     rigid: &[RigidMotion],
@@ -128,7 +128,7 @@ fn is_in_the_plane(moving: &Moving) -> bool {
 
 impl SeriesTruth {
     /// Motion of each step in the plane about the origin: what effects say, and a random translation.
-    fn rigid(&self, experiment: &dyn Experiment, seed: u64) -> Vec<RigidMotion> {
+    fn rigid(&self, experiment: &dyn FieldSolver, seed: u64) -> Vec<RigidMotion> {
         let scene = experiment.scene();
         let mut rng = Pcg64Dxsm::seed_from_u64(seed);
         let one = |step: usize| {

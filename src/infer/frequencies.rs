@@ -32,7 +32,7 @@ pub(super) const USUAL_ERROR: f64 = 0.3;
 /// A model file of plates that vibrate. Unknown keys are errors.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RingingFile {
+pub struct FrequenciesFile {
     pub schema: String,
     pub name: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -43,12 +43,12 @@ pub struct RingingFile {
 
 /// A validated file and where it came from.
 #[derive(Debug, Clone)]
-pub struct RingingModel {
-    pub file: RingingFile,
+pub struct FrequenciesModel {
+    pub file: FrequenciesFile,
     pub path: PathBuf,
 }
 
-impl RingingModel {
+impl FrequenciesModel {
     /// The model in a file, if its experiments are frequencies and nothing else.
     ///
     /// # Errors
@@ -76,7 +76,7 @@ impl RingingModel {
             return Ok(None);
         }
         let place = path.display().to_string();
-        let file: RingingFile = parse_json(text, &place)?;
+        let file: FrequenciesFile = parse_json(text, &place)?;
         let model = Self {
             file,
             path: path.to_path_buf(),
@@ -89,7 +89,7 @@ impl RingingModel {
     pub fn beside(model: &Model) -> Option<Self> {
         let file = &model.file;
         (!file.frequencies.is_empty()).then(|| Self {
-            file: RingingFile {
+            file: FrequenciesFile {
                 schema: SCHEMA.into(),
                 name: file.name.clone(),
                 note: None,
@@ -144,9 +144,9 @@ impl RingingModel {
     ///
     /// # Errors
     /// The input's fault: priors within which no plate is.
-    pub fn ringings(&self) -> Result<Vec<Ringing>> {
+    pub fn plates(&self) -> Result<Vec<Peaks>> {
         let of = |spec: &FrequenciesSpec| {
-            Ringing::new(spec, self.material(), &self.constants())
+            Peaks::new(spec, self.material(), &self.constants())
                 .map_err(|e| e.within(format!("{}: {}", self.path.display(), spec.name)))
         };
         self.file.experiments.iter().map(of).collect()
@@ -157,8 +157,8 @@ impl RingingModel {
 ///
 /// # Errors
 /// Of the input: names that collide.
-pub fn joint(model: &RingingModel, ringings: Vec<Ringing>) -> Result<Joint> {
-    let members = ringings.into_iter().map(|r| Member {
+pub fn joint(model: &FrequenciesModel, plates: Vec<Peaks>) -> Result<Joint> {
+    let members = plates.into_iter().map(|r| Member {
         name: r.spec.name.clone(),
         start: r.start(),
         density: Box::new(r),
@@ -177,7 +177,7 @@ pub(super) struct Sampled {
 /// The log likelihood of an experiment's peaks over the constants, what is uncertain of its plate, and the model's error, with the priors of
 /// all but the constants.
 #[derive(Clone)]
-pub struct Ringing {
+pub struct Peaks {
     pub spec: FrequenciesSpec,
     names: Vec<String>,
     pub(super) constants: usize,
@@ -199,7 +199,7 @@ pub struct Seen {
     pub assigned: Assigned,
 }
 
-impl Ringing {
+impl Peaks {
     fn new(
         spec: &FrequenciesSpec,
         material: Material,
@@ -424,7 +424,7 @@ fn neighbours(plate: &Plate, sampled: &[Sampled], about: &[[f64; 2]]) -> Vec<Pla
     std::iter::once(plate.clone()).chain(beside).collect()
 }
 
-impl LogDensity for Ringing {
+impl LogDensity for Peaks {
     fn names(&self) -> &[String] {
         &self.names
     }

@@ -7,13 +7,13 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::experiment::frequencies::{Mode, Ritz};
-use crate::infer::{Disturbed, Joint, LogDensity, MODEL_ERROR, Ringing, RingingModel, joint};
+use crate::infer::{Disturbed, FrequenciesModel, Joint, LogDensity, MODEL_ERROR, Peaks, joint};
 use crate::progress::Progress;
 use crate::quantity::plus_minus;
 use crate::sample::{self, Schedule, Start, Stopped};
 
 /// What the peaks say.
-pub struct RingingIdentification {
+pub struct FrequenciesFound {
     pub draws: Draws,
     pub stopped: Stopped,
     pub verdict: Verdict,
@@ -86,7 +86,7 @@ const MOST_DRAWS: usize = 1 << 18;
 const RIVAL: f64 = -4.6;
 
 /// The rule by which draws are enough.
-pub fn ringing_rule(given: &Rule) -> Rule {
+pub fn frequencies_rule(given: &Rule) -> Rule {
     Rule {
         tau_change: given.tau_change.max(TAU_CHANGE),
         ..*given
@@ -97,15 +97,15 @@ pub fn ringing_rule(given: &Rule) -> Rule {
 ///
 /// # Errors
 /// The input's fault: priors within which no plate is; those of the samplers.
-pub fn identify_ringing(
-    model: &RingingModel,
+pub fn identify_frequencies(
+    model: &FrequenciesModel,
     options: &Options<'_>,
     progress: &dyn Progress,
-) -> Result<RingingIdentification> {
+) -> Result<FrequenciesFound> {
     progress.begin("likely assignments of the peaks", None);
-    let ringings = model.ringings()?;
+    let peaks = model.plates()?;
     progress.end();
-    let target = joint(model, ringings.clone())?;
+    let target = joint(model, peaks.clone())?;
     progress.begin(
         &format!(
             "sampling {} parameters with 4 x {}",
@@ -116,22 +116,23 @@ pub fn identify_ringing(
     );
     let outcome = sampled(&target, options, progress)?;
     progress.end();
-    let rule = ringing_rule(&options.rule);
+    let rule = frequencies_rule(&options.rule);
     let verdict = diagnose(&outcome.draws, &rule);
     progress.begin("assigning peaks over the posterior", None);
-    let exact = exact(&ringings, &target, &outcome.draws, &verdict);
+    let exact = exact(&peaks, &target, &outcome.draws, &verdict);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
-    let plates = ringings.iter().enumerate();
-    let plates: Vec<PlateFound> = plates
-        .map(|(e, ringing)| found(ringing, &target, e, (&outcome.draws, &mean)))
+    let plates: Vec<PlateFound> = peaks
+        .iter()
+        .enumerate()
+        .map(|(e, plate)| found(plate, &target, e, (&outcome.draws, &mean)))
         .collect::<Result<_>>()?;
     progress.end();
-    let mut warnings: Vec<String> = ringings.iter().filter_map(rivals).collect();
+    let mut warnings: Vec<String> = peaks.iter().filter_map(rivals).collect();
     warnings.extend(plates.iter().flat_map(unassigned));
     warnings.extend(plates.iter().flat_map(disturbances));
     warnings.extend(too_wrong(&verdict));
     warnings.extend(exact.warning());
-    Ok(RingingIdentification {
+    Ok(FrequenciesFound {
         draws: outcome.draws,
         stopped: outcome.stopped,
         verdict,
@@ -168,7 +169,7 @@ fn sampled(
         progress,
         deadline: options.deadline,
     };
-    let rule = ringing_rule(&options.rule);
+    let rule = frequencies_rule(&options.rule);
     let keeping = options.keeping.as_ref();
     let outcome = sample::run_kept(
         target,
@@ -196,15 +197,15 @@ fn some(draws: &Draws, count: usize) -> impl Iterator<Item = &[f64]> {
 }
 
 /// Weigh draws by exact frequencies.
-fn exact(ringings: &[Ringing], target: &Joint, draws: &Draws, verdict: &Verdict) -> Exact {
+fn exact(plates: &[Peaks], target: &Joint, draws: &Draws, verdict: &Verdict) -> Exact {
     /// Draws that are weighed.
     const WEIGHED: usize = 1000;
     let points: Vec<&[f64]> = some(draws, WEIGHED).collect();
     let of = |x: &&[f64]| -> f64 {
-        let each = ringings.iter().enumerate().map(|(e, ringing)| {
+        let each = plates.iter().enumerate().map(|(e, plate)| {
             let own = target.own(e, x);
-            let seen = ringing.seen(&own);
-            seen.map_or(f64::NEG_INFINITY, |seen| ringing.correction(&own, &seen))
+            let seen = plate.seen(&own);
+            seen.map_or(f64::NEG_INFINITY, |seen| plate.correction(&own, &seen))
         });
         each.sum()
     };
@@ -238,21 +239,21 @@ impl Exact {
 
 /// Peaks and modes of experiment `e` over draws.
 fn found(
-    ringing: &Ringing,
+    plate: &Peaks,
     target: &Joint,
     e: usize,
     (draws, mean): (&Draws, &[f64]),
 ) -> Result<PlateFound> {
     let points = some(draws, DRAWS).map(|x| target.own(e, x));
-    let seen: Vec<_> = points.filter_map(|x| ringing.seen(&x)).collect();
+    let seen: Vec<_> = points.filter_map(|x| plate.seen(&x)).collect();
     let Some(first) = seen.first() else {
         return Err(Error::program("frequencies", "draws that some plate has"));
     };
-    let band = ringing.spec.peak_model(0.01).band_hz;
+    let band = plate.spec.peak_model(0.01).band_hz;
     let mut modes: Vec<(f64, usize, ModeFound, Vec<f64>)> = Vec::new();
     let side = [
-        ringing.spec.specimen.length_mm.mean,
-        ringing.spec.specimen.width_mm.mean,
+        plate.spec.specimen.length_mm.mean,
+        plate.spec.specimen.width_mm.mean,
     ];
     let grid = grid(side);
     for mode in &first.modes {
@@ -268,24 +269,22 @@ fn found(
         let mean_hz = own.iter().map(|o| o.0).sum::<f64>() / n;
         let variance = own.iter().map(|o| (o.0 - mean_hz).powi(2)).sum::<f64>() / n;
         let of_peak = |i: usize| own.iter().map(|o| o.2[i]).sum::<f64>() / seen.len() as f64;
-        let matched: Vec<f64> = (0..ringing.spec.frequencies_hz.len())
-            .map(of_peak)
-            .collect();
+        let matched: Vec<f64> = (0..plate.spec.frequencies_hz.len()).map(of_peak).collect();
         let likely = matched.iter().copied().fold(0.0, f64::max);
         if (band[0]..=band[1]).contains(&mean_hz) || likely > 0.5 {
             let found = ModeFound {
-                label: ringing.ritz().label(mode),
+                label: plate.ritz().label(mode),
                 odd: mode.odd,
                 mean_hz,
                 sd_hz: variance.sqrt(),
                 missing: own.iter().map(|o| o.1).sum::<f64>() / n,
-                shape: shape(ringing.ritz(), mode, grid),
+                shape: shape(plate.ritz(), mode, grid),
             };
             modes.push((mean_hz, modes.len(), found, matched));
         }
     }
     modes.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let peaks = ringing.spec.peaks().into_iter().enumerate();
+    let peaks = plate.spec.peaks().into_iter().enumerate();
     let peaks = peaks
         .map(|(i, peak)| {
             let best = modes
@@ -303,12 +302,12 @@ fn found(
         })
         .collect();
     Ok(PlateFound {
-        name: ringing.spec.name.clone(),
+        name: plate.spec.name.clone(),
         peaks,
         modes: modes.into_iter().map(|m| m.2).collect(),
         grid,
         size_mm: side,
-        disturbed: ringing.disturbed(&target.own(e, mean)),
+        disturbed: plate.disturbed(&target.own(e, mean)),
     })
 }
 
@@ -329,14 +328,14 @@ fn shape(ritz: &Ritz, mode: &Mode, [columns, rows]: [usize; 2]) -> Vec<f64> {
 }
 
 /// Another assignment that is nearly as probable.
-fn rivals(ringing: &Ringing) -> Option<String> {
-    let best = ringing
+fn rivals(plate: &Peaks) -> Option<String> {
+    let best = plate
         .tops
         .iter()
         .map(|t| t.log_evidence)
         .fold(f64::MIN, f64::max);
-    let first = &ringing.tops[0];
-    let other = ringing.tops.iter().skip(1).find(|t| {
+    let first = &plate.tops[0];
+    let other = plate.tops.iter().skip(1).find(|t| {
         let near = t.log_evidence - best > RIVAL;
         near && (&t.place - &first.place).amax() > 1.0
     })?;
@@ -344,7 +343,7 @@ fn rivals(ringing: &Ringing) -> Option<String> {
     Some(format!(
         "{}: other constants explain the peaks by another assignment, with {:.2} of the evidence; the chains need not have been there: \
          more modes, or their parities, decide",
-        ringing.spec.name, share
+        plate.spec.name, share
     ))
 }
 

@@ -13,8 +13,8 @@ use super::plate::{DISTURBANCES, PEAKS, PlateReport};
 use super::round::{MeanAndSd, beside_published};
 use super::terminal::table;
 use crate::error::Result;
-use crate::identify::{PlateFound, RingingIdentification};
-use crate::infer::RingingModel;
+use crate::identify::{FrequenciesFound, PlateFound};
+use crate::infer::FrequenciesModel;
 use crate::quantity::significant;
 
 /// The schema of `report.json` of a model of plates.
@@ -22,7 +22,7 @@ pub const SCHEMA: &str = "plychain-frequencies/1";
 
 /// `report.json`.
 #[derive(Debug, Serialize)]
-pub struct RingingReport {
+pub struct FrequenciesReport {
     pub schema: &'static str,
     pub model: String,
     pub posterior: IndexMap<String, ParameterFound>,
@@ -61,8 +61,8 @@ pub struct ExactReport {
     pub shift_sd: f64,
 }
 
-impl RingingReport {
-    pub fn new(model: &RingingModel, found: &RingingIdentification) -> Self {
+impl FrequenciesReport {
+    pub fn new(model: &FrequenciesModel, found: &FrequenciesFound) -> Self {
         let priors = model.constants();
         let rows = found.verdict.rows.iter().map(|row| {
             let prior = priors.iter().find(|p| p.0 == row.name);
@@ -170,8 +170,8 @@ const POSTERIOR: [&str; 8] = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-h
 /// # Errors
 /// The program's fault if a figure cannot be drawn.
 pub fn page(
-    report: &RingingReport,
-    found: &RingingIdentification,
+    report: &FrequenciesReport,
+    found: &FrequenciesFound,
     truth: Option<&KnownTruth>,
 ) -> Result<String> {
     let names: Vec<String> = report.posterior.keys().cloned().collect();

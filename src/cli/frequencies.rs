@@ -8,21 +8,21 @@ use super::{Global, print};
 use crate::chain::write_csv;
 use crate::error::Result;
 use crate::files;
-use crate::identify::{RingingIdentification, identify_ringing};
-use crate::infer::RingingModel;
+use crate::identify::{FrequenciesFound, identify_frequencies};
+use crate::infer::FrequenciesModel;
 use crate::progress::Progress;
+use crate::report::frequencies::{FrequenciesReport, page};
 use crate::report::manifest::KnownTruth;
-use crate::report::ringing::{RingingReport, page};
 
 pub fn run(
-    model: &RingingModel,
+    model: &FrequenciesModel,
     running: &Running,
     global: &Global,
     console: &Console,
 ) -> Result<()> {
     let plan = running.plan_of_plates(model, global)?;
     let folder = &plan.folder;
-    let found = identify_ringing(model, &plan.options(folder.path()), console)?;
+    let found = identify_frequencies(model, &plan.options(folder.path()), console)?;
     console.begin("report and figures", None);
     let report = write(model, &found, folder.path())?;
     folder.write_manifest(&model.path, &[], global.seed)?;
@@ -39,13 +39,13 @@ pub fn run(
 /// # Errors
 /// Of the input: a folder that cannot be written.
 pub fn write(
-    model: &RingingModel,
-    found: &RingingIdentification,
+    model: &FrequenciesModel,
+    found: &FrequenciesFound,
     place: &Path,
-) -> Result<RingingReport> {
+) -> Result<FrequenciesReport> {
     write_csv(&found.draws, &place.join("chain.csv"))?;
     files::write_json(&place.join("model.json"), &model.file)?;
-    let report = RingingReport::new(model, found);
+    let report = FrequenciesReport::new(model, found);
     files::write_json(&place.join("report.json"), &report)?;
     let truth = model.path.parent().map_or(Ok(None), KnownTruth::load)?;
     let page = page(&report, found, truth.as_ref())?;

@@ -1,0 +1,237 @@
+//! What the field solver can do, one trait an ability: mechanics and camera, places, and what makes many predictions cheap.
+
+use rayon::prelude::*;
+
+use super::gauge::Gauge;
+use super::mesh_error::MeshError;
+use super::sight::Sight;
+use super::state::State;
+use crate::effect::{Effect, Scene};
+use crate::error::Result;
+use crate::fem::{Anchor, Answer, Bump, Certificate, EdgeStress, View};
+use crate::field::rigid::RigidMotion;
+
+/// What a specimen under load shows a camera. Points are (s, t) and displacements (u1, u2), both in mm, direction 1 along the load, origin at
+/// the hole's centre or the declared origin.
+pub trait Mechanics: Send + Sync {
+    /// What effects need to know of the nominal test.
+    fn scene(&self) -> &Scene;
+
+    fn gauge(&self) -> Gauge;
+
+    /// How the specimen moves in the plane beside what the load does to it, as the data show it: what image correlation makes of an
+    /// optical effect depends on it.
+    fn motion(&self) -> RigidMotion {
+        RigidMotion::NONE
+    }
+
+    /// Which reported points show the specimen, as the effects of a state leave it.
+    ///
+    /// # Errors
+    /// A state in which the specimen cannot be.
+    fn shows(&self, state: &State, points: &[[f64; 2]]) -> Result<Vec<bool>>;
+
+    /// What the camera reports of the loaded specimen at a sight's points, with its gradient where that is asked for.
+    ///
+    /// # Errors
+    /// Those of the mechanics; constants that are not admissible.
+    fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
+
+    /// The displacement, mm, that an additive effect of some amplitudes (border units) adds at a sight's points, without `further` ones. It is
+    /// linear in the amplitudes.
+    ///
+    /// # Errors
+    /// Those of the mechanics.
+    fn added(
+        &self,
+        effect: &dyn Effect,
+        amplitude: &[f64],
+        sight: &Sight,
+    ) -> Result<Vec<[f64; 2]>> {
+        Ok(in_closed_form(self.scene(), effect, amplitude, sight))
+    }
+
+    /// What an additive effect that bends the specimen towards the camera adds, at a sight's points without `further` ones, along each direction
+    /// in which the camera's axis lies farther from the middle of the window, mm a mm. None of another effect, or without a camera's distance.
+    ///
+    /// # Errors
+    /// Those of the mechanics.
+    fn off_axis(
+        &self,
+        _effect: &dyn Effect,
+        _amplitude: &[f64],
+        _sight: &Sight,
+    ) -> Result<Option<Vec<f64>>> {
+        Ok(None)
+    }
+
+    /// What changes of the stiffness add, to first order, as the camera reports it at a sight's points, mm. None without an anchor.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn softened(
+        &self,
+        _about: Option<&Anchor>,
+        _state: &State,
+        _sight: &Sight,
+        _softening: Softening<'_>,
+    ) -> Result<Vec<Vec<[f64; 2]>>> {
+        Ok(Vec::new())
+    }
+
+    /// What makes [`Mechanics::look_near`] cheap about a state; none where a look costs nothing.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn anchor(&self, _about: &State) -> Result<Option<Anchor>> {
+        Ok(None)
+    }
+
+    /// [`Mechanics::look`], without the gradient, at a state so near to an anchor's that only differences matter.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn look_near(&self, _about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
+        self.look(state, sight, false)
+    }
+
+    /// The highest von Mises stress at an edge that carries no load, as if nothing yielded, for an isotropic material; none where the
+    /// experiment knows no stresses.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn edge_stress(&self, _state: &State) -> Result<Option<EdgeStress>> {
+        Ok(None)
+    }
+
+    /// How far a mesh that another program made is from a finer one; none where the mesh is the geometry's own.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn mesh_error(&self, _state: &State) -> Result<Option<MeshError>> {
+        Ok(None)
+    }
+}
+
+/// Where on the specimen a field is known and seen.
+pub trait Places: Send + Sync {
+    /// Bounding box of the measured points, low and high corner, mm.
+    fn window(&self) -> [[f64; 2]; 2];
+
+    /// Points at which a field is known well enough to be continued over the window: where reduced models keep it.
+    fn support(&self) -> &Sight;
+
+    /// A field on the points of a sight, `further` ones included, from its values at [`Places::support`].
+    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]>;
+
+    /// The points of the nominal specimen among `points` and `further`, and which of `points` those are.
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>);
+
+    /// Reported points whose place on the mesh is not known yet; each stands for its subset where images are correlated.
+    fn sight(&self, points: &[[f64; 2]]) -> Sight {
+        Sight::anywhere(points, &[])
+    }
+}
+
+/// What makes many predictions cheap: a reduced basis, or snapshots of another program.
+pub trait Spanning: Send + Sync {
+    /// Everything that determines the prediction, for the key under which a reduced model is kept.
+    fn serialisation(&self) -> serde_json::Value;
+
+    /// Elements and unknowns of the mesh; zeros without one.
+    fn mesh_size(&self) -> [usize; 2];
+
+    /// What another program solved; none where the own finite elements answer.
+    fn given(&self) -> Option<Given<'_>> {
+        None
+    }
+
+    /// Make many predictions about states like these cheap from now on, at no loss that can be seen.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn span(&self, _states: &[State]) -> Result<()> {
+        Ok(())
+    }
+
+    /// Fields at a sight's points, under the gauge, mm, whose sums are what the load causes in states that [`Spanning::coordinates`]
+    /// knows; empty before [`Spanning::span`].
+    fn spanning(&self, _sight: &Sight) -> Vec<Vec<[f64; 2]>> {
+        Vec::new()
+    }
+
+    /// The answer in a state, whose coordinates are the factors of those fields; none where its field is not such a sum.
+    fn coordinates(&self, _state: &State) -> Option<Answer> {
+        None
+    }
+
+    /// The basis of those answers as a sight's points see it, under the gauge; none before [`Spanning::span`].
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn view(&self, _sight: &Sight) -> Result<Option<View>> {
+        Ok(None)
+    }
+
+    /// Hold the reduced basis against the solver in some states, at a sight's points; empty where there is none.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn certify(&self, _states: &[State], _sight: &Sight) -> Result<Vec<Certificate>> {
+        Ok(Vec::new())
+    }
+
+    /// Free what is kept between predictions.
+    fn rest(&self) {}
+}
+
+/// A specimen whose field can be predicted and reduced.
+pub trait FieldSolver: Mechanics + Places + Spanning {}
+
+impl<T: Mechanics + Places + Spanning> FieldSolver for T {}
+
+/// A design that another program solved.
+#[derive(Clone, Copy)]
+pub struct Given<'a> {
+    /// One row a snapshot: the constants, and the thickness where it varies, border units.
+    pub rows: &'a [Vec<f64>],
+    /// The rows' fields at [`Places::support`], mm.
+    pub fields: &'a [Vec<[f64; 2]>],
+}
+
+/// Changes of the stiffness that no effect of the dictionary is.
+#[derive(Clone, Copy)]
+pub enum Softening<'a> {
+    /// Any within [`NEAR_EDGE_REACH`] radii of the hole: fields of initial stresses there that are as large as the nominal stress of the
+    /// specimen's gross section. None without a hole.
+    NearEdge,
+    /// Of the relative membrane stiffness by some bumps, one unit each.
+    Bumps(&'a [Bump]),
+}
+
+/// Hole radii within which the near-edge rival's stresses act, and the harmonics of their distribution.
+pub const NEAR_EDGE_REACH: f64 = 1.3;
+pub const NEAR_EDGE_HARMONICS: usize = 4;
+
+/// A field as the camera reports it, before the gauge. One entry a point of the sight, `further` ones included.
+pub struct Look {
+    /// Displacement (u1, u2), mm.
+    pub displacement: Vec<[f64; 2]>,
+    /// Displacement of the specimen at the true points, before the camera, mm.
+    pub loaded: Vec<[f64; 2]>,
+    /// Gradient of that displacement, `g[i][k]` = d u_i / d x_k; empty where it was not asked for.
+    pub gradient: Vec<[[f64; 2]; 2]>,
+}
+
+/// The closed form of what an additive effect adds at a sight's points.
+pub(super) fn in_closed_form(
+    scene: &Scene,
+    effect: &dyn Effect,
+    amplitude: &[f64],
+    sight: &Sight,
+) -> Vec<[f64; 2]> {
+    let points = sight.points().par_iter();
+    points
+        .map(|&p| effect.displacement(amplitude, scene, p))
+        .collect()
+}
