@@ -7,9 +7,10 @@ use plychain::diagnose::{Rule, diagnose};
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare};
-use plychain::infer::{Joint, Laplace, LogDensity, Marginal, Member, Model, Posterior, laplace};
+use plychain::infer::{Joint, Marginal, Member, Model, Posterior};
 use plychain::progress::Silent;
 use plychain::sample::{Ensemble, Quiet, Schedule, Start, run};
+use plychain::sample::{Laplace, LogDensity, laplace};
 
 /// A Gaussian likelihood of a linear model: y = design x + noise of known sd.
 struct Linear {

@@ -3,9 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use plychain::diagnose::{Rule, diagnose};
-use plychain::infer::{LogDensity, Posterior, Tabulated, laplace};
+use plychain::infer::{Posterior, Tabulated};
 use plychain::reduce::monomial;
 use plychain::sample::{Ensemble, Quiet, Schedule, Start, Stream, run};
+use plychain::sample::{LogDensity, laplace};
 
 use crate::program::root;
 

@@ -7,8 +7,11 @@ use std::path::{Path, PathBuf};
 /// Modules from left to right: each may use only those to its left.
 const ORDER: [&[&str]; 19] = [
     &[
-        "dense", "error", "files", "numeric", "quantity", "progress", "signals",
+        "dense", "error", "files", "lanes", "numeric", "quantity", "progress", "signals",
     ],
+    &["chain"],
+    &["sample"],
+    &["diagnose"],
     &["field", "laminate"],
     &["noise"],
     &["geometry"],
@@ -17,9 +20,6 @@ const ORDER: [&[&str]; 19] = [
     &["experiment"],
     &["reduce"],
     &["infer"],
-    &["chain"],
-    &["sample"],
-    &["diagnose"],
     &["identify"],
     &["trace"],
     &["validate"],

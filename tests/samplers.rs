@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, Verdict, diagnose};
-use plychain::infer::LogDensity;
+use plychain::sample::LogDensity;
 use plychain::sample::{
     Block, Ensemble, Key, MOVES, Mixture, Outcome, Quiet, SAMPLERS, Sampler, Schedule, Span, Start,
     State, Stream, run,

@@ -1,6 +1,6 @@
 //! Targets with known moments and quantiles, shared by the tests of samplers.
 
-use plychain::infer::LogDensity;
+use plychain::sample::LogDensity;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 /// Quantile of parameter `.0` at probability `.1`.

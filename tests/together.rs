@@ -4,10 +4,9 @@
 use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::{inverse_problem, prepare};
-use plychain::infer::{
-    FrequenciesModel, Joint, Known, Marginal, Member, Model, Moments, Tension, laplace,
-};
+use plychain::infer::{FrequenciesModel, Joint, Known, Marginal, Member, Model, Moments, Tension};
 use plychain::progress::Silent;
+use plychain::sample::laplace;
 use plychain::sample::{Ensemble, Quiet, Schedule, Start, run};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};

@@ -2,9 +2,10 @@
 
 mod calibration;
 
-use plychain::infer::{Laplace, LogDensity, Posterior, laplace};
+use plychain::infer::Posterior;
 use plychain::noise::matern_pair;
 use plychain::numeric::{hermite, legendre};
+use plychain::sample::{Laplace, LogDensity, laplace};
 use plychain::validate::calibration::{band, kolmogorov};
 use plychain::validate::grid::{Grid, automatic, check_bounds};
 use plychain::validate::quadrature::preview;

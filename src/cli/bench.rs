@@ -14,12 +14,11 @@ use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::{inverse_problem, prepare, start};
-use crate::infer::{
-    Laplace, LogDensity, Model, Posterior, Tabulated, TabulatedMoments, TestPoint, laplace,
-};
+use crate::infer::{Model, Posterior, Tabulated, TabulatedMoments, TestPoint};
 use crate::sample::{
     Ensemble, MOVES, Mixture, Monitor, Outcome, Phase, PhaseReport, Sampler, Schedule, Start, Stop,
 };
+use crate::sample::{Laplace, LogDensity, laplace};
 
 /// BenchArguments of `bench`.
 #[derive(Debug, Args)]

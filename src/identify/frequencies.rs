@@ -7,9 +7,10 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::experiment::frequencies::{Mode, Ritz};
-use crate::infer::{Disturbed, FrequenciesModel, Joint, LogDensity, MODEL_ERROR, Peaks, joint};
+use crate::infer::{Disturbed, FrequenciesModel, Joint, MODEL_ERROR, Peaks, joint};
 use crate::progress::Progress;
 use crate::quantity::plus_minus;
+use crate::sample::LogDensity;
 use crate::sample::{self, Schedule, Start, Stopped};
 
 /// What the peaks say.

@@ -7,12 +7,11 @@ use crate::field::Field;
 use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::geometry::Geometry;
-use crate::infer::{
-    Columns, Laplace, Likelihood, Marginal, Model, Observation, Posterior, Statistics, laplace,
-};
+use crate::infer::{Columns, Likelihood, Marginal, Model, Observation, Posterior, Statistics};
 use crate::noise::{Hyperparameters, Noise};
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
+use crate::sample::{Laplace, laplace};
 
 use super::fringes::{correct_jumps, correct_phase};
 use super::series::combine;

@@ -14,12 +14,13 @@ use super::warnings::{modal_misfit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::infer::{Laplace, LogDensity, Model, Posterior};
+use crate::infer::{Model, Posterior};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 use crate::sample::{
     self, Keeping, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stopped,
 };
+use crate::sample::{Laplace, LogDensity};
 
 /// How to identify.
 pub struct Options<'a> {

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 use super::inverse::InverseProblem;
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::infer::{LogDensity, Posterior, Whitened};
+use crate::infer::{Posterior, Whitened};
 use crate::numeric::add_scaled;
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::spread_over;
+use crate::sample::LogDensity;
 
 /// What the reduced model's error does to the posterior, measured where the posterior is.
 #[derive(Debug, Clone)]

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::density::LogDensity;
 use super::joint::{Joint, Member};
 use super::model::Model;
 use super::prior::{Marginal, PriorSpec};
@@ -21,6 +20,7 @@ use crate::experiment::frequencies::{
 };
 use crate::files::parse_json;
 use crate::laminate::Material;
+use crate::sample::LogDensity;
 
 /// Sd by which a model's frequencies are wrong beyond its parameters, percent.
 pub const MODEL_ERROR: &str = "model_error_percent";

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::density::LogDensity;
 use super::posterior::Posterior;
 use super::prior::Marginal;
 use crate::error::{Error, Result};
+use crate::sample::LogDensity;
 
 /// What one experiment says of its parameters.
 pub struct Member {

@@ -10,8 +10,8 @@ use std::cell::RefCell;
 use nalgebra::DMatrix;
 use pulp::Simd;
 
-use super::lanes::{Lanes, Parameters, ln_vector};
 use super::monomials::{ScaledVariable, closure, position, variables, without};
+use crate::lanes::{Lanes, Parameters, ln_vector};
 use crate::reduce::{Choice, Surface};
 
 /// Coordinates that share a division: the inverse of the product of their variances gives each inverse.

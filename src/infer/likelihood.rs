@@ -8,9 +8,9 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::kernel::{Kernel, Parts, with_room};
-use super::lanes::{Lanes, Repeated, first};
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
+use crate::lanes::{Lanes, Repeated, first};
 use crate::reduce::{Choice, ReducedModel, Surface, monomial};
 
 /// The likelihood of elastic constants (and mechanical amplitudes) and of the noise scale.

@@ -2,7 +2,6 @@
 
 mod acts;
 mod column;
-mod density;
 mod design_box;
 mod disturbed;
 mod frequencies;
@@ -10,8 +9,6 @@ mod joint;
 mod kernel;
 mod kinds;
 mod known;
-pub(crate) mod lanes;
-mod laplace;
 mod likelihood;
 mod model;
 mod monomials;
@@ -35,12 +32,10 @@ mod version1;
 
 pub use acts::{Acts, Amplitude};
 pub use column::{Column, divide};
-pub use density::LogDensity;
 pub use disturbed::Disturbed;
 pub use frequencies::{FrequenciesFile, FrequenciesModel, MODEL_ERROR, Peaks, Seen, joint};
 pub use joint::{Joint, Member};
 pub use known::Known;
-pub use laplace::{Laplace, laplace};
 pub use likelihood::Likelihood;
 pub use model::Model;
 pub use observation::{Columns, Observation, RecordedAmplitude, SteppedColumn};

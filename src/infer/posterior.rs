@@ -1,12 +1,12 @@
 //! The posterior of elastic constants, mechanical amplitudes and noise.
 
-use super::density::LogDensity;
 use super::kernel::{LARGEST_SCALE, Room, with_room};
 use super::known::Known;
-use super::lanes::{Lanes, Parameters, Repeated, Together, first, ln_vector};
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
 use crate::laminate::Material;
+use crate::lanes::{Lanes, Parameters, Repeated, Together, first, ln_vector};
+use crate::sample::LogDensity;
 
 /// Parameters farther from their priors' means, prior sds, are no finding: what the model lacks has driven them there.
 pub const REASON_SDS: f64 = 6.0;

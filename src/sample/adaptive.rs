@@ -7,7 +7,7 @@ use super::gaussian::{add_lower, cholesky, whiten};
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
 use crate::error::{Error, Result};
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 
 /// Steps between two updates of the proposal during warm-up.
 const REFRESH: u64 = 20;

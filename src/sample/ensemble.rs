@@ -9,7 +9,7 @@ use super::numbers::Numbers;
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
 use crate::error::{Error, Result};
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 
 /// Largest condition number of the scaled start positions, as in emcee's `walkers_independent`.
 const CONDITION: f64 = 1e8;

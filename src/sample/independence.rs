@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 use super::gaussian::{cholesky, scatter};
 use super::moves::{Fit, Move, Proposal, Walkers};
 use super::numbers::Needs;
-use crate::infer::lanes::{Lanes, WIDTH, each, ln};
+use crate::lanes::{Lanes, WIDTH, each, ln};
 
 /// Tails of the fitted proposal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

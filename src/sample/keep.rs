@@ -11,7 +11,7 @@ use super::memory::{Memory, Share};
 use super::{Block, State};
 use crate::chain::{Layout, Store};
 use crate::error::{Error, Result};
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 
 /// Between two flushes; a span of work between them takes a quarter of it.
 pub(super) const PATIENCE: Duration = Duration::from_millis(1000);

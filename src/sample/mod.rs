@@ -7,10 +7,12 @@
 mod adaptive;
 mod checkpoint;
 mod de;
+mod density;
 mod ensemble;
 mod gaussian;
 mod independence;
 mod keep;
+mod laplace;
 mod memory;
 mod mixture;
 mod moves;
@@ -25,9 +27,11 @@ mod stretch;
 pub use adaptive::Adaptive;
 pub use checkpoint::{Checkpoint, Warm};
 pub use de::De;
+pub use density::LogDensity;
 pub use ensemble::Ensemble;
 pub use independence::{Independence, Tail};
 pub use keep::Keeping;
+pub use laplace::{Laplace, laplace};
 pub use mixture::{MOVES, Mixture};
 pub use moves::{Fit, Move, Proposal, Walkers};
 pub use numbers::{Needs, Numbers};
@@ -42,7 +46,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::chain::MoveTally;
 use crate::error::Result;
-use crate::infer::LogDensity;
 
 /// What the next step of one ensemble needs, and nothing else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::stream::{Key, blocks};
-use crate::infer::lanes::{WIDTH, each, ln, sin_cos_turns};
+use crate::lanes::{WIDTH, each, ln, sin_cos_turns};
 
 /// How many numbers a proposal takes for each walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,7 +14,7 @@ use super::stream::Key;
 use super::{Block, Sampler, Span, State};
 use crate::chain::{Draws, Layout};
 use crate::error::{Error, Result};
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 
 /// Runs `schedule.ensembles` independent ensembles of `sampler` on `target`. The draws depend on the seed alone, not on
 /// the number of threads.

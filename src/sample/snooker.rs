@@ -2,7 +2,7 @@
 
 use super::moves::{Move, Proposal};
 use super::numbers::{Needs, pick};
-use crate::infer::lanes::ln_all;
+use crate::lanes::ln_all;
 
 /// Along the line through x and a walker z of the complementary half, x moves by gamma times the difference of two
 /// further walkers projected on that line; the factor is (|y - z| / |x - z|)^(d-1), from the polar Jacobian.

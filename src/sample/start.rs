@@ -4,7 +4,7 @@ use super::gaussian::{add_lower, cholesky};
 use super::stream::{Key, Stream};
 use super::{Sampler, State};
 use crate::error::{Error, Result};
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 
 /// Times a walker of a ball is drawn again when it falls outside the support.
 const REDRAWS: usize = 100;

@@ -2,7 +2,7 @@
 
 use super::moves::{Move, Proposal};
 use super::numbers::{Needs, index};
-use crate::infer::lanes::ln_all;
+use crate::lanes::ln_all;
 
 /// y = c + z (x - c) with c a walker of the complementary half and z of density proportional to 1/sqrt(z) on
 /// [1/a, a]; the factor is z^(d-1).

@@ -22,9 +22,10 @@ use crate::chain::Draws;
 use crate::diagnose::Rule;
 use crate::error::Result;
 use crate::identify;
-use crate::infer::{LogDensity, Marginal, Model, Statistics};
+use crate::infer::{Marginal, Model, Statistics};
 use crate::noise::Noise;
 use crate::progress::Progress;
+use crate::sample::LogDensity;
 use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
 
 /// The true noise sd is drawn from this interval, evenly in its logarithm (the posterior's prior is 1/noise), nm.

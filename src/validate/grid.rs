@@ -5,7 +5,8 @@ use nalgebra::DMatrix;
 use super::quadrature::{Marginalised, Moments, Node};
 use crate::chain::Draws;
 use crate::error::{Error, Result};
-use crate::infer::{Laplace, Posterior};
+use crate::infer::Posterior;
+use crate::sample::Laplace;
 
 /// Nodes along a side by default, as in the article.
 pub const NODES: usize = 17;

@@ -5,7 +5,8 @@ use super::grid::{Grid, automatic};
 use super::quadrature::Moments;
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::infer::{LogDensity, Marginal, Posterior, laplace};
+use crate::infer::{Marginal, Posterior};
+use crate::sample::{LogDensity, laplace};
 
 /// One choice of prior.
 pub struct Row {

@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::infer::{Laplace, LogDensity, Posterior};
+use crate::infer::Posterior;
 use crate::numeric::hermite;
+use crate::sample::{Laplace, LogDensity};
 
 /// What is known of a point of the structural parameters once the noise is integrated out.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -20,12 +20,13 @@ use hammer_and_sample as other;
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::Options;
-use plychain::infer::{LogDensity, Model, Posterior, Tabulated, laplace};
+use plychain::infer::{Model, Posterior, Tabulated};
 use plychain::progress::Silent;
 use plychain::sample::{
     De, Ensemble, Key, Mixture, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stop,
     Stream, Stretch, run,
 };
+use plychain::sample::{LogDensity, laplace};
 use plychain::trace::{close, with_density};
 use pulp::{Simd, WithSimd};
 

@@ -7,10 +7,11 @@ use plychain::diagnose::Rule;
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
-use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics, laplace};
+use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics};
 use plychain::laminate::Material;
 use plychain::progress::Silent;
 use plychain::reduce::{Problem, ReducedModel, Snapshots, SnapshotsSpec};
+use plychain::sample::laplace;
 use plychain::sample::{SAMPLERS, Schedule};
 
 use super::small_problem;

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::specimen::Specimen;
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 
 /// Exponent of the correlations' prior, det(R)^(eta - 1) (Lewandowski, Kurowicka & Joe 2009).
 const ETA: f64 = 4.0;

@@ -8,8 +8,8 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::Reporting;
-use crate::infer::LogDensity;
 use crate::progress::Progress;
+use crate::sample::LogDensity;
 use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream};
 
 /// Fewest specimens that have a spread to speak of.

@@ -9,8 +9,9 @@ use nalgebra::DMatrix;
 use super::evidence::{Compiled, log_evidences};
 use super::quadratic::Equations;
 use super::space::Space;
-use crate::infer::{Known, LogDensity, Marginal};
+use crate::infer::{Known, Marginal};
 use crate::laminate::Material;
+use crate::sample::LogDensity;
 use crate::trace::subsets::log_sum;
 
 /// What distinguishes a part of the mixture.

@@ -4,7 +4,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::quadratic::Equations;
-use crate::infer::lanes::ln_vector;
+use crate::lanes::ln_vector;
 
 /// [`Equations`] in directions of unit prior: every number's coefficients beside each other.
 pub(super) struct Compiled {

@@ -12,7 +12,7 @@ use super::space::{Whose, linear, monomials, values};
 use crate::diagnose::{Weighed, relative_weights, weigh};
 use crate::error::Result;
 use crate::files::Keyed;
-use crate::infer::LogDensity;
+use crate::sample::LogDensity;
 use crate::sample::{Key, Stream};
 
 /// How an answer's draws fare under the full nonlinear model with all effects, by which they are reweighted where it moves a mean by more

@@ -231,5 +231,5 @@ pub(crate) fn ln_all(values: &mut [f64]) {
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/lanes.rs"]
+#[path = "../tests/unit/lanes.rs"]
 mod tests;
