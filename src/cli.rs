@@ -41,7 +41,7 @@ pub use console::line;
 #[command(version, propagate_version = true, arg_required_else_help = true)]
 pub struct Cli {
     #[command(subcommand)]
-    verb: Verb,
+    verb: Command,
     #[command(flatten)]
     global: Global,
 }
@@ -61,39 +61,39 @@ struct Global {
 }
 
 #[derive(Debug, Subcommand)]
-enum Verb {
+enum Command {
     /// Identify, find what is left, trace it to an effect, add the effect, identify again, and report
     Loop(closing::LoopArguments),
     /// Identify the constants of a model from its measurement
-    Identify(identify::Arguments),
+    Identify(identify::IdentifyArguments),
     /// Trace what a finished run left unexplained to effects, without sampling again
     Trace(closing::TraceArguments),
     /// Build the reduced model and print its error tables
-    Build(build::Arguments),
+    Build(build::BuildArguments),
     /// Measure the speed of log posterior and samplers, of the default model or on a tabulated posterior
     Bench(bench::BenchArguments),
     /// Print what chains are worth: R-hat, effective draws, standard errors, and a verdict
-    Diagnose(diagnose::Arguments),
+    Diagnose(diagnose::DiagnoseArguments),
     /// Write a run's chains in another program's format
     Export(diagnose::ExportArguments),
     /// Make the report of a run again, or compare runs
-    Report(report::Arguments),
+    Report(report::ReportArguments),
     /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
-    Validate(validate::Arguments),
+    Validate(validate::ValidateArguments),
     /// Run many: models, data and seeds, on this machine or on a cluster, and collect what they found
-    Campaign(Box<campaign::Arguments>),
+    Campaign(Box<campaign::CampaignArguments>),
     /// Say what to measure next: what coupons and plates would add, and which undeclared effects they would expose
-    Design(design::Arguments),
+    Design(design::DesignArguments),
     /// Write the constants for which another finite-element program is to solve a model's specimen, a table of one row a solution
-    DesignOfExperiments(doe::Arguments),
+    DesignOfExperiments(doe::DoeArguments),
     /// Measure a field from phase-shifted fringe images, with the sd of every point
-    Fringes(fringes::Arguments),
+    Fringes(fringes::FringesArguments),
     /// Simulate a measurement, in the article's format, with effects and noise
-    Simulate(simulate::Arguments),
+    Simulate(simulate::SimulateArguments),
     /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
-    Effects(effects::Arguments),
+    Effects(effects::EffectsArguments),
     /// Write a model file to start from, for your own specimen
-    Init(init::Arguments),
+    Init(init::InitArguments),
     /// Print completions for a shell
     #[cfg(feature = "manual")]
     Completions(manual::CompletionsArguments),
@@ -136,25 +136,25 @@ pub fn run(cli: Cli) -> Result<()> {
     }
     let console = Console::new(cli.global.quiet);
     match cli.verb {
-        Verb::Loop(arguments) => closing::close(&arguments, &cli.global, &console),
-        Verb::Trace(arguments) => closing::trace(&arguments, &console),
-        Verb::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
-        Verb::Build(arguments) => build::run(&arguments, &console),
-        Verb::Bench(arguments) => bench::run(&arguments, &cli.global, &console),
-        Verb::Diagnose(arguments) => diagnose::run(&arguments),
-        Verb::Export(arguments) => diagnose::export(&arguments),
-        Verb::Report(arguments) => report::run(&arguments),
-        Verb::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
-        Verb::Campaign(arguments) => campaign::run(&arguments, &cli.global, &console),
-        Verb::Design(arguments) => design::run(&arguments, &console),
-        Verb::DesignOfExperiments(arguments) => doe::run(&arguments),
-        Verb::Fringes(arguments) => fringes::run(&arguments, &console),
-        Verb::Simulate(arguments) => simulate::run(&arguments, &cli.global),
-        Verb::Effects(arguments) => effects::run(&arguments),
-        Verb::Init(arguments) => init::run(&arguments),
+        Command::Loop(arguments) => closing::close(&arguments, &cli.global, &console),
+        Command::Trace(arguments) => closing::trace(&arguments, &console),
+        Command::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
+        Command::Build(arguments) => build::run(&arguments, &console),
+        Command::Bench(arguments) => bench::run(&arguments, &cli.global, &console),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Export(arguments) => diagnose::export(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
+        Command::Campaign(arguments) => campaign::run(&arguments, &cli.global, &console),
+        Command::Design(arguments) => design::run(&arguments, &console),
+        Command::DesignOfExperiments(arguments) => doe::run(&arguments),
+        Command::Fringes(arguments) => fringes::run(&arguments, &console),
+        Command::Simulate(arguments) => simulate::run(&arguments, &cli.global),
+        Command::Effects(arguments) => effects::run(&arguments),
+        Command::Init(arguments) => init::run(&arguments),
         #[cfg(feature = "manual")]
-        Verb::Completions(arguments) => manual::completions(&arguments),
+        Command::Completions(arguments) => manual::completions(&arguments),
         #[cfg(feature = "manual")]
-        Verb::Man(arguments) => manual::man(&arguments),
+        Command::Man(arguments) => manual::man(&arguments),
     }
 }

@@ -11,7 +11,7 @@ use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Sampler, Schedule};
-use plychain::trace::{Interval, Status, close};
+use plychain::trace::{Interval, Status, explain};
 
 use crate::foreign;
 use crate::program::{changed, coarse, set_coarse, workplace};
@@ -114,8 +114,8 @@ pub fn options(sampler: &dyn Sampler) -> Options<'_> {
 /// The loop as the command line runs it.
 pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
     let sampler = (SAMPLERS[0].build)();
-    let closed =
-        close(model, 5, &|_| options(&*sampler), &Silent).unwrap_or_else(|e| panic!("{case}: {e}"));
+    let closed = explain(model, 5, &|_| options(&*sampler), &Silent)
+        .unwrap_or_else(|e| panic!("{case}: {e}"));
     let sure = closed.rounds.iter().flat_map(|r| &r.tracing.groups);
     let sure: Vec<_> = sure.filter(|g| g.probability > 0.95).collect();
     Ended {
@@ -130,7 +130,7 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
             .iter()
             .flat_map(|s| s.reasons.clone())
             .collect(),
-        quoted: closed.quoted().into_values().collect(),
+        quoted: closed.closed_form().into_values().collect(),
         truth: truth.to_vec(),
         held_out: [sure.len(), sure.iter().filter(|g| g.predicts).count()],
     }

@@ -6,19 +6,19 @@ use plychain::effect::Kind;
 use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::sample::SAMPLERS;
-use plychain::trace::{Closed, Quoted, close, quote};
+use plychain::trace::{Explained, Quoted, explain, quote};
 
 use crate::loops::options;
 use crate::program::{coarse, python, succeed};
 
-fn closed(model: &Model) -> Closed {
+fn closed(model: &Model) -> Explained {
     let sampler = (SAMPLERS[0].build)();
-    close(model, 5, &|_| options(&*sampler), &Silent).unwrap()
+    explain(model, 5, &|_| options(&*sampler), &Silent).unwrap()
 }
 
-fn quoted(closed: &Closed, k: usize) -> Quoted {
+fn quoted(closed: &Explained, k: usize) -> Quoted {
     let sampler = (SAMPLERS[k].build)();
-    quote(&closed.rounds, false, &options(&*sampler), &Silent).unwrap()
+    quote(&closed.rounds, false, &|_| options(&*sampler), &Silent).unwrap()
 }
 
 /// Standard errors by which the means of a variable differ.
@@ -37,7 +37,7 @@ fn apart(a: &Draws, b: &Draws) -> Vec<(String, f64)> {
 
 /// Birth and death draw every effect as often as the enumeration of subsets makes it likely, within the Monte Carlo error of draws whose
 /// walkers count as one value each, and a tenth: the enumeration takes all other effects for none, the draws for small ones.
-fn acts_as_often_as_likely(closed: &Closed, quoted: &Quoted) {
+fn acts_as_often_as_likely(closed: &Explained, quoted: &Quoted) {
     let draws = &quoted.draws;
     let mut sums = [0.0; 2];
     for found in &closed.rounds.last().unwrap().tracing.candidates {

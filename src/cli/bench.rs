@@ -20,7 +20,7 @@ use crate::sample::{
 };
 use crate::sample::{Laplace, LogDensity, laplace};
 
-/// BenchArguments of `bench`.
+/// Arguments of `bench`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain bench

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::console::Console;
 use super::frequencies;
-use super::running::Plan;
+use super::running::RunPlan;
 use crate::chain::read_zarr;
 use crate::error::Result;
 use crate::identify::{self, Beside};
@@ -14,20 +14,19 @@ use crate::infer::Model;
 const FREQUENCIES: &str = "frequencies";
 const FIELD: &str = "field-alone";
 
-/// Identify what stands beside a field; the plan's model knows it afterwards. None where nothing does.
+/// Identify what stands beside a field; the model, which then knows it, and what was found, None where nothing stands there.
 ///
 /// # Errors
 /// Those of either identification.
-pub fn identified(plan: &mut Plan, console: &Console) -> Result<Option<Beside>> {
-    let place = |name: &str| plan.folder.path().join(name);
-    let [frequencies, field] = [FREQUENCIES, FIELD].map(|name| plan.options(&place(name)));
-    let mut model = plan.model.clone();
+pub fn identified(run: &RunPlan, console: &Console) -> Result<(Model, Option<Beside>)> {
+    let place = |name: &str| run.folder.path().join(name);
+    let [frequencies, field] = [FREQUENCIES, FIELD].map(|name| run.options(&place(name)));
+    let mut model = run.model.clone();
     let found = identify::beside(&mut model, [&frequencies, &field], console)?;
     if let Some(beside) = &found {
         frequencies::write(&beside.model, &beside.found, &place(FREQUENCIES))?;
     }
-    plan.model = model;
-    Ok(found)
+    Ok((model, found))
 }
 
 /// Let the model of a finished run know what the frequencies beside its field said in it.

@@ -23,7 +23,7 @@ use crate::report::tables;
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   plychain build models/openhole.json --verify")]
-pub struct Arguments {
+pub struct BuildArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
@@ -45,7 +45,7 @@ pub struct Arguments {
 /// model file names a reference), `model` (the reduced model itself).
 const SCHEMA: &str = "plychain-reduced-model/1";
 
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
     let mut model = Model::load_with(&arguments.model, arguments.data.as_ref())?;
     model.file.reduced_model.full_order |= arguments.full_order;
     let folder = Folder::create(

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::Args;
+
 use super::console::Console;
-use super::validate::Arguments;
-use super::{Global, cache, print};
+use super::{cache, print};
+use crate::effect::amplitude_name;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::identify;
@@ -13,6 +15,7 @@ use crate::report::calibration::{calibration_numbers, calibration_text, loop_num
 use crate::sample::Laplace;
 use crate::validate::calibration::{self, Plan};
 use crate::validate::grid::Grid;
+use crate::validate::record::Share;
 use crate::validate::twin::{Truth, Twin};
 use crate::validate::whole_loop::{self, LoopSummary};
 use crate::validate::{article, quadrature};
@@ -68,66 +71,121 @@ pub fn article_twin(
     Ok(Grid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
 }
 
-/// Run `--sbc --loop`.
-fn calibrate_loop(
-    arguments: &Arguments,
-    replicates: usize,
-    model: &Model,
-    out: &Path,
-    global: &Global,
-    console: &Console,
-) -> Result<()> {
-    let mut all = Vec::new();
-    for &correlation_mm in &arguments.correlation_mm {
-        let plan = Plan {
-            replicates,
-            correlation_mm,
-            reduced: false,
-            seed: global.seed,
-            grid: arguments.grid,
-            share: arguments.share()?,
-        };
-        let what = if arguments.withheld {
-            "withheld"
-        } else {
-            "loop"
-        };
-        let record = out.join(format!("sbc-{what}-{correlation_mm}mm.jsonl"));
-        let withheld = arguments.withheld;
-        let found = whole_loop::calibrate_loop(model, &plan, withheld, &cache(), &record, console)?;
-        if plan.share.is_some() {
-            say_share(&plan, found.len())?;
-            continue;
-        }
-        let summary = LoopSummary::new(model, &plan, withheld, &found);
-        print(&loop_text(&summary))?;
-        all.push(loop_numbers(&summary));
+/// Arguments of `validate --sbc`.
+#[derive(Debug, Args)]
+pub struct CalibrationArguments {
+    /// Instead: simulation-based calibration with N replicates, for each --correlation-mm; goes on with the records in
+    /// --out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    sbc: Option<u32>,
+    /// Calibrate the whole loop with --sbc: effects are drawn too, and the truth is looked for in the posterior to quote
+    #[arg(long = "loop", requires = "sbc")]
+    whole_loop: bool,
+    /// With --loop: what acts is not in the dictionary
+    #[arg(long, requires = "whole_loop")]
+    withheld: bool,
+    /// Correlation lengths of the noise for --sbc, mm; 0 is white
+    #[arg(long, value_delimiter = ',', default_value = "0,1")]
+    correlation_mm: Vec<f64>,
+    /// Points along a side of the simulated field for --sbc
+    #[arg(long, default_value_t = 61)]
+    grid: usize,
+    /// Share K of N of the replicates of --sbc, in a record of its own; without --task all records make the table
+    #[arg(long, value_name = "K", requires_all = ["of", "sbc"], value_parser = clap::value_parser!(u32).range(1..))]
+    task: Option<u32>,
+    /// Number of shares
+    #[arg(long, value_name = "N", requires = "task", value_parser = clap::value_parser!(u32).range(1..))]
+    of: Option<u32>,
+    /// Simulate the fields of --sbc by the reduced model in place of the finite elements
+    #[arg(long)]
+    reduced: bool,
+}
+
+/// A calibration before its first replicate: what is calibrated, and a plan for each correlation length of the noise.
+pub struct CalibrationPlan {
+    what: Calibrated,
+    plans: Vec<Plan>,
+}
+
+/// What is calibrated.
+#[derive(Clone, Copy)]
+enum Calibrated {
+    Identification,
+    Loop { withheld: bool },
+}
+
+impl CalibrationArguments {
+    pub fn is_asked_for(&self) -> bool {
+        self.sbc.is_some()
     }
-    finish(out, "calibration_of_the_loop", all)
+
+    /// What is asked for, if a calibration is.
+    ///
+    /// # Errors
+    /// The input's fault, with the option.
+    pub fn plan(&self, seed: u64) -> Result<Option<CalibrationPlan>> {
+        let Some(replicates) = self.sbc else {
+            return Ok(None);
+        };
+        let share = self.share()?;
+        let plan = |&correlation_mm: &f64| {
+            if !(0.0..=2.0).contains(&correlation_mm) {
+                return Err(Error::input(
+                    "--correlation-mm",
+                    "lengths from 0 to 2 mm, which count as noise",
+                )
+                .found(correlation_mm));
+            }
+            Ok(Plan {
+                replicates: replicates as usize,
+                correlation_mm,
+                reduced: self.reduced && !self.whole_loop,
+                seed,
+                grid: self.grid,
+                share,
+            })
+        };
+        let what = match self.whole_loop {
+            true => Calibrated::Loop {
+                withheld: self.withheld,
+            },
+            false => Calibrated::Identification,
+        };
+        let plans = self
+            .correlation_mm
+            .iter()
+            .map(plan)
+            .collect::<Result<_>>()?;
+        Ok(Some(CalibrationPlan { what, plans }))
+    }
+
+    /// The share of the replicates.
+    fn share(&self) -> Result<Option<Share>> {
+        let Some((task, of)) = self.task.zip(self.of) else {
+            return Ok(None);
+        };
+        if task > of {
+            return Err(Error::input("--task", format!("a number from 1 to {of}")).found(task));
+        }
+        Ok(Some(Share {
+            task: task as usize,
+            of: of as usize,
+        }))
+    }
 }
 
 /// Run `--sbc`.
 pub fn calibrate(
-    arguments: &Arguments,
-    replicates: usize,
+    calibration: &CalibrationPlan,
+    out: Option<&Path>,
     model: &Model,
-    global: &Global,
     console: &Console,
 ) -> Result<()> {
-    for l in &arguments.correlation_mm {
-        if !(0.0..=2.0).contains(l) {
-            return Err(Error::input(
-                "--correlation-mm",
-                "lengths from 0 to 2 mm, which count as noise",
-            )
-            .found(l));
-        }
-    }
     let model = calibration::model_of(model);
-    let out = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from(super::RUNS).join(format!("{}-sbc", model.file.name)));
+    let out = out.map_or_else(
+        || PathBuf::from(super::RUNS).join(format!("{}-sbc", model.file.name)),
+        Path::to_path_buf,
+    );
     std::fs::create_dir_all(&out).map_err(|e| {
         Error::input(
             format!("--out {}", out.display()),
@@ -135,42 +193,69 @@ pub fn calibrate(
         )
         .found(e)
     })?;
-    if arguments.whole_loop {
-        return calibrate_loop(arguments, replicates, &model, &out, global, console);
-    }
-    let prepared = identify::prepare(&model, &cache(), console)?;
-    let twin = Twin::new(&model, prepared, arguments.grid)?;
-    let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
-    for effect in model.sampled() {
-        names.extend(
-            effect
-                .parameters()
-                .iter()
-                .map(|p| crate::effect::amplitude_name(effect, p)),
-        );
-    }
-    names.push(crate::infer::NOISE.into());
-    let mut all = Vec::new();
-    for &correlation_mm in &arguments.correlation_mm {
-        let plan = Plan {
-            replicates,
-            correlation_mm,
-            reduced: arguments.reduced,
-            seed: global.seed,
-            grid: arguments.grid,
-            share: arguments.share()?,
-        };
-        let record = out.join(format!("sbc-{correlation_mm}mm.jsonl"));
-        let found = calibration::calibrate(&model, &twin, &plan, &record, console)?;
-        if plan.share.is_some() {
-            say_share(&plan, found.len())?;
-            continue;
+    match calibration.what {
+        Calibrated::Loop { withheld } => {
+            let what = if withheld { "withheld" } else { "loop" };
+            let one = |plan: &Plan, record: &Path| {
+                let cache = cache();
+                let found =
+                    whole_loop::calibrate_loop(&model, plan, withheld, &cache, record, console)?;
+                let table = || {
+                    let summary = LoopSummary::new(&model, plan, withheld, &found);
+                    (loop_text(&summary), loop_numbers(&summary))
+                };
+                Ok((found.len(), plan.share.is_none().then(table)))
+            };
+            let all = each(&calibration.plans, &out, &format!("sbc-{what}"), &one)?;
+            finish(&out, "calibration_of_the_loop", all)
         }
-        let summary = calibration::summarise(&plan, &names, &found);
-        print(&calibration_text(&summary))?;
-        all.push(calibration_numbers(&summary));
+        Calibrated::Identification => {
+            let prepared = identify::prepare(&model, &cache(), console)?;
+            let grid = calibration.plans.first().map_or(TWIN_GRID, |p| p.grid);
+            let twin = Twin::new(&model, prepared, grid)?;
+            let names = names(&model);
+            let one = |plan: &Plan, record: &Path| {
+                let found = calibration::calibrate(&model, &twin, plan, record, console)?;
+                let table = || {
+                    let summary = calibration::summarise(plan, &names, &found);
+                    (calibration_text(&summary), calibration_numbers(&summary))
+                };
+                Ok((found.len(), plan.share.is_none().then(table)))
+            };
+            let all = each(&calibration.plans, &out, "sbc", &one)?;
+            finish(&out, "calibration", all)
+        }
     }
-    finish(&out, "calibration", all)
+}
+
+/// Runs a plan with its record: how many replicates are done, and the table as text and numbers but for a share.
+type Calibrate<'a> = &'a dyn Fn(&Plan, &Path) -> Result<(usize, Option<(String, Value)>)>;
+
+/// Run each plan, and print its table; the numbers of the tables.
+fn each(plans: &[Plan], out: &Path, name: &str, calibrate: Calibrate<'_>) -> Result<Vec<Value>> {
+    let mut all = Vec::new();
+    for plan in plans {
+        let record = out.join(format!("{name}-{}mm.jsonl", plan.correlation_mm));
+        match calibrate(plan, &record)? {
+            (_, Some((text, numbers))) => {
+                print(&text)?;
+                all.push(numbers);
+            }
+            (done, None) => say_share(plan, done)?,
+        }
+    }
+    Ok(all)
+}
+
+/// What is sampled.
+fn names(model: &Model) -> Vec<String> {
+    let constants = model.constants().iter().map(|n| (*n).to_string());
+    let sampled = model.sampled().into_iter().flat_map(|effect| {
+        let parameters = effect.parameters().iter();
+        parameters.map(move |p| amplitude_name(effect, p))
+    });
+    let noise = std::iter::once(crate::infer::NOISE.into());
+    constants.chain(sampled).chain(noise).collect()
 }
 
 /// Write the tables, if there are any: a share has none.

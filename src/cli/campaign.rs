@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 Exit status: 0 all runs done (or handed to the scheduler), 1 the input's fault or a run that failed, 2 the program's fault,
 75 told to stop by SIGTERM or tasks lost: --resume goes on."
 )]
-pub struct Arguments {
+pub struct CampaignArguments {
     #[command(subcommand)]
     what: Option<What>,
     #[command(flatten)]
@@ -38,7 +38,7 @@ enum What {
     /// Write one table of all runs: collected.csv, collected.zarr, collected.html
     Collect(CollectArguments),
     /// Mean and scatter of the material's constants over the specimens of a campaign, with A- and B-basis values
-    Population(population::Arguments),
+    Population(population::PopulationArguments),
 }
 
 #[derive(Debug, Args)]
@@ -99,7 +99,7 @@ struct RunArguments {
 /// Most tasks of an array where nothing is said; Slurm's own limit is 1001 unless it is set.
 const MOST_TASKS: usize = 500;
 
-pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+pub fn run(arguments: &CampaignArguments, global: &Global, console: &Console) -> Result<()> {
     match &arguments.what {
         Some(What::Collect(collect)) => collected(collect),
         Some(What::Population(arguments)) => population::run(arguments, global, console),

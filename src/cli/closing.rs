@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::console::{Console, line};
-use super::diagnose::AVERAGED;
-use super::folder::{Folder, check_run};
+use super::folder::{AVERAGED, check_run};
 use super::identify::truth;
-use super::running::Running;
+use super::running::{RunPlan, Running};
 use super::{Global, beside, cache, print};
 use crate::chain::{write_csv, write_zarr};
 use crate::error::{Error, Result};
@@ -16,12 +15,11 @@ use crate::experiment::State;
 use crate::files;
 use crate::identify::{Beside, settle_force};
 use crate::infer::Model;
-use crate::progress::Progress;
 use crate::report::json::Keyed;
 use crate::report::round::MeanAndSd;
 use crate::report::together::TogetherReport;
 use crate::report::{Page, Report, gather, ranking, terminal, traced};
-use crate::trace::{self, Closed, Suspect};
+use crate::trace::{self, Closed, LoopStage, Suspect, ToQuote};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
@@ -37,99 +35,86 @@ pub struct LoopArguments {
     rounds: u8,
 }
 
+/// What `loop` was asked for, settled before any work.
+struct LoopPlan {
+    run: RunPlan,
+    /// Most effects that are added.
+    most: usize,
+}
+
+impl LoopPlan {
+    fn new(arguments: &LoopArguments, global: &Global) -> Result<Self> {
+        let running = &arguments.running;
+        if running.plates()?.is_some() {
+            return Err(Error::input("MODEL", "a field to trace effects in")
+                .found("frequencies alone")
+                .hint("plychain identify takes them"));
+        }
+        Ok(Self {
+            run: running.plan(global)?,
+            most: usize::from(arguments.rounds),
+        })
+    }
+}
+
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
-    let running = &arguments.running;
-    if running.plates()?.is_some() {
-        return Err(Error::input("MODEL", "a field to trace effects in")
-            .found("frequencies alone")
-            .hint("plychain identify takes them"));
+    let LoopPlan { run, most } = LoopPlan::new(arguments, global)?;
+    let (model, beside) = beside::identified(&run, console)?;
+    let options = |stage: LoopStage| run.options(&place(run.folder.path(), stage));
+    let closed = trace::close(&model, most, &options, console)?;
+    if let ToQuote::ClosedForm(why) = &closed.to_quote {
+        // the verdict stands
+        line(&format!(
+            "  the intervals to quote are those of the closed form: {why}"
+        ));
     }
-    let mut plan = running.plan(global)?;
-    let beside = beside::identified(&mut plan, console)?;
-    let options = |round: usize| plan.options(&place(plan.folder.path(), round));
-    let most = usize::from(arguments.rounds);
-    let mut closed = trace::close(&plan.model, most, &options, console)?;
-    let suspect = closed.conclusion.suspect.is_some();
-    let again = plan.options(plan.folder.path());
-    match trace::quote(&closed.rounds, suspect, &again, console) {
-        Ok(quoted) => closed.sampled = Some(quoted),
-        // the verdict stands, and its intervals in closed form
-        Err(e) => line(&format!(
-            "  the intervals to quote are those of the closed form: {e}"
-        )),
-    }
-    let page = write(
-        &plan.folder,
-        &plan.model,
-        &closed,
-        beside.as_ref(),
-        global.seed,
-    )?;
+    let page = write(&run, &model, &closed, beside.as_ref())?;
     let report = &page.report;
     if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
         print(&terminal::identification(&report.model, last))?;
         print(&ranking::closed(&page, closing))?;
     }
     print(&report.together_text())?;
-    console.begin("report and figures", None);
-    page.write(plan.folder.path(), running.png)?;
-    console.end();
-    let path = plan.folder.path().display();
-    print(&format!("written to {path}; open {path}/report.html\n"))?;
-    plan.folder.keep();
-    running.judge(closed.rounds.iter().map(|s| &s.identification.verdict))
+    let verdicts = closed.rounds.iter().map(|s| &s.identification.verdict);
+    run.finish(&page, verdicts, console)
 }
 
-/// Where the chains of a round are kept: the first in the run's folder itself.
-fn place(folder: &Path, round: usize) -> PathBuf {
-    if round == 0 {
-        folder.to_path_buf()
-    } else {
-        folder.join(format!("round-{round}"))
+/// Where the chains of a stage are kept: those of the first round in the run's folder itself.
+fn place(folder: &Path, stage: LoopStage) -> PathBuf {
+    match stage {
+        LoopStage::Attempt(0) => folder.to_path_buf(),
+        LoopStage::Attempt(attempt) => folder.join(format!("round-{attempt}")),
+        LoopStage::Answer(supposing) => folder.join(AVERAGED).join(supposing.key()),
     }
 }
 
-fn write(
-    folder: &Folder,
-    model: &Model,
-    closed: &Closed,
-    beside: Option<&Beside>,
-    seed: u64,
-) -> Result<Page> {
-    for step in &closed.rounds {
-        let k = step.attempt;
-        let place = place(folder.path(), k);
-        write_csv(&step.identification.draws, &place.join("chain.csv"))?;
-        let name = if k == 0 {
-            "model.json".to_string()
-        } else {
-            format!("round-{k}/model.json")
-        };
-        folder.write_json(&name, &step.model.resolved()?)?;
+/// Write what a loop leaves behind beside its chain stores, and return the page that shows it, which is still to be written.
+fn write(run: &RunPlan, model: &Model, closed: &Closed, beside: Option<&Beside>) -> Result<Page> {
+    let folder = &run.folder;
+    for round in &closed.rounds {
+        let stage = LoopStage::Attempt(round.attempt);
+        let place = place(folder.path(), stage);
+        write_csv(&round.identification.draws, &place.join("chain.csv"))?;
+        files::write_json(&place.join("model.json"), &round.model.resolved()?)?;
     }
-    if let Some(sampled) = &closed.sampled {
+    if let ToQuote::Sampled(sampled) = &closed.to_quote {
         let place = folder.path().join(AVERAGED);
+        let store = place.join("chain.zarr");
         // an interrupted run may have left one
-        if place.exists() {
-            let fail = |e| Error::input(place.display(), "a writable folder").found(e);
-            std::fs::remove_dir_all(&place).map_err(fail)?;
+        if store.exists() {
+            let fail = |e| Error::input(store.display(), "a writable folder").found(e);
+            std::fs::remove_dir_all(&store).map_err(fail)?;
         }
-        write_zarr(&sampled.draws, &place.join("chain.zarr"))?;
+        write_zarr(&sampled.draws, &store)?;
         write_csv(&sampled.draws, &place.join("chain.csv"))?;
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
     folder.write_json("model.extended.json", &last.model.resolved()?)?;
-    let mut report = gather::closed(closed, seed);
+    let mut report = gather::closed(closed, run.seed());
     report.together = beside.map(|b| TogetherReport::new(b, trace::tension(last).as_ref()));
     folder.write_json("report.json", &report)?;
-    let files = &closed.rounds[0]
-        .identification
-        .inverse
-        .prepared
-        .observation
-        .field
-        .files;
-    let manifest = folder.write_manifest(&model.path, files, seed)?;
+    let files = closed.rounds[0].identification.files();
+    let manifest = folder.write_manifest(&model.path, files, run.seed())?;
     Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 

@@ -11,7 +11,7 @@ use crate::progress::Progress;
 
 /// Watches work for a person.
 pub struct Console {
-    mode: Mode,
+    mode: ConsoleMode,
     stage: Shared,
 }
 
@@ -19,7 +19,7 @@ pub struct Console {
 type Shared = Arc<Mutex<Option<Stage>>>;
 
 #[derive(Clone, Copy, PartialEq)]
-enum Mode {
+enum ConsoleMode {
     Quiet,
     Lines,
     Bars,
@@ -42,14 +42,14 @@ impl Console {
     /// A console for standard error.
     pub fn new(quiet: bool) -> Self {
         let mode = if quiet {
-            Mode::Quiet
+            ConsoleMode::Quiet
         } else if std::io::stderr().is_terminal() {
-            Mode::Bars
+            ConsoleMode::Bars
         } else {
-            Mode::Lines
+            ConsoleMode::Lines
         };
         let stage = Shared::default();
-        if mode == Mode::Lines {
+        if mode == ConsoleMode::Lines {
             let stage = Arc::downgrade(&stage);
             std::thread::spawn(move || heartbeat(&stage));
         }
@@ -57,7 +57,7 @@ impl Console {
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<Stage>)) {
-        if self.mode == Mode::Quiet {
+        if self.mode == ConsoleMode::Quiet {
             return;
         }
         // A poisoned lock means another thread panicked while drawing; there is nothing left to protect.
@@ -117,7 +117,7 @@ impl Stage {
 impl Progress for Console {
     fn begin(&self, what: &str, steps: Option<u64>) {
         self.with(|stage| {
-            let bar = (self.mode == Mode::Bars).then(|| bar(what, steps));
+            let bar = (self.mode == ConsoleMode::Bars).then(|| bar(what, steps));
             let now = Instant::now();
             *stage = Some(Stage {
                 what: what.into(),

@@ -22,7 +22,7 @@ use crate::validate::design::{
   plychain design                                   beside the default model: coupons and plates of its laminate
   plychain design specimen.json --for E2_GPa,nu12   ranked by what they say of these
   plychain design specimen.json plate.json other.json    the candidates in files of your own, measured or not")]
-pub struct Arguments {
+pub struct DesignArguments {
     /// Model file: what is measured already, or will be
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
@@ -82,7 +82,7 @@ fn load(path: &Path) -> Result<Declared> {
     })
 }
 
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
     if !(arguments.noise_nm > 0.0 && arguments.noise_nm < 1e9) {
         return Err(Error::input("--noise-nm", "a number above 0").found(arguments.noise_nm));
     }
@@ -123,7 +123,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
 }
 
 /// Places of the constants that matter.
-fn wanted(arguments: &Arguments, own: &Declared) -> Result<Vec<usize>> {
+fn wanted(arguments: &DesignArguments, own: &Declared) -> Result<Vec<usize>> {
     if arguments.wanted.is_empty() {
         return Ok((0..own.constants.len()).collect());
     }
@@ -137,7 +137,7 @@ fn wanted(arguments: &Arguments, own: &Declared) -> Result<Vec<usize>> {
     arguments.wanted.iter().map(place).collect()
 }
 
-fn candidates(arguments: &Arguments, own: &Declared) -> Result<Vec<Candidate>> {
+fn candidates(arguments: &DesignArguments, own: &Declared) -> Result<Vec<Candidate>> {
     if arguments.others.is_empty() {
         let mut all: Vec<Candidate> = own.field.iter().flat_map(coupons).collect();
         all.extend(plates(&own.layup, own.thickness_mm));

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::folder::say_round;
+use super::folder::{AVERAGED, say_round};
 use super::print;
 use crate::chain::{
     Chains, Draws, Reader, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz,
@@ -19,7 +19,7 @@ use crate::trace::quoted_rule;
 #[command(after_help = "Examples:
   plychain diagnose runs/openhole
   plychain diagnose chain_1.csv chain_2.csv chain_3.csv chain_4.csv --strict")]
-pub struct Arguments {
+pub struct DiagnoseArguments {
     /// A run folder, chain.zarr, chain.csv, Stan CSV files (one a chain), or a GetDist root (or one of its files)
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -31,7 +31,7 @@ pub struct Arguments {
     walkers: Option<usize>,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &DiagnoseArguments) -> Result<()> {
     if let [folder] = &arguments.files[..] {
         say_round(folder);
     }
@@ -73,9 +73,6 @@ fn rule_of(files: &[PathBuf]) -> Rule {
         Rule::default()
     }
 }
-
-/// The folder of the posterior to quote in a loop's.
-pub const AVERAGED: &str = "averaged";
 
 /// The chain store that `path` is or holds.
 fn store(path: &Path) -> Option<PathBuf> {

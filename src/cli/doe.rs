@@ -16,7 +16,7 @@ use crate::reduce::{doe_text, rows_to_solve};
   plychain design-of-experiments model.json --out doe.csv
 then solve every row, write fields/1.csv, fields/2.csv, ... (x_mm,y_mm,ux_mm,uy_mm at nodes), and declare
   \"reduced_model\": { \"snapshots\": { \"doe\": \"doe.csv\", \"fields\": \"fields/*.csv\" }, ... }")]
-pub struct Arguments {
+pub struct DoeArguments {
     /// Model file; its measurement is not needed
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
@@ -28,7 +28,7 @@ pub struct Arguments {
     snapshots: Option<u32>,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &DoeArguments) -> Result<()> {
     let model = Model::load(&arguments.model)?;
     let sides = model.box_to_solve()?;
     let own = model.file.reduced_model.count();

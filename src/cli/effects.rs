@@ -17,7 +17,7 @@ use crate::report::terminal::wrap;
 #[command(after_help = "Examples:
   plychain effects
   plychain effects models/openhole.json")]
-pub struct Arguments {
+pub struct EffectsArguments {
     /// Model file whose plausible sizes are to be printed, and which effects cannot act there
     model: Option<PathBuf>,
     /// Print JSON
@@ -26,7 +26,7 @@ pub struct Arguments {
 }
 
 /// One effect as a model sees it.
-struct Entry {
+struct ListedEffect {
     effect: &'static dyn Effect,
     /// Of each parameter.
     prior_sd: Vec<Option<f64>>,
@@ -35,9 +35,9 @@ struct Entry {
     candidate: bool,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &EffectsArguments) -> Result<()> {
     let model = arguments.model.as_deref().map(Model::load).transpose()?;
-    let entries: Vec<Entry> = EFFECTS
+    let entries: Vec<ListedEffect> = EFFECTS
         .iter()
         .map(|effect| entry(*effect, model.as_ref()))
         .collect();
@@ -53,10 +53,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     print(&(text + "\n"))
 }
 
-fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> Entry {
+fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> ListedEffect {
     let named = |names: &[String]| names.iter().any(|name| name == effect.name());
     let prior_sd = effect.parameters().iter().enumerate();
-    Entry {
+    ListedEffect {
         effect,
         prior_sd: prior_sd
             .map(|(k, parameter)| match model {
@@ -70,7 +70,7 @@ fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> Entry {
     }
 }
 
-fn numbers(entry: &Entry, with_model: bool) -> Value {
+fn numbers(entry: &ListedEffect, with_model: bool) -> Value {
     let effect = entry.effect;
     let parameters: Vec<Value> = effect
         .parameters()
@@ -92,7 +92,7 @@ fn numbers(entry: &Entry, with_model: bool) -> Value {
     value
 }
 
-fn text(entries: &[Entry], model: Option<&Model>) -> String {
+fn text(entries: &[ListedEffect], model: Option<&Model>) -> String {
     let of = model.map_or_else(String::new, |m| format!(", as {} has them", m.file.name));
     let mut text = wrap(
         "",

@@ -254,22 +254,25 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Error {
     .found(error)
 }
 
+/// The folder of the posterior to quote in a loop's.
+pub const AVERAGED: &str = "averaged";
+
 /// Attempts at rounds that a loop may have made.
 const MOST_ATTEMPTS: usize = 100;
 
 /// Says which of a loop's chains are taken, and where the others are.
 pub fn say_round(folder: &Path) {
-    let of = |k: usize| folder.join(format!("round-{k}"));
+    let attempt = |k: usize| folder.join(format!("round-{k}"));
     // an attempt that was taken back has no chain.csv
-    let has_chain = |k: &usize| of(*k).join("chain.csv").is_file();
+    let has_chain = |k: &usize| attempt(*k).join("chain.csv").is_file();
     if let Some(last) = (1..MOST_ATTEMPTS).rev().find(has_chain) {
         line(&format!(
             "  {} is of a loop; the draws of its last round are in {}",
             folder.display(),
-            of(last).display()
+            attempt(last).display()
         ));
     }
-    if folder.join(super::diagnose::AVERAGED).is_dir() {
+    if folder.join(AVERAGED).is_dir() {
         line(&format!(
             "  these are the draws to quote, of the averaged posterior; those of the model as it was given are in {}",
             folder.join("chain.zarr").display()

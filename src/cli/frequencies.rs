@@ -30,8 +30,7 @@ pub fn run(
     print(&report.text())?;
     let path = folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
-    plan.folder.keep();
-    running.judge([&found.verdict])
+    plan.complete([&found.verdict])
 }
 
 /// Write what the frequencies said into a folder.

@@ -23,7 +23,7 @@ The file:
   { \"schema\": \"plychain-fringes/1\", \"images\": \"{component}_{state}_{n}.png\", \"frames\": 4, \"step_deg\": 90, \"steps\": \"auto\",
     \"fringe_frequency_per_mm\": 2400, \"pixel_mm\": 0.06075, \"first_row\": \"low_y\", \"U_along\": \"y\" }
   component: U or V; state: initial or final; n: 1 to frames. steps: nominal, estimated, or auto (as the images say)")]
-pub struct Arguments {
+pub struct FringesArguments {
     /// The file that says where the images are and what they are
     file: PathBuf,
     /// Folder for X, Y, U, V, SU, SV.txt, fringes.json and report.html, which must not exist (default: the first free of
@@ -32,7 +32,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-pub fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+pub fn run(arguments: &FringesArguments, console: &Console) -> Result<()> {
     let stem = arguments.file.file_stem();
     let name = stem.map_or_else(|| "fringes".into(), |s| s.to_string_lossy().into_owned());
     let folder = Folder::create(arguments.out.as_deref(), &format!("{name}-fringes"))?;

@@ -12,7 +12,6 @@ use crate::chain::write_csv;
 use crate::error::Result;
 use crate::identify::{self, Beside, Identification};
 use crate::infer::Model;
-use crate::progress::Progress;
 use crate::report::manifest::KnownTruth;
 use crate::report::together::TogetherReport;
 use crate::report::{Page, gather, terminal};
@@ -23,40 +22,26 @@ use crate::report::{Page, gather, terminal};
   plychain identify
   plychain identify specimen.json --data other.csv --refine --strict
   plychain identify specimen.json --out runs/long --resume    go on with an interrupted run")]
-pub struct Arguments {
+pub struct IdentifyArguments {
     #[command(flatten)]
     running: Running,
 }
 
-pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+pub fn run(arguments: &IdentifyArguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
     if let Some(model) = running.plates()? {
         return frequencies::run(&model, running, global, console);
     }
-    let mut plan = running.plan(global)?;
-    let beside = beside::identified(&mut plan, console)?;
-    let options = plan.options(plan.folder.path());
-    let round = identify::identify(&plan.model, &options, console)?;
-    let rounds = [round];
-    let page = write(
-        &plan.model,
-        &rounds,
-        beside.as_ref(),
-        &plan.folder,
-        global.seed,
-    )?;
+    let run = running.plan(global)?;
+    let (model, beside) = beside::identified(&run, console)?;
+    let options = run.options(run.folder.path());
+    let rounds = [identify::identify(&model, &options, console)?];
+    let page = write(&model, &rounds, beside.as_ref(), &run.folder, run.seed())?;
     for round in &page.report.rounds {
         print(&terminal::identification(&page.report.model, round))?;
     }
     print(&page.report.together_text())?;
-    console.begin("report and figures", None);
-    page.write(plan.folder.path(), running.png)?;
-    console.end();
-    let [round] = rounds;
-    let path = plan.folder.path().display();
-    print(&format!("written to {path}; open {path}/report.html\n"))?;
-    plan.folder.keep();
-    running.judge([&round.verdict])
+    run.finish(&page, rounds.iter().map(|r| &r.verdict), console)
 }
 
 /// What `truth.json` beside simulated data says; `None` for measured data.
@@ -83,10 +68,7 @@ pub fn write(
     let mut report = gather::identified(model, rounds, seed);
     report.together = beside.map(|b| TogetherReport::new(b, None));
     folder.write_json("report.json", &report)?;
-    let files = rounds
-        .last()
-        .map(|r| &r.inverse.prepared.observation.field.files[..])
-        .unwrap_or_default();
+    let files = rounds.last().map(Identification::files).unwrap_or_default();
     let manifest = folder.write_manifest(&model.path, files, seed)?;
     let rounds: Vec<&Identification> = rounds.iter().collect();
     Ok(Page::gather(&rounds, report, manifest, truth(files)?))

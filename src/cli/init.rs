@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::mappings::{Found, MAPPINGS, matching, quality};
+use super::mappings::{MAPPINGS, MatchedMapping, matching, quality};
 use super::points::{hole, loading_axis, strain};
 use super::print;
 use super::{exports, meshes};
@@ -26,7 +26,7 @@ use crate::infer::Model;
   plychain init coupon --csv 'step-*.csv' --subset-mm 1 --camera-distance-mm 500
                                                   the same of a load series, one file a step
   plychain init plate --mesh plate.msh --csv field.csv    a specimen of any shape; plate-mesh.svg shows mesh and points")]
-pub struct Arguments {
+pub struct InitArguments {
     /// Name of the model; the file is NAME.json
     #[arg(default_value = "specimen")]
     name: String,
@@ -70,7 +70,7 @@ impl Like {
     }
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &InitArguments) -> Result<()> {
     let path = PathBuf::from(format!("{}.json", arguments.name));
     let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     if arguments.name.is_empty() || !arguments.name.chars().all(plain) {
@@ -233,7 +233,7 @@ struct Export {
 /// of the largest strain in the data's own axes.
 fn propose(
     files: &[PathBuf],
-    arguments: &Arguments,
+    arguments: &InitArguments,
     experiment: &mut Value,
 ) -> Result<(String, Field)> {
     let mut exports = files
@@ -382,7 +382,7 @@ impl Export {
 }
 
 /// The columns of an export that hold a field; those in pixels only where their size is known.
-fn recognised(csv: &Path, header: &[String], has_scale: bool) -> Result<Found> {
+fn recognised(csv: &Path, header: &[String], has_scale: bool) -> Result<MatchedMapping> {
     let known: Vec<&str> = MAPPINGS.iter().map(|m| m.program).collect();
     let in_pixels = |columns: &str| {
         Error::input(

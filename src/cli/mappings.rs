@@ -93,7 +93,7 @@ pub const MAPPINGS: &[Mapping] = &[
 ];
 
 /// Columns of a header that hold a field.
-pub struct Found {
+pub struct MatchedMapping {
     /// The program whose columns they are.
     pub program: &'static str,
     /// x, y, ux, uy in the header's own spelling.
@@ -150,13 +150,13 @@ pub fn quality(
 
 /// The columns of the first mapping that a header has. Calibrated ones in the mapping's own spelling go first, then ones
 /// whose units the header states, then ones in other capitals, last those in pixels.
-pub fn matching(header: &[String]) -> Option<Found> {
+pub fn matching(header: &[String]) -> Option<MatchedMapping> {
     let spelled = |calibrated: bool, same: &dyn Fn(&str, &str) -> bool| {
         let mut mappings = MAPPINGS.iter().filter(|m| m.unit.is_some() == calibrated);
         mappings.find_map(|mapping| {
             let named = |name: &&str| header.iter().find(|h| same(h, name)).cloned();
             let columns: Vec<String> = mapping.columns.iter().map_while(named).collect();
-            Some(Found {
+            Some(MatchedMapping {
                 program: mapping.program,
                 columns: columns.try_into().ok()?,
                 units: [mapping.unit; 2],
@@ -177,7 +177,7 @@ pub fn matching(header: &[String]) -> Option<Found> {
 
 /// Columns of a mapping by their names without units, where the header states a unit for each, one for the coordinates
 /// and one for the displacements. A unit of length goes before pixels.
-fn with_stated_units(mapping: &Mapping, header: &[String]) -> Option<Found> {
+fn with_stated_units(mapping: &Mapping, header: &[String]) -> Option<MatchedMapping> {
     let column = |name: &&str| {
         let (stem, _) = split(name);
         let named = header.iter().filter_map(|h| {
@@ -188,7 +188,7 @@ fn with_stated_units(mapping: &Mapping, header: &[String]) -> Option<Found> {
     };
     let found: Vec<_> = mapping.columns.iter().map_while(column).collect();
     let [x, y, ux, uy] = <[_; 4]>::try_from(found).ok()?;
-    (x.1 == y.1 && ux.1 == uy.1).then_some(Found {
+    (x.1 == y.1 && ux.1 == uy.1).then_some(MatchedMapping {
         program: mapping.program,
         units: [x.1, ux.1],
         columns: [x.0, y.0, ux.0, uy.0],

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   plychain campaign population runs/coupons --leave-out coupon-3")]
-pub struct Arguments {
+pub struct PopulationArguments {
     /// Folder of a campaign
     folder: PathBuf,
     /// Leave a run out, as one that is of another material or was damaged
@@ -26,7 +26,7 @@ pub struct Arguments {
     shared_percent: f64,
 }
 
-pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+pub fn run(arguments: &PopulationArguments, global: &Global, console: &Console) -> Result<()> {
     let places = Places(arguments.folder.clone());
     let gathered = gather(&places, &arguments.leave_out)?;
     let percent = arguments.shared_percent;

@@ -15,7 +15,7 @@ use crate::report::{Page, comparison};
 #[command(after_help = "Examples:
   plychain report runs/openhole
   plychain report runs/openhole runs/openhole-2")]
-pub struct Arguments {
+pub struct ReportArguments {
     /// Run folders; one is reported again, several are compared
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
@@ -27,7 +27,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &ReportArguments) -> Result<()> {
     check_png(arguments.png)?;
     if let [folder] = arguments.runs.as_slice() {
         if arguments.out.is_some() {

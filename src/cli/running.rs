@@ -7,14 +7,16 @@ use clap::Args;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::console::line;
+use super::console::{Console, line};
 use super::folder::{Folder, verb};
-use super::{DEFAULT_MODEL, Global, cache};
+use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::files::hex;
 use crate::identify::{Options, settle_force};
 use crate::infer::{FrequenciesModel, Model};
+use crate::progress::Progress;
+use crate::report::Page;
 use crate::report::manifest::hashes;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 use crate::signals::on_termination;
@@ -50,13 +52,13 @@ pub struct Running {
     full_order: bool,
     /// Write the figures as PNG too (of a program built with `--features png`)
     #[arg(long)]
-    pub png: bool,
+    png: bool,
     #[command(flatten)]
     limits: Limits,
 }
 
 /// A run before its first draw.
-pub struct Plan<M = Model> {
+pub struct RunPlan<M = Model> {
     pub model: M,
     /// Where everything is kept.
     pub folder: Folder,
@@ -67,6 +69,10 @@ pub struct Plan<M = Model> {
     identity: Value,
     refinements: usize,
     resume: bool,
+    /// Whether figures are written as PNG too.
+    png: bool,
+    /// Whether chains that have not converged are an error.
+    strict: bool,
 }
 
 impl Running {
@@ -76,7 +82,7 @@ impl Running {
     }
 
     /// Everything that can be refused is refused here.
-    pub fn plan(&self, global: &Global) -> Result<Plan> {
+    pub fn plan(&self, global: &Global) -> Result<RunPlan> {
         let mut model = Model::load_with(&self.model, self.data.as_ref())?;
         model.file.reduced_model.full_order |= self.full_order;
         settle_force(&mut model)?;
@@ -87,7 +93,7 @@ impl Running {
     }
 
     /// The same of plates, which have no finite elements and no files of data.
-    pub fn plan_of_plates(&self, model: &FrequenciesModel, global: &Global) -> Result<Plan<()>> {
+    pub fn plan_of_plates(&self, model: &FrequenciesModel, global: &Global) -> Result<RunPlan<()>> {
         if let Some(data) = &self.data {
             return Err(
                 Error::input(format!("--data {}", data.display()), "a model of a field")
@@ -108,7 +114,7 @@ impl Running {
         model: M,
         (name, file, data): (&str, &str, Vec<String>),
         global: &Global,
-    ) -> Result<Plan<M>> {
+    ) -> Result<RunPlan<M>> {
         check_png(self.png)?;
         let sampler = sampler(&self.sampler)?;
         let mut schedule = Schedule {
@@ -128,7 +134,7 @@ impl Running {
                 before.display()
             ));
         }
-        Ok(Plan {
+        Ok(RunPlan {
             model,
             folder,
             sampler,
@@ -138,22 +144,17 @@ impl Running {
             identity,
             refinements: self.refine.map_or(0, usize::from),
             resume: self.resume,
+            png: self.png,
+            strict: self.strict,
         })
-    }
-
-    /// An error if `--strict` asks for convergence and one of `verdicts` denies it.
-    pub fn judge<'a>(&self, verdicts: impl IntoIterator<Item = &'a Verdict>) -> Result<()> {
-        let unsettled = verdicts.into_iter().find(|v| !v.converged);
-        match unsettled.filter(|_| self.strict) {
-            Some(verdict) => Err(Error::input("--strict", "converged chains")
-                .found(verdict.line())
-                .hint("run longer")),
-            None => Ok(()),
-        }
     }
 }
 
-impl<M> Plan<M> {
+impl<M> RunPlan<M> {
+    pub fn seed(&self) -> u64 {
+        self.schedule.seed
+    }
+
     /// How one identification is run whose chains are kept at `place`.
     pub fn options(&self, place: &Path) -> Options<'_> {
         Options {
@@ -171,6 +172,39 @@ impl<M> Plan<M> {
             }),
             discrepancy: [None, None],
             deadline: self.deadline,
+        }
+    }
+
+    /// Write the page of a run that is done, and keep the run's folder.
+    ///
+    /// # Errors
+    /// Of the input: a folder that cannot be written; with `--strict`, chains that have not converged.
+    pub fn finish<'a>(
+        self,
+        page: &Page,
+        verdicts: impl IntoIterator<Item = &'a Verdict>,
+        console: &Console,
+    ) -> Result<()> {
+        console.begin("report and figures", None);
+        page.write(self.folder.path(), self.png)?;
+        console.end();
+        let path = self.folder.path().display();
+        print(&format!("written to {path}; open {path}/report.html\n"))?;
+        self.complete(verdicts)
+    }
+
+    /// Keep the run's folder; an error if `--strict` asks for convergence and one of `verdicts` denies it.
+    ///
+    /// # Errors
+    /// Of the input: chains that have not converged.
+    pub fn complete<'a>(self, verdicts: impl IntoIterator<Item = &'a Verdict>) -> Result<()> {
+        self.folder.keep();
+        let unsettled = verdicts.into_iter().find(|v| !v.converged);
+        match unsettled.filter(|_| self.strict) {
+            Some(verdict) => Err(Error::input("--strict", "converged chains")
+                .found(verdict.line())
+                .hint("run longer")),
+            None => Ok(()),
         }
     }
 }

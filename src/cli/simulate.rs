@@ -23,7 +23,7 @@ use crate::infer::{FrequenciesModel, Model};
   plychain simulate --effect load_misalignment=0.8 --set E1_GPa=140 --grid 121 --out simulated
   plychain simulate --fringes step_error=0.05,initial_fringes=12 --out images
   plychain simulate specimen.json --steps 0,700,1400,2100 --motion-mm 0.2 --effect uniform_strain=50,0,0:drift --out series")]
-pub struct Arguments {
+pub struct SimulateArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
@@ -86,7 +86,7 @@ fn effects_help() -> String {
     .join("\n")
 }
 
-pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
+pub fn run(arguments: &SimulateArguments, global: &Global) -> Result<()> {
     if let Some(plates) = FrequenciesModel::load(&arguments.model)? {
         return frequencies::run(arguments, &plates, global.seed);
     }
@@ -152,7 +152,7 @@ pub fn run(arguments: &Arguments, global: &Global) -> Result<()> {
 }
 
 /// What is said of the specimen and the noise; no effect acts yet.
-fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
+fn plan(arguments: &SimulateArguments, model: &Model, seed: u64) -> Result<Truth> {
     let mut truth = Truth {
         constants: model.marginals().iter().map(|m| m.mean).collect(),
         thickness_mm: model.experiment().specimen.thickness_mm.mean,
@@ -192,7 +192,7 @@ fn plan(arguments: &Arguments, model: &Model, seed: u64) -> Result<Truth> {
 }
 
 /// Names and values of `--set`.
-fn settings(arguments: &Arguments) -> Result<Vec<(String, f64)>> {
+fn settings(arguments: &SimulateArguments) -> Result<Vec<(String, f64)>> {
     let of = |text: &String| {
         let (name, value) = text
             .split_once('=')
@@ -208,7 +208,7 @@ fn settings(arguments: &Arguments) -> Result<Vec<(String, f64)>> {
 }
 
 /// Noise of the field itself: fringe images have their own.
-fn noise_nm(arguments: &Arguments) -> f64 {
+fn noise_nm(arguments: &SimulateArguments) -> f64 {
     let images = arguments.fringes.is_some() || arguments.format.as_deref() == Some("fringes");
     arguments
         .noise_nm

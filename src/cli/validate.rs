@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::Value;
 
-use super::calibrate::{article_twin, calibrate};
+use super::calibrate::{CalibrationArguments, article_twin, calibrate};
 use super::console::Console;
 use super::folder::{Folder, check_run, say_round};
 use super::identify::write;
@@ -23,7 +23,6 @@ use crate::report::validation::Validation;
 use crate::sample::LogDensity;
 use crate::sample::{Keeping, Schedule};
 use crate::validate::grid::{self, Grid};
-use crate::validate::record::Share;
 use crate::validate::{priors, quadrature, thickness};
 
 /// Arguments of `validate`.
@@ -32,7 +31,7 @@ use crate::validate::{priors, quadrature, thickness};
   plychain validate runs/openhole
   plychain validate models/openhole.json --sbc 20
   plychain validate models/openhole.json --sbc 20 --loop --correlation-mm 0")]
-pub struct Arguments {
+pub struct ValidateArguments {
     /// Run folder, or a model file to be identified first
     #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
     target: PathBuf,
@@ -42,7 +41,7 @@ pub struct Arguments {
     /// Folder of a model's validation, which must not exist (default: the first free of runs/NAME-validate, ...); a run's
     /// validation is written into the run's folder
     #[arg(long)]
-    pub(super) out: Option<PathBuf>,
+    out: Option<PathBuf>,
     /// Nodes of the grid along each parameter
     #[arg(long, default_value_t = grid::NODES)]
     nodes: usize,
@@ -55,56 +54,17 @@ pub struct Arguments {
     /// Also the article's setting on a simulated twin of its specimen, beside its published Tables 6 and 7
     #[arg(long)]
     article: bool,
-    /// Instead: simulation-based calibration with N replicates, for each --correlation-mm; goes on with the records in
-    /// --out
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    sbc: Option<u32>,
-    /// Calibrate the whole loop with --sbc: effects are drawn too, and the truth is looked for in the posterior to quote
-    #[arg(long = "loop", requires = "sbc")]
-    pub(super) whole_loop: bool,
-    /// With --loop: what acts is not in the dictionary
-    #[arg(long, requires = "whole_loop")]
-    pub(super) withheld: bool,
-    /// Correlation lengths of the noise for --sbc, mm; 0 is white
-    #[arg(long, value_delimiter = ',', default_value = "0,1")]
-    pub(super) correlation_mm: Vec<f64>,
-    /// Points along a side of the simulated field for --sbc
-    #[arg(long, default_value_t = 61)]
-    pub(super) grid: usize,
-    /// Share K of N of the replicates of --sbc, in a record of its own; without --task all records make the table
-    #[arg(long, value_name = "K", requires_all = ["of", "sbc"], value_parser = clap::value_parser!(u32).range(1..))]
-    task: Option<u32>,
-    /// Number of shares
-    #[arg(long, value_name = "N", requires = "task", value_parser = clap::value_parser!(u32).range(1..))]
-    of: Option<u32>,
-    /// Simulate the fields of --sbc by the reduced model in place of the finite elements
-    #[arg(long)]
-    pub(super) reduced: bool,
+    #[command(flatten)]
+    calibration: CalibrationArguments,
 }
 
-impl Arguments {
-    /// The share that is asked for.
-    pub(super) fn share(&self) -> Result<Option<Share>> {
-        let Some((task, of)) = self.task.zip(self.of) else {
-            return Ok(None);
-        };
-        if task > of {
-            return Err(Error::input("--task", format!("a number from 1 to {of}")).found(task));
-        }
-        Ok(Some(Share {
-            task: task as usize,
-            of: of as usize,
-        }))
-    }
-}
-
-pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) -> Result<()> {
     if arguments.target.is_dir() {
         return run_folder(arguments, global, console);
     }
     let model = Model::load_with(&arguments.target, arguments.data.as_ref())?;
-    if let Some(replicates) = arguments.sbc {
-        return calibrate(arguments, replicates as usize, &model, global, console);
+    if let Some(calibration) = arguments.calibration.plan(global.seed)? {
+        return calibrate(&calibration, arguments.out.as_deref(), &model, console);
     }
     let folder = Folder::create(
         arguments.out.as_deref(),
@@ -150,12 +110,12 @@ pub fn run(arguments: &Arguments, global: &Global, console: &Console) -> Result<
     Ok(())
 }
 
-fn run_folder(arguments: &Arguments, global: &Global, console: &Console) -> Result<()> {
+fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console) -> Result<()> {
     let path = &arguments.target;
     let refused = |what: &str| {
         Err(Error::input(what, "a model file, not a run folder").found(path.display()))
     };
-    if arguments.sbc.is_some() {
+    if arguments.calibration.is_asked_for() {
         return refused("--sbc");
     }
     if arguments.out.is_some() || arguments.data.is_some() {
@@ -216,7 +176,7 @@ fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared
 /// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it. The
 /// reduced model's error comes with how often it had been refined.
 fn validate(
-    arguments: &Arguments,
+    arguments: &ValidateArguments,
     inverse: &InverseProblem,
     draws: &Draws,
     (error, refinements): (&SurrogateError, usize),
@@ -280,7 +240,11 @@ const GRID_CHAINS: usize = 4;
 const GRID_DRAWS: usize = 2500;
 
 /// The grid's bounds: about the chain, or as declared.
-fn bounds(arguments: &Arguments, posterior: &Posterior, chain: &[Row]) -> Result<Vec<[f64; 2]>> {
+fn bounds(
+    arguments: &ValidateArguments,
+    posterior: &Posterior,
+    chain: &[Row],
+) -> Result<Vec<[f64; 2]>> {
     let rows = chain[..posterior.structural()].iter();
     let (mean, sd): (Vec<f64>, Vec<f64>) = rows.map(|r| (r.mean, r.sd)).unzip();
     let mut bounds = grid::automatic(posterior, &mean, &sd);
@@ -296,7 +260,7 @@ fn is_small(nodes: usize, d: usize) -> bool {
 
 /// Add the article's setting if it is asked for, and write `validation.json`.
 fn finish(
-    arguments: &Arguments,
+    arguments: &ValidateArguments,
     mut numbers: Value,
     model: &Model,
     (folder, seed): (&Folder, u64),

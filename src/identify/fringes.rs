@@ -4,14 +4,14 @@
 //! A ripple at twice the fringe frequency averages to nothing over a block, so that block averages know nothing of it; and
 //! differences of neighbouring pixels would take it for noise. It is therefore taken out before the noise is estimated.
 
+use super::inverse::With;
 use super::{jumps, phase};
 use crate::effect::{Effect, amplitude_name, recorded_column};
-use crate::experiment::FieldSolver;
+use crate::error::Result;
 use crate::field::{Blocks, Field};
 use crate::infer::{Model, Observation, RecordedAmplitude};
 use crate::noise::residual_of_fit;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::ReducedModel;
 
 /// Name of the effect of miscounted orders.
 pub const JUMP: &str = "fringe_order_jump";
@@ -19,42 +19,30 @@ pub const JUMP: &str = "fringe_order_jump";
 /// Name of the ripple's effect.
 pub const PHASE: &str = "phase_shift_error";
 
-/// Correct the miscounted orders of an observation, if the model declares them; the regions are kept with it.
-///
-/// `nominal` is the point of the reduced model's parameters whose prediction is subtracted.
-pub fn correct_jumps(
-    model: &Model,
-    observation: &mut Observation,
-    reduced: &ReducedModel,
-    experiment: &dyn FieldSolver,
-    nominal: &[f64],
-) {
-    let Some(order_mm) = order_mm(model) else {
-        return;
+/// The observation with its miscounted orders corrected, if the model declares them: regions of whole orders relative to the prediction
+/// at the nominal point.
+pub fn without_jumps(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+    let declared = declared(with.model, JUMP);
+    let Some((order_mm, _)) = order_mm(with.model).zip(declared) else {
+        return Ok(observation);
     };
-    if declared(model, JUMP).is_none() {
-        return;
-    }
-    let columns = reduced.columns(experiment, &observation.sight);
-    let predicted = reduced.field(&columns, nominal);
+    let columns = with.reduced.columns(with.experiment, &observation.sight);
+    let predicted = with.reduced.field(&columns, &with.nominal);
     let jumps = jumps::find(&observation.field, &predicted, order_mm);
     jumps.correct(&mut observation.field);
     let smeared = |i: usize| jumps.smeared.binary_search(&i).is_ok();
     observation.drop_outliers(|i| !smeared(i));
+    Ok(observation)
 }
 
-/// Estimate the phase-shift error of an observation, if the model declares it, and subtract it from the measured field. The argument is
-/// the least-squares fit of the modes and any affine displacement, with a plane a block through what that leaves.
-pub fn correct_phase(
-    model: &Model,
-    observation: &mut Observation,
-    reduced: &ReducedModel,
-    experiment: &dyn FieldSolver,
-) {
+/// The observation with its phase-shift error estimated and subtracted, if the model declares it. The argument of the ripple is the
+/// least-squares fit of the modes and any affine displacement, with a plane a block through what that leaves.
+pub fn without_phase_error(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+    let model = with.model;
     let Some((order_mm, effect)) = order_mm(model).zip(declared(model, PHASE)) else {
-        return;
+        return Ok(observation);
     };
-    let modes = reduced.columns(experiment, &observation.sight);
+    let modes = with.reduced.columns(with.experiment, &observation.sight);
     let left = residual_of_fit(&observation.field, &modes);
     let measured = &observation.field.displacement;
     let fitted: Vec<[f64; 2]> = measured
@@ -64,7 +52,7 @@ pub fn correct_phase(
         .collect();
     let found = find_phase(model, effect, &observation.field, &fitted, order_mm);
     let amplitude = found.amplitudes_nm();
-    let scene = experiment.scene();
+    let scene = with.experiment.scene();
     for (k, (mean, _)) in amplitude.into_iter().enumerate() {
         let field = &mut observation.field;
         let column = recorded_column(effect, k, scene, &field.points, &found.smooth);
@@ -80,6 +68,7 @@ pub fn correct_phase(
             sd,
         })
         .collect();
+    Ok(observation)
 }
 
 /// The phase-shift error of a field that a prediction describes otherwise, with the model's prior of its amplitudes.
@@ -98,8 +87,8 @@ pub fn find_phase(
 /// Prior sd of the sine's and the cosine's amplitude, nm, for (u1, u2).
 pub fn phase_prior_sd_nm(model: &Model, effect: &dyn Effect) -> [[f64; 2]; 2] {
     let bound = |k: usize| effect.parameters().get(k).map_or(NM_PER_MM, |p| p.bound);
-    let of = |k: usize| model.prior_sd(effect, k).unwrap_or_else(|| bound(k));
-    [0, 1].map(|c| [of(2 * c), of(2 * c + 1)])
+    let prior_sd = |k: usize| model.prior_sd(effect, k).unwrap_or_else(|| bound(k));
+    [0, 1].map(|c| [prior_sd(2 * c), prior_sd(2 * c + 1)])
 }
 
 fn declared(model: &Model, name: &str) -> Option<&'static dyn Effect> {

@@ -1,5 +1,7 @@
 //! One identification: the inverse problem, its draws, and what they are worth.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use super::inverse::InverseProblem;
@@ -43,6 +45,11 @@ pub struct Identification {
 }
 
 impl Identification {
+    /// The files of the measurement.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.inverse.prepared.observation.field.files
+    }
+
     /// Posterior mean and sd of a constant or an amplitude, border units.
     pub fn moments(&self, name: &str) -> Option<(f64, f64)> {
         let sampled = self.verdict.rows.iter().find(|r| r.name == name);

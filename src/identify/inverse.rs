@@ -2,10 +2,10 @@
 
 use crate::effect::amplitude_name;
 use crate::error::Result;
-use crate::experiment::{Prediction, State, predict};
-use crate::field::Field;
+use crate::experiment::{FieldSolver, Prediction, State, predict};
 use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
+use crate::field::{Field, Series};
 use crate::geometry::Geometry;
 use crate::infer::{Columns, Likelihood, Marginal, Model, Observation, Posterior, Statistics};
 use crate::noise::{Hyperparameters, Noise};
@@ -13,8 +13,8 @@ use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
 
-use super::fringes::{correct_jumps, correct_phase};
-use super::series::combine;
+use super::fringes::{without_jumps, without_phase_error};
+use super::series::combined;
 use super::size::check_size;
 
 /// A reduced model and the measurement it is held against.
@@ -52,13 +52,15 @@ pub struct InverseProblem {
 }
 
 /// Read the measurement and obtain the reduced model for it.
+///
+/// # Errors
+/// Those of reading the measurement, of finite-element solutions and of [`REDUCTIONS`].
 pub fn prepare(
     model: &Model,
     cache_dir: &std::path::Path,
     progress: &dyn Progress,
 ) -> Result<Prepared> {
-    progress.begin("reading the measurement", None);
-    let (problem, mut observation) = observed(model, progress)?;
+    let (problem, observation) = observed(model, progress)?;
     if let Some(sides) = model.drawn_in() {
         progress.begin(
             "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
@@ -67,15 +69,15 @@ pub fn prepare(
         progress.say(&sides);
         progress.end();
     }
-    let experiment = &*problem.experiment;
     let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
-    let nominal = nominal_point(&problem, model);
-    correct_jumps(model, &mut observation, &reduced, experiment, &nominal);
-    if model.experiment().measurement.outliers == OutlierRule::Reject {
-        observation.drop_deviant_points(&reduced, experiment);
-    }
-    correct_phase(model, &mut observation, &reduced, experiment);
-    combine(model, &mut observation, experiment, model.state(&|_| None))?;
+    let with = With {
+        model,
+        reduced: &reduced,
+        experiment: &*problem.experiment,
+        nominal: nominal_point(&problem, model),
+    };
+    let mut steps = REDUCTIONS.iter();
+    let observation = steps.try_fold(observation, |observation, step| step(&with, observation))?;
     Ok(Prepared {
         problem,
         reduced,
@@ -85,44 +87,85 @@ pub fn prepare(
     })
 }
 
-/// Turn a field that a moved specimen shows into the specimen's own axes; where the specimen stands stays in it, to first order.
-fn turn_back(field: &mut Field, motion: &RigidMotion) {
-    if motion.angle == 0.0 {
-        return;
+/// What an observation is reduced with.
+pub struct With<'a> {
+    pub model: &'a Model,
+    pub reduced: &'a ReducedModel,
+    pub experiment: &'a dyn FieldSolver,
+    /// The point of the reduced model's parameters nearest to the prior means.
+    pub nominal: Vec<f64>,
+}
+
+/// Takes an observation and returns it without what no model of the specimen explains.
+type Reduction = fn(&With<'_>, Observation) -> Result<Observation>;
+
+/// In this order: a region of miscounted orders would be taken for outliers, outliers for a ripple, and a series is combined last.
+const REDUCTIONS: [Reduction; 4] = [
+    without_jumps,
+    without_deviant_points,
+    without_phase_error,
+    combined,
+];
+
+/// Drop points that lie far from what the reduced model can predict, where the measurement asks for it.
+fn without_deviant_points(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+    if with.model.experiment().measurement.outliers == OutlierRule::Reject {
+        observation.drop_deviant_points(with.reduced, with.experiment);
     }
-    for (u, &p) in field.displacement.iter_mut().zip(&field.points) {
-        let (own, rigid) = (motion.released(p, *u), motion.at(p));
-        *u = [0, 1].map(|k| own[k] + rigid[k]);
+    Ok(observation)
+}
+
+/// The field in the specimen's own axes, where the specimen moved in the plane; where it stands stays in it, to first order.
+fn turned_back(field: Field, motion: &RigidMotion) -> Field {
+    if motion.angle == 0.0 {
+        return field;
+    }
+    let points = field.points.iter().zip(&field.displacement);
+    let displacement = points.map(|(&p, &u)| {
+        let (strained, rigid) = (motion.released(p, u), motion.at(p));
+        [0, 1].map(|k| strained[k] + rigid[k])
+    });
+    Field {
+        displacement: displacement.collect(),
+        ..field
     }
 }
 
 /// Read the measurement, and locate it on the plate that is to be solved.
 fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
-    let series = match model.read_series()? {
-        Some(series) if series.steps.len() > 1 => series,
-        other => {
-            // one step is a field like any other
-            let mut field = match other {
-                Some(single) => single.field,
-                None => model.read_field()?,
-            };
-            progress.say(&format!("{} points", field.len()));
-            progress.end();
-            let problem = model.problem_of(&field)?;
-            turn_back(&mut field, &problem.experiment.motion());
-            let observation = Observation::new(field, &*problem.experiment)?;
-            return Ok((problem, observation));
-        }
-    };
-    progress.say(&format!(
-        "{} steps of {} points",
-        series.steps.len(),
-        series.field.len()
-    ));
+    progress.begin("reading the measurement", None);
+    match model.read_series()? {
+        Some(series) if series.steps.len() > 1 => series_observed(model, &series, progress),
+        // one step is a field like any other
+        Some(single) => field_observed(model, single.field, progress),
+        None => field_observed(model, model.read_field()?, progress),
+    }
+}
+
+fn field_observed(
+    model: &Model,
+    field: Field,
+    progress: &dyn Progress,
+) -> Result<(Problem, Observation)> {
+    progress.say(&format!("{} points", field.len()));
+    progress.end();
+    let problem = model.problem_of(&field)?;
+    let field = turned_back(field, &problem.experiment.motion());
+    let observation = Observation::new(field, &*problem.experiment)?;
+    Ok((problem, observation))
+}
+
+fn series_observed(
+    model: &Model,
+    series: &Series,
+    progress: &dyn Progress,
+) -> Result<(Problem, Observation)> {
+    let (steps, points) = (series.steps.len(), series.field.len());
+    progress.say(&format!("{steps} steps of {points} points"));
     progress.end();
     let problem = model.problem(series.field.measured_bounds())?;
     let nominal_n = model.experiment().nominal_load().force_n;
-    let mut observation = Observation::of_series(&series, nominal_n, &*problem.experiment)?;
+    let mut observation = Observation::of_series(series, nominal_n, &*problem.experiment)?;
     if let Some(steps) = &observation.steps {
         observation.field.displacement = steps.combined(&observation.field.points);
     }

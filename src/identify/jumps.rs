@@ -19,7 +19,7 @@ use graph::{Graph, Offsets};
 
 /// A connected region of one component with the same orders at all points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Region {
+pub struct JumpRegion {
     /// 0 for u1, 1 for u2.
     pub component: usize,
     /// Orders that the measurement has too many.
@@ -42,7 +42,7 @@ pub struct Jumps {
     /// Orders too many of u1 and of u2 at each point.
     pub orders: [Vec<i32>; 2],
     /// Regions of other than zero orders, by component, the largest first.
-    pub regions: Vec<Region>,
+    pub regions: Vec<JumpRegion>,
     /// Points within a smeared jump, in increasing order: they are off by a fraction of an order that no correction by
     /// whole orders takes away, and should be dropped.
     pub smeared: Vec<usize>,
@@ -263,11 +263,16 @@ fn consolidate(graph: &Graph, part: &[u32], orders: &mut [i32]) {
 }
 
 /// The regions of other than zero orders of one component.
-fn regions(graph: &Graph, points: &[[f64; 2]], orders: &[i32], component: usize) -> Vec<Region> {
+fn regions(
+    graph: &Graph,
+    points: &[[f64; 2]],
+    orders: &[i32],
+    component: usize,
+) -> Vec<JumpRegion> {
     let (set, _) = sets(graph, orders);
-    let mut found: BTreeMap<u32, Region> = BTreeMap::new();
+    let mut found: BTreeMap<u32, JumpRegion> = BTreeMap::new();
     for (i, p) in points.iter().enumerate().filter(|(i, _)| orders[*i] != 0) {
-        let region = found.entry(set[i]).or_insert(Region {
+        let region = found.entry(set[i]).or_insert(JumpRegion {
             component,
             orders: orders[i],
             points: 0,
@@ -282,7 +287,7 @@ fn regions(graph: &Graph, points: &[[f64; 2]], orders: &[i32], component: usize)
             region.high_mm[k] = region.high_mm[k].max(x);
         }
     }
-    let mut found: Vec<Region> = found.into_values().collect();
+    let mut found: Vec<JumpRegion> = found.into_values().collect();
     for region in &mut found {
         let count = region.points as f64;
         region.centre_mm = region.centre_mm.map(|sum| sum / count);

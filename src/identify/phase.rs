@@ -125,7 +125,7 @@ pub fn find(
     let information = |n: &Scaled| {
         let variance = n.regression.variance * n.inflation;
         let kept = n.kept(&tiles);
-        Information {
+        RippleInformation {
             precision: &n.regression.gram * (kept * kept / variance),
             right: &n.regression.right * (kept / variance),
             lost: 1.0 - kept,
@@ -133,7 +133,7 @@ pub fn find(
     };
     let [a, b] = pair.each_ref().map(information);
     let weight = [&a, &b].map(|w| w.precision.trace());
-    let both = Information {
+    let both = RippleInformation {
         lost: (weight[0] * a.lost + weight[1] * b.lost)
             / (weight[0] + weight[1]).max(f64::MIN_POSITIVE),
         precision: a.precision + b.precision,
@@ -155,14 +155,14 @@ pub fn find(
 }
 
 /// What the data say of an amplitude pair a (mm): exp(right' a - a' precision a / 2).
-struct Information {
+struct RippleInformation {
     precision: DMatrix<f64>,
     right: DVector<f64>,
     /// Share of the amplitude that the noise of the argument took, already put back; it is no better known than itself.
     lost: f64,
 }
 
-impl Information {
+impl RippleInformation {
     fn ripple(&self, prior_sd_nm: [f64; 2]) -> Ripple {
         let sd = DVector::from_iterator(2, prior_sd_nm.map(|sd| sd / NM_PER_MM));
         let scale = DMatrix::from_diagonal(&sd);

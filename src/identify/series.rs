@@ -2,25 +2,21 @@
 
 use nalgebra::DVector;
 
+use super::inverse::With;
 use crate::error::Result;
-use crate::experiment::{FieldSolver, State};
-use crate::infer::{Column, Model, Observation, Stepped, SteppedColumn, Steps};
+use crate::infer::{Column, Observation, Stepped, SteppedColumn, Steps};
 use crate::laminate::MeanSd;
 
-/// Replace the observation's displacement by what grows with the load over its steps, linear in the declared effects' amplitudes about
-/// what tracing found of them, and give it their columns.
+/// The observation with its displacement replaced by what grows with the load over its steps, linear in the declared effects' amplitudes about
+/// what tracing found of them, and with their columns.
 ///
 /// # Errors
 /// Those of a finite-element solution.
-pub fn combine(
-    model: &Model,
-    observation: &mut Observation,
-    experiment: &dyn FieldSolver,
-    about: State,
-) -> Result<()> {
+pub fn combined(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
     let Some(steps) = &observation.steps else {
-        return Ok(());
+        return Ok(observation);
     };
+    let (model, experiment) = (with.model, with.experiment);
     let points = &observation.field.points;
     let mut combined = steps.combined(points);
     let mut columns = Vec::new();
@@ -38,7 +34,10 @@ pub fn combine(
             step: &|| (),
         };
         let traced = model.traced.as_ref();
-        let at = traced.map_or_else(|| stepped.start(about), |t| t.state.clone());
+        let at = traced.map_or_else(
+            || stepped.start(model.state(&|_| None)),
+            |t| t.state.clone(),
+        );
         let here = stepped.here(&at)?;
         let (with, without) = (here.predicted(), here.without(&declared)?);
         let mut remainder = sum(steps, points.len(), |c, k| with[c][k] - without[c][k]);
@@ -68,7 +67,7 @@ pub fn combine(
     }
     observation.field.displacement = combined;
     observation.stepped = columns;
-    Ok(())
+    Ok(observation)
 }
 
 /// The share of what all steps see of a column that the combined field sees.

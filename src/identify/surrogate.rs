@@ -203,7 +203,7 @@ fn compared(
             view.map(|v| v.reach())
         };
         let spanned = Spanned::new(run, whitened);
-        let known: Vec<&Spanning> = answers.iter().flatten().collect();
+        let known: Vec<&SpannedAnswer> = answers.iter().flatten().collect();
         let mut errors_there = spanned.errors(&known).into_iter();
         let mut errors = Vec::with_capacity(many.len());
         for (x, answer) in many.iter().zip(&answers) {
@@ -212,7 +212,7 @@ fn compared(
         }
         let points = spread_over(&run.prepared.problem, BOX_POINTS, BOX_SEED);
         let box_answers = self::answers(run, &points, d);
-        let over_the_box: Vec<&Spanning> = box_answers.iter().flatten().collect();
+        let over_the_box: Vec<&SpannedAnswer> = box_answers.iter().flatten().collect();
         let bounds = known.iter().chain(&over_the_box).map(|a| a.bound);
         let largest = bounds.fold(0.0, f64::max);
         return Ok(Compared {
@@ -240,22 +240,22 @@ fn compared(
 }
 
 /// Finite elements minus reduced model at a point, as a sum of the fields of [`Spanned`].
-struct Spanning {
+struct SpannedAnswer {
     factors: DVector<f64>,
     /// Bound of the basis's own error in the energy norm, (N mm)^1/2.
     bound: f64,
 }
 
 /// Those at some points of the posterior or the design, where a basis answers for the finite elements.
-fn answers(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Vec<Option<Spanning>> {
+fn answers(run: &InverseProblem, points: &[Vec<f64>], d: usize) -> Vec<Option<SpannedAnswer>> {
     let problem = &run.prepared.problem;
     let likelihood = run.posterior.likelihood();
-    let answer = |x: &Vec<f64>| -> Option<Spanning> {
+    let answer = |x: &Vec<f64>| -> Option<SpannedAnswer> {
         let answer = problem.experiment.coordinates(&problem.state(&x[..d]))?;
         let coordinates = answer.coordinates.iter().copied();
         let surfaces = likelihood.surface_prediction(&x[..d]);
         let factors = coordinates.chain(surfaces.iter().map(|a| -a));
-        Some(Spanning {
+        Some(SpannedAnswer {
             factors: DVector::from_vec(factors.collect()),
             bound: answer.bound,
         })
@@ -319,8 +319,8 @@ impl<'a> Spanned<'a> {
         }
     }
 
-    fn errors(&self, answers: &[&Spanning]) -> Vec<FieldError> {
-        let error = |Spanning { factors: f, .. }: &&Spanning| FieldError {
+    fn errors(&self, answers: &[&SpannedAnswer]) -> Vec<FieldError> {
+        let error = |SpannedAnswer { factors: f, .. }: &&SpannedAnswer| FieldError {
             largest: 0.0,
             mean_square: f.dot(&(&self.gram * f)).max(0.0),
             weighted: &self.weighted * f,

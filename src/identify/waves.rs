@@ -70,7 +70,7 @@ struct Spectra {
 }
 
 /// A candidate for the clearest wave.
-struct Peak {
+struct WavePeak {
     component: usize,
     number: usize,
     amplitude: f64,
@@ -170,7 +170,7 @@ impl Spectra {
     }
 
     /// The largest power of any wave number in any part, over what most parts have there.
-    fn sharpest(&self, tried: f64) -> Option<Peak> {
+    fn sharpest(&self, tried: f64) -> Option<WavePeak> {
         let tried = tried * self.relative.len() as f64;
         let largest = |power: &[f64]| {
             let own = power.iter().zip(&self.common).map(|(p, common)| p / common);
@@ -191,7 +191,7 @@ impl Spectra {
             .iter()
             .filter(|(.., power)| p(*power) < IMPROBABLE)
             .count();
-        self.worthy(Peak {
+        self.worthy(WavePeak {
             component: self.component,
             number,
             amplitude: self.unit[number] * (self.common[number] * (power - 1.0).max(0.0)).sqrt(),
@@ -202,7 +202,7 @@ impl Spectra {
     }
 
     /// The largest mean power over all parts: a sum of as many exponential variables in noise.
-    fn steadiest(&self, tried: f64) -> Option<Peak> {
+    fn steadiest(&self, tried: f64) -> Option<WavePeak> {
         let n = self.relative.len() as f64;
         let sum = |k: usize| self.relative.iter().map(|(_, power)| power[k]).sum::<f64>();
         let number = (0..self.unit.len()).max_by(|&a, &b| sum(a).total_cmp(&sum(b)))?;
@@ -220,7 +220,7 @@ impl Spectra {
             .filter(|entry| here(entry) > 5_f64.ln())
             .count() as f64
             / n;
-        self.worthy(Peak {
+        self.worthy(WavePeak {
             component: self.component,
             number,
             amplitude: self.unit[number] * (sum(number) / n - 1.0).max(0.0).sqrt(),
@@ -230,7 +230,7 @@ impl Spectra {
         })
     }
 
-    fn worthy(&self, peak: Peak) -> Option<Peak> {
+    fn worthy(&self, peak: WavePeak) -> Option<WavePeak> {
         let worthy = peak.p < IMPROBABLE && peak.amplitude > WORTHY * self.rms;
         worthy.then_some(peak)
     }

@@ -13,7 +13,7 @@ use super::residual::{ByComponent, ResidualReport};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::identify::Identification;
-use crate::trace::Closed;
+use crate::trace::{Closed, ToQuote};
 
 #[derive(Debug, Clone)]
 pub struct Page {
@@ -69,8 +69,11 @@ impl Page {
     ) -> Self {
         let rounds = closed.rounds.iter();
         let summary = report.closing.as_ref().and_then(|c| c.quoted.as_ref());
-        let quoted = closed.sampled.as_ref().zip(summary);
-        let quoted = quoted.map(|(sampled, summary)| {
+        let sampled = match &closed.to_quote {
+            ToQuote::Sampled(sampled) => Some(sampled),
+            ToQuote::ClosedForm(_) => None,
+        };
+        let quoted = sampled.zip(summary).map(|(sampled, summary)| {
             FigureData::quoted(
                 &sampled.draws,
                 &summary.leading(figures::AXES),

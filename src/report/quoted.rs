@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
 use crate::chain::Draws;
-use crate::trace::{Closed, Importance, Interval, Quoted};
+use crate::trace::{Closed, Importance, Interval, Quoted, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -60,24 +60,18 @@ const MOST: usize = 12;
 
 /// What was sampled of a loop, if it was.
 pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
-    let sampled = closed.sampled.as_ref()?;
-    let last = &closed.rounds[closed.rounds.len() - 1];
-    let closed_form = |k: usize| match (&closed.conclusion.suspect, k) {
-        (Some(suspect), k) => suspect.answers.get(k).map(|a| a.constants.clone()),
-        (None, _) => Some(last.tracing.averaged.clone()),
+    let ToQuote::Sampled(sampled) = &closed.to_quote else {
+        return None;
     };
-    let answers = sampled
-        .answers
-        .iter()
-        .enumerate()
-        .map(|(k, a)| QuotedAnswer {
-            name: a.name.into(),
-            constants: a.intervals(),
-            closed_form: closed_form(k).unwrap_or_default(),
-            converged: a.verdict.converged,
-            convergence: a.verdict.line(),
-            full_model: a.importance.clone(),
-        });
+    let mut closed_forms = closed_forms(&closed.rounds, &closed.conclusion).into_iter();
+    let answers = sampled.answers.iter().map(|a| QuotedAnswer {
+        name: a.name.into(),
+        constants: a.intervals(),
+        closed_form: closed_forms.next().unwrap_or_default(),
+        converged: a.verdict.converged,
+        convergence: a.verdict.line(),
+        full_model: a.importance.clone(),
+    });
     let answers: Vec<QuotedAnswer> = answers.collect();
     Some(QuotedReport {
         apart: answers.iter().flat_map(apart).collect(),

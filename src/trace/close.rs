@@ -1,4 +1,15 @@
-//! Closing the loop: identify, find what is left, trace it to an effect, add the effect, identify again.
+//! Closing the loop: identify, find what is left, trace it to an effect, add the effect, identify again; then conclude, and sample the
+//! posterior to quote.
+//!
+//! The loop is a list of steps, each of which takes a value and returns the next:
+//!
+//! | step | from | to |
+//! |---|---|---|
+//! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
+//! | [`Loop::followed`] | the rounds | the rounds, the last with a reduced model that follows its posterior |
+//! | [`conclude`] | the rounds | the [`Conclusion`] |
+//! | [`Loop::with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
+//! | [`quote`] | both | the posterior [`ToQuote`] |
 
 use std::time::Instant;
 
@@ -8,196 +19,334 @@ use super::averaged::Interval;
 use super::axis::entail_strain;
 use super::conclusion::{Conclusion, Status, conclude};
 use super::extend::extended;
-use super::quoted::Quoted;
+use super::quoted::{Quoted, Supposing, quote};
+use super::refused::Refused;
 use super::round::Round;
 use super::tracing::Tracing;
 use super::vetoes::{contradiction, surrogate};
-use crate::error::{Blame, Result};
+use crate::error::{Blame, Error, Result};
 use crate::experiment::State;
 use crate::files::Keyed;
 use crate::identify::{Identification, Options, Prepared, identify, refine};
 use crate::infer::Model;
 use crate::progress::Progress;
 
-/// All rounds and the conclusion.
+/// What a loop samples: each has chains and a checkpoint of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LoopStage {
+    /// An attempt at a round, by its number; some are taken back.
+    Attempt(usize),
+    /// An answer of the posterior to quote.
+    Answer(Supposing),
+}
+
+/// The rounds of a loop and what they come to.
+pub struct Explained {
+    /// Rounds, the first the model as it was given.
+    pub rounds: Vec<Round>,
+    pub conclusion: Conclusion,
+    /// How many attempts were made at rounds.
+    attempts: usize,
+}
+
+/// A loop that has come to its end.
 pub struct Closed {
     /// Rounds, the first the model as it was given.
     pub rounds: Vec<Round>,
+    pub conclusion: Conclusion,
     /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
     pub with_discrepancy: Option<Identification>,
-    pub conclusion: Conclusion,
-    /// The posterior to quote, where it was sampled.
-    pub sampled: Option<Quoted>,
+    pub to_quote: ToQuote,
+}
+
+/// The posterior to quote.
+pub enum ToQuote {
+    Sampled(Quoted),
+    /// It could not be sampled, for this reason: the intervals to quote are those of the closed form.
+    ClosedForm(Error),
 }
 
 impl Closed {
     /// The constants to quote: averaged over what may act unseen, or what spans all answers where the account is suspect.
     pub fn quoted(&self) -> Keyed<Interval> {
-        match (&self.sampled, &self.conclusion.suspect) {
-            (Some(sampled), Some(suspect)) => {
-                let closed = suspect.answers.iter().map(|a| a.constants.clone());
-                sampled.intervals(&closed.collect::<Vec<_>>())
+        match &self.to_quote {
+            ToQuote::Sampled(sampled) => {
+                sampled.intervals(&closed_forms(&self.rounds, &self.conclusion))
             }
-            (Some(sampled), None) => {
-                let last = &self.rounds[self.rounds.len() - 1];
-                sampled.intervals(std::slice::from_ref(&last.tracing.averaged))
-            }
-            (None, Some(suspect)) => suspect.hull(),
-            (None, None) => self.rounds[self.rounds.len() - 1].tracing.averaged.clone(),
+            ToQuote::ClosedForm(_) => closed_form(&self.rounds, &self.conclusion),
         }
     }
 }
 
-/// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline. `options` gives each
-/// attempt at a round its own. A later round that the deadline cuts off before there is anything to say of it does not count.
+impl Explained {
+    /// The constants to quote in closed form.
+    pub fn closed_form(&self) -> Keyed<Interval> {
+        closed_form(&self.rounds, &self.conclusion)
+    }
+}
+
+/// The constants by each answer to quote, in closed form.
+pub fn closed_forms(rounds: &[Round], conclusion: &Conclusion) -> Vec<Keyed<Interval>> {
+    match &conclusion.suspect {
+        Some(suspect) => {
+            let answers = suspect.answers.iter();
+            answers.map(|a| a.constants.clone()).collect()
+        }
+        None => vec![rounds[rounds.len() - 1].tracing.averaged.clone()],
+    }
+}
+
+fn closed_form(rounds: &[Round], conclusion: &Conclusion) -> Keyed<Interval> {
+    match &conclusion.suspect {
+        Some(suspect) => suspect.hull(),
+        None => rounds[rounds.len() - 1].tracing.averaged.clone(),
+    }
+}
+
+/// Run a loop to its end: [`explain`], the discrepancy where structure is left, and the posterior to quote. `options` gives each stage its
+/// own.
+///
+/// # Errors
+/// Those of [`explain`]. A posterior to quote that cannot be sampled is no error: the verdict does not depend on it.
+pub fn close<'a>(
+    model: &Model,
+    most: usize,
+    options: &dyn Fn(LoopStage) -> Options<'a>,
+    progress: &dyn Progress,
+) -> Result<Closed> {
+    let explained = explain(model, most, options, progress)?;
+    let context = Loop {
+        most,
+        options,
+        progress,
+    };
+    let with_discrepancy = context.with_discrepancy(&explained);
+    let suspect = explained.conclusion.suspect.is_some();
+    let of_answer = |supposing| options(LoopStage::Answer(supposing));
+    let to_quote = match quote(&explained.rounds, suspect, &of_answer, progress) {
+        Ok(sampled) => ToQuote::Sampled(sampled),
+        Err(why) => ToQuote::ClosedForm(why),
+    };
+    Ok(Closed {
+        rounds: explained.rounds,
+        conclusion: explained.conclusion,
+        with_discrepancy,
+        to_quote,
+    })
+}
+
+/// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline, and conclude. A later round that the
+/// deadline cuts off before there is anything to say of it does not count.
 ///
 /// An added effect whose refit contradicts its tracing, or cannot be fitted at all, is taken out again and its residual traced anew
 /// about the refit, once; then it is left undecided. The reduced model of the last round follows the posterior.
 ///
 /// # Errors
 /// Those of identifying and tracing the model as it was given.
-pub fn close<'a>(
+pub fn explain<'a>(
     model: &Model,
     most: usize,
-    options: &dyn Fn(usize) -> Options<'a>,
+    options: &dyn Fn(LoopStage) -> Options<'a>,
     progress: &dyn Progress,
-) -> Result<Closed> {
-    let mut rounds: Vec<Round> = Vec::new();
-    let mut doubts = Doubts::default();
-    let mut next = Some(model.clone());
-    let mut attempts = 0;
-    while let Some(model) = next.take() {
-        let attempt = attempts;
-        attempts += 1;
-        let options = options(attempt);
-        let is_over = || options.deadline.is_some_and(|end| Instant::now() >= end);
-        let found = identify(&model, &options, progress);
-        match found.and_then(|found| doubts.round(model, attempt, found, progress)) {
-            Ok(round) => rounds.push(round),
-            Err(e) if rounds.is_empty() => return Err(e),
-            Err(e) if e.blame() == Blame::Limit => break,
-            Err(e) => {
-                // the fit of what was called for: without it the loop goes on
-                doubts.refuse(&rounds[rounds.len() - 1], e.to_string());
-                next = doubts.again(&mut rounds, None, progress)?;
-                continue;
-            }
-        }
-        if is_over() {
-            break;
-        }
-        next = next_model(&rounds[rounds.len() - 1]).filter(|_| rounds.len() <= most);
-        if next.is_some() {
-            continue;
-        }
-        if let Some((at, why)) = contradicted(&rounds) {
-            let last = rounds.split_off(at + 1).pop();
-            doubts.refuse(&rounds[at], why);
-            next = doubts
-                .again(&mut rounds, last.as_ref(), progress)?
-                .filter(|_| rounds.len() <= most);
-        }
-    }
-    let last = rounds.last_mut();
-    if last.is_some_and(|round| follow(round, attempts, options(attempts), progress)) {
-        attempts += 1;
-    }
-    let conclusion = conclude(&rounds, &doubts.refused);
-    let with_discrepancy = with_discrepancy(&rounds, &conclusion, options(attempts), progress);
-    Ok(Closed {
-        rounds,
-        with_discrepancy,
-        conclusion,
-        sampled: None,
+) -> Result<Explained> {
+    let context = Loop {
+        most,
+        options,
+        progress,
+    };
+    let mut turn = Turn::Identify(Course::default(), model.clone());
+    let course = loop {
+        turn = match turn {
+            Turn::Identify(course, model) => context.turn(course, model)?,
+            Turn::Ended(course) => break context.followed(course),
+        };
+    };
+    Ok(Explained {
+        conclusion: conclude(&course.rounds, course.refused.all()),
+        rounds: course.rounds,
+        attempts: course.attempts,
     })
 }
 
-/// The round whose effect does not hold once all others are in the model, and why.
-fn contradicted(rounds: &[Round]) -> Option<(usize, String)> {
-    let last = rounds.last()?;
-    let mut called = rounds[..rounds.len() - 1].iter().enumerate();
-    called
-        .find_map(|(k, round)| Some((k, contradiction(round, &last.model, &last.identification)?)))
-}
-
-/// Effects that were added and taken out again.
+/// What has been done so far.
 #[derive(Default)]
-struct Doubts {
-    /// Effect and reason, once for each time.
-    refused: Vec<(&'static str, String)>,
+struct Course {
+    rounds: Vec<Round>,
+    refused: Refused,
+    attempts: usize,
 }
 
-/// An effect that is refused so often is not traced any more.
-const REFUSALS: usize = 2;
+/// What is to be done next.
+enum Turn {
+    /// Identify a model, as another round.
+    Identify(Course, Model),
+    /// Nothing: nothing more is called for, or the time is over.
+    Ended(Course),
+}
 
-impl Doubts {
-    /// Note why what a round called for did not hold.
-    fn refuse(&mut self, round: &Round, why: String) {
-        self.refused
-            .extend(round.tracing.accepted.map(|e| (e.name(), why)));
+impl Course {
+    /// Identify the model that the last round calls for, if there is one and at most `most` effects were added.
+    fn next(self, most: usize) -> Turn {
+        let model = self.rounds.last().and_then(next_model);
+        match model.filter(|_| self.rounds.len() <= most) {
+            Some(model) => Turn::Identify(self, model),
+            None => Turn::Ended(self),
+        }
+    }
+
+    /// The round whose effect does not hold once all others are in the model, and why.
+    fn contradicted(&self) -> Option<(usize, String)> {
+        let (last, before) = self.rounds.split_last()?;
+        let mut called = before.iter().enumerate();
+        called.find_map(|(k, round)| {
+            Some((k, contradiction(round, &last.model, &last.identification)?))
+        })
+    }
+}
+
+/// How a loop is run.
+struct Loop<'l, 'o> {
+    most: usize,
+    options: &'l dyn Fn(LoopStage) -> Options<'o>,
+    progress: &'l dyn Progress,
+}
+
+impl Loop<'_, '_> {
+    /// Identify a model and trace what it leaves.
+    fn turn(&self, course: Course, model: Model) -> Result<Turn> {
+        let attempt = course.attempts;
+        let options = (self.options)(LoopStage::Attempt(attempt));
+        let identified = identify(&model, &options, self.progress);
+        let round = identified.and_then(|found| self.round(&course, model, found));
+        let mut course = Course {
+            attempts: attempt + 1,
+            ..course
+        };
+        match round {
+            Ok(round) => course.rounds.push(round),
+            Err(e) if course.rounds.is_empty() => return Err(e),
+            Err(e) if e.blame() == Blame::Limit => return Ok(Turn::Ended(course)),
+            // the fit of what was called for: without it the loop goes on
+            Err(e) => return self.retraced(course, None, e.to_string()),
+        }
+        if is_over(&options) {
+            return Ok(Turn::Ended(course));
+        }
+        match course.next(self.most) {
+            Turn::Ended(mut course) => match course.contradicted() {
+                Some((at, why)) => {
+                    let refit = course.rounds.split_off(at + 1).pop();
+                    self.retraced(course, refit, why)
+                }
+                None => Ok(Turn::Ended(course)),
+            },
+            next => Ok(next),
+        }
     }
 
     /// What an identification leaves, traced.
-    fn round(
-        &self,
-        model: Model,
-        attempt: usize,
-        identification: Identification,
-        progress: &dyn Progress,
-    ) -> Result<Round> {
-        let start = start(&model, &identification);
-        let (tracing, account) =
-            self.attribute(&model, &identification.inverse.prepared, start, progress)?;
-        identification.inverse.prepared.problem.experiment.rest();
+    fn round(&self, course: &Course, model: Model, found: Identification) -> Result<Round> {
+        let start = start(&model, &found);
+        let prepared = &found.inverse.prepared;
+        let (tracing, account) = self.attribute(&course.refused, &model, prepared, start)?;
+        prepared.problem.experiment.rest();
         Ok(Round {
+            attempt: course.attempts,
             model,
-            attempt,
-            identification,
+            identification: found,
             tracing,
             account,
         })
     }
 
-    /// Trace the last of some rounds anew, about the refit that was refused where there is one; the model that it calls for now.
-    fn again(
-        &self,
-        rounds: &mut [Round],
-        refit: Option<&Round>,
-        progress: &dyn Progress,
-    ) -> Result<Option<Model>> {
-        let Some(round) = rounds.last_mut() else {
-            return Ok(None);
+    /// Take back the effect that the last round called for and trace that round anew, about the refit where there is one.
+    fn retraced(&self, mut course: Course, refit: Option<Round>, why: String) -> Result<Turn> {
+        let Some(round) = course.rounds.pop() else {
+            return Ok(Turn::Ended(course));
         };
-        let about = refit.unwrap_or(round);
+        let refused = course.refused.and(&round, why);
+        let about = refit.as_ref().unwrap_or(&round);
         let start = start(&about.model, &about.identification);
         let prepared = &round.identification.inverse.prepared;
-        (round.tracing, round.account) = self.attribute(&round.model, prepared, start, progress)?;
-        Ok(next_model(round))
+        let (tracing, account) = self.attribute(&refused, &round.model, prepared, start)?;
+        course.rounds.push(Round {
+            tracing,
+            account,
+            ..round
+        });
+        Ok(Course { refused, ..course }.next(self.most))
     }
 
     /// Trace a residual to the effects that have not been refused for good; those are undecided.
     fn attribute(
         &self,
+        refused: &Refused,
         model: &Model,
         prepared: &Prepared,
         start: State,
-        progress: &dyn Progress,
     ) -> Result<(Tracing, Account)> {
-        let count = |name: &str| self.refused.iter().filter(|(n, _)| *n == name).count();
-        let left = |name: &str| count(name) < REFUSALS;
-        let (mut tracing, account) = attribute(model, prepared, start, &left, progress)?;
-        for (name, why) in &self.refused {
-            let known = tracing.left_out.iter().any(|(n, _)| n == name);
-            if !left(name) && !known {
-                tracing
-                    .left_out
-                    .push((name, format!("added and taken out again: {why}")));
-                tracing.undecided.push(vec![name]);
+        let wanted = |name: &str| refused.may_be_sought(name);
+        let (tracing, account) = attribute(model, prepared, start, &wanted, self.progress)?;
+        Ok((tracing.without(refused), account))
+    }
+
+    /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt. One that
+    /// cannot, or not in time, leaves the round as it is, and the verdict says of the reduced model what it is worth.
+    fn followed(&self, mut course: Course) -> Course {
+        let Some(round) = course.rounds.pop() else {
+            return course;
+        };
+        let attempt = course.attempts;
+        let round = match self.refined(&round, attempt) {
+            Some(identification) => {
+                course.attempts += 1;
+                Round {
+                    identification,
+                    attempt,
+                    ..round
+                }
             }
+            None => round,
+        };
+        course.rounds.push(round);
+        course
+    }
+
+    fn refined(&self, round: &Round, attempt: usize) -> Option<Identification> {
+        let found = &round.identification;
+        let options = (self.options)(LoopStage::Attempt(attempt));
+        if is_over(&options) || !found.determined || surrogate(found).is_none() {
+            return None;
         }
-        Ok((tracing, account))
+        let options = Options {
+            refinements: options.refinements.max(REFINEMENTS),
+            ..options
+        };
+        refine(&round.model, found, &options, self.progress).ok()?
+    }
+
+    /// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
+    fn with_discrepancy(&self, explained: &Explained) -> Option<Identification> {
+        let last = explained.rounds.last()?;
+        let structure = last.tracing.structure;
+        let options = Options {
+            discrepancy: structure,
+            ..(self.options)(LoopStage::Attempt(explained.attempts))
+        };
+        let wanted = explained.conclusion.status == Status::Unexplained
+            && structure.iter().any(Option::is_some);
+        // the loop has ended without it: where it cannot be identified, nothing is lost
+        (wanted && !is_over(&options))
+            .then(|| identify(&last.model, &options, self.progress).ok())?
     }
 }
+
+fn is_over(options: &Options<'_>) -> bool {
+    options.deadline.is_some_and(|end| Instant::now() >= end)
+}
+
+/// Refinements of the last round's reduced model, at most.
+const REFINEMENTS: usize = 3;
 
 /// Where tracing starts: at the posterior means, or at the prior means where constants are not determined, because the ridge's steps from
 /// there are too short to come back from absurd ones.
@@ -242,51 +391,4 @@ fn next_model(round: &Round) -> Option<Model> {
         laws.insert(effect.name().to_string(), *law);
     }
     Some(model)
-}
-
-/// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt; whether it did.
-/// One that cannot, or not in time, leaves the round as it is, and the verdict says of the reduced model what it is worth.
-fn follow(
-    round: &mut Round,
-    attempt: usize,
-    options: Options<'_>,
-    progress: &dyn Progress,
-) -> bool {
-    let found = &round.identification;
-    let is_over = options.deadline.is_some_and(|end| Instant::now() >= end);
-    if is_over || !found.determined || surrogate(found).is_none() {
-        return false;
-    }
-    let options = Options {
-        refinements: options.refinements.max(REFINEMENTS),
-        ..options
-    };
-    let Ok(Some(refined)) = refine(&round.model, found, &options, progress) else {
-        return false;
-    };
-    round.identification = refined;
-    round.attempt = attempt;
-    true
-}
-
-/// Refinements of the last round's reduced model, at most.
-const REFINEMENTS: usize = 3;
-
-/// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
-fn with_discrepancy(
-    rounds: &[Round],
-    conclusion: &Conclusion,
-    options: Options<'_>,
-    progress: &dyn Progress,
-) -> Option<Identification> {
-    let last = &rounds[rounds.len() - 1];
-    let structure = last.tracing.structure;
-    let options = Options {
-        discrepancy: structure,
-        ..options
-    };
-    let wanted = conclusion.status == Status::Unexplained && structure.iter().any(Option::is_some);
-    let over = options.deadline.is_some_and(|end| Instant::now() >= end);
-    // the loop has ended without it: where it cannot be identified, nothing is lost
-    (wanted && !over).then(|| identify(&last.model, &options, progress).ok())?
 }

@@ -84,12 +84,12 @@ pub struct Confirming {
     /// Whether the group's leader is part of the last model.
     pub added: bool,
     /// Of the leader, of what could stand in for it alone or in a pair, and of what leaves almost the same field.
-    pub tests: Vec<Test>,
+    pub tests: Vec<ConfirmingTest>,
 }
 
 /// A test in the laboratory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Test {
+pub struct ConfirmingTest {
     pub effect: String,
     pub test: String,
 }
@@ -232,7 +232,7 @@ fn confirming(group: &Named, added: bool) -> Confirming {
         }
     }
     let test = |name: &str| {
-        Some(Test {
+        Some(ConfirmingTest {
             effect: name.into(),
             test: effect(name)?.entry().confirm.into(),
         })

@@ -19,6 +19,7 @@ mod left_out;
 mod linearity;
 mod quoted;
 mod recording;
+mod refused;
 mod ridge;
 mod round;
 mod sensitivities;
@@ -34,13 +35,15 @@ mod weighing;
 
 pub use attribute::attribute;
 pub use averaged::{BlindSpot, Interval};
-pub use close::{Closed, close};
+pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;
 pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;
-pub use quoted::{AnswerDraws, Importance, Quoted, quote, rule as quoted_rule, with_density};
+pub use quoted::{
+    AnswerDraws, Importance, Quoted, Supposing, quote, rule as quoted_rule, with_density,
+};
 pub use round::Round;
 pub use sought::{acting_in, candidates};
 pub use subsets::SIZES;

@@ -17,7 +17,7 @@ use crate::identify::Options;
 use crate::infer::Model;
 use crate::progress::{Progress, Silent};
 use crate::sample::{SAMPLERS, Schedule};
-use crate::trace::{candidates, close, quote, quoted_rule};
+use crate::trace::{LoopStage, ToQuote, candidates, close, quoted_rule};
 
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -145,10 +145,14 @@ fn closed(
         model.experiment_mut().candidates = Some(names.map(String::from).collect());
     }
     let sampler = (SAMPLERS[0].build)();
-    let options = |k: usize| Options {
+    let stream = |stage: LoopStage| match stage {
+        LoopStage::Attempt(attempt) => 100 + attempt as u64,
+        LoopStage::Answer(_) => 199,
+    };
+    let options = |stage: LoopStage| Options {
         sampler: &*sampler,
         schedule: Schedule {
-            seed: plan.seed_of(replicate, 100 + k as u64),
+            seed: plan.seed_of(replicate, stream(stage)),
             ..Schedule::default()
         },
         rule: quoted_rule(&Rule::default()),
@@ -158,9 +162,7 @@ fn closed(
         discrepancy: [None, None],
         deadline: None,
     };
-    let mut found = close(&model, ROUNDS, &options, &Silent)?;
-    let flagged = found.conclusion.suspect.is_some();
-    found.sampled = Some(quote(&found.rounds, flagged, &options(99), &Silent)?);
+    let found = close(&model, ROUNDS, &options, &Silent)?;
     let intervals = found.quoted();
     let constants = model.constants();
     let held = constants.iter().zip(drawn.constants()).map(|(name, x)| {
@@ -169,8 +171,9 @@ fn closed(
     });
     let held = held.collect();
     let known = drawn.truths(&model);
-    let Some(sampled) = &found.sampled else {
-        return Err(Error::program("calibration", "quoted draws"));
+    let sampled = match found.to_quote {
+        ToQuote::Sampled(sampled) => sampled,
+        ToQuote::ClosedForm(why) => return Err(why),
     };
     let (names, ranked) = of_draws(&sampled.draws, &known, replicate);
     let named = found.rounds.iter().filter_map(|r| r.tracing.accepted);
@@ -183,7 +186,7 @@ fn closed(
             .collect(),
         named: named.map(|e| e.name().to_string()).collect(),
         status: found.conclusion.status.words().to_string(),
-        flagged,
+        flagged: found.conclusion.suspect.is_some(),
     })
 }
 

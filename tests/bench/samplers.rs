@@ -27,7 +27,7 @@ use plychain::sample::{
     Stream, Stretch, run,
 };
 use plychain::sample::{LogDensity, laplace};
-use plychain::trace::{close, with_density};
+use plychain::trace::{explain, with_density};
 use pulp::{Simd, WithSimd};
 
 const DRAWS: usize = 1_000_000;
@@ -74,7 +74,7 @@ fn quoted() {
         discrepancy: [None, None],
         deadline: None,
     };
-    let closed = close(&model, 3, &options, &Silent).unwrap();
+    let closed = explain(&model, 3, &options, &Silent).unwrap();
     println!("the posterior to quote");
     let last = &closed.rounds[closed.rounds.len() - 1];
     with_density(last, &mut |density, centre, sd| {

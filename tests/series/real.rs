@@ -3,7 +3,7 @@
 use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::sample::SAMPLERS;
-use plychain::trace::{Status, close};
+use plychain::trace::{Status, explain};
 use serde_json::{Value, json};
 
 use crate::loops::options;
@@ -78,7 +78,7 @@ fn steps_of_the_real_series_are_predicted_better_where_it_may_turn() {
         }
         let model = Model::parse(&model.to_string(), "cfrp.json".as_ref()).unwrap();
         let sampler = (SAMPLERS[0].build)();
-        let closed = close(&model, 0, &|_| options(&*sampler), &Silent).unwrap();
+        let closed = explain(&model, 0, &|_| options(&*sampler), &Silent).unwrap();
         assert_eq!(closed.conclusion.status, Status::Unexplained);
         closed.rounds[0].tracing.steps.clone()
     };

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Arguments, named, settings};
+use super::{SimulateArguments, named, settings};
 use crate::cli::folder::Folder;
 use crate::cli::print;
 use crate::error::{Error, Result};
@@ -14,7 +14,7 @@ use crate::laminate::{Material, Ply};
 const READINGS: u64 = 1_000_003;
 
 /// Of a model of plates alone.
-pub fn run(arguments: &Arguments, model: &FrequenciesModel, seed: u64) -> Result<()> {
+pub fn run(arguments: &SimulateArguments, model: &FrequenciesModel, seed: u64) -> Result<()> {
     if !arguments.effects.is_empty() || !arguments.steps.is_empty() || arguments.fringes.is_some() {
         return Err(
             Error::input("--effect, --steps, --fringes", "a model of a field")

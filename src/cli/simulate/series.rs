@@ -6,7 +6,9 @@ use serde_json::{Value, json};
 
 use super::super::folder::Folder;
 use super::super::print;
-use super::{Arguments, amplitudes, frequencies, not_negative, ordered, plan, reader, truth_json};
+use super::{
+    SimulateArguments, amplitudes, frequencies, not_negative, ordered, plan, reader, truth_json,
+};
 use crate::effect::{Acting, Scope};
 use crate::error::{Error, Result};
 use crate::experiment::Gauge;
@@ -22,7 +24,7 @@ struct ByLaw {
     acting: Vec<Acting>,
 }
 
-pub fn run(arguments: &Arguments, mut model: Model, seed: u64) -> Result<()> {
+pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result<()> {
     let reader = reader(arguments.format.as_deref().unwrap_or("csv"))?;
     if arguments.fringes.is_some() || reader.format() == "fringes" {
         return Err(Error::input(
@@ -79,7 +81,7 @@ pub fn run(arguments: &Arguments, mut model: Model, seed: u64) -> Result<()> {
 }
 
 /// True forces of the steps, N.
-fn forces(arguments: &Arguments, model: &Model) -> Result<Vec<f64>> {
+fn forces(arguments: &SimulateArguments, model: &Model) -> Result<Vec<f64>> {
     let steps = model.experiment().steps.as_deref().unwrap_or_default();
     let forces = if arguments.steps.is_empty() {
         let known: Option<Vec<f64>> = steps.iter().map(|s| s.force_n).collect();
@@ -130,7 +132,7 @@ fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option
 }
 
 /// Effects that all steps share, and those that move the specimen by a law.
-fn effects(arguments: &Arguments, steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
+fn effects(arguments: &SimulateArguments, steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
     let (mut shared, mut by_law) = (Vec::new(), Vec::new());
     for text in &arguments.effects {
         let (values, law) = match text.rsplit_once(':') {

@@ -39,7 +39,7 @@ pub(super) fn find(
             s.hypot(t) * spacing_mm <= STEEP
         })
         .collect();
-    let sides = Sides::new(graph, &flat);
+    let sides = RampSides::new(graph, &flat);
     let mut contacts: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
     for (a, b) in sides.contacts(graph) {
         let pair = (sides.side[a], sides.side[b]);
@@ -90,7 +90,7 @@ pub(super) fn find(
 /// Whole orders of every side relative to the largest one, from the median steps of the `contacts`.
 fn levels(
     n: usize,
-    sides: &Sides,
+    sides: &RampSides,
     contacts: &mut BTreeMap<(u32, u32), Vec<f64>>,
 ) -> BTreeMap<u32, i32> {
     let mut steps: Vec<(usize, u32, u32, i32)> = Vec::new();
@@ -125,7 +125,7 @@ fn levels(
 }
 
 /// Connected sets of flat points, and the steep points nearest to each.
-struct Sides {
+struct RampSides {
     /// The set of each point, as one of its points.
     side: Vec<u32>,
     /// The flat point from which a point was reached; none is `u32::MAX`.
@@ -133,7 +133,7 @@ struct Sides {
     size: BTreeMap<u32, usize>,
 }
 
-impl Sides {
+impl RampSides {
     fn new(graph: &Graph, flat: &[bool]) -> Self {
         let n = flat.len();
         let mut offsets = Offsets::new(n);

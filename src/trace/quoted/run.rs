@@ -76,6 +76,9 @@ impl AnswerDraws {
     }
 }
 
+/// How each answer is sampled: its chains have a place and a checkpoint of their own.
+type OptionsOf<'f, 'o> = dyn Fn(Supposing) -> Options<'o> + 'f;
+
 /// Sample the posterior to quote of a loop's rounds, with the answers beside it where their account is `suspect`.
 ///
 /// # Errors
@@ -83,10 +86,11 @@ impl AnswerDraws {
 pub fn quote(
     rounds: &[Round],
     suspect: bool,
-    options: &Options<'_>,
+    options: &OptionsOf<'_, '_>,
     progress: &dyn Progress,
 ) -> Result<Quoted> {
-    if options.deadline.is_some_and(|end| Instant::now() >= end) {
+    let deadline = options(Supposing::Small).deadline;
+    if deadline.is_some_and(|end| Instant::now() >= end) {
         return Err(Error::limit(
             "--time-limit",
             "time to sample the posterior to quote",
@@ -127,7 +131,7 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
 fn sampled(
     round: &Round,
     which: &[Supposing],
-    options: &Options<'_>,
+    options: &OptionsOf<'_, '_>,
     progress: &dyn Progress,
 ) -> Result<Vec<AnswerDraws>> {
     let account = &round.account;
@@ -146,6 +150,7 @@ fn sampled(
         progress.begin(&what, None);
         let sampled = Sampled::new(model, account, &around, supposing)?;
         progress.say(&sampled.answer.size_in_words());
+        let options = &options(supposing);
         let draws = draw(&sampled, averaged, options, progress)?;
         let mut verdict = diagnose(&draws, &rule(&options.rule));
         progress.end();
@@ -250,13 +255,14 @@ fn draw(
     } else {
         given
     };
-    let outcome = sample::run(
+    let outcome = sample::run_kept(
         target,
         sampler,
         &start,
         &schedule,
         &rule(&options.rule),
         &monitor,
+        options.keeping.as_ref(),
     )?;
     if outcome.draws.draws() < FEWEST {
         let expected = format!("time for at least {FEWEST} draws of each chain");
