@@ -187,14 +187,14 @@ fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
         .iter()
         .map(|run| campaign.places.state(run).state)
         .collect();
-    let of = |state: State| own.iter().filter(|s| **s == state).count();
-    let failed = of(State::Failed);
+    let count_in = |state: State| own.iter().filter(|s| **s == state).count();
+    let failed = count_in(State::Failed);
     if failed > 0 {
         return Err(Error::input(folder, "runs that come to their end")
             .found(format!("{failed} of {} that failed", own.len()))
             .hint("log/ has what they printed; --resume --retry runs them again"));
     }
-    let left = of(State::ToBeResumed) + of(State::Waiting);
+    let left = count_in(State::ToBeResumed) + count_in(State::Waiting);
     match left > 0 && !handed_on {
         true => Err(Error::stopped(folder, "runs that come to their end")
             .found(format!("{left} of {} to be resumed", own.len()))
@@ -210,8 +210,8 @@ fn calibrations(collected: &Collected, places: &Places) -> Result<()> {
     let mut seen = std::collections::BTreeSet::new();
     let runs = || collected.rows.iter().map(|r| &r.entry);
     for entry in runs() {
-        let of = |e: &&Entry| e.run.folder() == entry.run.folder();
-        let all_done = runs().filter(of).all(|e| e.status.state == State::Done);
+        let same_folder = |e: &&Entry| e.run.folder() == entry.run.folder();
+        let all_done = runs().filter(same_folder).all(|e| e.status.state == State::Done);
         if !all_done || !seen.insert(entry.run.folder()) {
             continue;
         }

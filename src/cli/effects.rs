@@ -93,12 +93,12 @@ fn numbers(entry: &ListedEffect, with_model: bool) -> Value {
 }
 
 fn text(entries: &[ListedEffect], model: Option<&Model>) -> String {
-    let of = model.map_or_else(String::new, |m| format!(", as {} has them", m.file.name));
+    let by_the_model = model.map_or_else(String::new, |m| format!(", as {} has them", m.file.name));
     let mut text = wrap(
         "",
         "",
         &format!(
-            "The effects that may act on a measurement{of}. An amplitude's plausible size is the standard deviation of its prior; a model's \"plausible\" changes it."
+            "The effects that may act on a measurement{by_the_model}. An amplitude's plausible size is the standard deviation of its prior; a model's \"plausible\" changes it."
         ),
     );
     let width = entries

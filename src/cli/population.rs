@@ -34,7 +34,7 @@ pub fn run(arguments: &PopulationArguments, global: &Global, console: &Console) 
         return Err(Error::input("--shared-percent", "a percentage from 0 to 20").found(percent));
     }
     let shared = 0.01 * percent;
-    let own = |s: Specimen| {
+    let without_shared_scale = |s: Specimen| {
         if shared > 0.0 {
             s.without_scale(shared)
         } else {
@@ -44,7 +44,7 @@ pub fn run(arguments: &PopulationArguments, global: &Global, console: &Console) 
     let specimens: Vec<Specimen> = gathered
         .specimens
         .into_iter()
-        .map(own)
+        .map(without_shared_scale)
         .collect::<Result<_>>()?;
     let within = arguments.folder.display();
     let sampled = sample(&specimens, shared, global.seed, console).map_err(|e| e.within(within))?;

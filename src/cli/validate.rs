@@ -103,9 +103,15 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
             ..
         },
     ] = &found;
-    let place = (&folder, global.seed);
-    let numbers = validate(arguments, inverse, draws, (surrogate, 0), place, console)?;
-    finish(arguments, numbers, &model, place, console)?;
+    let run = FinishedRun {
+        folder: &folder,
+        inverse,
+        draws,
+        surrogate,
+        refinements: 0,
+    };
+    let numbers = validate(arguments, &run, global.seed, console)?;
+    finish(arguments, numbers, &model, (&folder, global.seed), console)?;
     folder.keep();
     Ok(())
 }
@@ -149,10 +155,15 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
         );
     }
     let surrogate = SurrogateError::measure(&inverse, &draws, console)?;
-    let error = (&surrogate, refinements);
-    let place = (&folder, global.seed);
-    let numbers = validate(arguments, &inverse, &draws, error, place, console)?;
-    finish(arguments, numbers, &model, place, console)
+    let run = FinishedRun {
+        folder: &folder,
+        inverse: &inverse,
+        draws: &draws,
+        surrogate: &surrogate,
+        refinements,
+    };
+    let numbers = validate(arguments, &run, global.seed, console)?;
+    finish(arguments, numbers, &model, (&folder, global.seed), console)
 }
 
 /// The measurement with the reduced model that the run's chain was drawn with: the first one, or what it was refined to.
@@ -173,16 +184,26 @@ fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared
     Ok((prepared, before.len()))
 }
 
+/// An identification that is held against other ways to its posterior.
+struct FinishedRun<'a> {
+    folder: &'a Folder,
+    inverse: &'a InverseProblem,
+    draws: &'a Draws,
+    /// The reduced model against the finite elements at draws.
+    surrogate: &'a SurrogateError,
+    /// How often the reduced model was refined.
+    refinements: usize,
+}
+
 /// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it. The
 /// reduced model's error comes with how often it had been refined.
 fn validate(
     arguments: &ValidateArguments,
-    inverse: &InverseProblem,
-    draws: &Draws,
-    (error, refinements): (&SurrogateError, usize),
-    (folder, seed): (&Folder, u64),
+    run: &FinishedRun<'_>,
+    seed: u64,
     console: &Console,
 ) -> Result<Value> {
+    let (inverse, draws) = (run.inverse, run.draws);
     let posterior = &inverse.posterior;
     let chain = diagnose(draws, &Rule::default()).rows;
     let mode = identify::start(posterior)?;
@@ -194,7 +215,7 @@ fn validate(
         .transpose()?;
     let seconds = began.elapsed().as_secs_f64();
     if let Some(grid) = &evaluated {
-        write_grid(grid, &folder.path().join("grid"))?;
+        write_grid(grid, &run.folder.path().join("grid"))?;
     }
     let compared = thickness::compare(
         posterior,
@@ -215,8 +236,8 @@ fn validate(
         preview: preview.as_ref(),
         thickness: compared.as_ref(),
         priors: priors.as_ref(),
-        truth: error,
-        refinements,
+        truth: run.surrogate,
+        refinements: run.refinements,
     };
     print(&validation.text(&arguments.target.display().to_string()))?;
     Ok(validation.numbers())

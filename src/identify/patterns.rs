@@ -82,15 +82,15 @@ fn exceedance(
     let values: Vec<f64> = residual.iter().map(|r| r[c]).collect();
     let averages = DMatrix::from_columns(&[blocks.average(&values)]);
     let white = noise.whiten(&averages, c);
-    let of = |b: &usize| white[(*b, 0)].abs();
+    let whitened_size = |b: &usize| white[(*b, 0)].abs();
     let looked_at: Vec<usize> = (0..blocks.len())
         .filter(|&b| clear(blocks.centroid[b]))
         .collect();
-    let count = looked_at.iter().filter(|b| of(b) > FAR).count();
+    let count = looked_at.iter().filter(|b| whitened_size(b) > FAR).count();
     let largest = looked_at
         .iter()
         .copied()
-        .max_by(|a, b| of(a).total_cmp(&of(b)))?;
+        .max_by(|a, b| whitened_size(a).total_cmp(&whitened_size(b)))?;
     let expected = 2.0 * Normal::standard().sf(FAR) * looked_at.len() as f64;
     let p = match count {
         0 => 1.0,
@@ -104,6 +104,6 @@ fn exceedance(
         expected,
         p,
         place_in_data_mm: field.frame.data_point(blocks.centroid[largest]),
-        sds: of(&largest),
+        sds: whitened_size(&largest),
     })
 }

@@ -105,7 +105,7 @@ pub fn find(
         // with the error of both components, then with their own: each estimate has its own argument
         let next = [0, 1].map(|c| misfits[c].regression(&tiles, amplitude[c]));
         let pair = [0, 1].map(|c| misfits[c].regression(&tiles, joint));
-        let own = next.map(|n| n.solution());
+        let solutions = next.map(|n| n.solution());
         let total = Regression {
             gram: &pair[0].gram / pair[0].variance + &pair[1].gram / pair[1].variance,
             right: &pair[0].right / pair[0].variance + &pair[1].right / pair[1].variance,
@@ -113,14 +113,14 @@ pub fn find(
         };
         let all = total.solution();
         let change = (0..2)
-            .map(|c| (own[c] - amplitude[c]).norm())
+            .map(|c| (solutions[c] - amplitude[c]).norm())
             .fold((all - joint).norm(), f64::max);
-        (amplitude, joint) = (own, all);
+        (amplitude, joint) = (solutions, all);
         if change * NM_PER_MM < CONVERGED_NM {
             break;
         }
     }
-    let own = [0, 1].map(|c| misfits[c].scaled(&tiles, amplitude[c]));
+    let by_component = [0, 1].map(|c| misfits[c].scaled(&tiles, amplitude[c]));
     let pair = [0, 1].map(|c| misfits[c].scaled(&tiles, joint));
     let information = |n: &Scaled| {
         let variance = n.regression.variance * n.inflation;
@@ -145,12 +145,12 @@ pub fn find(
     });
     PhaseError {
         both: both.ripple(prior_sd_nm[0]),
-        component: [0, 1].map(|c| information(&own[c]).ripple(prior_sd_nm[c])),
+        component: [0, 1].map(|c| information(&by_component[c]).ripple(prior_sd_nm[c])),
         smooth: (0..field.len())
             .map(|i| [smooth[0][i], smooth[1][i]])
             .collect(),
-        within_nm: [0, 1].map(|c| own[c].regression.variance.sqrt() * NM_PER_MM),
-        inflation: [0, 1].map(|c| own[c].inflation),
+        within_nm: [0, 1].map(|c| by_component[c].regression.variance.sqrt() * NM_PER_MM),
+        inflation: [0, 1].map(|c| by_component[c].inflation),
     }
 }
 

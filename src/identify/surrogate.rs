@@ -151,12 +151,12 @@ fn reweighted(names: &[String], draws: &[Vec<f64>], log_weights: &[f64]) -> Vec<
     };
     let equal = shares(&vec![0.0; draws.len()]);
     let weights = shares(log_weights);
-    let one = |(k, name): (usize, &String)| Reweighted {
+    let reweighted = |(k, name): (usize, &String)| Reweighted {
         name: name.clone(),
         plain: moments(&equal, k),
         weighted: moments(&weights, k),
     };
-    names.iter().enumerate().map(one).collect()
+    names.iter().enumerate().map(reweighted).collect()
 }
 
 /// `count` draws at multiples of the golden ratio through the flattened draws: all chains, early and late.
@@ -380,13 +380,13 @@ fn gradient(
     let theta = &x[..sd.len()];
     DVector::from_fn(sd.len(), |k, _| {
         let step = 0.1 * sd[k];
-        let at = |step: f64| {
+        let change_at = |step: f64| {
             let mut moved = theta.to_vec();
             moved[k] += step;
             posterior
                 .likelihood()
                 .log_likelihood_change(&moved, scale, weighted)
         };
-        (at(step) - at(-step)) / (2.0 * step)
+        (change_at(step) - change_at(-step)) / (2.0 * step)
     })
 }

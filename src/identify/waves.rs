@@ -173,8 +173,8 @@ impl Spectra {
     fn sharpest(&self, tried: f64) -> Option<WavePeak> {
         let tried = tried * self.relative.len() as f64;
         let largest = |power: &[f64]| {
-            let own = power.iter().zip(&self.common).map(|(p, common)| p / common);
-            let power: Vec<f64> = own.collect();
+            let whitened = power.iter().zip(&self.common).map(|(p, common)| p / common);
+            let power: Vec<f64> = whitened.collect();
             let best = (0..power.len()).max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
             Some((best, power[best]))
         };
@@ -208,16 +208,16 @@ impl Spectra {
         let number = (0..self.unit.len()).max_by(|&a, &b| sum(a).total_cmp(&sum(b)))?;
         let gamma = Gamma::new(n, 1.0).ok()?;
         let p = (tried * gamma.sf(sum(number) / RING_ERROR)).min(1.0);
-        let here = |entry: &&(usize, Vec<f64>)| entry.1[number];
+        let power_at = |entry: &&(usize, Vec<f64>)| entry.1[number];
         let clearest = self
             .relative
             .iter()
-            .max_by(|a, b| here(a).total_cmp(&here(b)))?;
+            .max_by(|a, b| power_at(a).total_cmp(&power_at(b)))?;
         // one in five parts of noise alone has more
         let clear = self
             .relative
             .iter()
-            .filter(|entry| here(entry) > 5_f64.ln())
+            .filter(|entry| power_at(entry) > 5_f64.ln())
             .count() as f64
             / n;
         self.worthy(WavePeak {
@@ -277,8 +277,8 @@ fn expected(
             let ring = typical(&|j| (length(j) - length(k)).abs() < RING);
             let about = typical(&|j| ABOUT.contains(&apart(j)));
             let expected = ring.max(about).max(lobe).max(f64::MIN_POSITIVE);
-            let own = typical(&|j| apart(j) < ABOUT.start);
-            (expected, (own / expected).max(1.0))
+            let nearby = typical(&|j| apart(j) < ABOUT.start);
+            (expected, (nearby / expected).max(1.0))
         })
         .unzip()
 }
@@ -297,11 +297,11 @@ fn of_subsets(numbers: &[[f64; 2]], width: f64) -> Vec<f64> {
     };
     // the Hann window's spectrum is 1/2, 1, 1/2 at whole numbers: its power
     let smeared = |number: f64| {
-        let at = |by: f64| folded(number + by);
-        (0.25 * at(-1.0) + at(0.0) + 0.25 * at(1.0)) / 1.5
+        let folded_by = |by: f64| folded(number + by);
+        (0.25 * folded_by(-1.0) + folded_by(0.0) + 0.25 * folded_by(1.0)) / 1.5
     };
-    let one = |[a, b]: &[f64; 2]| smeared(*a) * smeared(*b);
-    numbers.iter().map(one).collect()
+    let smeared_both = |[a, b]: &[f64; 2]| smeared(*a) * smeared(*b);
+    numbers.iter().map(smeared_both).collect()
 }
 
 /// Multiples of the points' own wave number that are folded back.

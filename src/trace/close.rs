@@ -8,7 +8,7 @@
 //! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
 //! | [`Loop::followed`] | the rounds | the rounds, the last with a reduced model that follows its posterior |
 //! | [`conclude`] | the rounds | the [`Conclusion`] |
-//! | [`Loop::with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
+//! | [`with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
 //! | [`quote`] | both | the posterior [`ToQuote`] |
 
 use std::time::Instant;
@@ -103,11 +103,10 @@ fn closed_form(rounds: &[Round], conclusion: &Conclusion) -> Keyed<Interval> {
     }
 }
 
-/// Run a loop to its end: [`explain`], the discrepancy where structure is left, and the posterior to quote. `options` gives each stage its
-/// own.
+/// Run a loop to its end: [`explain`], then [`finished`]. `options` gives each stage its own.
 ///
 /// # Errors
-/// Those of [`explain`]. A posterior to quote that cannot be sampled is no error: the verdict does not depend on it.
+/// Those of [`explain`].
 pub fn close<'a>(
     model: &Model,
     most: usize,
@@ -115,24 +114,30 @@ pub fn close<'a>(
     progress: &dyn Progress,
 ) -> Result<Closed> {
     let explained = explain(model, most, options, progress)?;
-    let context = Loop {
-        most,
-        options,
-        progress,
-    };
-    let with_discrepancy = context.with_discrepancy(&explained);
+    Ok(finished(explained, options, progress))
+}
+
+/// Rounds with the discrepancy where structure is left, and with the posterior to quote. One that cannot be sampled is no error: the
+/// verdict does not depend on it.
+pub fn finished<'a>(
+    explained: Explained,
+    options: &dyn Fn(LoopStage) -> Options<'a>,
+    progress: &dyn Progress,
+) -> Closed {
+    let attempt = options(LoopStage::Attempt(explained.attempts));
+    let with_discrepancy = with_discrepancy(&explained, attempt, progress);
     let suspect = explained.conclusion.suspect.is_some();
     let of_answer = |supposing| options(LoopStage::Answer(supposing));
     let to_quote = match quote(&explained.rounds, suspect, &of_answer, progress) {
         Ok(sampled) => ToQuote::Sampled(sampled),
         Err(why) => ToQuote::ClosedForm(why),
     };
-    Ok(Closed {
+    Closed {
         rounds: explained.rounds,
         conclusion: explained.conclusion,
         with_discrepancy,
         to_quote,
-    })
+    }
 }
 
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline, and conclude. A later round that the
@@ -324,21 +329,24 @@ impl Loop<'_, '_> {
         };
         refine(&round.model, found, &options, self.progress).ok()?
     }
+}
 
-    /// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
-    fn with_discrepancy(&self, explained: &Explained) -> Option<Identification> {
-        let last = explained.rounds.last()?;
-        let structure = last.tracing.structure;
-        let options = Options {
-            discrepancy: structure,
-            ..(self.options)(LoopStage::Attempt(explained.attempts))
-        };
-        let wanted = explained.conclusion.status == Status::Unexplained
-            && structure.iter().any(Option::is_some);
-        // the loop has ended without it: where it cannot be identified, nothing is lost
-        (wanted && !is_over(&options))
-            .then(|| identify(&last.model, &options, self.progress).ok())?
-    }
+/// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
+fn with_discrepancy(
+    explained: &Explained,
+    options: Options<'_>,
+    progress: &dyn Progress,
+) -> Option<Identification> {
+    let last = explained.rounds.last()?;
+    let structure = last.tracing.structure;
+    let unexplained = explained.conclusion.status == Status::Unexplained;
+    let wanted = unexplained && structure.iter().any(Option::is_some);
+    let options = Options {
+        discrepancy: structure,
+        ..options
+    };
+    // the loop has ended without it: where it cannot be identified, nothing is lost
+    (wanted && !is_over(&options)).then(|| identify(&last.model, &options, progress).ok())?
 }
 
 fn is_over(options: &Options<'_>) -> bool {

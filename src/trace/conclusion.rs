@@ -135,8 +135,8 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     confirm.extend(wanted.map(|g| confirming(g, false)));
     for members in &last.tracing.undecided {
         let group = last.tracing.groups.iter().find(|g| g.members == *members);
-        let known = |c: &Confirming| c.tests.iter().any(|t| t.effect == members[0]);
-        if !confirm.iter().any(known) {
+        let is_named = |c: &Confirming| c.tests.iter().any(|t| t.effect == members[0]);
+        if !confirm.iter().any(is_named) {
             confirm.extend(group.map(|g| confirming(g, false)));
         }
     }
@@ -319,7 +319,7 @@ fn consistent(rounds: &[Round], group: &Named) -> String {
 fn size_of(amplitude: &[(String, f64)]) -> String {
     let largest = amplitude.iter().fold(0.0, |m: f64, (_, v)| m.max(v.abs()));
     let kept = amplitude.iter().filter(|(_, v)| v.abs() > 1e-3 * largest);
-    let one = |(name, value): &(String, f64)| {
+    let with_value = |(name, value): &(String, f64)| {
         let parameter = name.rsplit('.').next().unwrap_or(name);
         if value.abs() < 1e-3 {
             format!("{parameter} {value:.2e}")
@@ -327,7 +327,7 @@ fn size_of(amplitude: &[(String, f64)]) -> String {
             format!("{parameter} {}", significant(*value, 0.1 * value.abs()))
         }
     };
-    kept.map(one).collect::<Vec<_>>().join(", ")
+    kept.map(with_value).collect::<Vec<_>>().join(", ")
 }
 
 /// Resembling effects that are named in words, at most.

@@ -35,7 +35,7 @@ mod weighing;
 
 pub use attribute::attribute;
 pub use averaged::{BlindSpot, Interval};
-pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain};
+pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
 pub use conclusion::{Conclusion, Confirming, Status, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;

@@ -52,11 +52,11 @@ pub(super) fn find(
     if found.values().all(|k| *k == 0) {
         return Vec::new();
     }
-    let own = |side: u32| found.get(&side).copied().unwrap_or(0);
+    let orders_of = |side: u32| found.get(&side).copied().unwrap_or(0);
     let mut beside: BTreeMap<u32, Vec<i32>> = BTreeMap::new();
     for &(a, b) in contacts.keys() {
-        beside.entry(a).or_default().push(own(b) - own(a));
-        beside.entry(b).or_default().push(own(a) - own(b));
+        beside.entry(a).or_default().push(orders_of(b) - orders_of(a));
+        beside.entry(b).or_default().push(orders_of(a) - orders_of(b));
     }
     let mut smeared = Vec::new();
     for i in 0..points.len() {
@@ -82,7 +82,7 @@ pub(super) fn find(
                 smeared.push(i);
             }
         }
-        orders[i] += own(side) + added;
+        orders[i] += orders_of(side) + added;
     }
     smeared
 }
