@@ -10,6 +10,7 @@ use super::mappings::{MAPPINGS, MatchedMapping, matching, quality};
 use super::points::{hole, loading_axis, strain};
 use super::print;
 use super::{exports, meshes};
+use crate::effect::{EFFECTS, Effect};
 use crate::error::{Error, Result};
 use crate::field::{
     Axis, ColumnMap, Columns, Field, Frame, LEAST_CORRELATION, PIXEL, Series, Units, table,
@@ -88,7 +89,9 @@ pub fn run(arguments: &InitArguments) -> Result<()> {
     model["name"] = json!(arguments.name);
     model["note"] = json!(NOTE);
     let experiment = &mut model["experiments"][0];
-    experiment["effects"] = json!(["rigid_translation", "rigid_rotation"]);
+    let is_rigid = |effect: &&&dyn Effect| effect.is_rigid();
+    let rigid_motion: Vec<_> = EFFECTS.iter().filter(is_rigid).map(|e| e.name()).collect();
+    experiment["effects"] = json!(rigid_motion);
     experiment["gauge"] = json!("window");
     experiment["specimen"]["note"] =
         json!("dimensions in mm; hole.center_mm from the plate's centre, (along the load, across)");

@@ -4,6 +4,9 @@ use super::{Effect, Entry, Kind, Parameter, Scene};
 
 pub struct ComponentSensitivity;
 
+/// Prior sd before a camera: one lens pictures both components, and a sensor's pixels are square to less.
+const BEFORE_CAMERA_PERCENT: f64 = 0.1;
+
 impl Effect for ComponentSensitivity {
     fn entry(&self) -> Entry {
         Entry {
@@ -18,6 +21,10 @@ impl Effect for ComponentSensitivity {
             about: "Displacements along the load and across it are reported too large by these percentages: gratings of another frequency, beams at another angle, pixels that are not square.",
             confirm: "Shift the specimen by a known amount along either direction and compare; or measure the frequency of the gratings, or the sides of a pixel, on a calibrated target.",
         }
+    }
+
+    fn prior_sd_before_camera(&self, _k: usize, _scene: &Scene) -> Option<f64> {
+        Some(BEFORE_CAMERA_PERCENT)
     }
 
     fn components(

@@ -1,11 +1,14 @@
 //! Radial distortion by the lens.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Companions, Effect, Entry, Kind, Parameter, Scene};
 
 pub struct LensDistortion;
 
 /// The radius at which the distortion is stated, mm.
 const RADIUS_MM: f64 = 12.0;
+
+/// Prior sd before a camera, percent at that radius (prototype study).
+const BEFORE_CAMERA_PERCENT: f64 = 0.072;
 
 impl Effect for LensDistortion {
     fn entry(&self) -> Entry {
@@ -22,6 +25,14 @@ impl Effect for LensDistortion {
             about: "Radial distortion about a centre: from there true X = X (1 - k r^2), stated as k r^2 at a radius of 12 mm. The centre is given from the middle of the measured points, along direction 1 and 2; the origin of the coordinates stays at the imaged hole's centre. Displacements read from fringes stay right; those from image coordinates are distorted too, rigid motion included.",
             confirm: "Picture a calibrated grid of dots over the whole field of view; or move the specimen across the field of view and repeat: the distortion stays with the picture.",
         }
+    }
+
+    fn companions(&self) -> Companions {
+        Companions::Centre
+    }
+
+    fn prior_sd_before_camera(&self, k: usize, _scene: &Scene) -> Option<f64> {
+        (k == 0).then_some(BEFORE_CAMERA_PERCENT)
     }
 
     fn needed(&self) -> usize {

@@ -7,7 +7,7 @@ use crate::fem::Setup;
 pub struct LoadIntroduction(pub usize);
 
 /// The effects of the first and the second of these edges.
-pub const NAMES: [&str; 2] = ["load_introduction_1", "load_introduction_2"];
+const NAMES: [&str; 2] = ["load_introduction_1", "load_introduction_2"];
 
 impl Effect for LoadIntroduction {
     fn entry(&self) -> Entry {
@@ -28,6 +28,10 @@ impl Effect for LoadIntroduction {
             about: "Over the first or second loaded edge that is declared \"measured\" the force is spread as the field has it: Legendre polynomials of the place on the edge, in percent of the mean traction, along the force and across it, without a resultant.",
             confirm: "Put pressure-sensitive film between grip and specimen, or bring the window nearer to the edge.",
         }
+    }
+
+    fn measured_edge(&self) -> Option<usize> {
+        Some(self.0)
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {

@@ -16,6 +16,10 @@ impl Effect for LoadScale {
         }
     }
 
+    fn is_force_scale(&self) -> bool {
+        true
+    }
+
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
         let factor = 1.0 + 0.01 * amplitude[0];
         setup.load = setup.load.times(factor);

@@ -22,6 +22,7 @@ mod optics;
 mod out_of_plane_bending;
 mod out_of_plane_rotation;
 mod out_of_plane_translation;
+mod parameter;
 mod phase_shift_error;
 mod ply_misorientation;
 mod registration_offset;
@@ -40,12 +41,13 @@ use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
 use crate::geometry::Change;
-use crate::laminate::{Material, Ply};
+use crate::laminate::{Material, MeanSd, Ply};
 
-pub use load_introduction::NAMES as LOAD_INTRODUCTIONS;
 pub use optics::displacements_are_imaged;
+pub use parameter::{Parameter, amplitude_name};
 pub use seen::Seen;
-pub use yielding::{NAME as YIELDING, YIELD_PERCENT};
+
+use parameter::check_amplitude;
 
 /// Every known effect, in the order in which they are listed.
 pub static EFFECTS: &[&dyn Effect] = &[
@@ -84,8 +86,27 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &load_scale::LoadScale,
 ];
 
-/// The effect that no field can tell from a common factor of all moduli: it takes part in every model with its prior.
+/// The effect that scales all forces. No field can tell it from a common factor of all moduli: it takes part in every model with its prior.
+pub fn force_scale() -> &'static dyn Effect {
+    &load_scale::LoadScale
+}
+
+/// The same, for files that still name it.
 pub static LOAD_SCALE: &dyn Effect = &load_scale::LoadScale;
+
+/// The effect that the recording of fringes has by some `error`.
+pub fn of_recording(error: RecordingError) -> &'static dyn Effect {
+    match error {
+        RecordingError::MiscountedOrders => &fringe_order_jump::FringeOrderJump,
+        RecordingError::PhaseRipple => &phase_shift_error::PhaseShiftError,
+    }
+}
+
+/// Effects that tell how the force is spread over the first `count` loaded edges that a measurement has to tell.
+pub fn load_introductions(count: usize) -> impl Iterator<Item = &'static dyn Effect> {
+    let of_edge = move |effect: &&&dyn Effect| effect.measured_edge().is_some_and(|k| k < count);
+    EFFECTS.iter().filter(of_edge).copied()
+}
 
 /// Obstacle of the effects that act on fringes.
 const NEEDS_FRINGES: &str =
@@ -113,60 +134,6 @@ fn unless_offered(scene: &Scene, change: Change) -> Option<&'static str> {
         return Some("regions of the mesh meet at the hole or near it, and would move with it");
     }
     Some("the specimen's geometry has no hole that could be changed so")
-}
-
-/// One parameter of an effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
-    /// Name that ends in its unit (`angle_urad`).
-    pub name: &'static str,
-    /// Standard deviation of the amplitude's normal prior, in that unit; `None` where nothing bounds it.
-    pub prior_sd: Option<f64>,
-    /// Largest amplitude for which the effect is modelled.
-    pub bound: f64,
-    /// Whether nature knows no negative amplitude: the prior is half a normal one.
-    pub positive: bool,
-}
-
-impl Parameter {
-    /// With a normal prior of sd `prior_sd` about 0, modelled up to `bound`.
-    pub const fn new(name: &'static str, prior_sd: f64, bound: f64) -> Self {
-        Self {
-            name,
-            prior_sd: Some(prior_sd),
-            bound,
-            positive: false,
-        }
-    }
-
-    /// The same of an amplitude that cannot be negative.
-    pub const fn positive(name: &'static str, prior_sd: f64, bound: f64) -> Self {
-        Self {
-            positive: true,
-            ..Self::new(name, prior_sd, bound)
-        }
-    }
-
-    /// With nothing known of its size beforehand.
-    pub const fn unbounded(name: &'static str, bound: f64) -> Self {
-        Self {
-            name,
-            prior_sd: None,
-            bound,
-            positive: false,
-        }
-    }
-
-    /// The unit, as the name ends in it: `per m per mm` of `gradient_per_m_per_mm`, `percent` of `percent_at_12mm`.
-    pub fn unit(&self) -> String {
-        let name = self.name;
-        let unit = match name.find("per_") {
-            Some(at) => &name[at..],
-            None if name.starts_with("percent") => "percent",
-            None => name.rsplit('_').next().unwrap_or(name),
-        };
-        unit.replace('_', " ")
-    }
 }
 
 /// How an effect acts.
@@ -204,6 +171,31 @@ pub enum Scope {
     Motion,
     /// It belongs to the recording.
     Recording,
+}
+
+/// What goes wrong where fringes are recorded. Both are taken out of the field before it is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RecordingError {
+    /// Whole fringe orders, in a region.
+    MiscountedOrders,
+    /// A ripple at twice the fringe frequency.
+    PhaseRipple,
+}
+
+/// Places that nobody knows and on which an effect's field depends. Their products with its amplitudes have columns of their own.
+#[derive(Clone, Copy)]
+pub enum Companions {
+    None,
+    /// The centre about which it acts: its parameters after the first, which is its strength. Without strength the centre does not matter.
+    Centre,
+    /// The camera's axis, and the pivot about which the specimen turns; a pivot off the origin lifts the specimen by the effect `lift`.
+    AxisAndPivot {
+        lift: &'static dyn Effect,
+    },
+    /// The camera's axis, and how far the effect `lift` moves the specimen as a whole towards the camera.
+    AxisAndLift {
+        lift: &'static dyn Effect,
+    },
 }
 
 /// What an effect may need to know of the nominal test.
@@ -336,6 +328,58 @@ pub trait Effect: Sync {
         true
     }
 
+    /// Whether it moves the specimen as a whole in its plane. Every step of a load series does so by its own amount.
+    fn is_rigid(&self) -> bool {
+        false
+    }
+
+    /// Whether it scales all forces, and does nothing else.
+    fn is_force_scale(&self) -> bool {
+        false
+    }
+
+    /// Whether metal yields by it where the stress is high.
+    fn yields(&self) -> bool {
+        false
+    }
+
+    /// Which of the loaded edges that a measurement has to tell it spreads the force over, counted from 0.
+    fn measured_edge(&self) -> Option<usize> {
+        None
+    }
+
+    /// Places that nobody knows and on which its field depends.
+    fn companions(&self) -> Companions {
+        Companions::None
+    }
+
+    /// Whether parameter `k` is of a centre, which does not matter where the effect has no strength.
+    fn is_centre(&self, k: usize) -> bool {
+        k > 0 && matches!(self.companions(), Companions::Centre)
+    }
+
+    /// Prior sd of the amplitude of parameter `k` before a camera, where images are correlated in a load series; `None` where it is that of
+    /// [`Parameter::prior_sd`].
+    fn prior_sd_before_camera(&self, _k: usize, _scene: &Scene) -> Option<f64> {
+        None
+    }
+
+    /// Prior sd of the amplitude of parameter `k` that follows from the declared yield stress; `None` where none does.
+    fn prior_sd_by_yield_stress(&self, _k: usize, _declared: MeanSd) -> Option<f64> {
+        None
+    }
+
+    /// The effect that stands for what a single field does not tell of the places in [`Effect::companions`].
+    fn entails(&self) -> Option<&'static dyn Effect> {
+        None
+    }
+
+    /// Prior sd of the entailed effect, in its unit, for this effect's amplitudes before a camera at some distance (mm), where the unknown
+    /// places are about `off_mm` from where they are taken to be.
+    fn entailed_sd(&self, _amplitude: &[f64], _off_mm: f64, _distance_mm: f64) -> f64 {
+        0.0
+    }
+
     /// What amplitudes within the parameters' bounds should have been, where these cannot be.
     fn fault(&self, _amplitude: &[f64]) -> Option<&'static str> {
         None
@@ -349,7 +393,7 @@ pub trait Effect: Sync {
 
 /// Why an effect cannot act in a test; nothing if it can.
 pub fn obstacle(effect: &dyn Effect, scene: &Scene) -> Option<&'static str> {
-    let is_mechanics = effect.kind() == Kind::Mechanical && effect.name() != LOAD_SCALE.name();
+    let is_mechanics = effect.kind() == Kind::Mechanical && !effect.is_force_scale();
     if scene.solved_elsewhere && is_mechanics {
         return Some("the snapshots are another program's, which would have to solve it");
     }
@@ -411,19 +455,6 @@ impl Acting {
         }
         Ok(Self { effect, amplitude })
     }
-}
-
-fn check_amplitude(place: &str, parameter: &Parameter, value: f64) -> Result<()> {
-    if value.abs() <= parameter.bound {
-        return Ok(());
-    }
-    let expected = format!("at most {} in size for {}", parameter.bound, parameter.name);
-    Err(Error::input(place, expected).found(value))
-}
-
-/// `effect.parameter`, the name under which an amplitude is reported.
-pub fn amplitude_name(effect: &dyn Effect, parameter: &Parameter) -> String {
-    format!("{}.{}", effect.name(), parameter.name)
 }
 
 /// Fields of one border unit of a recorded effect's parameter `k` at points (s, t), mm, for the displacement `smooth`

@@ -1,11 +1,26 @@
 //! The specimen bends out of its plane: its surface strains, and the camera sees it nearer or farther.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
+use super::out_of_plane_translation::OutOfPlaneTranslation;
+use super::{Companions, Effect, Entry, Kind, Parameter, Scene, Scope};
 use crate::fem::plain_rotation;
-use crate::laminate::PlateStiffness;
+use crate::laminate::{PlateStiffness, abd};
 
 /// Millimetres in one metre.
 const MM_PER_M: f64 = 1e3;
+
+/// Prior sds before a camera: strain of the face by bending over that far from the hole, and its relative change a mm along the load.
+const BENT: f64 = 0.05;
+const BENT_GRADIENT_PER_MM: f64 = 0.1;
+
+/// Strain along the load far from the hole under the nominal force, by lamination theory.
+fn far_strain(scene: &Scene) -> f64 {
+    let setup = &scene.setup;
+    let [_, [low, high]] = setup.geometry.extents();
+    let compliance = abd(&scene.ply, &setup.angles, setup.thickness)
+        .a
+        .try_inverse();
+    compliance.map_or(0.0, |c| c[(0, 0)] * setup.load.axial.abs() / (high - low))
+}
 
 pub struct OutOfPlaneBending;
 
@@ -23,6 +38,18 @@ impl Effect for OutOfPlaneBending {
             about: "The load acts off the middle surface, so that the specimen bends out of its plane. The gross section's curvature along the load, at the hole and its change a mm along the load, is positive where it stretches the face that is seen (z = +h/2). Bent plates of finite elements hold what the hole changes; with camera_distance_mm, the deflection also shifts what the camera sees.",
             confirm: "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself.",
         }
+    }
+
+    fn companions(&self) -> Companions {
+        Companions::AxisAndLift {
+            lift: &OutOfPlaneTranslation,
+        }
+    }
+
+    fn prior_sd_before_camera(&self, k: usize, scene: &Scene) -> Option<f64> {
+        let to_face_mm = 0.5 * scene.setup.thickness;
+        let uniform_per_m = MM_PER_M * BENT * far_strain(scene) / to_face_mm;
+        Some([1.0, BENT_GRADIENT_PER_MM][k] * uniform_per_m)
     }
 
     fn scope(&self) -> Scope {

@@ -1,7 +1,9 @@
 //! The specimen turns out of its plane.
 
 use super::optics::no_camera;
-use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
+use super::out_of_plane_translation::OutOfPlaneTranslation;
+use super::uniform_strain::UniformStrain;
+use super::{Companions, Effect, Entry, Kind, Parameter, Scene, Scope};
 
 pub struct OutOfPlaneRotation;
 
@@ -32,6 +34,23 @@ impl Effect for OutOfPlaneRotation {
             0.5 * a1 * (a2 * s - a1 * t),
             a1 * t - a2 * s,
         ]
+    }
+
+    fn companions(&self) -> Companions {
+        Companions::AxisAndPivot {
+            lift: &OutOfPlaneTranslation,
+        }
+    }
+
+    /// A rotation about an axis off the hole, or before a camera whose axis is off the middle of the picture, leaves a strain.
+    fn entails(&self) -> Option<&'static dyn Effect> {
+        Some(&UniformStrain)
+    }
+
+    /// Microstrain of an angle a (mrad) about an axis c off, before a camera at the distance Z: a c / Z.
+    fn entailed_sd(&self, amplitude: &[f64], off_mm: f64, distance_mm: f64) -> f64 {
+        let mrad = amplitude.iter().fold(0.0, |m: f64, a| m.hypot(*a));
+        1e3 * mrad * off_mm / distance_mm
     }
 
     fn scope(&self) -> Scope {

@@ -5,6 +5,10 @@ use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
 
 pub struct OutOfPlaneTranslation;
 
+/// Prior sd in a load series over the camera's distance, and, where that is not known, mm (prototype study).
+const OVER_DISTANCE: f64 = 1.5e-4;
+const AT_UNKNOWN_DISTANCE_MM: f64 = 1.0;
+
 impl Effect for OutOfPlaneTranslation {
     fn entry(&self) -> Entry {
         Entry {
@@ -14,6 +18,11 @@ impl Effect for OutOfPlaneTranslation {
             about: "The specimen moves towards the camera between the exposures, and its picture grows about the camera's axis by w over the camera's distance.",
             confirm: "A dial gauge on the face, or a second camera (3-D DIC), shows the motion; or repeat from twice the distance: its strain halves.",
         }
+    }
+
+    fn prior_sd_before_camera(&self, _k: usize, scene: &Scene) -> Option<f64> {
+        let distance = scene.camera_distance_mm;
+        Some(distance.map_or(AT_UNKNOWN_DISTANCE_MM, |z| OVER_DISTANCE * z))
     }
 
     fn motion(&self, amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {

@@ -16,6 +16,10 @@ impl Effect for RigidRotation {
         }
     }
 
+    fn is_rigid(&self) -> bool {
+        true
+    }
+
     /// Loading along y: u1 += w x, u2 -= w y.
     fn displacement(&self, amplitude: &[f64], scene: &Scene, [s, t]: [f64; 2]) -> [f64; 2] {
         let angle = scene.frame.handedness() * amplitude[0] / URAD_PER_RAD;

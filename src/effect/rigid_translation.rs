@@ -21,6 +21,10 @@ impl Effect for RigidTranslation {
         }
     }
 
+    fn is_rigid(&self) -> bool {
+        true
+    }
+
     fn displacement(&self, amplitude: &[f64], scene: &Scene, _point: [f64; 2]) -> [f64; 2] {
         scene
             .frame

@@ -5,6 +5,9 @@ use crate::laminate::free_expansion;
 
 pub struct ThermalStrain;
 
+/// Prior sd of dT before a camera, K (prototype study).
+const BEFORE_CAMERA_K: f64 = 5.0;
+
 impl Effect for ThermalStrain {
     fn entry(&self) -> Entry {
         Entry {
@@ -14,6 +17,10 @@ impl Effect for ThermalStrain {
             about: "The specimen was warmer by dT when it was loaded than at the reference exposure, and expanded freely, as its plies' coefficients have it.",
             confirm: "Read a thermocouple on the specimen at both exposures; or compare two exposures at one and the same load, an hour apart.",
         }
+    }
+
+    fn prior_sd_before_camera(&self, _k: usize, _scene: &Scene) -> Option<f64> {
+        Some(BEFORE_CAMERA_K)
     }
 
     /// u = eps (s, t), eps = A^-1 N_T for the nominal ply, about the hole's centre.

@@ -7,6 +7,9 @@ const MICRO: f64 = 1e-6;
 
 pub struct UniformStrain;
 
+/// Prior sd of each component before a camera (prototype study).
+const BEFORE_CAMERA_MICROSTRAIN: f64 = 30.0;
+
 impl Effect for UniformStrain {
     fn entry(&self) -> Entry {
         Entry {
@@ -22,6 +25,10 @@ impl Effect for UniformStrain {
             about: "A uniform strain along the data's x and y, which the load did not cause: motion towards the camera, a change of magnification during the test, or a carrier of fringes. exy is the tensor shear, half of gamma.",
             confirm: "Two exposures at one and the same load: whatever strain they show, the load did not cause. Or repeat at half the load step: this strain does not halve. A second camera (3-D DIC) or a dial gauge on the face shows motion towards the camera; exposing the carrier alone shows that.",
         }
+    }
+
+    fn prior_sd_before_camera(&self, _k: usize, _scene: &Scene) -> Option<f64> {
+        Some(BEFORE_CAMERA_MICROSTRAIN)
     }
 
     /// ux = exx x + exy y, uy = exy x + eyy y about the hole's centre: no rotation, and the hole's centre at rest.

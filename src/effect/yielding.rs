@@ -2,14 +2,12 @@
 
 use super::{Effect, Entry, Kind, Parameter, Scene};
 use crate::fem::{Setup, Yield};
-use crate::laminate::Material;
+use crate::laminate::{Material, MeanSd};
 
 pub struct Yielding;
 
-pub const NAME: &str = "yielding";
-
-/// The parameter that says how far the yield stress is from the declared one.
-pub const YIELD_PERCENT: &str = "yield_percent";
+/// Place of the parameter that says how far the yield stress is from the declared one.
+const YIELD_STRESS: usize = 1;
 
 /// Growth of the yield stress with the plastic strain over Young's modulus, nominally: the slope of EN 1993-1-5, C.6, for finite elements of
 /// structural steel with linear strain hardening, E / 100.
@@ -18,12 +16,12 @@ const HARDENING: f64 = 0.01;
 impl Effect for Yielding {
     fn entry(&self) -> Entry {
         Entry {
-            name: NAME,
+            name: "yielding",
             kind: Kind::Mechanical,
             parameters: const {
                 &[
                     Parameter::positive("amplitude", 1.0, 3.0),
-                    Parameter::new(YIELD_PERCENT, 30.0, 90.0),
+                    Parameter::new("yield_percent", 30.0, 90.0),
                     Parameter::new("hardening_percent", 70.0, 210.0),
                 ]
             },
@@ -38,9 +36,17 @@ impl Effect for Yielding {
         };
         setup.yielding = Some(Yield {
             share: amplitude[0],
-            stress: declared * (0.01 * amplitude[1]).exp(),
+            stress: declared * (0.01 * amplitude[YIELD_STRESS]).exp(),
             hardening: HARDENING * (0.01 * amplitude[2]).exp(),
         });
+    }
+
+    fn yields(&self) -> bool {
+        true
+    }
+
+    fn prior_sd_by_yield_stress(&self, k: usize, declared: MeanSd) -> Option<f64> {
+        (k == YIELD_STRESS && declared.sd > 0.0).then(|| 100.0 * declared.sd / declared.mean)
     }
 
     /// The stress at which a metal yields does not scale with its moduli.

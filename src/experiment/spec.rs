@@ -162,9 +162,13 @@ impl ExperimentSpec {
     /// Declare what acts because a loaded edge of the mesh is to be measured.
     pub fn declare_introductions(&mut self) {
         let measured = self.mesh.as_ref().map_or(0, MeshSpec::measured);
-        for name in effect::LOAD_INTRODUCTIONS.iter().take(measured) {
-            if !self.effects.iter().any(|own| own == name) {
-                self.effects.push((*name).into());
+        for effect in effect::load_introductions(measured) {
+            if !self
+                .effects
+                .iter()
+                .any(|declared| declared == effect.name())
+            {
+                self.effects.push(effect.name().into());
             }
         }
     }

@@ -6,23 +6,17 @@
 
 use super::inverse::With;
 use super::{jumps, phase};
-use crate::effect::{Effect, amplitude_name, recorded_column};
+use crate::effect::{Effect, RecordingError, amplitude_name, of_recording, recorded_column};
 use crate::error::Result;
 use crate::field::{Blocks, Field};
 use crate::infer::{Model, Observation, RecordedAmplitude};
 use crate::noise::residual_of_fit;
 use crate::quantity::NM_PER_MM;
 
-/// Name of the effect of miscounted orders.
-pub const JUMP: &str = "fringe_order_jump";
-
-/// Name of the ripple's effect.
-pub const PHASE: &str = "phase_shift_error";
-
 /// The observation with its miscounted orders corrected, if the model declares them: regions of whole orders relative to the prediction
 /// at the nominal point.
 pub fn without_jumps(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
-    let declared = declared(with.model, JUMP);
+    let declared = declared(with.model, RecordingError::MiscountedOrders);
     let Some((order_mm, _)) = order_mm(with.model).zip(declared) else {
         return Ok(observation);
     };
@@ -39,7 +33,9 @@ pub fn without_jumps(with: &With<'_>, mut observation: Observation) -> Result<Ob
 /// least-squares fit of the modes and any affine displacement, with a plane a block through what that leaves.
 pub fn without_phase_error(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
     let model = with.model;
-    let Some((order_mm, effect)) = order_mm(model).zip(declared(model, PHASE)) else {
+    let Some((order_mm, effect)) =
+        order_mm(model).zip(declared(model, RecordingError::PhaseRipple))
+    else {
         return Ok(observation);
     };
     let modes = with.reduced.columns(with.experiment, &observation.sight);
@@ -91,7 +87,8 @@ pub fn phase_prior_sd_nm(model: &Model, effect: &dyn Effect) -> [[f64; 2]; 2] {
     [0, 1].map(|c| [prior_sd(2 * c), prior_sd(2 * c + 1)])
 }
 
-fn declared(model: &Model, name: &str) -> Option<&'static dyn Effect> {
+fn declared(model: &Model, error: RecordingError) -> Option<&'static dyn Effect> {
+    let name = of_recording(error).name();
     model.effects.iter().find(|e| e.name() == name).copied()
 }
 

@@ -5,7 +5,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::identification::Identification;
 use super::inverse::InverseProblem;
 use super::surrogate::TOLERANCE;
-use crate::effect::YIELDING;
+use crate::effect::EFFECTS;
 use crate::field::rigid;
 use crate::infer::{Model, REASON_SDS};
 use crate::laminate::Material;
@@ -174,7 +174,8 @@ fn yields(model: &Model, of: &Identification) -> Option<String> {
     // constants without a solution are refused elsewhere
     let at = experiment.edge_stress(&state).ok().flatten()?;
     let [x, y] = experiment.scene().frame.data_point(at.place);
-    let counted = model.effects.iter().any(|e| e.name() == YIELDING);
+    let name = EFFECTS.iter().find(|e| e.yields())?.name();
+    let counted = model.effects.iter().any(|e| e.yields());
     (at.stress > declared).then(|| {
         format!(
             "The elastic stress at the edge `{}`, at ({x:.1}, {y:.1}) mm of the data, is {:.0} MPa (von Mises) under the declared force, {:.2} times the declared yield stress of {declared} MPa: the metal yields there{}",
@@ -182,9 +183,11 @@ fn yields(model: &Model, of: &Identification) -> Option<String> {
             at.stress,
             at.stress / declared,
             if counted {
-                ", which the declared effect yielding counts."
+                format!(", which the declared effect {name} counts.")
             } else {
-                ", and the model without yielding is wrong near it. Declare the effect yielding, or let the loop weigh it."
+                format!(
+                    ", and the model without {name} is wrong near it. Declare the effect {name}, or let the loop weigh it."
+                )
             }
         )
     })

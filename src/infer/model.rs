@@ -7,9 +7,7 @@ use super::known::Known;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
 use super::traced::TracedSeries;
-use crate::effect::{
-    Acting, Effect, Kind, LOAD_SCALE, Scene, YIELD_PERCENT, YIELDING, amplitude_name, obstacle,
-};
+use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, obstacle};
 use crate::error::{Error, Result};
 use crate::experiment::{
     ExperimentKind, ExperimentSpec, FieldExperiment, FieldSolver, FieldTest, Images,
@@ -241,20 +239,17 @@ impl Model {
             .experiment()
             .plausible
             .get(&amplitude_name(effect, parameter));
-        let declared = self.file.material.yield_mpa.filter(|stress| {
-            stress.sd > 0.0 && effect.name() == YIELDING && parameter.name == YIELD_PERCENT
-        });
-        own.copied()
-            .or(declared.map(|stress| 100.0 * stress.sd / stress.mean))
-            .or(parameter.prior_sd)
+        let yield_stress = self.file.material.yield_mpa;
+        let declared = yield_stress.and_then(|stress| effect.prior_sd_by_yield_stress(k, stress));
+        own.copied().or(declared).or(parameter.prior_sd)
     }
 
     /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
     /// load where its scale is declared as an effect of its own.
     pub fn loaded_thickness_mm(&self) -> MeanSd {
         let MeanSd { mean, sd } = self.experiment().specimen.thickness_mm;
-        let declared = self.effects.iter().any(|e| e.name() == LOAD_SCALE.name());
-        let percent = self.prior_sd(LOAD_SCALE, 0).filter(|_| !declared);
+        let declared = self.effects.iter().any(|e| e.is_force_scale());
+        let percent = self.prior_sd(force_scale(), 0).filter(|_| !declared);
         let load = mean * 0.01 * percent.unwrap_or(0.0);
         MeanSd {
             mean,

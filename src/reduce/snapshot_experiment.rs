@@ -8,7 +8,7 @@ use super::modes::Modes;
 use super::problem::{Problem, ReducedSpec};
 use super::snapshots::Snapshots;
 use super::supplied::{Supplied, Weights, weights};
-use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Seen};
+use crate::effect::{Effect, Kind, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::experiment::{
     FieldSolver, Gauge, Given, Look, Mechanics, Places, Sight, Spanning, State,
@@ -74,7 +74,7 @@ impl SnapshotExperiment {
     fn at_support(&self, state: &State) -> Result<Vec<[f64; 2]>> {
         let mut load = 1.0;
         for a in state.acting() {
-            if a.effect.name() == LOAD_SCALE.name() {
+            if a.effect.is_force_scale() {
                 load += 0.01 * a.amplitude[0];
             } else if a.effect.kind() == Kind::Mechanical {
                 let expected = "effects that act on the fields of another program";

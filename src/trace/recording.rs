@@ -4,7 +4,7 @@ use super::tracing::Found;
 use crate::effect::{self, Effect};
 use crate::error::Result;
 use crate::field::Field;
-use crate::identify::fringes::{self, JUMP, PHASE, order_mm};
+use crate::identify::fringes::{self, order_mm};
 use crate::identify::jumps::{self, Jumps};
 use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
@@ -29,14 +29,14 @@ pub fn find_jumps(
     field: &Field,
     predicted: &[[f64; 2]],
 ) -> Result<(Option<Field>, Option<Found>)> {
-    let Some(order_mm) = order_mm(model).filter(|_| sought(model, JUMP)) else {
+    let effect = effect::of_recording(effect::RecordingError::MiscountedOrders);
+    let Some(order_mm) = order_mm(model).filter(|_| sought(model, effect.name())) else {
         return Ok((None, None));
     };
     let jumps = jumps::find(field, predicted, order_mm);
     if jumps.regions.is_empty() {
         return Ok((None, None));
     }
-    let effect = effect::find("dictionary", JUMP)?;
     let found = jump_found(effect, &jumps, field, model);
     let mut corrected = field.clone();
     jumps.correct(&mut corrected);
@@ -99,10 +99,10 @@ pub fn find_phase(
     field: &Field,
     predicted: &[[f64; 2]],
 ) -> Result<Option<(Found, bool)>> {
-    let Some(order_mm) = order_mm(model).filter(|_| sought(model, PHASE)) else {
+    let effect = effect::of_recording(effect::RecordingError::PhaseRipple);
+    let Some(order_mm) = order_mm(model).filter(|_| sought(model, effect.name())) else {
         return Ok(None);
     };
-    let effect = effect::find("dictionary", PHASE)?;
     let phase = fringes::find_phase(model, effect, field, predicted, order_mm);
     let prior_sd = fringes::phase_prior_sd_nm(model, effect);
     let log_bayes_factor = phase.log_bayes_factor();

@@ -150,7 +150,7 @@ fn the_reduced_basis_answers_for_any_distribution() {
 #[test]
 fn only_a_measured_edge_has_an_unknown_introduction() {
     let strip = ModelFile::load(model("openhole.json").as_ref()).unwrap();
-    for name in effect::LOAD_INTRODUCTIONS {
+    for name in effect::load_introductions(2).map(|e| e.name()) {
         let found = effect::find("test", name).unwrap();
         let why = effect::obstacle(found, &strip.scene());
         assert!(

@@ -123,7 +123,7 @@ fn observed(
 
 /// Whether an effect is a part of the steps' finite motion in the plane.
 fn is_in_the_plane(moving: &Moving) -> bool {
-    moving.effect.name().starts_with("rigid_")
+    moving.effect.is_rigid()
 }
 
 impl SeriesTruth {
