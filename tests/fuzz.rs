@@ -376,20 +376,22 @@ fn below(dir: &Path, found: &mut Vec<PathBuf>) {
 fn reports(folder: &Path) {
     fs::create_dir_all(folder.join("figures")).unwrap();
     let report = include_str!("fuzz/report.json");
-    let maps = "x_mm,y_mm,u1_measured_um,u1_predicted_um,u1_residual_nm,u2_measured_um,u2_predicted_um,u2_residual_nm\n0,0,1,1,0,1,1,0\n1,0,1,2,0,1,2,0\n0,1,1,1,0,1,1,0\n1,1,,,,,,\n";
-    let marginals = "parameter,value,density\nE1_GPa,138,0.1\nE1_GPa,140,0.4\nE1_GPa,142,0.1\n";
-    let trace = "parameter,ensemble,draw,value\nE1_GPa,1,0,140\nE1_GPa,1,1,141\n";
-    let parameters = "parameter,mean,sd,q2.5,median,q97.5,prior_mean,prior_sd,cut_low,cut_high,truth\nE1_GPa,140,1,138,140,142,162,16,,,\n";
+    let maps = r#"{"maps": {"x_mm": [0, 1, 0, 1], "y_mm": [0, 0, 1, 1], "u1_measured_um": [1, 1, 1, null],
+        "u1_predicted_um": [1, 2, 1, null], "u1_residual_nm": [0, 0, 0, null], "u2_measured_um": [1, 1, 1, null],
+        "u2_predicted_um": [1, 2, 1, null], "u2_residual_nm": [0, 0, 0, null]}}"#;
+    let corner = r#"{"parameters": {"parameter": ["E1_GPa"], "mean": [140], "sd": [1], "q2.5": [138], "median": [140], "q97.5": [142],
+        "prior_mean": [162], "prior_sd": [16], "cut_low": [null], "cut_high": [null], "truth": [null]},
+        "marginals": {"parameter": ["E1_GPa", "E1_GPa", "E1_GPa"], "value": [138, 140, 142], "density": [0.1, 0.4, 0.1]}}"#;
+    let trace = r#"{"trace": {"parameter": ["E1_GPa", "E1_GPa"], "ensemble": [1, 1], "draw": [0, 1], "value": [140, 141]}}"#;
     let files = [
         ("report.json", report),
         (
             "run.json",
             r#"{"program": "plychain", "version": "0", "command": ["identify"], "seed": 1, "inputs_sha256": {"a": "b"}, "seconds": 1.0}"#,
         ),
-        ("figures/maps-0.csv", maps),
-        ("figures/marginals-0.csv", marginals),
-        ("figures/trace-0.csv", trace),
-        ("figures/parameters-0.csv", parameters),
+        ("figures/maps-0.json", maps),
+        ("figures/corner-0.json", corner),
+        ("figures/trace-0.json", trace),
     ];
     let write = |name: &str, bytes: &[u8]| fs::write(folder.join(name), bytes).unwrap();
     files

@@ -38,47 +38,55 @@ pub fn json(path: &Path) -> Value {
     serde_json::from_str(&read(path)).unwrap()
 }
 
-/// A figure's CSV as another program reads it: text cells under column names.
-struct Sheet {
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
+/// A table of a figure's numbers as a plotting script reads it: columns under their names.
+struct Sheet(serde_json::Map<String, Value>);
 
 impl Sheet {
+    fn column(&self, name: &str) -> &Vec<Value> {
+        self.0[name].as_array().expect(name)
+    }
+
     fn texts(&self, name: &str) -> Vec<&str> {
-        let k = self.header.iter().position(|h| h == name).expect(name);
-        self.rows.iter().map(|row| row[k].as_str()).collect()
+        let column = self.column(name).iter();
+        column.map(|v| v.as_str().expect(name)).collect()
     }
 
     fn numbers(&self, name: &str) -> Vec<f64> {
-        let number = |t: &str| t.parse().unwrap_or(f64::NAN);
-        self.texts(name).into_iter().map(number).collect()
+        let column = self.column(name).iter();
+        column.map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
     }
 
-    fn only(&self, name: &str, value: &str) -> Self {
-        let rows = self.rows.iter().zip(self.texts(name));
-        let rows = rows.filter(|(_, v)| *v == value).map(|(r, _)| r.clone());
-        Self {
-            header: self.header.clone(),
-            rows: rows.collect(),
-        }
+    fn only(&self, name: &str, value: &Value) -> Self {
+        let kept = |column: &Value| {
+            let pairs = column.as_array().unwrap().iter().zip(self.column(name));
+            pairs
+                .filter(|(_, v)| *v == value)
+                .map(|(c, _)| c.clone())
+                .collect::<Value>()
+        };
+        Self(
+            self.0
+                .iter()
+                .map(|(k, column)| (k.clone(), kept(column)))
+                .collect(),
+        )
     }
 
-    fn distinct(&self, name: &str) -> Vec<String> {
-        let mut values: Vec<String> = self.texts(name).into_iter().map(String::from).collect();
+    fn distinct(&self, name: &str) -> Vec<Value> {
+        let mut values = self.column(name).clone();
         values.dedup();
         values
     }
 }
 
-fn sheet(folder: &Path, name: &str) -> Sheet {
-    let path = folder.join("figures").join(format!("{name}.csv"));
-    let mut reader = csv::Reader::from_path(path).unwrap();
-    let cells = |row: &csv::StringRecord| row.iter().map(String::from).collect();
-    Sheet {
-        header: cells(reader.headers().unwrap()),
-        rows: reader.records().map(|r| cells(&r.unwrap())).collect(),
-    }
+/// A table in the JSON of a figure of round 0; without a name, of a figure that is one table.
+fn sheet(folder: &Path, figure: &str, table: &str) -> Sheet {
+    let numbers = json(&folder.join("figures").join(format!("{figure}.json")));
+    let table = match table {
+        "" => &numbers,
+        table => &numbers[table],
+    };
+    Sheet(table.as_object().unwrap().clone())
 }
 
 /// A copy of the run whose report went through `change`.
@@ -88,7 +96,7 @@ pub fn changed(change: impl Fn(&mut Value)) -> PathBuf {
     std::fs::create_dir_all(&figures).unwrap();
     for entry in std::fs::read_dir(run().join("figures")).unwrap() {
         let path = entry.unwrap().path();
-        if path.extension().is_some_and(|e| e == "csv") {
+        if path.extension().is_some_and(|e| e == "json") {
             std::fs::copy(&path, figures.join(path.file_name().unwrap())).unwrap();
         }
     }
@@ -105,7 +113,7 @@ pub fn changed(change: impl Fn(&mut Value)) -> PathBuf {
 fn figures_numbers_are_those_of_the_report() {
     let report = json(&run().join("report.json"));
     let round = &report["rounds"][0];
-    let parameters = sheet(run(), "parameters-0");
+    let parameters = sheet(run(), "corner-0", "parameters");
     let names = parameters.texts("parameter");
     assert_eq!(names.len(), round["posterior"].as_object().unwrap().len());
     for column in ["mean", "sd", "q2.5", "median", "q97.5"] {
@@ -117,7 +125,7 @@ fn figures_numbers_are_those_of_the_report() {
             );
         }
     }
-    let intervals = sheet(run(), "intervals").only("what", "round 0");
+    let intervals = sheet(run(), "intervals", "").only("what", &json!("round 0"));
     for (name, low) in intervals
         .texts("parameter")
         .iter()
@@ -126,12 +134,12 @@ fn figures_numbers_are_those_of_the_report() {
         assert_eq!(round["posterior"][*name]["q2.5"].as_f64(), Some(low));
     }
     let truth = json(&root().join("models/openhole/truth.json"));
-    let known = sheet(run(), "intervals")
-        .only("parameter", "nu12")
+    let known = sheet(run(), "intervals", "")
+        .only("parameter", &json!("nu12"))
         .numbers("truth");
     assert_eq!(Some(known[0]), truth["constants"]["nu12"].as_f64());
     // the sample has one point a cell, so that cells keep the root mean square
-    let maps = sheet(run(), "maps-0");
+    let maps = sheet(run(), "maps-0", "maps");
     for c in ["u1", "u2"] {
         let of = |what: &str| maps.numbers(&format!("{c}_{what}"));
         let residual: Vec<f64> = of("residual_nm")
@@ -159,21 +167,21 @@ fn figures_numbers_are_those_of_the_report() {
         }
     }
     let lags = round["residual"]["variogram"].as_array().unwrap();
-    let variogram = sheet(run(), "variogram-0").numbers("u1_nm2");
+    let variogram = sheet(run(), "variogram-0", "").numbers("u1_nm2");
     let said: Vec<f64> = lags.iter().map(|l| l["u1_nm2"].as_f64().unwrap()).collect();
     assert_eq!(variogram, said);
 }
 
 #[test]
 fn densities_integrate_to_one_and_ranks_to_their_number() {
-    let marginals = sheet(run(), "marginals-0");
+    let marginals = sheet(run(), "corner-0", "marginals");
     for name in marginals.distinct("parameter") {
         let of = marginals.only("parameter", &name);
         let (x, d) = (of.numbers("value"), of.numbers("density"));
         let mass = (x[1] - x[0]) * d.iter().sum::<f64>();
         assert!((0.99..1.0005).contains(&mass), "{name}: {mass}");
     }
-    let ranks = sheet(run(), "rank-0");
+    let ranks = sheet(run(), "rank-0", "rank");
     for name in ranks.distinct("parameter") {
         let sum: f64 = ranks
             .only("parameter", &name)
@@ -185,8 +193,8 @@ fn densities_integrate_to_one_and_ranks_to_their_number() {
             "{name}: four ensembles in twenty bins sum to {sum}"
         );
     }
-    let rho = sheet(run(), "autocorrelation-0")
-        .only("lag", "0")
+    let rho = sheet(run(), "autocorrelation-0", "autocorrelation")
+        .only("lag", &json!(0))
         .numbers("autocorrelation");
     assert!(rho.iter().all(|r| *r == 1.0), "{rho:?}");
 }
@@ -230,11 +238,11 @@ fn the_page_is_complete_in_itself() {
     assert!(outside.is_empty(), "{outside:?}");
     for part in [
         "<h1>",
-        "id=\"before-after\"",
+        "id=\"before-and-after\"",
         "id=\"maps\"",
         "id=\"posterior\"",
         "id=\"convergence\"",
-        "id=\"surrogate\"",
+        "id=\"reduced-model\"",
         "id=\"provenance\"",
         "prefers-color-scheme",
         "@media print",
@@ -321,17 +329,17 @@ fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
     // what an improbable effect would explain alone is not shown
     assert!(html.contains("97 %") && !html.contains("29 %") && !html.contains("25 %"));
     // a shift that is only known to be large keeps its number in the figures' numbers
-    let spots = sheet(&folder, "blind-spots");
+    let spots = sheet(&folder, "blind-spots", "");
     assert_eq!(spots.numbers("nu12_shift_percent"), [23.4, -12.3]);
-    assert_eq!(spots.texts("would_be_seen"), ["no", "yes"]);
+    assert_eq!(*spots.column("would_be_seen"), [false, true]);
     assert!(!html.contains("341.5"));
     assert_eq!(
-        sheet(&folder, "candidates-0").texts("accepted"),
-        ["yes", "no", "no"]
+        *sheet(&folder, "candidates-0", "").column("accepted"),
+        [true, false, false]
     );
     assert_eq!(
-        sheet(&folder, "intervals")
-            .only("what", "averaged")
+        sheet(&folder, "intervals", "")
+            .only("what", &json!("averaged"))
             .numbers("low"),
         [0.307]
     );
@@ -343,7 +351,7 @@ fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
 #[test]
 fn the_residual_is_broken_down_by_place() {
     let residual = &json(&run().join("report.json"))["rounds"][0]["residual"];
-    let breakdown = sheet(run(), "breakdown-0");
+    let breakdown = sheet(run(), "breakdown-0", "");
     let rings = residual["rings"].as_array().unwrap();
     let quadrants = residual["quadrants_nm"].as_array().unwrap();
     let said: Vec<f64> = rings

@@ -17,6 +17,7 @@ use crate::identify::{self, Prepared};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::reduce::{cache as reduced_models, spread_over};
+use crate::report::section::terminal;
 use crate::report::tables;
 
 /// Arguments of `build`.
@@ -53,10 +54,10 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
         &format!("{}-build", model.file.name),
     )?;
     let prepared = identify::prepare(&model, &cache(), console)?;
-    print(&tables::text(&prepared.reduced))?;
+    print(&terminal(&tables::sections(&prepared.reduced)))?;
     let certificates = certify(&prepared, arguments.verify, console)?;
     if prepared.problem.experiment.given().is_none() {
-        print(&tables::basis_text(&certificates))?;
+        print(&terminal(&[tables::basis_section(&certificates)]))?;
     }
     let mut value = json!({
         "schema": SCHEMA,
@@ -66,7 +67,7 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
     if let Some(reference) = model.file.reduced_model.reference {
         let problem = prepared.problem.of_reference(reference);
         let (built, _) = reduced_models::obtain(&problem, &cache(), console)?;
-        print(&tables::comparison_text(reference, &built))?;
+        print(&terminal(&[tables::comparison_section(reference, &built)]))?;
         value["comparison"] = tables::comparison_numbers(reference, &built);
     }
     if arguments.verify {
@@ -74,7 +75,7 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
         if !certificates.is_empty() {
             checks.extend(basis(&certificates));
         }
-        print(&tables::verification_text(&checks))?;
+        print(&terminal(&[tables::verification_section(&checks)]))?;
         value["verification"] = tables::verification_numbers(&checks);
     }
     value["model"] = serde_json::to_value(&prepared.reduced)

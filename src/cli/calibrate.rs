@@ -11,7 +11,10 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::identify;
 use crate::infer::Model;
-use crate::report::calibration::{calibration_numbers, calibration_text, loop_numbers, loop_text};
+use crate::report::calibration::{
+    calibration_numbers, calibration_section, loop_numbers, loop_section,
+};
+use crate::report::section::{Section, terminal};
 use crate::sample::Laplace;
 use crate::validate::calibration::{self, Plan};
 use crate::validate::grid::Grid;
@@ -202,7 +205,7 @@ pub fn calibrate(
                     whole_loop::calibrate_loop(&model, plan, withheld, &cache, record, console)?;
                 let table = || {
                     let summary = LoopSummary::new(&model, plan, withheld, &found);
-                    (loop_text(&summary), loop_numbers(&summary))
+                    (loop_section(&summary), loop_numbers(&summary))
                 };
                 Ok((found.len(), plan.share.is_none().then(table)))
             };
@@ -218,7 +221,7 @@ pub fn calibrate(
                 let found = calibration::calibrate(&model, &twin, plan, record, console)?;
                 let table = || {
                     let summary = calibration::summarise(plan, &names, &found);
-                    (calibration_text(&summary), calibration_numbers(&summary))
+                    (calibration_section(&summary), calibration_numbers(&summary))
                 };
                 Ok((found.len(), plan.share.is_none().then(table)))
             };
@@ -228,8 +231,8 @@ pub fn calibrate(
     }
 }
 
-/// Runs a plan with its record: how many replicates are done, and the table as text and numbers but for a share.
-type Calibrate<'a> = &'a dyn Fn(&Plan, &Path) -> Result<(usize, Option<(String, Value)>)>;
+/// Runs a plan with its record: how many replicates are done, and the table as a section and numbers but for a share.
+type Calibrate<'a> = &'a dyn Fn(&Plan, &Path) -> Result<(usize, Option<(Section, Value)>)>;
 
 /// Run each plan, and print its table; the numbers of the tables.
 fn each(plans: &[Plan], out: &Path, name: &str, calibrate: Calibrate<'_>) -> Result<Vec<Value>> {
@@ -237,8 +240,8 @@ fn each(plans: &[Plan], out: &Path, name: &str, calibrate: Calibrate<'_>) -> Res
     for plan in plans {
         let record = out.join(format!("{name}-{}mm.jsonl", plan.correlation_mm));
         match calibrate(plan, &record)? {
-            (_, Some((text, numbers))) => {
-                print(&text)?;
+            (_, Some((section, numbers))) => {
+                print(&terminal(&[section]))?;
                 all.push(numbers);
             }
             (done, None) => say_share(plan, done)?,

@@ -17,8 +17,9 @@ use crate::identify::{Beside, settle_force};
 use crate::infer::Model;
 use crate::report::json::Keyed;
 use crate::report::round::MeanAndSd;
+use crate::report::section::terminal;
 use crate::report::together::TogetherReport;
-use crate::report::{Page, Report, gather, ranking, terminal, traced};
+use crate::report::{Page, Report, gather, run as sections_of, traced};
 use crate::trace::{self, Closed, LoopStage, Suspect, ToQuote};
 
 /// Arguments of `loop`.
@@ -71,10 +72,12 @@ pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> R
     let page = write(&run, &model, &closed, beside.as_ref())?;
     let report = &page.report;
     if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
-        print(&terminal::identification(&report.model, last))?;
-        print(&ranking::closed(&page, closing))?;
+        let mut sections = vec![sections_of::identification(&report.model, last)];
+        sections.extend(sections_of::closed(&page, closing));
+        let together = report.together.as_ref();
+        sections.extend(together.map(|t| t.section(&report.both())));
+        print(&terminal(&sections))?;
     }
-    print(&report.together_text())?;
     let verdicts = closed.rounds.iter().map(|s| &s.identification.verdict);
     run.finish(&page, verdicts, console)
 }
@@ -144,10 +147,12 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let prepared = crate::identify::prepare(&model, &cache(), console)?;
     let (tracing, _) = trace::attribute(&model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
-    print(&ranking::tracing(&found))?;
+
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
     let quoted = suspect.map_or_else(|| tracing.averaged.clone(), Suspect::hull);
-    print(&ranking::averaged(&found, &quoted, suspect, &spots, &alone))?;
+    let averaged = sections_of::averaged(&found, &quoted, suspect, &spots, &alone);
+    print(&terminal(&[sections_of::tracing(&found)]))?;
+    print(&terminal(&averaged))?;
     let path = arguments.run.join("trace.json");
     files::write_json(&path, &traced::trace_file(&tracing, &found, &spots))?;
     print(&format!("written to {}\n", path.display()))

@@ -12,6 +12,7 @@ use crate::infer::{FrequenciesModel, Marginal, Model};
 use crate::laminate::{Material, MeanSd};
 use crate::progress::Progress;
 use crate::report::design::{Constants, DesignReport};
+use crate::report::section::terminal;
 use crate::validate::design::{
     Candidate, Measuring, assess, coupons, declared, declared_plates, plates,
 };
@@ -114,7 +115,7 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
         wanted: &wanted,
     };
     let report = DesignReport::new(&own.name, &constants, &declared, others);
-    print(&report.text())?;
+    print(&terminal(&report.sections()))?;
     if let Some(out) = &arguments.out {
         files::write_json(out, &report)?;
         print(&format!("\nwritten to {}\n", out.display()))?;

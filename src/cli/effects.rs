@@ -10,7 +10,7 @@ use super::print;
 use crate::effect::{EFFECTS, Effect, Parameter, obstacle};
 use crate::error::{Error, Result};
 use crate::infer::Model;
-use crate::report::terminal::wrap;
+use crate::report::section::wrap;
 
 /// Arguments of `effects`.
 #[derive(Debug, Args)]

@@ -13,6 +13,7 @@ use crate::infer::FrequenciesModel;
 use crate::progress::Progress;
 use crate::report::frequencies::{FrequenciesReport, page};
 use crate::report::manifest::KnownTruth;
+use crate::report::section::terminal;
 
 pub fn run(
     model: &FrequenciesModel,
@@ -27,7 +28,7 @@ pub fn run(
     let report = write(model, &found, folder.path())?;
     folder.write_manifest(&model.path, &[], global.seed)?;
     console.end();
-    print(&report.text())?;
+    print(&terminal(&report.sections()))?;
     let path = folder.path().display();
     print(&format!("written to {path}; open {path}/report.html\n"))?;
     plan.complete([&found.verdict])

@@ -13,6 +13,7 @@ use crate::field::matrices::write_matrices;
 use crate::files;
 use crate::progress::Progress;
 use crate::report::fringes::{FringeReport, page};
+use crate::report::section::terminal;
 
 /// Arguments of `fringes`.
 #[derive(Debug, Args)]
@@ -45,7 +46,7 @@ pub fn run(arguments: &FringesArguments, console: &Console) -> Result<()> {
     let page = page(&arguments.file.display().to_string(), &fringes, &report)?;
     files::replace(&folder.path().join("report.html"), page)?;
     console.end();
-    print(&report.text())?;
+    print(&terminal(&[report.section()]))?;
     print(&format!("written to {}\n", folder.path().display()))?;
     folder.keep();
     Ok(())

@@ -13,8 +13,10 @@ use crate::error::Result;
 use crate::identify::{self, Beside, Identification};
 use crate::infer::Model;
 use crate::report::manifest::KnownTruth;
+use crate::report::run::identification;
+use crate::report::section::terminal;
 use crate::report::together::TogetherReport;
-use crate::report::{Page, gather, terminal};
+use crate::report::{Page, gather};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -37,10 +39,12 @@ pub fn run(arguments: &IdentifyArguments, global: &Global, console: &Console) ->
     let options = run.options(run.folder.path());
     let rounds = [identify::identify(&model, &options, console)?];
     let page = write(&model, &rounds, beside.as_ref(), &run.folder, run.seed())?;
-    for round in &page.report.rounds {
-        print(&terminal::identification(&page.report.model, round))?;
-    }
-    print(&page.report.together_text())?;
+    let report = &page.report;
+    let sections = report.rounds.iter();
+    let sections = sections.map(|round| identification(&report.model, round));
+    let together = report.together.as_ref();
+    let together = together.map(|t| t.section(&report.both()));
+    print(&terminal(&sections.chain(together).collect::<Vec<_>>()))?;
     run.finish(&page, rounds.iter().map(|r| &r.verdict), console)
 }
 

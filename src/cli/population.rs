@@ -9,6 +9,7 @@ use super::{Global, print};
 use crate::campaign::Places;
 use crate::campaign::population::{PopulationReport, Specimen, gather, sample, write};
 use crate::error::{Error, Result};
+use crate::report::section::terminal;
 
 /// Arguments of `campaign population`.
 #[derive(Debug, Args)]
@@ -52,6 +53,6 @@ pub fn run(arguments: &PopulationArguments, global: &Global, console: &Console) 
         PopulationReport::new(&gathered.name, (global.seed, shared), &sampled, &specimens)?;
     report.left_out = gathered.left_out;
     let page = write(&report, &sampled, &arguments.folder.join("population"))?;
-    print(&report.text())?;
+    print(&terminal(&[report.section()]))?;
     print(&format!("written to {}\n", page.display()))
 }

@@ -8,7 +8,9 @@ use super::print;
 use super::running::check_png;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::report::{Page, comparison};
+use crate::report::Page;
+use crate::report::run::comparison;
+use crate::report::section::html;
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
@@ -45,7 +47,7 @@ pub fn run(arguments: &ReportArguments) -> Result<()> {
         .collect::<Result<Vec<_>>>()?;
     let beside = || arguments.runs[0].join("comparison.html");
     let out = arguments.out.clone().unwrap_or_else(beside);
-    files::replace(&out, comparison(&pages))?;
+    files::replace(&out, html(&comparison(&pages), &[]))?;
     print(&format!("written to {}\n", out.display()))
 }
 

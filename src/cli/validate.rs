@@ -18,7 +18,8 @@ use crate::error::{Error, Result};
 use crate::identify::{self, Identification, InverseProblem, Options, Prepared, SurrogateError};
 use crate::infer::{Model, Posterior};
 use crate::report::Report;
-use crate::report::calibration::{article_numbers, article_text};
+use crate::report::calibration::{article_numbers, article_section};
+use crate::report::section::terminal;
 use crate::report::validation::Validation;
 use crate::sample::LogDensity;
 use crate::sample::{Keeping, Schedule};
@@ -239,7 +240,8 @@ fn validate(
         truth: run.surrogate,
         refinements: run.refinements,
     };
-    print(&validation.text(&arguments.target.display().to_string()))?;
+    let section = validation.section(&arguments.target.display().to_string());
+    print(&terminal(&[section]))?;
     Ok(validation.numbers())
 }
 
@@ -290,7 +292,7 @@ fn finish(
     if arguments.article {
         let moments = article_twin(model, seed, arguments.nodes, console)?;
         numbers["article"] = article_numbers(&moments);
-        print(&article_text(&moments))?;
+        print(&terminal(&[article_section(&moments)]))?;
     }
     folder.write_json("validation.json", &numbers)?;
     print(&format!(

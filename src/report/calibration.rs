@@ -1,65 +1,52 @@
 //! What the article's setting and a calibration gave: parts of `validation.json`, and text.
 
-use std::fmt::Write;
-
 use serde_json::{Map, Value, json};
 
-use super::terminal::table;
-use crate::quantity::significant;
+use super::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::validate::article;
 use crate::validate::calibration::{LEVELS, NOISE_NM, Parameter, RANK_DRAWS, Summary};
 use crate::validate::quadrature::Moments;
 use crate::validate::whole_loop::LoopSummary;
 
 /// The article's setting beside its published Tables 6 and 7.
-pub fn article_text(moments: &Moments) -> String {
-    let mut text = String::from(
-        "\nthe article's setting on a simulated twin of its specimen (truth: means of Table 6)\n\n",
-    );
-    let rows = (0..4).map(|k| {
-        let (mean, sd) = (moments.mean[k], moments.sd[k]);
-        vec![
-            moments.names[k].clone(),
-            significant(mean, sd),
-            format!("{}", article::MEAN[k]),
-            format!("{:.1}", 100.0 * sd / mean),
-            format!("{:.1}", article::COV_PERCENT[k]),
-        ]
+pub fn article_section(moments: &Moments) -> Section {
+    let (mean, sd) = (&moments.mean, &moments.sd);
+    let constants = (0..4).map(|k| {
+        let cells = [
+            TableCell::number(mean[k], Digits::Sd(sd[k])),
+            TableCell::number(article::MEAN[k], Digits::Whole),
+            TableCell::fixed(100.0 * sd[k] / mean[k], 1),
+            TableCell::fixed(article::COV_PERCENT[k], 1),
+        ];
+        row(&moments.names[k], cells)
     });
-    text += &table(
-        &[
-            "Table 6",
-            "mean here",
-            "published",
-            "COV % here",
-            "published",
-        ],
-        rows,
-    );
-    text.push('\n');
-    let rows = (0..4).map(|i| {
-        let mut row = vec![moments.names[i].clone()];
-        row.extend((0..4).map(|j| {
-            if j <= i {
-                String::new()
-            } else {
-                format!(
-                    "{:+.2} ({:+.2})",
-                    moments.correlation[i][j],
-                    article::CORRELATION[i][j]
-                )
-            }
-        }));
-        row
+    let header = [
+        "Table 6",
+        "mean here",
+        "published",
+        "COV % here",
+        "published",
+    ];
+    let constants = Table::new("", header, constants);
+    let correlations = (0..4).map(|i| {
+        let cell = |j: usize| match j <= i {
+            true => TableCell::Blank,
+            false => TableCell::text(format!(
+                "{:+.2} ({:+.2})",
+                moments.correlation[i][j],
+                article::CORRELATION[i][j]
+            )),
+        };
+        row(&moments.names[i], (0..4).map(cell))
     });
-    let mut header = vec!["Table 7: here (published)"];
-    header.extend(moments.names[..4].iter().map(String::as_str));
-    text += &table(&header, rows);
-    text.push('\n');
-    for caveat in article::caveats() {
-        let _ = writeln!(text, "  {caveat}");
-    }
-    text
+    let names = moments.names[..4].iter().map(String::as_str);
+    let header = std::iter::once("Table 7: here (published)").chain(names);
+    Section::new(
+        "the article's setting on a simulated twin of its specimen (truth: means of Table 6)",
+    )
+    .with(constants)
+    .with(Table::new("", header, correlations))
+    .with(Piece::list(article::caveats()))
 }
 
 /// The same as numbers.
@@ -78,96 +65,82 @@ pub fn article_numbers(moments: &Moments) -> Value {
     })
 }
 
-/// Calibration on the terminal.
-pub fn calibration_text(summary: &Summary) -> String {
+/// Ranks and coverage of a calibration.
+pub fn calibration_section(summary: &Summary) -> Section {
     let plan = &summary.plan;
-    let noise = if plan.correlation_mm == 0.0 {
-        "white noise".into()
-    } else {
-        format!("noise correlated over {} mm", plan.correlation_mm)
+    let noise = match plan.correlation_mm {
+        0.0 => "white noise".into(),
+        mm => format!("noise correlated over {mm} mm"),
     };
-    let fields = if plan.reduced {
-        "reduced model"
-    } else {
-        "finite elements"
+    let fields = match plan.reduced {
+        true => "reduced model",
+        false => "finite elements",
     };
-    let mut text = format!(
-        "\ncalibration: {} replicates ({} converged), fields by the {fields}, {noise} of {} to {} nm, {} x {} points\n\n",
-        summary.done[0], summary.done[1], NOISE_NM[0], NOISE_NM[1], plan.grid, plan.grid
-    );
     let share = |n: usize| 100.0 * n as f64 / summary.done[0].max(1) as f64;
-    text += &parameters_text(&summary.parameters);
-    let bands: Vec<String> = summary
-        .bands
-        .iter()
+    let bands = summary.bands.iter();
+    let bands: Vec<String> = bands
         .map(|[a, b]| format!("{:.1} to {:.1}", share(*a), share(*b)))
         .collect();
-    let _ = writeln!(
-        text,
-        "  99 % binomial bands of the coverage: {}",
+    Section::new(format!(
+        "calibration: {} replicates ({} converged), fields by the {fields}, {noise} of {} to {} nm, {} x {} points",
+        summary.done[0], summary.done[1], NOISE_NM[0], NOISE_NM[1], plan.grid, plan.grid
+    ))
+    .with(parameters_table(&summary.parameters))
+    .with(Piece::list([format!(
+        "99 % binomial bands of the coverage: {}",
         bands.join(", ")
-    );
-    text
+    )]))
 }
 
 /// Ranks and coverage of parameters.
-fn parameters_text(parameters: &[Parameter]) -> String {
-    let mut header = vec!["".to_string(), "KS p".into(), "ranks p".into()];
-    header.extend(LEVELS.map(|l| format!("in {:.0} %", 100.0 * l)));
-    header.extend(["mean z", "rms z", "ranks"].map(String::from));
+fn parameters_table(parameters: &[Parameter]) -> Table {
+    let levels = LEVELS.map(|l| format!("in {:.0} %", 100.0 * l));
+    let header = ["", "KS p", "ranks p"].map(String::from).into_iter();
+    let header = header.chain(levels);
+    let header = header.chain(["mean z", "rms z", "ranks"].map(String::from));
     let rows = parameters.iter().map(|p| {
         let count = p.bins.iter().sum::<usize>().max(1) as f64;
-        let mut row = vec![
-            p.name.clone(),
-            format!("{:.3}", p.p_ks),
-            format!("{:.3}", p.p_ranks),
-        ];
-        row.extend(
-            p.covered
-                .map(|n| format!("{:.1}", 100.0 * n as f64 / count)),
-        );
-        row.extend([format!("{:+.2}", p.z[0]), format!("{:.2}", p.z[1])]);
-        row.push(p.bins.map(|b| b.to_string()).join(" "));
-        row
+        let covered = p
+            .covered
+            .map(|n| TableCell::fixed(100.0 * n as f64 / count, 1));
+        let cells = [p.p_ks, p.p_ranks].map(TableCell::Probability).into_iter();
+        let z = [TableCell::signed(p.z[0], 2), TableCell::fixed(p.z[1], 2)];
+        let bins = p.bins.map(|b| b.to_string()).join(" ");
+        row(&p.name, cells.chain(covered).chain(z).chain([bins.into()]))
     });
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    table(&header, rows)
+    Table::new("", header, rows)
 }
 
-/// Calibration of the whole loop on the terminal.
-pub fn loop_text(summary: &LoopSummary) -> String {
-    let withheld = if summary.withheld {
-        ", what acts withheld from the dictionary"
-    } else {
-        ""
+/// Calibration of the whole loop.
+pub fn loop_section(summary: &LoopSummary) -> Section {
+    let withheld = match summary.withheld {
+        true => ", what acts withheld from the dictionary",
+        false => "",
     };
     let what = match summary.steps {
         0 => "fields".into(),
         n => format!("series of {n} steps"),
     };
-    let mut text = format!(
-        "\ncalibration of the loop: {} replicates, {what} by finite elements, noise of {} to {} nm correlated over {} mm, {} x {} points{withheld}\n\n",
+    let ([held, of], [acted, named]) = (summary.held, summary.acted);
+    let share = 100.0 * held as f64 / of.max(1) as f64;
+    let counts = format!(
+        "quoted 95 % intervals hold {held} of {of} constants ({share:.1} %); of {acted} effects that acted {named} named, {} replicates with a name of another, {} flagged",
+        summary.wrong, summary.flagged
+    );
+    let statuses = summary.statuses.iter();
+    let statuses = statuses.map(|(status, n)| format!("{n} of {}: {status}", summary.replicates));
+    Section::new(format!(
+        "calibration of the loop: {} replicates, {what} by finite elements, noise of {} to {} nm correlated over {} mm, {} x {} points{withheld}",
         summary.replicates,
         summary.noise_nm[0],
         summary.noise_nm[1],
         summary.plan.correlation_mm,
         summary.plan.grid,
         summary.plan.grid
-    );
-    text += &parameters_text(&summary.constants);
-    text += &parameters_text(&summary.amplitudes);
-    let ([held, of], [acted, named]) = (summary.held, summary.acted);
-    let share = 100.0 * held as f64 / of.max(1) as f64;
-    // writing to a String cannot fail
-    let _ = writeln!(
-        text,
-        "  quoted 95 % intervals hold {held} of {of} constants ({share:.1} %); of {acted} effects that acted {named} named, {} replicates with a name of another, {} flagged",
-        summary.wrong, summary.flagged
-    );
-    for (status, n) in &summary.statuses {
-        let _ = writeln!(text, "  {n} of {}: {status}", summary.replicates);
-    }
-    text
+    ))
+    .with(parameters_table(&summary.constants))
+    .with(parameters_table(&summary.amplitudes))
+    .with(Piece::list(std::iter::once(counts).chain(statuses)))
 }
 
 /// The same as numbers.

@@ -1,12 +1,11 @@
 //! What could be measured next: `design.json` and the terminal.
 
-use std::fmt::Write;
+use std::iter::once;
 
 use serde::Serialize;
 
 use super::json::Keyed;
-use super::ranking::three_digits;
-use super::terminal::table;
+use super::section::{Piece, Section, Table, TableCell, row};
 use crate::infer::Marginal;
 use crate::trace::{Hidden, Information};
 use crate::validate::design::{Assessed, disagreement, log_volume, posterior_sds};
@@ -164,62 +163,57 @@ impl DesignReport {
         }
     }
 
-    /// For the terminal.
-    pub fn text(&self) -> String {
+    /// What is declared, what to measure next, and what could act unseen.
+    pub fn sections(&self) -> Vec<Section> {
         let names: Vec<&str> = self.prior_sd_percent.keys().map(String::as_str).collect();
-        let percent =
-            |sds: &Keyed<f64>| sds.values().map(|v| format!("{v:.2}")).collect::<Vec<_>>();
-        let mut header = vec!["posterior sd, %"];
-        header.extend(&names);
+        let declared = Section::new(format!("{}: what is declared", self.model));
+        let mut sections = vec![
+            declared.with(self.declared_table(&names)),
+            self.candidates_section(&names),
+        ];
+        sections.extend(self.hidden_section());
+        sections
+    }
+
+    fn declared_table(&self, names: &[&str]) -> Table {
         let mut rows = vec![row("(prior)", percent(&self.prior_sd_percent))];
         for test in &self.declared {
             rows.push(row(&test.name, percent(&test.sd_percent)));
             // no effect of the dictionary is known to frequencies
             if test.sd_percent_with_effects != test.sd_percent {
-                rows.push(row(
-                    &format!("{}, any effect acting", test.name),
-                    percent(&test.sd_percent_with_effects),
-                ));
+                let name = format!("{}, any effect acting", test.name);
+                rows.push(row(name, percent(&test.sd_percent_with_effects)));
             }
         }
-        if let ([_, _, ..], Some(first)) = (&self.declared[..], self.declared.first()) {
-            rows.push(row(
-                "all of these together",
-                percent(&first.together_percent),
-            ));
+        if let [first, _, ..] = &self.declared[..] {
+            let together = percent(&first.together_percent);
+            rows.push(row("all of these together", together));
         }
-        let mut text = format!("\n{}: what is declared\n\n", self.model);
-        text += &table(&header, rows);
-        text += &self.candidates_text(&names);
-        text += &self.hidden_text();
-        text
+        let header = once("posterior sd, %").chain(names.iter().copied());
+        Table::new("", header, rows)
     }
 
-    fn candidates_text(&self, names: &[&str]) -> String {
-        let cells = |test: &TestReport| {
-            let alone = test.sd_percent_with_effects.values();
-            let all = alone.chain(test.together_percent.values());
-            row(&test.name, all.map(|v| format!("{v:.2}")).collect())
-        };
-        let mut header = vec!["posterior sd, %, any effect acting".to_string()];
-        header.extend(names.iter().map(|n| (*n).to_string()));
-        header.extend(names.iter().map(|n| format!("+ {n}")));
-        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    fn candidates_section(&self, names: &[&str]) -> Section {
         let shown = self.candidates.iter().take(SHOWN);
-        format!(
-            "\nwhat to measure next: {} of {} candidates, best for {} beside what is declared; \"+\": together with it\n\n{}",
+        let rows = shown.map(|test| {
+            let alone = percent(&test.sd_percent_with_effects);
+            row(&test.name, alone.chain(percent(&test.together_percent)))
+        });
+        let header = once("posterior sd, %, any effect acting".to_string())
+            .chain(names.iter().map(|n| (*n).to_string()))
+            .chain(names.iter().map(|n| format!("+ {n}")));
+        Section::new(format!(
+            "what to measure next: {} of {} candidates, best for {} beside what is declared; \"+\": together with it",
             self.candidates.len().min(SHOWN),
             self.candidates.len(),
-            self.ranked_by.join(", "),
-            table(&header, shown.map(cells))
-        )
+            self.ranked_by.join(", ")
+        ))
+        .with(Table::new("", header, rows))
     }
 
     /// Effects that move a constant by more than its sd and that the field does not show, or hardly.
-    fn hidden_text(&self) -> String {
-        let Some(field) = self.declared.first() else {
-            return String::new();
-        };
+    fn hidden_section(&self) -> Option<Section> {
+        let field = self.declared.first()?;
         let moves = |h: &&HiddenReport| {
             let mut each = h.bias_percent.iter();
             each.any(|(name, b)| {
@@ -227,38 +221,38 @@ impl DesignReport {
             })
         };
         let hidden: Vec<&HiddenReport> = self.hidden.iter().filter(moves).collect();
-        let Some(first) = hidden.first() else {
-            return String::new();
-        };
-        let mut header = vec![
-            "effect that nobody declares".to_string(),
-            "plausible".into(),
-            "field shows from".into(),
+        let first = hidden.first()?;
+        let header = [
+            "effect that nobody declares",
+            "plausible",
+            "field shows from",
         ];
-        header.extend(first.bias_percent.keys().map(|n| format!("{n} %")));
-        header.extend((1..=first.disagreement_sd.len()).map(|k| format!("({k})")));
+        let header = header.into_iter().map(String::from);
+        let header = header
+            .chain(first.bias_percent.keys().map(|n| format!("{n} %")))
+            .chain((1..=first.disagreement_sd.len()).map(|k| format!("({k})")));
         let rows = hidden.iter().map(|h| {
-            let shows = h.detectable.map_or("never".into(), three_digits);
-            let numbers = h.bias_percent.values().map(|b| format!("{b:+.1}"));
-            let apart = h.disagreement_sd.values().map(|d| format!("{d:.1}"));
-            std::iter::once(h.parameter.clone())
-                .chain([three_digits(h.plausible), shows])
-                .chain(numbers)
-                .chain(apart)
-                .collect()
+            let sizes = [
+                TableCell::three(h.plausible),
+                TableCell::or_never(h.detectable),
+            ];
+            let biases = h.bias_percent.values().map(|b| TableCell::signed(*b, 1));
+            let apart = h.disagreement_sd.values().map(|d| TableCell::fixed(*d, 1));
+            row(&h.parameter, sizes.into_iter().chain(biases).chain(apart))
         });
-        let header: Vec<&str> = header.iter().map(String::as_str).collect();
-        let mut text = format!(
-            "\nwhat a plausible effect does to the constants by the field alone, and by how many sds frequencies would contradict it\n\n{}",
-            table(&header, rows)
+        let tests = first.disagreement_sd.keys().enumerate();
+        let tests = tests.map(|(k, name)| format!("({}) {name}", k + 1));
+        let section = Section::new(
+            "what a plausible effect does to the constants by the field alone, and by how many sds frequencies would contradict it",
         );
-        for (k, name) in first.disagreement_sd.keys().enumerate() {
-            let _ = writeln!(text, "  ({}) {name}", k + 1);
-        }
-        text
+        Some(
+            section
+                .with(Table::new("", header, rows))
+                .with(Piece::list(tests)),
+        )
     }
 }
 
-fn row(name: &str, cells: Vec<String>) -> Vec<String> {
-    std::iter::once(name.to_string()).chain(cells).collect()
+fn percent(sds: &Keyed<f64>) -> impl Iterator<Item = TableCell> {
+    sds.values().map(|v| TableCell::fixed(*v, 2))
 }

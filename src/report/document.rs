@@ -96,12 +96,6 @@ impl Report {
         }
     }
 
-    /// What the terminal says of experiments of two kinds, nothing of one.
-    pub fn together_text(&self) -> String {
-        let together = self.together.as_ref();
-        together.map_or_else(String::new, |t| t.text(&self.both()))
-    }
-
     pub fn last(&self) -> Option<&RoundReport> {
         self.rounds.last()
     }

@@ -1,21 +1,17 @@
 //! What the frequencies of plates said: `report.json`, the terminal, and the page.
 
-use std::fmt::Write;
-
 use indexmap::IndexMap;
-use maud::html;
 use serde::Serialize;
 
-use super::figures::{Figure, FigureData, Palette, Picture, Scale, posterior_corner};
-use super::html;
+use super::figures::{Figure, Palette, Picture, Scale, posterior_corner};
 use super::manifest::KnownTruth;
-use super::plate::{DISTURBANCES, PEAKS, PlateReport};
-use super::round::{MeanAndSd, beside_published};
-use super::terminal::table;
+use super::numbers::FigureData;
+use super::plate::PlateReport;
+use super::round::MeanAndSd;
+use super::section::{Document, Piece, Section, Table, TableCell, html, row};
 use crate::error::Result;
 use crate::identify::{FrequenciesFound, PlateFound};
 use crate::infer::FrequenciesModel;
-use crate::quantity::significant;
 
 /// The schema of `report.json` of a model of plates.
 pub const SCHEMA: &str = "plychain-frequencies/1";
@@ -96,57 +92,60 @@ impl FrequenciesReport {
     }
 
     /// For the terminal.
-    pub fn text(&self) -> String {
-        let mut text = format!("\n{}: posterior\n\n", self.model);
-        let (header, rows) = self.posterior_table();
-        text += &table(&header, rows);
-        for experiment in &self.experiments {
-            let _ = writeln!(text, "\n{}\n", experiment.name);
-            text += &table(&PEAKS, experiment.peak_rows());
-            for said in experiment.additional() {
-                let _ = writeln!(text, "  {said}");
-            }
-            let missing = experiment.missing();
-            if !missing.is_empty() {
-                let _ = writeln!(text, "\n  modes without a peak: {}", missing.join(", "));
-            }
-            let _ = writeln!(text, "\nwhat may act that nobody declared\n");
-            text += &table(&DISTURBANCES, experiment.disturbance_rows());
-        }
-        let _ = writeln!(
-            text,
-            "\nby exact frequencies at {} draws: means move by {:.3} sd at most, {:.0} % of the draws are effective",
+    pub fn sections(&self) -> Vec<Section> {
+        let posterior = Section::new(format!("{}: posterior", self.model)).with(self.posterior());
+        let plates = self.experiments.iter();
+        let plates = plates.map(|plate| Section::new(&plate.name).with_all(plate.pieces()));
+        let exact = format!(
+            "by exact frequencies at {} draws: means move by {:.3} sd at most, {:.0} % of the draws are effective",
             self.exact.draws,
             self.exact.shift_sd,
             100.0 * self.exact.effective
         );
-        let _ = writeln!(text, "{}", self.convergence);
-        if let Some(weak) = self.weak() {
-            let _ = writeln!(text, "{weak}");
-        }
-        if !self.warnings.is_empty() {
-            text += "\nBEFORE YOU USE THESE NUMBERS\n";
-            for warning in &self.warnings {
-                let _ = writeln!(text, "  - {warning}");
-            }
-        }
-        text
+        let end = Section::default().say(exact).with_all(self.remarks());
+        std::iter::once(posterior)
+            .chain(plates)
+            .chain([end])
+            .collect()
     }
 
-    fn posterior_table(&self) -> (Vec<&'static str>, Vec<Vec<String>>) {
-        let row = |(name, r): (&String, &ParameterFound)| {
-            let numbers = [r.mean, r.sd].map(|v| significant(v, r.sd));
-            let ends = [r.low, r.high].map(|v| significant(v, r.sd));
-            let cov = format!("{:.2}", 100.0 * r.sd / r.mean.abs());
-            let worth = [format!("{:.4}", r.rhat), format!("{:.0}", r.ess_bulk)];
-            let cells = std::iter::once(name.clone())
-                .chain(numbers)
-                .chain([cov])
-                .chain(ends)
-                .chain(worth);
-            (cells.collect(), r.published)
-        };
-        beside_published(POSTERIOR, self.posterior.iter().map(row))
+    /// Whether the numbers can be used.
+    fn remarks(&self) -> [Piece; 3] {
+        [
+            Piece::Paragraph(self.convergence.clone()),
+            Piece::Paragraph(self.weak().unwrap_or_default()),
+            Piece::Warnings(self.warnings.clone()),
+        ]
+    }
+
+    fn posterior(&self) -> Table {
+        let header = [
+            "",
+            "mean",
+            "sd",
+            "COV %",
+            "2.5 %",
+            "97.5 %",
+            "R-hat",
+            "ESS",
+            "published",
+        ];
+        let rows = self.posterior.iter().map(|(name, r)| {
+            let [mean, sd, low, high] =
+                TableCell::as_precise_as(r.sd, [r.mean, r.sd, r.low, r.high]);
+            let cells = [
+                mean,
+                sd,
+                TableCell::fixed(100.0 * r.sd / r.mean.abs(), 2),
+                low,
+                high,
+                TableCell::fixed(r.rhat, 4),
+                TableCell::fixed(r.ess_bulk, 0),
+                TableCell::published(r.published.map(|p| (p.mean, p.sd))),
+            ];
+            row(name, cells)
+        });
+        Table::new("", header, rows)
     }
 
     /// Constants of which the peaks say little.
@@ -164,7 +163,6 @@ impl FrequenciesReport {
     }
 }
 
-const POSTERIOR: [&str; 8] = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-hat", "ESS"];
 /// The page.
 ///
 /// # Errors
@@ -176,45 +174,30 @@ pub fn page(
 ) -> Result<String> {
     let names: Vec<String> = report.posterior.keys().cloned().collect();
     let corner = posterior_corner(&FigureData::quoted(&found.draws, &names, truth))?;
-    let mut plates = Vec::new();
-    for (own, plate) in report.experiments.iter().zip(&found.plates) {
-        plates.push((own, shapes(plate)?));
+    let mut figures: Vec<Figure> = corner.into_iter().map(|f| f.called("corner")).collect();
+    let posterior = Section::new("Posterior").with(report.posterior());
+    let mut sections = vec![posterior.with(Piece::figure("corner"))];
+    for (said, plate) in report.experiments.iter().zip(&found.plates) {
+        let shapes = shapes(plate)?;
+        let section = Section::new(format!("{}: peaks and modes", said.name));
+        let section = section.with_all(said.pieces()).with(Piece::Gallery {
+            heading: "mode shapes".into(),
+            names: shapes.iter().map(|f| f.name.clone()).collect(),
+        });
+        sections.push(section.with(Piece::Note(
+            "Deflection over the plate at the first draw, length to the right; (m, n): half-waves along length and width.".into(),
+        )));
+        figures.extend(shapes);
     }
-    let body = html! {
-        header {
-            h1 { (report.model) ": natural frequencies" }
-            p.soft { "plychain " (env!("CARGO_PKG_VERSION")) }
-            p { (report.convergence) }
-            @if let Some(weak) = report.weak() { p { (weak) } }
-            @for warning in &report.warnings { p { b { "Before you use these numbers: " } (warning) } }
-        }
-        main {
-            section id="posterior" {
-                h2 { "Posterior" }
-                @let (header, rows) = report.posterior_table();
-                (html::rows_of(&header, &rows))
-                @if let Some(figure) = &corner { (html::figure(figure)) }
-            }
-            @for (own, figures) in &plates {
-                section id=(own.name) {
-                    h2 { (own.name) ": peaks and modes" }
-                    (html::rows_of(&PEAKS, &own.peak_rows()))
-                    @for said in own.additional() { p { (said) "." } }
-                    h3 { "What may act that nobody declared" }
-                    (html::rows_of(&DISTURBANCES, &own.disturbance_rows()))
-                    @if !own.missing().is_empty() { p { "Modes without a peak: " (own.missing().join(", ")) "." } }
-                    h3 { "Mode shapes" }
-                    p.soft { "Deflection over the plate at the first draw, length to the right; (m, n): half-waves along length and width." }
-                    div.maps { @for figure in figures { (html::figure(figure)) } }
-                }
-            }
-        }
-        footer.soft { "Modes and peaks are compared over all assignments; the probabilities are those of the posterior." }
+    let version = Piece::Note(format!("plychain {}", env!("CARGO_PKG_VERSION")));
+    let document = Document {
+        title: format!("{}: plychain frequencies", report.model),
+        heading: format!("{}: natural frequencies", report.model),
+        lead: std::iter::once(version).chain(report.remarks()).collect(),
+        sections,
+        footer: "Modes and peaks are compared over all assignments; the probabilities are those of the posterior.".into(),
     };
-    Ok(html::document(
-        &format!("{}: plychain frequencies", report.model),
-        &body,
-    ))
+    Ok(html(&document, &figures))
 }
 
 fn shapes(plate: &PlateFound) -> Result<Vec<Figure>> {

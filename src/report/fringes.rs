@@ -1,12 +1,9 @@
 //! What `plychain fringes` found: `fringes.json`, a summary for the terminal, and the page.
 
-use std::fmt::Write;
-
-use maud::{Markup, html};
 use serde::Serialize;
 
 use super::figures::{Figure, Palette, Picture, Scale, span};
-use super::html;
+use super::section::{Document, Piece, Section, Table, TableCell, html, row};
 use crate::error::Result;
 use crate::field::frame::Axis;
 use crate::field::fringes::{COMPONENTS, Component, Counts, Fringes, STATES, Steps};
@@ -94,27 +91,28 @@ impl FringeReport {
         }
     }
 
-    /// A few lines.
-    pub fn text(&self) -> String {
-        let mut text = format!(
-            "{} x {} pixels of {} mm, an order is {:.2} nm\n",
-            self.cols, self.rows, self.pixel_mm, self.order_nm
-        );
-        for (component, name) in [&self.u, &self.v].into_iter().zip(COMPONENTS) {
-            let total = (self.rows * self.cols) as f64;
-            let share = 100.0 * component.pixels.measured as f64 / total;
-            // writing to a String cannot fail
-            let _ = writeln!(
-                text,
-                "  {name}: {share:.1} % of the picture measured, sd of a point {:.2} nm; {}",
-                component.sd_nm,
-                component.said_of_steps()
-            );
-        }
-        for warning in &self.warnings {
-            let _ = writeln!(text, "  warning: {warning}");
-        }
-        text
+    /// How much was measured, and how well.
+    pub fn section(&self) -> Section {
+        let said = [&self.u, &self.v]
+            .into_iter()
+            .zip(COMPONENTS)
+            .map(|(component, name)| {
+                let total = (self.rows * self.cols) as f64;
+                let share = 100.0 * component.pixels.measured as f64 / total;
+                let said = format!(
+                    "{share:.1} % of the picture measured, sd of a point {:.2} nm; {}",
+                    component.sd_nm,
+                    component.said_of_steps()
+                );
+                (name.to_string(), said)
+            });
+        Section::default()
+            .say(format!(
+                "{} x {} pixels of {} mm, an order is {:.2} nm",
+                self.cols, self.rows, self.pixel_mm, self.order_nm
+            ))
+            .with(Piece::List(said.collect()))
+            .with(Piece::Warnings(self.warnings.clone()))
     }
 }
 
@@ -171,79 +169,66 @@ impl ComponentReport {
 /// # Errors
 /// The program's fault if a figure cannot be drawn.
 pub fn page(name: &str, fringes: &Fringes, report: &FringeReport) -> Result<String> {
-    let mut sections = Vec::new();
-    for (c, own) in [&report.u, &report.v].into_iter().enumerate() {
-        let figures = figures(fringes, c)?;
-        let body = html! {
-            (frames_table(own))
-            (pixels_table(own))
-            div.maps { @for figure in &figures { (html::figure(figure)) } }
-        };
-        sections.push((COMPONENTS[c], body));
-    }
-    let along = [
-        axis(report.u_along),
-        axis(match report.u_along {
-            Axis::X => Axis::Y,
-            Axis::Y => Axis::X,
-        }),
-    ];
-    let body = html! {
-        header {
-            h1 { "Fringe images of " (name) }
-            p.soft { "plychain " (env!("CARGO_PKG_VERSION")) ", " (fringes.files.len() - 1) " images" }
-            @for line in report.text().lines() { p { (line) } }
-        }
-        main {
-            @for ((component, body), along) in sections.iter().zip(along) {
-                section id=(component) { h2 { (component) ", along " (along) } (body) }
-            }
-        }
-        footer.soft { "Displacements are known up to whole orders, and nothing is smoothed." }
+    let (mut sections, mut drawn) = (Vec::new(), Vec::new());
+    let along = match report.u_along {
+        Axis::X => ["x", "y"],
+        Axis::Y => ["y", "x"],
     };
-    Ok(html::document(&format!("{name}: plychain fringes"), &body))
-}
-
-fn axis(axis: Axis) -> &'static str {
-    match axis {
-        Axis::X => "x",
-        Axis::Y => "y",
+    for (c, found) in [&report.u, &report.v].into_iter().enumerate() {
+        let figures = figures(fringes, c)?;
+        let section = Section::new(format!("{}, along {}", COMPONENTS[c], along[c]))
+            .with(frames_table(found))
+            .with(pixels_table(found))
+            .with(Piece::Gallery {
+                heading: String::new(),
+                names: figures.iter().map(|f| f.name.clone()).collect(),
+            });
+        sections.push(section);
+        drawn.extend(figures);
     }
+    let version = env!("CARGO_PKG_VERSION");
+    let about = format!("plychain {version}, {} images", fringes.files.len() - 1);
+    let document = Document {
+        title: format!("{name}: plychain fringes"),
+        heading: format!("Fringe images of {name}"),
+        lead: std::iter::once(Piece::Note(about))
+            .chain(report.section().pieces)
+            .collect(),
+        sections,
+        footer: "Displacements are known up to whole orders, and nothing is smoothed.".into(),
+    };
+    Ok(html(&document, &drawn))
 }
 
-fn frames_table(own: &ComponentReport) -> Markup {
+fn frames_table(found: &ComponentReport) -> Table {
+    let (errors, gains, ripples) = (&found.step_error_deg, &found.gain, &found.ripple_nm);
     let states = [
-        (
-            &own.step_error_deg.initial,
-            &own.gain.initial,
-            &own.ripple_nm.initial,
-        ),
-        (
-            &own.step_error_deg.loaded,
-            &own.gain.loaded,
-            &own.ripple_nm.loaded,
-        ),
+        (&errors.initial, &gains.initial, &ripples.initial),
+        (&errors.loaded, &gains.loaded, &ripples.loaded),
     ];
-    html! {
-        div.scroll { table {
-            thead { tr {
-                th { "state" } th { "step errors, degrees" } th { "brightness of frames" } th { "remaining ripple at 1, 2, 3 times the fringes, nm" }
-            } }
-            tbody { @for (state, (steps, gains, ripple)) in STATES.iter().zip(states) { tr {
-                th { (state) }
-                td { (joined(steps, 2)) } td { (joined(gains, 4)) } td { (joined(ripple, 2)) }
-            } } }
-        } }
-    }
+    let rows = STATES
+        .iter()
+        .zip(states)
+        .map(|(state, (steps, gains, ripple))| {
+            let cells = [joined(steps, 2), joined(gains, 4), joined(ripple, 2)];
+            row(*state, cells)
+        });
+    let header = [
+        "state",
+        "step errors, degrees",
+        "brightness of frames",
+        "remaining ripple at 1, 2, 3 times the fringes, nm",
+    ];
+    Table::new("", header, rows)
 }
 
-fn joined(values: &[f64], digits: usize) -> String {
-    let values = values.iter().map(|v| format!("{v:.digits$}"));
-    values.collect::<Vec<_>>().join(", ")
+fn joined(values: &[f64], decimals: usize) -> TableCell {
+    let values = values.iter().map(|v| TableCell::fixed(*v, decimals));
+    TableCell::Several(values.collect())
 }
 
-fn pixels_table(own: &ComponentReport) -> Markup {
-    let counts = &own.pixels;
+fn pixels_table(found: &ComponentReport) -> Table {
+    let counts = &found.pixels;
     let rows = [
         ("measured", counts.measured),
         ("left out because most frames are saturated", counts.clipped),
@@ -255,9 +240,8 @@ fn pixels_table(own: &ComponentReport) -> Markup {
         ("of fringes too fine to follow", counts.too_fine),
         ("in a part too small", counts.isolated),
     ];
-    html! {
-        table { tbody { @for (what, count) in rows { tr { th { "pixels " (what) } td { (count) } } } } }
-    }
+    let rows = rows.map(|(what, count)| row(what, [TableCell::count(count)]));
+    Table::new("", ["pixels", ""], rows)
 }
 
 /// First frames, phase before and after unwrapping, modulation, sd.

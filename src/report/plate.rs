@@ -4,11 +4,10 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::ranking::three_digits;
+use super::section::{Piece, Table, TableCell, row};
 use crate::experiment::frequencies::Parity;
 use crate::identify::{ModeFound, PeakFound, PlateFound};
 use crate::infer::Disturbed;
-use crate::quantity::plus_minus;
 
 /// An experiment's peaks and modes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,22 +64,6 @@ pub struct ModeReport {
     pub missing: f64,
 }
 
-pub(super) const DISTURBANCES: [&str; 6] = [
-    "disturbance",
-    "unit",
-    "plausible",
-    "log Bayes factor",
-    "amplitude if it acts",
-    "moves the constants by, prior sd",
-];
-pub(super) const PEAKS: [&str; 5] = [
-    "measured Hz",
-    "mode",
-    "probability",
-    "predicted Hz",
-    "off %",
-];
-
 impl DisturbanceReport {
     fn new(found: &Disturbed) -> Self {
         Self {
@@ -126,58 +109,80 @@ impl PlateReport {
         }
     }
 
-    pub(super) fn disturbance_rows(&self) -> Vec<Vec<String>> {
-        let row = |d: &DisturbanceReport| {
-            let [amplitude, sd] = d.amplitude;
-            let shifts: Vec<String> = d
-                .shift_in_prior_sd
-                .iter()
-                .map(|s| format!("{s:+.2}"))
-                .collect();
-            vec![
-                d.name.clone(),
-                d.parameter.clone(),
-                three_digits(d.plausible),
-                format!("{:+.1}", d.log_bayes_factor),
-                plus_minus(amplitude, sd),
-                shifts.join(" "),
-            ]
-        };
-        self.disturbances.iter().map(row).collect()
+    pub(super) fn disturbances_table(&self) -> Table {
+        let header = [
+            "disturbance",
+            "unit",
+            "plausible",
+            "log Bayes factor",
+            "amplitude if it acts",
+            "moves the constants by, prior sd",
+        ];
+        let rows = self.disturbances.iter().map(|d| {
+            let shifts = d.shift_in_prior_sd.iter().map(|s| format!("{s:+.2}"));
+            let cells = [
+                TableCell::from(&d.parameter),
+                TableCell::three(d.plausible),
+                TableCell::signed(d.log_bayes_factor, 1),
+                TableCell::mean_sd(Some(d.amplitude.into())),
+                shifts.collect::<Vec<_>>().join(" ").into(),
+            ];
+            row(&d.name, cells)
+        });
+        Table::new("what may act that nobody declared", header, rows)
     }
 
-    pub(super) fn peak_rows(&self) -> Vec<Vec<String>> {
-        let row = |p: &PeakReport| {
+    pub(super) fn peaks_table(&self) -> Table {
+        let header = [
+            "measured Hz",
+            "mode",
+            "probability",
+            "predicted Hz",
+            "off %",
+        ];
+        let rows = self.peaks.iter().map(|p| {
+            let mode = p.mode.map_or("none".into(), |[m, n]| format!("({m}, {n})"));
             let predicted = p.predicted_hz.zip(p.predicted_sd_hz);
-            vec![
-                format!("{:.2}", p.measured_hz),
-                p.mode.map_or("none".into(), |[m, n]| format!("({m}, {n})")),
-                format!("{:.3}", p.probability),
-                predicted.map_or(String::new(), |(f, sd)| format!("{f:.2} +- {sd:.2}")),
-                p.off_percent.map_or(String::new(), |o| format!("{o:+.2}")),
-            ]
-        };
-        self.peaks.iter().map(row).collect()
+            let predicted = predicted.map_or(TableCell::Missing, |(f, sd)| {
+                format!("{f:.2} +- {sd:.2}").into()
+            });
+            let cells = [
+                mode.into(),
+                TableCell::Probability(p.probability),
+                predicted,
+                TableCell::signed(p.off_percent, 2),
+            ];
+            row(format!("{:.2}", p.measured_hz), cells)
+        });
+        Table::new(format!("{}: peaks and modes", self.name), header, rows)
     }
 
     /// What is said of the peaks that fit no mode.
-    pub(super) fn additional(&self) -> Vec<String> {
+    pub(super) fn additional(&self) -> Piece {
         let said = |p: &PeakReport| {
-            Some(format!(
-                "{:.2} Hz fits no mode: {}",
-                p.measured_hz,
-                p.why.as_ref()?
-            ))
+            let why = p.why.as_ref()?;
+            Some(format!("{:.2} Hz fits no mode: {why}", p.measured_hz))
         };
-        self.peaks.iter().filter_map(said).collect()
+        Piece::list(self.peaks.iter().filter_map(said))
     }
 
-    /// Modes that more probably than not left no peak.
-    pub(super) fn missing(&self) -> Vec<String> {
+    /// Peaks, modes, and what may act.
+    pub(super) fn pieces(&self) -> [Piece; 4] {
+        // more probably than not they left no peak
         let missing = self.modes.iter().filter(|m| m.missing > 0.5);
-        missing
+        let missing: Vec<String> = missing
             .map(|m| format!("({}, {}) at {:.1} Hz", m.mode[0], m.mode[1], m.predicted_hz))
-            .collect()
+            .collect();
+        let missing = match missing.is_empty() {
+            true => String::new(),
+            false => format!("modes without a peak: {}", missing.join(", ")),
+        };
+        [
+            self.peaks_table().into(),
+            self.additional(),
+            Piece::Paragraph(missing),
+            self.disturbances_table().into(),
+        ]
     }
 }
 

@@ -9,7 +9,6 @@ use super::surrogate::SurrogateReport;
 use super::tracing::TracingReport;
 use crate::infer::MaterialSpec;
 use crate::laminate::MeanSd;
-use crate::quantity::plus_minus;
 
 /// One identification, and in a loop what its residual was traced to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -107,26 +106,6 @@ impl MeanAndSd {
         let MeanSd { mean, sd } = material.parameters.get(name)?.published?;
         Some(Self { mean, sd })
     }
-}
-
-/// Add a column of what others found to a table whose rows stand for these, where there is anything.
-pub fn beside_published<const N: usize>(
-    header: [&'static str; N],
-    rows: impl Iterator<Item = (Vec<String>, Option<MeanAndSd>)>,
-) -> (Vec<&'static str>, Vec<Vec<String>>) {
-    let rows: Vec<(Vec<String>, Option<MeanAndSd>)> = rows.collect();
-    let any = rows.iter().any(|(_, p)| p.is_some());
-    let column = any.then_some("published");
-    let whole = |(mut row, published): (Vec<String>, Option<MeanAndSd>)| {
-        if any {
-            row.push(published.map_or(String::new(), |p| plus_minus(p.mean, p.sd)));
-        }
-        row
-    };
-    (
-        header.into_iter().chain(column).collect(),
-        rows.into_iter().map(whole).collect(),
-    )
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

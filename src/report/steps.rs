@@ -1,10 +1,9 @@
 //! The steps of a load series in `report.json`, and the table and the sentences that are made of them.
 
-use std::iter::once;
-
 use serde::{Deserialize, Serialize};
 
 use super::residual::ByComponent;
+use super::section::{Table, TableCell, row};
 use crate::trace::NOT_LINEAR;
 
 /// One step of a load series; the numbers of what is left are root mean squares of block averages.
@@ -62,7 +61,7 @@ impl LinearityReport {
 }
 
 /// The columns of the table of steps: what is left of each, and what is left of it when it is held out.
-pub const HEADER: [&str; 12] = [
+const HEADER: [&str; 12] = [
     "step",
     "load",
     "u1 nm before",
@@ -77,28 +76,28 @@ pub const HEADER: [&str; 12] = [
     "noise scale",
 ];
 
-/// What the columns are, in a sentence.
-pub const CAPTION: &str = "What is left of each step (RMS of block averages, without its motion in the plane), and of each step as all others predict it";
-
 /// What the first and the last round leave of every step, and whether a force is not known (`?`).
-pub fn rows(first: &[StepReport], last: &[StepReport]) -> Vec<Vec<String>> {
-    let pairs = first.iter().zip(last);
-    pairs
-        .map(|(a, b)| {
-            let both = |r: &ByComponent<f64>| [r.u1, r.u2].map(|v| format!("{v:.1}"));
-            let held =
-                |r: Option<&ByComponent<f64>>| r.map_or_else(|| ["-", "-"].map(String::from), both);
-            let known = if a.force_known { "" } else { "?" };
-            let z = b.held_out.as_ref().and_then(|h| h.z);
-            once(a.name.clone())
-                .chain([format!("{:.3}{known}", a.load)])
-                .chain(both(&a.rms_nm))
-                .chain(both(&b.explained_rms_nm))
-                .chain(held(a.held_out.as_ref().map(|h| &h.rms_nm)))
-                .chain(held(b.held_out.as_ref().map(|h| &h.explained_rms_nm)))
-                .chain([z.map_or("-".into(), |z| format!("{z:+.1}"))])
-                .chain([format!("{:.2}", a.noise_scale)])
-                .collect()
-        })
-        .collect()
+pub fn table(first: &[StepReport], last: &[StepReport]) -> Table {
+    let rows = first.iter().zip(last).map(|(a, b)| {
+        let both = |r: Option<&ByComponent<f64>>| {
+            [r.map(|r| r.u1), r.map(|r| r.u2)].map(|v| TableCell::fixed(v, 1))
+        };
+        let [before, after] = [&a.held_out, &b.held_out].map(Option::as_ref);
+        let left = [
+            both(Some(&a.rms_nm)),
+            both(Some(&b.explained_rms_nm)),
+            both(before.map(|h| &h.rms_nm)),
+            both(after.map(|h| &h.explained_rms_nm)),
+        ];
+        let load = match a.force_known {
+            true => format!("{:.3}", a.load),
+            false => format!("{:.3}?", a.load),
+        };
+        let z = TableCell::signed(after.and_then(|h| h.z), 1);
+        let end = [z, TableCell::fixed(a.noise_scale, 2)];
+        let cells = [load.into()].into_iter().chain(left.into_iter().flatten());
+        row(&a.name, cells.chain(end))
+    });
+    let caption = "what is left of each step (RMS of block averages, without its motion in the plane), and of each step as all others predict it";
+    Table::new(caption, HEADER, rows)
 }

@@ -1,10 +1,8 @@
 //! The error tables of a reduced model, in the article's order, and beside the article's own figures.
 
-use std::fmt::Write;
-
 use serde_json::{Map, Value, json};
 
-use super::terminal::table;
+use super::section::{Piece, Section, Table, TableCell, row};
 use crate::fem::Certificate;
 use crate::fem::verify::{Bound, Check};
 use crate::quantity::NM_PER_MM;
@@ -63,79 +61,82 @@ fn surface_numbers(surface: &Surface) -> Value {
     })
 }
 
-/// The tables on the terminal.
-pub fn text(reduced: &ReducedModel) -> String {
+/// The box, and the errors of modes and surfaces.
+pub fn sections(reduced: &ReducedModel) -> Vec<Section> {
     let [elements, unknowns] = reduced.mesh_size;
     let mesh = match elements {
         0 => String::new(),
         _ => format!(" of {elements} quadratic elements, {unknowns} unknowns"),
     };
-    let mut text = format!(
-        "\n{} snapshots{mesh}; {} modes kept\n\nDoE box\n\n",
+    let title = format!(
+        "{} snapshots{mesh}; {} modes kept",
         reduced.snapshots,
         reduced.modes_per_component()
     );
-    let rows = reduced.dimensions.iter().map(|d| {
-        vec![
-            d.name.clone(),
-            format!("{:.6}", d.low),
-            format!("{:.6}", d.high),
-        ]
+    let sides = reduced.dimensions.iter().map(|d| {
+        let ends = [d.low, d.high].map(|v| TableCell::fixed(v, 6));
+        row(&d.name, ends)
     });
-    text += &table(&["", "low", "high"], rows);
-    text += "\ntruncation error eps (Table 3) and leave-one-out CV_RMS (Table 8)\n\n";
-    text += &truncations(reduced);
-    for (name, surface) in [
-        ("kept", &reduced.surface),
-        (
-            "in the parameters as they are, for comparison",
-            &reduced.plain,
-        ),
-    ] {
-        let _ = write!(
-            text,
-            "\nresponse surfaces {name}: {:?} variables, {} monomials, held-out error {:.2e} mm (Tables 9 and 10)\n\n{}",
+    let sides = Table::new("DoE box", ["", "low", "high"], sides);
+    let surfaces = |name: &str, surface: &Surface| {
+        let caption = format!(
+            "response surfaces {name}: {:?} variables, {} monomials, held-out error {:.2e} mm (Tables 9 and 10)",
             surface.variables.choice,
             surface.exponents.len(),
-            surface.held_out(),
-            surfaces(surface)
+            surface.held_out()
         );
-    }
-    text
+        let rows = coefficients(surface).map(|(name, q)| surface_row(name, q));
+        Table::new(caption, SURFACE, rows)
+    };
+    let kept = surfaces("kept", &reduced.surface);
+    let plain = surfaces(
+        "in the parameters as they are, for comparison",
+        &reduced.plain,
+    );
+    let section = Section::new(title).with(sides).with(truncations(reduced));
+    vec![section.with(kept).with(plain)]
 }
 
-fn truncations(reduced: &ReducedModel) -> String {
+/// Columns of the errors of response surfaces.
+const SURFACE: [&str; 6] = [
+    "coefficient",
+    "mean mm",
+    "sd mm",
+    "R^2",
+    "RMS mm",
+    "PRESS mm",
+];
+
+fn surface_row(coefficient: String, q: &Quality) -> Vec<TableCell> {
+    let cells = [
+        TableCell::science(q.mean, 3),
+        TableCell::science(q.sd, 3),
+        TableCell::fixed(q.r2, 9),
+        TableCell::science(q.rms, 2),
+        TableCell::science(q.press, 2),
+    ];
+    row(coefficient, cells)
+}
+
+fn truncations(reduced: &ReducedModel) -> Table {
     let most = reduced.truncation[0].len();
     let rows = (1..most).map(|k| {
-        let mut row = vec![(k + 1).to_string()];
-        for c in 0..2 {
+        let component = |c: usize| {
             let cross = &reduced.cross_validation[c];
-            let or_dash = |v: Option<&f64>| v.map_or("-".into(), |v| format!("{v:.3e}"));
-            row.push(format!("{:.3e}", reduced.truncation[c][k]));
-            row.push(or_dash(cross.mm.get(k)));
-            row.push(or_dash(cross.percent.get(k)));
-        }
-        row
+            let errors = [
+                reduced.truncation[c].get(k),
+                cross.mm.get(k),
+                cross.percent.get(k),
+            ];
+            errors.map(|v| TableCell::science(v.copied(), 3))
+        };
+        row((k + 1).to_string(), [0, 1].into_iter().flat_map(component))
     });
     let header = [
         "K", "eps U", "CV U mm", "CV U %", "eps V", "CV V mm", "CV V %",
     ];
-    table(&header, rows)
-}
-
-fn surfaces(surface: &Surface) -> String {
-    let row = |(name, q): (String, &Quality)| {
-        vec![
-            name,
-            format!("{:.3e}", q.mean),
-            format!("{:.3e}", q.sd),
-            format!("{:.9}", q.r2),
-            format!("{:.2e}", q.rms),
-            format!("{:.2e}", q.press),
-        ]
-    };
-    let rows = coefficients(surface).map(row);
-    table(&["", "mean mm", "sd mm", "R^2", "RMS mm", "PRESS mm"], rows)
+    let caption = "truncation error eps (Table 3) and leave-one-out CV_RMS (Table 8)";
+    Table::new(caption, header, rows)
 }
 
 /// One figure beside the published one.
@@ -253,68 +254,60 @@ const REMARKS: &[&str] = &[
     "CV_RMS of V at K = 3, 4.71e-2 %, does not fit its 6.30e-7 mm: it implies a field of 1.3e-3 mm, where K = 2 and 4 imply 8 to 9e-3 mm.",
 ];
 
-/// The same on the terminal.
-pub fn comparison_text(reference: Reference, built: &ReducedModel) -> String {
+/// Figures here beside those published.
+pub fn comparison_section(reference: Reference, built: &ReducedModel) -> Section {
     let published = reference.published();
     let pairs = pairs(built, published);
-    let mut text = format!(
-        "\nGogu et al. 2013, Tables 3, 8, 9 and 10, in the article's box (Table 2): here / published = ratio\n{} nodes here, {} there: POD coefficients grow with the square root, so the ratios of their figures are to be multiplied by {:.3}\n\n",
+    let compared = |measure: &str, c: usize| -> Vec<TableCell> {
+        let picked = pairs
+            .iter()
+            .filter(|p| p.measure == measure && p.component == c);
+        let cell = |p: &ComparedFigure| match p.measure {
+            "r2" => format!("{:.5} / {:.5}", p.here, p.published),
+            _ => format!("{:.2e} / {:.2e} = {:.2}", p.here, p.published, p.ratio()),
+        };
+        picked.map(|p| cell(p).into()).collect()
+    };
+    let components = || COMPONENTS.iter().enumerate();
+    let truncations = ["eps", "cv_rms_mm", "cv_rms_percent"].into_iter();
+    let truncations = truncations.flat_map(|measure| {
+        components().map(move |(c, component)| (measure, c, format!("{measure} {component}")))
+    });
+    let truncations = truncations.map(|(measure, c, name)| row(name, compared(measure, c)));
+    let header = ["Tables 3 and 8", "K = 2", "K = 3", "K = 4", "K = 5"];
+    let mut section = Section::new(
+        "Gogu et al. 2013, Tables 3, 8, 9 and 10, in the article's box (Table 2): here / published = ratio",
+    )
+    .say(format!(
+        "{} nodes here, {} there: POD coefficients grow with the square root, so the ratios of their figures are to be multiplied by {:.3}",
         built.points(),
         published.nodes,
         node_factor(built, published)
-    );
-    let cells = |pick: &dyn Fn(&&ComparedFigure) -> bool| -> Vec<String> {
-        let picked = pairs.iter().filter(pick);
-        picked
-            .map(|p| match p.measure {
-                "r2" => format!("{:.5} / {:.5}", p.here, p.published),
-                _ => format!("{:.2e} / {:.2e} = {:.2}", p.here, p.published, p.ratio()),
-            })
-            .collect()
-    };
-    let mut rows = Vec::new();
-    for measure in ["eps", "cv_rms_mm", "cv_rms_percent"] {
-        for (c, component) in COMPONENTS.iter().enumerate() {
-            let mut row = vec![format!("{measure} {component}")];
-            row.extend(cells(&|p| p.measure == measure && p.component == c));
-            rows.push(row);
-        }
+    ))
+    .with(Table::new("", header, truncations));
+    for (c, component) in components() {
+        let rows = MEASURES
+            .iter()
+            .map(|&measure| row(measure, compared(measure, c)));
+        let numbered = (1..=4).map(|k| format!("{component}{k}"));
+        let header = std::iter::once(format!("Table {}", 9 + c)).chain(numbered);
+        section.push(Table::new("", header, rows));
     }
-    text += &table(
-        &["Tables 3 and 8", "K = 2", "K = 3", "K = 4", "K = 5"],
-        rows,
-    );
-    for (c, component) in COMPONENTS.iter().enumerate() {
-        let rows = MEASURES.iter().map(|&measure| {
-            let mut row = vec![measure.to_string()];
-            row.extend(cells(&|p| p.measure == measure && p.component == c));
-            row
-        });
-        let header: Vec<String> = (1..=4).map(|k| format!("{component}{k}")).collect();
-        let name = format!("Table {}", 9 + c);
-        let header: Vec<&str> = std::iter::once(name.as_str())
-            .chain(header.iter().map(String::as_str))
-            .collect();
-        text += &format!("\n{}", table(&header, rows));
-    }
-    for remark in REMARKS {
-        let _ = write!(text, "\n{remark}");
-    }
-    text + "\n"
+    section.with(Piece::list(REMARKS.iter().map(|r| (*r).to_string())))
 }
 
-/// Verification figures of the finite elements, each with what it is held against.
 /// A reduced basis beside the solver.
-pub fn basis_text(certificates: &[Certificate]) -> String {
+pub fn basis_section(certificates: &[Certificate]) -> Section {
+    let section = Section::default();
     let Some(first) = certificates.first() else {
-        return "\nno reduced basis: every prediction is solved\n".into();
+        return section.say("no reduced basis: every prediction is solved");
     };
     let largest = |of: fn(&Certificate) -> f64| certificates.iter().map(of).fold(0.0, f64::max);
     let mean = |of: fn(&Certificate) -> f64| {
         certificates.iter().map(of).sum::<f64>() / certificates.len() as f64
     };
-    format!(
-        "\nreduced basis of the finite elements: {} solutions; at {} random points of the box its error is at most {:.1e} of the energy norm, its bound at most {:.1e}; at the measured points it is off by {:.1e} nm at most, by its bound {:.1e} nm; an answer takes {:.2} ms, a solution {:.1} ms\n",
+    section.say(format!(
+        "reduced basis of the finite elements: {} solutions; at {} random points of the box its error is at most {:.1e} of the energy norm, its bound at most {:.1e}; at the measured points it is off by {:.1e} nm at most, by its bound {:.1e} nm; an answer takes {:.2} ms, a solution {:.1} ms",
         first.solutions,
         certificates.len(),
         largest(|c| c.error),
@@ -323,36 +316,34 @@ pub fn basis_text(certificates: &[Certificate]) -> String {
         NM_PER_MM * largest(|c| c.bound_mm),
         1e3 * mean(|c| c.answer_s),
         1e3 * mean(|c| c.solve_s),
-    )
+    ))
 }
 
-/// [`basis_text`] as JSON.
+/// [`basis_section`] as JSON.
 pub fn basis_numbers(certificates: &[Certificate]) -> Value {
     let one = |c: &Certificate| json!({ "solutions": c.solutions, "bound": c.bound, "error": c.error, "largest_nm": NM_PER_MM * c.largest_mm, "bound_nm": NM_PER_MM * c.bound_mm, "effectivity": c.effectivity() });
     certificates.iter().map(one).collect()
 }
 
-pub fn verification_text(checks: &[Check]) -> String {
+/// Verification figures of the finite elements, each with what it is held against.
+pub fn verification_section(checks: &[Check]) -> Section {
     let rows = checks.iter().map(|check| {
         let bound = match check.bound {
             Bound::AtMost(most) => format!("<= {most:.3e}"),
             Bound::AtLeast(least) => format!(">= {least}"),
         };
-        let passed = if check.passed { "yes" } else { "NO" };
-        vec![
-            check.what.clone(),
-            format!("{:.3e}", check.value),
-            bound,
-            passed.into(),
-        ]
+        let passed = TableCell::Mark {
+            yes: check.passed,
+            matters: true,
+        };
+        let value = TableCell::science(check.value, 3);
+        row(&check.what, [value, bound.into(), passed])
     });
-    format!(
-        "\nverification of the finite elements\n\n{}",
-        table(&["", "value", "bound", "passed"], rows)
-    )
+    let table = Table::new("", ["", "value", "bound", "passed"], rows);
+    Section::new("verification of the finite elements").with(table)
 }
 
-/// [`verification_text`] as JSON.
+/// [`verification_section`] as JSON.
 pub fn verification_numbers(checks: &[Check]) -> Value {
     checks
         .iter()

@@ -1,18 +1,13 @@
 //! A field and the frequencies of plates of the same material beside each other: in `report.json`, on the terminal, on the page.
 
-use std::fmt::Write;
-
-use maud::{Markup, html};
 use serde::{Deserialize, Serialize};
 
-use super::html::rows_of;
 use super::json::{Keyed, finite};
-use super::plate::{PEAKS, PlateReport};
+use super::plate::PlateReport;
 use super::round::MeanAndSd;
-use super::terminal::table;
+use super::section::{Piece, Section, Table, TableCell, row};
 use crate::identify::Beside;
 use crate::infer::{Moments, Tension};
-use crate::quantity::significant;
 
 /// What two kinds of experiments say alone, and how far they disagree.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -138,64 +133,32 @@ impl TogetherReport {
         said
     }
 
-    /// Rows of [`HEADER`]; `both` has the constants by both experiments.
-    fn rows(&self, both: &Keyed<MeanAndSd>) -> Vec<Vec<String>> {
-        let cell = |m: Option<&MeanAndSd>| {
-            m.map_or(String::new(), |m| {
-                let [mean, sd] = [m.mean, m.sd].map(|v| significant(v, m.sd));
-                format!("{mean} +- {sd}")
-            })
-        };
+    /// What each kind says alone and what both say; `both` has the constants by both experiments.
+    fn table(&self, both: &Keyed<MeanAndSd>) -> Table {
+        let moments = |m: Option<&MeanAndSd>| TableCell::mean_sd(m.map(|m| (m.mean, m.sd)));
         let difference = |name: &str| self.tension.as_ref()?.difference.get(name);
-        let sds = |m: &MeanAndSd| format!("{:+.1}", m.mean / m.sd);
-        let row = |(name, field): (&String, &MeanAndSd)| {
-            vec![
-                name.clone(),
-                cell(Some(field)),
-                cell(self.frequencies_alone.get(name)),
-                difference(name).map_or(String::new(), sds),
-                cell(both.get(name)),
-            ]
-        };
-        self.field_alone.iter().map(row).collect()
+        let rows = self.field_alone.iter().map(|(name, field)| {
+            let apart = difference(name).map(|m| m.mean / m.sd);
+            let cells = [
+                moments(Some(field)),
+                moments(self.frequencies_alone.get(name)),
+                TableCell::signed(apart, 1),
+                moments(both.get(name)),
+            ];
+            row(name, cells)
+        });
+        let header = ["", "field alone", "frequencies alone", "apart, sd", "both"];
+        Table::new("", header, rows)
     }
 
-    /// For the terminal.
-    pub fn text(&self, both: &Keyed<MeanAndSd>) -> String {
-        let mut text = String::from("\nfield and frequencies\n\n");
-        text += &table(&HEADER, self.rows(both));
-        text += "\n";
-        for said in self.words() {
-            let _ = writeln!(text, "{said}");
-        }
+    /// The constants by both, the disagreement, and the peaks.
+    pub fn section(&self, both: &Keyed<MeanAndSd>) -> Section {
+        let mut section = Section::new("Field and frequencies").with(self.table(both));
+        section.extend(self.words().into_iter().map(Piece::Paragraph));
         for experiment in &self.experiments {
-            let _ = writeln!(text, "\n{}\n", experiment.name);
-            text += &table(&PEAKS, experiment.peak_rows());
-            for said in experiment.additional() {
-                text += &format!("  {said}\n");
-            }
+            section.push(experiment.peaks_table());
+            section.push(experiment.additional());
         }
-        for warning in &self.warnings {
-            let _ = writeln!(text, "  - {warning}");
-        }
-        text
-    }
-
-    /// For the page.
-    pub fn section(&self, both: &Keyed<MeanAndSd>) -> Markup {
-        html! {
-            @for said in self.words() { p { (said) } }
-            (rows_of(&HEADER, &self.rows(both)))
-            @for experiment in &self.experiments {
-                h3 { (experiment.name) ": peaks and modes" }
-                (rows_of(&PEAKS, &experiment.peak_rows()))
-                @for said in experiment.additional() { p { (said) "." } }
-            }
-            @if !self.warnings.is_empty() {
-                ul.warnings { @for warning in &self.warnings { li { (warning) } } }
-            }
-        }
+        section.with(Piece::list(self.warnings.iter().cloned()))
     }
 }
-
-const HEADER: [&str; 5] = ["", "field alone", "frequencies alone", "apart, sd", "both"];

@@ -1,15 +1,12 @@
 //! What a validation found: `validation.json` and one screen.
 
-use std::fmt::Write;
-
 use serde_json::{Map, Value, json};
 
-use super::terminal::{mean_sd, table};
+use super::section::{Piece, Section, Table, TableCell, row};
 use crate::diagnose::Row;
 use crate::identify::SurrogateError;
-use crate::quantity::{plus_minus, significant};
 use crate::validate::grid::Grid;
-use crate::validate::priors::Table;
+use crate::validate::priors::PriorTable;
 use crate::validate::quadrature::Moments;
 use crate::validate::thickness::Comparison;
 
@@ -35,7 +32,7 @@ pub struct Validation<'a> {
     /// Thickness both ways, if it is uncertain.
     pub thickness: Option<&'a Comparison>,
     /// Other priors.
-    pub priors: Option<&'a Table>,
+    pub priors: Option<&'a PriorTable>,
     /// The finite elements at posterior draws.
     pub truth: &'a SurrogateError,
     /// How often the run had refined the reduced model that is validated.
@@ -160,123 +157,119 @@ impl Validation<'_> {
     }
 
     /// One screen.
-    pub fn text(&self, title: &str) -> String {
-        let mut text = format!("\nvalidation of {title}\n\n");
-        let mut header = vec!["", "chain mean", "sd"];
-        let all: Vec<(&str, Vec<(f64, f64)>)> = [
-            ("grid", self.grid.map(|(g, _)| &g.moments)),
-            ("preview", self.preview),
-        ]
-        .into_iter()
-        .filter_map(|(name, m)| m.map(|m| (name, difference(self.chain, m))))
-        .collect();
-        for (name, _) in &all {
-            header.extend(match *name {
-                "grid" => ["grid: mean, sd off", "sd off, %"],
-                _ => ["Laplace-GH: mean, sd off", "sd off, %"],
-            });
+    pub fn section(&self, title: &str) -> Section {
+        let mut section = Section::new(format!("validation of {title}")).with(self.moments());
+        section.extend(self.accounts());
+        section.extend(self.priors.and_then(priors).into_iter().flatten());
+        let doubts = self.doubts();
+        if doubts.is_empty() {
+            return section.say("Nothing speaks against this posterior as that of its model.");
         }
-        let rows = self.chain.iter().enumerate().map(|(k, row)| {
-            let mut cells = mean_sd(&row.name, row.mean, row.sd);
-            for (_, d) in &all {
-                let (mean, sd) = d.get(k).copied().unwrap_or((f64::NAN, f64::NAN));
-                cells.extend([format!("{mean:+.3}"), format!("{sd:+.2}")]);
+        let doubts = doubts.into_iter().map(|doubt| format!("doubt: {doubt}"));
+        section.extend(doubts.map(Piece::Heading));
+        section
+    }
+
+    /// The chain's moments, and how far those of the grid and of the preview are off.
+    fn moments(&self) -> Table {
+        let others = [
+            (self.grid.map(|(g, _)| &g.moments), "grid"),
+            (self.preview, "Laplace-GH"),
+        ];
+        let others: Vec<(&str, Vec<(f64, f64)>)> = others
+            .into_iter()
+            .filter_map(|(moments, name)| Some((name, difference(self.chain, moments?))))
+            .collect();
+        let heads = |(name, _): &(&str, _)| [format!("{name}: mean, sd off"), "sd off, %".into()];
+        let header = ["", "chain mean", "sd"].into_iter().map(String::from);
+        let header = header.chain(others.iter().flat_map(heads));
+        let rows = self.chain.iter().enumerate().map(|(k, r)| {
+            let mut cells = row(&r.name, TableCell::as_precise_as(r.sd, [r.mean, r.sd]));
+            for (_, off) in &others {
+                let off = off.get(k);
+                cells.push(TableCell::signed(off.map(|o| o.0), 3));
+                cells.push(TableCell::signed(off.map(|o| o.1), 2));
             }
             cells
         });
-        text += &table(&header, rows);
-        self.lines(&mut text);
-        let doubts = self.doubts();
-        if doubts.is_empty() {
-            text += "\nNothing speaks against this posterior as that of its model.\n";
-        }
-        for doubt in doubts {
-            let _ = writeln!(text, "\ndoubt: {doubt}");
-        }
-        text
+        Table::new("", header, rows)
     }
 
-    fn lines(&self, text: &mut String) {
-        text.push('\n');
+    /// What the grid, the thickness by Monte Carlo and the finite elements say.
+    fn accounts(&self) -> Vec<Piece> {
+        let mut lines = Vec::new();
         if let Some((grid, seconds)) = self.grid {
-            let _ = writeln!(
-                text,
-                "  grid: {} nodes, {seconds:.2} s, log evidence {:.2}",
-                grid.nodes.len(),
+            let nodes = grid.nodes.len();
+            lines.push(format!(
+                "grid: {nodes} nodes, {seconds:.2} s, log evidence {:.2}",
                 grid.moments.log_evidence
-            );
-            if let Some(c) = self.thickness {
-                let whole = c.seconds.map(|s| s * grid.nodes.len() as f64);
-                let _ = writeln!(
-                    text,
-                    "  thickness by Monte Carlo ({} samples) at {} nodes: worst {:.2}, rms {:.2} standard errors from the analytic marginal;\n    the whole grid on one thread: {} against {}",
-                    c.samples,
-                    c.nodes,
-                    c.worst(),
-                    c.rms(),
-                    duration(whole[0]),
-                    duration(whole[1])
-                );
-            }
+            ));
+            lines.extend(self.thickness.map(|c| {
+                let [monte_carlo, analytic] = c.seconds.map(|s| duration(s * nodes as f64));
+                format!(
+                    "thickness by Monte Carlo ({} samples) at {} nodes: worst {:.2}, rms {:.2} standard errors from the analytic marginal; the whole grid on one thread: {monte_carlo} against {analytic}",
+                    c.samples, c.nodes, c.worst(), c.rms()
+                )
+            }));
         }
         let t = self.truth;
-        let _ = writeln!(
-            text,
-            "  finite elements at {} draws: error {:.3} % of a posterior sd, {:.1} effective draws by their likelihood",
+        lines.push(format!(
+            "finite elements at {} draws: error {:.3} % of a posterior sd, {:.1} effective draws by their likelihood",
             t.draws,
             100.0 * t.max_sd(),
             t.effective_draws()
-        );
+        ));
         if self.refinements > 0 {
-            let _ = writeln!(
-                text,
-                "  reduced model: as the run had it after {} refinement(s)",
+            lines.push(format!(
+                "reduced model: as the run had it after {} refinement(s)",
                 self.refinements
-            );
+            ));
         }
+        let mut pieces = vec![Piece::list(lines)];
         if t.max_sd() > crate::identify::TOLERANCE {
-            *text += &reweighted(t);
+            pieces.push(reweighted(t).into());
         }
-        let Some(priors) = self.priors.filter(|p| p.rows.len() > 1) else {
-            return;
-        };
-        text.push('\n');
-        let d = priors.rows[0].moments.correlation.len();
-        let mut header = vec!["prior"];
-        header.extend(priors.rows[0].moments.names[..d].iter().map(String::as_str));
-        let rows = priors.rows.iter().map(|row| {
-            let m = &row.moments;
-            let cell = |k: usize| plus_minus(m.mean[k], m.sd[k]);
-            std::iter::once(row.prior.clone())
-                .chain((0..d).map(cell))
-                .collect()
-        });
-        *text += &table(&header, rows);
-        if let Some((name, _, share)) = &priors.outside {
-            let _ = writeln!(
-                text,
-                "  {:.2} % of the draws lie outside the box of {name}",
-                100.0 * share
-            );
-        }
+        pieces
     }
 }
 
+/// The constants under other priors, if there are any.
+fn priors(priors: &PriorTable) -> Option<Vec<Piece>> {
+    let [first, _, ..] = &priors.rows[..] else {
+        return None;
+    };
+    let d = first.moments.correlation.len();
+    let names = first.moments.names[..d].iter().map(String::as_str);
+    let rows = priors.rows.iter().map(|r| {
+        let m = &r.moments;
+        let cell = |k: usize| TableCell::mean_sd(Some((m.mean[k], m.sd[k])));
+        row(&r.prior, (0..d).map(cell))
+    });
+    let table = Table::new("", std::iter::once("prior").chain(names), rows);
+    let outside = priors.outside.iter().map(|(name, _, share)| {
+        let percent = 100.0 * share;
+        format!("{percent:.2} % of the draws lie outside the box of {name}")
+    });
+    Some(vec![table.into(), Piece::list(outside)])
+}
+
 /// What the finite elements' likelihood makes of the draws at which they were solved.
-fn reweighted(truth: &SurrogateError) -> String {
+fn reweighted(truth: &SurrogateError) -> Table {
     let rows = truth.moments.iter().map(|m| {
         let ([mean, sd], [by_weight, sd_by_weight]) = (m.plain, m.weighted);
-        let mut cells = mean_sd(&m.name, mean, sd);
-        cells.extend([by_weight, sd_by_weight].map(|v| significant(v, sd)));
-        cells
+        let cells = TableCell::as_precise_as(sd, [mean, sd, by_weight, sd_by_weight]);
+        row(&m.name, cells)
     });
-    let header = ["", "mean", "sd", "weighted mean", "weighted sd"];
-    format!(
-        "\n  the {} draws, plain and weighted by the finite elements' likelihood; {:.1} of them count, so that a weighted mean is known to {:.1} sd\n\n{}",
+    let caption = format!(
+        "the {} draws, plain and weighted by the finite elements' likelihood; {:.1} of them count, so that a weighted mean is known to {:.1} sd",
         truth.draws,
         truth.effective_draws(),
-        1.0 / truth.effective_draws().sqrt(),
-        table(&header, rows)
+        1.0 / truth.effective_draws().sqrt()
+    );
+    Table::new(
+        caption,
+        ["", "mean", "sd", "weighted mean", "weighted sd"],
+        rows,
     )
 }
 

@@ -29,16 +29,6 @@ pub fn beyond_the_dictionary() -> String {
     )
 }
 
-/// A shift in percent; beyond [`LINEAR_PERCENT`] that it is.
-pub fn shift(percent: f64, decimals: usize) -> String {
-    match percent {
-        s if s > LINEAR_PERCENT => format!("> +{LINEAR_PERCENT}"),
-        s if s < -LINEAR_PERCENT => format!("< -{LINEAR_PERCENT}"),
-        s if s.abs() < 0.5 * 10_f64.powi(-(decimals as i32)) => "0".into(),
-        s => format!("{s:+.decimals$}"),
-    }
-}
-
 /// The unit in a parameter's name: `angle_deg` deg, `uniform_per_m` 1/m, `gradient_per_m_per_mm` 1/(m mm), `percent_at_12mm` percent.
 pub fn unit(parameter: &str) -> String {
     let parameter = parameter.split("_at_").next().unwrap_or(parameter);

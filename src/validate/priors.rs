@@ -17,7 +17,7 @@ pub struct Row {
 }
 
 /// Priors beside each other, and what a cut would cut off.
-pub struct Table {
+pub struct PriorTable {
     /// The declared prior first.
     pub rows: Vec<Row>,
     /// The box of the cut, its name, and the share of the chain's draws outside of it, if there are draws.
@@ -33,7 +33,7 @@ pub fn compare(
     side: usize,
     published: bool,
     draws: Option<&Draws>,
-) -> Result<Table> {
+) -> Result<PriorTable> {
     let declared = posterior.marginals().to_vec();
     let with = |change: &dyn Fn(usize, &mut Marginal)| -> Vec<Marginal> {
         let mut marginals = declared.clone();
@@ -82,7 +82,7 @@ pub fn compare(
         let out = draws.points().filter(|x| !inside(x)).count();
         (name, bounds, out as f64 / draws.len().max(1) as f64)
     });
-    Ok(Table { rows, outside })
+    Ok(PriorTable { rows, outside })
 }
 
 fn row(posterior: &Posterior, prior: String, marginals: Vec<Marginal>, side: usize) -> Result<Row> {

@@ -2,20 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use maud::html;
-
 use super::collected::Collected;
 use super::outlying::MOST_Z;
 use super::row::{Found, Row};
 use crate::chain::write_table;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files;
-use crate::quantity::significant;
-use crate::report::{document, table};
+use crate::report::section::{Digits, Document, Piece, Section, Table, TableCell, csv, html, row};
 
 /// Columns of a constant, with its number.
-type Column = (&'static str, fn(&Found) -> Option<f64>);
-const COLUMNS: [Column; 5] = [
+type NumberOfConstant = (&'static str, fn(&Found) -> Option<f64>);
+const COLUMNS: [NumberOfConstant; 5] = [
     ("mean", |f| Some(f.mean)),
     ("sd", |f| Some(f.sd)),
     ("q2.5", |f| Some(f.low)),
@@ -29,21 +26,21 @@ const COLUMNS: [Column; 5] = [
 /// Of the input: a folder that cannot be written.
 pub fn write(collected: &Collected, folder: &Path) -> Result<[PathBuf; 3]> {
     let paths = ["csv", "zarr", "html"].map(|e| folder.join(format!("collected.{e}")));
-    files::replace(&paths[0], csv(collected)?)?;
     let columns = columns(collected);
-    write_table(&paths[1], &names(collected), &columns)?;
-    files::replace(&paths[2], page(collected))?;
+    files::replace(&paths[0], csv(&whole(collected, &columns))?)?;
+    let names: Vec<&str> = collected
+        .rows
+        .iter()
+        .map(|r| r.entry.run.name.as_str())
+        .collect();
+    write_table(&paths[1], &names, &columns)?;
+    files::replace(&paths[2], html(&page(collected), &[]))?;
     Ok(paths)
-}
-
-fn names(collected: &Collected) -> Vec<&str> {
-    let rows = collected.rows.iter();
-    rows.map(|r| r.entry.run.name.as_str()).collect()
 }
 
 /// Numbers of the constants by name of the column, NaN where there is none.
 fn columns(collected: &Collected) -> Vec<(String, Vec<f64>)> {
-    let of = |constant: &String| {
+    let columns_of = |constant: &String| {
         COLUMNS.map(|(what, pick)| {
             let number = |r: &Row| r.constants.get(constant).and_then(pick);
             let numbers = collected.rows.iter().map(number);
@@ -51,7 +48,7 @@ fn columns(collected: &Collected) -> Vec<(String, Vec<f64>)> {
             (format!("{constant}_{what}"), numbers)
         })
     };
-    collected.constants.iter().flat_map(of).collect()
+    collected.constants.iter().flat_map(columns_of).collect()
 }
 
 /// What was set in the models of any run, in order.
@@ -65,123 +62,112 @@ fn keys(collected: &Collected) -> Vec<&str> {
     keys
 }
 
-/// What is known of a run beside its constants.
-const ABOUT: [&str; 8] = [
-    "run",
-    "state",
-    "seed",
-    "model",
-    "data",
-    "verdict",
-    "effects",
-    "converged",
-];
-
-fn about(row: &Row, keys: &[&str]) -> Vec<String> {
-    let run = &row.entry.run;
-    let set = |key: &&str| {
-        run.set
-            .get(*key)
-            .map_or_else(String::new, ToString::to_string)
-    };
-    let data = run.data.as_ref().map(|d| d.display().to_string());
-    let converged = row.converged.map(|c| if c { "yes" } else { "no" });
-    let mut cells = vec![
-        run.name.clone(),
-        row.entry.status.state.words().into(),
-        run.seed.to_string(),
-        run.model.display().to_string(),
-        data.unwrap_or_default(),
-        row.verdict.clone(),
-        row.effects.join(" "),
-        converged.unwrap_or_default().into(),
-    ];
-    cells.extend(keys.iter().map(set));
-    cells
+/// What was set in the model of a run.
+fn set(line: &Row, keys: &[&str]) -> Vec<TableCell> {
+    let text = |key: &&str| line.entry.run.set.get(*key).map(ToString::to_string);
+    keys.iter()
+        .map(|key| text(key).unwrap_or_default().into())
+        .collect()
 }
 
-fn csv(collected: &Collected) -> Result<Vec<u8>> {
-    let failed = |e: &dyn std::fmt::Display| {
-        Error::program("collected.csv", "a table that can be written").found(e)
-    };
-    let (keys, columns) = (keys(collected), columns(collected));
-    let mut out = csv::Writer::from_writer(Vec::new());
-    let header = ABOUT.iter().copied().chain(keys.iter().copied());
-    let header = header.chain(columns.iter().map(|(name, _)| name.as_str()));
-    out.write_record(header).map_err(|e| failed(&e))?;
-    for (k, row) in collected.rows.iter().enumerate() {
-        let mut cells = about(row, &keys);
-        cells.extend(columns.iter().map(|(_, numbers)| match numbers[k] {
-            v if v.is_nan() => String::new(),
-            v => v.to_string(),
-        }));
-        out.write_record(cells).map_err(|e| failed(&e))?;
-    }
-    out.into_inner().map_err(|e| failed(&e))
+fn converged(line: &Row) -> TableCell {
+    line.converged.map_or_else(|| "".into(), TableCell::yes)
 }
 
-fn page(collected: &Collected) -> String {
+/// Everything of every run, a number a column.
+fn whole(collected: &Collected, columns: &[(String, Vec<f64>)]) -> Table {
     let keys = keys(collected);
-    let mut header = vec!["run", "state"];
-    header.extend(collected.constants.iter().map(String::as_str));
-    header.extend(["verdict", "effects", "converged", "seed"]);
-    header.extend(&keys);
-    let rows = collected.rows.iter().map(|row| {
-        let [
-            name,
-            state,
-            seed,
-            _,
-            _,
-            verdict,
-            effects,
-            converged,
-            set @ ..,
-        ] = &about(row, &keys)[..]
-        else {
-            return Vec::new();
-        };
-        let mut cells = vec![name.clone(), state.clone()];
-        cells.extend(
-            collected
-                .constants
-                .iter()
-                .map(|c| cell(row.constants.get(c))),
-        );
-        cells.extend([verdict, effects, converged, seed].map(Clone::clone));
-        cells.extend(set.iter().cloned());
-        cells
+    let header = [
+        "run",
+        "state",
+        "seed",
+        "model",
+        "data",
+        "verdict",
+        "effects",
+        "converged",
+    ];
+    let header = header.into_iter().chain(keys.iter().copied());
+    let header = header.chain(columns.iter().map(|(name, _)| name.as_str()));
+    let rows = collected.rows.iter().enumerate().map(|(k, line)| {
+        let run = &line.entry.run;
+        let data = run.data.as_ref().map(|d| d.display().to_string());
+        let about = [
+            line.entry.status.state.words().into(),
+            run.seed.to_string().into(),
+            run.model.display().to_string().into(),
+            data.unwrap_or_default().into(),
+            TableCell::from(&line.verdict),
+            line.effects.join(" ").into(),
+            converged(line),
+        ];
+        let numbers = columns
+            .iter()
+            .map(|(_, numbers)| TableCell::number(numbers[k], Digits::Whole));
+        row(
+            &run.name,
+            about.into_iter().chain(set(line, &keys)).chain(numbers),
+        )
     });
-    let outlying: Vec<Vec<String>> = collected
-        .outlying()
-        .map(|(row, name, z)| vec![row.entry.run.name.clone(), name.into(), format!("{z:.1}")])
-        .collect();
-    let body = html! {
-        header { h1 { "Campaign " (collected.name) } p.soft { (collected.standing) } }
-        main {
-            section { h2 { "Runs" } (table("Mean \u{b1} sd [95 % interval]", &header, rows, true)) }
-            section {
-                h2 { "Outlying specimens" }
-                @if outlying.is_empty() { p { "None." } }
-                @else { (table("Distance from the median of the others", &["run", "constant", "robust z"], outlying, true)) }
-            }
-        }
-        footer.soft {
-            "A specimen is outlying if a constant lies more than " (MOST_Z)
-            " sds from the median of the others: of their spread beyond their own uncertainty, and of its own uncertainty."
-        }
-    };
-    document(&format!("{}: plychain campaign", collected.name), &body)
+    Table::new("", header, rows)
 }
 
-fn cell(found: Option<&Found>) -> String {
+fn page(collected: &Collected) -> Document {
+    let keys = keys(collected);
+    let header = ["run", "state"].into_iter();
+    let header = header.chain(collected.constants.iter().map(String::as_str));
+    let header = header.chain(["verdict", "effects", "converged", "seed"]);
+    let rows = collected.rows.iter().map(|line| {
+        let run = &line.entry.run;
+        let constants = collected
+            .constants
+            .iter()
+            .map(|c| constant(line.constants.get(c)));
+        let about = [
+            TableCell::from(&line.verdict),
+            line.effects.join(" ").into(),
+            converged(line),
+            run.seed.to_string().into(),
+        ];
+        let state = TableCell::from(line.entry.status.state.words());
+        let cells = std::iter::once(state).chain(constants).chain(about);
+        row(&run.name, cells.chain(set(line, &keys)))
+    });
+    let runs = Table::new(
+        "Mean +- sd [95 % interval]",
+        header.chain(keys.iter().copied()),
+        rows,
+    );
+    let outlying = collected
+        .outlying()
+        .map(|(line, name, z)| row(&line.entry.run.name, [name.into(), TableCell::fixed(z, 1)]));
+    let header = ["run", "constant", "robust z"];
+    let outlying = Table::new("Distance from the median of the others", header, outlying);
+    let outlying = match outlying.is_empty() {
+        true => Piece::Paragraph("None.".into()),
+        false => outlying.sortable().into(),
+    };
+    Document {
+        title: format!("{}: plychain campaign", collected.name),
+        heading: format!("Campaign {}", collected.name),
+        lead: vec![Piece::Note(collected.standing.clone())],
+        sections: vec![
+            Section::new("Runs").with(runs.sortable()),
+            Section::new("Outlying specimens").with(outlying),
+        ],
+        footer: format!(
+            "A specimen is outlying if a constant lies more than {MOST_Z} sds from the median of the others: of their spread beyond their own uncertainty, and of its own uncertainty."
+        ),
+    }
+}
+
+fn constant(found: Option<&Found>) -> TableCell {
     let Some(f) = found else {
-        return "\u{2013}".into();
+        return TableCell::Missing;
     };
-    let [mean, sd, low, high] = [f.mean, f.sd, f.low, f.high].map(|v| significant(v, f.sd));
-    let mark = match f.robust_z {
-        Some(z) if z.abs() > MOST_Z => " *",
-        _ => "",
-    };
-    format!("{mean} \u{b1} {sd} [{low}, {high}]{mark}")
+    let interval = TableCell::interval([f.mean, f.sd, f.low, f.high]);
+    match f.robust_z {
+        Some(z) if z.abs() > MOST_Z => interval.and("*"),
+        _ => interval,
+    }
 }

@@ -2,15 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use maud::html;
-
 use super::report::{Basis, Estimate, PopulationReport};
 use super::sampled::Sampled;
 use crate::chain::{write_csv, write_zarr};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::quantity::significant;
-use crate::report::{document, table};
+use crate::report::section::{Digits, Document, Piece, Section, Table, TableCell, html, row};
 
 /// Write chains, `population.json` and `population.html` into a folder, in place of what was written there before, and return the page's path.
 ///
@@ -27,124 +24,101 @@ pub fn write(report: &PopulationReport, sampled: &Sampled, folder: &Path) -> Res
     write_csv(&sampled.draws, &folder.join("chain.csv"))?;
     files::write_json(&folder.join("population.json"), report)?;
     let page = folder.join("population.html");
-    files::replace(&page, report.page())?;
+    files::replace(&page, html(&report.page(), &[]))?;
     Ok(page)
 }
 
 impl Estimate {
-    fn text(&self) -> String {
-        let [mean, sd, low, high] =
-            [self.mean, self.sd, self.low, self.high].map(|v| significant(v, self.sd));
-        format!("{mean} +- {sd} [{low}, {high}]")
+    fn cell(&self) -> TableCell {
+        TableCell::interval([self.mean, self.sd, self.low, self.high])
     }
 }
 
 impl Basis {
-    fn text(&self) -> String {
-        significant(self.value, self.percentile.sd)
+    fn cell(&self) -> TableCell {
+        TableCell::number(self.value, Digits::Sd(self.percentile.sd))
     }
 }
 
 impl PopulationReport {
-    fn rows(&self) -> Vec<Vec<String>> {
-        let row = |(name, c): (&String, &super::OfConstant)| {
-            let (mean, sd) = (c.mean.text(), c.sd.text());
-            vec![name.clone(), mean, sd, c.b_basis.text(), c.a_basis.text()]
-        };
-        self.constants.iter().map(row).collect()
-    }
-
-    /// In words.
-    pub fn text(&self) -> String {
+    /// For the terminal.
+    pub fn section(&self) -> Section {
         let count = self.specimens.len();
-        let mut text = format!("{}: population of {count} specimens\n\n", self.name);
-        let header = HEADER.map(String::from).to_vec();
-        let rows: Vec<Vec<String>> = std::iter::once(header).chain(self.rows()).collect();
-        let width = |k: usize| rows.iter().map(|r| r[k].len()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..HEADER.len()).map(width).collect();
-        for row in &rows {
-            let cells = row.iter().zip(&widths);
-            let line: Vec<String> = cells.map(|(cell, w)| format!("{cell:w$}")).collect();
-            text += &format!("  {}\n", line.join("   ").trim_end());
-        }
-        text += &format!("\n{}\n", self.convergence);
-        for (name, reason) in &self.left_out {
-            text += &format!("not among the specimens: {name} ({reason})\n");
-        }
-        for warning in &self.warnings {
-            text += &format!("note: {warning}\n");
-        }
-        text
+        let left = self.left_out.iter();
+        let left = left.map(|(name, reason)| format!("not among the specimens: {name} ({reason})"));
+        let notes = self.warnings.iter().map(|w| format!("note: {w}"));
+        Section::new(format!("{}: population of {count} specimens", self.name))
+            .with(self.constants_table())
+            .say(&self.convergence)
+            .with_all(left.chain(notes).map(Piece::Paragraph))
     }
 
-    fn page(&self) -> String {
-        self.ascii_page().replace(" +- ", " \u{b1} ")
-    }
-
-    fn ascii_page(&self) -> String {
-        let count = self.specimens.len();
-        let mut header = vec!["specimen".to_string()];
-        for name in self.constants.keys() {
-            header.extend([format!("{name} alone"), format!("{name} given all")]);
-        }
-        let specimens = self.specimens.iter().map(|(name, s)| {
-            let mut row = vec![name.clone()];
-            for (constant, [mean, sd]) in &s.alone {
-                row.push(format!(
-                    "{} +- {}",
-                    significant(*mean, *sd),
-                    significant(*sd, *sd)
-                ));
-                row.push(
-                    s.shrunken
-                        .get(constant)
-                        .map(Estimate::text)
-                        .unwrap_or_default(),
-                );
-            }
-            row
+    fn constants_table(&self) -> Table {
+        let header = [
+            "constant",
+            "mean of the population",
+            "sd between specimens",
+            "B-basis",
+            "A-basis",
+        ];
+        let rows = self.constants.iter().map(|(name, c)| {
+            let cells = [
+                c.mean.cell(),
+                c.sd.cell(),
+                c.b_basis.cell(),
+                c.a_basis.cell(),
+            ];
+            row(name, cells)
         });
-        let correlations = self.correlations.iter();
-        let correlations = correlations.map(|(name, r)| vec![name.clone(), r.text()]);
-        let body = html! {
-            header {
-                h1 { "Population of " (self.name) }
-                p.soft { (count) " specimens; " (self.convergence) }
-            }
-            main {
-                section {
-                    h2 { "Constants" }
-                    (table("Mean \u{b1} sd [95 % interval] of the population's mean and of the sd between specimens; basis values", &HEADER, self.rows(), false))
-                    p.soft {
-                        "B-basis: with 95 % confidence nine of ten specimens lie above it; A-basis: 99 of 100. Both are the 5 % quantile of the percentile's posterior, for a normal population."
-                    }
-                }
-                section {
-                    h2 { "Correlations between specimens" }
-                    (table("Mean \u{b1} sd [95 % interval]", &["pair", "correlation"], correlations, false))
-                }
-                section {
-                    h2 { "Specimens" }
-                    (table("Alone, without the prior, and given all specimens", &header, specimens, true))
-                }
-                section {
-                    h2 { "Notes" }
-                    ul {
-                        @for (name, reason) in &self.left_out { li { (name) " is not among the specimens: " (reason) } }
-                        @for warning in &self.warnings { li { (warning) } }
-                    }
-                }
-            }
-            footer.soft { "Chains: chain.zarr and chain.csv; numbers: population.json." }
-        };
-        document(&format!("{}: population", self.name), &body)
+        let caption = "Mean +- sd [95 % interval] of the population's mean and of the sd between specimens; basis values";
+        Table::new(caption, header, rows)
+    }
+
+    fn specimens_table(&self) -> Table {
+        let heads = |name: &String| [format!("{name} alone"), format!("{name} given all")];
+        let header = self.constants.keys().flat_map(heads);
+        let header = std::iter::once("specimen".to_string()).chain(header);
+        let rows = self.specimens.iter().map(|(name, s)| {
+            let both = s.alone.iter().flat_map(|(constant, [mean, sd])| {
+                let given_all = s.shrunken.get(constant).map(Estimate::cell);
+                let alone = TableCell::mean_sd(Some((*mean, *sd)));
+                [alone, given_all.unwrap_or(TableCell::Missing)]
+            });
+            row(name, both)
+        });
+        Table::new(
+            "Alone, without the prior, and given all specimens",
+            header,
+            rows,
+        )
+        .sortable()
+    }
+
+    fn page(&self) -> Document {
+        let correlations = self
+            .correlations
+            .iter()
+            .map(|(name, r)| row(name, [r.cell()]));
+        let header = ["pair", "correlation"];
+        let correlations = Table::new("Mean +- sd [95 % interval]", header, correlations);
+        let left = self.left_out.iter();
+        let left =
+            left.map(|(name, reason)| format!("{name} is not among the specimens: {reason}"));
+        let basis = "B-basis: with 95 % confidence nine of ten specimens lie above it; A-basis: 99 of 100. Both are the 5 % quantile of the percentile's posterior, for a normal population.";
+        let about = format!("{} specimens; {}", self.specimens.len(), self.convergence);
+        Document {
+            title: format!("{}: population", self.name),
+            heading: format!("Population of {}", self.name),
+            lead: vec![Piece::Note(about)],
+            sections: vec![
+                Section::new("Constants")
+                    .with(self.constants_table())
+                    .with(Piece::Note(basis.into())),
+                Section::new("Correlations between specimens").with(correlations),
+                Section::new("Specimens").with(self.specimens_table()),
+                Section::new("Notes").with(Piece::list(left.chain(self.warnings.iter().cloned()))),
+            ],
+            footer: "Chains: chain.zarr and chain.csv; numbers: population.json.".into(),
+        }
     }
 }
-
-const HEADER: [&str; 5] = [
-    "constant",
-    "mean of the population",
-    "sd between specimens",
-    "B-basis",
-    "A-basis",
-];

@@ -6,7 +6,7 @@ use plotters::style::text_anchor::HPos;
 use super::canvas::{Area, Figure, GRID, INK, MAIN, PRIOR, TRUTH, draw, say, span, step, text};
 use crate::error::Result;
 use crate::report::json::Keyed;
-use crate::report::page::{IntervalLine, PlaceRms};
+use crate::report::numbers::{IntervalLine, PlaceRms};
 use crate::report::tracing::{BlindSpotReport, TracingReport};
 use crate::report::words::LINEAR_PERCENT;
 

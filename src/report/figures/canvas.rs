@@ -95,6 +95,8 @@ pub struct Figure {
     pub svg: String,
     /// Width and height, pixels.
     pub size: (u32, u32),
+    /// Whether it has a file of its own beside the page.
+    pub has_file: bool,
 }
 
 /// Draw on an SVG canvas. Images come after everything that `act` draws. All figures fail as this does, with the program's fault if
@@ -139,6 +141,7 @@ pub fn draw(
         alt,
         svg,
         size,
+        has_file: true,
     })
 }
 
@@ -179,6 +182,14 @@ pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
 }
 
 impl Figure {
+    /// The figure under another name.
+    pub fn called(self, name: &str) -> Self {
+        Self {
+            name: name.into(),
+            ..self
+        }
+    }
+
     /// The drawing as a file of its own: titled, on white.
     pub fn file(&self) -> String {
         let head = format!(

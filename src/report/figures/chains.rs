@@ -4,10 +4,10 @@ use indexmap::IndexMap;
 use plotters::prelude::*;
 
 use super::canvas::{Area, Figure, GRID, INK, SERIES, draw, span, step, text};
-use super::data::{LagPoint, RankBin, TracePoint};
 use crate::error::Result;
 use crate::identify::VariogramLag;
 use crate::report::json::Keyed;
+use crate::report::numbers::{LagPoint, RankBin, TracePoint};
 
 /// Panels of a parameter each, in rows of so many.
 const ACROSS: usize = 3;

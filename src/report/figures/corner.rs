@@ -4,8 +4,9 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 use super::canvas::{Area, Figure, GRID, INK, MAIN, PRIOR, TRUTH, draw, span, step, text};
-use super::data::{FigureData, JointBin, ParameterLine};
 use crate::error::Result;
+use crate::report::numbers::{FigureData, JointBin, ParameterLine};
+use crate::report::page::AXES;
 
 /// What is known of one parameter.
 struct CornerAxis {
@@ -21,12 +22,9 @@ const CELL: u32 = 116;
 const LEFT: u32 = 76;
 const BOTTOM: u32 = 54;
 
-/// Parameters in a corner plot, at most: more cannot be read.
-pub const MOST: usize = 10;
-
 pub fn corner(data: &FigureData) -> Result<Option<Figure>> {
     let axes = axes(data);
-    let d = axes.len().min(MOST);
+    let d = axes.len().min(AXES);
     if d == 0 {
         return Ok(None);
     }

@@ -4,9 +4,9 @@ use plotters::prelude::*;
 
 use super::canvas::{Area, Figure, INK, NOT_MEASURED, Stretched, axes_mm, draw, span, step, text};
 use super::colour::Palette;
-use super::data::MapCell;
 use crate::error::Result;
 use crate::numeric::quantile;
+use crate::report::numbers::MapCell;
 
 /// What of a round is mapped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,9 +4,9 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use super::canvas::{Area, Figure, NOT_MEASURED, Stretched, axes_mm, draw, say};
-use super::data::{StepCell, StiffnessCell};
 use super::maps::{Scale, bar, covering};
 use crate::error::Result;
+use crate::report::numbers::{StepCell, StiffnessCell};
 
 /// Maps beside each other, at most.
 const ACROSS: usize = 5;

@@ -1,40 +1,68 @@
-//! What the figures of a round are drawn from beside `report.json`: tables, each kept as `figures/NAME-K.csv`, whose columns
-//! are the fields of its rows. An empty cell is a missing value.
+//! What the figures of a round are drawn from beside `report.json`. Each figure has a file `figures/NAME-K.json`, in which every table is
+//! an object of columns; `null` is a missing value.
 
 use std::path::Path;
 
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
+use super::columns;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::report::json::read;
 
 /// The tables of one round.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct FigureData {
     /// Means over cells of the field, row by row from the lowest y.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub maps: Vec<MapCell>,
     /// What is left of each step of a series, at the blocks of the field.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepCell>,
     /// The stiffness that would make what grows with the load of a series, where that is called for.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub stiffness: Vec<StiffnessCell>,
     /// The mesh of another program with edges and points; that of the first round alone.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub mesh: Vec<MeshPoint>,
     /// Posterior summary, prior, cut and truth of each parameter.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub parameters: Vec<ParameterLine>,
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub marginals: Vec<MarginalBin>,
     /// Joint densities of each pair of parameters; where there is next to none, bins are left out.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub corner: Vec<JointBin>,
     /// One chain of each ensemble, thinned.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<TracePoint>,
     /// Ranks of each ensemble's draws among all draws (Vehtari et al. 2021).
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub rank: Vec<RankBin>,
     /// Autocorrelation of the walkers.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub autocorrelation: Vec<LagPoint>,
     /// Errors by number of modes.
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub truncation: Vec<TruncationLine>,
+    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<SurfaceLine>,
 }
+
+/// The tables of each figure.
+const FIGURES: [(&str, &[&str]); 9] = [
+    ("maps", &["maps"]),
+    ("steps", &["steps"]),
+    ("stiffness", &["stiffness"]),
+    ("mesh", &["mesh"]),
+    ("corner", &["parameters", "marginals", "corner"]),
+    ("trace", &["trace"]),
+    ("rank", &["rank"]),
+    ("autocorrelation", &["autocorrelation"]),
+    ("reduced-model", &["truncation", "surfaces"]),
+];
 
 impl FigureData {
     /// Write the tables of round `k`, or of another name, into the folder of figures.
@@ -42,42 +70,49 @@ impl FigureData {
     /// # Errors
     /// The input's fault if a file cannot be written.
     pub fn write(&self, folder: &Path, k: &str) -> Result<()> {
-        let of = |table: &str| format!("{table}-{k}");
-        write(folder, &of("maps"), &self.maps)?;
-        write(folder, &of("steps"), &self.steps)?;
-        write(folder, &of("stiffness"), &self.stiffness)?;
-        write(folder, &of("mesh"), &self.mesh)?;
-        write(folder, &of("parameters"), &self.parameters)?;
-        write(folder, &of("marginals"), &self.marginals)?;
-        write(folder, &of("corner"), &self.corner)?;
-        write(folder, &of("trace"), &self.trace)?;
-        write(folder, &of("rank"), &self.rank)?;
-        write(folder, &of("autocorrelation"), &self.autocorrelation)?;
-        write(folder, &of("truncation"), &self.truncation)?;
-        write(folder, &of("surfaces"), &self.surfaces)
+        let failed = |e| Error::program("figures", "numbers that JSON can hold").found(e);
+        let mut all: Map<String, Value> = serde_json::to_value(self)
+            .and_then(serde_json::from_value)
+            .map_err(failed)?;
+        for (figure, tables) in FIGURES {
+            let own = tables.iter().filter_map(|name| all.remove_entry(*name));
+            let own: Map<String, Value> = own.collect();
+            if !own.is_empty() {
+                write(folder, &format!("{figure}-{k}"), &Value::Object(own))?;
+            }
+        }
+        Ok(())
     }
 
     /// The tables of round `k`, or of another name; without rows where there is no file.
     ///
     /// # Errors
-    /// The input's fault, with file and line, if a file cannot be read.
+    /// The input's fault, with the file, if one cannot be read.
     pub fn read(folder: &Path, k: &str) -> Result<Self> {
-        let of = |table: &str| format!("{table}-{k}");
-        Ok(Self {
-            maps: read(folder, &of("maps"))?,
-            steps: read(folder, &of("steps"))?,
-            stiffness: read(folder, &of("stiffness"))?,
-            mesh: read(folder, &of("mesh"))?,
-            parameters: read(folder, &of("parameters"))?,
-            marginals: read(folder, &of("marginals"))?,
-            corner: read(folder, &of("corner"))?,
-            trace: read(folder, &of("trace"))?,
-            rank: read(folder, &of("rank"))?,
-            autocorrelation: read(folder, &of("autocorrelation"))?,
-            truncation: read(folder, &of("truncation"))?,
-            surfaces: read(folder, &of("surfaces"))?,
+        let mut all = Map::new();
+        for (figure, _) in FIGURES {
+            let name = format!("{figure}-{k}.json");
+            if folder.join(&name).exists() {
+                let (file, text) = read(folder, &name)?;
+                all.extend(files::parse_json::<Map<String, Value>>(&text, &file)?);
+            }
+        }
+        serde_json::from_value(Value::Object(all)).map_err(|e| {
+            let place = folder.join(format!("*-{k}.json"));
+            Error::input(place.display(), "the numbers of a run's figures").found(e)
         })
     }
+}
+
+/// Write the numbers of a figure.
+///
+/// # Errors
+/// The input's fault if the file cannot be written.
+pub fn write(folder: &Path, figure: &str, numbers: &Value) -> Result<()> {
+    files::replace(
+        &folder.join(format!("{figure}.json")),
+        numbers.to_string() + "\n",
+    )
 }
 
 /// One cell of the maps, in the data's frame.
@@ -227,39 +262,4 @@ pub struct SurfaceLine {
     pub r2: Option<f64>,
     pub rms_mm: Option<f64>,
     pub press_mm: Option<f64>,
-}
-
-/// Write rows as `NAME.csv`; nothing if there are none.
-///
-/// # Errors
-/// The input's fault if the file cannot be written.
-pub fn write<T: Serialize>(folder: &Path, name: &str, rows: &[T]) -> Result<()> {
-    if rows.is_empty() {
-        return Ok(());
-    }
-    let failed =
-        |e: &dyn std::fmt::Display| Error::program(name, "a table that CSV can hold").found(e);
-    let mut out = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        out.serialize(row).map_err(|e| failed(&e))?;
-    }
-    let text = out.into_inner().map_err(|e| failed(&e))?;
-    files::replace(&folder.join(format!("{name}.csv")), text)
-}
-
-fn read<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
-    let path = folder.join(format!("{name}.csv"));
-    if !path.exists() {
-        return Ok(Vec::new());
-    }
-    let failed = |e: csv::Error| {
-        let line = e.position().map_or(1, csv::Position::line);
-        let place = format!("{}:{line}", path.display());
-        Error::input(place, "a figure's table as CSV").found(e)
-    };
-    let mut reader = csv::Reader::from_path(&path).map_err(failed)?;
-    reader
-        .deserialize()
-        .collect::<std::result::Result<_, _>>()
-        .map_err(failed)
 }

@@ -1,0 +1,119 @@
+//! Several runs side by side.
+
+use super::rounds::{NumberOfRound, RESIDUAL};
+use crate::report::page::Page;
+use crate::report::round::RoundReport;
+use crate::report::section::{Document, Piece, Section, Table, TableCell, row};
+
+/// What of a round's chains is shown.
+const CHAINS: [NumberOfRound; 2] = [
+    ("R-hat, largest", |r| r.convergence.rhat_max),
+    ("ESS bulk, smallest", |r| r.convergence.ess_bulk_min),
+];
+
+/// A page that shows the last round of each run, and its averaged posterior, side by side. Runs go by their names.
+pub fn comparison(runs: &[(String, Page)]) -> Document {
+    let header = || std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str()));
+    let pages: Vec<&Page> = runs.iter().map(|(_, page)| page).collect();
+    let numbers = RESIDUAL.iter().chain(&CHAINS).map(|(what, number)| {
+        let number = |p: &&Page| TableCell::three(p.report.last().and_then(number));
+        row(*what, pages.iter().map(number))
+    });
+    let numbers = Table::new("Last round", header(), numbers);
+    let about = Table::new("What was run", header(), about(&pages));
+    let bare = intervals(&pages, |page, name| {
+        let s = page.report.last()?.posterior.get(name)?;
+        Some(TableCell::interval([s.mean, s.sd, s.low, s.high]))
+    });
+    let averaged = intervals(&pages, |page, name| {
+        let a = page.report.averaged(name)?;
+        Some(TableCell::interval([a.mean, a.sd, a.low, a.high]))
+    });
+    let bare = Table::new(
+        "Posterior of the last round: mean +- sd [95 % interval]",
+        header(),
+        bare,
+    );
+    let mut constants = Section::new("Constants").with(bare);
+    if pages.iter().any(|p| p.report.closing.is_some()) {
+        let caption = "Averaged over effects that may act unseen";
+        constants.push(Table::new(caption, header(), averaged));
+    }
+    let mut said = Section::new("What was said");
+    for (name, page) in runs {
+        said.push(Piece::Heading(name.clone()));
+        let closing = page.report.closing.as_ref();
+        said.extend(closing.map(|c| Piece::Paragraph(c.verdict.text.clone())));
+        let warnings = page
+            .report
+            .last()
+            .into_iter()
+            .flat_map(|r| r.warnings.clone());
+        said.push(Piece::list(warnings));
+    }
+    Document {
+        title: "plychain: runs side by side".into(),
+        heading: "Runs side by side".into(),
+        lead: Vec::new(),
+        sections: vec![
+            Section::new("Runs").with(about),
+            constants,
+            Section::new("Residual and chains").with(numbers),
+            said,
+        ],
+        footer: "Intervals hold 95 % of the posterior. The same data and model with another seed differ by the Monte Carlo error only.".into(),
+    }
+}
+
+/// A row for each constant of any run.
+fn intervals(
+    pages: &[&Page],
+    interval: impl Fn(&Page, &str) -> Option<TableCell>,
+) -> Vec<Vec<TableCell>> {
+    let mut constants: Vec<&str> = Vec::new();
+    for name in pages.iter().flat_map(|page| page.constants()) {
+        if !constants.contains(&name) {
+            constants.push(name);
+        }
+    }
+    let cells = |name: &&str| {
+        let cells = pages
+            .iter()
+            .map(|p| interval(p, name).unwrap_or(TableCell::Missing));
+        row(*name, cells)
+    };
+    constants.iter().map(cells).collect()
+}
+
+/// What each run was.
+fn about(pages: &[&Page]) -> Vec<Vec<TableCell>> {
+    let line = |what: &str, text: &dyn Fn(&Page) -> String| {
+        let cell = |page: &&Page| match text(page) {
+            empty if empty.is_empty() => TableCell::Missing,
+            text => text.into(),
+        };
+        row(what, pages.iter().map(cell))
+    };
+    let declared = |r: &RoundReport| r.effects_declared.join(", ");
+    vec![
+        line("model", &|p| p.report.model.clone()),
+        line("effects declared", &|p| {
+            p.report.last().map(declared).unwrap_or_default()
+        }),
+        line("verdict", &|p| {
+            let closing = p.report.closing.as_ref();
+            closing.map_or(String::new(), |c| c.verdict.status.words().into())
+        }),
+        line("rounds", &|p| p.report.rounds.len().to_string()),
+        line("seed", &|p| p.report.seed.to_string()),
+        line("version", &|p| p.manifest.version.clone()),
+        line("data", &data),
+    ]
+}
+
+/// The hashes of a run's data, short: equal ones are equal data.
+fn data(page: &Page) -> String {
+    let files = page.manifest.inputs_sha256.values().skip(1);
+    let files: Vec<String> = files.map(|hash| hash.chars().take(8).collect()).collect();
+    files.join(" ")
+}

@@ -1,0 +1,125 @@
+//! The posterior: its summary, correlation, chains.
+
+use super::effects;
+use super::rounds::names;
+use crate::report::page::Page;
+use crate::report::round::RoundReport;
+use crate::report::section::{Piece, Section, Table, TableCell, row};
+
+/// The marginal posteriors of a round.
+pub fn table(caption: &str, round: &RoundReport) -> Table {
+    let header = [
+        "",
+        "mean",
+        "sd",
+        "COV %",
+        "2.5 %",
+        "median",
+        "97.5 %",
+        "R-hat",
+        "ESS",
+        "published",
+    ];
+    let rows = round.posterior.iter().map(|(name, r)| {
+        let [mean, sd, low, median, high] =
+            TableCell::as_precise_as(r.sd, [r.mean, r.sd, r.low, r.median, r.high]);
+        let cov = (!name.contains('.')).then(|| 100.0 * r.sd / r.mean.abs());
+        let cells = [
+            mean,
+            sd,
+            TableCell::fixed(cov, 2),
+            low,
+            median,
+            high,
+            TableCell::fixed(r.rhat, 4),
+            TableCell::fixed(r.ess_bulk, 0),
+            TableCell::published(r.published.map(|p| (p.mean, p.sd))),
+        ];
+        row(name, cells)
+    });
+    Table::new(caption, header, rows)
+}
+
+pub fn correlation(round: &RoundReport) -> Table {
+    let names = &round.correlation.names;
+    let rows = names.iter().zip(&round.correlation.matrix);
+    let rows = rows.map(|(name, r)| row(name, r.iter().map(|v| TableCell::fixed(*v, 3))));
+    let header = std::iter::once("").chain(names.iter().map(String::as_str));
+    Table::new("correlation of the draws", header, rows)
+}
+
+/// Amplitudes of declared effects that are not sampled.
+pub fn closed_amplitudes(round: &RoundReport) -> Table {
+    let closed = round.effect_amplitudes.iter();
+    let closed = closed.filter(|(name, _)| !round.posterior.contains_key(*name));
+    let rows = closed.map(|(name, a)| row(name, TableCell::as_precise_as(a.sd, [a.mean, a.sd])));
+    Table::new("", ["declared effect", "mean", "sd"], rows)
+}
+
+/// The last model with what is left as a discrepancy.
+pub fn with_discrepancy(round: &RoundReport) -> Section {
+    let rows = round.posterior.iter();
+    let rows = rows.map(|(name, r)| row(name, TableCell::as_precise_as(r.sd, [r.mean, r.sd])));
+    Section::new("the last model with the unexplained structure as a correlated discrepancy, if nothing acts that it does not declare")
+        .with(Table::new("", ["", "mean", "sd"], rows))
+}
+
+/// Constants: prior, rounds, averaged; summary; correlation; corner plots.
+pub fn section(page: &Page) -> Section {
+    let rounds = &page.report.rounds;
+    let names = names(page);
+    let mut section = Section::new("Posterior").with(Piece::figure("intervals"));
+    for (round, name) in rounds.iter().zip(&names) {
+        section.push(table(&format!("Posterior: {name}"), round));
+    }
+    if let (Some(closing), Some(last)) = (&page.report.closing, rounds.last()) {
+        let suspect = closing.verdict.suspect.as_ref();
+        let quoted = effects::quoted(&closing.averaged_posterior, suspect, &last.alone());
+        section.push(Piece::Heading(quoted.title));
+        section.extend(quoted.pieces);
+        section.extend(effects::remarks(closing));
+        section.push(Piece::Figure {
+            heading: "Joint posterior to quote, with the amplitudes that trade most against the constants".into(),
+            name: "corner-averaged".into(),
+        });
+    }
+    section.extend(rounds.last().map(|r| correlation(r).into()));
+    let last = rounds.len().saturating_sub(1);
+    for k in [0, last].into_iter().take(1 + usize::from(last > 0)) {
+        section.push(Piece::Figure {
+            heading: names
+                .get(k)
+                .map_or_else(String::new, |n| format!("Joint posterior: {n}")),
+            name: format!("corner-{k}"),
+        });
+    }
+    section.with(Piece::Note("Dashed: prior. Red: truth, where it is known. Black: bounds at which a prior is cut. Shades hold 39, 86 and 99 % of the draws.".into()))
+}
+
+/// Whether the draws can be used.
+pub fn convergence(page: &Page) -> Section {
+    let header = ["", "R-hat", "ESS bulk", "ESS tail", "MCSE of the mean"];
+    let mut section = Section::new("Convergence");
+    for (round, name) in page.report.rounds.iter().zip(names(page)) {
+        let rows = round.posterior.iter().map(|(name, s)| {
+            let [bulk, tail] = [s.ess_bulk, s.ess_tail].map(|v| TableCell::fixed(v, 0));
+            let cells = [
+                TableCell::fixed(s.rhat, 4),
+                bulk,
+                tail,
+                TableCell::three(s.mcse_mean),
+            ];
+            row(name, cells)
+        });
+        let c = &round.convergence;
+        section = section
+            .with(Table::new(format!("Chains of {name}"), header, rows).sortable())
+            .with(Piece::Note(format!(
+                "{}. Not stored: {}. Ended because {}.",
+                c.text, c.burn_in, c.stopped
+            )));
+    }
+    let last = page.report.rounds.len().saturating_sub(1);
+    let figures = ["trace", "rank", "autocorrelation"];
+    section.with_all(figures.map(|what| Piece::figure(format!("{what}-{last}"))))
+}

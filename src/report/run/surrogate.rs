@@ -1,0 +1,128 @@
+//! The reduced model's own error, and how a run can be made again.
+
+use crate::report::page::Page;
+use crate::report::round::RoundReport;
+use crate::report::section::{Digits, Piece, Section, Table, TableCell, row};
+
+/// What the finite elements say of the reduced model, and how refinement went.
+pub fn errors(round: &RoundReport) -> Vec<Piece> {
+    let s = &round.surrogate;
+    let mut said = format!(
+        "Reduced model against {} at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field.",
+        s.truth(),
+        s.truth_draws,
+        100.0 * s.max_error_in_posterior_sd,
+        s.field_error_nm.max
+    );
+    if let Some(error) = &s.over_the_box {
+        said += &format!(
+            " Over its whole box: {:.3} nm, {:.3} nm at most.",
+            error.rms, error.max
+        );
+    }
+    if let Some(bound) = s.basis_bound_nm {
+        said += &format!(
+            " The reduced basis that stands for the finite elements there is off by {bound:.1e} nm at most."
+        );
+    }
+    let outside = Digits::Three.write(100.0 * s.draws_outside_doe);
+    said += &format!(" {outside} % of the draws lie outside its box.");
+    let rows = s.refinement.iter().enumerate().map(|(k, r)| {
+        let name = match k {
+            0 => "first".to_string(),
+            _ => format!("refined {k}"),
+        };
+        let cells = [
+            TableCell::count(r.snapshots),
+            TableCell::count(r.modes),
+            TableCell::fixed(100.0 * r.max_error_in_posterior_sd, 3),
+            TableCell::fixed(r.max_field_error_nm, 4),
+            TableCell::fixed(100.0 * r.draws_outside_doe, 3),
+        ];
+        row(name, cells)
+    });
+    let header = [
+        "reduced model",
+        "snapshots",
+        "modes",
+        "error % of sd",
+        "field nm",
+        "draws outside %",
+    ];
+    let mut pieces = vec![Piece::Paragraph(said)];
+    if s.refinement.len() > 1 {
+        pieces.push(Table::new("", header, rows).into());
+    }
+    pieces
+}
+
+/// The reduced model's errors.
+pub fn section(page: &Page) -> Option<Section> {
+    let (last, data) = (page.report.last()?, page.figures.last()?);
+    let truncation = data.truncation.iter().map(|t| {
+        let numbers = [t.eps, t.cv_rms_mm, t.cv_rms_percent].map(error);
+        row(
+            t.modes.to_string(),
+            [TableCell::from(&t.component)].into_iter().chain(numbers),
+        )
+    });
+    let truncation = Table::new(
+        "Truncation error (Table 3 of the article) and leave-one-out error (Table 8) by number of modes",
+        ["modes", "component", "eps", "cv_rms_mm", "cv_rms_percent"],
+        truncation,
+    );
+    let surfaces = data.surfaces.iter().map(|s| {
+        row(
+            &s.coefficient,
+            [s.mean_mm, s.sd_mm, s.r2, s.rms_mm, s.press_mm].map(error),
+        )
+    });
+    let surfaces = Table::new(
+        "Response surfaces of the POD coefficients (Tables 9 and 10)",
+        [
+            "coefficient",
+            "mean_mm",
+            "sd_mm",
+            "r2",
+            "rms_mm",
+            "press_mm",
+        ],
+        surfaces,
+    );
+    let section = Section::new("Reduced model").with_all(errors(last));
+    Some(
+        section
+            .with(truncation.sortable())
+            .with(surfaces.sortable()),
+    )
+}
+
+/// Four significant digits; about 1, as coefficients of determination are, six decimals.
+fn error(value: Option<f64>) -> TableCell {
+    match value {
+        Some(v) if (v - 1.0).abs() >= 0.1 => TableCell::science(v, 3),
+        other => TableCell::fixed(other, 6),
+    }
+}
+
+/// How the run can be made again.
+pub fn provenance(page: &Page) -> Section {
+    let manifest = &page.manifest;
+    let about = [
+        (
+            "command",
+            format!("plychain {}", manifest.command.join(" ")),
+        ),
+        ("version", manifest.version.clone()),
+        ("seed", page.report.seed.to_string()),
+        ("seconds", Digits::Three.write(manifest.seconds)),
+    ];
+    let about = about
+        .map(|(name, text)| (name.to_string(), text))
+        .into_iter();
+    let hashes = manifest.inputs_sha256.iter();
+    let hashes = hashes.map(|(path, hash)| (format!("SHA-256 of {path}"), hash.clone()));
+    Section::new("Provenance")
+        .with(Piece::List(about.chain(hashes).collect()))
+        .with(Piece::Note("Draws: chain.zarr and chain.csv; of a loop those to quote in averaged/. Numbers: report.json. Figures with their numbers as JSON: figures/.".into()))
+}
