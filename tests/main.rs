@@ -46,6 +46,7 @@ mod resume;
 mod ringing;
 mod samplers;
 mod schema;
+mod section;
 mod series;
 mod series_input;
 mod series_noise;

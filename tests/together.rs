@@ -272,7 +272,7 @@ fn a_loop_over_both_names_the_scale_that_they_disagree_about() {
         );
     }
     let page = std::fs::read_to_string(format!("{out}/report.html")).unwrap();
-    assert!(page.contains("id=\"together\""));
+    assert!(page.contains("id=\"field-and-frequencies\""));
     for file in [
         "frequencies/chain.csv",
         "frequencies/report.html",

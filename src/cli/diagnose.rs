@@ -12,6 +12,8 @@ use crate::chain::{
 };
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
+use crate::report::chains;
+use crate::report::section::terminal;
 use crate::trace::quoted_rule;
 
 /// Arguments of `diagnose`.
@@ -46,7 +48,7 @@ pub fn run(arguments: &DiagnoseArguments) -> Result<()> {
             draws.info.thin
         ))?;
     }
-    print(&format!("{verdict}\n"))?;
+    print(&terminal(&[chains::section(&verdict)]))?;
     if draws.ensembles() > MANY && arguments.walkers.is_none() {
         print("if these are walkers of ensembles, not chains of their own, say so: --walkers N\n")?;
     }

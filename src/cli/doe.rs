@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
 use crate::reduce::{doe_text, rows_to_solve};
+use crate::report::section::{Section, Table, TableCell, row, terminal};
 
 /// Arguments of `design-of-experiments`.
 #[derive(Debug, Args)]
@@ -39,12 +40,14 @@ pub fn run(arguments: &DoeArguments) -> Result<()> {
         return Err(Error::input(place, "a file that does not exist yet").found("one"));
     }
     files::replace(&arguments.out, doe_text(&sides, &rows))?;
-    let mut text = format!("{count} rows in {}\n", arguments.out.display());
-    for side in &sides {
-        text += &format!(
-            "  {:<14} {:>10.4} to {:.4}\n",
-            side.name, side.low, side.high
-        );
-    }
-    print(&text)
+    let rows = sides.iter().map(|side| {
+        let ends = [side.low, side.high].map(|v| TableCell::fixed(v, 4));
+        row(&side.name, ends)
+    });
+    let section = Section::new(format!("{count} rows in {}", arguments.out.display()));
+    print(&terminal(&[section.with(Table::new(
+        "",
+        ["", "low", "high"],
+        rows,
+    ))]))
 }

@@ -1,4 +1,4 @@
-//! The verdict: a table of every parameter, what is not converged in words, and the rule that stops a run.
+//! The verdict: numbers of every parameter, what is not converged in words, and the rule that stops a run.
 
 use std::fmt;
 
@@ -140,49 +140,8 @@ fn worst(values: impl Iterator<Item = f64>, pick: fn(f64, f64) -> f64) -> f64 {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let width = self
-            .rows
-            .iter()
-            .map(|r| r.name.len())
-            .max()
-            .unwrap_or(0)
-            .max(9);
-        let heads = ["mean", "sd", "q2.5", "median", "q97.5", "mcse"];
-        write!(f, "{:width$}", "parameter")?;
-        for head in heads {
-            write!(f, " {head:>12}")?;
-        }
-        writeln!(
-            f,
-            " {:>8} {:>9} {:>9} {:>8}",
-            "R-hat", "ESS bulk", "ESS tail", "tau"
-        )?;
-        for r in &self.rows {
-            write!(f, "{:width$}", r.name)?;
-            for value in [r.mean, r.sd, r.low, r.median, r.high, r.mcse_mean] {
-                write!(f, " {:>12}", figure(value))?;
-            }
-            writeln!(
-                f,
-                " {:>8.4} {:>9.0} {:>9.0} {:>8.1}",
-                r.rhat, r.ess_bulk, r.ess_tail, r.tau
-            )?;
-        }
-        write!(f, "{}", self.line())
+        f.write_str(&self.line())
     }
-}
-
-/// Six significant digits, in whichever notation is short.
-fn figure(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    if !(1e-4..1e6).contains(&size) {
-        return format!("{value:.4e}");
-    }
-    let digits = (5 - size.log10().floor() as i32).max(0) as usize;
-    format!("{value:.digits$}")
 }
 
 /// The figures of every parameter and whether they satisfy the rule.

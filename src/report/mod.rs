@@ -5,6 +5,7 @@
 #![allow(missing_docs)]
 
 pub mod calibration;
+pub mod chains;
 pub mod design;
 pub mod document;
 mod figures;

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::columns;
 use crate::error::{Error, Result};
@@ -90,11 +90,18 @@ impl FigureData {
     /// The input's fault, with the file, if one cannot be read.
     pub fn read(folder: &Path, k: &str) -> Result<Self> {
         let mut all = Map::new();
-        for (figure, _) in FIGURES {
+        for (figure, tables) in FIGURES {
             let name = format!("{figure}-{k}.json");
             if folder.join(&name).exists() {
                 let (file, text) = read(folder, &name)?;
                 all.extend(files::parse_json::<Map<String, Value>>(&text, &file)?);
+                continue;
+            }
+            for table in tables {
+                let path = folder.join(format!("{table}-{k}.csv"));
+                if path.exists() {
+                    all.insert((*table).into(), json!(columns::from_csv(&path)?));
+                }
             }
         }
         serde_json::from_value(Value::Object(all)).map_err(|e| {

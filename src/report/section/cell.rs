@@ -173,11 +173,11 @@ impl TableCell {
         }
     }
 
-    /// With the signs that print has: a minus, plus or minus, a dash. Text stays as it is.
+    /// With the signs that print has: a minus, plus or minus, a dash. Text keeps its hyphens.
     pub fn typeset(&self) -> String {
         match self {
             Self::Missing => "\u{2013}".into(),
-            Self::Text(text) => text.clone(),
+            Self::Text(text) => typeset(text),
             Self::Several(cells) => {
                 let cells: Vec<String> = cells.iter().map(Self::typeset).collect();
                 cells.join(", ")
@@ -187,9 +187,10 @@ impl TableCell {
     }
 }
 
-/// A sentence with the sign for plus or minus.
+/// A sentence with the signs that print has.
 pub(super) fn typeset(text: &str) -> String {
     text.replace("+-", "\u{b1}")
+        .replace("chi^2", "\u{3c7}\u{b2}")
 }
 
 impl Digits {

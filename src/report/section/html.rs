@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html as markup};
 
 use super::cell::typeset;
-use super::{Document, Piece, Table};
+use super::{Document, Piece, Table, TableCell};
 use crate::report::figures::Figure;
 
 const STYLE: &str = include_str!("style.css");
@@ -132,11 +132,11 @@ fn capital(text: &str) -> String {
 const LONG: usize = 28;
 
 fn table(table: &Table) -> Markup {
-    let typeset = |row: &Vec<super::TableCell>| row.iter().map(super::TableCell::typeset).collect();
-    let rows: Vec<Vec<String>> = table.rows.iter().map(typeset).collect();
+    let cells = |row: &Vec<TableCell>| row.iter().map(TableCell::typeset).collect();
+    let rows: Vec<Vec<String>> = table.rows.iter().map(cells).collect();
     let is_long = |k: usize| k > 0 && rows.iter().any(|row| row[k].chars().count() > LONG);
     let long: Vec<bool> = (0..table.header.len()).map(is_long).collect();
-    let caption = capital(&table.caption);
+    let caption = typeset(&capital(&table.caption));
     markup! {
         div.scroll tabindex="0" role="group" aria-label=(caption) {
             table.sortable[table.sortable] {
