@@ -4,7 +4,7 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `dense, error, files, lanes, numeric, quantity, progress, signals < chain < sample < diagnose < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < identify < trace < validate < report < campaign < cli`.
+//! `dense, error, files, lanes, numeric, quantity, progress, signals < chain < sample < diagnose < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < linearise < identify < trace < validate < report < campaign < cli`.
 
 pub mod campaign;
 pub mod chain;
@@ -22,6 +22,7 @@ pub mod identify;
 pub mod infer;
 pub mod laminate;
 mod lanes;
+pub mod linearise;
 pub mod noise;
 pub mod numeric;
 pub mod progress;

@@ -7,8 +7,9 @@ use plychain::effect::{Acting, EFFECTS, Kind, LOAD_SCALE};
 use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
-    Direction, FieldExperiment, FieldSolver, Gauge, Mechanics, MockExperiment, Places, Sight,
-    Softening, State, gauged, load_response, predict, predict_with_gradient, sensitivity,
+    Direction, FieldExperiment, FieldSolver, Gauge, Mechanics, MockExperiment, Neighbourhood,
+    Places, Sight, Softening, State, gauged, load_response, predict, predict_with_gradient,
+    sensitivity,
 };
 use plychain::fem::Bump;
 use plychain::field::matrices::write_matrices;
@@ -121,8 +122,11 @@ fn sensitivities_are_the_differences_of_predictions() {
             let anchor = experiment.anchor(&at).unwrap();
             let found = sensitivity(
                 &*experiment,
-                (&at, anchor.as_ref()),
-                &here,
+                &Neighbourhood {
+                    at: &at,
+                    here: &here,
+                    anchor: anchor.as_ref(),
+                },
                 sight,
                 direction,
                 step,

@@ -26,7 +26,7 @@ pub use field_test::FieldTest;
 pub use gauge::{Gauge, check as check_gauge, gauged};
 pub use mesh_error::MeshError;
 pub use mock::MockExperiment;
-pub use sensitivity::{Direction, between, beyond_the_axis, sensitivity};
+pub use sensitivity::{Direction, Neighbourhood, pictured, sensitivity};
 pub use sight::Sight;
 pub use solver::{
     FieldSolver, Given, Look, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places, Softening,

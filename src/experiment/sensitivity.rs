@@ -31,20 +31,27 @@ impl Direction {
     }
 }
 
-/// Derivative of the predicted field (mm a border unit) at the sight's points about the state `at`, whose prediction,
-/// with its gradient, is `here`, and whose anchor is `about`. Central differences reach `step` border units to either side; what is linear in the
+/// A state with its prediction, gradient included, and what makes predictions near it cheap.
+#[derive(Clone, Copy)]
+pub struct Neighbourhood<'a> {
+    pub at: &'a State,
+    pub here: &'a Prediction,
+    pub anchor: Option<&'a Anchor>,
+}
+
+/// Derivative of the predicted field (mm a border unit) at the sight's points about a state. Central differences reach `step` border units to either side; what is linear in the
 /// parameter, or follows [`load_response`], needs none.
 ///
 /// # Errors
 /// Those of a prediction.
 pub fn sensitivity(
     experiment: &dyn FieldSolver,
-    (at, about): (&State, Option<&Anchor>),
-    here: &Prediction,
+    about: &Neighbourhood<'_>,
     sight: &Sight,
     direction: Direction,
     step: f64,
 ) -> Result<Vec<[f64; 2]>> {
+    let Neighbourhood { at, here, anchor } = *about;
     let scales = at.acting().iter().all(|a| a.effect.scales());
     let times = |factor: f64| here.loaded.iter().map(|u| u.map(|u| factor * u)).collect();
     match direction {
@@ -61,11 +68,11 @@ pub fn sensitivity(
             experiment.added(effect, &unit, sight)
         }
         Direction::Amplitude(effect, _) if effect.kind() == Kind::Optical => {
-            Ok(optical(experiment, at, here, sight, direction, step))
+            Ok(optical(experiment, about, sight, direction, step))
         }
         _ => {
-            let high = predict_near(experiment, about, &direction.moved(at, step), sight)?.field;
-            let low = predict_near(experiment, about, &direction.moved(at, -step), sight)?.field;
+            let high = predict_near(experiment, anchor, &direction.moved(at, step), sight)?.field;
+            let low = predict_near(experiment, anchor, &direction.moved(at, -step), sight)?.field;
             let slope =
                 |(a, b): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step));
             Ok(high.iter().zip(&low).map(slope).collect())
@@ -76,51 +83,36 @@ pub fn sensitivity(
 /// What an optical effect changes: the field's gradient moves the displacement with the true points, and the camera reports both anew.
 fn optical(
     experiment: &dyn FieldSolver,
-    at: &State,
-    here: &Prediction,
+    about: &Neighbourhood<'_>,
     sight: &Sight,
     direction: Direction,
     step: f64,
 ) -> Vec<[f64; 2]> {
-    let states = [step, -step].map(|by| direction.moved(at, by));
-    between(experiment, (at, here), sight, states.each_ref(), 2.0 * step)
+    let scene = experiment.scene();
+    let [high, low] = [step, -step].map(|by| {
+        let state = direction.moved(about.at, by);
+        pictured(experiment, about, sight, &state, scene)
+    });
+    let pairs = high.iter().zip(&low);
+    let slope: Vec<[f64; 2]> = pairs
+        .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step)))
+        .collect();
+    gauged(experiment.gauge(), sight, &slope)
 }
 
-/// What the camera shows more of one state than of another, mm at the sight's points over `over`, where both differ by optical effects alone
-/// from the state `at` that `here` is the prediction of.
-pub fn between(
+/// What the camera of a scene reports, mm at all of a sight's points, of a state that differs by optical effects alone.
+pub fn pictured(
     experiment: &dyn FieldSolver,
-    (at, here): (&State, &Prediction),
-    sight: &Sight,
-    states: [&State; 2],
-    over: f64,
-) -> Vec<[f64; 2]> {
-    let [high, low] =
-        states.map(|state| reported(experiment, (at, here), sight, state, experiment.scene()));
-    gauged(experiment.gauge(), sight, &quotient([&high, &low], over))
-}
-
-/// (a - b) / `over`.
-fn quotient([a, b]: [&[[f64; 2]]; 2], over: f64) -> Vec<[f64; 2]> {
-    let pairs = a.iter().zip(b);
-    pairs
-        .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / over))
-        .collect()
-}
-
-/// What the camera of a scene reports of a state that differs from the one `here` is the prediction of by optical effects alone.
-fn reported(
-    experiment: &dyn FieldSolver,
-    (at, here): (&State, &Prediction),
+    about: &Neighbourhood<'_>,
     sight: &Sight,
     state: &State,
     scene: &Scene,
 ) -> Vec<[f64; 2]> {
-    let before = Seen::new(at.acting(), experiment.scene());
+    let before = Seen::new(about.at.acting(), experiment.scene());
     let camera = Seen::new(state.acting(), scene).moved(experiment.motion());
     let Look {
         loaded, gradient, ..
-    } = &here.look;
+    } = &about.here.look;
     let points = sight.all();
     let report = |k: usize| {
         let (p, u, g) = (points[k], loaded[k], gradient[k]);
@@ -130,25 +122,4 @@ fn reported(
         camera.report_at_rest(p, moved)
     };
     (0..points.len()).map(report).collect()
-}
-
-/// What parameter `k` of an effect raised by some border units does more, mm at the sight's points, where the camera's axis lies `mm`
-/// farther along direction `axis` (1 or 2) of the picture.
-pub fn beyond_the_axis(
-    experiment: &dyn FieldSolver,
-    (at, here): (&State, &Prediction),
-    sight: &Sight,
-    (effect, k, by): (&'static dyn Effect, usize, f64),
-    (axis, mm): (usize, f64),
-) -> Vec<[f64; 2]> {
-    let mut turned = at.clone();
-    turned.shift(effect, k, by);
-    let change = |mm: f64| {
-        let mut scene = experiment.scene().clone();
-        scene.middle[axis] += mm;
-        let of = |state: &State| reported(experiment, (at, here), sight, state, &scene);
-        quotient([&of(&turned), &of(at)], 1.0)
-    };
-    let difference = quotient([&change(mm), &change(-mm)], 2.0);
-    gauged(experiment.gauge(), sight, &difference)
 }

@@ -115,7 +115,18 @@ impl Moving {
 }
 
 impl SeriesState {
-    /// The state with the amplitude of an effect's parameter raised by some border units: of a motion in each step times its weight.
+    /// The state of a single field.
+    pub fn of_one_step(shared: State) -> Self {
+        Self {
+            shared,
+            loads: vec![1.0],
+            rigid: vec![RigidMotion::NONE],
+            moving: Vec::new(),
+        }
+    }
+
+    /// The state with the amplitude of an effect's parameter raised by some border units: of one that has a law in each step times its
+    /// weight; without weights in all steps.
     #[must_use]
     pub fn raised(
         &self,
@@ -125,7 +136,7 @@ impl SeriesState {
         weights: &[f64],
     ) -> Self {
         let mut state = self.clone();
-        if effect.scope() != Scope::Motion {
+        if weights.is_empty() {
             state.shared.shift(effect, parameter, by);
             return state;
         }
@@ -143,14 +154,24 @@ impl SeriesState {
         state
     }
 
-    /// The stated amplitude, in border units, of an effect that moves the specimen by one law.
-    pub fn moved(&self, effect: &dyn Effect, weights: &[f64]) -> Vec<f64> {
+    /// The stated amplitude of an effect, in border units: of one that has a law by its weights in the steps, without weights in all steps.
+    pub fn amplitude(&self, effect: &dyn Effect, weights: &[f64]) -> Vec<f64> {
+        if weights.is_empty() {
+            return self.shared.amplitude(effect);
+        }
         let mut moving = self.moving.iter();
         let acts = |m: &&Moving| m.effect.name() == effect.name() && m.weights == weights;
         moving.find(acts).map_or_else(
             || vec![0.0; effect.parameters().len()],
             |m| m.amplitude.clone(),
         )
+    }
+
+    /// Take an effect out, however it acts.
+    pub fn remove(&mut self, effect: &'static dyn Effect) {
+        self.shared
+            .set(effect, vec![0.0; effect.parameters().len()]);
+        self.moving.retain(|m| m.effect.name() != effect.name());
     }
 
     /// Effects that act on the picture of a step.

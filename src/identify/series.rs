@@ -4,8 +4,9 @@ use nalgebra::DVector;
 
 use super::inverse::With;
 use crate::error::Result;
-use crate::infer::{Column, Observation, Stepped, SteppedColumn, Steps};
+use crate::infer::{Observation, SteppedColumn, Steps};
 use crate::laminate::MeanSd;
+use crate::linearise::{AtPlaces, Column, Forward};
 
 /// The observation with its displacement replaced by what grows with the load over its steps, linear in the declared effects' amplitudes about
 /// what tracing found of them, and with their columns.
@@ -23,26 +24,28 @@ pub fn combined(with: &With<'_>, mut observation: Observation) -> Result<Observa
     let declared = model.stepped();
     if !declared.is_empty() {
         let ones = vec![1; points.len()];
-        let stepped = Stepped {
+        let forward = Forward {
             model,
-            experiment,
-            sight: &observation.sight,
-            steps,
-            places: points,
-            counts: &ones,
-            average: &|u| u.to_vec(),
+            observing: Box::new(AtPlaces {
+                experiment,
+                sight: &observation.sight,
+                steps,
+                places: points,
+                counts: &ones,
+                blocks: None,
+            }),
             step: &|| (),
         };
         let traced = model.traced.as_ref();
         let at = traced.map_or_else(
-            || stepped.start(model.state(&|_| None)),
+            || forward.beginning(model.state(&|_| None)),
             |t| t.state.clone(),
         );
-        let here = stepped.here(&at)?;
-        let (with, without) = (here.predicted(), here.without(&declared)?);
+        let here = forward.about(&at)?;
+        let (with, without) = (here.predicted()?, here.without(&declared)?);
         let mut remainder = sum(steps, points.len(), |c, k| with[c][k] - without[c][k]);
-        for acts in &declared {
-            for column in here.columns(acts)? {
+        for effect in &declared {
+            for column in here.columns(effect)? {
                 let field = of_column(steps, points.len(), &column);
                 // amplitudes count from 0 in the fit, wherever their priors lie
                 for (left, u) in remainder.iter_mut().zip(&field) {

@@ -1,9 +1,8 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
-mod acts;
-mod column;
 mod design_box;
 mod disturbed;
+mod effect_under_law;
 mod frequencies;
 mod joint;
 mod kernel;
@@ -21,18 +20,15 @@ mod series;
 mod simulated;
 mod sizes;
 mod statistics;
-mod stepped;
 mod steps;
 mod supplied;
 mod tabulated;
 mod tension;
 mod traced;
-mod unknown_axis;
 mod version1;
 
-pub use acts::{Acts, Amplitude};
-pub use column::{Column, divide};
 pub use disturbed::Disturbed;
+pub use effect_under_law::{Amplitude, EffectUnderLaw};
 pub use frequencies::{FrequenciesFile, FrequenciesModel, MODEL_ERROR, Peaks, Seen, joint};
 pub use joint::{Joint, Member};
 pub use known::Known;
@@ -43,8 +39,8 @@ pub use plate_information::plate_information;
 pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
+pub use sizes::FREE_MM;
 pub use statistics::{Statistics, Whitened};
-pub use stepped::{AXIS_MM, Here, LENS, PIVOT_MM, Stack, Stepped, WEAK};
 pub use steps::Steps;
 pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};
 pub use tension::{Moments, Tension};

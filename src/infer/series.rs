@@ -1,6 +1,6 @@
 //! A model whose measurement is a load series.
 
-use super::acts::Acts;
+use super::effect_under_law::EffectUnderLaw;
 use super::model::Model;
 use crate::effect::{Effect, Scope};
 use crate::error::{Error, Result};
@@ -37,17 +37,17 @@ impl Model {
     }
 
     /// Declared effects of a series that take part by columns over its steps, beside rigid motion in the plane, which every step has.
-    pub fn stepped(&self) -> Vec<Acts> {
+    pub fn stepped(&self) -> Vec<EffectUnderLaw> {
         let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
         let other = stepped.filter(|e| !e.name().starts_with("rigid_"));
-        other.map(|e| self.acts(*e)).collect()
+        other.map(|e| self.under_law(*e)).collect()
     }
 
     /// A declared effect of a series with its law.
-    pub fn acts(&self, effect: &'static dyn Effect) -> Acts {
+    pub fn under_law(&self, effect: &'static dyn Effect) -> EffectUnderLaw {
         let moves = effect.scope() == Scope::Motion;
         let law = self.experiment().laws.get(effect.name()).copied();
-        Acts {
+        EffectUnderLaw {
             effect,
             law: moves.then_some(law.unwrap_or(Law::Load)),
         }
@@ -60,6 +60,6 @@ impl Model {
             .steps
             .as_ref()
             .is_some_and(|s| s.len() > 1);
-        several && self.acts(effect).is_stepped()
+        several && self.under_law(effect).is_stepped()
     }
 }

@@ -1,9 +1,11 @@
 //! How large effects may plausibly be in a series of image correlation.
 
-use super::stepped::FREE_MM;
-use super::{Model, Stepped};
+use super::Model;
 use crate::effect::{Effect, Scene, amplitude_name};
 use crate::laminate::abd;
+
+/// Prior sd of a motion in the plane, mm and, over the picture, rad: as good as none.
+pub const FREE_MM: f64 = 10.0;
 
 /// What image correlation may be expected to show of an effect, prior sds in border units in place of the dictionary's (prototype study);
 /// of a motion towards the camera as a share of its distance.
@@ -33,20 +35,14 @@ fn far_strain(scene: &Scene) -> f64 {
     compliance.map_or(0.0, |c| c[(0, 0)] * setup.load.axial.abs() / (high - low))
 }
 
-impl Stepped<'_> {
-    /// Prior sd of an amplitude of a series, border units.
-    pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> f64 {
-        self.model.prior_sd_seen(self.scene(), effect, k)
-    }
-}
-
 impl Model {
     /// Prior sd of an amplitude of a series, border units.
     pub fn prior_sd_in_series(&self, effect: &dyn Effect, k: usize) -> f64 {
-        self.prior_sd_seen(&self.scene(), effect, k)
+        self.prior_sd_pictured(&self.scene(), effect, k)
     }
 
-    fn prior_sd_seen(&self, scene: &Scene, effect: &dyn Effect, k: usize) -> f64 {
+    /// The same in a scene.
+    pub fn prior_sd_pictured(&self, scene: &Scene, effect: &dyn Effect, k: usize) -> f64 {
         let name = amplitude_name(effect, &effect.parameters()[k]);
         if let Some(own) = self.experiment().plausible.get(&name) {
             return *own;

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::subsets::{Subset, Subsets};
+use super::subsets::{Subset, SubsetPosterior};
 use super::weighing::Projected;
 use crate::noise::NormalEquations;
 
@@ -13,7 +13,7 @@ pub const SWAP: f64 = 5.0;
 
 /// The effects, or pairs of effects, that could stand in for one of the best subset.
 #[derive(Debug, Clone)]
-pub struct Group {
+pub struct AliasGroup {
     /// The member of the best subset.
     pub leader: usize,
     /// All single members, the leader among them, the likeliest first.
@@ -27,10 +27,10 @@ pub struct Group {
 }
 
 /// The groups of the best subset, the costliest to drop first.
-pub fn groups(subsets: &Subsets) -> Vec<Group> {
+pub fn groups(subsets: &SubsetPosterior) -> Vec<AliasGroup> {
     let best = subsets.best().clone();
     let reference = subsets.log_evidence(&best);
-    let mut groups: Vec<Group> = best
+    let mut groups: Vec<AliasGroup> = best
         .iter()
         .map(|&leader| group(subsets, &best, leader, reference))
         .collect();
@@ -38,7 +38,7 @@ pub fn groups(subsets: &Subsets) -> Vec<Group> {
     groups
 }
 
-fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Group {
+fn group(subsets: &SubsetPosterior, best: &Subset, leader: usize, reference: f64) -> AliasGroup {
     let without: Subset = best.iter().copied().filter(|&k| k != leader).collect();
     let with = |more: &[usize]| {
         let mut s: Subset = without.iter().chain(more).copied().collect();
@@ -76,7 +76,7 @@ fn group(subsets: &Subsets, best: &Subset, leader: usize, reference: f64) -> Gro
         members.iter().any(|k| s.contains(k))
             || pairs.iter().any(|[a, b]| s.contains(a) && s.contains(b))
     });
-    Group {
+    AliasGroup {
         leader,
         members,
         pairs,
@@ -99,7 +99,7 @@ pub struct Lookalike {
 }
 
 /// What resembles a group's leader as it acts in the best subset, members of the group or not, the most similar first.
-pub fn lookalikes(subsets: &Subsets, group: &Group) -> Vec<Lookalike> {
+pub fn lookalikes(subsets: &SubsetPosterior, group: &AliasGroup) -> Vec<Lookalike> {
     let best = subsets.best();
     let (mean, _) = subsets.amplitudes(best);
     let before = best.iter().take_while(|k| **k != group.leader);

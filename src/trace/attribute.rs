@@ -1,33 +1,30 @@
 //! Tracing: which effects of the dictionary the data ask for beyond a fitted model, what could stand in for them, and what
-//! the data could not have shown.
+//! the data could not have shown. The steps of a load series tell apart what one field only groups.
+//!
+//! Whole loops over 57 series that the tests simulate (`tests/dic`: camera, subsets and noise of their own; nulls, single effects, pairs,
+//! many small ones, smooth noise, culprits of no dictionary) gave one wrong name (a decentred lens, which is in no dictionary, as a tilted
+//! camera), and the quoted 95 % intervals held 171 of 176 constants; of the five series of an independent program 16 of 16.
 
 use std::sync::Arc;
 
-use super::account::{About, Account};
-use super::alias::groups;
-use super::evidence::{Evidence, evidence};
-use super::insoluble::without_insoluble;
+use super::converged::PointSearch;
 use super::recording;
-use super::ridge::{CONVERGED, STEPS, at_ridge};
-use super::sensitivities::{Few, Linearised, Measured};
-use super::series::attribute_series;
-use super::sought::candidates;
+use super::sought::{acting_in, candidates};
+use super::stiffness::stiffness_field;
+use super::traced::{LinearisationPoint, Traced, forward};
 use super::tracing::Tracing;
-use super::weighing::Weighing;
-use crate::effect::{Effect, Kind};
+use crate::effect::{Effect, amplitude_name};
 use crate::error::Result;
 use crate::experiment::State;
+use crate::experiment::series::SeriesState;
 use crate::field::Field;
 use crate::identify::{Prepared, is_clear};
-use crate::infer::{Model, divide};
+use crate::infer::{EffectUnderLaw, Model, TracedSeries};
+use crate::linearise::{Forward, Measured, insoluble, without_insoluble};
 use crate::progress::Progress;
 
-/// Passes of linearisation, each with the strongest effect at its estimate: linearising at several new effects at once oscillated on a
-/// large offset of the hole (prototype study).
-const PASSES: usize = 4;
-
 /// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`, to the effects that are
-/// `wanted` by name; with the account that this rests on.
+/// `wanted` by name; with what this rests on.
 ///
 /// # Errors
 /// Those of finite-element solutions; too few blocks for the dictionary.
@@ -37,201 +34,166 @@ pub fn attribute(
     start: State,
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
-) -> Result<(Tracing, Account)> {
-    if let Some(steps) = &prepared.observation.steps {
-        return attribute_series(model, prepared, steps, start, wanted, progress);
-    }
+) -> Result<(Tracing, Traced)> {
     let (mut effects, left_out) = candidates(model);
     effects.retain(|e| wanted(e.name()));
-    let field = &prepared.observation.field;
+    let measured = measured(prepared, &prepared.observation.field);
+    let step = || progress.step();
+    let tracer = Tracer {
+        forward: &forward(model, prepared, &measured, &step),
+        measured: &measured,
+        prepared,
+        progress,
+    };
+    let begun = match &model.traced {
+        Some(traced) => traced.state.clone(),
+        None => tracer.forward.beginning(start),
+    };
     without_insoluble(
-        effects,
-        &|e| e.name(),
-        &|effects| {
-            let measured = measured(prepared, field);
-            linearised(model, prepared, &measured, &|| ()).insoluble(&start, effects)
-        },
-        &|effects, insoluble| {
-            let (mut tracing, account) =
-                attribute_field(model, prepared, start.clone(), effects, progress)?;
-            tracing.left_out = left_out.iter().cloned().chain(insoluble).collect();
-            Ok((tracing, account))
+        tracer.sought(&effects),
+        &|sought| insoluble(tracer.forward, &begun, sought),
+        &|sought, left| {
+            let (mut tracing, traced) = tracer.trace(&begun, sought)?;
+            tracing.left_out = left_out.iter().cloned().chain(left).collect();
+            Ok((tracing, traced))
         },
     )
 }
 
-fn attribute_field(
-    model: &Model,
-    prepared: &Prepared,
-    start: State,
-    effects: Vec<&'static dyn Effect>,
-    progress: &dyn Progress,
-) -> Result<(Tracing, Account)> {
-    let own = &prepared.observation.field;
-    progress.begin("the field at the constants found", None);
-    let (corrected, mut jumps) =
-        recording::find_jumps(model, own, &prepared.predict(&start)?.field)?;
-    progress.end();
-    let trace = |field: &Field| trace_field(model, prepared, field, &start, &effects, progress);
-    let mut traced = None;
-    if jumps.is_some() {
-        // what an effect leaves may be as steep as a smeared jump: a jump is still there once the strongest effect acts
-        let plain = trace(own)?;
-        if !recording::may_jump(model, own, &prepared.predict(&plain.state)?.field) {
-            jumps = None;
-            traced = Some(plain);
-        }
-    }
-    let field = corrected.as_ref().filter(|_| jumps.is_some());
-    let field = field.unwrap_or(own);
-    let Traced {
-        state,
-        size_mm,
-        evidence,
-    } = traced.map_or_else(|| trace(field), Ok)?;
-    progress.begin("tracing: held-out blocks, blind spots", None);
-    let mut tracing = evidence.tracing(&state.constants)?;
-    let phase = recording::find_phase(model, field, &prepared.predict(&state)?.field)?;
-    tracing.add_recorded(jumps, phase);
-    progress.end();
-    let about = About::Field {
-        state,
-        sought: effects,
-        size_mm,
-    };
-    Ok((tracing, Account { evidence, about }))
+/// The blocks of a field, of a series those of all steps.
+fn measured(prepared: &Prepared, field: &Field) -> Arc<Measured> {
+    let Prepared {
+        problem,
+        observation,
+        ..
+    } = prepared;
+    let geometry = &*problem.experiment.scene().setup.geometry;
+    let used = |i: usize| is_clear(geometry, field.points[i]);
+    let observed = (&observation.sight, observation.steps.as_ref());
+    Arc::new(Measured::new(field, &*problem.experiment, observed, used))
 }
 
-/// A field with what was weighed of it, and the state about which it was.
-struct Traced {
-    state: State,
-    size_mm: f64,
-    evidence: Evidence,
-}
-
-fn measured(prepared: &Prepared, field: &Field) -> Measured {
-    let geometry = &*prepared.problem.experiment.scene().setup.geometry;
-    Measured::new(field, |i| is_clear(geometry, field.points[i]))
-}
-
-/// Root mean square of the displacements, mm.
-fn size_mm(field: &Field) -> f64 {
-    let square: f64 = field.displacement.iter().flatten().map(|u| u * u).sum();
-    (square / field.len().max(1) as f64).sqrt()
-}
-
-/// A prepared model to be linearised over a field's blocks.
-fn linearised<'a>(
-    model: &'a Model,
+/// What was measured, and its forward model.
+#[derive(Clone, Copy)]
+struct Tracer<'a> {
+    forward: &'a Forward<'a>,
+    measured: &'a Arc<Measured>,
     prepared: &'a Prepared,
-    measured: &'a Measured,
-    step: &'a (dyn Fn() + Sync),
-) -> Linearised<'a> {
-    Linearised {
-        model,
-        experiment: &*prepared.problem.experiment,
-        size_mm: size_mm(&prepared.observation.field),
-        few: Few::new(prepared, &measured.blocks),
-        step,
-    }
+    progress: &'a dyn Progress,
 }
 
-fn trace_field(
-    model: &Model,
-    prepared: &Prepared,
-    field: &Field,
-    start: &State,
-    effects: &[&'static dyn Effect],
-    progress: &dyn Progress,
-) -> Result<Traced> {
-    let measured = Arc::new(measured(prepared, field));
-    let step = || progress.step();
-    let linearised = Linearised {
-        size_mm: size_mm(field),
-        ..linearised(model, prepared, &measured, &step)
-    };
-    let mut state = start.clone();
-    let evidence = converged(&linearised, &measured, &mut state, effects, progress)?;
-    Ok(Traced {
-        state,
-        size_mm: linearised.size_mm,
-        evidence,
-    })
-}
-
-/// Linearise and weigh, with the strongest effect of the best subset in the state, until that effect and its amplitudes repeat.
-fn converged(
-    linearised: &Linearised<'_>,
-    measured: &Arc<Measured>,
-    state: &mut State,
-    effects: &[&'static dyn Effect],
-    progress: &dyn Progress,
-) -> Result<Evidence> {
-    let mut leader: Option<usize> = None;
-    let mut pass = 0;
-    loop {
-        pass += 1;
-        let [own, sought] = linearised.columns(effects);
-        let most = (1 + STEPS) * own + sought;
-        let count = effects.len();
-        let what = format!("tracing, pass {pass}: sensitivities to {count} effects");
-        progress.begin(&what, Some(most as u64));
-        let sensitivities = at_ridge(linearised, measured, state, effects)?;
-        progress.end();
-        let what = format!("tracing, pass {pass}: effects against noise");
-        progress.begin(&what, Some(Weighing::steps() as u64));
-        let found = evidence(sensitivities, measured, &|| progress.step())?;
-        let strongest = groups(&found.subsets).first().map(|g| g.leader);
-        progress.say(strongest.map_or("no effect", |k| effects[k].name()));
-        progress.end();
-        let Some(k) = strongest.filter(|_| pass < PASSES) else {
-            return Ok(found);
-        };
-        let moved = adopt(state, &found, k, leader);
-        leader = Some(k);
-        if moved < CONVERGED {
-            return Ok(found);
+impl Tracer<'_> {
+    /// How effects may act.
+    fn sought(&self, effects: &[&'static dyn Effect]) -> Vec<EffectUnderLaw> {
+        match &self.prepared.observation.steps {
+            Some(steps) => acting_in(effects, &steps.loads),
+            None => EffectUnderLaw::without_laws(effects),
         }
     }
-}
 
-/// Take the best subset's amplitudes of its strongest effect into the state; how far they move, in prior sds. The effect
-/// taken in before, if it is another one now, leaves the state.
-fn adopt(state: &mut State, evidence: &Evidence, leader: usize, before: Option<usize>) -> f64 {
-    let (sensitivities, subsets) = (&evidence.sensitivities, &evidence.subsets);
-    if let Some(old) = before.filter(|old| *old != leader) {
-        let effect = sensitivities.candidates[old].effect;
-        state.set(effect, vec![0.0; effect.parameters().len()]);
+    fn trace(&self, begun: &SeriesState, sought: Vec<EffectUnderLaw>) -> Result<(Tracing, Traced)> {
+        if self.prepared.observation.steps.is_some() {
+            return self.series(begun, sought);
+        }
+        self.field(begun, sought)
     }
-    let best = subsets.best();
-    let (mean, _) = subsets.amplitudes(best);
-    let at = best
-        .iter()
-        .take_while(|k| **k != leader)
-        .map(|&k| subsets.layout.ranges[k].len())
-        .sum::<usize>();
-    let candidate = &sensitivities.candidates[leader];
-    let columns = &candidate.columns[..candidate.effect.parameters().len()];
-    let wanted = columns.iter().enumerate();
-    let mut wanted: Vec<f64> = wanted
-        .map(|(j, column)| column.mean + column.sd * mean[at + j])
-        .collect();
-    divide(columns, &mut wanted);
-    let mut moved = 0.0_f64;
-    let amplitude = columns
-        .iter()
-        .zip(candidate.effect.parameters())
-        .zip(wanted)
-        .map(|((column, parameter), wanted)| {
-            let kept = wanted.clamp(-0.9 * parameter.bound, 0.9 * parameter.bound);
-            moved = moved.max((kept - column.at).abs() / column.sd);
-            kept
-        })
-        .collect();
-    state.set(candidate.effect, amplitude);
-    if candidate.effect.kind() == Kind::Additive {
-        // linear: the sensitivities do not depend on the amplitude
-        return 0.0;
+
+    /// One field, in which what the recording added is corrected.
+    fn field(&self, begun: &SeriesState, sought: Vec<EffectUnderLaw>) -> Result<(Tracing, Traced)> {
+        let (model, prepared) = (self.forward.model, self.prepared);
+        let own = &prepared.observation.field;
+        self.progress
+            .begin("the field at the constants found", None);
+        let (corrected, mut jumps) =
+            recording::find_jumps(model, own, &prepared.predict(&begun.shared)?.field)?;
+        self.progress.end();
+        let mut plain = None;
+        if jumps.is_some() {
+            // what an effect leaves may be as steep as a smeared jump: a jump is still there once the strongest effect acts
+            let found = self.converged(begun, &sought)?;
+            let shown = prepared.predict(&found.point.state.shared)?.field;
+            if !recording::may_jump(model, own, &shown) {
+                jumps = None;
+                plain = Some(found);
+            }
+        }
+        let field = corrected.as_ref().filter(|_| jumps.is_some());
+        let field = field.unwrap_or(own);
+        let traced = match plain {
+            Some(traced) => traced,
+            None if jumps.is_some() => self.corrected(field, begun, &sought)?,
+            None => self.converged(begun, &sought)?,
+        };
+        self.progress
+            .begin("tracing: held-out blocks, blind spots", None);
+        let shared = &traced.point.state.shared;
+        let mut tracing = traced.evidence.tracing(&shared.constants)?;
+        let phase = recording::find_phase(model, field, &prepared.predict(shared)?.field)?;
+        tracing.add_recorded(jumps, phase);
+        self.progress.end();
+        Ok((tracing, traced))
     }
-    moved
+
+    /// A series, in which a field of the stiffness may be the rival of a discrepancy.
+    fn series(
+        &self,
+        begun: &SeriesState,
+        sought: Vec<EffectUnderLaw>,
+    ) -> Result<(Tracing, Traced)> {
+        let traced = self.converged(begun, &sought)?;
+        self.progress
+            .begin("tracing: held-out blocks, blind spots", None);
+        let Traced { evidence, point } = &traced;
+        let mut tracing = evidence.tracing(&point.state.shared.constants)?;
+        if tracing.leaves_structure() {
+            tracing.add_stiffness(stiffness_field(self.forward, evidence, &point.state)?);
+        }
+        let added = tracing.accepted.into_iter().flat_map(|effect| {
+            let parameters = effect.parameters().iter().enumerate();
+            parameters.map(move |(k, p)| (amplitude_name(effect, p), (effect, k)))
+        });
+        let observing = &self.forward.observing;
+        let prior_sd = |effect, k| observing.prior_sd(self.forward.model, effect, k);
+        let added = added.map(|(name, (effect, k))| (name, prior_sd(effect, k)));
+        tracing.series = Some(TracedSeries {
+            plausible: added.collect(),
+            state: point.state.clone(),
+            amplitudes: evidence.amplitudes(),
+        });
+        self.progress.end();
+        Ok((tracing, traced))
+    }
+
+    /// The same of a field whose jumps are corrected.
+    fn corrected(
+        &self,
+        field: &Field,
+        begun: &SeriesState,
+        sought: &[EffectUnderLaw],
+    ) -> Result<Traced> {
+        let measured = measured(self.prepared, field);
+        let Forward { model, step, .. } = *self.forward;
+        Tracer {
+            forward: &forward(model, self.prepared, &measured, step),
+            measured: &measured,
+            ..*self
+        }
+        .converged(begun, sought)
+    }
+
+    /// What was measured, linearised and weighed until the strongest effect repeats.
+    fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
+        let search = PointSearch {
+            forward: self.forward,
+            measured: self.measured,
+            progress: self.progress,
+            point: LinearisationPoint {
+                state: begun.clone(),
+                declared: self.forward.declared(),
+                sought: sought.to_vec(),
+            },
+        };
+        let (evidence, point) = search.converged()?;
+        Ok(Traced { evidence, point })
+    }
 }

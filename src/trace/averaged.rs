@@ -7,13 +7,14 @@ use statrs::function::erf::erfc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::sensitivities::{Column, Sensitivities};
-use super::subsets::{SIZES, Subset, Subsets, log_sum};
-use super::weighing::{NoisePair, Weighing};
+use super::noise_choices::NoisePair;
+use super::subsets::{SIZES, Subset, SubsetPosterior, log_sum};
+use super::weighing::Weighing;
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
 use crate::files::Keyed;
-use crate::infer::LENS;
+use crate::linearise::LENS;
+use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
 
@@ -50,7 +51,7 @@ pub struct BlindSpot {
 }
 
 /// A normal component of a mixture.
-pub struct Part {
+pub struct AveragedPart {
     pub log_weight: f64,
     mean: Vec<f64>,
     sd: Vec<f64>,
@@ -65,17 +66,17 @@ pub struct Part {
 pub fn averaged(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
-    subsets: &Subsets,
+    subsets: &SubsetPosterior,
 ) -> Result<Keyed<Interval>> {
     let parts = choices(weighing, sensitivities, subsets)?;
-    let parts: Vec<Part> = parts.into_iter().map(|chosen| chosen.part).collect();
+    let parts: Vec<AveragedPart> = parts.into_iter().map(|chosen| chosen.part).collect();
     Ok(mixtures(sensitivities, &parts))
 }
 
 /// A part of the mixture of [`averaged`] with what it supposes.
-pub struct Chosen {
+pub struct ChosenSubset {
     /// Its posterior weight and the constants.
-    pub part: Part,
+    pub part: AveragedPart,
     /// Log prior probability of the effects that act.
     pub log_prior: f64,
     /// Candidates that act with their full prior sds, and the size of all others over theirs, but for what is [`unseen`].
@@ -92,9 +93,12 @@ pub struct Chosen {
 pub fn choices(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
-    subsets: &Subsets,
-) -> Result<Vec<Chosen>> {
-    let least = weighing.series().map_or(MULTIPLES[0], |_| LEAST_MULTIPLE);
+    subsets: &SubsetPosterior,
+) -> Result<Vec<ChosenSubset>> {
+    let least = weighing
+        .noise
+        .by_frames()
+        .map_or(MULTIPLES[0], |_| LEAST_MULTIPLE);
     let unseen = unseen(weighing, sensitivities, subsets)?;
     let mut all = Vec::new();
     for (own, pair, log_prior) in subsets.likeliest(PAIRS) {
@@ -108,7 +112,7 @@ pub fn choices(
             };
             let mut part = part_of(weighing, sensitivities, &weighing.pairs[pair], &sizes)?;
             part.log_weight += log_prior;
-            all.push(Chosen {
+            all.push(ChosenSubset {
                 part,
                 log_prior,
                 own: own.clone(),
@@ -130,10 +134,10 @@ pub fn choices(
 pub fn unseen(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
-    subsets: &Subsets,
+    subsets: &SubsetPosterior,
 ) -> Result<Vec<bool>> {
     let candidates = &sensitivities.candidates;
-    if weighing.series().is_some() {
+    if weighing.noise.by_frames().is_some() {
         return Ok(vec![
             false;
             candidates.iter().map(|c| c.columns.len()).sum()
@@ -186,7 +190,7 @@ pub fn part(
     sensitivities: &Sensitivities,
     pair: &NoisePair,
     [effects, rival]: [f64; 2],
-) -> Result<Part> {
+) -> Result<AveragedPart> {
     let sizes = Sizes {
         own: &[],
         effects,
@@ -200,7 +204,7 @@ fn part_of(
     sensitivities: &Sensitivities,
     pair: &NoisePair,
     sizes: &Sizes<'_>,
-) -> Result<Part> {
+) -> Result<AveragedPart> {
     let (_, fit) = fit_of(weighing, sensitivities, pair, sizes)?;
     let columns = sensitivities.base.iter().take(sensitivities.constants);
     let (solved, covariance) = (fit.mean(), fit.covariance());
@@ -209,7 +213,7 @@ fn part_of(
         .enumerate()
         .map(|(k, c)| (c.mean + c.sd * of(k).0, c.sd * of(k).1));
     let (mean, sd) = moments.unzip();
-    Ok(Part {
+    Ok(AveragedPart {
         log_weight: weighing.log_data(pair) + fit.log_evidence(),
         mean,
         sd,
@@ -279,7 +283,7 @@ fn fit_of(
 }
 
 /// The constants' mixtures of weighted parts.
-pub fn mixtures(sensitivities: &Sensitivities, parts: &[Part]) -> Keyed<Interval> {
+pub fn mixtures(sensitivities: &Sensitivities, parts: &[AveragedPart]) -> Keyed<Interval> {
     let total = log_sum(parts.iter().map(|p| p.log_weight));
     let columns = sensitivities.base.iter().take(sensitivities.constants);
     let mixed = |(k, c): (usize, &Column)| {
@@ -306,16 +310,16 @@ fn above_zero(mean: f64, sd: f64) -> (f64, f64, f64) {
 const LEAST_SHARE: f64 = 1e-12;
 
 /// The mixture of one constant; of a modulus, what lies above zero of it.
-fn mixture(parts: &[Part], total: f64, k: usize, modulus: bool) -> Interval {
-    let share = |p: &Part| above_zero(p.mean[k], p.sd[k]).0;
-    let positive: Vec<&Part> = parts.iter().filter(|p| share(p) > LEAST_SHARE).collect();
+fn mixture(parts: &[AveragedPart], total: f64, k: usize, modulus: bool) -> Interval {
+    let share = |p: &AveragedPart| above_zero(p.mean[k], p.sd[k]).0;
+    let positive: Vec<&AveragedPart> = parts.iter().filter(|p| share(p) > LEAST_SHARE).collect();
     let cut = modulus && !positive.is_empty();
-    let kept: Vec<&Part> = if cut {
+    let kept: Vec<&AveragedPart> = if cut {
         positive
     } else {
         parts.iter().collect()
     };
-    let log_weight = |p: &Part| p.log_weight + if cut { share(p).ln() } else { 0.0 };
+    let log_weight = |p: &AveragedPart| p.log_weight + if cut { share(p).ln() } else { 0.0 };
     // most of the probability may lie where a modulus cannot be
     let total = if cut {
         log_sum(kept.iter().map(|p| log_weight(p)))
@@ -337,7 +341,7 @@ fn mixture(parts: &[Part], total: f64, k: usize, modulus: bool) -> Interval {
         .sum();
     let sd = variance.sqrt();
     let below = |x: f64| -> f64 {
-        let one = |p: &&Part| {
+        let one = |p: &&AveragedPart| {
             let normal = |x: f64| 0.5 * erfc((p.mean[k] - x) / (p.sd[k] * SQRT_2));
             let within = if cut {
                 (normal(x) - normal(0.0)).max(0.0) / share(p)

@@ -13,7 +13,6 @@
 
 use std::time::Instant;
 
-use super::account::Account;
 use super::attribute::attribute;
 use super::averaged::Interval;
 use super::axis::entail_strain;
@@ -22,6 +21,7 @@ use super::extend::extended;
 use super::quoted::{Quoted, Supposing, quote};
 use super::refused::Refused;
 use super::round::Round;
+use super::traced::Traced;
 use super::tracing::Tracing;
 use super::vetoes::{contradiction, surrogate};
 use crate::error::{Blame, Error, Result};
@@ -253,14 +253,14 @@ impl Loop<'_, '_> {
     fn round(&self, course: &Course, model: Model, found: Identification) -> Result<Round> {
         let start = start(&model, &found);
         let prepared = &found.inverse.prepared;
-        let (tracing, account) = self.attribute(&course.refused, &model, prepared, start)?;
+        let (tracing, traced) = self.attribute(&course.refused, &model, prepared, start)?;
         prepared.problem.experiment.rest();
         Ok(Round {
             attempt: course.attempts,
             model,
             identification: found,
             tracing,
-            account,
+            traced,
         })
     }
 
@@ -273,10 +273,10 @@ impl Loop<'_, '_> {
         let about = refit.as_ref().unwrap_or(&round);
         let start = start(&about.model, &about.identification);
         let prepared = &round.identification.inverse.prepared;
-        let (tracing, account) = self.attribute(&refused, &round.model, prepared, start)?;
+        let (tracing, traced) = self.attribute(&refused, &round.model, prepared, start)?;
         course.rounds.push(Round {
             tracing,
-            account,
+            traced,
             ..round
         });
         Ok(Course { refused, ..course }.next(self.most))
@@ -289,10 +289,10 @@ impl Loop<'_, '_> {
         model: &Model,
         prepared: &Prepared,
         start: State,
-    ) -> Result<(Tracing, Account)> {
+    ) -> Result<(Tracing, Traced)> {
         let wanted = |name: &str| refused.may_be_sought(name);
-        let (tracing, account) = attribute(model, prepared, start, &wanted, self.progress)?;
-        Ok((tracing.without(refused), account))
+        let (tracing, traced) = attribute(model, prepared, start, &wanted, self.progress)?;
+        Ok((tracing.without(refused), traced))
     }
 
     /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt. One that

@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 
-use super::alias::{Group, SIMILAR, cosine, groups, lookalikes};
+use super::alias::{AliasGroup, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
-use super::left_out::LeftOut;
-use super::sensitivities::{Column, Measured, Sensitivities};
-use super::subsets::{Subset, Subsets};
+use super::left_out::HeldOutSteps;
+use super::linearity::linearity;
+use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::suspect;
 use super::tracing::{Found, Named, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::LOAD_SCALE;
 use crate::error::Result;
 use crate::experiment::series::Law;
-use crate::noise::series::Frames;
+use crate::linearise::{Column, Measured, Sensitivities};
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
 /// unseen fields and silent in 3 of 3 without an effect; the program as built in 30 of 33, without a false alarm.
@@ -41,7 +41,7 @@ pub struct Evidence {
     pub sensitivities: Sensitivities,
     pub(super) weighing: Weighing,
     /// The posterior over subsets.
-    pub subsets: Subsets,
+    pub subsets: SubsetPosterior,
 }
 
 /// Weigh every subset of the candidates, and every choice of the noise's hyperparameters, against the data. `step` is called
@@ -55,37 +55,13 @@ pub fn evidence(
     step: &(dyn Fn() + Sync),
 ) -> Result<Evidence> {
     let weighing = Weighing::new(measured, &sensitivities, step)?;
-    Evidence::new(sensitivities, measured, weighing)
-}
-
-/// The same of a load series.
-///
-/// # Errors
-/// Those of [`evidence`].
-pub fn evidence_of_series(
-    frames: &Frames<'_>,
-    sensitivities: Sensitivities,
-    measured: &Arc<Measured>,
-    step: &(dyn Fn() + Sync),
-) -> Result<Evidence> {
-    let weighing = Weighing::of_series(frames, measured, &sensitivities, step)?;
-    Evidence::new(sensitivities, measured, weighing)
-}
-
-impl Evidence {
-    fn new(
-        sensitivities: Sensitivities,
-        measured: &Arc<Measured>,
-        weighing: Weighing,
-    ) -> Result<Self> {
-        let subsets = Subsets::new(&weighing, &sensitivities.candidates)?;
-        Ok(Evidence {
-            measured: Arc::clone(measured),
-            sensitivities,
-            weighing,
-            subsets,
-        })
-    }
+    let subsets = SubsetPosterior::new(&weighing, &sensitivities.candidates)?;
+    Ok(Evidence {
+        measured: Arc::clone(measured),
+        sensitivities,
+        weighing,
+        subsets,
+    })
 }
 
 impl Evidence {
@@ -105,8 +81,8 @@ impl Evidence {
             &self.measured,
             &self.sensitivities,
             &self.subsets.layout.ranges,
-            self.weighing.variances(pair, blocks),
-            LeftOut::new(
+            self.weighing.noise.variances(pair, blocks),
+            HeldOutSteps::new(
                 &self.measured,
                 &self.sensitivities,
                 &self.weighing,
@@ -136,15 +112,10 @@ impl Evidence {
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
         let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
-        let accepted_law =
-            accepted.and_then(|k| self.sensitivities.candidates[found[k].leader].law);
-        let accepted = accepted.map(|k| self.sensitivities.candidates[found[k].leader].effect);
-        let accepted_amplitude = accepted.map_or_else(Vec::new, |effect| {
-            let found = self.of(&candidates, effect.name(), accepted_law);
-            found.map_or_else(Vec::new, |f| {
-                f.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect()
-            })
-        });
+        let accepted = accepted.map(|k| &self.sensitivities.candidates[found[k].leader]);
+        let amplitude = accepted.and_then(|c| self.of(&candidates, c.effect.name(), c.law));
+        let amplitude = amplitude.map_or(&[][..], |f| &f.amplitude).iter();
+        let accepted_amplitude = amplitude.map(|(_, m, s)| (*m, *s)).collect();
         let undecided = named
             .iter()
             .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
@@ -152,30 +123,23 @@ impl Evidence {
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
         let mut suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?;
-        for g in named.iter().filter(|g| g.probability > ACCEPT) {
-            if let Some(why) = self.objection(g, &candidates) {
-                suspect.reasons.push(format!(
-                    "{} is called for and cannot be accepted: {why}",
-                    g.members.join(" or ")
-                ));
-            }
-        }
+        suspect.reasons.extend(self.objections(&named, &candidates));
         Ok(Tracing {
             candidates,
             groups: named,
-            accepted,
+            accepted: accepted.map(|c| c.effect),
             accepted_amplitude,
-            accepted_law,
+            accepted_law: accepted.and_then(|c| c.law),
             series: None,
             stiffness: None,
             steps: self.steps(pair, holdout.steps.as_ref()),
             step_maps: self.step_maps(pair),
-            linearity: self.linearity(),
+            linearity: linearity(self),
             misfit: self.misfit(pair),
             undecided,
             discrepancy: self.subsets.discrepancy,
-            length_mm: self.weighing.lengths_mm(pair),
-            structure: self.weighing.structure(pair, blocks),
+            length_mm: self.weighing.noise.lengths_mm(pair),
+            structure: self.weighing.noise.structure(pair, blocks),
             averaged: average,
             suspect,
             blind_spots: self
@@ -224,7 +188,7 @@ impl Evidence {
         })
     }
 
-    fn named(&self, group: &Group, predicts: bool) -> Named {
+    fn named(&self, group: &AliasGroup, predicts: bool) -> Named {
         Named {
             leader: self.name(group.leader),
             laws: self.laws(group),
@@ -241,7 +205,7 @@ impl Evidence {
         }
     }
 
-    fn resembling(&self, group: &Group) -> Vec<Resembling> {
+    fn resembling(&self, group: &AliasGroup) -> Vec<Resembling> {
         let found = lookalikes(&self.subsets, group).into_iter();
         let one = |l: super::alias::Lookalike| {
             let candidate = &self.sensitivities.candidates[l.candidate];
@@ -271,7 +235,7 @@ impl Evidence {
     }
 
     /// The laws by which a group's leader may act.
-    fn laws(&self, group: &Group) -> Vec<Law> {
+    fn laws(&self, group: &AliasGroup) -> Vec<Law> {
         let leader = self.name(group.leader);
         let law = |k: &usize| self.sensitivities.candidates[*k].law;
         let others = group.members.iter().filter(|k| self.name(**k) == leader);
@@ -293,6 +257,19 @@ impl Evidence {
 
     fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
         group.probability > ACCEPT && self.objection(group, candidates).is_none()
+    }
+
+    /// Why groups that are called for are not accepted, in words.
+    fn objections(&self, groups: &[Named], candidates: &[Found]) -> Vec<String> {
+        let called = groups.iter().filter(|g| g.probability > ACCEPT);
+        let words = |group: &Named| {
+            let why = self.objection(group, candidates)?;
+            let members = group.members.join(" or ");
+            Some(format!(
+                "{members} is called for and cannot be accepted: {why}"
+            ))
+        };
+        called.filter_map(words).collect()
     }
 
     /// What forbids to accept a group that is probable enough, in words.
@@ -319,7 +296,7 @@ impl Evidence {
             .then(|| "structure that no effect explains might be its cause".into())
     }
 
-    fn ranked(&self, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Vec<Found> {
+    fn ranked(&self, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Vec<Found> {
         let mut found: Vec<Found> = (0..self.sensitivities.candidates.len())
             .map(|k| self.found(k, groups, spots))
             .collect();
@@ -331,7 +308,7 @@ impl Evidence {
         found
     }
 
-    fn found(&self, k: usize, groups: &[Group], spots: &[(usize, BlindSpot)]) -> Found {
+    fn found(&self, k: usize, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Found {
         let candidate = &self.sensitivities.candidates[k];
         let subsets = &self.subsets;
         // in the best subset as it is there; otherwise added to it, in the place of an alias
@@ -391,7 +368,7 @@ impl Evidence {
         }
     }
 
-    fn aliases(&self, k: usize, groups: &[Group]) -> Vec<(&'static str, Option<Law>, f64)> {
+    fn aliases(&self, k: usize, groups: &[AliasGroup]) -> Vec<(&'static str, Option<Law>, f64)> {
         let subsets = &self.subsets;
         let projected = &subsets.projected[subsets.best_pair];
         let of = |j: usize| {

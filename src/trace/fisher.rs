@@ -3,12 +3,14 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::averaged::detectable;
-use super::sensitivities::{Column, Few, Linearised};
+
 use super::sought::candidates;
 use super::subsets::SIZES;
 use crate::error::{Error, Result};
 use crate::experiment::predict;
-use crate::infer::Model;
+use crate::experiment::series::SeriesState;
+use crate::infer::{EffectUnderLaw, Model};
+use crate::linearise::{AtPoints, Column, Forward, Slopes};
 use crate::noise::NormalEquations;
 
 /// What an experiment would say of the constants, all in prior sds from the prior means.
@@ -59,15 +61,19 @@ pub fn field_information(model: &Model, points: &[[f64; 2]], sd_mm: f64) -> Resu
     let state = model.state(&|_| None);
     let field = predict(&*experiment, &state, &sight)?.field;
     let square: f64 = field.iter().flatten().map(|u| u * u).sum();
-    let linearised = Linearised {
+    let forward = Forward {
         model,
-        experiment: &*experiment,
-        size_mm: (square / kept.len().max(1) as f64).sqrt(),
-        few: Few::Points(&sight),
+        observing: Box::new(AtPoints {
+            experiment: &*experiment,
+            size_mm: (square / kept.len().max(1) as f64).sqrt(),
+            slopes: Slopes::Points(&sight),
+        }),
         step: &|| (),
     };
     let (effects, _) = candidates(model);
-    let found = linearised.sensitivities(&state, &effects)?;
+    let sought = EffectUnderLaw::without_laws(&effects);
+    let state = SeriesState::of_one_step(state);
+    let found = forward.sensitivities(&state, &forward.declared(), &sought)?;
     // where the specimen stands is nobody's account
     let sought = found.candidates.iter().flat_map(|c| &c.columns);
     let (rigid, sought): (Vec<&Column>, Vec<&Column>) = sought.partition(|c| c.is_rigid());

@@ -3,13 +3,13 @@
 use nalgebra::DVector;
 
 use super::evidence::Evidence;
-use super::left_out::LeftOut;
-use super::sensitivities::Column;
+use super::left_out::HeldOutSteps;
+use super::noise_choices::NoisePair;
 use super::subsets::Subset;
 use super::tracing::{Predicted, StepMaps, StepResidual};
-use super::weighing::NoisePair;
 use crate::experiment::series::rigid_free;
 use crate::laminate::MeanSd;
+use crate::linearise::Column;
 use crate::noise::NormalEquations;
 use crate::quantity::NM_PER_MM;
 
@@ -19,9 +19,9 @@ impl Evidence {
     pub(super) fn steps(
         &self,
         pair: &NoisePair,
-        left_out: Option<&LeftOut<'_>>,
+        left_out: Option<&HeldOutSteps<'_>>,
     ) -> Vec<StepResidual> {
-        let Some(series) = self.weighing.series() else {
+        let Some(series) = self.weighing.noise.by_frames() else {
             return Vec::new();
         };
         let (bare, explained) = (
@@ -53,7 +53,7 @@ impl Evidence {
 
     /// What the base model leaves of every step, block by block.
     pub(super) fn step_maps(&self, pair: &NoisePair) -> Option<StepMaps> {
-        let series = self.weighing.series()?;
+        let series = self.weighing.noise.by_frames()?;
         let left = self.still(pair, &Vec::new());
         let blocks = &self.measured.blocks;
         let n = blocks.len();
@@ -92,7 +92,7 @@ impl Evidence {
         let Some((own, fit)) = self.fit(pair, subset) else {
             return left;
         };
-        let all = self.columns();
+        let all: Vec<&Column> = self.sensitivities.columns().collect();
         for (k, x) in own.iter().zip(fit.mean().iter()) {
             for (left, values) in left.iter_mut().zip(&all[*k].values) {
                 left.axpy(-x, values, 1.0);
@@ -103,7 +103,7 @@ impl Evidence {
 
     /// Probability of a misfit as large by the noise of a series, with the best subset; none of a single field.
     pub(super) fn misfit(&self, pair: &NoisePair) -> Option<f64> {
-        let series = self.weighing.series()?;
+        let series = self.weighing.noise.by_frames()?;
         let (_, fit) = self.fit(pair, self.subsets.best())?;
         let gram = self.weighing.gram(pair);
         let data = gram.nrows() - 1;
@@ -112,13 +112,6 @@ impl Evidence {
         let square = gram[(data, data)] - fit.quadratic();
         let z = (square - values) / (2.0 * values).sqrt();
         Some(0.5 * statrs::function::erf::erfc(z / std::f64::consts::SQRT_2))
-    }
-
-    /// All columns, those of the base model first.
-    fn columns(&self) -> Vec<&Column> {
-        let base = self.sensitivities.base.iter();
-        let sought = self.sensitivities.candidates.iter();
-        base.chain(sought.flat_map(|c| &c.columns)).collect()
     }
 
     /// The fit of the base model with a subset of the candidates, and which columns it is of.
@@ -139,7 +132,8 @@ impl Evidence {
         let Some((own, fit)) = self.fit(pair, self.subsets.best()) else {
             return Vec::new();
         };
-        let (mean, covariance, all) = (fit.mean(), fit.covariance(), self.columns());
+        let (mean, covariance) = (fit.mean(), fit.covariance());
+        let all: Vec<&Column> = self.sensitivities.columns().collect();
         let one = |(i, k): (usize, &usize)| {
             let column = all[*k];
             let of = MeanSd {

@@ -2,14 +2,14 @@
 //! interpolate from fitted neighbours. Of squares of 3 mm among fitted ones, 19 of 20 wrong groups predicted those too. By these regions 46
 //! of 49 right groups and 47 of 66 wrong ones did, over fields with an effect of the dictionary and with one that had been withheld from
 //! it (`tests/loops.rs`): what they refuse is refused rightly, what they let pass is not proved. Of a series whole steps are held out as well
-//! ([`LeftOut`]).
+//! ([`HeldOutSteps`]).
 
 use nalgebra::{DMatrix, DVector};
 
 use super::layout::columns;
-use super::left_out::LeftOut;
-use super::sensitivities::{Column, Measured, Sensitivities};
+use super::left_out::HeldOutSteps;
 use super::subsets::Subset;
+use crate::linearise::{Column, Measured, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::numeric::quantile;
 use crate::quantity::NM_PER_MM;
@@ -29,7 +29,7 @@ pub struct Holdout<'a> {
     variance: [DVector<f64>; 2],
     residual: [DVector<f64>; 2],
     /// Steps of a series.
-    pub steps: Option<LeftOut<'a>>,
+    pub steps: Option<HeldOutSteps<'a>>,
 }
 
 /// Log probabilities of what was held out, each given all else.
@@ -38,8 +38,8 @@ pub struct Scores {
     steps: Option<f64>,
 }
 
-/// Normal equations of some blocks: X' V^-1 X and X' V^-1 y.
-type Normal = (DMatrix<f64>, DVector<f64>);
+/// RegionEquations equations of some blocks: X' V^-1 X and X' V^-1 y.
+type RegionEquations = (DMatrix<f64>, DVector<f64>);
 
 impl<'a> Holdout<'a> {
     /// Divide the field; of a series all steps alike.
@@ -48,7 +48,7 @@ impl<'a> Holdout<'a> {
         sensitivities: &'a Sensitivities,
         ranges: &'a [Vec<usize>],
         variance: [DVector<f64>; 2],
-        left_out: Option<LeftOut<'a>>,
+        left_out: Option<HeldOutSteps<'a>>,
     ) -> Self {
         let blocks = &measured.blocks;
         let steps = measured.averages[0].len() / blocks.len().max(1);
@@ -76,7 +76,7 @@ impl<'a> Holdout<'a> {
         [0, 1, 2, 3].map(|division| {
             let regions = self.normal(&fitted, division);
             let all = self.all(&regions, fitted.len());
-            let evidence = |(gram, right): Normal| {
+            let evidence = |(gram, right): RegionEquations| {
                 NormalEquations::with_unit_prior(gram, right).map_or(0.0, |fit| fit.log_evidence())
             };
             let whole = evidence(all.clone());
@@ -121,8 +121,8 @@ impl<'a> Holdout<'a> {
         self.sensitivities.base.iter().chain(chosen).collect()
     }
 
-    /// Normal equations of all regions, and what other experiments say, which no region holds out.
-    fn all(&self, regions: &[Normal], p: usize) -> Normal {
+    /// RegionEquations equations of all regions, and what other experiments say, which no region holds out.
+    fn all(&self, regions: &[RegionEquations], p: usize) -> RegionEquations {
         let mut all = (DMatrix::zeros(p, p), DVector::zeros(p));
         for own in regions {
             all.0 += &own.0;
@@ -132,8 +132,8 @@ impl<'a> Holdout<'a> {
         all
     }
 
-    /// Normal equations of each region of a division.
-    fn normal(&self, fitted: &[&Column], division: usize) -> Vec<Normal> {
+    /// RegionEquations equations of each region of a division.
+    fn normal(&self, fitted: &[&Column], division: usize) -> Vec<RegionEquations> {
         let region = &self.region[division];
         let p = fitted.len();
         let count = region.iter().max().map_or(0, |last| last + 1);

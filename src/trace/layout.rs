@@ -2,15 +2,15 @@
 
 use nalgebra::DVector;
 
-use super::sensitivities::Candidate;
 use super::weighing::Projected;
+use crate::linearise::Candidate;
 use crate::noise::NormalEquations;
 
 /// A subset of the candidates, in increasing order.
 pub type Subset = Vec<usize>;
 
 /// Which columns are whose, and what their amplitudes cannot be.
-pub struct Layout {
+pub struct CandidateLayout {
     /// Columns of each candidate among the candidates' columns.
     pub ranges: Vec<Vec<usize>>,
     /// Whether a column's amplitude cannot be negative: its prior is half a normal one.
@@ -23,7 +23,7 @@ pub struct Layout {
 /// damage of opposite signs were accepted together (measured on the program as built).
 const OPPOSITE: f64 = 0.95;
 
-impl Layout {
+impl CandidateLayout {
     /// Of candidates in order.
     pub fn new(candidates: &[Candidate]) -> Self {
         let mut next = 0;

@@ -7,9 +7,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::layout::columns;
-use super::sensitivities::{Column, Measured, Sensitivities};
-use super::subsets::{Subset, Subsets};
+use super::subsets::{Subset, SubsetPosterior};
 use super::weighing::Weighing;
+use crate::linearise::{Column, Measured, Sensitivities};
 use crate::noise::series::{InFrames, Known};
 use crate::noise::{NormalEquations, solve};
 use crate::quantity::NM_PER_MM;
@@ -18,7 +18,7 @@ use crate::quantity::NM_PER_MM;
 const FEWEST: usize = 3;
 
 /// What all steps, and all but each of them, know.
-pub struct LeftOut<'a> {
+pub struct HeldOutSteps<'a> {
     sensitivities: &'a Sensitivities,
     measured: &'a Measured,
     ranges: &'a [Vec<usize>],
@@ -30,16 +30,16 @@ pub struct LeftOut<'a> {
     residual: [DVector<f64>; 2],
 }
 
-impl<'a> LeftOut<'a> {
+impl<'a> HeldOutSteps<'a> {
     /// Of a series of at least three steps that know their noise, under its likeliest noise without a discrepancy: the account is held
     /// against the noise alone.
     pub fn new(
         measured: &'a Measured,
         sensitivities: &'a Sensitivities,
         weighing: &'a Weighing,
-        subsets: &'a Subsets,
+        subsets: &'a SubsetPosterior,
     ) -> Option<Self> {
-        let series = weighing.series()?;
+        let series = weighing.noise.by_frames()?;
         let noise = &series.noise;
         if !noise.by_contrasts || noise.scales.len() < FEWEST {
             return None;
@@ -73,16 +73,8 @@ impl<'a> LeftOut<'a> {
 
     /// A column by its place among all.
     fn column(&self, k: usize) -> &Column {
-        let base = &self.sensitivities.base;
-        let mut sought = self
-            .sensitivities
-            .candidates
-            .iter()
-            .flat_map(|c| &c.columns);
-        match k.checked_sub(base.len()) {
-            None => &base[k],
-            Some(k) => sought.nth(k).unwrap_or(&base[0]),
-        }
+        let mut all = self.sensitivities.columns();
+        all.nth(k).unwrap_or(&self.sensitivities.base[0])
     }
 
     /// The fit of some steps, with the data's square under their noise and its log determinant.

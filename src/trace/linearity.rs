@@ -3,10 +3,10 @@
 use nalgebra::DMatrix;
 
 use super::evidence::Evidence;
-use super::sensitivities::Column;
 use crate::effect::{EFFECTS, Scope};
 use crate::experiment::series::Law;
 use crate::field::bounds;
+use crate::linearise::Column;
 use crate::noise::series::{Linearity, Role};
 
 /// Below this probability a response is said not to be proportional to the load.
@@ -21,32 +21,31 @@ const FREE: f64 = 10.0;
 /// Smooth patterns: products of cosines over the window of so many half waves together.
 const HALF_WAVES: usize = 3;
 
-impl Evidence {
-    /// Test a series of at least four steps.
-    pub(super) fn linearity(&self) -> Option<Linearity> {
-        let series = self.weighing.series()?;
-        let base = self.sensitivities.base.iter().map(|c| role(c, None));
-        let sought = self.sensitivities.candidates.iter();
-        let sought = sought.flat_map(|k| k.columns.iter().map(|c| role(c, k.law)));
-        let near_edge = self.sensitivities.near_edge.iter().map(|_| Role::Pattern);
-        let roles: Vec<Role> = base.chain(sought).chain(near_edge).collect();
-        series.in_frames.linearity(&roles, &self.smooth())
-    }
+/// Test a series of at least four steps.
+pub(super) fn linearity(evidence: &Evidence) -> Option<Linearity> {
+    let series = evidence.weighing.noise.by_frames()?;
+    let all = &evidence.sensitivities;
+    let base = all.base.iter().map(|c| role(c, None));
+    let sought = all.candidates.iter();
+    let sought = sought.flat_map(|k| k.columns.iter().map(|c| role(c, k.law)));
+    let near_edge = all.near_edge.iter().map(|_| Role::Pattern);
+    let roles: Vec<Role> = base.chain(sought).chain(near_edge).collect();
+    let smooth = smooth(&evidence.measured.blocks.centroid);
+    series.in_frames.linearity(&roles, &smooth)
+}
 
-    /// Smooth fields over the blocks.
-    fn smooth(&self) -> DMatrix<f64> {
-        let places = &self.measured.blocks.centroid;
-        let [low, high] = bounds(places);
-        let waves = (0..=HALF_WAVES).flat_map(|i| (0..=HALF_WAVES - i).map(move |j| [i, j]));
-        let waves: Vec<[usize; 2]> = waves.filter(|w| w[0] + w[1] > 0).collect();
-        DMatrix::from_fn(places.len(), waves.len(), |b, k| {
-            let along = |axis: usize| {
-                let at = (places[b][axis] - low[axis]) / (high[axis] - low[axis]);
-                (std::f64::consts::PI * waves[k][axis] as f64 * at).cos()
-            };
-            along(0) * along(1)
-        })
-    }
+/// Smooth fields over places.
+fn smooth(places: &[[f64; 2]]) -> DMatrix<f64> {
+    let [low, high] = bounds(places);
+    let waves = (0..=HALF_WAVES).flat_map(|i| (0..=HALF_WAVES - i).map(move |j| [i, j]));
+    let waves: Vec<[usize; 2]> = waves.filter(|w| w[0] + w[1] > 0).collect();
+    DMatrix::from_fn(places.len(), waves.len(), |b, k| {
+        let along = |axis: usize| {
+            let at = (places[b][axis] - low[axis]) / (high[axis] - low[axis]);
+            (std::f64::consts::PI * waves[k][axis] as f64 * at).cos()
+        };
+        along(0) * along(1)
+    })
 }
 
 /// How a column takes part, of a candidate with its law.

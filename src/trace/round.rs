@@ -1,6 +1,6 @@
 //! One turn of the loop.
 
-use super::account::Account;
+use super::traced::Traced;
 use super::tracing::{MISFIT, Tracing};
 use crate::identify::{Identification, Patterns};
 use crate::infer::Model;
@@ -13,7 +13,7 @@ pub struct Round {
     pub identification: Identification,
     pub tracing: Tracing,
     /// What the tracing rests on.
-    pub account: Account,
+    pub traced: Traced,
 }
 
 impl Round {

@@ -1,7 +1,7 @@
 //! Which effects are sought.
 
 use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE, obstacle};
-use crate::infer::{Acts, Model};
+use crate::infer::{EffectUnderLaw, Model};
 
 /// Effects that may be weighed in a model, and those that may not, with the reason.
 pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str, String)>) {
@@ -36,10 +36,10 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
 
 /// How effects may act in a series of some loads: motions by the first of all laws that are the same over these steps, for where the load
 /// only grows, what is in proportion to it and what stays are one column, and both would lay claim to one amplitude of the state.
-pub fn acting_in(effects: &[&'static dyn Effect], loads: &[f64]) -> Vec<Acts> {
-    let mut kept: Vec<Acts> = Vec::new();
+pub fn acting_in(effects: &[&'static dyn Effect], loads: &[f64]) -> Vec<EffectUnderLaw> {
+    let mut kept: Vec<EffectUnderLaw> = Vec::new();
     // every step has its own motion in the plane
-    let mut all = Acts::all(effects);
+    let mut all = EffectUnderLaw::all(effects);
     all.retain(|acts| !acts.effect.name().starts_with("rigid_"));
     for acts in all {
         if !kept.iter().any(|other| shares(other, &acts, loads)) {
@@ -50,7 +50,7 @@ pub fn acting_in(effects: &[&'static dyn Effect], loads: &[f64]) -> Vec<Acts> {
 }
 
 /// Whether two laws of one effect have weights over these steps in common.
-pub(super) fn shares(a: &Acts, b: &Acts, loads: &[f64]) -> bool {
+pub(super) fn shares(a: &EffectUnderLaw, b: &EffectUnderLaw, loads: &[f64]) -> bool {
     let weights = b.weights(loads);
     a.effect.name() == b.effect.name() && a.weights(loads).iter().any(|w| weights.contains(w))
 }

@@ -6,19 +6,19 @@
 
 use nalgebra::DVector;
 
-use super::averaged::{LEAST_MULTIPLE, MULTIPLES, Part, mixtures, part, rival_of};
+use super::averaged::{AveragedPart, LEAST_MULTIPLE, MULTIPLES, mixtures, part, rival_of};
 use super::evidence::Evidence;
-use super::sensitivities::{Measured, Sensitivities};
+use super::noise_choices::NoisePair;
 use super::subsets::log_sum;
 use super::tracing::{StiffnessAt, StiffnessField};
-use super::weighing::{DISCREPANCY, NoisePair, Weighing};
+use super::weighing::Weighing;
 use crate::error::Result;
 use crate::experiment::Softening;
 use crate::experiment::series::SeriesState;
 use crate::fem::Bump;
 use crate::field::bounds;
-use crate::infer::Stepped;
-use crate::noise::series::Frames;
+use crate::linearise::{Forward, Sensitivities};
+use crate::noise::series::DISCREPANCY;
 
 /// Bumps along the window's shorter side, and their sd over the distance between them.
 const ALONG: f64 = 6.0;
@@ -36,17 +36,17 @@ const WITH_THE_LOAD: f64 = 0.5;
 /// # Errors
 /// Those of finite-element solutions and of the noise.
 pub fn stiffness_field(
-    stepped: &Stepped<'_>,
-    frames: &Frames<'_>,
-    measured: &Measured,
+    forward: &Forward<'_>,
     evidence: &Evidence,
     state: &SeriesState,
 ) -> Result<Option<StiffnessField>> {
-    let bumps = bumps(stepped.places);
-    let mut sensitivities = beside(evidence);
-    sensitivities.near_edge = stepped.here(state)?.softened(Softening::Bumps(&bumps))?;
-    let weighing = Weighing::of_series(frames, measured, &sensitivities, &|| ())?;
-    let mut soft: Vec<(Part, [f64; 2], NoisePair)> = Vec::new();
+    let measured = &evidence.measured;
+    let places = &measured.blocks.centroid;
+    let bumps = bumps(places);
+    let mut sensitivities = with_best(evidence);
+    sensitivities.near_edge = forward.about(state)?.softened(Softening::Bumps(&bumps))?;
+    let weighing = Weighing::new(measured, &sensitivities, &|| ())?;
+    let mut soft: Vec<(AveragedPart, [f64; 2], NoisePair)> = Vec::new();
     let mut other = Vec::new();
     let one_of = (WITH_THE_LOAD * DISCREPANCY / (1.0 - DISCREPANCY) / SIZES.len() as f64).ln();
     for pair in &weighing.pairs {
@@ -82,14 +82,14 @@ pub fn stiffness_field(
             sd: weights.dot(&(&covariance * &weights)).max(0.0).sqrt(),
         }
     };
-    let map: Vec<StiffnessAt> = stepped.places.iter().map(place).collect();
+    let map: Vec<StiffnessAt> = places.iter().map(place).collect();
     let sure = |p: &StiffnessAt| (p.change / p.sd).abs();
     let surest = map.iter().max_by(|a, b| sure(a).total_cmp(&sure(b)));
     let Some(&surest) = surest else {
         return Ok(None);
     };
     let size = sizes[1];
-    let all: Vec<Part> = soft.into_iter().map(|s| s.0).chain(other).collect();
+    let all: Vec<AveragedPart> = soft.into_iter().map(|s| s.0).chain(other).collect();
     Ok(Some(StiffnessField {
         probability,
         size,
@@ -116,7 +116,7 @@ fn bumps(places: &[[f64; 2]]) -> Vec<Bump> {
 }
 
 /// The linearisation with the best subset's effects as parts of the model, and those that are none of them as candidates.
-fn beside(evidence: &Evidence) -> Sensitivities {
+fn with_best(evidence: &Evidence) -> Sensitivities {
     let mut all = evidence.sensitivities.clone();
     let best = evidence.subsets.best();
     let named: Vec<&str> = best

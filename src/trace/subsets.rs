@@ -9,17 +9,17 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 pub use super::layout::Subset;
-use super::layout::{Layout, restrict};
-use super::sensitivities::Candidate;
+use super::layout::{CandidateLayout, restrict};
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
+use crate::linearise::Candidate;
 
 /// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size. In the prototype study they named 51 of 51
 /// single effects, 12 of 12 pairs and 12 of 16 triples exactly. All subsets up to four are enumerated (5,036 of 19 effects): greedy growth
 /// with swaps found the same best one in 58 of 60 fields.
 pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
 
-/// Subsets of each enumeration that are weighed under every pair of hyperparameters.
+/// SubsetPosterior of each enumeration that are weighed under every pair of hyperparameters.
 const WEIGHED: usize = 40;
 
 /// Pairs of a subset and the noise that count hold this much of the probability of all.
@@ -27,7 +27,7 @@ const MOST_OF_IT: f64 = 0.99;
 
 /// A weighed subset.
 #[derive(Debug, Clone)]
-pub struct Weighed {
+pub struct WeighedSubset {
     /// The candidates in it.
     pub subset: Subset,
     /// Posterior probability among all weighed subsets.
@@ -37,28 +37,28 @@ pub struct Weighed {
 }
 
 /// The posterior over subsets and hyperparameters.
-pub struct Subsets {
-    /// Weighed subsets, the most probable first.
-    pub ranked: Vec<Weighed>,
+pub struct SubsetPosterior {
+    /// WeighedSubset subsets, the most probable first.
+    pub ranked: Vec<WeighedSubset>,
     /// Probability of a smooth discrepancy.
     pub discrepancy: f64,
     /// The most probable pair of hyperparameters.
     pub best_pair: usize,
     /// The candidates' columns.
-    pub layout: Layout,
+    pub layout: CandidateLayout,
     /// Candidates' normal equations under every pair.
     pub projected: Vec<Projected>,
     /// Prior log probability of a subset by its size.
     log_prior: Vec<f64>,
 }
 
-impl Subsets {
+impl SubsetPosterior {
     /// Enumerate.
     ///
     /// # Errors
     /// Of the program, for columns that are not finite.
     pub fn new(weighing: &Weighing, candidates: &[Candidate]) -> Result<Self> {
-        let layout = Layout::new(candidates);
+        let layout = CandidateLayout::new(candidates);
         let projected: Vec<Projected> = weighing
             .pairs
             .par_iter()
@@ -122,7 +122,7 @@ impl Subsets {
         self.ranked = chosen
             .into_iter()
             .zip(log_weight)
-            .map(|(subset, log_weight)| Weighed {
+            .map(|(subset, log_weight)| WeighedSubset {
                 probability: (log_weight - total).exp(),
                 log_weight,
                 subset,
@@ -252,7 +252,7 @@ impl Subsets {
 fn leading_pairs(
     weighing: &Weighing,
     projected: &[Projected],
-    layout: &Layout,
+    layout: &CandidateLayout,
     all: &[Subset],
     log_prior: &[f64],
 ) -> Vec<usize> {
@@ -272,7 +272,7 @@ fn leading_pairs(
 }
 
 /// Score of the best subset found by adding one candidate at a time.
-fn best_of_growing(p: &Projected, layout: &Layout, log_prior: &[f64]) -> f64 {
+fn best_of_growing(p: &Projected, layout: &CandidateLayout, log_prior: &[f64]) -> f64 {
     let mut subset: Subset = Vec::new();
     let mut best = log_prior[0];
     while subset.len() + 1 < log_prior.len() {

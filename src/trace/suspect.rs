@@ -9,11 +9,12 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::averaged::{Interval, mixtures, part};
-use super::sensitivities::{Column, Sensitivities};
-use super::subsets::{Subsets, log_sum};
-use super::weighing::{NoisePair, Projected, Weighing};
+use super::noise_choices::NoisePair;
+use super::subsets::{SubsetPosterior, log_sum};
+use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::files::Keyed;
+use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::noise::reml::orthonormal;
 
@@ -46,7 +47,7 @@ pub const RIVAL: [f64; 6] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
 /// impostors above 0.63 (prototype study).
 const ALIKE: f64 = 0.5;
 
-/// Subsets with which the rival is weighed, and noise settings of each class.
+/// SubsetPosterior with which the rival is weighed, and noise settings of each class.
 const SUBSETS: usize = 10;
 const SETTINGS: usize = 8;
 
@@ -60,7 +61,7 @@ const WITHIN: f64 = 8.0;
 pub fn suspect(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
-    subsets: &Subsets,
+    subsets: &SubsetPosterior,
     averaged: &Keyed<Interval>,
 ) -> Result<Suspect> {
     let wide = weighing.beyond_rival();
@@ -213,7 +214,7 @@ fn log_evidence(projected: &Projected, columns: &[usize], scale: &dyn Fn(usize) 
 /// choice of the subsets it takes no part.
 fn near_edge_probability(
     sensitivities: &Sensitivities,
-    subsets: &Subsets,
+    subsets: &SubsetPosterior,
     settings: &[(NoisePair, Projected)],
 ) -> f64 {
     let count = sensitivities.near_edge.len();
@@ -241,7 +242,10 @@ fn near_edge_probability(
 
 /// The two effects, declared or of the best subset, whose parts of the field are most alike or most opposite, if they are too much so.
 /// Constants and translations are projected out.
-fn alike(sensitivities: &Sensitivities, subsets: &Subsets) -> Option<(String, String, f64)> {
+fn alike(
+    sensitivities: &Sensitivities,
+    subsets: &SubsetPosterior,
+) -> Option<(String, String, f64)> {
     let stacked = |column: &Column| -> DVector<f64> {
         DVector::from_iterator(
             column.values[0].len() + column.values[1].len(),

@@ -12,37 +12,37 @@ const UNSEEN: f64 = 0.1;
 pub fn tension(round: &Round) -> Option<Tension> {
     let known = round.model.known.as_ref()?;
     let priors = round.model.marginals();
-    let field = round.account.evidence.field_alone()?;
+    let field = field_alone(&round.traced.evidence)?;
     Tension::between(&field, &known.moments()?, &priors)
 }
 
-impl Evidence {
-    /// Constants by the field alone, under its likeliest noise.
-    fn field_alone(&self) -> Option<Moments> {
-        let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let gram = self.weighing.gram_of_field(pair);
-        let data = gram.nrows() - 1;
-        let base = self.sensitivities.base.len();
-        let acting = self.subsets.layout.columns(self.subsets.best());
-        let sought = self
-            .sensitivities
-            .candidates
-            .iter()
-            .map(|c| c.columns.len());
-        let candidates = (0..sought.sum()).map(|k| {
-            let size = if acting.contains(&k) { 1.0 } else { UNSEEN };
-            (base + k, size)
-        });
-        let scaled: Vec<(usize, f64)> = (0..base).map(|k| (k, 1.0)).chain(candidates).collect();
-        let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &scaled)?;
-        let n = self.sensitivities.constants;
-        let columns = &self.sensitivities.base[..n];
-        let (mean, covariance) = (fit.mean(), fit.covariance());
-        Some(Moments {
-            mean: nalgebra::DVector::from_fn(n, |k, _| columns[k].mean + columns[k].sd * mean[k]),
-            covariance: nalgebra::DMatrix::from_fn(n, n, |i, j| {
-                columns[i].sd * columns[j].sd * covariance[(i, j)]
-            }),
-        })
-    }
+/// Constants by the field alone, under its likeliest noise.
+fn field_alone(evidence: &Evidence) -> Option<Moments> {
+    let Evidence {
+        sensitivities,
+        weighing,
+        subsets,
+        ..
+    } = evidence;
+    let gram = weighing.noise.gram(&weighing.pairs[subsets.best_pair]);
+    let data = gram.nrows() - 1;
+    let base = sensitivities.base.len();
+    let acting = subsets.layout.columns(subsets.best());
+    let size = |k: usize| match k.checked_sub(base) {
+        Some(k) if !acting.contains(&k) => UNSEEN,
+        _ => 1.0,
+    };
+    let scaled: Vec<(usize, f64)> = (0..sensitivities.columns().count())
+        .map(|k| (k, size(k)))
+        .collect();
+    let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &scaled)?;
+    let n = sensitivities.constants;
+    let columns = &sensitivities.base[..n];
+    let (mean, covariance) = (fit.mean(), fit.covariance());
+    Some(Moments {
+        mean: nalgebra::DVector::from_fn(n, |k, _| columns[k].mean + columns[k].sd * mean[k]),
+        covariance: nalgebra::DMatrix::from_fn(n, n, |i, j| {
+            columns[i].sd * columns[j].sd * covariance[(i, j)]
+        }),
+    })
 }

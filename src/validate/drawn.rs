@@ -14,7 +14,7 @@ use crate::experiment::series::Moving;
 use crate::experiment::simulate::Truth;
 use crate::experiment::simulate::series::SeriesTruth;
 use crate::field::{READERS, Source};
-use crate::infer::{Acts, Model};
+use crate::infer::{EffectUnderLaw, Model};
 use crate::trace::{SIZES, acting_in, candidates};
 
 /// The true noise sd of a point of image correlation is drawn from this interval, evenly in its logarithm, nm.
@@ -34,8 +34,8 @@ pub struct Drawn {
     /// All but what moves the specimen from step to step.
     truth: Truth,
     /// What moves it, with the stated amplitude.
-    moving: Vec<(Acts, Vec<f64>)>,
-    pub acted: Vec<Acts>,
+    moving: Vec<(EffectUnderLaw, Vec<f64>)>,
+    pub acted: Vec<EffectUnderLaw>,
 }
 
 impl Drawn {
@@ -63,7 +63,7 @@ impl Drawn {
                 truth.effects.push(Acting { effect, amplitude });
             }
         }
-        let load = Acts {
+        let load = EffectUnderLaw {
             effect: LOAD_SCALE,
             law: None,
         };
@@ -189,13 +189,11 @@ fn constants(model: &Model, rng: &mut Pcg64Dxsm) -> Vec<f64> {
 }
 
 /// As many effects as the loop expects, each by one law.
-fn acted(model: &Model, withheld: bool, rng: &mut Pcg64Dxsm) -> Vec<Acts> {
+fn acted(model: &Model, withheld: bool, rng: &mut Pcg64Dxsm) -> Vec<EffectUnderLaw> {
     let (effects, _) = candidates(model);
-    let mut open: Vec<Acts> = match loads(model) {
+    let mut open: Vec<EffectUnderLaw> = match loads(model) {
         Some(loads) => acting_in(&effects, &loads),
-        None => (effects.into_iter())
-            .map(|effect| Acts { effect, law: None })
-            .collect(),
+        None => EffectUnderLaw::without_laws(&effects),
     };
     let mut left: f64 = rng.random();
     let number = SIZES.iter().take_while(|p| {
@@ -203,7 +201,7 @@ fn acted(model: &Model, withheld: bool, rng: &mut Pcg64Dxsm) -> Vec<Acts> {
         left > 0.0
     });
     let number = number.count().max(usize::from(withheld));
-    let mut acted: Vec<Acts> = Vec::new();
+    let mut acted: Vec<EffectUnderLaw> = Vec::new();
     while acted.len() < number && !open.is_empty() {
         let one = open.swap_remove(rng.random_range(0..open.len()));
         open.retain(|other| other.effect.name() != one.effect.name());
@@ -213,7 +211,7 @@ fn acted(model: &Model, withheld: bool, rng: &mut Pcg64Dxsm) -> Vec<Acts> {
 }
 
 /// An amplitude from the prior with which the loop weighs it.
-fn amplitude(model: &Model, acts: &Acts, rng: &mut Pcg64Dxsm) -> Vec<f64> {
+fn amplitude(model: &Model, acts: &EffectUnderLaw, rng: &mut Pcg64Dxsm) -> Vec<f64> {
     let is_series = model.experiment().steps.is_some();
     let parameters = acts.effect.parameters().iter().enumerate();
     let one = |(k, p): (usize, &crate::effect::Parameter)| {

@@ -1,7 +1,7 @@
-use super::{Part, above_zero, mixture};
+use super::{AveragedPart, above_zero, mixture};
 
-fn part(log_weight: f64, mean: f64, sd: f64) -> Part {
-    Part {
+fn part(log_weight: f64, mean: f64, sd: f64) -> AveragedPart {
+    AveragedPart {
         log_weight,
         mean: vec![mean],
         sd: vec![sd],

@@ -15,7 +15,7 @@ fn scattered(rng: &mut Stream, rows: usize, columns: usize) -> DMatrix<f64> {
 }
 
 struct Toy {
-    answer: Answer,
+    answer: AnswerDensity,
     gram: DMatrix<f64>,
     /// G and z in the directions, and in the columns.
     right: DVector<f64>,
@@ -48,7 +48,7 @@ fn toy() -> Toy {
     Toy {
         gram: by.tr_mul(&whole.0) * &by,
         right: by.tr_mul(&whole.1),
-        answer: Answer::new(
+        answer: AnswerDensity::new(
             (Material::Isotropic, Vec::new()),
             space,
             Vec::new(),
@@ -59,8 +59,8 @@ fn toy() -> Toy {
     }
 }
 
-fn choice(own: &[usize]) -> Choice {
-    Choice {
+fn choice(own: &[usize]) -> MixtureChoice {
+    MixtureChoice {
         noise: 0,
         own: own.to_vec(),
         size: 0.1,
@@ -95,7 +95,7 @@ fn exact(toy: &Toy, own: &[usize]) -> (f64, DVector<f64>, DMatrix<f64>) {
 fn a_step_takes_the_ratio_of_the_evidences() {
     let toy = toy();
     for own in [&[][..], &[1], &[0, 2]] {
-        let given = Given::new(&toy.answer, (&toy.gram, &toy.right), &choice(own));
+        let given = GivenChoice::new(&toy.answer, (&toy.gram, &toy.right), &choice(own));
         for candidate in 0..3 {
             let inside = own.contains(&candidate);
             let mut other: Vec<usize> = own.iter().copied().filter(|k| *k != candidate).collect();
@@ -138,7 +138,7 @@ fn sets_and_amplitudes_are_drawn_by_their_probability() {
         0,
     );
     let mut now = choice(&[]);
-    let mut given = Given::new(&toy.answer, (&toy.gram, &toy.right), &now);
+    let mut given = GivenChoice::new(&toy.answer, (&toy.gram, &toy.right), &now);
     let mut visits = [0.0; 8];
     for _ in 0..STEPS {
         given = birth_or_death(given, &mut now, &inclusion, &mut rng);
@@ -156,7 +156,7 @@ fn sets_and_amplitudes_are_drawn_by_their_probability() {
         );
     }
     let (_, mean, covariance) = exact(&toy, &[1]);
-    let given = Given::new(&toy.answer, (&toy.gram, &toy.right), &choice(&[1]));
+    let given = GivenChoice::new(&toy.answer, (&toy.gram, &toy.right), &choice(&[1]));
     let draws: Vec<DVector<f64>> = (0..20_000).map(|_| given.amplitudes(&mut rng)).collect();
     let n = draws.len() as f64;
     for k in 0..COLUMNS {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use plychain::effect::{Acting, find};
 use plychain::experiment::simulate::Truth;
-use plychain::experiment::{Direction, State, predict_with_gradient, sensitivity};
+use plychain::experiment::{Direction, Neighbourhood, State, predict_with_gradient, sensitivity};
 use plychain::fem::{Plate, Setup};
 use plychain::field::matrices::write_matrices;
 use plychain::geometry::Density;
@@ -133,8 +133,12 @@ fn columns_are_those_of_an_amplitude_that_is_linear() {
         let anchor = experiment.anchor(&at).unwrap();
         let column = |k: usize| {
             let direction = Direction::Amplitude(effect, k);
-            let about = (&at, anchor.as_ref());
-            sensitivity(&*experiment, about, &here, sight, direction, 0.1).unwrap()
+            let about = Neighbourhood {
+                at: &at,
+                here: &here,
+                anchor: anchor.as_ref(),
+            };
+            sensitivity(&*experiment, &about, sight, direction, 0.1).unwrap()
         };
         (0..3).map(column).collect()
     };

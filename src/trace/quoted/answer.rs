@@ -16,7 +16,7 @@ use crate::trace::subsets::log_sum;
 
 /// What distinguishes a part of the mixture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Choice {
+pub struct MixtureChoice {
     /// Which of the answer's choices of the noise.
     pub noise: usize,
     /// Candidates that act with their full prior sds.
@@ -30,13 +30,13 @@ pub struct Choice {
 }
 
 /// A part of the mixture, in directions of unit prior.
-struct Part {
-    choice: Choice,
+struct MixturePart {
+    choice: MixtureChoice,
     equations: Compiled,
 }
 
 /// The density of one answer.
-pub struct Answer {
+pub struct AnswerDensity {
     names: Vec<String>,
     material: Material,
     /// Priors of the constants, and where the test was linearised, border units.
@@ -46,23 +46,23 @@ pub struct Answer {
     pub(super) space: Space,
     /// The data under every choice of the noise.
     pub(super) noise: Vec<Equations>,
-    parts: Vec<Part>,
+    parts: Vec<MixturePart>,
 }
 
-impl Answer {
+impl AnswerDensity {
     /// `constants` come with where the test was linearised; `noise` are choices of the noise, `choices` the parts.
     pub(super) fn new(
         (material, constants): (Material, Vec<(Marginal, f64)>),
         space: Space,
         noise: Vec<Equations>,
-        choices: Vec<Choice>,
+        choices: Vec<MixtureChoice>,
         known: Option<Arc<Known>>,
     ) -> Self {
         let names = material.constants().iter();
         let names: Vec<String> = names.map(|n| (*n).to_string()).collect();
-        let part = |choice: Choice| {
+        let part = |choice: MixtureChoice| {
             let sds = space.sds(&choice.own, choice.size, choice.rival);
-            Part {
+            MixturePart {
                 equations: Compiled::new(
                     &noise[choice.noise].turned(&lower(&space.covariance(&sds))),
                 ),
@@ -131,12 +131,12 @@ impl Answer {
         format!("{parts} choices of noise and effects, {directions} directions")
     }
 
-    pub(super) fn choice(&self, part: usize) -> &Choice {
+    pub(super) fn choice(&self, part: usize) -> &MixtureChoice {
         &self.parts[part].choice
     }
 }
 
-impl LogDensity for Answer {
+impl LogDensity for AnswerDensity {
     fn names(&self) -> &[String] {
         &self.names
     }

@@ -1,13 +1,14 @@
 //! What an answer sums over: choices of the noise, of the effects that act, of the size of all others and of the near-edge rival's.
 
 use super::Supposing;
-use super::answer::Choice;
+use super::answer::MixtureChoice;
 use crate::error::Result;
 use crate::trace::averaged::{choices, part};
 use crate::trace::evidence::Evidence;
+use crate::trace::noise_choices::NoisePair;
 use crate::trace::subsets::log_sum;
 use crate::trace::suspect::{RIVAL, settings};
-use crate::trace::weighing::{NoisePair, Weighing};
+use crate::trace::weighing::Weighing;
 
 /// Parts count until they hold this much of the probability, at most so many.
 const MOST_OF_IT: f64 = 0.99;
@@ -17,12 +18,12 @@ const PARTS: usize = 32;
 pub(super) fn likeliest(
     evidence: &Evidence,
     weighing: &Weighing,
-) -> Result<(Vec<NoisePair>, Vec<Choice>)> {
+) -> Result<(Vec<NoisePair>, Vec<MixtureChoice>)> {
     let (sensitivities, subsets) = (&evidence.sensitivities, &evidence.subsets);
     let mut all = Vec::new();
     for chosen in choices(weighing, sensitivities, subsets)? {
         let pair = weighing.pairs[chosen.pair];
-        let choice = Choice {
+        let choice = MixtureChoice {
             noise: 0,
             own: chosen.own,
             size: chosen.size,
@@ -35,7 +36,7 @@ pub(super) fn likeliest(
 }
 
 /// Those of some weighed choices that hold most of the probability, with their noise.
-fn worth(mut all: Vec<(f64, Choice, NoisePair)>) -> (Vec<NoisePair>, Vec<Choice>) {
+fn worth(mut all: Vec<(f64, MixtureChoice, NoisePair)>) -> (Vec<NoisePair>, Vec<MixtureChoice>) {
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     let total = log_sum(all.iter().map(|a| a.0));
     let mut held = 0.0;
@@ -46,7 +47,7 @@ fn worth(mut all: Vec<(f64, Choice, NoisePair)>) -> (Vec<NoisePair>, Vec<Choice>
         }
         held += (log - total).exp();
         let noise = place(&mut pairs, pair);
-        choices.push(Choice { noise, ..choice });
+        choices.push(MixtureChoice { noise, ..choice });
     }
     (pairs, choices)
 }
@@ -64,7 +65,7 @@ pub(super) fn with_rival(
     evidence: &Evidence,
     wide: &Weighing,
     supposing: Supposing,
-) -> Result<(Vec<NoisePair>, Vec<Choice>)> {
+) -> Result<(Vec<NoisePair>, Vec<MixtureChoice>)> {
     let sensitivities = &evidence.sensitivities;
     let effects = if supposing == Supposing::All {
         1.0
@@ -80,7 +81,7 @@ pub(super) fn with_rival(
     for (pair, _) in settings(wide, sensitivities)? {
         for &rival in sizes {
             let log = part(wide, sensitivities, &pair, [effects, rival])?.log_weight;
-            let choice = Choice {
+            let choice = MixtureChoice {
                 noise: 0,
                 own: Vec::new(),
                 size: effects,

@@ -3,13 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::answer::{Answer, Choice, lower};
+use super::answer::{AnswerDensity, MixtureChoice, lower};
 use super::space::Whose;
 use crate::sample::Stream;
 
 /// What is drawn beside a point.
 #[derive(Debug, Clone)]
-pub(super) struct Drawn {
+pub(super) struct CompletedDraw {
     pub noise: usize,
     /// Candidates that act with their full prior sds, and the size of all others over theirs.
     pub own: Vec<usize>,
@@ -32,24 +32,29 @@ pub(super) struct Inclusion<'a> {
 
 /// Draw what was integrated out at points of an answer, each with a stream of its own.
 pub(super) fn complete(
-    answer: &Answer,
+    answer: &AnswerDensity,
     points: &[Vec<f64>],
     inclusion: &Inclusion<'_>,
     stream: &(dyn Fn(usize) -> Stream + Sync),
-) -> Vec<Drawn> {
+) -> Vec<CompletedDraw> {
     let at = |(k, x): (usize, &Vec<f64>)| drawn(answer, x, inclusion, &mut stream(k));
     points.par_iter().enumerate().map(at).collect()
 }
 
-fn drawn(answer: &Answer, x: &[f64], inclusion: &Inclusion<'_>, rng: &mut Stream) -> Drawn {
+fn drawn(
+    answer: &AnswerDensity,
+    x: &[f64],
+    inclusion: &Inclusion<'_>,
+    rng: &mut Stream,
+) -> CompletedDraw {
     let place = answer.distances(x);
     let mut choice = choose(answer, x, rng);
     let (gram, right) = answer.noise[choice.noise].at(&place);
-    let mut given = Given::new(answer, (&gram, &right), &choice);
+    let mut given = GivenChoice::new(answer, (&gram, &right), &choice);
     for _ in 0..SWEEPS * inclusion.candidates {
         given = birth_or_death(given, &mut choice, inclusion, rng);
     }
-    Drawn {
+    CompletedDraw {
         amplitudes: given.amplitudes(rng),
         noise: choice.noise,
         size: choice.size,
@@ -58,7 +63,7 @@ fn drawn(answer: &Answer, x: &[f64], inclusion: &Inclusion<'_>, rng: &mut Stream
 }
 
 /// A part of the mixture by its weight.
-fn choose(answer: &Answer, x: &[f64], rng: &mut Stream) -> Choice {
+fn choose(answer: &AnswerDensity, x: &[f64], rng: &mut Stream) -> MixtureChoice {
     let weights = answer.weights(x);
     let most = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let shares: Vec<f64> = weights.iter().map(|w| (w - most).exp()).collect();
@@ -71,8 +76,8 @@ fn choose(answer: &Answer, x: &[f64], rng: &mut Stream) -> Choice {
 }
 
 /// The linear amplitudes' normal distribution, given all else: gamma = K e, e of precision P = I + K' H K about P^-1 K' z.
-struct Given<'a> {
-    answer: &'a Answer,
+struct GivenChoice<'a> {
+    answer: &'a AnswerDensity,
     /// G and z.
     at: (&'a DMatrix<f64>, &'a DVector<f64>),
     /// Prior sds of the columns over the largest ones.
@@ -84,8 +89,12 @@ struct Given<'a> {
     solved: DVector<f64>,
 }
 
-impl<'a> Given<'a> {
-    fn new(answer: &'a Answer, at: (&'a DMatrix<f64>, &'a DVector<f64>), choice: &Choice) -> Self {
+impl<'a> GivenChoice<'a> {
+    fn new(
+        answer: &'a AnswerDensity,
+        at: (&'a DMatrix<f64>, &'a DVector<f64>),
+        choice: &MixtureChoice,
+    ) -> Self {
         let sds = answer.space.sds(&choice.own, choice.size, choice.rival);
         let root = lower(&answer.space.covariance(&sds));
         let n = root.nrows();
@@ -165,11 +174,11 @@ impl<'a> Given<'a> {
 /// Offer a candidate drawn at random to enter the account with its full prior sds, or to leave it, and take the offer by the ratio of
 /// the posterior probabilities, all amplitudes integrated out (a Metropolis step on the set of acting effects).
 fn birth_or_death<'a>(
-    given: Given<'a>,
-    choice: &mut Choice,
+    given: GivenChoice<'a>,
+    choice: &mut MixtureChoice,
     inclusion: &Inclusion<'_>,
     rng: &mut Stream,
-) -> Given<'a> {
+) -> GivenChoice<'a> {
     let candidate =
         ((rng.uniform() * inclusion.candidates as f64) as usize).min(inclusion.candidates - 1);
     let chance = rng.uniform();
@@ -199,10 +208,10 @@ fn birth_or_death<'a>(
         choice.own.push(candidate);
         choice.own.sort_unstable();
     }
-    Given::new(given.answer, given.at, choice)
+    GivenChoice::new(given.answer, given.at, choice)
 }
 
-impl Given<'_> {
+impl GivenChoice<'_> {
     /// Log ratio of the evidence if a candidate's amplitudes had another prior sd (over the prior's own): the mean, over the amplitudes
     /// as they are now, of the ratio of the two priors.
     fn log_ratio(&self, candidate: usize, sd: f64) -> f64 {

@@ -141,7 +141,7 @@ struct Powers<'a, S: Simd> {
 pub(super) fn log_evidences(parts: &[&Compiled], distances: &[f64], count: usize) -> Vec<f64> {
     let mut out = vec![0.0; parts.len() * count];
     if count > 0 {
-        pulp::Arch::new().dispatch(Batch {
+        pulp::Arch::new().dispatch(EvidenceBatch {
             parts,
             distances,
             count,
@@ -156,14 +156,14 @@ pub(super) fn log_evidences(parts: &[&Compiled], distances: &[f64], count: usize
     out
 }
 
-struct Batch<'a> {
+struct EvidenceBatch<'a> {
     parts: &'a [&'a Compiled],
     distances: &'a [f64],
     count: usize,
     out: &'a mut [f64],
 }
 
-impl WithSimd for Batch<'_> {
+impl WithSimd for EvidenceBatch<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::complete::Drawn;
+use super::complete::CompletedDraw;
 use super::full::Full;
-use super::pose::Sampled;
+use super::pose::PosedAnswer;
 use super::space::{Whose, linear, monomials, values};
 use crate::diagnose::{Weighed, relative_weights, weigh};
 use crate::error::Result;
@@ -44,7 +44,7 @@ const WORTH: f64 = 0.05;
 /// Stream that resamples, apart from those of ensembles and of completion.
 const RESAMPLING: u64 = u64::MAX - 2;
 
-impl Sampled<'_> {
+impl PosedAnswer<'_> {
     /// Hold draws against the full model. Where it shifts a mean by more than a twentieth of an sd, an order of draws that has them as
     /// often as they weigh comes with it.
     ///
@@ -54,7 +54,7 @@ impl Sampled<'_> {
         &self,
         full: &Full<'_>,
         points: &[Vec<f64>],
-        drawn: &[Drawn],
+        drawn: &[CompletedDraw],
         seed: u64,
     ) -> Result<(Importance, Option<Vec<usize>>)> {
         let [first, most] = full.draws().map(|n| n.min(points.len()));
@@ -110,10 +110,10 @@ impl Sampled<'_> {
         &self,
         full: &Full<'_>,
         points: &[Vec<f64>],
-        drawn: &[Drawn],
+        drawn: &[CompletedDraw],
         chosen: &[usize],
     ) -> Result<Vec<f64>> {
-        let evidence = &self.account.evidence;
+        let evidence = &self.traced.evidence;
         let base = self.left_at_linearisation();
         let residuals: Vec<Option<[[DVector<f64>; 2]; 2]>> = chosen
             .par_iter()
@@ -143,9 +143,11 @@ impl Sampled<'_> {
                 DMatrix::from_columns(&both.collect::<Vec<_>>())
             });
             let measured = &evidence.measured;
-            let grams = self
-                .weighing()
-                .grams(measured, [&columns[0], &columns[1]], &[*pair])?;
+            let grams = self.weighing().noise.grams(
+                &measured.blocks,
+                [&columns[0], &columns[1]],
+                &[*pair],
+            )?;
             for (k, (i, _)) in own.iter().enumerate() {
                 let square = |j: usize| grams[0][(2 * k + j, 2 * k + j)];
                 logs[*i] = 0.5 * (square(0) - square(1));
@@ -155,7 +157,7 @@ impl Sampled<'_> {
     }
 
     /// What the answer leaves of the data at a draw.
-    fn left(&self, x: &[f64], drawn: &Drawn) -> [DVector<f64>; 2] {
+    fn left(&self, x: &[f64], drawn: &CompletedDraw) -> [DVector<f64>; 2] {
         let space = &self.answer.space;
         let gamma = space
             .seen
@@ -166,7 +168,7 @@ impl Sampled<'_> {
     /// The same where the test was linearised, with the amplitudes that it had there.
     fn left_at_linearisation(&self) -> [DVector<f64>; 2] {
         let space = &self.answer.space;
-        let all = linear(&self.around.here);
+        let all = linear(&self.expanded.here);
         let at = self.kept.iter().zip(space.largest.iter());
         let at =
             at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
@@ -186,8 +188,8 @@ impl Sampled<'_> {
     }
 
     /// What the near-edge rival does at a draw, which enters linearly in the full model too.
-    fn rival(&self, drawn: &Drawn, c: usize) -> DVector<f64> {
-        let here = &self.around.here;
+    fn rival(&self, drawn: &CompletedDraw, c: usize) -> DVector<f64> {
+        let here = &self.expanded.here;
         let before = linear(here).len();
         let mut sum = DVector::zeros(here.predicted[c].len());
         for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
@@ -199,7 +201,7 @@ impl Sampled<'_> {
     }
 
     /// What a draw's weight may depend on, each of unit variance: constants, and amplitudes that take part in every draw.
-    fn features(&self, points: &[Vec<f64>], drawn: &[Drawn]) -> Vec<Vec<f64>> {
+    fn features(&self, points: &[Vec<f64>], drawn: &[CompletedDraw]) -> Vec<Vec<f64>> {
         let always = |k: &usize| self.answer.space.whose[*k] == Whose::Always;
         let own: Vec<usize> = (0..self.kept.len()).filter(always).collect();
         let raw: Vec<Vec<f64>> = points

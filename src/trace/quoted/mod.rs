@@ -3,10 +3,10 @@
 //! others are summed, and all of these are drawn afterwards (DESIGN: posterior, samplers, chains).
 
 mod answer;
-mod around;
 mod choices;
 mod complete;
 mod evidence;
+mod expanded;
 mod full;
 mod importance;
 mod pose;

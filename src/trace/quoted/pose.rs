@@ -3,24 +3,25 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Supposing;
-use super::answer::Answer;
-use super::around::Around;
+use super::answer::AnswerDensity;
 use super::choices::{likeliest, with_rival};
+use super::expanded::TestExpansion;
 use super::quadratic::Equations;
 use super::space::{Space, Whose, shown, stacked};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::infer::{Marginal, Model};
 use crate::sample::LogDensity;
-use crate::trace::account::Account;
 use crate::trace::averaged::{Interval, MULTIPLES, unseen};
-use crate::trace::weighing::{NoisePair, Weighing};
+use crate::trace::noise_choices::NoisePair;
+use crate::trace::traced::Traced;
+use crate::trace::weighing::Weighing;
 
 /// An answer ready to be sampled, with what its draws need to be completed.
-pub(super) struct Sampled<'a> {
-    pub answer: Answer,
-    pub account: &'a Account,
-    pub around: &'a Around,
+pub(super) struct PosedAnswer<'a> {
+    pub answer: AnswerDensity,
+    pub traced: &'a Traced,
+    pub expanded: &'a TestExpansion,
     /// Which of the linear columns the answer has.
     pub kept: Vec<usize>,
     pub pairs: Vec<NoisePair>,
@@ -44,27 +45,27 @@ pub(super) fn steps(model: &Model, averaged: &Keyed<Interval>) -> Vec<f64> {
     names.map(of).collect()
 }
 
-impl<'a> Sampled<'a> {
+impl<'a> PosedAnswer<'a> {
     /// The answer of an account under a supposition.
     ///
     /// # Errors
     /// Of the program: columns that are not finite.
     pub fn new(
         model: &Model,
-        account: &'a Account,
-        around: &'a Around,
+        traced: &'a Traced,
+        expanded: &'a TestExpansion,
         supposing: Supposing,
     ) -> Result<Self> {
-        let evidence = &account.evidence;
+        let evidence = &traced.evidence;
         let wide = (supposing != Supposing::Small).then(|| evidence.weighing.beyond_rival());
         let weighing = wide.as_ref().unwrap_or(&evidence.weighing);
-        let here = &around.here;
+        let here = &expanded.here;
         let unseen = unseen(
             &evidence.weighing,
             &evidence.sensitivities,
             &evidence.subsets,
         )?;
-        let (kept, whose) = kept(account, around, supposing, &unseen);
+        let (kept, whose) = kept(traced, expanded, supposing, &unseen);
         let (pairs, choices) = match supposing {
             Supposing::Small => likeliest(evidence, weighing)?,
             _ => with_rival(evidence, weighing, supposing)?,
@@ -78,12 +79,17 @@ impl<'a> Sampled<'a> {
         // of the columns as they are here: at another point other combinations are not seen
         let own = [0, 1].map(|c| shown(here, &kept, c));
         let mut gram = DMatrix::zeros(kept.len(), kept.len());
-        for of_pair in weighing.grams(measured, [&own[0], &own[1]], &pairs)? {
+        for of_pair in weighing
+            .noise
+            .grams(&measured.blocks, [&own[0], &own[1]], &pairs)?
+        {
             gram += of_pair;
         }
         let space = Space::new(whose, largest, &gram);
-        let columns = [0, 1].map(|c| stacked(around, measured, &space, &kept, c));
-        let grams = weighing.grams(measured, [&columns[0], &columns[1]], &pairs)?;
+        let columns = [0, 1].map(|c| stacked(expanded, measured, &space, &kept, c));
+        let grams = weighing
+            .noise
+            .grams(&measured.blocks, [&columns[0], &columns[1]], &pairs)?;
         let directions = space.directions();
         let noise = grams
             .iter()
@@ -93,7 +99,7 @@ impl<'a> Sampled<'a> {
             .marginals()
             .into_iter()
             .zip(here.base.iter().map(|c| c.at));
-        let answer = Answer::new(
+        let answer = AnswerDensity::new(
             (model.material(), constants.collect()),
             space,
             noise,
@@ -102,8 +108,8 @@ impl<'a> Sampled<'a> {
         );
         Ok(Self {
             answer,
-            account,
-            around,
+            traced,
+            expanded,
             kept,
             pairs,
             supposing,
@@ -114,13 +120,13 @@ impl<'a> Sampled<'a> {
 
     /// What weighs the residual.
     pub fn weighing(&self) -> &Weighing {
-        let own = &self.account.evidence.weighing;
+        let own = &self.traced.evidence.weighing;
         self.wide.as_ref().unwrap_or(own)
     }
 
     /// A point to start from and the sd to start with: the closed form's, or the prior's where that is no material.
     pub fn start(&self, averaged: &Keyed<Interval>) -> (Vec<f64>, Vec<f64>) {
-        let columns = &self.around.here.base[..self.answer.constants()];
+        let columns = &self.expanded.here.base[..self.answer.constants()];
         let of = |name: &str| averaged.get(name).map(|i| (i.mean, i.sd));
         let moments = columns
             .iter()
@@ -135,12 +141,12 @@ impl<'a> Sampled<'a> {
 
 /// Linear columns of an answer, and whose they are; of the candidates' columns those that are `unseen`.
 fn kept(
-    account: &Account,
-    around: &Around,
+    traced: &Traced,
+    expanded: &TestExpansion,
     supposing: Supposing,
     unseen: &[bool],
 ) -> (Vec<usize>, Vec<Whose>) {
-    let here = &around.here;
+    let here = &expanded.here;
     let base = here.base.len() - here.constants;
     let mut all: Vec<(usize, Whose)> = (0..base).map(|k| (k, Whose::Always)).collect();
     let mut next = base;
@@ -159,7 +165,7 @@ fn kept(
         }
     }
     if supposing != Supposing::Small {
-        let rival = account.evidence.sensitivities.near_edge.len();
+        let rival = traced.evidence.sensitivities.near_edge.len();
         all.extend((next..next + rival).map(|k| (k, Whose::Rival)));
     }
     all.into_iter().unzip()

@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use super::Supposing;
-use super::around::Around;
+use super::expanded::TestExpansion;
 use super::full::Full;
 use super::importance::Importance;
-use super::pose::{Sampled, steps};
+use super::pose::{PosedAnswer, steps};
 use super::variables::Completed;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
@@ -120,8 +120,8 @@ type Showing<'a> = &'a mut dyn FnMut(&dyn LogDensity, &[f64], &[f64]);
 pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let (model, averaged) = (&round.model, &round.tracing.averaged);
     let prepared = &round.identification.inverse.prepared;
-    let around = Around::new(&round.account, model, prepared, steps(model, averaged))?;
-    let sampled = Sampled::new(model, &round.account, &around, Supposing::Small)?;
+    let expanded = TestExpansion::new(&round.traced, model, prepared, steps(model, averaged))?;
+    let sampled = PosedAnswer::new(model, &round.traced, &expanded, Supposing::Small)?;
     let (centre, sd) = sampled.start(averaged);
     act(&sampled.answer, &centre, &sd);
     Ok(())
@@ -134,21 +134,21 @@ fn sampled(
     options: &OptionsOf<'_, '_>,
     progress: &dyn Progress,
 ) -> Result<Vec<AnswerDraws>> {
-    let account = &round.account;
+    let traced = &round.traced;
     let (model, averaged) = (&round.model, &round.tracing.averaged);
     let prepared = &round.identification.inverse.prepared;
     progress.begin(
         "quoted posterior: sensitivities that follow the constants",
         None,
     );
-    let around = Around::new(account, model, prepared, steps(model, averaged))?;
-    let full = Full::new(model, prepared, account, &around)?;
+    let expanded = TestExpansion::new(traced, model, prepared, steps(model, averaged))?;
+    let full = Full::new(model, prepared, traced, &expanded)?;
     progress.end();
     let mut answers = Vec::new();
     for &supposing in which {
         let what = format!("quoted posterior: {}", supposing.words());
         progress.begin(&what, None);
-        let sampled = Sampled::new(model, account, &around, supposing)?;
+        let sampled = PosedAnswer::new(model, traced, &expanded, supposing)?;
         progress.say(&sampled.answer.size_in_words());
         let options = &options(supposing);
         let draws = draw(&sampled, averaged, options, progress)?;
@@ -162,7 +162,7 @@ fn sampled(
             sampled.completed(&draws, &full, options.schedule.seed)?;
         if importance.reweighted {
             // convergence is that of what was drawn, moments are those of what is quoted
-            let constants = around.here.constants;
+            let constants = expanded.here.constants;
             verdict.rows = diagnose(&first(&draws, constants)?, &rule(&options.rule)).rows;
         }
         answers.push(AnswerDraws {
@@ -217,7 +217,7 @@ pub fn rule(given: &Rule) -> Rule {
 
 /// What the samplers draw of an answer.
 fn draw(
-    sampled: &Sampled<'_>,
+    sampled: &PosedAnswer<'_>,
     averaged: &Keyed<Interval>,
     options: &Options<'_>,
     progress: &dyn Progress,

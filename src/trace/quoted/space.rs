@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::around::Around;
-use crate::trace::sensitivities::{Column, Measured, Sensitivities};
+use super::expanded::TestExpansion;
+use crate::linearise::{Column, Measured, Sensitivities};
 
 /// Whose a column is that enters linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,13 +106,13 @@ pub(super) fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64
 /// One component's columns for an account: those of `space` in its directions, at the point and then their changes for a prior sd of
 /// each constant; and what the data leave where all amplitudes in the directions are zero, a column for each of [`monomials`].
 pub(super) fn stacked(
-    around: &Around,
+    expanded: &TestExpansion,
     measured: &Measured,
     space: &Space,
     kept: &[usize],
     c: usize,
 ) -> DMatrix<f64> {
-    let here = &around.here;
+    let here = &expanded.here;
     let all = linear(here);
     let rows = here.predicted[c].len();
     let matrix = |of: &Sensitivities| shown(of, kept, c);
@@ -125,8 +125,8 @@ pub(super) fn stacked(
     // an amplitude that is not zero where the test was linearised: its column bends with the constants from there
     let at: DVector<f64> =
         DVector::from_iterator(all.len(), all.iter().map(|k| (k.at - k.mean) / k.sd));
-    let mut bent = vec![DVector::zeros(rows); around.raised.len()];
-    for ((raised, by), bent) in around.raised.iter().zip(&around.by).zip(&mut bent) {
+    let mut bent = vec![DVector::zeros(rows); expanded.raised.len()];
+    for ((raised, by), bent) in expanded.raised.iter().zip(&expanded.by).zip(&mut bent) {
         parts.push((matrix(raised) - &first) * &scaled / *by);
         for (k, (a, b)) in linear(raised).into_iter().zip(&all).enumerate() {
             if at[k] != 0.0 {
@@ -134,7 +134,7 @@ pub(super) fn stacked(
             }
         }
     }
-    parts.push(left(around, measured, &bent, c));
+    parts.push(left(expanded, measured, &bent, c));
     let width = parts.iter().map(DMatrix::ncols).sum();
     let mut together = DMatrix::zeros(rows, width);
     let mut next = 0;
@@ -147,8 +147,13 @@ pub(super) fn stacked(
 
 /// What the data leave, by [`monomials`]: the difference to the prediction at the point, with amplitudes taken back to their prior
 /// means, the constants' columns and half their changes.
-fn left(around: &Around, measured: &Measured, bent: &[DVector<f64>], c: usize) -> DMatrix<f64> {
-    let here = &around.here;
+fn left(
+    expanded: &TestExpansion,
+    measured: &Measured,
+    bent: &[DVector<f64>],
+    c: usize,
+) -> DMatrix<f64> {
+    let here = &expanded.here;
     let constants = here.constants;
     let mut there = measured.averages[c].clone() - &here.predicted[c];
     // the prediction is that at the prior means: carry it to where the constants were
@@ -162,7 +167,7 @@ fn left(around: &Around, measured: &Measured, bent: &[DVector<f64>], c: usize) -
     let slope = |k: usize| -&here.base[k].values[c] + &bent[k];
     let curve = |i: usize, j: usize| -> DVector<f64> {
         let of = |i: usize, j: usize| {
-            (&around.raised[i].base[j].values[c] - &here.base[j].values[c]) / around.by[i]
+            (&expanded.raised[i].base[j].values[c] - &here.base[j].values[c]) / expanded.by[i]
         };
         if i == j {
             -0.5 * of(i, i)

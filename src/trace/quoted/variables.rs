@@ -1,10 +1,10 @@
 //! The variables of the quoted draws: what a file of them has, in border units.
 
 use super::Supposing;
-use super::complete::{Drawn, Inclusion, complete};
+use super::complete::{CompletedDraw, Inclusion, complete};
 use super::full::Full;
 use super::importance::Importance;
-use super::pose::Sampled;
+use super::pose::PosedAnswer;
 use super::space::linear;
 use crate::chain::Draws;
 use crate::error::Result;
@@ -33,10 +33,10 @@ pub(super) struct Completed {
     pub importance: Importance,
 }
 
-impl Sampled<'_> {
+impl PosedAnswer<'_> {
     /// Names of the completed draws' variables.
     fn names(&self) -> Vec<String> {
-        let here = &self.around.here;
+        let here = &self.expanded.here;
         let mut names: Vec<String> = here.base[..here.constants]
             .iter()
             .map(|c| c.name.clone())
@@ -69,11 +69,11 @@ impl Sampled<'_> {
     /// # Errors
     /// Of the program, for draws of another density.
     pub fn completed(&self, draws: &Draws, full: &Full<'_>, seed: u64) -> Result<Completed> {
-        let subsets = &self.account.evidence.subsets;
+        let subsets = &self.traced.evidence.subsets;
         let draws = &draws.every(draws.len().div_ceil(MOST_COMPLETED))?;
         let points: Vec<Vec<f64>> = draws.points().map(<[f64]>::to_vec).collect();
         let candidates = if self.supposing == Supposing::Small {
-            self.around.here.candidates.len()
+            self.expanded.here.candidates.len()
         } else {
             0
         };
@@ -105,8 +105,8 @@ impl Sampled<'_> {
     }
 
     /// Amplitudes of all linear columns, prior sds from their means, zeros of those that the answer does not have.
-    pub fn amplitudes(&self, drawn: &Drawn) -> Vec<f64> {
-        let mut all = vec![0.0; linear(&self.around.here).len()];
+    pub fn amplitudes(&self, drawn: &CompletedDraw) -> Vec<f64> {
+        let mut all = vec![0.0; linear(&self.expanded.here).len()];
         for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
             if let Some(amplitude) = all.get_mut(k) {
                 *amplitude = *a;
@@ -116,11 +116,11 @@ impl Sampled<'_> {
     }
 
     /// A completed draw.
-    fn write(&self, x: &[f64], drawn: &Drawn, values: &mut Vec<f64>) {
-        let here = &self.around.here;
+    fn write(&self, x: &[f64], drawn: &CompletedDraw, values: &mut Vec<f64>) {
+        let here = &self.expanded.here;
         let n = here.constants;
         let pair = &self.pairs[drawn.noise];
-        let [first, second] = self.account.evidence.weighing.lengths_mm(pair);
+        let [first, second] = self.traced.evidence.weighing.noise.lengths_mm(pair);
         values.extend(&x[..n]);
         let size = match self.supposing {
             Supposing::None => 0.0,

@@ -1,8 +1,7 @@
 //! What a change of one parameter does to the prediction.
 
-use nalgebra::DVector;
-
-use crate::effect::LOAD_SCALE;
+use super::observing::StepStack;
+use crate::effect::{Effect, LOAD_SCALE};
 
 /// What the names of forces that are not declared begin with.
 pub const FORCE: &str = "force_";
@@ -24,8 +23,11 @@ pub struct Column {
     /// of its own.
     pub product: bool,
     /// Change of the values of (u1, u2) for one prior sd, mm.
-    pub values: [DVector<f64>; 2],
+    pub values: StepStack,
 }
+
+/// Share of an effect's bound beyond which no linearisation goes.
+const INSIDE: f64 = 0.9;
 
 /// A place that was solved for as a product is taken at most so many prior sds from where it was.
 const FARTHEST: f64 = 3.0;
@@ -49,6 +51,33 @@ pub fn divide(columns: &[Column], solution: &mut [f64]) {
 }
 
 impl Column {
+    /// Of a prior mean and sd, with the value about which it is linearised and its slope.
+    pub(super) fn new(name: String, [mean, sd]: [f64; 2], at: f64, slope: StepStack) -> Self {
+        Self {
+            name,
+            mean,
+            sd,
+            at,
+            positive: false,
+            product: false,
+            values: slope.map(|values| values * sd),
+        }
+    }
+
+    /// Of a product of one prior sd of each factor.
+    pub(super) fn product(name: String, slope: StepStack) -> Self {
+        Self {
+            product: true,
+            ..Self::new(name, [0.0, 1.0], 0.0, slope)
+        }
+    }
+
+    /// A value for it, parameter `k` of an effect, kept inside the bound for which the effect is modelled.
+    pub fn within(&self, wanted: f64, effect: &dyn Effect, k: usize) -> f64 {
+        let reach = INSIDE * effect.parameters()[k].bound;
+        wanted.clamp(-reach, reach)
+    }
+
     /// Whether it moves the specimen as a whole.
     pub fn is_rigid(&self) -> bool {
         self.name.starts_with("rigid_")

@@ -5,12 +5,12 @@ use crate::experiment::series::Law;
 
 /// An effect of a series with the law of its amplitude, where it has one.
 #[derive(Clone, Copy)]
-pub struct Acts {
+pub struct EffectUnderLaw {
     pub effect: &'static dyn Effect,
     pub law: Option<Law>,
 }
 
-impl Acts {
+impl EffectUnderLaw {
     /// All that may act of some effects: motions by every law but the free one, which is offered where one of these acts.
     pub fn all(effects: &[&'static dyn Effect]) -> Vec<Self> {
         let laws = [Law::Constant, Law::Load, Law::Seated, Law::Kept, Law::Drift];
@@ -26,6 +26,12 @@ impl Acts {
             }
         }
         all
+    }
+
+    /// Some effects of a single field.
+    pub fn without_laws(effects: &[&'static dyn Effect]) -> Vec<Self> {
+        let one = |&effect| Self { effect, law: None };
+        effects.iter().map(one).collect()
     }
 
     /// The same with an amplitude of its own in every step, of an effect that moves the specimen.
@@ -47,9 +53,11 @@ impl Acts {
         self.effect.kind() != Kind::Recorded && self.effect.name() != LOAD_SCALE.name()
     }
 
-    /// Its amplitude in each step over the one that is stated; of a free one, one set for each step.
+    /// Its amplitude in each step over the one that is stated; of a free one, one set for each step. Without a law all steps share one
+    /// amplitude, and its weights are none.
     pub fn weights(&self, loads: &[f64]) -> Vec<Vec<f64>> {
-        self.law.unwrap_or(Law::Constant).weights(loads)
+        self.law
+            .map_or_else(|| vec![Vec::new()], |law| law.weights(loads))
     }
 
     /// Its amplitudes over steps of some `names`: for every set of weights all parameters.
@@ -81,6 +89,6 @@ pub struct Amplitude {
     pub name: String,
     /// Which of the effect's parameters it is.
     pub parameter: usize,
-    /// Its share in each step.
+    /// Its share in each step, where it has a law.
     pub weights: Vec<f64>,
 }

@@ -1,0 +1,291 @@
+//! A load series observed at places that are averages over points, in every step.
+//!
+//! Values are stacked step by step. The recipe and its figures are those of a prototype study on 28 + 28 series of image correlation
+//! (right in 28 and 27, no wrong name): the whole chain of the camera is differenced, the reference picture's noise is common to all
+//! steps, and every step has its own motion in the plane.
+
+use nalgebra::DVector;
+
+use super::column::{Column, FORCE};
+use super::observing::{Observed, Observing, StepStack, quotient};
+use super::slopes::averages;
+use crate::effect::{Effect, Scene, Scope};
+use crate::error::Result;
+use crate::experiment::series::{Loaded, SeriesState, Solver, report, rigid_free};
+use crate::experiment::{Direction, FieldSolver, Sight, Softening, State};
+use crate::fem::Anchor;
+use crate::field::Blocks;
+use crate::infer::{FREE_MM, Model, Steps};
+
+/// A series, where its averages lie.
+pub struct AtPlaces<'a> {
+    pub experiment: &'a dyn FieldSolver,
+    pub sight: &'a Sight,
+    pub steps: &'a Steps,
+    /// Where the averages lie, mm, and how much each counts.
+    pub places: &'a [[f64; 2]],
+    pub counts: &'a [usize],
+    /// Averages over these, or the points themselves.
+    pub blocks: Option<&'a Blocks>,
+}
+
+/// Step of the central difference of a load, over the nominal one.
+const LOAD_STEP: f64 = 0.01;
+
+/// Prior sd of a force that is not known, over the nominal one and over its own size.
+const UNKNOWN: [f64; 2] = [0.05, 0.5];
+
+impl<'a> AtPlaces<'a> {
+    /// Over blocks of a sight's points.
+    pub fn over_blocks(
+        experiment: &'a dyn FieldSolver,
+        sight: &'a Sight,
+        steps: &'a Steps,
+        blocks: &'a Blocks,
+    ) -> Self {
+        Self {
+            experiment,
+            sight,
+            steps,
+            places: &blocks.centroid,
+            counts: &blocks.count,
+            blocks: Some(blocks),
+        }
+    }
+
+    /// What all steps measured, free of rigid motion, mm.
+    pub fn measured(&self) -> StepStack {
+        let steps = self.steps.displacement.iter();
+        let free = |u: &Vec<[f64; 2]>| rigid_free(self.places, self.counts, &self.average(u));
+        stacked(&steps.map(free).collect::<Vec<_>>())
+    }
+
+    fn average(&self, field: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let Some(blocks) = self.blocks else {
+            return field.to_vec();
+        };
+        let [first, second] = averages(blocks, field);
+        let pairs = first.iter().zip(&second);
+        pairs.map(|(a, b)| [*a, *b]).collect()
+    }
+
+    fn loaded(&self, about: Option<&Anchor>, at: &SeriesState) -> Result<Loaded> {
+        let solver = Solver {
+            experiment: self.experiment,
+            sight: self.sight,
+            average: &|u| self.average(u),
+        };
+        solver.loaded(about, &at.shared, &at.loads)
+    }
+
+    /// All steps as the camera of a scene reports them, from what forces cause in the state `solved`.
+    fn reported(
+        &self,
+        state: &SeriesState,
+        (solved, loaded): (&State, &Loaded),
+        scene: &Scene,
+    ) -> StepStack {
+        let steps = report(state, solved, loaded, scene, self.places, self.counts);
+        stacked(&steps)
+    }
+
+    /// Whether no force is declared and that of a step is the largest: the one that all constants are relative to.
+    fn is_relative(&self, step: usize) -> bool {
+        let steps = self.steps;
+        let largest = steps.loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        let mut declared = steps.known.iter().zip(&steps.loads);
+        !declared.any(|(known, f)| *known && *f != 0.0) && steps.loads[step].abs() == largest
+    }
+}
+
+impl Observing for AtPlaces<'_> {
+    fn experiment(&self) -> &dyn FieldSolver {
+        self.experiment
+    }
+
+    fn sight(&self) -> &Sight {
+        self.sight
+    }
+
+    fn names(&self) -> &[String] {
+        &self.steps.names
+    }
+
+    fn prior_sd(&self, model: &Model, effect: &dyn Effect, k: usize) -> f64 {
+        model.prior_sd_pictured(self.experiment.scene(), effect, k)
+    }
+
+    fn beginning(&self, shared: State) -> SeriesState {
+        SeriesState {
+            shared,
+            loads: self.steps.loads.clone(),
+            rigid: self.steps.rigid.clone(),
+            moving: Vec::new(),
+        }
+    }
+
+    fn shown(&self, at: &SeriesState) -> Result<StepStack> {
+        let loaded = self.loaded(None, at)?;
+        Ok(self.reported(at, (&at.shared, &loaded), self.experiment.scene()))
+    }
+
+    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn Observed + 'a>> {
+        Ok(Box::new(AboutPlaces {
+            observing: self,
+            loaded: self.loaded(None, at)?,
+            anchor: self.experiment.anchor(&at.shared)?,
+            at,
+        }))
+    }
+
+    fn of_each_step(&self) -> bool {
+        true
+    }
+}
+
+fn stacked(steps: &[Vec<[f64; 2]>]) -> StepStack {
+    let count = steps.iter().map(Vec::len).sum();
+    [0, 1].map(|c| DVector::from_iterator(count, steps.iter().flatten().map(|u| u[c])))
+}
+
+struct AboutPlaces<'a> {
+    observing: &'a AtPlaces<'a>,
+    loaded: Loaded,
+    anchor: Option<Anchor>,
+    at: &'a SeriesState,
+}
+
+impl AboutPlaces<'_> {
+    /// The difference quotient of two states that share this one's load displacements.
+    fn pictured(&self, [high, low]: [&SeriesState; 2], over: f64) -> StepStack {
+        let scene = self.observing.experiment.scene();
+        quotient([high, low].map(|state| self.reported(state, scene)), over)
+    }
+
+    /// The same of two states that are solved for.
+    fn solved(&self, states: [SeriesState; 2], over: f64) -> Result<StepStack> {
+        let scene = self.observing.experiment.scene();
+        let shown = |state: &SeriesState| -> Result<StepStack> {
+            let loaded = self.observing.loaded(self.anchor.as_ref(), state)?;
+            Ok(self
+                .observing
+                .reported(state, (&state.shared, &loaded), scene))
+        };
+        Ok(quotient([shown(&states[0])?, shown(&states[1])?], over))
+    }
+
+    /// The change for forces that are all twice as large.
+    fn of_the_load(&self) -> StepStack {
+        let times = |factor: f64| {
+            let mut state = self.at.clone();
+            state.loads.iter_mut().for_each(|f| *f *= factor);
+            state
+        };
+        let moved = [&times(1.0 + LOAD_STEP), &times(1.0 - LOAD_STEP)];
+        self.pictured(moved, 2.0 * LOAD_STEP)
+    }
+
+    /// The column of a force that is not declared.
+    fn unknown_force(&self, step: usize) -> Column {
+        let steps = self.observing.steps;
+        let guess = steps.loads[step];
+        let moved = [LOAD_STEP, -LOAD_STEP].map(|by| {
+            let mut state = self.at.clone();
+            state.loads[step] += by;
+            state
+        });
+        let slope = self.pictured(moved.each_ref(), 2.0 * LOAD_STEP);
+        let sd = UNKNOWN[0].hypot(UNKNOWN[1] * guess);
+        let name = format!("{FORCE}{}", steps.names[step]);
+        Column::new(name, [guess, sd], self.at.loads[step], slope)
+    }
+
+    /// Columns of the motion in the plane in one step.
+    fn motion(&self, step: usize) -> [Column; 3] {
+        let places = self.observing.places;
+        let (n, count) = (places.len(), self.at.loads.len());
+        let reach = places.iter().fold(1.0_f64, |m, p| m.max(p[0].hypot(p[1])));
+        [0, 1, 2].map(|motion| {
+            let mut slope = [DVector::zeros(n * count), DVector::zeros(n * count)];
+            for (k, &p) in places.iter().enumerate() {
+                let u = match motion {
+                    0 => [1.0, 0.0],
+                    1 => [0.0, 1.0],
+                    _ => [-p[1] / reach, p[0] / reach],
+                };
+                slope[0][step * n + k] = u[0];
+                slope[1][step * n + k] = u[1];
+            }
+            Column::new("rigid_motion".into(), [0.0, FREE_MM], 0.0, slope)
+        })
+    }
+}
+
+impl Observed for AboutPlaces<'_> {
+    fn predicted(&self) -> Result<StepStack> {
+        Ok(self.reported(self.at, self.observing.experiment.scene()))
+    }
+
+    fn reported(&self, state: &SeriesState, scene: &Scene) -> StepStack {
+        let solved = (&self.at.shared, &self.loaded);
+        self.observing.reported(state, solved, scene)
+    }
+
+    fn slope(&self, direction: Direction, weights: &[f64], step: f64) -> Result<StepStack> {
+        match direction {
+            Direction::Load => Ok(self.of_the_load().map(|v| v * 0.01)),
+            // a field under a force goes with their ratio
+            Direction::Thickness => {
+                let thickness = self.at.shared.thickness_mm;
+                Ok(self.of_the_load().map(|v| v * (-1.0 / thickness)))
+            }
+            Direction::Constant(k) => {
+                let moved = [step, -step].map(|by| {
+                    let mut state = self.at.clone();
+                    state.shared.constants[k] += by;
+                    state
+                });
+                self.solved(moved, 2.0 * step)
+            }
+            Direction::Amplitude(effect, k) => {
+                let moved = [step, -step].map(|by| self.at.raised(effect, k, by, weights));
+                match effect.scope() {
+                    Scope::Mechanical => self.solved(moved, 2.0 * step),
+                    _ => Ok(self.pictured(moved.each_ref(), 2.0 * step)),
+                }
+            }
+        }
+    }
+
+    /// In proportion to the load.
+    fn softened(&self, softening: Softening<'_>) -> Result<Vec<StepStack>> {
+        let AtPlaces {
+            experiment, sight, ..
+        } = self.observing;
+        let about = self.anchor.as_ref();
+        let fields = experiment.softened(about, &self.at.shared, sight, softening)?;
+        Ok(fields.iter().map(|u| self.with_the_load(u)).collect())
+    }
+
+    fn with_the_load(&self, field: &[[f64; 2]]) -> StepStack {
+        let AtPlaces { places, counts, .. } = self.observing;
+        let average = rigid_free(places, counts, &self.observing.average(field));
+        let steps = self.at.loads.iter().map(|f| {
+            let scaled = average.iter().map(|u| u.map(|u| f * u));
+            scaled.collect::<Vec<[f64; 2]>>()
+        });
+        stacked(&steps.collect::<Vec<_>>())
+    }
+
+    fn of_steps(&self) -> Vec<Column> {
+        let AtPlaces { steps, .. } = self.observing;
+        let all = 0..steps.loads.len();
+        let unknown = all
+            .clone()
+            .filter(|s| !steps.known[*s] && !self.observing.is_relative(*s));
+        let forces = unknown.map(|step| self.unknown_force(step));
+        forces
+            .chain(all.flat_map(|step| self.motion(step)))
+            .collect()
+    }
+}

@@ -1,0 +1,273 @@
+//! Choices of the noise of one field, for each component its own.
+//!
+//! Noise of a component: C = s^2 [diag(nbar / n_b) + rho Matern(l)], s^2 by restricted likelihood on contrasts
+//! orthogonal to all columns, the candidates' included, so that an effect's structure does not pass for noise: with the noise taken from
+//! the bare fit's residual, loud effects were never named, because they inflate it (prototype study). Short lengths are noise; long
+//! ones are a smooth discrepancy, the rival of every named effect.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data};
+use crate::error::{Error, Result};
+use crate::field::Blocks;
+use crate::linearise::{Measured, Sensitivities};
+use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
+use crate::noise::reml::{Contrasts, orthonormal};
+use crate::noise::series::{DISCREPANCY, SeriesNoise};
+use crate::noise::{BlockCovariance, Hyperparameters, Matern, solve};
+
+/// Ratios rho weighed here: all but that of noise that is correlated alone.
+pub(super) const TRACED: &[f64] = RATIOS.split_at(RATIOS.len() - 1).0;
+
+/// Lengths weighed, half of them noise and half discrepancy.
+pub(super) const LENGTHS: usize = 6;
+
+/// Choices kept for each component in each class, noise and discrepancy, the likeliest ones; white noise is always kept.
+const KEPT: usize = 6;
+
+/// Choices for u1 and u2, the likeliest first.
+#[derive(Clone)]
+pub(super) struct ComponentNoise {
+    choices: [Vec<NoiseChoice>; 2],
+    pairs: Vec<NoisePair>,
+}
+
+/// The data and all columns of one component under one choice of its covariance hyperparameters.
+#[derive(Debug, Clone)]
+struct NoiseChoice {
+    /// Length, ratio, scale and restricted likelihood.
+    at: Hyperparameters,
+    /// log det of the covariance.
+    log_det: f64,
+    /// X' C^-1 X of all columns and, last, the data.
+    gram: DMatrix<f64>,
+    /// The scale s^2 of contrasts that are orthogonal to the near-edge rival too, over that of `at`.
+    beyond_rival: f64,
+    /// The scale s^2 that `gram` has.
+    scale2: f64,
+    /// Number of values.
+    values: usize,
+}
+
+impl ComponentNoise {
+    /// For the sensitivities' columns over blocks; `step` is called for each point of the grid.
+    pub(super) fn new(
+        measured: &Measured,
+        sensitivities: &Sensitivities,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
+        let component = |c: usize| ComponentColumns::new(measured, sensitivities, c);
+        let components = [component(0)?, component(1)?];
+        let blocks = &measured.blocks;
+        let lengths = [noise_lengths_mm(blocks), discrepancy_lengths_mm(blocks)].concat();
+        let found = over_grid(blocks, &lengths, TRACED, |covariance| {
+            step();
+            let [first, second] = &components;
+            Ok((first.choice(covariance)?, second.choice(covariance)?))
+        })?;
+        let (first, second): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        let choices = [first, second].map(|found| likeliest(found, blocks));
+        Ok(Self {
+            pairs: pairs(&choices, blocks),
+            choices,
+        })
+    }
+
+    fn at(&self, pair: &NoisePair) -> [&NoiseChoice; 2] {
+        [0, 1].map(|c: usize| &self.choices[c][pair.of[c]])
+    }
+}
+
+impl NoiseChoices for ComponentNoise {
+    fn pairs(&self) -> Vec<NoisePair> {
+        self.pairs.clone()
+    }
+
+    fn gram(&self, pair: &NoisePair) -> DMatrix<f64> {
+        let [first, second] = self.at(pair);
+        &first.gram + &second.gram
+    }
+
+    fn grams(
+        &self,
+        blocks: &Blocks,
+        columns: [&DMatrix<f64>; 2],
+        pairs: &[NoisePair],
+    ) -> Result<Vec<DMatrix<f64>>> {
+        let mut wanted: Vec<(usize, usize)> = pairs
+            .iter()
+            .flat_map(|p| [(0, p.of[0]), (1, p.of[1])])
+            .collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let found: Vec<Result<DMatrix<f64>>> = wanted
+            .par_iter()
+            .map(|&(c, k)| {
+                let NoiseChoice { at, scale2, .. } = &self.choices[c][k];
+                let matern = Matern::new(blocks, at.length_mm);
+                let covariance = BlockCovariance::new(blocks, &matern, at.ratio)?;
+                let white = covariance.whiten(columns[c]);
+                Ok(white.tr_mul(&white) / *scale2)
+            })
+            .collect();
+        let found = found.into_iter().collect::<Result<Vec<_>>>()?;
+        let gram = |c: usize, k: usize| {
+            let at = wanted.iter().position(|w| *w == (c, k));
+            &found[at.unwrap_or(0)]
+        };
+        let both = |p: &NoisePair| gram(0, p.of[0]) + gram(1, p.of[1]);
+        Ok(pairs.iter().map(both).collect())
+    }
+
+    fn log_det(&self, pair: &NoisePair) -> f64 {
+        let [first, second] = self.at(pair);
+        first.log_det + second.log_det
+    }
+
+    fn misfit(&self, pair: &NoisePair) -> f64 {
+        let [first, second] = self.at(pair).map(|choice| {
+            let data = choice.gram.nrows() - 1;
+            choice.log_det + choice.gram[(data, data)]
+        });
+        first + second
+    }
+
+    fn beyond_rival(&self) -> Arc<dyn NoiseChoices> {
+        let rescaled = |choice: &NoiseChoice| NoiseChoice {
+            gram: &choice.gram / choice.beyond_rival,
+            scale2: choice.scale2 * choice.beyond_rival,
+            log_det: choice.log_det + choice.values as f64 * choice.beyond_rival.ln(),
+            ..choice.clone()
+        };
+        let choices = self.choices.each_ref();
+        Arc::new(Self {
+            choices: choices.map(|choices| choices.iter().map(rescaled).collect()),
+            pairs: self.pairs.clone(),
+        })
+    }
+
+    fn lengths_mm(&self, pair: &NoisePair) -> [f64; 2] {
+        let both = self.at(pair);
+        both.map(|choice| correlated(choice.at.length_mm, choice.at.ratio))
+    }
+
+    fn structure(&self, pair: &NoisePair, blocks: &Blocks) -> [Option<Hyperparameters>; 2] {
+        let both = self.at(pair);
+        both.map(|choice| choice.at.is_discrepancy(blocks).then_some(choice.at))
+    }
+
+    fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2] {
+        let mean = blocks.mean_count();
+        self.at(pair).map(|choice| {
+            let s = &choice.at;
+            let variance = |&n: &f64| s.scale2 * (mean / n + s.ratio * alone(blocks, s.length_mm));
+            DVector::from_iterator(blocks.len(), blocks.worth.iter().map(variance))
+        })
+    }
+
+    fn by_frames(&self) -> Option<&SeriesNoise> {
+        None
+    }
+}
+
+/// The choices worth keeping, the likeliest first.
+fn likeliest(mut found: Vec<NoiseChoice>, blocks: &Blocks) -> Vec<NoiseChoice> {
+    found.sort_by(|a, b| b.at.log_likelihood.total_cmp(&a.at.log_likelihood));
+    let mut kept = [0, 0];
+    found.retain(|w| {
+        let class = usize::from(w.at.is_discrepancy(blocks));
+        kept[class] += 1;
+        kept[class] <= KEPT || w.at.ratio == 0.0
+    });
+    found
+}
+
+/// What is weighed of one component.
+struct ComponentColumns<'a> {
+    contrasts: Contrasts<'a>,
+    /// All columns, the near-edge rival's after the others, and last the data.
+    with_data: DMatrix<f64>,
+    /// Blocks beyond the rank of those columns.
+    freedom: usize,
+}
+
+impl<'a> ComponentColumns<'a> {
+    fn new(measured: &'a Measured, sensitivities: &Sensitivities, c: usize) -> Result<Self> {
+        let blocks = &measured.blocks;
+        let with_data = with_data(measured, sensitivities, c);
+        let last = with_data.ncols() - 1;
+        let columns = last - sensitivities.near_edge.len();
+        if blocks.len() < columns + 20 {
+            return Err(Error::input(
+                "measurement",
+                "enough points to tell the effects from noise",
+            )
+            .found(format!("{} blocks for {columns} columns", blocks.len()))
+            .hint("restrict the dictionary with \"candidates\", or measure more densely"));
+        }
+        let rank = orthonormal(&with_data.columns(0, last).into_owned()).ncols();
+        let own = with_data.columns(0, columns).into_owned();
+        Ok(Self {
+            contrasts: Contrasts::new(blocks, with_data.column(last).into_owned(), &own)?,
+            freedom: blocks.len().saturating_sub(rank).max(1),
+            with_data,
+        })
+    }
+
+    fn choice(&self, covariance: &BlockCovariance) -> Result<NoiseChoice> {
+        let last = self.with_data.ncols() - 1;
+        let at = self.contrasts.at(covariance)?;
+        let white = covariance.whiten(&self.with_data);
+        let gram = white.tr_mul(&white) / at.scale2;
+        let explained = gram.view((0, last), (last, 1)).column(0).into_owned();
+        let fit = solve(&gram.view((0, 0), (last, last)).into_owned(), &explained);
+        let left = (gram[(last, last)] - fit.dot(&explained)).max(f64::MIN_POSITIVE);
+        let values = self.with_data.nrows();
+        Ok(NoiseChoice {
+            at,
+            log_det: covariance.log_det() + values as f64 * at.scale2.ln(),
+            gram,
+            beyond_rival: left / self.freedom as f64,
+            scale2: at.scale2,
+            values,
+        })
+    }
+}
+
+/// Within the noise, half the probability is on white noise; all correlated noise of the grid is as probable.
+fn log_prior(at: &Hyperparameters, blocks: &Blocks) -> f64 {
+    let correlated = ((TRACED.len() - 1) * LENGTHS / 2) as f64;
+    if at.is_discrepancy(blocks) {
+        -correlated.ln()
+    } else if at.ratio > 0.0 {
+        -(2.0 * correlated).ln()
+    } else {
+        -std::f64::consts::LN_2
+    }
+}
+
+/// All pairs: a discrepancy in u1, in u2 or in both shares [`DISCREPANCY`] equally.
+fn pairs(choices: &[Vec<NoiseChoice>; 2], blocks: &Blocks) -> Vec<NoisePair> {
+    let mut pairs = Vec::new();
+    for (i, first) in choices[0].iter().enumerate() {
+        for (j, second) in choices[1].iter().enumerate() {
+            let discrepancy = first.at.is_discrepancy(blocks) || second.at.is_discrepancy(blocks);
+            let class = if discrepancy {
+                DISCREPANCY / 3.0
+            } else {
+                1.0 - DISCREPANCY
+            };
+            pairs.push(NoisePair {
+                of: [i, j],
+                log_prior: class.ln()
+                    + log_prior(&first.at, blocks)
+                    + log_prior(&second.at, blocks),
+                discrepancy,
+            });
+        }
+    }
+    pairs
+}

@@ -1,0 +1,84 @@
+//! Choices of the noise of a series whose frames measure it.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated};
+use crate::error::Result;
+use crate::field::Blocks;
+use crate::noise::Hyperparameters;
+use crate::noise::series::{Frames, SeriesNoise, Setting, grams};
+
+impl NoiseChoices for SeriesNoise {
+    fn pairs(&self) -> Vec<NoisePair> {
+        let pair = |(k, setting): (usize, &Setting)| NoisePair {
+            of: [k, k],
+            log_prior: setting.log_prior,
+            discrepancy: setting.at.rival.is_some(),
+        };
+        self.settings.iter().enumerate().map(pair).collect()
+    }
+
+    fn gram(&self, pair: &NoisePair) -> DMatrix<f64> {
+        self.settings[pair.of[0]].gram.clone()
+    }
+
+    fn grams(
+        &self,
+        blocks: &Blocks,
+        columns: [&DMatrix<f64>; 2],
+        pairs: &[NoisePair],
+    ) -> Result<Vec<DMatrix<f64>>> {
+        let frames = Frames {
+            blocks,
+            loads: self.in_frames.loads.clone(),
+            // only the search for the noise asks for it
+            subset_mm: None,
+        };
+        let which: Vec<usize> = pairs.iter().map(|p| p.of[0]).collect();
+        grams(&frames, self, columns, &which)
+    }
+
+    fn log_det(&self, pair: &NoisePair) -> f64 {
+        self.settings[pair.of[0]].log_det
+    }
+
+    fn misfit(&self, pair: &NoisePair) -> f64 {
+        let Setting { log_det, gram, .. } = &self.settings[pair.of[0]];
+        let data = gram.nrows() - 1;
+        log_det + gram[(data, data)]
+    }
+
+    /// The same: it is measured where nothing that grows with the load can enter.
+    fn beyond_rival(&self) -> Arc<dyn NoiseChoices> {
+        Arc::new(self.clone())
+    }
+
+    fn lengths_mm(&self, _pair: &NoisePair) -> [f64; 2] {
+        let spatial = &self.noise.spatial;
+        spatial.each_ref().map(|n| correlated(n.length_mm, n.ratio))
+    }
+
+    fn structure(&self, _pair: &NoisePair, _blocks: &Blocks) -> [Option<Hyperparameters>; 2] {
+        [None, None]
+    }
+
+    fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2] {
+        let reference = self.settings[pair.of[0]].at.reference;
+        self.noise.spatial.each_ref().map(|s| {
+            let all = s.covariance.variances();
+            let white: Vec<f64> = all.iter().map(|v| (v - s.ratio).max(0.0)).collect();
+            let variance = |d: f64, w: f64| {
+                (d + reference) * s.scale2 * (w + s.ratio * alone(blocks, s.length_mm))
+            };
+            let frames = self.noise.scales.iter();
+            let all = frames.flat_map(|d| white.iter().map(move |w| variance(*d, *w)));
+            DVector::from_vec(all.collect())
+        })
+    }
+
+    fn by_frames(&self) -> Option<&SeriesNoise> {
+        Some(self)
+    }
+}
