@@ -82,7 +82,7 @@ fn write_rows(draws: &Draws, number: usize, out: &mut dyn Write) -> std::io::Res
 /// The input's fault, naming file, line and column: an unreadable file, a missing header, a row of the wrong
 /// length, a value that is no number, chains of different length, files of different columns.
 pub fn read_csv(paths: &[&Path]) -> Result<Draws> {
-    let mut table: Option<Table> = None;
+    let mut table: Option<CsvTable> = None;
     for &path in paths {
         let one = read_table(path)?;
         match &mut table {
@@ -96,13 +96,13 @@ pub fn read_csv(paths: &[&Path]) -> Result<Draws> {
 }
 
 /// The columns of a file and the rows of each chain.
-struct Table {
+struct CsvTable {
     columns: Vec<String>,
     /// Chain label as written (empty if the file has no such column) and its rows, row-major over `columns`.
     chains: Vec<(String, Vec<f64>)>,
 }
 
-impl Table {
+impl CsvTable {
     fn join(&mut self, other: Self, path: &Path) -> Result<()> {
         if self.columns != other.columns {
             return Err(
@@ -163,7 +163,7 @@ impl Table {
     }
 }
 
-fn read_table(path: &Path) -> Result<Table> {
+fn read_table(path: &Path) -> Result<CsvTable> {
     let file = File::open(path)
         .map_err(|e| Error::input(path.display(), "a readable chain file").found(e))?;
     let mut header: Option<Vec<String>> = None;
@@ -211,7 +211,7 @@ fn read_table(path: &Path) -> Result<Table> {
     if let Some(at) = chain_at {
         columns.remove(at);
     }
-    Ok(Table { columns, chains })
+    Ok(CsvTable { columns, chains })
 }
 
 /// The rows of the chain called `label`; the search from the end makes sorted files cheap.

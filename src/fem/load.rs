@@ -91,7 +91,7 @@ impl Mesh {
             return vec![0.0; self.unknowns()];
         };
         let across = turned(first.direction);
-        let sections: Vec<Section> = boundary
+        let sections: Vec<EdgeSection> = boundary
             .loads
             .iter()
             .map(|l| self.section(l, across))
@@ -134,7 +134,7 @@ impl Mesh {
     }
 
     /// Length, middle and second moment of the edges that a force acts on, measured along a direction.
-    fn section(&self, force: &EdgeForce, across: [f64; 2]) -> Section {
+    fn section(&self, force: &EdgeForce, across: [f64; 2]) -> EdgeSection {
         let points: Vec<OnEdge> = self.pieces(force).flat_map(|e| self.gauss(e)).collect();
         let length: f64 = points.iter().map(|p| p.length).sum();
         let mean = |k: usize| points.iter().map(|p| p.length * p.point[k]).sum::<f64>() / length;
@@ -143,7 +143,7 @@ impl Mesh {
             let from = [p.point[0] - middle[0], p.point[1] - middle[1]];
             p.length * dot(from, across).powi(2)
         });
-        Section {
+        EdgeSection {
             length,
             middle,
             inertia: inertia.sum(),
@@ -173,7 +173,7 @@ impl Mesh {
 }
 
 /// What a force is spread over.
-struct Section {
+struct EdgeSection {
     length: f64,
     middle: [f64; 2],
     /// Second moment across the force, mm^3.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::json::{Keyed, part, read};
+use super::json::{Keyed, Versioned, part, read};
 use super::quoted::QuotedReport;
 use super::round::{MeanAndSd, RoundReport};
 use super::together::TogetherReport;
@@ -99,11 +99,6 @@ impl Report {
     pub fn last(&self) -> Option<&RoundReport> {
         self.rounds.last()
     }
-}
-
-#[derive(Deserialize)]
-struct Versioned {
-    schema: String,
 }
 
 fn closing<'de, D: Deserializer<'de>>(rest: D) -> std::result::Result<Option<Closing>, D::Error> {

@@ -3,7 +3,7 @@
 use indexmap::IndexMap;
 use serde::Serialize;
 
-use super::figures::{Figure, Palette, Picture, Scale, posterior_corner};
+use super::figures::{Figure, Palette, PixelPicture, Scale, posterior_corner};
 use super::manifest::KnownTruth;
 use super::numbers::FigureData;
 use super::plate::PlateReport;
@@ -216,7 +216,7 @@ fn shapes(plate: &PlateFound) -> Result<Vec<Figure>> {
             format!("peak {:.1} Hz", p.frequency_hz)
         });
         let [m, n] = mode.label;
-        let picture = Picture {
+        let picture = PixelPicture {
             name: format!("{}-{m}-{n}", plate.name),
             title: format!("({m}, {n}) at {:.1} Hz, {seen}", mode.mean_hz),
             size: [lines, columns],

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::figures::{Figure, Palette, Picture, Scale, span};
+use super::figures::{Figure, Palette, PixelPicture, Scale, span};
 use super::section::{Document, Piece, Section, Table, TableCell, html, row};
 use crate::error::Result;
 use crate::field::frame::Axis;
@@ -258,7 +258,7 @@ fn figures(fringes: &Fringes, c: usize) -> Result<Vec<Figure>> {
             range: span((0..size[0] * size[1]).step_by(7).map(value)),
             unit,
         };
-        let picture = Picture {
+        let picture = PixelPicture {
             name: format!("{name}-{stem}"),
             title,
             size,

@@ -24,6 +24,12 @@ pub fn read(folder: &Path, name: &str) -> Result<(String, String)> {
     Ok((file, text))
 }
 
+/// What every file says of its version.
+#[derive(Deserialize)]
+pub struct Versioned {
+    pub schema: String,
+}
+
 /// What the remaining keys of an object hold, if `key` is one of them. (An optional flattened part would swallow its
 /// errors.)
 pub(super) fn part<'de, D: Deserializer<'de>, T: DeserializeOwned>(

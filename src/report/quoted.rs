@@ -12,7 +12,7 @@ pub struct QuotedReport {
     /// One answer, or the three that the quoted intervals span.
     pub answers: Vec<QuotedAnswer>,
     /// Constants whose sampled interval differs from the closed form's, by more than a tenth of an sd or of its width.
-    pub apart: Vec<Apart>,
+    pub apart: Vec<ClosedFormDifference>,
     /// Amplitudes that go with a constant over the draws, the strongest first.
     pub trades: Vec<Trade>,
 }
@@ -33,7 +33,7 @@ pub struct QuotedAnswer {
 
 /// A constant of an answer that is not what the closed form makes of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Apart {
+pub struct ClosedFormDifference {
     pub answer: String,
     pub constant: String,
     /// Sampled less closed mean, closed sds.
@@ -80,16 +80,17 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
     })
 }
 
-fn apart(answer: &QuotedAnswer) -> Vec<Apart> {
+fn apart(answer: &QuotedAnswer) -> Vec<ClosedFormDifference> {
     let pairs = answer.constants.iter();
     let pairs = pairs.filter_map(|(name, s)| Some((name, s, answer.closed_form.get(name)?)));
-    let one = |(name, s, c): (&String, &Interval, &Interval)| Apart {
+    let one = |(name, s, c): (&String, &Interval, &Interval)| ClosedFormDifference {
         answer: answer.name.clone(),
         constant: name.clone(),
         shift_sd: (s.mean - c.mean) / c.sd,
         sd_ratio: s.sd / c.sd,
     };
-    let differs = |a: &Apart| a.shift_sd.abs() > SHIFT || (a.sd_ratio - 1.0).abs() > WIDTH;
+    let differs =
+        |a: &ClosedFormDifference| a.shift_sd.abs() > SHIFT || (a.sd_ratio - 1.0).abs() > WIDTH;
     pairs.map(one).filter(differs).collect()
 }
 

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::files::{Keyed, parse_json};
 use crate::report::Report;
 use crate::report::frequencies;
-use crate::report::json::read;
+use crate::report::json::{Versioned, read};
 
 /// A run in the table.
 #[derive(Debug, Clone)]
@@ -69,10 +69,6 @@ impl Row {
             return Ok(row);
         }
         let folder = places.run(&entry.run);
-        #[derive(Deserialize)]
-        struct Versioned {
-            schema: String,
-        }
         let (file, text) = read(&folder, "report.json")?;
         let Versioned { schema } = parse_json(&text, &file)?;
         match schema == frequencies::SCHEMA {

@@ -40,11 +40,12 @@ pub fn text(size: u32) -> TextStyle<'static> {
 }
 
 /// A chart of places on the specimen.
-type Places<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type MapChart<'a, 'b> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Axes of x and y in mm without a grid: how many numbers along each at most, and their size in pixels.
 pub fn axes_mm(
-    chart: &mut Places<'_, '_>,
+    chart: &mut MapChart<'_, '_>,
     [along_x, along_y]: [usize; 2],
     size: u32,
 ) -> Result<()> {

@@ -14,7 +14,7 @@ const ACROSS: usize = 3;
 const PANEL: (u32, u32) = (300, 168);
 
 /// One line of a panel.
-struct Line {
+struct Curve {
     points: Vec<(f64, f64)>,
     colour: RGBColor,
 }
@@ -23,7 +23,7 @@ struct Panel {
     title: String,
     x: [f64; 2],
     y: [f64; 2],
-    lines: Vec<Line>,
+    lines: Vec<Curve>,
     level: Option<f64>,
     steps: bool,
 }
@@ -91,7 +91,7 @@ fn panels<'a>(points: impl Iterator<Item = (&'a String, usize, (f64, f64))>) -> 
         lines: lines
             .into_values()
             .zip(SERIES.into_iter().cycle())
-            .map(|(points, colour)| Line { points, colour })
+            .map(|(points, colour)| Curve { points, colour })
             .collect(),
         level: None,
         steps: false,

@@ -18,7 +18,7 @@ pub use colour::Palette;
 pub use corner::corner as posterior_corner;
 pub use maps::Scale;
 pub use mesh::mesh as mesh_figure;
-pub use pictures::Picture;
+pub use pictures::PixelPicture;
 #[cfg(feature = "png")]
 pub use raster::png;
 

@@ -5,7 +5,7 @@ use super::maps::{Raster, Scale, map, panel};
 use crate::error::Result;
 
 /// Values of pixels, row by row.
-pub struct Picture<'a> {
+pub struct PixelPicture<'a> {
     /// File stem.
     pub name: String,
     pub title: String,
@@ -22,7 +22,7 @@ pub struct Picture<'a> {
 /// Pixels to a side that are shown.
 const SHOWN: usize = 360;
 
-impl Picture<'_> {
+impl PixelPicture<'_> {
     /// First row and column, pixels to the next that is shown, and how many are.
     fn shown(&self) -> [(usize, usize, usize); 2] {
         self.size.map(|n| {

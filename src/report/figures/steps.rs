@@ -22,16 +22,16 @@ const BAR: u32 = 56;
 const BAR_WIDTH: u32 = 360;
 
 /// A value at a place (x, y), mm.
-type Spot = ([f64; 2], f64);
+type PlacedValue = ([f64; 2], f64);
 
 /// Blocks of all maps on one lattice.
-struct Lattice {
+struct BlockLattice {
     x: Vec<f64>,
     y: Vec<f64>,
 }
 
-impl Lattice {
-    fn of<'a>(spots: impl Iterator<Item = &'a Spot> + Clone) -> Self {
+impl BlockLattice {
+    fn of<'a>(spots: impl Iterator<Item = &'a PlacedValue> + Clone) -> Self {
         let axis = |k: usize| {
             let mut values: Vec<f64> = spots.clone().map(|(at, _)| at[k]).collect();
             values.sort_by(f64::total_cmp);
@@ -60,7 +60,7 @@ impl Lattice {
     }
 
     /// Values from the top row down; NaN where there is no block.
-    fn values(&self, spots: &[Spot]) -> Vec<f64> {
+    fn values(&self, spots: &[PlacedValue]) -> Vec<f64> {
         let [(columns, _), (rows, _)] = [self.axis(&self.x), self.axis(&self.y)];
         let mut values = vec![f64::NAN; columns * rows];
         let place = |at: f64, first: f64| ((at - first) / self.side()).round() as usize;
@@ -79,7 +79,7 @@ struct Small {
     /// Row and column.
     at: [usize; 2],
     title: String,
-    spots: Vec<Spot>,
+    spots: Vec<PlacedValue>,
 }
 
 /// What is left of each step: u1 above u2, step by step. None of a single field.
@@ -137,7 +137,7 @@ fn several(
     if spots.clone().next().is_none() {
         return Ok(None);
     }
-    let lattice = Lattice::of(spots.clone());
+    let lattice = BlockLattice::of(spots.clone());
     let scale = Scale {
         unit,
         ..covering(spots.map(|s| s.1.abs()))
@@ -179,7 +179,7 @@ const LETTERS: usize = 24;
 fn map(
     area: &Area<'_>,
     images: &mut Vec<Stretched>,
-    (lattice, values): (&Lattice, &[f64]),
+    (lattice, values): (&BlockLattice, &[f64]),
     scale: Scale,
     title: &str,
 ) -> Result<()> {

@@ -28,14 +28,14 @@ impl FieldCells {
         let is_lattice = nodes <= 2 * points.len() && nodes > 0;
         let [columns, rows] = if is_lattice {
             let most = most(sides[0].len() as f64, sides[1].len() as f64);
-            [0, 1].map(|k| Side::stepwise(&sides[k], most[k]))
+            [0, 1].map(|k| CellAxis::stepwise(&sides[k], most[k]))
         } else {
             let bounds = [0, 1].map(|k| range(points.iter().map(|p| p[k])));
             let span = bounds.map(|[low, high]| (high - low).max(f64::MIN_POSITIVE));
             let spacing = SCATTERED * (span[0] * span[1] / points.len().max(1) as f64).sqrt();
             let wanted = span.map(|s| (s / spacing).ceil().clamp(1.0, 1e6));
             let most = most(wanted[0], wanted[1]);
-            [0, 1].map(|k| Side::even(bounds[k], most[k].min(wanted[k] as usize)))
+            [0, 1].map(|k| CellAxis::even(bounds[k], most[k].min(wanted[k] as usize)))
         };
         let of_point = points
             .iter()
@@ -98,13 +98,13 @@ fn lattice(points: &[[f64; 2]], axis: usize) -> Vec<f64> {
 }
 
 /// Cells along one axis.
-struct Side {
+struct CellAxis {
     centres: Vec<f64>,
     /// Lower edges of all cells but the first.
     edges: Vec<f64>,
 }
 
-impl Side {
+impl CellAxis {
     /// At most `most` cells of whole lattice steps.
     fn stepwise(nodes: &[f64], most: usize) -> Self {
         let groups: Vec<&[f64]> = nodes.chunks(nodes.len().div_ceil(most.max(1))).collect();
