@@ -16,7 +16,7 @@ use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
 use plychain::report::section::terminal;
 use plychain::report::{run, traced};
-use plychain::trace::{Suspect, Tracing, attribute, extended};
+use plychain::trace::{Accepted, Suspect, Tracing, attribute, extended};
 
 use serde_json::Value;
 
@@ -102,12 +102,15 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
             attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
         let suspect = first.get_or_insert_with(|| tracing.suspect.clone());
         tracing.suspect = suspect.beside(&tracing.suspect);
-        let Some(effect) = tracing.accepted.filter(|_| accepted.len() < 5) else {
+        let called_for = tracing.accepted.clone().filter(|_| accepted.len() < 5);
+        let Some(Accepted {
+            effect, amplitude, ..
+        }) = called_for
+        else {
             return (accepted, tracing);
         };
         let group = tracing.groups.iter().find(|g| g.leader == effect.name());
         accepted.push((effect.name(), group.unwrap().members.clone()));
-        let amplitude = tracing.accepted_amplitude.clone();
         let means: Vec<f64> = tracing.averaged.values().map(|a| a.mean).collect();
         let priors = model.marginals();
         let near = |(x, m): (&f64, &Marginal)| (x - m.mean).abs() < 2.5 * m.sd;

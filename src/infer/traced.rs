@@ -10,6 +10,4 @@ pub struct TracedSeries {
     pub state: SeriesState,
     /// What all its steps say of every amplitude, border units.
     pub amplitudes: Vec<(String, MeanSd)>,
-    /// Prior sds of the amplitudes of the effect that is to be added, border units.
-    pub plausible: Vec<(String, f64)>,
 }

@@ -15,7 +15,11 @@ pub fn tracing(tracing: &Tracing) -> TracingReport {
     TracingReport {
         candidates: map(&tracing.candidates, candidate),
         groups: map(&tracing.groups, group),
-        accepted: tracing.accepted.iter().map(|e| e.name().into()).collect(),
+        accepted: tracing
+            .accepted
+            .iter()
+            .map(|a| a.effect.name().into())
+            .collect(),
         undecided: map(&tracing.undecided, |g| texts(g)),
         discrepancy_probability: finite(tracing.discrepancy),
         averaged_posterior: tracing.averaged.clone(),

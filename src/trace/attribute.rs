@@ -12,15 +12,15 @@ use super::recording;
 use super::sought::{acting_in, candidates};
 use super::stiffness::stiffness_field;
 use super::traced::{LinearisationPoint, Traced, forward};
-use super::tracing::Tracing;
-use crate::effect::{Effect, amplitude_name};
+use super::tracing::{FoundApart, Tracing, leaves_structure};
+use crate::effect::Effect;
 use crate::error::Result;
 use crate::experiment::State;
 use crate::experiment::series::SeriesState;
 use crate::field::Field;
 use crate::identify::{Prepared, is_clear};
-use crate::infer::{EffectUnderLaw, Model, TracedSeries};
-use crate::linearise::{Forward, Measured, insoluble, without_insoluble};
+use crate::infer::{EffectUnderLaw, Model};
+use crate::linearise::{Forward, Insoluble, Measured, insoluble, without_insoluble};
 use crate::progress::Progress;
 
 /// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`, to the effects that are
@@ -53,9 +53,8 @@ pub fn attribute(
         tracer.sought(&effects),
         &|sought| insoluble(tracer.forward, &begun, sought),
         &|sought, left| {
-            let (mut tracing, traced) = tracer.trace(&begun, sought)?;
-            tracing.left_out = left_out.iter().cloned().chain(left).collect();
-            Ok((tracing, traced))
+            let left_out = left_out.iter().cloned().chain(left).collect();
+            tracer.trace(&begun, sought, left_out)
         },
     )
 }
@@ -91,15 +90,25 @@ impl Tracer<'_> {
         }
     }
 
-    fn trace(&self, begun: &SeriesState, sought: Vec<EffectUnderLaw>) -> Result<(Tracing, Traced)> {
+    fn trace(
+        &self,
+        begun: &SeriesState,
+        sought: Vec<EffectUnderLaw>,
+        left_out: Insoluble,
+    ) -> Result<(Tracing, Traced)> {
         if self.prepared.observation.steps.is_some() {
-            return self.series(begun, sought);
+            return self.series(begun, sought, left_out);
         }
-        self.field(begun, sought)
+        self.field(begun, sought, left_out)
     }
 
     /// One field, in which what the recording added is corrected.
-    fn field(&self, begun: &SeriesState, sought: Vec<EffectUnderLaw>) -> Result<(Tracing, Traced)> {
+    fn field(
+        &self,
+        begun: &SeriesState,
+        sought: Vec<EffectUnderLaw>,
+        left_out: Insoluble,
+    ) -> Result<(Tracing, Traced)> {
         let (model, prepared) = (self.forward.model, self.prepared);
         let own = &prepared.observation.field;
         self.progress
@@ -127,9 +136,13 @@ impl Tracer<'_> {
         self.progress
             .begin("tracing: held-out blocks, blind spots", None);
         let shared = &traced.point.state.shared;
-        let mut tracing = traced.evidence.tracing(&shared.constants)?;
-        let phase = recording::find_phase(model, field, &prepared.predict(shared)?.field)?;
-        tracing.add_recorded(jumps, phase);
+        let apart = FoundApart {
+            jumps,
+            phase: recording::find_phase(model, field, &prepared.predict(shared)?.field)?,
+            left_out,
+            ..FoundApart::default()
+        };
+        let tracing = traced.evidence.tracing(&shared.constants, apart)?;
         self.progress.end();
         Ok((tracing, traced))
     }
@@ -139,27 +152,27 @@ impl Tracer<'_> {
         &self,
         begun: &SeriesState,
         sought: Vec<EffectUnderLaw>,
+        left_out: Insoluble,
     ) -> Result<(Tracing, Traced)> {
         let traced = self.converged(begun, &sought)?;
         self.progress
             .begin("tracing: held-out blocks, blind spots", None);
         let Traced { evidence, point } = &traced;
-        let mut tracing = evidence.tracing(&point.state.shared.constants)?;
-        if tracing.leaves_structure() {
-            tracing.add_stiffness(stiffness_field(self.forward, evidence, &point.state)?);
-        }
-        let added = tracing.accepted.into_iter().flat_map(|effect| {
-            let parameters = effect.parameters().iter().enumerate();
-            parameters.map(move |(k, p)| (amplitude_name(effect, p), (effect, k)))
-        });
+        let stiffness = match leaves_structure(evidence.subsets.discrepancy) {
+            true => stiffness_field(self.forward, evidence, &point.state)?,
+            false => None,
+        };
         let observing = &self.forward.observing;
-        let prior_sd = |effect, k| observing.prior_sd(self.forward.model, effect, k);
-        let added = added.map(|(name, (effect, k))| (name, prior_sd(effect, k)));
-        tracing.series = Some(TracedSeries {
-            plausible: added.collect(),
-            state: point.state.clone(),
-            amplitudes: evidence.amplitudes(),
-        });
+        let prior_sd = |effect: &'static dyn Effect, k: usize| {
+            observing.prior_sd(self.forward.model, effect, k)
+        };
+        let apart = FoundApart {
+            stiffness,
+            series: Some((point.state.clone(), &prior_sd)),
+            left_out,
+            ..FoundApart::default()
+        };
+        let tracing = evidence.tracing(&point.state.shared.constants, apart)?;
         self.progress.end();
         Ok((tracing, traced))
     }

@@ -22,7 +22,7 @@ use super::quoted::{Quoted, Supposing, quote};
 use super::refused::Refused;
 use super::round::Round;
 use super::traced::Traced;
-use super::tracing::Tracing;
+use super::tracing::{Accepted, Tracing};
 use super::vetoes::{contradiction, surrogate};
 use crate::error::{Blame, Error, Result};
 use crate::experiment::State;
@@ -378,25 +378,24 @@ const FAR: f64 = 2.5;
 fn next_model(round: &Round) -> Option<Model> {
     let Tracing {
         accepted,
-        accepted_amplitude,
-        accepted_law,
         averaged,
         series,
         ..
     } = &round.tracing;
-    let effect = (*accepted)?;
-    let mut model = extended(&round.model, effect, accepted_amplitude, averaged);
+    let Accepted {
+        effect,
+        amplitude,
+        law,
+        plausible,
+    } = accepted.as_ref()?;
+    let mut model = extended(&round.model, *effect, amplitude, averaged);
     if series.is_none() {
-        entail_strain(&mut model, effect, accepted_amplitude);
+        entail_strain(&mut model, *effect, amplitude);
     }
-    if let Some(traced) = series {
-        let sizes = traced.plausible.iter().cloned();
-        model.experiment_mut().plausible.extend(sizes);
-    }
+    let experiment = model.experiment_mut();
+    experiment.plausible.extend(plausible.iter().cloned());
+    let law = law.map(|law| (effect.name().to_string(), law));
+    experiment.laws.extend(law);
     model.traced.clone_from(series);
-    if let Some(law) = accepted_law {
-        let laws = &mut model.experiment_mut().laws;
-        laws.insert(effect.name().to_string(), *law);
-    }
     Some(model)
 }

@@ -213,7 +213,7 @@ fn taken_out(refused: &[(&'static str, String)]) -> String {
 
 /// The group of the effect that a round's tracing accepted.
 fn accepted(round: &Round) -> Option<&Named> {
-    let effect = round.tracing.accepted?;
+    let effect = round.tracing.accepted.as_ref()?.effect;
     let groups = &round.tracing.groups;
     groups.iter().find(|g| g.leader == effect.name())
 }
@@ -249,10 +249,9 @@ fn amplitude(rounds: &[Round], name: &str) -> String {
         return String::new();
     };
     let last = &rounds[rounds.len() - 1].identification;
-    let traced = rounds
-        .iter()
-        .find(|s| s.tracing.accepted.is_some_and(|e| e.name() == name))
-        .map_or(&[][..], |s| &s.tracing.accepted_amplitude);
+    let mut called_for = rounds.iter().filter_map(|r| r.tracing.accepted.as_ref());
+    let traced = called_for.find(|a| a.effect.name() == name);
+    let traced = traced.map_or(&[][..], |a| &a.amplitude);
     let parameters = effect.parameters();
     let values = parameters.iter().enumerate().filter_map(|(k, p)| {
         let (mean, sd) = last

@@ -9,11 +9,12 @@ use super::left_out::HeldOutSteps;
 use super::linearity::linearity;
 use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::suspect;
-use super::tracing::{Found, Named, Resembling, Tracing};
+use super::tracing::{Accepted, Found, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use super::weighing::Weighing;
-use crate::effect::LOAD_SCALE;
+use crate::effect::{LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::Law;
+use crate::infer::TracedSeries;
 use crate::linearise::{Column, Measured, Sensitivities};
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -70,11 +71,11 @@ impl Evidence {
     }
 
     /// The ranking, the groups, what is accepted, the averaged posterior and the blind spots, these as percent of the `constants` about
-    /// which the test is linearised.
+    /// which the test is linearised; with what was found apart from the evidence.
     ///
     /// # Errors
     /// Of the program, for columns that are not finite.
-    pub fn tracing(&self, constants: &[f64]) -> Result<Tracing> {
+    pub fn tracing(&self, constants: &[f64], apart: FoundApart<'_>) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
         let blocks = &self.measured.blocks;
         let holdout = Holdout::new(
@@ -111,11 +112,9 @@ impl Evidence {
             .iter_mut()
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
+        let prior_sd = apart.series.as_ref().map(|(_, prior_sd)| *prior_sd);
         let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
-        let accepted = accepted.map(|k| &self.sensitivities.candidates[found[k].leader]);
-        let amplitude = accepted.and_then(|c| self.of(&candidates, c.effect.name(), c.law));
-        let amplitude = amplitude.map_or(&[][..], |f| &f.amplitude).iter();
-        let accepted_amplitude = amplitude.map(|(_, m, s)| (*m, *s)).collect();
+        let accepted = accepted.map(|k| self.accepted(found[k].leader, &candidates, prior_sd));
         let undecided = named
             .iter()
             .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
@@ -124,14 +123,28 @@ impl Evidence {
         let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
         let mut suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?;
         suspect.reasons.extend(self.objections(&named, &candidates));
-        Ok(Tracing {
+        let ranking = Ranking {
             candidates,
             groups: named,
-            accepted: accepted.map(|c| c.effect),
-            accepted_amplitude,
-            accepted_law: accepted.and_then(|c| c.law),
-            series: None,
-            stiffness: None,
+            accepted,
+        }
+        .with_recorded(apart.jumps, apart.phase);
+        let (averaged, suspect) = match &apart.stiffness {
+            Some(stiffness) => (
+                stiffness.constants.clone(),
+                suspect.with_stiffness(stiffness),
+            ),
+            None => (average, suspect),
+        };
+        Ok(Tracing {
+            candidates: ranking.candidates,
+            groups: ranking.groups,
+            accepted: ranking.accepted,
+            series: apart.series.map(|(state, _)| TracedSeries {
+                state,
+                amplitudes: self.amplitudes(),
+            }),
+            stiffness: apart.stiffness,
             steps: self.steps(pair, holdout.steps.as_ref()),
             step_maps: self.step_maps(pair),
             linearity: linearity(self),
@@ -140,7 +153,7 @@ impl Evidence {
             discrepancy: self.subsets.discrepancy,
             length_mm: self.weighing.noise.lengths_mm(pair),
             structure: self.weighing.noise.structure(pair, blocks),
-            averaged: average,
+            averaged,
             suspect,
             blind_spots: self
                 .load_scale()
@@ -149,8 +162,32 @@ impl Evidence {
                 .chain(spots.into_iter().map(|(k, spot)| (self.name(k), spot)))
                 .collect(),
             holdout_rms_nm: holdout.rms_nm(&Vec::new()),
-            left_out: Vec::new(),
+            left_out: apart.left_out,
         })
+    }
+
+    /// A candidate as the effect that is called for.
+    fn accepted(
+        &self,
+        candidate: usize,
+        candidates: &[Found],
+        prior_sd: Option<PriorSd<'_>>,
+    ) -> Accepted {
+        let candidate = &self.sensitivities.candidates[candidate];
+        let (effect, law) = (candidate.effect, candidate.law);
+        let found = self.of(candidates, effect.name(), law);
+        let amplitude = found.map_or(&[][..], |f| &f.amplitude).iter();
+        let parameters = effect.parameters().iter().enumerate();
+        let plausible = prior_sd.map(|prior_sd| {
+            let named = parameters.map(|(k, p)| (amplitude_name(effect, p), prior_sd(effect, k)));
+            named.collect()
+        });
+        Accepted {
+            effect,
+            amplitude: amplitude.map(|(_, m, s)| (*m, *s)).collect(),
+            law,
+            plausible: plausible.unwrap_or_default(),
+        }
     }
 
     /// An amplitude beyond the bound for which an effect is modelled would be no finding of it: no amplitude is detectable.

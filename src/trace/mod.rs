@@ -49,6 +49,6 @@ pub use subsets::SIZES;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
 pub use together::tension;
 pub use tracing::{
-    Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt, StiffnessField,
-    Tracing,
+    Accepted, Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt,
+    StiffnessField, Tracing,
 };

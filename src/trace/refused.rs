@@ -14,8 +14,8 @@ impl Refused {
     /// These and what a round called for, which did not hold.
     #[must_use]
     pub fn and(mut self, round: &Round, why: String) -> Self {
-        let called = round.tracing.accepted;
-        self.0.extend(called.map(|e| (e.name(), why)));
+        let called = round.tracing.accepted.as_ref();
+        self.0.extend(called.map(|a| (a.effect.name(), why)));
         self
     }
 

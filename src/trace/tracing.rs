@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::averaged::{BlindSpot, Interval};
 use super::suspect::{Suspect, UNEXPLAINED};
 use crate::effect::Effect;
-use crate::experiment::series::Law;
+use crate::experiment::series::{Law, SeriesState};
 use crate::files::Keyed;
 use crate::infer::TracedSeries;
 use crate::noise::Hyperparameters;
@@ -44,6 +44,19 @@ impl Found {
     }
 }
 
+/// The effect that is called for.
+#[derive(Clone)]
+pub struct Accepted {
+    pub effect: &'static dyn Effect,
+    /// Its amplitudes (mean, sd) a parameter, border units.
+    pub amplitude: Vec<(f64, f64)>,
+    /// How its amplitude goes over the steps of a series.
+    pub law: Option<Law>,
+    /// Prior sds of its amplitudes where a series was linearised, border units.
+    pub plausible: Vec<(String, f64)>,
+}
+
+/// What a residual was traced to: complete when [`super::evidence::Evidence::tracing`] makes it.
 pub struct Tracing {
     /// All candidates, the most probable first.
     pub candidates: Vec<Found>,
@@ -51,11 +64,8 @@ pub struct Tracing {
     /// and whether held-out blocks are predicted better with it.
     pub groups: Vec<Named>,
     /// The effect to add, if one is called for.
-    pub accepted: Option<&'static dyn Effect>,
-    /// Its amplitudes (mean, sd) a parameter, border units.
-    pub accepted_amplitude: Vec<(f64, f64)>,
-    /// How its amplitude goes over the steps of a series, and what was found of all.
-    pub accepted_law: Option<Law>,
+    pub accepted: Option<Accepted>,
+    /// What was found of a series.
     pub series: Option<TracedSeries>,
     /// What is left of every step of a series.
     pub steps: Vec<StepResidual>,
@@ -90,8 +100,13 @@ pub struct Tracing {
 impl Tracing {
     /// Whether smooth structure is left that no effect explains.
     pub fn leaves_structure(&self) -> bool {
-        self.discrepancy > UNEXPLAINED
+        leaves_structure(self.discrepancy)
     }
+}
+
+/// Whether a discrepancy of some probability is structure that no effect explains.
+pub fn leaves_structure(discrepancy: f64) -> bool {
+    discrepancy > UNEXPLAINED
 }
 
 /// What is left of one step of a series: root mean squares of the block averages of (u1, u2), nm.
@@ -206,30 +221,46 @@ pub struct Resembling {
     pub log_bayes_factor_lost: f64,
 }
 
-impl Tracing {
-    /// Put the stiffness that explains structure which grows with the load into the account: the constants beside it are the averaged ones.
-    pub fn add_stiffness(&mut self, found: Option<StiffnessField>) {
-        let Some(found) = found else { return };
-        self.averaged = found.constants.clone();
-        if let Some(first) = self.suspect.answers.first_mut() {
-            first.supposing += ", with a stiffness that varies over the window";
-            first.constants = found.constants.clone();
-        }
-        self.suspect.reasons.push(found.words());
-        self.stiffness = Some(found);
-    }
+/// What is found of a test in other ways than by the evidence, before its tracing is put together.
+#[derive(Default)]
+pub struct FoundApart<'a> {
+    /// Miscounted orders.
+    pub jumps: Option<Found>,
+    /// The phase-shift error, with whether it is clear.
+    pub phase: Option<(Found, bool)>,
+    /// The stiffness that explains structure which grows with the load.
+    pub stiffness: Option<StiffnessField>,
+    /// Of a series: where it was linearised, and the prior sd of a parameter of an effect there.
+    pub series: Option<(SeriesState, PriorSd<'a>)>,
+    /// Effects left out, with the reason.
+    pub left_out: Vec<(&'static str, String)>,
+}
 
-    /// Put the effects of the recording, which are sought by their own ways, among the candidates: miscounted orders are
-    /// accepted before anything else, a phase-shift error if nothing else has more evidence.
-    pub fn add_recorded(&mut self, jumps: Option<Found>, phase: Option<(Found, bool)>) {
-        let strongest = self
-            .accepted
-            .and_then(|e| self.groups.iter().find(|g| g.leader == e.name()))
+/// Prior sd of a parameter of an effect, border units.
+pub type PriorSd<'a> = &'a dyn Fn(&'static dyn Effect, usize) -> f64;
+
+/// Candidates in their order, and what is called for.
+pub struct Ranking {
+    /// The most probable first.
+    pub candidates: Vec<Found>,
+    /// The strongest first.
+    pub groups: Vec<Named>,
+    pub accepted: Option<Accepted>,
+}
+
+impl Ranking {
+    /// With the effects of the recording, which are sought by their own ways: miscounted orders are accepted before anything else, a
+    /// phase-shift error if nothing else has more evidence.
+    #[must_use]
+    pub fn with_recorded(mut self, jumps: Option<Found>, phase: Option<(Found, bool)>) -> Self {
+        let accepted = self.accepted.as_ref().map(|a| a.effect.name());
+        let strongest = accepted
+            .and_then(|name| self.groups.iter().find(|g| g.leader == name))
             .map_or(f64::NEG_INFINITY, |g| g.log_bayes_factor);
-        let mut accept = None;
+        let mut called_for = None;
         if let Some((found, clear)) = phase {
             if clear && found.log_bayes_factor > strongest {
-                accept = Some(found.clone());
+                called_for = Some(Accepted::recorded(&found));
             }
             if clear {
                 self.groups.push(Named::alone(&found));
@@ -237,19 +268,31 @@ impl Tracing {
             self.candidates.push(found);
         }
         if let Some(found) = jumps {
-            accept = Some(found.clone());
+            called_for = Some(Accepted::recorded(&found));
             self.groups.push(Named::alone(&found));
             self.candidates.push(found);
-        }
-        if let Some(found) = accept {
-            self.accepted = Some(found.effect);
-            self.accepted_amplitude = found.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect();
         }
         self.candidates.sort_by(|a, b| {
             b.inclusion_probability
                 .total_cmp(&a.inclusion_probability)
                 .then_with(|| b.log_bayes_factor.total_cmp(&a.log_bayes_factor))
         });
+        Self {
+            accepted: called_for.or(self.accepted),
+            ..self
+        }
+    }
+}
+
+impl Accepted {
+    /// An effect of the recording, which is corrected as it was found.
+    fn recorded(found: &Found) -> Self {
+        Self {
+            effect: found.effect,
+            amplitude: found.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect(),
+            law: None,
+            plausible: Vec::new(),
+        }
     }
 }
 

@@ -85,16 +85,17 @@ fn misfit(last: &Round) -> Option<String> {
 
 /// 3. The refit of what a round called for against its tracing.
 pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> Option<String> {
-    let effect = before
-        .tracing
-        .accepted
-        .filter(|e| model.effects.iter().any(|o| o.name() == e.name()))?;
+    let accepted = before.tracing.accepted.as_ref()?;
+    let effect = accepted.effect;
+    if model.effects.iter().all(|e| e.name() != effect.name()) {
+        return None;
+    }
     if effect.kind() == Kind::Recorded {
         // taken out of the field as it was found
         return None;
     }
     let mut acts = false;
-    let traced = before.tracing.accepted_amplitude.iter();
+    let traced = accepted.amplitude.iter();
     for (k, (parameter, &(traced, traced_sd))) in effect.parameters().iter().zip(traced).enumerate()
     {
         let name = amplitude_name(effect, parameter);
@@ -159,7 +160,7 @@ fn quoted(last: &Round) -> Option<String> {
 
 /// 6. Prediction of held-out regions by what a round called for.
 fn held_out(before: &Round) -> Option<String> {
-    let effect = before.tracing.accepted?;
+    let effect = before.tracing.accepted.as_ref()?.effect;
     let group = before
         .tracing
         .groups

@@ -176,7 +176,10 @@ fn closed(
         ToQuote::ClosedForm(why) => return Err(why),
     };
     let (names, ranked) = of_draws(&sampled.draws, &known, replicate);
-    let named = found.rounds.iter().filter_map(|r| r.tracing.accepted);
+    let named = found
+        .rounds
+        .iter()
+        .filter_map(|r| r.tracing.accepted.as_ref());
     Ok(LoopReplicate {
         names,
         ranked,
@@ -184,7 +187,7 @@ fn closed(
         acted: (drawn.acted.iter())
             .map(|a| a.effect.name().to_string())
             .collect(),
-        named: named.map(|e| e.name().to_string()).collect(),
+        named: named.map(|a| a.effect.name().to_string()).collect(),
         status: found.conclusion.status.words().to_string(),
         flagged: found.conclusion.suspect.is_some(),
     })
