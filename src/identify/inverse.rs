@@ -7,7 +7,9 @@ use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::field::{Field, Series};
 use crate::geometry::Geometry;
-use crate::infer::{Columns, Likelihood, Marginal, Model, Observation, Posterior, Statistics};
+use crate::infer::{
+    Columns, Likelihood, Marginal, Model, Observation, Posterior, Statistics, TracedSeries,
+};
 use crate::noise::{Hyperparameters, Noise};
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
@@ -28,6 +30,8 @@ pub struct Prepared {
     pub observation: Observation,
     /// Structure that is to be counted as a discrepancy of the model.
     pub discrepancy: [Option<Hyperparameters>; 2],
+    /// What tracing found of a series before: about that it is linear in the declared effects.
+    pub traced: Option<TracedSeries>,
 }
 
 impl Prepared {
@@ -60,6 +64,19 @@ pub fn prepare(
     cache_dir: &std::path::Path,
     progress: &dyn Progress,
 ) -> Result<Prepared> {
+    prepare_traced(model, None, cache_dir, progress)
+}
+
+/// The same of a model whose series was traced before.
+///
+/// # Errors
+/// Those of [`prepare`].
+pub fn prepare_traced(
+    model: &Model,
+    traced: Option<TracedSeries>,
+    cache_dir: &std::path::Path,
+    progress: &dyn Progress,
+) -> Result<Prepared> {
     let (problem, observation) = observed(model, progress)?;
     if let Some(sides) = model.drawn_in() {
         progress.begin(
@@ -72,6 +89,7 @@ pub fn prepare(
     let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
     let with = With {
         model,
+        traced: traced.as_ref(),
         reduced: &reduced,
         experiment: &*problem.experiment,
         nominal: nominal_point(&problem, model),
@@ -84,12 +102,15 @@ pub fn prepare(
         cached,
         observation,
         discrepancy: [None, None],
+        traced,
     })
 }
 
 /// What an observation is reduced with.
 pub struct With<'a> {
     pub model: &'a Model,
+    /// What tracing found of a series before.
+    pub traced: Option<&'a TracedSeries>,
     pub reduced: &'a ReducedModel,
     pub experiment: &'a dyn FieldSolver,
     /// The point of the reduced model's parameters nearest to the prior means.

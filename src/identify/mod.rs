@@ -27,11 +27,13 @@ pub use frequencies::{
     identify_frequencies,
 };
 pub use identification::{Identification, Refinement};
-pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
+pub use inverse::{
+    InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, prepare_traced, start,
+};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
-pub use solve::{Options, Reporting, identify, refine};
+pub use solve::{Options, Reporting, identify, identify_traced, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;

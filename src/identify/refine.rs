@@ -41,6 +41,7 @@ pub fn enrich(
         cached,
         observation: prepared.observation.clone(),
         discrepancy: prepared.discrepancy,
+        traced: prepared.traced.clone(),
     })
 }
 

@@ -36,7 +36,7 @@ pub fn combined(with: &With<'_>, mut observation: Observation) -> Result<Observa
             }),
             step: &|| (),
         };
-        let traced = model.traced.as_ref();
+        let traced = with.traced;
         let at = traced.map_or_else(
             || forward.beginning(model.state(&|_| None)),
             |t| t.state.clone(),

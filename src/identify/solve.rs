@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::identification::{Identification, Refinement};
-use super::inverse::{InverseProblem, Prepared, inverse_problem, is_clear, prepare, start};
+use super::inverse::{InverseProblem, Prepared, inverse_problem, is_clear, prepare_traced, start};
 use super::patterns::Patterns;
 use super::refine::enrich;
 use super::residual::{Residual, effect_amplitudes};
@@ -14,7 +14,7 @@ use super::warnings::{modal_misfit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::infer::{Model, Posterior};
+use crate::infer::{Model, Posterior, TracedSeries};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 use crate::sample::{
@@ -49,8 +49,23 @@ pub fn identify(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let mut prepared = prepare(model, &options.cache, progress)?;
-    prepared.discrepancy = options.discrepancy;
+    identify_traced(model, None, options, progress)
+}
+
+/// The same of a model whose series was traced before.
+///
+/// # Errors
+/// Those of [`identify`].
+pub fn identify_traced(
+    model: &Model,
+    traced: Option<TracedSeries>,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<Identification> {
+    let prepared = Prepared {
+        discrepancy: options.discrepancy,
+        ..prepare_traced(model, traced, &options.cache, progress)?
+    };
     let mut found = identify_prepared(model, prepared, options, progress)?;
     found.refinements = vec![Refinement::of(&found)];
     if !found.determined {

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use super::known::Known;
 use super::prior::{Marginal, PriorSpec};
 use super::schema::{self, ModelFile};
-use super::traced::TracedSeries;
 use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, obstacle};
 use crate::error::{Error, Result};
 use crate::experiment::{
@@ -26,8 +25,6 @@ pub struct Model {
     pub path: PathBuf,
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
-    /// What tracing found of the declared effects of a series: about that the next identification is linear in them.
-    pub traced: Option<TracedSeries>,
     /// What experiments beside the field say of the constants.
     pub known: Option<Arc<Known>>,
 }
@@ -95,7 +92,6 @@ impl Model {
             file,
             path: path.to_path_buf(),
             effects,
-            traced: None,
             known: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;

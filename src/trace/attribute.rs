@@ -45,7 +45,7 @@ pub fn attribute(
         prepared,
         progress,
     };
-    let begun = match &model.traced {
+    let begun = match &prepared.traced {
         Some(traced) => traced.state.clone(),
         None => tracer.forward.beginning(start),
     };

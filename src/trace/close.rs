@@ -27,8 +27,8 @@ use super::vetoes::{contradiction, surrogate};
 use crate::error::{Blame, Error, Result};
 use crate::experiment::State;
 use crate::files::Keyed;
-use crate::identify::{Identification, Options, Prepared, identify, refine};
-use crate::infer::Model;
+use crate::identify::{Identification, Options, Prepared, identify_traced, refine};
+use crate::infer::{Model, TracedSeries};
 use crate::progress::Progress;
 
 /// What a loop samples: each has chains and a checkpoint of its own.
@@ -159,10 +159,14 @@ pub fn explain<'a>(
         options,
         progress,
     };
-    let mut turn = Turn::Identify(Course::default(), model.clone());
+    let given = NextModel {
+        model: model.clone(),
+        traced: None,
+    };
+    let mut turn = Turn::Identify(Course::default(), given);
     let course = loop {
         turn = match turn {
-            Turn::Identify(course, model) => context.turn(course, model)?,
+            Turn::Identify(course, next) => context.turn(course, next)?,
             Turn::Ended(course) => break context.followed(course),
         };
     };
@@ -184,9 +188,15 @@ struct Course {
 /// What is to be done next.
 enum Turn {
     /// Identify a model, as another round.
-    Identify(Course, Model),
+    Identify(Course, NextModel),
     /// Nothing: nothing more is called for, or the time is over.
     Ended(Course),
+}
+
+/// A model to be identified: what is declared, with the effects that were added, and beside it what the round before found of a series.
+struct NextModel {
+    model: Model,
+    traced: Option<TracedSeries>,
 }
 
 impl Course {
@@ -194,7 +204,7 @@ impl Course {
     fn next(self, most: usize) -> Turn {
         let model = self.rounds.last().and_then(next_model);
         match model.filter(|_| self.rounds.len() <= most) {
-            Some(model) => Turn::Identify(self, model),
+            Some(next) => Turn::Identify(self, next),
             None => Turn::Ended(self),
         }
     }
@@ -218,10 +228,11 @@ struct Loop<'l, 'o> {
 
 impl Loop<'_, '_> {
     /// Identify a model and trace what it leaves.
-    fn turn(&self, course: Course, model: Model) -> Result<Turn> {
+    fn turn(&self, course: Course, next: NextModel) -> Result<Turn> {
+        let NextModel { model, traced } = next;
         let attempt = course.attempts;
         let options = (self.options)(LoopStage::Attempt(attempt));
-        let identified = identify(&model, &options, self.progress);
+        let identified = identify_traced(&model, traced, &options, self.progress);
         let round = identified.and_then(|found| self.round(&course, model, found));
         let mut course = Course {
             attempts: attempt + 1,
@@ -346,7 +357,9 @@ fn with_discrepancy(
         ..options
     };
     // the loop has ended without it: where it cannot be identified, nothing is lost
-    (wanted && !is_over(&options)).then(|| identify(&last.model, &options, progress).ok())?
+    let traced = last.identification.inverse.prepared.traced.clone();
+    let again = || identify_traced(&last.model, traced, &options, progress).ok();
+    (wanted && !is_over(&options)).then(again)?
 }
 
 fn is_over(options: &Options<'_>) -> bool {
@@ -375,7 +388,7 @@ fn start(model: &Model, identification: &Identification) -> State {
 const FAR: f64 = 2.5;
 
 /// The model that a round's tracing calls for.
-fn next_model(round: &Round) -> Option<Model> {
+fn next_model(round: &Round) -> Option<NextModel> {
     let Tracing {
         accepted,
         averaged,
@@ -396,6 +409,8 @@ fn next_model(round: &Round) -> Option<Model> {
     experiment.plausible.extend(plausible.iter().cloned());
     let law = law.map(|law| (effect.name().to_string(), law));
     experiment.laws.extend(law);
-    model.traced.clone_from(series);
-    Some(model)
+    Some(NextModel {
+        model,
+        traced: series.clone(),
+    })
 }
