@@ -14,7 +14,7 @@ use crate::identify::Identification;
 use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
 use crate::sample::Stopped;
-use crate::trace::{Closed, NOT_LINEAR, Predicted, Round};
+use crate::trace::{Closed, HeldOutStep, NOT_LINEAR, Round};
 
 pub fn identified(model: &Model, rounds: &[Identification], seed: u64) -> Report {
     report(
@@ -93,7 +93,7 @@ fn steps(round: &Round) -> Vec<StepReport> {
     .collect()
 }
 
-fn held_out(step: Predicted) -> HeldOutReport {
+fn held_out(step: HeldOutStep) -> HeldOutReport {
     HeldOutReport {
         rms_nm: step.bare_nm.into(),
         explained_rms_nm: step.explained_nm.into(),

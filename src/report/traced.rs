@@ -8,7 +8,7 @@ use super::tracing::{
     NeededAmplitude, ResemblingReport, TracingReport,
 };
 use super::words::{LINEAR_PERCENT, unit};
-use crate::trace::{BlindSpot, Found, LARGEST_MULTIPLE, Named, Resembling, Tracing, texts};
+use crate::trace::{BlindSpot, Finding, LARGEST_MULTIPLE, Named, Resembling, Tracing, texts};
 
 /// What one tracing found.
 pub fn tracing(tracing: &Tracing) -> TracingReport {
@@ -54,7 +54,7 @@ fn parameter(name: &str) -> String {
     name.rsplit('.').next().unwrap_or(name).to_string()
 }
 
-fn candidate(found: &Found) -> CandidateReport {
+fn candidate(found: &Finding) -> CandidateReport {
     CandidateReport {
         effect: found.effect.name().into(),
         law: found.law,

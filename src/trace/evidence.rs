@@ -8,8 +8,8 @@ use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
 use super::linearity::linearity;
 use super::subsets::{Subset, SubsetPosterior};
-use super::suspect::suspect;
-use super::tracing::{Accepted, Found, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
+use super::suspect::{Suspect, suspect};
+use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::{LOAD_SCALE, amplitude_name};
 use crate::error::Result;
@@ -129,13 +129,9 @@ impl Evidence {
             accepted,
         }
         .with_recorded(apart.jumps, apart.phase);
-        let (averaged, suspect) = match &apart.stiffness {
-            Some(stiffness) => (
-                stiffness.constants.clone(),
-                suspect.with_stiffness(stiffness),
-            ),
-            None => (average, suspect),
-        };
+        let stiffness = apart.stiffness.as_ref();
+        let suspect = stiffness.into_iter().fold(suspect, Suspect::with_stiffness);
+        let averaged = stiffness.map_or(average, |s| s.constants.clone());
         Ok(Tracing {
             candidates: ranking.candidates,
             groups: ranking.groups,
@@ -170,7 +166,7 @@ impl Evidence {
     fn accepted(
         &self,
         candidate: usize,
-        candidates: &[Found],
+        candidates: &[Finding],
         prior_sd: Option<PriorSd<'_>>,
     ) -> Accepted {
         let candidate = &self.sensitivities.candidates[candidate];
@@ -286,18 +282,23 @@ impl Evidence {
     }
 
     /// What was found of an effect under a law.
-    fn of<'b>(&self, candidates: &'b [Found], name: &str, law: Option<Law>) -> Option<&'b Found> {
+    fn of<'b>(
+        &self,
+        candidates: &'b [Finding],
+        name: &str,
+        law: Option<Law>,
+    ) -> Option<&'b Finding> {
         candidates
             .iter()
             .find(|f| f.effect.name() == name && f.law == law)
     }
 
-    fn acceptable(&self, group: &Named, candidates: &[Found]) -> bool {
+    fn acceptable(&self, group: &Named, candidates: &[Finding]) -> bool {
         group.probability > ACCEPT && self.objection(group, candidates).is_none()
     }
 
     /// Why groups that are called for are not accepted, in words.
-    fn objections(&self, groups: &[Named], candidates: &[Found]) -> Vec<String> {
+    fn objections(&self, groups: &[Named], candidates: &[Finding]) -> Vec<String> {
         let called = groups.iter().filter(|g| g.probability > ACCEPT);
         let words = |group: &Named| {
             let why = self.objection(group, candidates)?;
@@ -310,7 +311,7 @@ impl Evidence {
     }
 
     /// What forbids to accept a group that is probable enough, in words.
-    fn objection(&self, group: &Named, candidates: &[Found]) -> Option<String> {
+    fn objection(&self, group: &Named, candidates: &[Finding]) -> Option<String> {
         let found = self.of(candidates, group.leader, group.laws.first().copied());
         let Some(found) = found.filter(|f| f.multiple.is_finite()) else {
             return Some("its size is not determined".into());
@@ -333,8 +334,8 @@ impl Evidence {
             .then(|| "structure that no effect explains might be its cause".into())
     }
 
-    fn ranked(&self, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Vec<Found> {
-        let mut found: Vec<Found> = (0..self.sensitivities.candidates.len())
+    fn ranked(&self, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Vec<Finding> {
+        let mut found: Vec<Finding> = (0..self.sensitivities.candidates.len())
             .map(|k| self.found(k, groups, spots))
             .collect();
         found.sort_by(|a, b| {
@@ -345,7 +346,7 @@ impl Evidence {
         found
     }
 
-    fn found(&self, k: usize, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Found {
+    fn found(&self, k: usize, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Finding {
         let candidate = &self.sensitivities.candidates[k];
         let subsets = &self.subsets;
         // in the best subset as it is there; otherwise added to it, in the place of an alias
@@ -389,7 +390,7 @@ impl Evidence {
         } else {
             subsets.explained(subsets.best())
         };
-        Found {
+        Finding {
             effect: candidate.effect,
             law: candidate.law,
             inclusion_probability: subsets.probability(|s| s.contains(&k)),

@@ -6,7 +6,7 @@ use super::evidence::Evidence;
 use super::left_out::HeldOutSteps;
 use super::noise_choices::NoisePair;
 use super::subsets::Subset;
-use super::tracing::{Predicted, StepMaps, StepResidual};
+use super::tracing::{HeldOutStep, StepMaps, StepResidual};
 use crate::experiment::series::rigid_free;
 use crate::laminate::MeanSd;
 use crate::linearise::Column;
@@ -42,7 +42,7 @@ impl Evidence {
                 bare_nm: bare.each_ref().map(|left| rms(left, step)),
                 explained_nm: explained.each_ref().map(|left| rms(left, step)),
                 noise_scale: scale.sqrt(),
-                predicted: predicted.as_ref().map(|(bare, explained, z)| Predicted {
+                predicted: predicted.as_ref().map(|(bare, explained, z)| HeldOutStep {
                     bare_nm: bare[step],
                     explained_nm: explained[step],
                     z: z[step],

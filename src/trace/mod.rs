@@ -46,9 +46,9 @@ pub use quoted::{
 pub use round::Round;
 pub use sought::{acting_in, candidates};
 pub use subsets::SIZES;
-pub use suspect::{Answer, Suspect, UNEXPLAINED};
+pub use suspect::{ConditionalAnswer, Suspect, UNEXPLAINED};
 pub use together::tension;
 pub use tracing::{
-    Accepted, Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt,
+    Accepted, Finding, HeldOutStep, Named, Resembling, StepMaps, StepResidual, StiffnessAt,
     StiffnessField, Tracing,
 };

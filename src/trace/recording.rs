@@ -1,6 +1,6 @@
 //! Evidence for effects of the recording: miscounted fringe orders, found as regions, and the phase-shift error, found within blocks.
 
-use super::tracing::Found;
+use super::tracing::Finding;
 use crate::effect::{self, Effect};
 use crate::error::Result;
 use crate::field::Field;
@@ -28,7 +28,7 @@ pub fn find_jumps(
     model: &Model,
     field: &Field,
     predicted: &[[f64; 2]],
-) -> Result<(Option<Field>, Option<Found>)> {
+) -> Result<(Option<Field>, Option<Finding>)> {
     let effect = effect::of_recording(effect::RecordingError::MiscountedOrders);
     let Some(order_mm) = order_mm(model).filter(|_| sought(model, effect.name())) else {
         return Ok((None, None));
@@ -53,7 +53,7 @@ pub fn may_jump(model: &Model, field: &Field, predicted: &[[f64; 2]]) -> bool {
 
 /// The largest region speaks for the effect; its evidence is that of a step of whole orders at every point of a region's border,
 /// which no noise of a few nanometres makes.
-fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: &Model) -> Found {
+fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: &Model) -> Finding {
     let region = &jumps.regions[0];
     let in_data = field.frame.vector(match region.component {
         0 => [f64::from(region.orders), 0.0],
@@ -72,7 +72,7 @@ fn jump_found(effect: &'static dyn Effect, jumps: &Jumps, field: &Field, model: 
             .measurement
             .fringe_frequency_per_mm
             .unwrap_or(1.0);
-    Found {
+    Finding {
         effect,
         law: None,
         inclusion_probability: 1.0,
@@ -98,7 +98,7 @@ pub fn find_phase(
     model: &Model,
     field: &Field,
     predicted: &[[f64; 2]],
-) -> Result<Option<(Found, bool)>> {
+) -> Result<Option<(Finding, bool)>> {
     let effect = effect::of_recording(effect::RecordingError::PhaseRipple);
     let Some(order_mm) = order_mm(model).filter(|_| sought(model, effect.name())) else {
         return Ok(None);
@@ -109,7 +109,7 @@ pub fn find_phase(
     // even odds would ignore that there are two dozen effects
     let odds = (log_bayes_factor - (effect::EFFECTS.len() as f64).ln()).exp();
     let amplitude = phase.amplitudes_nm();
-    let found = Found {
+    let found = Finding {
         effect,
         law: None,
         inclusion_probability: if odds.is_finite() {

@@ -25,12 +25,12 @@ pub struct Suspect {
     /// Why it is not, in words; empty where nothing says so.
     pub reasons: Vec<String>,
     /// The constants by each answer, the averaged ones first.
-    pub answers: Vec<Answer>,
+    pub answers: Vec<ConditionalAnswer>,
 }
 
 /// The constants under one account.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Answer {
+pub struct ConditionalAnswer {
     /// What it supposes.
     pub supposing: String,
     pub constants: Keyed<Interval>,
@@ -100,15 +100,15 @@ pub fn suspect(
         ""
     };
     let answers = vec![
-        Answer {
+        ConditionalAnswer {
             supposing: "the effects that were added, and others as small as the data say".into(),
             constants: averaged.clone(),
         },
-        Answer {
+        ConditionalAnswer {
             supposing: format!("all effects of the dictionary at their full prior sizes{beside}"),
             constants: answer(1.0)?,
         },
-        Answer {
+        ConditionalAnswer {
             supposing: format!("no effect but those declared from the start{beside}"),
             constants: answer(0.0)?,
         },

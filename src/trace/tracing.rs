@@ -16,7 +16,7 @@ pub const MISFIT: f64 = 1e-3;
 
 /// An effect weighed against the data.
 #[derive(Clone)]
-pub struct Found {
+pub struct Finding {
     pub effect: &'static dyn Effect,
     /// How its amplitude goes over the steps of a series.
     pub law: Option<Law>,
@@ -36,7 +36,7 @@ pub struct Found {
     pub aliases: Vec<(&'static str, Option<Law>, f64)>,
 }
 
-impl Found {
+impl Finding {
     /// Whether an amplitude that cannot be negative is.
     pub fn is_impossible(&self) -> bool {
         let mut parameters = self.effect.parameters().iter().zip(&self.amplitude);
@@ -59,7 +59,7 @@ pub struct Accepted {
 /// What a residual was traced to: complete when [`super::evidence::Evidence::tracing`] makes it.
 pub struct Tracing {
     /// All candidates, the most probable first.
-    pub candidates: Vec<Found>,
+    pub candidates: Vec<Finding>,
     /// Alias groups of the best subset, by name, the strongest first, with probability, log evidence lost when it is dropped,
     /// and whether held-out blocks are predicted better with it.
     pub groups: Vec<Named>,
@@ -119,12 +119,12 @@ pub struct StepResidual {
     /// Noise of the step over the steps' typical one.
     pub noise_scale: f64,
     /// What the other steps say of it, where enough steps know the noise.
-    pub predicted: Option<Predicted>,
+    pub predicted: Option<HeldOutStep>,
 }
 
 /// A step held out: predicted from all other steps, but for its own motion in the plane and what else is the step's own.
 #[derive(Debug, Clone, Copy)]
-pub struct Predicted {
+pub struct HeldOutStep {
     /// Root mean square error of the block averages of (u1, u2), nm, by the model as it is declared.
     pub bare_nm: [f64; 2],
     /// With what it was traced to.
@@ -225,9 +225,9 @@ pub struct Resembling {
 #[derive(Default)]
 pub struct FoundApart<'a> {
     /// Miscounted orders.
-    pub jumps: Option<Found>,
+    pub jumps: Option<Finding>,
     /// The phase-shift error, with whether it is clear.
-    pub phase: Option<(Found, bool)>,
+    pub phase: Option<(Finding, bool)>,
     /// The stiffness that explains structure which grows with the load.
     pub stiffness: Option<StiffnessField>,
     /// Of a series: where it was linearised, and the prior sd of a parameter of an effect there.
@@ -242,7 +242,7 @@ pub type PriorSd<'a> = &'a dyn Fn(&'static dyn Effect, usize) -> f64;
 /// Candidates in their order, and what is called for.
 pub struct Ranking {
     /// The most probable first.
-    pub candidates: Vec<Found>,
+    pub candidates: Vec<Finding>,
     /// The strongest first.
     pub groups: Vec<Named>,
     pub accepted: Option<Accepted>,
@@ -252,7 +252,7 @@ impl Ranking {
     /// With the effects of the recording, which are sought by their own ways: miscounted orders are accepted before anything else, a
     /// phase-shift error if nothing else has more evidence.
     #[must_use]
-    pub fn with_recorded(mut self, jumps: Option<Found>, phase: Option<(Found, bool)>) -> Self {
+    pub fn with_recorded(mut self, jumps: Option<Finding>, phase: Option<(Finding, bool)>) -> Self {
         let accepted = self.accepted.as_ref().map(|a| a.effect.name());
         let strongest = accepted
             .and_then(|name| self.groups.iter().find(|g| g.leader == name))
@@ -286,7 +286,7 @@ impl Ranking {
 
 impl Accepted {
     /// An effect of the recording, which is corrected as it was found.
-    fn recorded(found: &Found) -> Self {
+    fn recorded(found: &Finding) -> Self {
         Self {
             effect: found.effect,
             amplitude: found.amplitude.iter().map(|(_, m, s)| (*m, *s)).collect(),
@@ -298,7 +298,7 @@ impl Accepted {
 
 impl Named {
     /// The group of an effect that nothing else in the dictionary resembles.
-    fn alone(found: &Found) -> Self {
+    fn alone(found: &Finding) -> Self {
         Self {
             leader: found.effect.name(),
             laws: Vec::new(),
