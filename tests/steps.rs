@@ -295,9 +295,13 @@ fn traced(series: &Series, observed: &Observed, declared: bool) -> Tracing {
 
 /// The largest z of a step, and p of linearity.
 fn said(name: &str, found: &Tracing) -> (f64, f64) {
-    let z: Vec<f64> = found.steps.iter().map(|s| s.predicted.unwrap().z).collect();
+    let z: Vec<f64> = found
+        .steps()
+        .iter()
+        .map(|s| s.predicted.unwrap().z)
+        .collect();
     let worst = z.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let test = found.linearity.unwrap();
+    let test = found.series.as_ref().unwrap().linearity.unwrap();
     let z: Vec<String> = z.iter().map(|z| format!("{z:+.1}")).collect();
     let groups = found.groups.iter();
     let named: Vec<_> = groups.map(|g| (g.leader, g.predicts)).collect();

@@ -66,7 +66,8 @@ fn traced(step: &Round) -> RoundReport {
     round.residual.holdout_rms_nm = finite(step.tracing.holdout_rms_nm);
     round.tracing = Some(tracing(&step.tracing));
     round.steps = steps(step);
-    round.linearity = step.tracing.linearity.map(|test| LinearityReport {
+    let linearity = step.tracing.series.as_ref().and_then(|s| s.linearity);
+    round.linearity = linearity.map(|test| LinearityReport {
         ratio: test.ratio,
         freedom: test.freedom,
         p: test.p,
@@ -80,7 +81,7 @@ fn steps(round: &Round) -> Vec<StepReport> {
     let Some(steps) = &round.identification.inverse.prepared.observation.steps else {
         return Vec::new();
     };
-    let left = round.tracing.steps.iter().enumerate();
+    let left = round.tracing.steps().iter().enumerate();
     left.map(|(k, left)| StepReport {
         name: steps.names[k].clone(),
         load: steps.loads[k],

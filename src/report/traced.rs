@@ -43,7 +43,7 @@ pub fn trace_file(tracing: &Tracing, found: &TracingReport, spots: &[BlindSpotRe
         "holdout_rms_nm": tracing.holdout_rms_nm,
         "averaged_posterior": found.averaged_posterior,
         "suspect": tracing.suspect,
-        "stiffness": tracing.stiffness,
+        "stiffness": tracing.series.as_ref().and_then(|s| s.stiffness.as_ref()),
         "blind_spots": spots,
         "left_out": found.left_out,
     })

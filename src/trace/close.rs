@@ -411,6 +411,6 @@ fn next_model(round: &Round) -> Option<NextModel> {
     experiment.laws.extend(law);
     Some(NextModel {
         model,
-        traced: series.clone(),
+        traced: series.as_ref().map(|s| s.found.clone()),
     })
 }

@@ -6,7 +6,6 @@ use super::alias::{AliasGroup, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
-use super::linearity::linearity;
 use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::{Suspect, suspect};
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
@@ -14,7 +13,6 @@ use super::weighing::Weighing;
 use crate::effect::{LOAD_SCALE, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::Law;
-use crate::infer::TracedSeries;
 use crate::linearise::{Column, Measured, Sensitivities};
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -136,15 +134,9 @@ impl Evidence {
             candidates: ranking.candidates,
             groups: ranking.groups,
             accepted: ranking.accepted,
-            series: apart.series.map(|(state, _)| TracedSeries {
-                state,
-                amplitudes: self.amplitudes(),
+            series: apart.series.map(|(state, _)| {
+                self.traced_steps(pair, holdout.steps.as_ref(), state, apart.stiffness)
             }),
-            stiffness: apart.stiffness,
-            steps: self.steps(pair, holdout.steps.as_ref()),
-            step_maps: self.step_maps(pair),
-            linearity: linearity(self),
-            misfit: self.misfit(pair),
             undecided,
             discrepancy: self.subsets.discrepancy,
             length_mm: self.weighing.noise.lengths_mm(pair),

@@ -4,16 +4,39 @@ use nalgebra::DVector;
 
 use super::evidence::Evidence;
 use super::left_out::HeldOutSteps;
+use super::linearity::linearity;
 use super::noise_choices::NoisePair;
 use super::subsets::Subset;
-use super::tracing::{HeldOutStep, StepMaps, StepResidual};
-use crate::experiment::series::rigid_free;
+use super::tracing::{HeldOutStep, StepMaps, StepResidual, StiffnessField, TracedSteps};
+use crate::experiment::series::{SeriesState, rigid_free};
+use crate::infer::TracedSeries;
 use crate::laminate::MeanSd;
 use crate::linearise::Column;
 use crate::noise::NormalEquations;
 use crate::quantity::NM_PER_MM;
 
 impl Evidence {
+    /// What is found of a series that was linearised at a state.
+    pub(super) fn traced_steps(
+        &self,
+        pair: &NoisePair,
+        held_out: Option<&HeldOutSteps<'_>>,
+        state: SeriesState,
+        stiffness: Option<StiffnessField>,
+    ) -> TracedSteps {
+        TracedSteps {
+            found: TracedSeries {
+                state,
+                amplitudes: self.amplitudes(),
+            },
+            residuals: self.steps(pair, held_out),
+            maps: self.step_maps(pair),
+            linearity: linearity(self),
+            misfit: self.misfit(pair),
+            stiffness,
+        }
+    }
+
     /// What the base model, and with the best subset what is explained, leave of every step of a series: root mean squares of the block
     /// averages of both components, nm. Empty for a single field.
     pub(super) fn steps(

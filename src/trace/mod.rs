@@ -50,5 +50,5 @@ pub use suspect::{ConditionalAnswer, Suspect, UNEXPLAINED};
 pub use together::tension;
 pub use tracing::{
     Accepted, Finding, HeldOutStep, Named, Resembling, StepMaps, StepResidual, StiffnessAt,
-    StiffnessField, Tracing,
+    StiffnessField, TracedSteps, Tracing,
 };

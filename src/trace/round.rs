@@ -21,7 +21,8 @@ impl Round {
     /// series' own noise, which may be smooth, explains its misfit, a place where that breaks out is none.
     pub fn patterns(&self) -> Patterns {
         let mut found = self.identification.patterns.clone();
-        if self.tracing.misfit.is_some_and(|p| p >= MISFIT) {
+        let misfit = self.tracing.series.as_ref().and_then(|s| s.misfit);
+        if misfit.is_some_and(|p| p >= MISFIT) {
             found.exceedance = None;
         }
         found

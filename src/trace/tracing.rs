@@ -65,18 +65,8 @@ pub struct Tracing {
     pub groups: Vec<Named>,
     /// The effect to add, if one is called for.
     pub accepted: Option<Accepted>,
-    /// What was found of a series.
-    pub series: Option<TracedSeries>,
-    /// What is left of every step of a series.
-    pub steps: Vec<StepResidual>,
-    /// Of a series with structure that grows with the load: the stiffness that would make it.
-    pub stiffness: Option<StiffnessField>,
-    /// What the declared model leaves of every step.
-    pub step_maps: Option<StepMaps>,
-    /// Whether the fields of a series are proportional to the load.
-    pub linearity: Option<Linearity>,
-    /// Probability of a misfit as large by a series' own noise.
-    pub misfit: Option<f64>,
+    /// Of a series: what is left of its steps, and of all together.
+    pub series: Option<TracedSteps>,
     /// Groups that the data speak for without being sure.
     pub undecided: Vec<Vec<&'static str>>,
     /// Probability of smooth structure that no effect explains.
@@ -98,6 +88,11 @@ pub struct Tracing {
 }
 
 impl Tracing {
+    /// What is left of every step of a series; nothing of a single field.
+    pub fn steps(&self) -> &[StepResidual] {
+        self.series.as_ref().map_or(&[], |s| &s.residuals)
+    }
+
     /// Whether smooth structure is left that no effect explains.
     pub fn leaves_structure(&self) -> bool {
         leaves_structure(self.discrepancy)
@@ -107,6 +102,22 @@ impl Tracing {
 /// Whether a discrepancy of some probability is structure that no effect explains.
 pub fn leaves_structure(discrepancy: f64) -> bool {
     discrepancy > UNEXPLAINED
+}
+
+/// What tracing finds of a series.
+pub struct TracedSteps {
+    /// Where it is linearised, and what all its steps say of every amplitude.
+    pub found: TracedSeries,
+    /// What is left of every step.
+    pub residuals: Vec<StepResidual>,
+    /// What the declared model leaves of every step.
+    pub maps: Option<StepMaps>,
+    /// Whether the fields are proportional to the load.
+    pub linearity: Option<Linearity>,
+    /// Probability of a misfit as large by the series' own noise.
+    pub misfit: Option<f64>,
+    /// Where structure grows with the load: the stiffness that would make it.
+    pub stiffness: Option<StiffnessField>,
 }
 
 /// What is left of one step of a series: root mean squares of the block averages of (u1, u2), nm.

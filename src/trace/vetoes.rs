@@ -79,7 +79,8 @@ fn misfit(last: &Round) -> Option<String> {
     let found = &last.identification;
     let of_one_field = found.misfit_p.min(found.residual.p_chi2);
     // noise of a series may be smooth, which that of one field cannot know
-    let p = last.tracing.misfit.unwrap_or(of_one_field);
+    let of_series = last.tracing.series.as_ref().and_then(|s| s.misfit);
+    let p = of_series.unwrap_or(of_one_field);
     (p < MISFIT).then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
 }
 
@@ -173,7 +174,7 @@ fn held_out(before: &Round) -> Option<String> {
 fn steps_apart(last: &Round) -> Vec<String> {
     let observation = &last.identification.inverse.prepared.observation;
     let names = observation.steps.iter().flat_map(|s| &s.names);
-    let steps = names.zip(&last.tracing.steps);
+    let steps = names.zip(last.tracing.steps());
     let far = steps.filter_map(|(name, step)| {
         let z = step.predicted?.z;
         (z > STEP_SDS).then(|| format!("the other steps do not predict {name} (z = {z:.1})"))

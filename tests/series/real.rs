@@ -80,7 +80,7 @@ fn steps_of_the_real_series_are_predicted_better_where_it_may_turn() {
         let sampler = (SAMPLERS[0].build)();
         let closed = explain(&model, 0, &|_| options(&*sampler), &Silent).unwrap();
         assert_eq!(closed.conclusion.status, Status::Unexplained);
-        closed.rounds[0].tracing.steps.clone()
+        closed.rounds[0].tracing.steps().to_vec()
     };
     let [before, after] = [false, true].map(steps);
     assert_eq!(after.len(), 5);

@@ -98,7 +98,8 @@ fn imported(round: &Identification) -> Vec<MeshPoint> {
 /// What is left of each step of a series, block by block, in the data's frame.
 fn steps(round: &Round) -> Vec<StepCell> {
     let observation = &round.identification.inverse.prepared.observation;
-    let (Some(steps), Some(maps)) = (&observation.steps, &round.tracing.step_maps) else {
+    let maps = round.tracing.series.as_ref().and_then(|s| s.maps.as_ref());
+    let (Some(steps), Some(maps)) = (&observation.steps, maps) else {
         return Vec::new();
     };
     let places = middles(round, maps);
@@ -118,8 +119,9 @@ fn steps(round: &Round) -> Vec<StepCell> {
 
 /// The stiffness that would make what grows with the load, block by block, in the data's frame.
 fn stiffness(round: &Round) -> Vec<StiffnessCell> {
-    let tracing = &round.tracing;
-    let (Some(found), Some(maps)) = (&tracing.stiffness, &tracing.step_maps) else {
+    let series = round.tracing.series.as_ref();
+    let both = series.and_then(|s| s.stiffness.as_ref().zip(s.maps.as_ref()));
+    let Some((found, maps)) = both else {
         return Vec::new();
     };
     let cell = |(at, place): ([f64; 2], &StiffnessAt)| StiffnessCell {
