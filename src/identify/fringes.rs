@@ -4,7 +4,7 @@
 //! A ripple at twice the fringe frequency averages to nothing over a block, so that block averages know nothing of it; and
 //! differences of neighbouring pixels would take it for noise. It is therefore taken out before the noise is estimated.
 
-use super::inverse::With;
+use super::reduction::With;
 use super::{jumps, phase};
 use crate::effect::{Effect, RecordingError, amplitude_name, of_recording, recorded_column};
 use crate::error::Result;

@@ -2,7 +2,7 @@
 
 use crate::effect::amplitude_name;
 use crate::error::Result;
-use crate::experiment::{FieldSolver, Prediction, State, predict};
+use crate::experiment::{Prediction, State, predict};
 use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::field::{Field, Series};
@@ -16,6 +16,7 @@ use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
 
 use super::fringes::{without_jumps, without_phase_error};
+use super::reduction::{Reduction, With};
 use super::series::combined;
 use super::size::check_size;
 
@@ -105,20 +106,6 @@ pub fn prepare_traced(
         traced,
     })
 }
-
-/// What an observation is reduced with.
-pub struct With<'a> {
-    pub model: &'a Model,
-    /// What tracing found of a series before.
-    pub traced: Option<&'a TracedSeries>,
-    pub reduced: &'a ReducedModel,
-    pub experiment: &'a dyn FieldSolver,
-    /// The point of the reduced model's parameters nearest to the prior means.
-    pub nominal: Vec<f64>,
-}
-
-/// Takes an observation and returns it without what no model of the specimen explains.
-type Reduction = fn(&With<'_>, Observation) -> Result<Observation>;
 
 /// In this order: a region of miscounted orders would be taken for outliers, outliers for a ripple, and a series is combined last.
 const REDUCTIONS: [Reduction; 4] = [

@@ -9,6 +9,7 @@ mod inverse;
 pub mod jumps;
 mod patterns;
 pub mod phase;
+mod reduction;
 mod refine;
 mod residual;
 mod series;

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::inverse::With;
+use super::reduction::With;
 use crate::error::Result;
 use crate::infer::{Observation, SteppedColumn, Steps};
 use crate::laminate::MeanSd;

@@ -7,7 +7,7 @@ use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
 use super::subsets::{Subset, SubsetPosterior};
-use super::suspect::{Suspect, suspect};
+use super::suspect::suspect;
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::{LOAD_SCALE, amplitude_name};
@@ -128,7 +128,9 @@ impl Evidence {
         }
         .with_recorded(apart.jumps, apart.phase);
         let stiffness = apart.stiffness.as_ref();
-        let suspect = stiffness.into_iter().fold(suspect, Suspect::with_stiffness);
+        let suspect = stiffness
+            .into_iter()
+            .fold(suspect, |suspect, s| s.explaining(suspect));
         let averaged = stiffness.map_or(average, |s| s.constants.clone());
         Ok(Tracing {
             candidates: ranking.candidates,

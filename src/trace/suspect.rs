@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use super::averaged::{Interval, mixtures, part};
 use super::noise_choices::NoisePair;
 use super::subsets::{SubsetPosterior, log_sum};
-use super::tracing::StiffnessField;
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::files::Keyed;
@@ -117,17 +116,6 @@ pub fn suspect(
 }
 
 impl Suspect {
-    /// With a stiffness that explains structure which grows with the load: the constants beside it are the averaged ones.
-    #[must_use]
-    pub fn with_stiffness(mut self, found: &StiffnessField) -> Self {
-        if let Some(first) = self.answers.first_mut() {
-            first.supposing += ", with a stiffness that varies over the window";
-            first.constants = found.constants.clone();
-        }
-        self.reasons.push(found.words());
-        self
-    }
-
     /// This first round's answers without the effects that were added since, beside the last round's own: where a culprit that no
     /// dictionary has was given neighbours' names, everything that is linearised about those is as wrong as they are.
     #[must_use]

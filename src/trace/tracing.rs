@@ -178,6 +178,16 @@ pub struct StiffnessAt {
 }
 
 impl StiffnessField {
+    /// What is suspect with this beside it: the constants that it leaves are the averaged ones.
+    pub fn explaining(&self, mut suspect: Suspect) -> Suspect {
+        if let Some(first) = suspect.answers.first_mut() {
+            first.supposing += ", with a stiffness that varies over the window";
+            first.constants = self.constants.clone();
+        }
+        suspect.reasons.push(self.words());
+        suspect
+    }
+
     /// What it says, in a sentence.
     pub fn words(&self) -> String {
         let StiffnessAt {
