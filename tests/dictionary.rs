@@ -1,5 +1,9 @@
 //! The dictionary of effects at the border: the model file's keys, `effects`, and `simulate` of every kind.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use plychain::effect::EFFECTS;
 use serde_json::Value;
 
 use crate::program::{changed, coarse, fresh, model, plychain, succeed};
@@ -215,5 +219,45 @@ fn simulate_refuses_what_cannot_be() {
             &["simulate", file, "--out", &out, "--effect", effect],
             words,
         );
+    }
+}
+
+/// What is special about an effect it says itself: nothing else asks for its name.
+#[test]
+fn no_effect_is_known_by_name_outside_its_room() {
+    fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() && path.file_name().unwrap() != "effect" {
+                sources(&path, found);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    sources(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("src"),
+        &mut found,
+    );
+    assert!(found.len() > 300, "only {} files seen", found.len());
+    for path in found {
+        let text = fs::read_to_string(&path).unwrap();
+        let code = text.lines().map(|l| l.split("//").next().unwrap());
+        for (line, code) in code.enumerate() {
+            for effect in EFFECTS.iter().map(|e| e.name()) {
+                // a literal, a constant, the key of an amplitude
+                let constant = format!("effect::{}", effect.to_uppercase());
+                let forms = [format!("\"{effect}\""), format!("\"{effect}."), constant];
+                let named = forms.iter().any(|form| code.contains(form.as_str()));
+                assert!(!named, "{}:{}: {effect}", path.display(), line + 1);
+            }
+            assert!(
+                !code.contains("\"rigid_\""),
+                "{}:{}",
+                path.display(),
+                line + 1
+            );
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use plychain::effect::{Acting, EFFECTS, Kind, LOAD_SCALE};
+use plychain::effect::{Acting, EFFECTS, Kind, force_scale};
 use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
@@ -136,7 +136,7 @@ fn sensitivities_are_the_differences_of_predictions() {
         };
         let thickness = moved(&|s, by| s.thickness_mm += by, 1e-3);
         check("thickness", Direction::Thickness, 1e-3, thickness);
-        let load = moved(&|s, by| s.shift(LOAD_SCALE, 0, by), 0.1);
+        let load = moved(&|s, by| s.shift(force_scale(), 0, by), 0.1);
         check("load", Direction::Load, 0.1, load);
         let constant = moved(&|s, by| s.constants[1] += by, 0.01);
         check("E2", Direction::Constant(1), 0.02, constant);

@@ -91,9 +91,6 @@ pub fn force_scale() -> &'static dyn Effect {
     &load_scale::LoadScale
 }
 
-/// The same, for files that still name it.
-pub static LOAD_SCALE: &dyn Effect = &load_scale::LoadScale;
-
 /// The effect that the recording of fringes has by some `error`.
 pub fn of_recording(error: RecordingError) -> &'static dyn Effect {
     match error {

@@ -1,7 +1,7 @@
 //! What a change of one parameter does to a predicted field.
 
 use super::{FieldSolver, Look, Prediction, Sight, State, gauged, load_response, predict_near};
-use crate::effect::{Effect, Kind, LOAD_SCALE, Scene, Seen};
+use crate::effect::{Effect, Kind, Scene, Seen, force_scale};
 use crate::error::Result;
 use crate::fem::Anchor;
 
@@ -24,7 +24,7 @@ impl Direction {
         match self {
             Direction::Constant(k) => state.constants[k] += by,
             Direction::Thickness => state.thickness_mm += by,
-            Direction::Load => state.shift(LOAD_SCALE, 0, by),
+            Direction::Load => state.shift(force_scale(), 0, by),
             Direction::Amplitude(effect, k) => state.shift(effect, k, by),
         }
         state

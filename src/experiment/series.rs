@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{FieldSolver, Gauge, Look, Sight, State, gauged};
-use crate::effect::{Acting, Effect, Kind, LOAD_SCALE, Scene, Scope, Seen};
+use crate::effect::{Acting, Effect, Kind, Scene, Scope, Seen, force_scale};
 use crate::error::Result;
 use crate::fem::Anchor;
 use crate::field::rigid::{self, RigidMotion};
@@ -291,8 +291,8 @@ impl Solver<'_> {
             return Ok(vec![[0.0; 2]; solved.len()]);
         }
         let mut state = state.clone();
-        let percent = (1.0 + 0.01 * state.amplitude(LOAD_SCALE)[0]) * load - 1.0;
-        state.set(LOAD_SCALE, vec![100.0 * percent]);
+        let percent = (1.0 + 0.01 * state.amplitude(force_scale())[0]) * load - 1.0;
+        state.set(force_scale(), vec![100.0 * percent]);
         let look = self.experiment.look_near(about, &state, self.sight)?;
         let whole = self.places(&look).into_iter().zip(solved);
         Ok(whole

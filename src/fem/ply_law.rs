@@ -116,7 +116,7 @@ impl PlyLaw {
             *nodal = accelerated.next(nodal, image);
         }
         Err(Error::input(
-            "shear_nonlinearity, fibre_nonlinearity",
+            "nonlinear plies",
             "plies under which the plate comes to rest",
         )
         .found(format!("{:e} MPa^-3, {:e} MPa", self.beta, self.fibre))

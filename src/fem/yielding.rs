@@ -127,7 +127,7 @@ impl<'a, 'f> Walk<'a, 'f> {
         }
         let law = self.body.law;
         Err(
-            Error::input("yielding", "a plate that comes to rest under its load")
+            Error::input("yielding metal", "a plate that comes to rest under its load")
                 .found(format!(
                     "yield stress {:.4} and hardening {:.4} of Young's modulus, {:.2} times the load at which yielding begins",
                     law.yield_stress / law.young,

@@ -1,6 +1,6 @@
 //! Effects as they act in a load series.
 
-use crate::effect::{Effect, Kind, LOAD_SCALE, Scope, amplitude_name};
+use crate::effect::{Effect, Kind, Scope, amplitude_name};
 use crate::experiment::series::Law;
 
 /// An effect of a series with the law of its amplitude, where it has one.
@@ -50,7 +50,7 @@ impl EffectUnderLaw {
 
     /// Whether it takes part in a series by columns over its steps.
     pub fn is_stepped(&self) -> bool {
-        self.effect.kind() != Kind::Recorded && self.effect.name() != LOAD_SCALE.name()
+        self.effect.kind() != Kind::Recorded && !self.effect.is_force_scale()
     }
 
     /// Its amplitude in each step over the one that is stated; of a free one, one set for each step. Without a law all steps share one

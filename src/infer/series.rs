@@ -39,7 +39,7 @@ impl Model {
     /// Declared effects of a series that take part by columns over its steps, beside rigid motion in the plane, which every step has.
     pub fn stepped(&self) -> Vec<EffectUnderLaw> {
         let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
-        let other = stepped.filter(|e| !e.name().starts_with("rigid_"));
+        let other = stepped.filter(|e| !e.is_rigid());
         other.map(|e| self.under_law(*e)).collect()
     }
 

@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-use super::column::{Column, FORCE};
+use super::column::{Column, FORCE, RIGID_MOTION};
 use super::observing::{Observed, Observing, StepStack, quotient};
 use super::slopes::averages;
 use crate::effect::{Effect, Scene, Scope};
@@ -216,7 +216,7 @@ impl AboutPlaces<'_> {
                 slope[0][step * n + k] = u[0];
                 slope[1][step * n + k] = u[1];
             }
-            Column::new("rigid_motion".into(), [0.0, FREE_MM], 0.0, slope)
+            Column::new(RIGID_MOTION.into(), [0.0, FREE_MM], 0.0, slope)
         })
     }
 }

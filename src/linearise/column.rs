@@ -1,10 +1,13 @@
 //! What a change of one parameter does to the prediction.
 
 use super::observing::StepStack;
-use crate::effect::{Effect, LOAD_SCALE};
+use crate::effect::{EFFECTS, Effect};
 
 /// What the names of forces that are not declared begin with.
 pub const FORCE: &str = "force_";
+
+/// Name of one step's motion in the plane.
+pub const RIGID_MOTION: &str = "rigid_motion";
 
 /// A parameter of the linearised prediction.
 #[derive(Clone)]
@@ -78,9 +81,15 @@ impl Column {
         wanted.clamp(-reach, reach)
     }
 
+    /// Whether it is an amplitude of such an effect.
+    fn is_of(&self, such: impl Fn(&dyn Effect) -> bool) -> bool {
+        let effect = self.name.split('.').next();
+        EFFECTS.iter().any(|e| Some(e.name()) == effect && such(*e))
+    }
+
     /// Whether it moves the specimen as a whole.
     pub fn is_rigid(&self) -> bool {
-        self.name.starts_with("rigid_")
+        self.is_of(|effect| effect.is_rigid()) || self.name == RIGID_MOTION
     }
 
     /// Whether it is a force that is not declared.
@@ -90,6 +99,6 @@ impl Column {
 
     /// Whether it is the scale of all forces.
     pub fn is_load(&self) -> bool {
-        self.name.split('.').next() == Some(LOAD_SCALE.name())
+        self.is_of(|effect| effect.is_force_scale())
     }
 }

@@ -6,7 +6,7 @@ use super::column::Column;
 use super::linearisation::Linearisation;
 use super::observing::{Observing, StepStack};
 use super::sensitivities::{Candidate, Sensitivities};
-use crate::effect::{Kind, LOAD_SCALE};
+use crate::effect::Kind;
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Softening, State};
@@ -48,7 +48,7 @@ impl Forward<'_> {
 
     /// Whether an effect takes part beside what every step has of its own; what the recording adds is corrected in the field, not fitted.
     pub fn takes_part(&self, effect: &EffectUnderLaw) -> bool {
-        let moves = effect.effect.name().starts_with("rigid_");
+        let moves = effect.effect.is_rigid();
         effect.effect.kind() != Kind::Recorded && !(moves && self.observing.of_each_step())
     }
 
@@ -75,7 +75,7 @@ impl Forward<'_> {
     /// with its prior.
     pub(super) fn scales_the_load(&self) -> bool {
         let mut effects = self.model.effects.iter();
-        !effects.any(|e| e.name() == LOAD_SCALE.name())
+        !effects.any(|e| e.is_force_scale())
     }
 
     /// Amplitudes of some effects: how often [`Forward::sensitivities`] calls the step for them.

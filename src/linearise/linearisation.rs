@@ -5,8 +5,7 @@ use rayon::prelude::*;
 use super::column::Column;
 use super::forward::Forward;
 use super::observing::{Observed, StepStack, quotient};
-use super::unknown_places::is_center;
-use crate::effect::{LOAD_SCALE, Scene, Scope, amplitude_name};
+use crate::effect::{Scene, Scope, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Direction, Softening};
@@ -92,9 +91,9 @@ impl Linearisation<'_> {
         }
         if self.forward.scales_the_load() {
             let observing = &self.forward.observing;
-            let sd = observing.prior_sd(model, LOAD_SCALE, 0);
+            let sd = observing.prior_sd(model, force_scale(), 0);
             let slope = self.slope(Direction::Load, &[], sd)?;
-            let name = amplitude_name(LOAD_SCALE, &LOAD_SCALE.parameters()[0]);
+            let name = amplitude_name(force_scale(), &force_scale().parameters()[0]);
             columns.push(Column::new(name, [0.0, sd], 0.0, slope));
         }
         columns.extend(self.observed.of_steps());
@@ -128,7 +127,7 @@ impl Linearisation<'_> {
             let at = self.at.amplitude(effect.effect, &weights)[k];
             // of a lens without strength the centre does not matter: taken back with it, their product would be subtracted twice, which
             // under a specimen's motion is micrometres
-            let mean = if is_center(effect.effect, k) { at } else { 0.0 };
+            let mean = if effect.effect.is_centre(k) { at } else { 0.0 };
             let mut column = Column::new(name, [mean, sd], at, slope);
             column.positive = effect.effect.parameters()[k].positive;
             Ok(column)

@@ -27,4 +27,4 @@ pub use observing::{Observed, Observing, StepStack};
 pub use ridge::{CONVERGED, STEPS};
 pub use sensitivities::{Candidate, Sensitivities};
 pub use slopes::Slopes;
-pub use unknown_places::{AXIS_MM, LENS, PIVOT_MM};
+pub use unknown_places::{AXIS_MM, PIVOT_MM};

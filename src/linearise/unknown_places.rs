@@ -8,16 +8,12 @@
 use super::column::Column;
 use super::linearisation::Linearisation;
 use super::observing::quotient;
-use crate::effect::{Effect, displacements_are_imaged, find};
+use crate::effect::{Companions, Effect, displacements_are_imaged};
 use crate::error::Result;
 use crate::infer::{Amplitude, EffectUnderLaw};
 
-/// The effect whose centre has no column of its own while its strength is below this many prior sds.
-pub const LENS: &str = "lens_distortion";
+/// A lens' centre has no column of its own while its strength is below this many prior sds.
 const WEAK: f64 = 0.1;
-
-const ROTATION: &str = "out_of_plane_rotation";
-const APPROACH: &str = "out_of_plane_translation";
 
 /// Prior sd of the camera's axis and of the lens' centre about the middle of the picture, mm: 3 mm is too little where they lie 11 mm off,
 /// and 6 found them (prototype study).
@@ -29,11 +25,6 @@ pub const PIVOT_MM: f64 = 10.0;
 /// Radians in a milliradian.
 const MILLI: f64 = 1e-3;
 
-/// Whether a parameter of an effect is of the centre of a lens.
-pub(super) fn is_center(effect: &dyn Effect, k: usize) -> bool {
-    effect.name() == LENS && k > 0
-}
-
 impl Linearisation<'_> {
     /// Add what is not known of places to the columns of an effect's amplitudes.
     pub(super) fn add_unknown_places(
@@ -41,10 +32,13 @@ impl Linearisation<'_> {
         effect: &EffectUnderLaw,
         columns: &mut Vec<Column>,
     ) -> Result<()> {
-        match effect.effect.name() {
-            LENS => self.center_a_lens(effect.effect, columns),
-            ROTATION => columns.extend(self.beyond_the_axis(effect)?),
-            _ => columns.extend(self.beside_bending(effect)?),
+        match effect.effect.companions() {
+            Companions::Centre => self.center_a_lens(effect.effect, columns),
+            Companions::AxisAndPivot { lift } => {
+                columns.extend(self.beyond_the_axis(effect, lift)?);
+            }
+            Companions::AxisAndLift { lift } => columns.extend(self.beside_bending(effect, lift)?),
+            Companions::None => {}
         }
         Ok(())
     }
@@ -74,7 +68,11 @@ impl Linearisation<'_> {
     }
 
     /// What a rotation does by its distance from the camera's axis, and from the origin: products with both, each for one prior sd.
-    fn beyond_the_axis(&self, effect: &EffectUnderLaw) -> Result<Vec<Column>> {
+    fn beyond_the_axis(
+        &self,
+        effect: &EffectUnderLaw,
+        lift: &'static dyn Effect,
+    ) -> Result<Vec<Column>> {
         let amplitudes = self.amplitudes_of(effect);
         let size = |a: &Amplitude| {
             let found = self.at.amplitude(effect.effect, &a.weights)[a.parameter];
@@ -100,13 +98,12 @@ impl Linearisation<'_> {
                 columns.push(Column::product(name, slope));
             }
         }
-        let approach = find("dictionary", APPROACH)?;
         let name = effect.effect.name();
         for set in amplitudes.chunks(effect.effect.parameters().len()) {
             let angle = set.iter().map(size).fold(0.0, f64::hypot);
             let [high, low] = [1.0, -1.0].map(|sign| {
                 let rise = sign * MILLI * angle * PIVOT_MM;
-                self.at.raised(approach, 0, rise, &set[0].weights)
+                self.at.raised(lift, 0, rise, &set[0].weights)
             });
             let slope = self.pictured([&high, &low], 2.0, self.scene());
             let step = set[0].name.split_once(" in ");
@@ -119,7 +116,11 @@ impl Linearisation<'_> {
     /// What a specimen that bends out of its plane shows in a series beside its curvature's own field: products of its curvatures with the
     /// distances of the camera's axis from the middle of the window, and how far the window as a whole is lifted towards the camera, which is
     /// how the specimen is held and not a cause of its own.
-    fn beside_bending(&self, effect: &EffectUnderLaw) -> Result<Vec<Column>> {
+    fn beside_bending(
+        &self,
+        effect: &EffectUnderLaw,
+        lift: &'static dyn Effect,
+    ) -> Result<Vec<Column>> {
         let observing = &self.forward.observing;
         let mut columns = Vec::new();
         if !observing.of_each_step() {
@@ -146,9 +147,8 @@ impl Linearisation<'_> {
                 columns.push(Column::product(name, slope));
             }
         }
-        let approach = find("dictionary", APPROACH)?;
-        let sd = observing.prior_sd(self.forward.model, approach, 0);
-        let [high, low] = [sd, -sd].map(|by| self.at.raised(approach, 0, by, &self.at.loads));
+        let sd = observing.prior_sd(self.forward.model, lift, 0);
+        let [high, low] = [sd, -sd].map(|by| self.at.raised(lift, 0, by, &self.at.loads));
         let slope = self.pictured([&high, &low], 2.0, self.scene());
         let name = format!("{}.lift", effect.effect.name());
         columns.push(Column::product(name, slope));

@@ -13,7 +13,6 @@ use super::weighing::Weighing;
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
 use crate::files::Keyed;
-use crate::linearise::LENS;
 use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
@@ -150,8 +149,7 @@ pub fn unseen(
         let first = all.len();
         let is_unseen = |k: usize| detectable(projected.g[(first + k, first + k)], odds) > 1.0;
         // the centre of a lens of no strength is no parameter of its own either
-        let is_center = |k: usize| k > 0 && candidate.effect.name() == LENS;
-        let is_product = |(k, c): (usize, &Column)| c.product || is_center(k);
+        let is_product = |(k, c): (usize, &Column)| c.product || candidate.effect.is_centre(k);
         let columns = candidate.columns.iter().enumerate();
         let mut own = columns.clone().filter(|c| !is_product(*c));
         let altogether = own.all(|(k, _)| is_unseen(k));

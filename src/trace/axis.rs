@@ -5,44 +5,38 @@ use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::infer::Model;
 use crate::linearise::{AXIS_MM, PIVOT_MM};
 
-const ROTATION: &str = "out_of_plane_rotation";
-const STRAIN: &str = "uniform_strain";
-
 /// Take the strain that the unknown axes leave into the model of a field whose specimen was found to turn, with the size that they may give
 /// it: fitted without it, fields turned by 1.25 mrad were never described by the rotation alone.
 pub fn entail_strain(model: &mut Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) {
-    let Some(strain) = EFFECTS.iter().find(|e| e.name() == STRAIN) else {
+    let Some(strain) = effect.entails() else {
         return;
     };
-    let declared = model.effects.iter().any(|e| e.name() == STRAIN);
+    let declared = model.effects.iter().any(|e| e.name() == strain.name());
     let distance_mm = model.scene().camera_distance_mm;
-    let Some(distance_mm) = distance_mm.filter(|_| effect.name() == ROTATION && !declared) else {
+    let Some(distance_mm) = distance_mm.filter(|_| !declared) else {
         return;
     };
     let parameters = effect.parameters().len();
-    let mrad = amplitude[..parameters]
-        .iter()
-        .fold(0.0, |m: f64, (a, _)| m.hypot(*a));
-    let microstrain = 1e3 * mrad * AXIS_MM.hypot(PIVOT_MM) / distance_mm;
+    let amplitude: Vec<f64> = amplitude[..parameters].iter().map(|(a, _)| *a).collect();
+    let sd = effect.entailed_sd(&amplitude, AXIS_MM.hypot(PIVOT_MM), distance_mm);
     let experiment = model.experiment_mut();
-    experiment.effects.push(STRAIN.into());
+    experiment.effects.push(strain.name().into());
     for parameter in strain.parameters() {
-        let name = amplitude_name(*strain, parameter);
-        experiment.plausible.entry(name).or_insert(microstrain);
+        let name = amplitude_name(strain, parameter);
+        experiment.plausible.entry(name).or_insert(sd);
     }
     let place = |e: &&'static dyn Effect| EFFECTS.iter().position(|k| k.name() == e.name());
-    model.effects.push(*strain);
+    model.effects.push(strain);
     model.effects.sort_by_key(place);
 }
 
 /// What is said of it.
 pub fn words(model: &Model) -> Option<String> {
-    let has = |name: &str| model.effects.iter().any(|e| e.name() == name);
-    let strain = model
-        .experiment()
-        .plausible
-        .get(&format!("{STRAIN}.exx_microstrain"))?;
-    (has(ROTATION) && has(STRAIN) && model.experiment().steps.is_none()).then(|| {
+    let entailed = model.effects.iter().find_map(|e| e.entails())?;
+    let declared = model.effects.iter().any(|e| e.name() == entailed.name());
+    let name = amplitude_name(entailed, &entailed.parameters()[0]);
+    let strain = model.experiment().plausible.get(&name)?;
+    (declared && model.experiment().steps.is_none()).then(|| {
         format!(
             " Beside the rotation a uniform strain of +- {strain:.0} microstrain takes part: about an axis off the hole, or before a camera whose \
              axis is off the middle of the picture, a rotation leaves one, and a single field does not tell where the axes are; a load series does."

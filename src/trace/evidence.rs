@@ -10,7 +10,8 @@ use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::suspect;
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use super::weighing::Weighing;
-use crate::effect::{LOAD_SCALE, amplitude_name};
+use crate::effect::amplitude_name;
+use crate::effect::force_scale;
 use crate::error::Result;
 use crate::experiment::series::Law;
 use crate::linearise::{Column, Measured, Sensitivities};
@@ -148,7 +149,7 @@ impl Evidence {
             blind_spots: self
                 .load_scale()
                 .into_iter()
-                .map(|s| (LOAD_SCALE.name(), s))
+                .map(|s| (force_scale().name(), s))
                 .chain(spots.into_iter().map(|(k, spot)| (self.name(k), spot)))
                 .collect(),
             holdout_rms_nm: holdout.rms_nm(&Vec::new()),
@@ -195,11 +196,7 @@ impl Evidence {
 
     /// What a scale of the load does: exactly the same to every modulus, and nothing that could be seen.
     fn load_scale(&self) -> Option<BlindSpot> {
-        let column = self
-            .sensitivities
-            .base
-            .iter()
-            .find(|c| c.name.starts_with(LOAD_SCALE.name()))?;
+        let column = self.sensitivities.base.iter().find(|c| c.is_load())?;
         let constants = self.sensitivities.base[..self.sensitivities.constants].iter();
         Some(BlindSpot {
             parameter: column.name.clone(),

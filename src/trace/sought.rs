@@ -1,6 +1,6 @@
 //! Which effects are sought.
 
-use crate::effect::{EFFECTS, Effect, Kind, LOAD_SCALE, obstacle};
+use crate::effect::{EFFECTS, Effect, Kind, obstacle};
 use crate::infer::{EffectUnderLaw, Model};
 
 /// Effects that may be weighed in a model, and those that may not, with the reason.
@@ -22,7 +22,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             left_out.push((name, "not among the model's candidates".to_string()));
         } else if let Some(reason) = obstacle(*effect, &scene) {
             left_out.push((name, reason.to_string()));
-        } else if name == LOAD_SCALE.name() {
+        } else if effect.is_force_scale() {
             left_out.push((
                 name,
                 "a scale of the load cannot be told from a common factor of all moduli".to_string(),
@@ -40,7 +40,7 @@ pub fn acting_in(effects: &[&'static dyn Effect], loads: &[f64]) -> Vec<EffectUn
     let mut kept: Vec<EffectUnderLaw> = Vec::new();
     // every step has its own motion in the plane
     let mut all = EffectUnderLaw::all(effects);
-    all.retain(|acts| !acts.effect.name().starts_with("rigid_"));
+    all.retain(|acts| !acts.effect.is_rigid());
     for acts in all {
         if !kept.iter().any(|other| shares(other, &acts, loads)) {
             kept.push(acts);

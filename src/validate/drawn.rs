@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
 use super::calibration::{NOISE_NM, Plan};
-use crate::effect::{Acting, LOAD_SCALE, amplitude_name};
+use crate::effect::{Acting, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::Gauge;
 use crate::experiment::series::Moving;
@@ -64,11 +64,11 @@ impl Drawn {
             }
         }
         let load = EffectUnderLaw {
-            effect: LOAD_SCALE,
+            effect: force_scale(),
             law: None,
         };
         truth.effects.push(Acting {
-            effect: LOAD_SCALE,
+            effect: force_scale(),
             amplitude: amplitude(model, &load, &mut rng),
         });
         // the load scale has its own draw above

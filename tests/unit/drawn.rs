@@ -19,10 +19,7 @@ fn the_scale_of_the_response_is_drawn_with_its_prior() {
     let thickness = model.experiment().specimen.thickness_mm;
     let scale = |k: usize| {
         let truth = Drawn::new(&model, &plan, false, k, 0).truth;
-        let load = truth
-            .effects
-            .iter()
-            .find(|a| a.effect.name() == LOAD_SCALE.name());
+        let load = truth.effects.iter().find(|a| a.effect.is_force_scale());
         (1.0 + 0.01 * load.unwrap().amplitude[0]) * thickness.mean / truth.thickness_mm
     };
     let scales: Vec<f64> = (0..DRAWS).map(scale).collect();

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::expanded::TestExpansion;
-use crate::effect::{Effect, LOAD_SCALE, amplitude_name};
+use crate::effect::{Effect, amplitude_name, force_scale};
 use crate::error::{Error, Result};
 use crate::identify::Prepared;
 use crate::infer::{EffectUnderLaw, Model};
@@ -82,7 +82,7 @@ impl<'a> Full<'a> {
                 ColumnPlace::Thickness => state.shared.thickness_mm = at / (1.0 - thinner),
                 ColumnPlace::Load => {
                     let percent = value / (1.0 - thinner);
-                    state.shared.set(LOAD_SCALE, vec![percent]);
+                    state.shared.set(force_scale(), vec![percent]);
                 }
                 ColumnPlace::Amplitude(effect, k, weights) => {
                     state = state.raised(effect, k, value - at, &weights);
@@ -114,10 +114,10 @@ impl<'a> Full<'a> {
             declared, sought, ..
         } = self.point;
         let base = here.base[here.constants..].iter().map(|column| {
-            let load = &LOAD_SCALE.parameters()[0];
+            let load = &force_scale().parameters()[0];
             let place = match column.name.as_str() {
                 THICKNESS => ColumnPlace::Thickness,
-                name if name == amplitude_name(LOAD_SCALE, load) => ColumnPlace::Load,
+                name if name == amplitude_name(force_scale(), load) => ColumnPlace::Load,
                 name => self.amplitude(declared, name),
             };
             (column, place)
