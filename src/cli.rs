@@ -1,6 +1,5 @@
 //! The command line: arguments, validated into a plan before any work, and one file a verb.
 
-mod bench;
 mod beside;
 mod build;
 mod calibrate;
@@ -70,8 +69,6 @@ enum Command {
     Trace(closing::TraceArguments),
     /// Build the reduced model and print its error tables
     Build(build::BuildArguments),
-    /// Measure the speed of log posterior and samplers, of the default model or on a tabulated posterior
-    Bench(bench::BenchArguments),
     /// Print what chains are worth: R-hat, effective draws, standard errors, and a verdict
     Diagnose(diagnose::DiagnoseArguments),
     /// Write a run's chains in another program's format
@@ -140,7 +137,6 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Trace(arguments) => closing::trace(&arguments, &console),
         Command::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
         Command::Build(arguments) => build::run(&arguments, &console),
-        Command::Bench(arguments) => bench::run(&arguments, &cli.global, &console),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Export(arguments) => diagnose::export(&arguments),
         Command::Report(arguments) => report::run(&arguments),

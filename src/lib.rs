@@ -1,10 +1,10 @@
 //! MCMC-first inference of ply elastic constants from full-field displacement measurements.
 //!
-//! Data flow one way: measured files -> [`field`] -> projections; specimen -> [`laminate`] -> finite-element
-//! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
-//! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
+//! [`chain`], [`sample`] and [`diagnose`] know no physics: any [`sample::LogDensity`] will do. The physics: measured files -> [`field`] ->
+//! projections; specimen -> [`laminate`], [`geometry`], [`mesh_files`] -> finite-element snapshots ([`fem`], [`effect`]) -> POD and response
+//! surfaces ([`reduce`]); prior and likelihood -> posterior ([`infer`]), which is sampled; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `dense, error, files, lanes, numeric, quantity, progress, signals < chain < sample < diagnose < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < linearise < identify < trace < validate < report < campaign < cli`.
+//! `dense, error, files, lanes, numeric, quantity, progress, signals < chain < sample < diagnose < laminate < geometry < mesh_files < field < noise < fem < effect < experiment < reduce < infer < linearise < identify < trace < validate < report < campaign < cli`.
 
 pub mod campaign;
 pub mod chain;
@@ -23,6 +23,7 @@ pub mod infer;
 pub mod laminate;
 mod lanes;
 pub mod linearise;
+pub mod mesh_files;
 pub mod noise;
 pub mod numeric;
 pub mod progress;

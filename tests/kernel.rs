@@ -79,7 +79,7 @@ fn the_formula_to_1e_9() {
     let table = table();
     let posterior = table.posterior();
     for t in &table.test_points {
-        let found = posterior.log_density(&t.p);
+        let found = posterior.value(&t.p).unwrap();
         assert!(
             (found - t.logp).abs() <= 1e-9,
             "{:?}: {found} {}",
@@ -88,7 +88,7 @@ fn the_formula_to_1e_9() {
         );
     }
     for x in cloud(&posterior, 100).chunks_exact(4).skip(2) {
-        let (found, truth) = (posterior.log_density(x), dense(&table, x));
+        let (found, truth) = (posterior.value(x).unwrap(), dense(&table, x));
         if admissible(x) {
             assert!(
                 (found - truth).abs() <= 1e-9 * truth.abs().max(1.0),
@@ -114,7 +114,7 @@ fn a_table_without_its_lower_monomials() {
         .collect();
     let posterior = table.posterior();
     for x in cloud(&posterior, 20).chunks_exact(4).skip(2) {
-        let (found, truth) = (posterior.log_density(x), dense(&table, x));
+        let (found, truth) = (posterior.value(x).unwrap(), dense(&table, x));
         if admissible(x) {
             let close = (found - truth).abs() <= 1e-9 * truth.abs().max(1.0);
             assert!(close, "{x:?}: {found} {truth}");
@@ -131,7 +131,7 @@ fn the_same_bits_in_any_company() {
     let points = cloud(&posterior, 53);
     let alone: Vec<u64> = points
         .chunks_exact(4)
-        .map(|x| posterior.log_density(x).to_bits())
+        .map(|x| posterior.value(x).unwrap().to_bits())
         .collect();
     assert_eq!(f64::from_bits(alone[0]), f64::NEG_INFINITY);
     assert_eq!(f64::from_bits(alone[1]), f64::NEG_INFINITY);
@@ -141,7 +141,7 @@ fn the_same_bits_in_any_company() {
             let columns: Vec<f64> = (0..4)
                 .flat_map(|k| xs.iter().skip(k).step_by(4).copied())
                 .collect();
-            posterior.log_density_batch(&columns, out);
+            posterior.values(&columns, out).unwrap();
         }
         let together: Vec<u64> = out.iter().map(|v| v.to_bits()).collect();
         assert_eq!(alone, together, "in batches of {size}");

@@ -1,20 +1,22 @@
-//! Imports run one way, files stay small, and nothing of the machine gets into the repository.
+//! Imports run one way, and nothing of the machine gets into the repository.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
-const ORDER: [&[&str]; 20] = [
+const ORDER: [&[&str]; 22] = [
     &[
         "dense", "error", "files", "lanes", "numeric", "quantity", "progress", "signals",
     ],
     &["chain"],
     &["sample"],
     &["diagnose"],
-    &["field", "laminate"],
-    &["noise"],
+    &["laminate"],
     &["geometry"],
+    &["mesh_files"],
+    &["field"],
+    &["noise"],
     &["fem"],
     &["effect"],
     &["experiment"],
@@ -306,7 +308,7 @@ fn every_file_of_a_registry_is_listed() {
     ] {
         let modules = modules();
         // a specimen of a mesh file is made from that, and listed nowhere
-        let listed = |m: &[String]| m[0] == room && m != ["geometry", "imported", "plate"];
+        let listed = |m: &[String]| m[0] == room;
         let files: Vec<_> = modules.iter().filter(|(m, _)| listed(m)).collect();
         let begin = format!("{list}: &[");
         let listing = files.iter().find_map(|(_, code)| code.split(&begin).nth(1));
@@ -329,17 +331,6 @@ fn every_file_of_a_registry_is_listed() {
             entries += count;
         }
         assert_eq!(entries, length, "{list}");
-    }
-}
-
-#[test]
-fn files_stay_readable() {
-    for (module, text) in all_sources() {
-        let lines = text.lines().count();
-        assert!(
-            lines <= 450,
-            "a file of {module} has {lines} lines: it is really two"
-        );
     }
 }
 

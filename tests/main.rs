@@ -27,8 +27,9 @@ mod laminate;
 mod layering;
 mod loops;
 mod marginal;
-mod mechanics;
 #[cfg(target_os = "linux")]
+mod measures;
+mod mechanics;
 mod memory;
 mod model;
 mod newcomer;

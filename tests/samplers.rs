@@ -189,7 +189,7 @@ fn after(sampler: &dyn Sampler, target: &Known, key: Key, dim: usize) -> Vec<f64
                 .collect::<Vec<f64>>(),
         );
     }
-    let lp = x.chunks(dim).map(|x| target.log_density(x)).collect();
+    let lp = x.chunks(dim).map(|x| target.value(x).unwrap()).collect();
     let mut state = sampler.begin(dim, x, lp, &target.diagonal()).unwrap();
     let span = Span {
         steps: 8,
@@ -197,7 +197,9 @@ fn after(sampler: &dyn Sampler, target: &Known, key: Key, dim: usize) -> Vec<f64
         warmup: false,
     };
     let mut block = Block::default();
-    sampler.advance(target, key, span, &mut state, &mut block);
+    sampler
+        .advance(target, key, span, &mut state, &mut block)
+        .unwrap();
     // Of the one kept draw, the first parameter of every walker.
     block.x[..walkers].to_vec()
 }
@@ -409,7 +411,7 @@ fn a_cut_span_continues_to_the_same_bits() {
         let walkers = sampler.walkers(2);
         let mut rng = Stream::at(key, 1 << 40, 0);
         let x: Vec<f64> = (0..2 * walkers).map(|_| rng.normal()).collect();
-        let lp: Vec<f64> = x.chunks(2).map(|x| target.log_density(x)).collect();
+        let lp: Vec<f64> = x.chunks(2).map(|x| target.value(x).unwrap()).collect();
         let mut whole = sampler.begin(2, x, lp, &target.diagonal()).unwrap();
         let mut cut = whole.clone();
         let span = |steps, warmup| Span {
@@ -419,7 +421,9 @@ fn a_cut_span_continues_to_the_same_bits() {
         };
         let mut block = Block::default();
         let mut advance = |span, state: &mut State| {
-            sampler.advance(&target, key, span, state, &mut block);
+            sampler
+                .advance(&target, key, span, state, &mut block)
+                .unwrap();
             block.clone()
         };
         advance(span(150, true), &mut whole);

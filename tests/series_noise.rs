@@ -8,7 +8,7 @@ use plychain::error::Blame;
 use plychain::field::Blocks;
 use plychain::field::places::Places;
 use plychain::noise::series::{
-    At, Frames, Law, SeriesNoise, Setting, settings, steps, subset_covariance,
+    At, Frames, Growth, SeriesNoise, Setting, settings, steps, subset_covariance,
 };
 use plychain::noise::{Matern, matern_pair};
 use rand::{RngExt, SeedableRng};
@@ -140,7 +140,7 @@ struct Truth {
     /// Sd of smooth patterns over that of a point, and their length, mm.
     smooth: Option<(f64, f64)>,
     /// Sd of a discrepancy over that of a point, its length, mm, and its law.
-    discrepancy: Option<(f64, f64, Law)>,
+    discrepancy: Option<(f64, f64, Growth)>,
 }
 
 impl Truth {
@@ -230,8 +230,8 @@ fn simulated(window: &Window, truth: &Truth, seed: u64) -> [DMatrix<f64>; 2] {
         if let Some((sd, l, law)) = truth.discrepancy {
             let field = sd * SD[c] * window.smooth(l, apart);
             let over = match law {
-                Law::Constant => vec![1.0; frames.len()],
-                Law::WithLoad => truth.loads.clone(),
+                Growth::Constant => vec![1.0; frames.len()],
+                Growth::WithLoad => truth.loads.clone(),
             };
             y += spread_over(&over, &field);
         }
@@ -366,8 +366,8 @@ fn dense(window: &Window, all: &SeriesNoise, at: &At, loads: &[f64], c: usize) -
     let mut covariance = (scales + at.reference * ones).kronecker(&own);
     if let Some(rival) = at.rival {
         let w = match rival.law {
-            Law::Constant => DVector::repeat(loads.len(), 1.0),
-            Law::WithLoad => DVector::from_column_slice(loads),
+            Growth::Constant => DVector::repeat(loads.len(), 1.0),
+            Growth::WithLoad => DVector::from_column_slice(loads),
         };
         let more = Matern::new(&window.blocks, rival.length_mm).correlation;
         covariance += rival.ratio * (&w * w.transpose()).kronecker(&more);
@@ -391,7 +391,7 @@ fn settings_agree_with_the_dense_covariance_of_all_values() {
         seen[setting
             .at
             .rival
-            .map_or(0, |r| 1 + usize::from(r.law == Law::WithLoad))] += 1;
+            .map_or(0, |r| 1 + usize::from(r.law == Growth::WithLoad))] += 1;
         let (mut gram, mut log_det, mut log_all) = (DMatrix::zeros(0, 0), 0.0, setting.log_prior);
         let mut joint = DMatrix::zeros(0, 0);
         for c in [0, 1] {

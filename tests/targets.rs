@@ -1,6 +1,6 @@
 //! Targets with known moments and quantiles, shared by the tests of samplers.
 
-use plychain::sample::LogDensity;
+use plychain::sample::{DensityError, LogDensity};
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 /// Quantile of parameter `.0` at probability `.1`.
@@ -28,8 +28,8 @@ impl LogDensity for Known {
         &self.names
     }
 
-    fn log_density(&self, x: &[f64]) -> f64 {
-        (self.density)(x)
+    fn log_density(&self, x: &[f64]) -> Result<f64, DensityError> {
+        DensityError::sort((self.density)(x))
     }
 }
 

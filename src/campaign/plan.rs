@@ -158,9 +158,9 @@ impl Plan {
 }
 
 /// Hashes by model and data, so that a model of many seeds is read once.
-type Known = BTreeMap<(PathBuf, Option<PathBuf>), Keyed<String>>;
+type KnownSettings = BTreeMap<(PathBuf, Option<PathBuf>), Keyed<String>>;
 
-fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
+fn planned(run: Declared, folder: &Path, known: &mut KnownSettings) -> Result<Run> {
     let absolute = |path: &Path| {
         std::path::absolute(path).map_err(|e| Error::input(path.display(), "a path").found(e))
     };

@@ -1,7 +1,12 @@
 //! NumPy `.npz`, as emcee users keep chains: `chain` (draw x walker x parameter), `log_prob` (draw x walker), `names`,
 //! `ensemble`. A zip archive without compression.
 
+use std::io::{Seek, Write};
 use std::path::Path;
+
+use npyz::{AutoSerialize, DType, WriteOptions, WriterBuilder};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 use super::draws::Chains;
 use crate::error::{Error, Result};
@@ -17,124 +22,59 @@ pub fn write_npz(chains: &dyn Chains, path: &Path) -> Result<()> {
     for c in 0..count {
         let one = chains.chain(c)?;
         draws = one.draws();
-        chain.resize(8 * draws * count * dim, 0);
-        lp.resize(8 * draws * count, 0);
-        let rows = chain.chunks_exact_mut(8 * dim).skip(c).step_by(count);
+        chain.resize(draws * count * dim, 0.0);
+        lp.resize(draws * count, 0.0);
+        let rows = chain.chunks_exact_mut(dim).skip(c).step_by(count);
         for (row, point) in rows.zip(one.points()) {
-            for (bytes, value) in row.chunks_exact_mut(8).zip(point) {
-                bytes.copy_from_slice(&value.to_le_bytes());
-            }
+            row.copy_from_slice(point);
         }
-        let rows = lp.chunks_exact_mut(8).skip(c).step_by(count);
-        rows.zip(one.lp())
-            .for_each(|(bytes, value)| bytes.copy_from_slice(&value.to_le_bytes()));
-        ensemble.extend((one.ensemble()[0] as i64).to_le_bytes());
+        let places = lp.iter_mut().skip(c).step_by(count);
+        places.zip(one.lp()).for_each(|(to, value)| *to = *value);
+        ensemble.push(one.ensemble()[0] as i64);
     }
-    let width = chains
-        .names()
-        .iter()
-        .map(|n| n.chars().count())
-        .max()
-        .unwrap_or(1);
-    let names: Vec<u8> = chains
-        .names()
-        .iter()
-        .flat_map(|n| n.chars().chain(std::iter::repeat('\0')).take(width))
-        .flat_map(|c| u32::from(c).to_le_bytes())
-        .collect();
-    let members = [
-        (
-            "chain.npy",
-            npy("<f8", &format!("({draws}, {count}, {dim})"), &chain),
-        ),
-        (
-            "log_prob.npy",
-            npy("<f8", &format!("({draws}, {count})"), &lp),
-        ),
-        (
-            "names.npy",
-            npy(&format!("<U{width}"), &format!("({dim},)"), &names),
-        ),
-        (
-            "ensemble.npy",
-            npy("<i8", &format!("({count},)"), &ensemble),
-        ),
-    ];
-    if members
-        .iter()
-        .any(|(_, bytes)| bytes.len() > u32::MAX as usize / 4)
-    {
-        return Err(Error::input(path.display(), "less than 1 GiB an array")
-            .hint("export to another format, or read chain.zarr"));
-    }
-    std::fs::write(path, zip(&members))
-        .map_err(|e| Error::input(path.display(), "a writable file").found(e))
+    let shape = [draws, count, dim].map(|n| n as u64);
+    let write = || -> std::io::Result<()> {
+        let mut zip = ZipWriter::new(std::io::BufWriter::new(std::fs::File::create(path)?));
+        member(&mut zip, "chain", &shape, &chain)?;
+        member(&mut zip, "log_prob", &shape[..2], &lp)?;
+        begin(&mut zip, "names")?;
+        names(&mut zip, chains.names())?;
+        member(&mut zip, "ensemble", &shape[1..2], &ensemble)?;
+        zip.finish()?.flush()
+    };
+    write().map_err(|e| Error::input(path.display(), "a writable file").found(e))
 }
 
-/// NumPy's format, version 1.0.
-fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
-    while !(10 + header.len() + 1).is_multiple_of(64) {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut out = b"\x93NUMPY\x01\x00".to_vec();
-    out.extend((header.len() as u16).to_le_bytes());
-    out.extend(header.as_bytes());
-    out.extend(data);
-    out
+fn begin<W: Write + Seek>(zip: &mut ZipWriter<W>, name: &str) -> std::io::Result<()> {
+    let stored = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .large_file(true);
+    Ok(zip.start_file(format!("{name}.npy"), stored)?)
 }
 
-/// A zip archive of stored members (PKWARE's APPNOTE, sections 4.3.7, 4.3.12 and 4.3.16).
-fn zip(members: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    let (mut out, mut directory) = (Vec::new(), Vec::new());
-    for (name, bytes) in members {
-        let offset = out.len() as u32;
-        let mut common = Vec::new();
-        // Version 2.0, no flags, stored, no time, 1 January 1980.
-        for word in [20_u16, 0, 0, 0, 0x21] {
-            common.extend(word.to_le_bytes());
-        }
-        for word in [crc32(bytes), bytes.len() as u32, bytes.len() as u32] {
-            common.extend(word.to_le_bytes());
-        }
-        common.extend((name.len() as u16).to_le_bytes());
-        common.extend(0_u16.to_le_bytes());
-        out.extend(b"PK\x03\x04");
-        out.extend(&common);
-        out.extend(name.as_bytes());
-        out.extend(bytes);
-        directory.extend(b"PK\x01\x02");
-        directory.extend(20_u16.to_le_bytes());
-        directory.extend(&common);
-        directory.extend([0; 10]);
-        directory.extend(offset.to_le_bytes());
-        directory.extend(name.as_bytes());
-    }
-    let (start, length) = (out.len() as u32, directory.len() as u32);
-    out.extend(directory);
-    out.extend(b"PK\x05\x06\0\0\0\0");
-    for _ in 0..2 {
-        out.extend((members.len() as u16).to_le_bytes());
-    }
-    out.extend(length.to_le_bytes());
-    out.extend(start.to_le_bytes());
-    out.extend([0; 2]);
-    out
+fn member<W: Write + Seek, T: AutoSerialize + Copy>(
+    zip: &mut ZipWriter<W>,
+    name: &str,
+    shape: &[u64],
+    values: &[T],
+) -> std::io::Result<()> {
+    begin(zip, name)?;
+    let options = WriteOptions::<T>::new().default_dtype().shape(shape);
+    let mut array = options.writer(zip).begin_nd()?;
+    array.extend(values.iter().copied())?;
+    array.finish()
 }
 
-fn crc32(bytes: &[u8]) -> u32 {
-    let mut table = [0_u32; 256];
-    for (k, entry) in table.iter_mut().enumerate() {
-        *entry = (0..8).fold(k as u32, |c, _| {
-            if c & 1 == 1 {
-                0xEDB8_8320 ^ (c >> 1)
-            } else {
-                c >> 1
-            }
-        });
+/// An array of text, `<U` with the longest name's length.
+fn names<W: Write>(to: &mut W, names: &[String]) -> std::io::Result<()> {
+    let longest = names.iter().map(|n| n.chars().count()).max().unwrap_or(1);
+    let kind = format!("<U{longest}");
+    let kind = kind.parse().map_err(std::io::Error::other)?;
+    let shape = [names.len() as u64];
+    let options = WriteOptions::<str>::new().dtype(DType::new_scalar(kind));
+    let mut array = options.shape(&shape).writer(to).begin_nd()?;
+    for name in names {
+        array.push(name)?;
     }
-    !bytes.iter().fold(!0_u32, |c, b| {
-        table[((c ^ u32::from(*b)) & 0xFF) as usize] ^ (c >> 8)
-    })
+    array.finish()
 }

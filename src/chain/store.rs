@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::draws::Draws;
 use super::reader::Reader;
-use super::zarr::{self, FORMAT, Kind};
+use super::zarr::{self, ArrayKind, FORMAT};
 use crate::error::{Error, Result};
 
 /// Floats of a chunk, about 1 MiB.
@@ -315,7 +315,12 @@ impl Store {
     fn nodes(&self) -> Vec<(String, Value)> {
         let (chains, draws, chunk) = (self.layout.chains(), self.draws, self.chunk);
         let both = |shape: [usize; 2]| {
-            zarr::array(Kind::Float, &shape, &[chains, chunk], &["chain", "draw"])
+            zarr::array(
+                ArrayKind::Float,
+                &shape,
+                &[chains, chunk],
+                &["chain", "draw"],
+            )
         };
         let mut nodes = Vec::new();
         for group in GROUPS {
@@ -324,10 +329,10 @@ impl Store {
                 group.into(),
                 zarr::group(&json!({ "coordinates": "ensemble" })),
             ));
-            let draw = zarr::array(Kind::Integer, &[draws], &[chunk], &["draw"]);
+            let draw = zarr::array(ArrayKind::Integer, &[draws], &[chunk], &["draw"]);
             nodes.push((format!("{group}/draw"), draw));
             for name in ["chain", "ensemble"] {
-                let array = zarr::array(Kind::Integer, &[chains], &[chains], &["chain"]);
+                let array = zarr::array(ArrayKind::Integer, &[chains], &[chains], &["chain"]);
                 nodes.push((format!("{group}/{name}"), array));
             }
         }
@@ -335,13 +340,13 @@ impl Store {
             nodes.push((format!("posterior/{name}"), both([chains, draws])));
         }
         nodes.push(("sample_stats/lp".into(), both([chains, draws])));
-        let rates = zarr::array(Kind::Float, &[chains], &[chains], &["chain"]);
+        let rates = zarr::array(ArrayKind::Float, &[chains], &[chains], &["chain"]);
         nodes.push(("sample_stats/acceptance_rate".into(), rates));
         nodes.push(("observed_data".into(), zarr::group(&json!({}))));
         for (name, values) in &self.layout.observed {
             let count = [values.len()];
             let dimension = format!("{name}_dim_0");
-            let array = zarr::array(Kind::Float, &count, &count, &[&dimension]);
+            let array = zarr::array(ArrayKind::Float, &count, &count, &[&dimension]);
             nodes.push((format!("observed_data/{name}"), array));
         }
         // Readers of consolidated metadata want the members of a group together.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::zarr::{self, Kind};
+use super::zarr::{self, ArrayKind};
 use crate::error::{Error, Result};
 
 /// Write columns of numbers, each an array along `run`; NaN where there is none. The rows' names are the attribute `runs`, as this
@@ -20,7 +20,7 @@ pub fn write_table(path: &Path, rows: &[&str], columns: &[(String, Vec<f64>)]) -
     let mut below = Vec::new();
     for (name, numbers) in columns {
         let shape = [numbers.len()];
-        let metadata = zarr::array(Kind::Float, &shape, &shape, &["run"]);
+        let metadata = zarr::array(ArrayKind::Float, &shape, &shape, &["run"]);
         zarr::replace(&path.join(name).join("c/0"), &zarr::floats(numbers))?;
         zarr::replace_metadata(&path.join(name), &metadata)?;
         below.push((name.clone(), metadata));

@@ -13,7 +13,7 @@ pub(super) const FORMAT: &str = "plychain-chain/1";
 
 /// Type of an array's elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ArrayKind {
     Float,
     Integer,
 }
@@ -24,10 +24,15 @@ pub(super) fn group(attributes: &Value) -> Value {
 }
 
 /// Metadata of an array of named dimensions, uncompressed.
-pub(super) fn array(kind: Kind, shape: &[usize], chunk: &[usize], dimensions: &[&str]) -> Value {
+pub(super) fn array(
+    kind: ArrayKind,
+    shape: &[usize],
+    chunk: &[usize],
+    dimensions: &[&str],
+) -> Value {
     let (data_type, fill) = match kind {
-        Kind::Float => ("float64", json!("NaN")),
-        Kind::Integer => ("int64", json!(0)),
+        ArrayKind::Float => ("float64", json!("NaN")),
+        ArrayKind::Integer => ("int64", json!(0)),
     };
     json!({
         "zarr_format": 3, "node_type": "array",

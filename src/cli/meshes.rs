@@ -9,9 +9,9 @@ use super::points::hole;
 use crate::error::Result;
 use crate::field::Field;
 use crate::files;
-use crate::geometry::imported::{self, BoundaryEdge, Circle, ImportedMesh};
 use crate::geometry::{HIGH, HOLE, LOW};
 use crate::infer::Model;
+use crate::mesh_files::{self, BoundaryEdge, Circle, ImportedMesh};
 use crate::report::{mesh_figure, mesh_lines, on_mesh};
 
 /// Data this many times as long as a mesh are in mm and the mesh is in metres.
@@ -31,9 +31,9 @@ const AT_END: f64 = 1e-6;
 /// axes.
 ///
 /// # Errors
-/// Those of [`imported::read`].
+/// Those of [`mesh_files::read`].
 pub fn propose(path: &Path, field: Option<&Field>, experiment: &mut Value) -> Result<String> {
-    let mut mesh = imported::raise(imported::read(path)?);
+    let mut mesh = mesh_files::raise(mesh_files::read(path)?);
     let mut said = format!(
         "\nread from {}: {} elements; edges {}{}\nproposed, to be checked:\n",
         path.display(),

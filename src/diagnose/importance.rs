@@ -1,6 +1,8 @@
 //! Importance weights: what draws say of another density than theirs (Robert and Casella, *Monte Carlo Statistical Methods*, 2004, section
 //! 3.3), and how many of them it is worth (Kong 1992).
 
+use crate::numeric::relative_weights;
+
 /// Draws under another density.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weighed {
@@ -10,19 +12,6 @@ pub struct Weighed {
     pub impossible: usize,
     /// By how much the mean of each parameter moves, and the standard error of that, in the parameter's unit; zeros where it has no draw.
     pub shifts: Vec<[f64; 2]>,
-}
-
-/// Weights over the largest, of log density ratios; zeros where all are -inf.
-pub fn relative_weights(log_ratios: &[f64]) -> Vec<f64> {
-    let most = log_ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let weight = |l: &f64| {
-        if *l == f64::NEG_INFINITY {
-            0.0
-        } else {
-            (l - most).exp()
-        }
-    };
-    log_ratios.iter().map(weight).collect()
 }
 
 /// Weigh points, each with the log of the other density over that of which it was drawn, -inf where it cannot be.

@@ -15,7 +15,7 @@ mod transform;
 mod verdict;
 
 pub use ess::{ess_bulk, ess_mean, ess_quantile, ess_tail};
-pub use importance::{Weighed, relative_weights, weigh};
+pub use importance::{Weighed, weigh};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rhat::rhat;
 pub use tau::{autocorrelation, tau};

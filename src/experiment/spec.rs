@@ -13,9 +13,9 @@ use crate::error::{Error, Result};
 use crate::field::spec::{absolute, check_window};
 use crate::field::{MeasurementSpec, StepSpec, step};
 use crate::files::unique;
-use crate::geometry::imported::{ImportedPlate, MeshSpec, Part, RegionSpec};
 use crate::geometry::{self, Density, Geometry};
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
+use crate::mesh_files::{ImportedPlate, MeshSpec, Part, RegionSpec};
 
 /// An entry of `experiments`. Unknown keys are errors.
 #[derive(Debug, Clone, Serialize, Deserialize)]

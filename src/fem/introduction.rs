@@ -45,7 +45,7 @@ impl Mesh {
             let nodes = pieces.iter().flat_map(|piece| piece.iter());
             let nodes: Vec<[f64; 2]> = nodes.map(|n| self.nodes[*n as usize]).collect();
             let points: Vec<OnEdge> = pieces.iter().flat_map(|e| self.gauss(e)).collect();
-            let edge = Line::new(&nodes, edge.direction, &points);
+            let edge = EdgeLine::new(&nodes, edge.direction, &points);
             for ((k, at), traction) in points.iter().enumerate().zip(edge.tractions(amplitudes)) {
                 for (node, n) in pieces[k / 3].iter().zip(at.shape) {
                     for (i, t) in traction.iter().enumerate() {
@@ -58,7 +58,7 @@ impl Mesh {
 }
 
 /// An edge, in its own axes: across the force and along it.
-struct Line<'a> {
+struct EdgeLine<'a> {
     points: &'a [OnEdge],
     axes: [[f64; 2]; 2],
     length: f64,
@@ -66,7 +66,7 @@ struct Line<'a> {
     ranges: [[f64; 2]; 2],
 }
 
-impl<'a> Line<'a> {
+impl<'a> EdgeLine<'a> {
     fn new(nodes: &[[f64; 2]], direction: [f64; 2], points: &'a [OnEdge]) -> Self {
         let axes = [turned(direction), direction];
         let ranges = axes.map(|axis| {

@@ -13,7 +13,6 @@ mod greedy;
 mod initial_stress;
 mod introduction;
 mod inverse;
-mod lekhnitskii;
 mod load;
 mod observe;
 mod plastic;
@@ -37,7 +36,6 @@ pub use basis::{Answer, Basis, Query, TOLERANCE};
 pub use bending::{
     BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation,
 };
-pub use lekhnitskii::{HoleSolution, stress_concentration};
 pub use load::EndLoad;
 pub use observe::{Locator, Nodal, Observer};
 pub use plastic::{EdgeStress, YieldFrame};

@@ -13,18 +13,18 @@ pub type Nodal = [f64];
 /// Where each of a set of points lies in the mesh.
 #[derive(Debug, Clone)]
 pub struct Observer {
-    places: Vec<Place>,
-    /// What [`Place::Outside`] counts.
+    places: Vec<ObservedPlace>,
+    /// What [`ObservedPlace::Outside`] counts.
     patches: Vec<Patch>,
     nodes: Vec<[u32; 8]>,
     corners: Vec<[[f64; 2]; 8]>,
     /// Where points are averages over places: those of each point, in order.
-    averages: Option<Vec<Average>>,
+    averages: Option<Vec<AveragedPoint>>,
 }
 
 /// A point that stands for several places.
 #[derive(Debug, Clone)]
-struct Average {
+struct AveragedPoint {
     /// Its first place.
     first: u32,
     /// The weight of each of its places.
@@ -32,14 +32,14 @@ struct Average {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Place {
-    Inside(Spot),
+enum ObservedPlace {
+    Inside(ElementPoint),
     Outside(u32),
 }
 
 /// A point of an element.
 #[derive(Debug, Clone, Copy)]
-struct Spot {
+struct ElementPoint {
     element: u32,
     local: [f64; 2],
 }
@@ -93,12 +93,12 @@ impl<'a> Locator<'a> {
         }
     }
 
-    fn locate(&self, point: [f64; 2]) -> Option<Spot> {
+    fn locate(&self, point: [f64; 2]) -> Option<ElementPoint> {
         self.tree
             .locate_in_envelope_intersecting(AABB::from_point(point))
             .filter_map(|envelope| {
                 let local = invert(&self.mesh.corners(envelope.element as usize), point)?;
-                Some(Spot {
+                Some(ElementPoint {
                     element: envelope.element,
                     local,
                 })
@@ -109,16 +109,20 @@ impl<'a> Locator<'a> {
 
     /// Locate all points; which of them lie on the plate. The others are left out.
     pub fn observe(&self, points: &[[f64; 2]]) -> (Observer, Vec<bool>) {
-        let spots: Vec<Option<Spot>> = points.par_iter().map(|&p| self.locate(p)).collect();
+        let spots: Vec<Option<ElementPoint>> = points.par_iter().map(|&p| self.locate(p)).collect();
         let inside = spots.iter().map(Option::is_some).collect();
-        let places = spots.into_iter().flatten().map(Place::Inside).collect();
+        let places = spots
+            .into_iter()
+            .flatten()
+            .map(ObservedPlace::Inside)
+            .collect();
         (self.observer(places, Vec::new()), inside)
     }
 
     /// Locate all points; those that lie outside, in the hole or across an edge, see the cubic that continues the field
     /// from the nodes about the nearest one. Meant for distances well below the hole's radius.
     pub fn observe_extended(&self, points: &[[f64; 2]]) -> Observer {
-        let spots: Vec<Option<Spot>> = points.par_iter().map(|&p| self.locate(p)).collect();
+        let spots: Vec<Option<ElementPoint>> = points.par_iter().map(|&p| self.locate(p)).collect();
         let outside: Vec<[f64; 2]> = points
             .iter()
             .zip(&spots)
@@ -126,7 +130,11 @@ impl<'a> Locator<'a> {
             .map(|(p, _)| *p)
             .collect();
         if outside.is_empty() {
-            let places = spots.into_iter().flatten().map(Place::Inside).collect();
+            let places = spots
+                .into_iter()
+                .flatten()
+                .map(ObservedPlace::Inside)
+                .collect();
             return self.observer(places, Vec::new());
         }
         let nearby = Nearby::new(self.mesh);
@@ -142,9 +150,9 @@ impl<'a> Locator<'a> {
                 spot.map_or_else(
                     || {
                         next += 1;
-                        Place::Outside(next - 1)
+                        ObservedPlace::Outside(next - 1)
                     },
-                    Place::Inside,
+                    ObservedPlace::Inside,
                 )
             })
             .collect();
@@ -157,7 +165,7 @@ impl<'a> Locator<'a> {
         let mut first = 0;
         let averages = samples.iter().map(|samples| {
             first += samples.len() as u32;
-            Average {
+            AveragedPoint {
                 first: first - samples.len() as u32,
                 weights: samples.iter().map(|(_, w)| *w).collect(),
             }
@@ -188,7 +196,7 @@ impl<'a> Locator<'a> {
             .fold(0.0, f64::max)
     }
 
-    fn observer(&self, places: Vec<Place>, patches: Vec<Patch>) -> Observer {
+    fn observer(&self, places: Vec<ObservedPlace>, patches: Vec<Patch>) -> Observer {
         Observer {
             places,
             patches,
@@ -245,10 +253,10 @@ impl Observer {
     /// The element that a point lies in, with the values of its shape functions there; none outside the mesh.
     pub(super) fn spot(&self, k: usize) -> Option<(usize, [f64; 8])> {
         match self.places[k] {
-            Place::Inside(Spot { element, local }) => {
+            ObservedPlace::Inside(ElementPoint { element, local }) => {
                 Some((element as usize, element::shape(local[0], local[1])))
             }
-            Place::Outside(_) => None,
+            ObservedPlace::Outside(_) => None,
         }
     }
 
@@ -266,12 +274,12 @@ impl Observer {
                         add(node, n, force);
                     }
                 }
-                (None, Place::Outside(patch)) => {
+                (None, ObservedPlace::Outside(patch)) => {
                     for (node, weights) in &self.patches[patch as usize].nodes {
                         add(*node, weights[0], force);
                     }
                 }
-                (None, Place::Inside(_)) => {}
+                (None, ObservedPlace::Inside(_)) => {}
             }
         }
         nodal
@@ -281,7 +289,7 @@ impl Observer {
     /// (d u_2 / d x_1 - d u_1 / d x_2) / 2.
     pub fn couple(&self, unknowns: usize) -> Vec<f64> {
         let mut nodal = vec![0.0; unknowns];
-        if let Some(Place::Inside(spot)) = self.places.first() {
+        if let Some(ObservedPlace::Inside(spot)) = self.places.first() {
             let e = spot.element as usize;
             let (g, _) = element::physical_gradient(&self.corners[e], spot.local[0], spot.local[1]);
             for (node, g) in self.nodes[e].iter().zip(g) {
@@ -294,8 +302,8 @@ impl Observer {
 
     /// Displacement (u1, u2) at every point, mm.
     pub fn displacement(&self, nodal: &Nodal) -> Vec<[f64; 2]> {
-        let at = |place: &Place| match place {
-            Place::Inside(spot) => {
+        let at = |place: &ObservedPlace| match place {
+            ObservedPlace::Inside(spot) => {
                 let n = element::shape(spot.local[0], spot.local[1]);
                 let mut u = [0.0; 2];
                 for (node, n) in self.nodes[spot.element as usize].iter().zip(n) {
@@ -304,7 +312,7 @@ impl Observer {
                 }
                 u
             }
-            Place::Outside(patch) => self.patches[*patch as usize].derivative(nodal, 0),
+            ObservedPlace::Outside(patch) => self.patches[*patch as usize].derivative(nodal, 0),
         };
         let values: Vec<[f64; 2]> = self.places.par_iter().map(at).collect();
         self.averaged(values)
@@ -315,7 +323,7 @@ impl Observer {
         let Some(averages) = &self.averages else {
             return values;
         };
-        let one = |average: &Average| {
+        let one = |average: &AveragedPoint| {
             let values = &values[average.first as usize..];
             let mut sum = T::ZERO;
             for (w, v) in average.weights.iter().zip(values) {
@@ -328,7 +336,7 @@ impl Observer {
 
     /// Displacement gradient at every point, `g[i][k]` = derivative of u_i along direction k.
     pub fn gradient(&self, nodal: &Nodal) -> Vec<[[f64; 2]; 2]> {
-        let inside = |spot: &Spot| {
+        let inside = |spot: &ElementPoint| {
             let e = spot.element as usize;
             let (g, _) = element::physical_gradient(&self.corners[e], spot.local[0], spot.local[1]);
             let mut sum = [[0.0; 2]; 2];
@@ -341,9 +349,9 @@ impl Observer {
             }
             sum
         };
-        let at = |place: &Place| match place {
-            Place::Inside(spot) => inside(spot),
-            Place::Outside(patch) => {
+        let at = |place: &ObservedPlace| match place {
+            ObservedPlace::Inside(spot) => inside(spot),
+            ObservedPlace::Outside(patch) => {
                 let patch = &self.patches[*patch as usize];
                 let (first, second) = (patch.derivative(nodal, 1), patch.derivative(nodal, 2));
                 [[first[0], second[0]], [first[1], second[1]]]

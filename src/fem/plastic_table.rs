@@ -40,11 +40,11 @@ pub struct PlasticTable {
     /// Levels above it, increasing.
     levels: Vec<f64>,
     /// For each hardening and each level.
-    fields: Vec<Vec<Field>>,
+    fields: Vec<Vec<UnitField>>,
 }
 
 /// A nodal plastic part, mm, at the first Poisson's ratio, and its growth with Poisson's ratio.
-struct Field {
+struct UnitField {
     nodal: Vec<f64>,
     slope: Vec<f64>,
 }
@@ -206,7 +206,7 @@ fn of_hardening<'f>(
     width: f64,
     factor: &(dyn Fn() -> Factor<'f> + Sync),
     hardening: f64,
-) -> Result<(f64, Vec<f64>, Vec<Field>)> {
+) -> Result<(f64, Vec<f64>, Vec<UnitField>)> {
     let factorised = |poisson: f64| -> Result<Factor<'f>> {
         let mut made = factor();
         let ply = Ply::isotropic(1.0, poisson);
@@ -246,7 +246,7 @@ fn of_hardening<'f>(
         let nodal = loaded.plastic_part.clone();
         let pairs = other.iter().zip(&nodal);
         let slope = pairs.map(|(b, a)| (b - a) / (POISSON[1] - POISSON[0]));
-        fields.push(Field {
+        fields.push(UnitField {
             slope: slope.collect(),
             nodal,
         });

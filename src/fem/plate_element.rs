@@ -24,7 +24,7 @@ pub const UNKNOWNS: usize = 8 * PER_NODE;
 const ALL: usize = UNKNOWNS + 2;
 
 /// What a quantity is for every unknown of one.
-type Row = SVector<f64, ALL>;
+type BendingRow = SVector<f64, ALL>;
 
 /// Index of component `c` of the rotation of node `i`, of the bubble for i = 8.
 fn rotation(i: usize, c: usize) -> usize {
@@ -52,7 +52,12 @@ pub fn stiffness(x: &[[f64; 2]; 8], plate: &PlateStiffness) -> SMatrix<f64, UNKN
 }
 
 /// Curvatures kappa_1, kappa_2, kappa_12 and shear strains gamma_1, gamma_2 at a point, and the Jacobian determinant.
-fn strains(x: &[[f64; 2]; 8], tied: &[[Row; 5]; 2], a: f64, b: f64) -> (SMatrix<f64, 5, ALL>, f64) {
+fn strains(
+    x: &[[f64; 2]; 8],
+    tied: &[[BendingRow; 5]; 2],
+    a: f64,
+    b: f64,
+) -> (SMatrix<f64, 5, ALL>, f64) {
     let local = element::shape_gradient(a, b);
     let j = element::jacobian(x, &local);
     let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
@@ -71,7 +76,7 @@ fn strains(x: &[[f64; 2]; 8], tied: &[[Row; 5]; 2], a: f64, b: f64) -> (SMatrix<
         strains[(2, rotation(i, 0))] = g2;
         strains[(2, rotation(i, 1))] = g1;
     }
-    let mut covariant = [(a, b), (b, a)].map(|_| Row::zeros());
+    let mut covariant = [(a, b), (b, a)].map(|_| BendingRow::zeros());
     for (k, (p, q)) in [(a, b), (b, a)].into_iter().enumerate() {
         let [one, along, across, both, square] = &tied[k];
         covariant[k] = one + along * p + across * q + both * (p * q) + square * (q * q);
@@ -88,13 +93,13 @@ fn strains(x: &[[f64; 2]; 8], tied: &[[Row; 5]; 2], a: f64, b: f64) -> (SMatrix<
 }
 
 /// Coefficients of 1, p, q, p q, q^2 of the tied component of the rotations along local axis `k`; p is the local coordinate k, q the other.
-fn tied(x: &[[f64; 2]; 8], k: usize) -> [Row; 5] {
+fn tied(x: &[[f64; 2]; 8], k: usize) -> [BendingRow; 5] {
     let component = |p: f64, q: f64| {
         let (a, b) = if k == 0 { (p, q) } else { (q, p) };
         let j = element::jacobian(x, &element::shape_gradient(a, b));
         let shapes = element::shape(a, b);
         let bubble = (1.0 - a * a) * (1.0 - b * b);
-        let mut row = Row::zeros();
+        let mut row = BendingRow::zeros();
         for (i, n) in shapes.iter().chain([&bubble]).enumerate() {
             for (c, j) in j.iter().enumerate() {
                 row[rotation(i, c)] = n * j[k];
@@ -104,16 +109,17 @@ fn tied(x: &[[f64; 2]; 8], k: usize) -> [Row; 5] {
     };
     // mean and slope along the edge on which q is constant
     let edge = |q: f64| {
-        GAUSS
-            .iter()
-            .fold([Row::zeros(), Row::zeros()], |sum, &(p, w)| {
+        GAUSS.iter().fold(
+            [BendingRow::zeros(), BendingRow::zeros()],
+            |sum, &(p, w)| {
                 let row = component(p, q);
                 [sum[0] + row * (0.5 * w), sum[1] + row * (1.5 * w * p)]
-            })
+            },
+        )
     };
-    let mean = GAUSS.iter().fold(Row::zeros(), |sum, &(q, w)| {
+    let mean = GAUSS.iter().fold(BendingRow::zeros(), |sum, &(q, w)| {
         let line = GAUSS.iter();
-        sum + line.fold(Row::zeros(), |s, &(p, v)| {
+        sum + line.fold(BendingRow::zeros(), |s, &(p, v)| {
             s + component(p, q) * (0.25 * v * w)
         })
     });

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::load::EndLoad;
 use super::profile::Profile;
 use crate::error::Result;
-use crate::geometry::imported::RegionSpec;
 use crate::geometry::{self, Geometry, Morph};
 use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd};
+use crate::mesh_files::RegionSpec;
 
 /// How a metal yields.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +100,7 @@ impl Setup {
         }
     }
 
-    /// The same of a mesh with regions ([`crate::geometry::imported::MeshSpec::stacks`]); the thickness is still the mean of the
+    /// The same of a mesh with regions ([`crate::mesh_files::MeshSpec::stacks`]); the thickness is still the mean of the
     /// specimen's.
     #[must_use]
     pub fn with_regions(mut self, stacks: &[RegionSpec]) -> Self {

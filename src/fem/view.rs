@@ -126,7 +126,8 @@ fn compliances(
 ) -> Result<Vec<[f64; 2]>> {
     let count = observer.len();
     let elements = (0..count).filter_map(|k| observer.spot(k).map(|(e, _)| e));
-    let mut blocks: BTreeMap<usize, Block> = elements.map(|e| (e, [[[0.0; 2]; 8]; 8])).collect();
+    let mut blocks: BTreeMap<usize, InverseBlock> =
+        elements.map(|e| (e, [[[0.0; 2]; 8]; 8])).collect();
     let nodes = blocks.keys().flat_map(|&e| mesh.elements[e]);
     let leading = |a, i| plate.assembly.leading(unknown(a, i));
     let unknowns: Vec<usize> = nodes.flat_map(|a| [0, 1].map(|i| leading(a, i))).collect();
@@ -162,7 +163,7 @@ fn compliances(
 }
 
 /// Entries of the inverse between the nodes of an element, along either direction.
-type Block = [[[f64; 2]; 8]; 8];
+type InverseBlock = [[[f64; 2]; 8]; 8];
 
 fn unknown(node: u32, i: usize) -> usize {
     2 * node as usize + i
@@ -172,7 +173,7 @@ fn block_of(
     inverse: &Inverse<'_>,
     (plate, free): (&Plate, &[f64]),
     nodes: [u32; 8],
-) -> Result<Block> {
+) -> Result<InverseBlock> {
     let mut block = [[[0.0; 2]; 8]; 8];
     for (row, a) in block.iter_mut().zip(nodes) {
         for (entries, b) in row.iter_mut().zip(nodes) {

@@ -73,7 +73,7 @@ pub(super) fn check_different(steps: &[Judged]) -> Result<()> {
 }
 
 /// A field with its rigid motion and mean strain taken out, and what these were.
-struct Shape {
+struct PairShape {
     /// Mean strain along the load less that across it.
     size: f64,
     /// Mean displacement, mm.
@@ -87,9 +87,9 @@ struct Shape {
 /// # Errors
 /// Of the input, naming the files: a field of another specimen, forces that contradict the fields.
 pub(super) fn check(points: &[[f64; 2]], steps: &[Judged]) -> Result<Vec<String>> {
-    let shapes: Option<Vec<Shape>> = steps
+    let shapes: Option<Vec<PairShape>> = steps
         .par_iter()
-        .map(|step| Shape::new(points, step.displacement))
+        .map(|step| PairShape::new(points, step.displacement))
         .collect();
     // points on one line have no strain
     let Some(shapes) = shapes else {
@@ -115,7 +115,7 @@ pub(super) fn check(points: &[[f64; 2]], steps: &[Judged]) -> Result<Vec<String>
     Ok(warnings)
 }
 
-impl Shape {
+impl PairShape {
     /// Least-squares plane through each component; `None` where the points do not determine it.
     fn new(points: &[[f64; 2]], displacement: &[[f64; 2]]) -> Option<Self> {
         let n = points.len() as f64;
@@ -165,11 +165,11 @@ struct Likeness {
 }
 
 impl Likeness {
-    fn new(shapes: &[Shape]) -> Self {
+    fn new(shapes: &[PairShape]) -> Self {
         let largest = shapes.iter().map(|s| s.size.abs()).fold(0.0, f64::max);
         let loaded = |k: &usize| shapes[*k].size.abs() > LOADED * largest;
         let steps: Vec<usize> = (0..shapes.len()).filter(loaded).collect();
-        let dot = |a: &Shape, b: &Shape| -> f64 {
+        let dot = |a: &PairShape, b: &PairShape| -> f64 {
             let pairs = a.rest.iter().zip(&b.rest);
             pairs.map(|(a, b)| a[0] * b[0] + a[1] * b[1]).sum()
         };

@@ -11,9 +11,9 @@ use crate::numeric::median;
 /// Neighbours of a fit: three to four times the six coefficients of a quadratic.
 pub(crate) const NEIGHBOURS: usize = 20;
 
-type Coefficients = SVector<f64, 6>;
+type LocalCoefficients = SVector<f64, 6>;
 type Plane = SVector<f64, 3>;
-type Factor = Cholesky<f64, Const<6>>;
+type LocalFactor = Cholesky<f64, Const<6>>;
 
 /// Displacements with an index of their points.
 pub(crate) struct LocalFit<'a> {
@@ -28,7 +28,7 @@ pub(crate) struct LocalFit<'a> {
 pub(crate) struct Neighbourhood {
     /// Indices of the neighbours, nearest first.
     pub index: Vec<usize>,
-    basis: Vec<Coefficients>,
+    basis: Vec<LocalCoefficients>,
 }
 
 /// A robust local fit as it looks from its centre.
@@ -89,7 +89,7 @@ impl<'a> LocalFit<'a> {
         let basis = index
             .iter()
             .map(|&j| offset(j).map(|d| d * scale))
-            .map(|[a, b]| Coefficients::from([1.0, a, b, a * a, a * b, b * b]))
+            .map(|[a, b]| LocalCoefficients::from([1.0, a, b, a * a, a * b, b * b]))
             .collect();
         Neighbourhood { index, basis }
     }
@@ -102,7 +102,7 @@ impl<'a> LocalFit<'a> {
             return Vec::new();
         };
         // the prediction at the centre is the constant coefficient: weights phi' G^-1 e0
-        let solved = factor.solve(&Coefficients::from([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let solved = factor.solve(&LocalCoefficients::from([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
         let weights = near.basis.iter().map(|phi| phi.dot(&solved));
         near.index.iter().copied().zip(weights).collect()
     }
@@ -136,18 +136,18 @@ impl<'a> LocalFit<'a> {
             .map(|&j| self.displacement[j][k] - center)
             .collect();
         let mut weights = vec![1.0; u.len()];
-        let mut fit = Coefficients::zeros();
+        let mut fit = LocalCoefficients::zeros();
         let mut widening = 1.0;
         for _ in 0..SWEEPS {
             let Some(factor) = factorize(&near.basis, &weights) else {
                 break;
             };
-            let mut right = Coefficients::zeros();
+            let mut right = LocalCoefficients::zeros();
             for ((phi, w), u) in near.basis.iter().zip(&weights).zip(&u) {
                 right += phi * (w * u);
             }
             fit = factor.solve(&right);
-            let solved = factor.solve(&Coefficients::from([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+            let solved = factor.solve(&LocalCoefficients::from([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
             let leverage: f64 = near
                 .basis
                 .iter()
@@ -233,7 +233,7 @@ fn widening(weights: &[(usize, f64)]) -> f64 {
 }
 
 /// Cholesky factor of the weighted normal matrix. A trace of a ridge keeps it definite for points on a line.
-fn factorize(basis: &[Coefficients], weights: &[f64]) -> Option<Factor> {
+fn factorize(basis: &[LocalCoefficients], weights: &[f64]) -> Option<LocalFactor> {
     let mut normal = SMatrix::<f64, 6, 6>::zeros();
     for (phi, w) in basis.iter().zip(weights) {
         normal.ger(*w, phi, phi, 1.0);

@@ -43,7 +43,7 @@ impl Places {
 impl Lattice {
     fn new(blocks: &[Vec<[f64; 2]>]) -> Option<Self> {
         let points = || blocks.iter().flatten();
-        let axes = [0, 1].map(|k| Steps::new(points().map(|p| p[k]).collect()));
+        let axes = [0, 1].map(|k| StepSizes::new(points().map(|p| p[k]).collect()));
         let [rows, columns] = [0, 1].map(|k| axes[k].last + 1.0);
         if rows * columns > MOST_SITES * points().count() as f64 {
             return None;
@@ -84,14 +84,14 @@ impl Lattice {
 }
 
 /// Equal steps over coordinates.
-struct Steps {
+struct StepSizes {
     low: f64,
     step: f64,
     /// Number of steps to the last coordinate.
     last: f64,
 }
 
-impl Steps {
+impl StepSizes {
     /// As many as the smallest gaps ask for.
     fn new(mut values: Vec<f64>) -> Self {
         values.sort_unstable_by(f64::total_cmp);

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 
 /// A declared measurement. In JSON its fields lie flat beside `format`; an unknown key is an error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Keys", into = "Keys")]
+#[serde(try_from = "SpecKeys", into = "SpecKeys")]
 pub struct MeasurementSpec {
     /// Where the numbers are and how they are written.
     pub source: Source,
@@ -58,7 +58,7 @@ pub enum OutlierRule {
 /// read and then sorted by format.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Keys {
+struct SpecKeys {
     format: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     dir: Option<PathBuf>,
@@ -99,10 +99,10 @@ fn foreign<T>(value: &Option<T>, format: &str, key: &str) -> Result<()> {
     }
 }
 
-impl TryFrom<Keys> for MeasurementSpec {
+impl TryFrom<SpecKeys> for MeasurementSpec {
     type Error = Error;
 
-    fn try_from(keys: Keys) -> Result<Self> {
+    fn try_from(keys: SpecKeys) -> Result<Self> {
         let reader = *READERS
             .iter()
             .find(|reader| reader.format() == keys.format)
@@ -153,7 +153,7 @@ impl TryFrom<Keys> for MeasurementSpec {
     }
 }
 
-impl From<MeasurementSpec> for Keys {
+impl From<MeasurementSpec> for SpecKeys {
     fn from(spec: MeasurementSpec) -> Self {
         let Source {
             reader,

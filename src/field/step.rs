@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 
 /// An entry of `steps`, in the order in which they were taken.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Keys")]
+#[serde(try_from = "StepKeys")]
 pub struct StepSpec {
     /// The step's file, or its directory where the format has one.
     pub file: PathBuf,
@@ -20,7 +20,7 @@ pub struct StepSpec {
 /// The keys as they are written. `null` and no key are told apart: an unknown force is declared, not forgotten.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Keys {
+struct StepKeys {
     file: PathBuf,
     #[serde(rename = "force_N", default, deserialize_with = "written")]
     force_n: Option<Option<f64>>,
@@ -32,10 +32,10 @@ fn written<'de, D: Deserializer<'de>>(
     Option::deserialize(deserializer).map(Some)
 }
 
-impl TryFrom<Keys> for StepSpec {
+impl TryFrom<StepKeys> for StepSpec {
     type Error = Error;
 
-    fn try_from(Keys { file, force_n }: Keys) -> Result<Self> {
+    fn try_from(StepKeys { file, force_n }: StepKeys) -> Result<Self> {
         let force_n = force_n.ok_or_else(|| {
             Error::input(
                 "force_N",

@@ -95,7 +95,7 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
         files: vec![path.to_owned()],
     };
     let mut faint = 0;
-    let mut known = Known::default();
+    let mut known = KnownColumns::default();
     let mut record = StringRecord::new();
     while reader
         .read_record(&mut record)
@@ -131,9 +131,9 @@ pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
 
 /// The points of a table so far, by the bits of their coordinates: what was measured there, and at which byte of the file.
 #[derive(Default)]
-struct Known(HashMap<[u64; 2], ([f64; 2], u64)>);
+struct KnownColumns(HashMap<[u64; 2], ([f64; 2], u64)>);
 
-impl Known {
+impl KnownColumns {
     /// Whether a row at some byte of the file stands in the table already.
     ///
     /// # Errors

@@ -87,7 +87,7 @@ impl Mesh {
         self.edges.insert(name.into(), edges.collect());
     }
 
-    pub(super) fn add_node(&mut self, p: [f64; 2]) -> u32 {
+    pub(crate) fn add_node(&mut self, p: [f64; 2]) -> u32 {
         self.nodes.push(p);
         (self.nodes.len() - 1) as u32
     }

@@ -3,7 +3,6 @@
 //! A new geometry is one new file here and one line in [`GEOMETRIES`].
 
 mod grading;
-pub mod imported;
 mod mesh;
 mod outline;
 mod plain_strip;
@@ -40,7 +39,7 @@ pub fn end(end: End) -> &'static str {
 pub type Builder = fn(&SpecimenSpec) -> Option<Arc<dyn Geometry>>;
 
 /// Every kind of geometry that a specimen's dimensions make. A specimen's is the first whose builder takes it; that of a mesh file is
-/// [`imported::ImportedPlate`].
+/// `mesh_files::ImportedPlate`.
 pub static GEOMETRIES: &[Builder] = &[strip_with_hole::build, plain_strip::build];
 
 pub fn declared(specimen: &SpecimenSpec) -> Arc<dyn Geometry> {
@@ -182,7 +181,7 @@ impl PartialEq for dyn Geometry {
 }
 
 /// A change that a geometry does not offer.
-fn not_offered(geometry: &dyn Geometry, morph: &Morph) -> Error {
+pub(crate) fn not_offered(geometry: &dyn Geometry, morph: &Morph) -> Error {
     Error::program("Geometry::morphed", "a change that the geometry offers").found(format!(
         "{:?} of a {}",
         morph.changes(),

@@ -121,7 +121,7 @@ impl Geometry for StripWithHole {
 
     fn mesh(&self, counts: &[usize]) -> Mesh {
         let at = |k: usize| counts.get(k).copied().unwrap_or(2);
-        let layout = Layout {
+        let layout = MeshLayout {
             sides: [0, 1, 2, 3].map(at),
             radial: at(4),
             strips: [at(5), at(6)],
@@ -131,7 +131,7 @@ impl Geometry for StripWithHole {
 }
 
 /// The numbers of elements that make a mesh's connectivity.
-struct Layout {
+struct MeshLayout {
     /// Along the four sides of the box about the hole.
     sides: [usize; 4],
     /// From the hole to the box.
@@ -149,7 +149,7 @@ const FIRST_STEP: f64 = 0.4;
 /// The first step of a strip from the box over the mean width of its elements.
 const STRIP_STEP: f64 = 0.7;
 
-impl Layout {
+impl MeshLayout {
     fn mesh(&self, plate: &StripWithHole) -> Mesh {
         let outline = &plate.outline;
         let mut mesh = Mesh {

@@ -15,7 +15,9 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use crate::field::Field;
-use graph::{Graph, Offsets};
+use crate::numeric::Forest;
+pub use graph::FEWEST;
+use graph::Graph;
 
 /// A connected region of one component with the same orders at all points.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,9 +52,6 @@ pub struct Jumps {
     pub refused: Option<String>,
 }
 
-/// A region has at least this many points; fewer are outliers, which keep the orders around them. (Of a square of 25 points
-/// the outlier rule takes the four corners.)
-pub const FEWEST: usize = 20;
 /// Share of the neighbour steps above half an order beyond which nothing is reported.
 const MOST_STEPS: f64 = 0.1;
 /// Share of points with three quarters of their steps above half an order beyond which nothing is reported: the border
@@ -189,7 +188,7 @@ fn check_steps(graph: &Graph, difference: &[f64]) -> Result<(), String> {
 
 /// Connected sets of equal orders: the set of each point (as one of its points) and the sets' sizes.
 fn sets(graph: &Graph, orders: &[i32]) -> (Vec<u32>, Vec<u32>) {
-    let mut offsets = Offsets::new(orders.len());
+    let mut offsets = Forest::new(orders.len());
     for i in 0..orders.len() {
         for &j in graph.neighbours(i) {
             if orders[i] == orders[j as usize] {

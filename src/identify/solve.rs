@@ -124,7 +124,10 @@ fn identify_prepared(
     if !determined {
         inverse.posterior = inverse.posterior.within_reason();
     }
-    let mode = mode.unwrap_or_else(|| from_prior(&inverse.posterior));
+    let mode = match mode {
+        Some(mode) => mode,
+        None => from_prior(&inverse.posterior)?,
+    };
     let (draws, stopped) = draw(&inverse.posterior, &mode, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
@@ -164,17 +167,17 @@ const SPREAD: f64 = 3.0;
 const PRIOR_SPREAD: f64 = 0.1;
 
 /// Where chains start that have no mode: about the prior's mean.
-fn from_prior(posterior: &Posterior) -> Laplace {
+fn from_prior(posterior: &Posterior) -> Result<Laplace> {
     let (mode, sd) = posterior.start();
     let mut covariance = vec![0.0; sd.len() * sd.len()];
     for (k, sd) in sd.iter().enumerate() {
         covariance[k * (mode.len() + 1)] = (PRIOR_SPREAD * sd / SPREAD).powi(2);
     }
-    Laplace {
-        log_density: posterior.log_density(&mode),
+    Ok(Laplace {
+        log_density: posterior.value(&mode)?,
         mode,
         covariance,
-    }
+    })
 }
 
 fn draw(

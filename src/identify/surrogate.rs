@@ -9,7 +9,7 @@ use super::inverse::InverseProblem;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::infer::{Posterior, Whitened};
-use crate::numeric::add_scaled;
+use crate::numeric::{add_scaled, shares};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::spread_over;
@@ -132,14 +132,6 @@ impl SurrogateError {
         progress.end();
         Ok(error)
     }
-}
-
-/// Weights that sum to 1.
-fn shares(log_weights: &[f64]) -> Vec<f64> {
-    let largest = log_weights.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-    let weights: Vec<f64> = log_weights.iter().map(|l| (l - largest).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    weights.iter().map(|w| w / total).collect()
 }
 
 fn reweighted(names: &[String], draws: &[Vec<f64>], log_weights: &[f64]) -> Vec<Reweighted> {

@@ -7,6 +7,7 @@ use crate::experiment::frequencies::Mode;
 use crate::experiment::frequencies::assignment::Peak;
 use crate::experiment::frequencies::disturbance::{DISTURBANCES, Disturbance};
 use crate::noise::NormalEquations;
+use crate::numeric::log_sum_exp;
 
 /// A disturbance with what the peaks say of it.
 #[derive(Debug, Clone)]
@@ -141,10 +142,7 @@ impl Peaks {
                 logs.push(log);
             }
         }
-        let sum = |logs: &[f64]| {
-            let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            most + logs.iter().map(|l| (l - most).exp()).sum::<f64>().ln()
-        };
+        let sum = |logs: &[f64]| log_sum_exp(logs.iter().copied());
         let total = sum(&logs[1]);
         let average = |pick: &dyn Fn(&(f64, f64, f64)) -> f64| {
             found

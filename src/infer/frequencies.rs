@@ -20,7 +20,7 @@ use crate::experiment::frequencies::{
 };
 use crate::files::parse_json;
 use crate::laminate::Material;
-use crate::sample::LogDensity;
+use crate::sample::{DensityError, LogDensity};
 
 /// Sd by which a model's frequencies are wrong beyond its parameters, percent.
 pub const MODEL_ERROR: &str = "model_error_percent";
@@ -429,22 +429,22 @@ impl LogDensity for Peaks {
         &self.names
     }
 
-    fn log_density(&self, x: &[f64]) -> f64 {
+    fn log_density(&self, x: &[f64]) -> std::result::Result<f64, DensityError> {
         let own = self.sampled.iter().zip(x).skip(self.constants);
         let mut sum: f64 = own.map(|(s, x)| s.prior.log_density(*x)).sum();
         if self.spec.model_error_percent.is_none() {
             let error = x[self.sampled.len()];
             if error.is_nan() || error <= 0.0 {
-                return f64::NEG_INFINITY;
+                return Err(DensityError::Outside);
             }
             let [median, sd] = MODEL_ERROR_PRIOR;
             sum -= 0.5 * ((error / median).ln() / sd).powi(2) + error.ln();
         }
         let (plate, error) = self.at(x);
         if sum == f64::NEG_INFINITY || plate.validate().is_err() {
-            return f64::NEG_INFINITY;
+            return Err(DensityError::Outside);
         }
         let peaks = log_likelihood(&self.spec.peak_model(error), &self.peaks, &self.near(x));
-        peaks.map_or(f64::NEG_INFINITY, |l| sum + l)
+        DensityError::sort(peaks.map_or(f64::NEG_INFINITY, |l| sum + l))
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::posterior::Posterior;
 use super::prior::Marginal;
 use crate::error::{Error, Result};
-use crate::sample::LogDensity;
+use crate::sample::{DensityError, LogDensity};
 
 /// What one experiment says of its parameters.
 pub struct Member {
@@ -128,13 +128,13 @@ impl LogDensity for Joint {
         &self.names
     }
 
-    fn log_density(&self, x: &[f64]) -> f64 {
+    fn log_density(&self, x: &[f64]) -> std::result::Result<f64, DensityError> {
         let mut value = [0.0];
-        self.log_density_batch(x, &mut value);
-        value[0]
+        self.values(x, &mut value)?;
+        DensityError::sort(value[0])
     }
 
-    fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
+    fn values(&self, xs: &[f64], out: &mut [f64]) -> Result<()> {
         let count = out.len();
         let column = |k: usize| &xs[k * count..(k + 1) * count];
         out.fill(0.0);
@@ -148,7 +148,7 @@ impl LogDensity for Joint {
         for (member, index) in self.members.iter().zip(&self.index) {
             own.clear();
             index.iter().for_each(|&k| own.extend_from_slice(column(k)));
-            member.density.log_density_batch(&own, &mut values);
+            member.density.values(&own, &mut values)?;
             for (sum, &value) in out.iter_mut().zip(&values) {
                 // What one of them excludes is excluded, whatever the others say of it.
                 let excluded = *sum == f64::NEG_INFINITY || value == f64::NEG_INFINITY;
@@ -159,5 +159,6 @@ impl LogDensity for Joint {
                 };
             }
         }
+        Ok(())
     }
 }

@@ -4,9 +4,10 @@ use super::kernel::{LARGEST_SCALE, Room, with_room};
 use super::known::Known;
 use super::likelihood::Likelihood;
 use super::prior::Marginal;
+use crate::error::Result;
 use crate::laminate::Material;
 use crate::lanes::{Lanes, Parameters, Repeated, Together, first, ln_vector};
-use crate::sample::LogDensity;
+use crate::sample::{DensityError, LogDensity};
 
 /// Parameters farther from their priors' means, prior sds, are no finding: what the model lacks has driven them there.
 pub const REASON_SDS: f64 = 6.0;
@@ -339,17 +340,17 @@ impl LogDensity for Posterior {
         &self.names
     }
 
-    fn log_density(&self, x: &[f64]) -> f64 {
-        with_room(|room| {
+    fn log_density(&self, x: &[f64]) -> std::result::Result<f64, DensityError> {
+        DensityError::sort(with_room(|room| {
             pulp::Arch::new().dispatch(OnePoint {
                 posterior: self,
                 room,
                 x,
             })
-        })
+        }))
     }
 
-    fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
+    fn values(&self, xs: &[f64], out: &mut [f64]) -> Result<()> {
         with_room(|room| {
             pulp::Arch::new().dispatch(Batch {
                 posterior: self,
@@ -358,6 +359,7 @@ impl LogDensity for Posterior {
                 out,
             });
         });
+        Ok(())
     }
 }
 

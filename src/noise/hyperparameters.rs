@@ -12,7 +12,7 @@ use super::white::Leftover;
 use super::{BlockCovariance, Matern};
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::numeric::{hermite, legendre};
+use crate::numeric::{hermite, legendre, shares};
 
 /// The white noise of points as local differences see it.
 pub(super) struct LocalVariance<'a> {
@@ -52,7 +52,7 @@ const SHAPE_ERROR: f64 = 0.5;
 
 /// Hyperparameters with everything that is known at them.
 #[derive(Clone, Copy)]
-struct Scored {
+struct ScoredPoint {
     /// With the most likely s^2 given the blocks and the local differences.
     at: Hyperparameters,
     /// Mode of the logarithm of a point's variance, and its variance, there.
@@ -61,7 +61,7 @@ struct Scored {
     log_density: f64,
 }
 
-struct Search<'a> {
+struct HyperparameterSearch<'a> {
     blocks: &'a Blocks,
     contrasts: &'a Contrasts<'a>,
     locals: &'a [LocalVariance<'a>],
@@ -102,7 +102,7 @@ impl ComponentNoise {
     ) -> Result<Self> {
         let longest = blocks.noise_length_mm;
         let spacing = spacing(blocks);
-        let search = Search {
+        let search = HyperparameterSearch {
             blocks,
             contrasts,
             locals,
@@ -114,7 +114,7 @@ impl ComponentNoise {
             .map(|l| (l, search.fractions(l)))
             .collect();
         let of = |at: &Hyperparameters| fractions.iter().find(|(l, _)| *l == at.length_mm);
-        let table: Vec<Scored> = reml
+        let table: Vec<ScoredPoint> = reml
             .table
             .iter()
             .map(|at| search.weigh(at, of(at).map_or(&[], |f| &f.1)))
@@ -129,7 +129,7 @@ impl ComponentNoise {
         let likeliest = likeliest.reduce(|a, b| if b.log_density > a.log_density { b } else { a });
         reml.best = likeliest.map_or(reml.best, |w| w.at);
         // the mean of an inverse chi^2's logarithm lies half its variance above its mode
-        let centre = |w: &Scored| w.log_variance.0 + 0.5 * w.log_variance.1;
+        let centre = |w: &ScoredPoint| w.log_variance.0 + 0.5 * w.log_variance.1;
         let mean = found.iter().map(|(p, w)| p * centre(w)).sum::<f64>();
         let spread = found
             .iter()
@@ -146,10 +146,10 @@ impl ComponentNoise {
     }
 }
 
-impl Search<'_> {
+impl HyperparameterSearch<'_> {
     /// Hyperparameters with the white noise of local differences taken into account: the restricted likelihood times a
     /// lognormal for what they see, s^2 (nbar + rho f).
-    fn weigh(&self, at: &Hyperparameters, fractions: &[f64]) -> Scored {
+    fn weigh(&self, at: &Hyperparameters, fractions: &[f64]) -> ScoredPoint {
         let nu = self.contrasts.count() as f64;
         let nbar = self.blocks.mean_count();
         // what each of the local differences says of ln s^2, and how precisely
@@ -180,7 +180,7 @@ impl Search<'_> {
         let lost = 0.5 * nu * (x - profile + (profile - x).exp() - 1.0);
         let penalty: f64 = said.iter().map(|(e, p)| 0.5 * (x - e).powi(2) * p).sum();
         let known: f64 = said.iter().map(|(_, p)| p.ln()).sum();
-        Scored {
+        ScoredPoint {
             at: Hyperparameters {
                 scale2: x.exp(),
                 ..*at
@@ -196,7 +196,7 @@ impl Search<'_> {
         seen.collect()
     }
 
-    fn at(&self, matern: &Matern, fractions: &[f64], ratio: f64) -> Result<Scored> {
+    fn at(&self, matern: &Matern, fractions: &[f64], ratio: f64) -> Result<ScoredPoint> {
         let covariance = BlockCovariance::new(self.blocks, matern, ratio)?;
         Ok(self.weigh(&self.contrasts.at(&covariance)?, fractions))
     }
@@ -205,15 +205,17 @@ impl Search<'_> {
     /// the data ask for it. A quarter lies on correlated noise alone, as of overlapping subsets, evenly over the
     /// logarithm of its length, and a quarter on both, evenly over the logarithms of length and ratio. Where the data do not say
     /// how long the correlation is, the half that is correlated lies evenly on the table.
-    fn parts(&self, table: &[Scored]) -> Result<Vec<(f64, Scored)>> {
-        let better = |a: Scored, b: Scored| if b.log_density > a.log_density { b } else { a };
-        let correlated: Vec<Scored> = table.iter().filter(|w| w.at.ratio > 0.0).copied().collect();
+    fn parts(&self, table: &[ScoredPoint]) -> Result<Vec<(f64, ScoredPoint)>> {
+        let better =
+            |a: ScoredPoint, b: ScoredPoint| if b.log_density > a.log_density { b } else { a };
+        let correlated: Vec<ScoredPoint> =
+            table.iter().filter(|w| w.at.ratio > 0.0).copied().collect();
         let white = table.iter().find(|w| w.at.ratio == 0.0).copied();
         let Some(start) = correlated.iter().copied().reduce(better) else {
             return Ok(white.into_iter().map(|w| (1.0, w)).collect());
         };
         let prior = -(correlated.len() as f64).ln();
-        let mut weighed: Vec<(f64, Scored)> = Vec::new();
+        let mut weighed: Vec<(f64, ScoredPoint)> = Vec::new();
         weighed.extend(white.map(|w| (w.log_density, w)));
         // Where nothing of the table is much likelier than white noise there is nothing to refine.
         let hopeless = white.is_some_and(|w| start.log_density < w.log_density + WORTH_A_CLIMB);
@@ -221,12 +223,8 @@ impl Search<'_> {
             Some(found) => weighed.extend(found),
             None => weighed.extend(correlated.iter().map(|w| (w.log_density + prior, *w))),
         }
-        let largest = weighed.iter().fold(f64::NEG_INFINITY, |a, w| a.max(w.0));
-        let sum: f64 = weighed.iter().map(|w| (w.0 - largest).exp()).sum();
-        Ok(weighed
-            .into_iter()
-            .map(|(log, w)| ((log - largest).exp() / sum, w))
-            .collect())
+        let (logs, scored): (Vec<f64>, Vec<ScoredPoint>) = weighed.into_iter().unzip();
+        Ok(shares(&logs).into_iter().zip(scored).collect())
     }
 
     /// Climb to the most likely length and share, and integrate the density around them. None if the data do not say
@@ -234,7 +232,7 @@ impl Search<'_> {
     ///
     /// The share is the logit of the part of what local differences see that is correlated noise: at a given share
     /// both sources of information ask for the same scale at each length.
-    fn refine(&self, start: Scored) -> Result<Option<Vec<(f64, Scored)>>> {
+    fn refine(&self, start: ScoredPoint) -> Result<Option<Vec<(f64, ScoredPoint)>>> {
         let length = start.at.length_mm;
         let fraction = self.fractions(length)[0];
         let share = (start.at.ratio * fraction / self.blocks.mean_count()).ln();
@@ -280,7 +278,7 @@ impl Search<'_> {
         centre: [f64; 2],
         step: [f64; 2],
         covariance: [[f64; 2]; 2],
-    ) -> Result<Option<Vec<(f64, Scored)>>> {
+    ) -> Result<Option<Vec<(f64, ScoredPoint)>>> {
         let sd = [0, 1].map(|k| covariance[k][k].sqrt() * step[k]);
         if sd[0] > LOCALISED {
             return Ok(None);
@@ -302,7 +300,7 @@ impl Search<'_> {
             }
         }
         let found = self.at_places(&places, NODES)?;
-        let mut parts: Vec<(f64, Scored)> = found
+        let mut parts: Vec<(f64, ScoredPoint)> = found
             .into_iter()
             .zip(logs)
             .map(|(w, log)| (w.log_density + log, w))
@@ -317,7 +315,7 @@ impl Search<'_> {
 
     /// Quadrature over the logarithm of the length, known to about `sd` near `start`, of correlated noise alone: hyperparameters with
     /// the logs of their probabilities relative to the prior's.
-    fn alone(&self, start: f64, sd: f64) -> Result<Vec<(f64, Scored)>> {
+    fn alone(&self, start: f64, sd: f64) -> Result<Vec<(f64, ScoredPoint)>> {
         let places = |around: f64, sd: f64, z: &[f64]| -> Vec<[f64; 2]> {
             z.iter().map(|z| [around + sd * z, self.high[1]]).collect()
         };
@@ -339,7 +337,7 @@ impl Search<'_> {
     }
 
     /// The nine places `step` around `centre`, shares innermost.
-    fn around(&self, centre: [f64; 2], step: [f64; 2]) -> Result<Vec<Scored>> {
+    fn around(&self, centre: [f64; 2], step: [f64; 2]) -> Result<Vec<ScoredPoint>> {
         let places: Vec<[f64; 2]> = (0..9)
             .map(|i| {
                 let by = [(i / 3) as f64 - 1.0, (i % 3) as f64 - 1.0];
@@ -350,7 +348,7 @@ impl Search<'_> {
     }
 
     /// Hyperparameters at places (log length, share), `each` of one length in a row.
-    fn at_places(&self, places: &[[f64; 2]], each: usize) -> Result<Vec<Scored>> {
+    fn at_places(&self, places: &[[f64; 2]], each: usize) -> Result<Vec<ScoredPoint>> {
         let lengths: Vec<(Matern, Vec<f64>)> = places
             .par_chunks(each)
             .map(|row| {
@@ -358,18 +356,18 @@ impl Search<'_> {
                 (Matern::new(self.blocks, l), self.fractions(l))
             })
             .collect();
-        let one = |(i, place): (usize, &[f64; 2])| -> Result<Scored> {
+        let one = |(i, place): (usize, &[f64; 2])| -> Result<ScoredPoint> {
             let (matern, fractions) = &lengths[i / each];
             let ratio = place[1].exp() * self.blocks.mean_count() / fractions[0].max(1e-9);
             self.at(matern, fractions, ratio)
         };
-        let results: Vec<Result<Scored>> = places.par_iter().enumerate().map(one).collect();
+        let results: Vec<Result<ScoredPoint>> = places.par_iter().enumerate().map(one).collect();
         results.into_iter().collect()
     }
 }
 
 /// The log densities on a lattice of nine places.
-fn log_densities(around: &[Scored]) -> [f64; 9] {
+fn log_densities(around: &[ScoredPoint]) -> [f64; 9] {
     std::array::from_fn(|k| around[k].log_density)
 }
 
@@ -398,10 +396,10 @@ const WORTH_A_CLIMB: f64 = 3.0;
 /// exp(`log_variance`).
 fn average(
     blocks: &Blocks,
-    found: &[(f64, Scored)],
+    found: &[(f64, ScoredPoint)],
     log_variance: f64,
 ) -> Result<(BlockCovariance, f64)> {
-    let kept: Vec<&(f64, Scored)> = found.iter().filter(|(p, _)| *p > NEGLIGIBLE).collect();
+    let kept: Vec<&(f64, ScoredPoint)> = found.iter().filter(|(p, _)| *p > NEGLIGIBLE).collect();
     let white: f64 = kept.iter().map(|(p, w)| p * w.at.scale2).sum();
     let mut lengths: Vec<(f64, f64)> = Vec::new();
     for (p, w) in &kept {

@@ -6,7 +6,7 @@ use super::figures::{Figure, Palette, PixelPicture, Scale, span};
 use super::section::{Document, Piece, Section, Table, TableCell, html, row};
 use crate::error::Result;
 use crate::field::frame::Axis;
-use crate::field::fringes::{COMPONENTS, Component, Counts, Fringes, STATES, Steps};
+use crate::field::fringes::{COMPONENTS, Counts, DisplacementMap, Fringes, STATES, Steps};
 use crate::quantity::NM_PER_MM;
 
 /// The schema of `fringes.json`.
@@ -117,7 +117,7 @@ impl FringeReport {
 }
 
 impl ComponentReport {
-    fn new(fringes: &Fringes, component: &Component) -> Self {
+    fn new(fringes: &Fringes, component: &DisplacementMap) -> Self {
         let spec = &fringes.spec;
         let frames = &component.frames;
         let nm_per_rad = spec.mm_per_rad() * NM_PER_MM;

@@ -2,12 +2,12 @@
 //! Mira & Saksman (2006), Stat. Comput. 16, 339. Adaptation is frozen after warm-up, so the kept draws are of an
 //! ordinary Markov chain.
 
+use super::density::{DensityError, LogDensity};
 use super::ensemble::accept;
 use super::gaussian::{add_lower, cholesky, whiten};
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
 use crate::error::{Error, Result};
-use crate::sample::LogDensity;
 
 /// Steps between two updates of the proposal during warm-up.
 const REFRESH: u64 = 20;
@@ -33,14 +33,14 @@ impl Default for Adaptive {
 /// Layout of the memory: two accumulators of the history (count, mean, scatter), the guessed variances and the
 /// Cholesky factor in use. The first accumulator spans at least the last half of the warm-up, the second is the one
 /// that will replace it, so the transient of the start is forgotten.
-struct Memory<'a> {
+struct History<'a> {
     long: &'a mut [f64],
     short: &'a mut [f64],
     guess: &'a mut [f64],
     lower: &'a mut [f64],
 }
 
-impl<'a> Memory<'a> {
+impl<'a> History<'a> {
     fn room(dim: usize) -> usize {
         2 * (1 + dim + dim * dim) + dim + dim * dim
     }
@@ -121,8 +121,8 @@ impl Sampler for Adaptive {
         if lp.len() != 1 {
             return Err(Error::program("adaptive", "one walker").found(lp.len()));
         }
-        let mut memory = vec![0.0; Memory::room(dim)];
-        let parts = Memory::of(&mut memory, dim);
+        let mut memory = vec![0.0; History::room(dim)];
+        let parts = History::of(&mut memory, dim);
         let scale = 2.38 * 2.38 / dim as f64;
         for i in 0..dim {
             parts.guess[i] = covariance[i * dim + i];
@@ -152,28 +152,20 @@ impl Sampler for Adaptive {
         span: Span,
         state: &mut State,
         block: &mut Block,
-    ) {
+    ) -> Result<()> {
         let dim = target.dim();
         let mut rng = Stream::at(key, 0, state.drawn);
-        let mut tally = Tally::default();
         block.begin(1, STAGES.into_iter());
         let mut trial = Trial::new(dim);
         let mut work = vec![0.0; dim * dim];
         for step in 1..=span.steps {
-            let memory = Memory::of(&mut state.memory, dim);
-            let moved = self.step(
-                target,
-                memory.lower,
-                &mut state.x,
-                &mut state.lp[0],
-                &mut trial,
-                &mut rng,
-                &mut tally,
-            );
+            let memory = History::of(&mut state.memory, dim);
+            let at = (&mut *state.x, &mut state.lp[0]);
+            let moved = self.step(target, memory.lower, at, &mut trial, &mut rng)?;
             block.accepted[0] += u64::from(moved);
             state.step += 1;
             if span.warmup {
-                let mut memory = Memory::of(&mut state.memory, dim);
+                let mut memory = History::of(&mut state.memory, dim);
                 memory.add(&state.x);
                 memory.forget(state.step);
                 if state.step.is_multiple_of(REFRESH) {
@@ -186,7 +178,8 @@ impl Sampler for Adaptive {
             }
         }
         state.drawn = rng.used();
-        tally.put(block);
+        trial.tally.put(block);
+        Ok(())
     }
 }
 
@@ -199,6 +192,7 @@ struct Trial {
     second: Vec<f64>,
     z: Vec<f64>,
     r: Vec<f64>,
+    tally: Tally,
 }
 
 impl Trial {
@@ -208,6 +202,7 @@ impl Trial {
             second: vec![0.0; dim],
             z: vec![0.0; dim],
             r: vec![0.0; dim],
+            tally: Tally::default(),
         }
     }
 }
@@ -229,48 +224,49 @@ impl Tally {
     }
 
     /// The log density at a proposal, -inf where it is NaN or +inf.
-    fn evaluate(&mut self, target: &dyn LogDensity, x: &[f64], stage: usize) -> f64 {
+    fn evaluate(&mut self, target: &dyn LogDensity, x: &[f64], stage: usize) -> Result<f64> {
         self.proposed[stage] += 1;
-        let lp = target.log_density(x);
-        if lp.is_nan() || lp == f64::INFINITY {
-            self.nan += 1;
-            return f64::NEG_INFINITY;
+        match target.log_density(x) {
+            Ok(value) => Ok(value),
+            Err(DensityError::Fatal(error)) => Err(error),
+            Err(DensityError::Outside) => Ok(f64::NEG_INFINITY),
+            Err(DensityError::Undefined(_)) => {
+                self.nan += 1;
+                Ok(f64::NEG_INFINITY)
+            }
         }
-        lp
     }
 }
 
 impl Adaptive {
-    #[allow(clippy::too_many_arguments)]
+    /// One step from `(x, lp)`; whether it moved.
     fn step(
         &self,
         target: &dyn LogDensity,
         lower: &[f64],
-        x: &mut [f64],
-        lp: &mut f64,
+        (x, lp): (&mut [f64], &mut f64),
         trial: &mut Trial,
         rng: &mut Stream,
-        tally: &mut Tally,
-    ) -> bool {
+    ) -> Result<bool> {
         trial.z.iter_mut().for_each(|z| *z = rng.normal());
         trial.first.copy_from_slice(x);
         add_lower(lower, &trial.z, 1.0, &mut trial.first);
-        let first = tally.evaluate(target, &trial.first, 0);
+        let first = trial.tally.evaluate(target, &trial.first, 0)?;
         if accept(*lp, first, 0.0, rng.log_uniform()) {
             x.copy_from_slice(&trial.first);
             *lp = first;
-            tally.accepted[0] += 1;
-            return true;
+            trial.tally.accepted[0] += 1;
+            return Ok(true);
         }
         if self.second <= 0.0 {
-            return false;
+            return Ok(false);
         }
         // Second stage. From x the first proposal y1 had the whitened step z; from y2 it would have had r.
         let from_x: f64 = trial.z.iter().map(|z| z * z).sum();
         trial.z.iter_mut().for_each(|z| *z = rng.normal());
         trial.second.copy_from_slice(x);
         add_lower(lower, &trial.z, self.second, &mut trial.second);
-        let second = tally.evaluate(target, &trial.second, 1);
+        let second = trial.tally.evaluate(target, &trial.second, 1)?;
         for k in 0..x.len() {
             trial.r[k] = trial.first[k] - trial.second[k];
         }
@@ -281,10 +277,10 @@ impl Adaptive {
         if accept(*lp, second, factor, rng.log_uniform()) {
             x.copy_from_slice(&trial.second);
             *lp = second;
-            tally.accepted[1] += 1;
-            return true;
+            trial.tally.accepted[1] += 1;
+            return Ok(true);
         }
-        false
+        Ok(false)
     }
 }
 

@@ -40,7 +40,7 @@ pub struct Checkpoint {
 }
 
 #[derive(Serialize, Deserialize)]
-struct File {
+struct CheckpointFile {
     format: String,
     identity: Value,
     warm: Warm,
@@ -74,7 +74,7 @@ impl Checkpoint {
             nan: t.nan,
             evaluations: t.evaluations,
         });
-        let file = File {
+        let file = CheckpointFile {
             format: FORMAT.into(),
             identity: identity.clone(),
             warm: self.warm,
@@ -114,7 +114,7 @@ impl Checkpoint {
             );
         }
         same_run(path, identity, &value["identity"])?;
-        let file: File = serde_json::from_value(value).map_err(|e| damaged(&e))?;
+        let file: CheckpointFile = serde_json::from_value(value).map_err(|e| damaged(&e))?;
         let totals = file.totals.iter().map(|t| Block {
             accepted: t.accepted.clone(),
             moves: t.moves.iter().map(tally).collect(),

@@ -3,13 +3,13 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::density::LogDensity;
 use super::mixture::Mixture;
 use super::moves::{Fit, Move, Proposal, Walkers};
 use super::numbers::Numbers;
 use super::stream::{Key, Stream};
 use super::{Block, Sampler, Span, State};
 use crate::error::{Error, Result};
-use crate::sample::LogDensity;
 
 /// Largest condition number of the scaled start positions, as in emcee's `walkers_independent`.
 const CONDITION: f64 = 1e8;
@@ -84,7 +84,7 @@ impl Sampler for Ensemble {
         span: Span,
         state: &mut State,
         block: &mut Block,
-    ) {
+    ) -> Result<()> {
         let (dim, walkers) = (target.dim(), state.lp.len());
         let mut halves = Half::split(state, dim);
         let mut scratch = Scratch::new(dim, walkers / 2);
@@ -101,7 +101,7 @@ impl Sampler for Ensemble {
             for moving in 0..2 {
                 let first = (moving * walkers / 2) as u64;
                 scratch.numbers.draw(key, first, state.drawn, needs);
-                scratch.update(target, kernel, &mut halves, moving);
+                scratch.update(target, kernel, &mut halves, moving)?;
                 scratch.count(chosen, moving, block);
             }
             state.drawn += needs.places() as u64;
@@ -111,6 +111,7 @@ impl Sampler for Ensemble {
             }
         }
         Half::join(&halves, state);
+        Ok(())
     }
 }
 
@@ -191,14 +192,14 @@ impl Scratch {
         kernel: &dyn Move,
         halves: &mut [Half; 2],
         moving: usize,
-    ) {
+    ) -> Result<()> {
         let [a, b] = halves;
         let (own, others) = if moving == 0 { (a, &*b) } else { (b, &*a) };
         self.nan = 0;
         self.moved.fill(0.0);
         self.evaluated = kernel.fit(others.walkers(), &mut self.fit);
         if !self.evaluated {
-            return;
+            return Ok(());
         }
         kernel.propose(Proposal {
             own: own.walkers(),
@@ -208,8 +209,9 @@ impl Scratch {
             y: &mut self.y,
             factor: &mut self.factor,
         });
-        target.log_density_batch(&self.y, &mut self.lp);
+        target.values(&self.y, &mut self.lp)?;
         pulp::Arch::new().dispatch(Settle { own, scratch: self });
+        Ok(())
     }
 
     fn count(&self, chosen: usize, moving: usize, block: &mut Block) {

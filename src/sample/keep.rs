@@ -7,11 +7,11 @@ use rayon::iter::ParallelIterator;
 use serde_json::Value;
 
 use super::checkpoint::{Checkpoint, Warm};
-use super::memory::{Memory, Share};
+use super::density::LogDensity;
+use super::memory::{Memory, MemoryShare};
 use super::{Block, State};
 use crate::chain::{Layout, Store};
 use crate::error::{Error, Result};
-use crate::sample::LogDensity;
 
 /// Between two flushes; a span of work between them takes a quarter of it.
 pub(super) const PATIENCE: Duration = Duration::from_millis(1000);
@@ -85,7 +85,7 @@ impl Keeper {
         let checkpoint = Checkpoint::read(&keeping.checkpoint, &keeping.identity)?;
         same_target(keeping, &layout, target, &checkpoint)?;
         memory.reserve(checkpoint.stored.0.min(most));
-        let mut shares: Vec<Share<'_>> = memory.shares().collect();
+        let mut shares: Vec<MemoryShare<'_>> = memory.shares().collect();
         let store = Store::reopen(
             &keeping.store,
             layout,
@@ -93,7 +93,7 @@ impl Keeper {
             checkpoint.stored,
             &mut |ensemble, x, lp| shares[ensemble].push(x, lp),
         )?;
-        if let Some(count) = shares.first().map(Share::count) {
+        if let Some(count) = shares.first().map(MemoryShare::count) {
             memory.taken(count);
         }
         let keeper = Self {
@@ -184,7 +184,7 @@ fn same_target(
     }
     for state in &checkpoint.states {
         for (x, lp) in state.x.chunks_exact(dim).zip(&state.lp) {
-            let now = target.log_density(x);
+            let now = target.value(x)?;
             if now.to_bits() != lp.to_bits() {
                 return Err(Error::input(place, format!("the log density {now} at {x:?}"))
                     .found(lp)

@@ -26,13 +26,13 @@ pub fn laplace(target: &dyn LogDensity, start: &[f64], sd: &[f64]) -> Result<Lap
     let place = "the posterior's mode";
     let mut x = DVector::from_column_slice(start);
     let mut scale = DVector::from_iterator(sd.len(), sd.iter().map(|s| 0.1 * s));
-    let mut value = target.log_density(start);
+    let mut value = target.value(start)?;
     if !value.is_finite() {
         return Err(Error::input(place, "a finite density at the prior's centre").found(value));
     }
     let mut damping = 1e-3;
     for _ in 0..STEPS {
-        let (gradient, hessian) = differences(target, &x, &scale, value);
+        let (gradient, hessian) = differences(target, &x, &scale, value)?;
         let n = x.len();
         let mut moved = 0.0;
         for _ in 0..30 {
@@ -50,7 +50,7 @@ pub fn laplace(target: &dyn LogDensity, start: &[f64], sd: &[f64]) -> Result<Lap
                     .fold(1.0, |a: f64, (d, s)| a.max(d.abs() / s));
                 step /= longest;
                 let next = &x + step;
-                let higher = target.log_density(next.as_slice());
+                let higher = target.value(next.as_slice())?;
                 if higher >= value - 1e-9 && higher.is_finite() {
                     moved = higher - value;
                     (x, value) = (next, higher);
@@ -70,7 +70,7 @@ pub fn laplace(target: &dyn LogDensity, start: &[f64], sd: &[f64]) -> Result<Lap
             break;
         }
     }
-    let (_, hessian) = differences(target, &x, &scale, value);
+    let (_, hessian) = differences(target, &x, &scale, value)?;
     let inverse = (-hessian)
         .cholesky()
         .ok_or_else(|| {
@@ -97,28 +97,28 @@ fn differences(
     x: &DVector<f64>,
     scale: &DVector<f64>,
     value: f64,
-) -> (DVector<f64>, DMatrix<f64>) {
+) -> Result<(DVector<f64>, DMatrix<f64>)> {
     let n = x.len();
     let at = |moves: &[(usize, f64)]| {
         let mut y = x.clone();
         for &(k, step) in moves {
             y[k] += step * scale[k];
         }
-        target.log_density(y.as_slice())
+        target.value(y.as_slice())
     };
     let mut gradient = DVector::zeros(n);
     let mut hessian = DMatrix::zeros(n, n);
     for i in 0..n {
-        let (up, down) = (at(&[(i, 1.0)]), at(&[(i, -1.0)]));
+        let (up, down) = (at(&[(i, 1.0)])?, at(&[(i, -1.0)])?);
         gradient[i] = 0.5 * (up - down);
         hessian[(i, i)] = up + down - 2.0 * value;
         for j in 0..i {
-            let cross = at(&[(i, 1.0), (j, 1.0)]) + at(&[(i, -1.0), (j, -1.0)])
-                - at(&[(i, 1.0), (j, -1.0)])
-                - at(&[(i, -1.0), (j, 1.0)]);
+            let cross = at(&[(i, 1.0), (j, 1.0)])? + at(&[(i, -1.0), (j, -1.0)])?
+                - at(&[(i, 1.0), (j, -1.0)])?
+                - at(&[(i, -1.0), (j, 1.0)])?;
             hessian[(i, j)] = 0.25 * cross;
             hessian[(j, i)] = hessian[(i, j)];
         }
     }
-    (gradient, hessian)
+    Ok((gradient, hessian))
 }

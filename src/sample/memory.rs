@@ -16,14 +16,14 @@ pub(super) struct Memory {
     values: Vec<f64>,
     /// Chain x room.
     lp: Vec<f64>,
-    shape: Shape,
+    shape: MemoryShape,
     ensembles: usize,
     count: Count,
 }
 
 /// Sizes of one ensemble.
 #[derive(Debug, Clone, Copy)]
-struct Shape {
+struct MemoryShape {
     walkers: usize,
     dim: usize,
     /// Draws of a chain that there is room for.
@@ -41,10 +41,10 @@ pub(super) struct Count {
 }
 
 /// The part of one ensemble, which takes draws beside the others.
-pub(super) struct Share<'a> {
+pub(super) struct MemoryShare<'a> {
     values: &'a mut [f64],
     lp: &'a mut [f64],
-    shape: Shape,
+    shape: MemoryShape,
     count: Count,
 }
 
@@ -54,7 +54,7 @@ impl Memory {
         Self {
             values: Vec::new(),
             lp: Vec::new(),
-            shape: Shape {
+            shape: MemoryShape {
                 walkers,
                 dim,
                 room: 0,
@@ -101,13 +101,13 @@ impl Memory {
     }
 
     /// The parts of the ensembles, and the count that [`Memory::taken`] wants to hear of again.
-    pub(super) fn shares(&mut self) -> impl IndexedParallelIterator<Item = Share<'_>> {
+    pub(super) fn shares(&mut self) -> impl IndexedParallelIterator<Item = MemoryShare<'_>> {
         let (shape, count) = (self.shape, self.count);
         let each = (shape.walkers * shape.room).max(1);
         self.values
             .par_chunks_exact_mut(each * shape.dim)
             .zip(self.lp.par_chunks_exact_mut(each))
-            .map(move |(values, lp)| Share {
+            .map(move |(values, lp)| MemoryShare {
                 values,
                 lp,
                 shape,
@@ -163,7 +163,7 @@ fn pack(values: &mut Vec<f64>, rows: usize, length: usize, held: usize) {
     }
 }
 
-impl Share<'_> {
+impl MemoryShare<'_> {
     /// How far the draws have come.
     pub(super) fn count(&self) -> Count {
         self.count
@@ -173,7 +173,7 @@ impl Share<'_> {
     pub(super) fn take(&mut self, block: &Block) {
         /// Draws at a time, so that they stay in the cache while every chain takes its own.
         const TILE: usize = 16;
-        let Shape { walkers, dim, .. } = self.shape;
+        let MemoryShape { walkers, dim, .. } = self.shape;
         let tiles = block.x.chunks(TILE * walkers * dim);
         for (x, lp) in tiles.zip(block.lp.chunks(TILE * walkers)) {
             let draws = lp.len() / walkers;
@@ -205,7 +205,7 @@ impl Share<'_> {
 
     /// Holds draws for which there is room: draw x parameter x walker, and draw x walker.
     fn put(&mut self, x: &[f64], lp: &[f64]) {
-        let Shape { walkers, dim, room } = self.shape;
+        let MemoryShape { walkers, dim, room } = self.shape;
         let (from, count) = (self.count.held, lp.len() / walkers);
         for walker in 0..walkers {
             let at = walker * room + from;
@@ -225,7 +225,7 @@ impl Share<'_> {
 
     /// Keeps the draws that the doubled stride would have kept.
     fn halve(&mut self) {
-        let Shape { dim, room, .. } = self.shape;
+        let MemoryShape { dim, room, .. } = self.shape;
         let kept = self.count.held / 2;
         for values in self.values.chunks_exact_mut(room * dim) {
             (0..kept)

@@ -27,7 +27,7 @@ mod stretch;
 pub use adaptive::Adaptive;
 pub use checkpoint::{Checkpoint, Warm};
 pub use de::De;
-pub use density::LogDensity;
+pub use density::{DensityError, LogDensity};
 pub use ensemble::Ensemble;
 pub use independence::{Independence, Tail};
 pub use keep::Keeping;
@@ -126,6 +126,9 @@ pub trait Sampler: Send + Sync {
 
     /// Advances `state` by a span of steps; `block` takes what was done, whatever it held before. The same key, state
     /// and span give the same block and the same new state.
+    ///
+    /// # Errors
+    /// Fatal ones of the target.
     fn advance(
         &self,
         target: &dyn LogDensity,
@@ -133,7 +136,7 @@ pub trait Sampler: Send + Sync {
         span: Span,
         state: &mut State,
         block: &mut Block,
-    );
+    ) -> Result<()>;
 }
 
 /// A sampler by name.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::checkpoint::Warm;
+use super::density::LogDensity;
 use super::keep::{Keeper, Keeping, PATIENCE};
 use super::memory::{Count, Memory};
 use super::schedule::{Monitor, Outcome, Phase, PhaseReport, Schedule, Stop, Stopped};
@@ -14,7 +15,6 @@ use super::stream::Key;
 use super::{Block, Sampler, Span, State};
 use crate::chain::{Draws, Layout};
 use crate::error::{Error, Result};
-use crate::sample::LogDensity;
 
 /// Runs `schedule.ensembles` independent ensembles of `sampler` on `target`. The draws depend on the seed alone, not on
 /// the number of threads.
@@ -184,15 +184,15 @@ impl<'a> Crew<'a> {
         let began = Instant::now();
         let memory = window.unwrap_or(&mut self.memory);
         let ensembles = self.states.par_iter_mut().zip(&self.keys);
-        let counts: Vec<Count> = ensembles
+        let counts = ensembles
             .zip(&mut self.blocks)
             .zip(memory.shares())
             .map(|(((state, &key), block), mut share)| {
-                sampler.advance(target, key, span, state, block);
+                sampler.advance(target, key, span, state, block)?;
                 share.take(block);
-                share.count()
+                Ok(share.count())
             })
-            .collect();
+            .collect::<Result<Vec<Count>>>()?;
         match counts.first() {
             Some(&count) if counts.len() == self.keys.len() => memory.taken(count),
             _ => {

@@ -1,10 +1,10 @@
 //! Where walkers start, and which starts are refused.
 
+use super::density::{DensityError, LogDensity};
 use super::gaussian::{add_lower, cholesky};
 use super::stream::{Key, Stream};
 use super::{Sampler, State};
 use crate::error::{Error, Result};
-use crate::sample::LogDensity;
 
 /// Times a walker of a ball is drawn again when it falls outside the support.
 const REDRAWS: usize = 100;
@@ -163,13 +163,15 @@ fn evaluate(target: &dyn LogDensity, point: &[f64], group: usize, walker: usize)
                 .found(format!("{point:?}")),
         );
     }
-    let value = target.log_density(point);
-    if value.is_nan() || value == f64::INFINITY {
-        return Err(
-            Error::input(place(), "a log density that is a number or -inf")
-                .found(format!("{value} at {point:?}"))
-                .hint("the posterior is not defined where the walkers start"),
-        );
+    match target.log_density(point) {
+        Ok(value) => Ok(value),
+        Err(DensityError::Outside) => Ok(f64::NEG_INFINITY),
+        Err(DensityError::Undefined(value)) => Err(Error::input(
+            place(),
+            "a log density that is a number or -inf",
+        )
+        .found(format!("{value} at {point:?}"))
+        .hint("the posterior is not defined where the walkers start")),
+        Err(DensityError::Fatal(error)) => Err(error.within(place())),
     }
-    Ok(value)
 }

@@ -8,7 +8,7 @@ use statrs::function::erf::erfc;
 use nalgebra::{DMatrix, DVector};
 
 use super::noise_choices::NoisePair;
-use super::subsets::{SIZES, Subset, SubsetPosterior, log_sum};
+use super::subsets::{SIZES, Subset, SubsetPosterior};
 use super::weighing::Weighing;
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
@@ -16,6 +16,7 @@ use crate::files::Keyed;
 use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
+use crate::numeric::log_sum_exp;
 
 /// Sizes of the effects that are not declared, as multiples of their prior sds: which one holds is weighed by
 /// the evidence. With every effect at 0.02 of its prior sd, averages over sparse subsets alone covered E2 and nu12 in 72 to 80 % of cases
@@ -282,7 +283,7 @@ fn fit_of(
 
 /// The constants' mixtures of weighted parts.
 pub fn mixtures(sensitivities: &Sensitivities, parts: &[AveragedPart]) -> Keyed<Interval> {
-    let total = log_sum(parts.iter().map(|p| p.log_weight));
+    let total = log_sum_exp(parts.iter().map(|p| p.log_weight));
     let columns = sensitivities.base.iter().take(sensitivities.constants);
     let mixed = |(k, c): (usize, &Column)| {
         let modulus = c.name.ends_with("_GPa");
@@ -320,7 +321,7 @@ fn mixture(parts: &[AveragedPart], total: f64, k: usize, modulus: bool) -> Inter
     let log_weight = |p: &AveragedPart| p.log_weight + if cut { share(p).ln() } else { 0.0 };
     // most of the probability may lie where a modulus cannot be
     let total = if cut {
-        log_sum(kept.iter().map(|p| log_weight(p)))
+        log_sum_exp(kept.iter().map(|p| log_weight(p)))
     } else {
         total
     };

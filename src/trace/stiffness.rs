@@ -9,7 +9,6 @@ use nalgebra::DVector;
 use super::averaged::{AveragedPart, LEAST_MULTIPLE, MULTIPLES, mixtures, part, rival_of};
 use super::evidence::Evidence;
 use super::noise_choices::NoisePair;
-use super::subsets::log_sum;
 use super::tracing::{StiffnessAt, StiffnessField};
 use super::weighing::Weighing;
 use crate::error::Result;
@@ -19,6 +18,7 @@ use crate::fem::Bump;
 use crate::field::bounds;
 use crate::linearise::{Forward, Sensitivities};
 use crate::noise::series::DISCREPANCY;
+use crate::numeric::log_sum_exp;
 
 /// Bumps along the window's shorter side, and their sd over the distance between them.
 const ALONG: f64 = 6.0;
@@ -63,8 +63,8 @@ pub fn stiffness_field(
         }
     }
     let [with, without] = [
-        log_sum(soft.iter().map(|s| s.0.log_weight)),
-        log_sum(other.iter().map(|p| p.log_weight)),
+        log_sum_exp(soft.iter().map(|s| s.0.log_weight)),
+        log_sum_exp(other.iter().map(|p| p.log_weight)),
     ];
     let probability = 1.0 / (1.0 + (without - with).exp());
     let likeliest = soft

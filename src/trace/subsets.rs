@@ -13,6 +13,7 @@ use super::layout::{CandidateLayout, restrict};
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::linearise::Candidate;
+use crate::numeric::log_sum_exp;
 
 /// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size. In the prototype study they named 51 of 51
 /// single effects, 12 of 12 pairs and 12 of 16 triples exactly. All subsets up to four are enumerated (5,036 of 19 effects): greedy growth
@@ -100,9 +101,9 @@ impl SubsetPosterior {
         let log_weight: Vec<f64> = chosen
             .iter()
             .zip(&by_pair)
-            .map(|(s, e)| log_sum(e.iter().copied()) + self.log_prior[s.len()])
+            .map(|(s, e)| log_sum_exp(e.iter().copied()) + self.log_prior[s.len()])
             .collect();
-        let total = log_sum(log_weight.iter().copied());
+        let total = log_sum_exp(log_weight.iter().copied());
         let mut pair_weight = vec![f64::NEG_INFINITY; weighing.pairs.len()];
         for (s, evidence) in chosen.iter().zip(&by_pair) {
             for (w, e) in pair_weight.iter_mut().zip(evidence) {
@@ -155,7 +156,7 @@ impl SubsetPosterior {
             b.0.total_cmp(&a.0)
                 .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
         });
-        let total = log_sum(all.iter().map(|a| a.0));
+        let total = log_sum_exp(all.iter().map(|a| a.0));
         let mut held = 0.0;
         let kept = all.into_iter().take(count).take_while(|a| {
             let wanted = held < MOST_OF_IT;
@@ -168,7 +169,7 @@ impl SubsetPosterior {
 
     /// Log evidence of any subset, averaged over the noise.
     pub fn log_evidence(&self, subset: &Subset) -> f64 {
-        log_sum(self.evidence_by_pair(subset).into_iter())
+        log_sum_exp(self.evidence_by_pair(subset).into_iter())
     }
 
     /// Log prior probability of a subset of so many effects.
@@ -212,7 +213,7 @@ impl SubsetPosterior {
                 .ranked
                 .iter()
                 .filter(move |w| w.subset.contains(&candidate) == inside);
-            let known = log_sum(weights.map(|w| w.log_weight));
+            let known = log_sum_exp(weights.map(|w| w.log_weight));
             if other.contains(&candidate) == inside {
                 log_add(known, extra)
             } else {
@@ -327,14 +328,5 @@ fn log_priors(n: usize) -> Vec<f64> {
 }
 
 fn log_add(a: f64, b: f64) -> f64 {
-    log_sum([a, b].into_iter())
-}
-
-/// log sum exp.
-pub fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let most = values.clone().fold(f64::NEG_INFINITY, f64::max);
-    if most == f64::NEG_INFINITY {
-        return most;
-    }
-    most + values.map(|v| (v - most).exp()).sum::<f64>().ln()
+    log_sum_exp([a, b].into_iter())
 }

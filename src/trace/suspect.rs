@@ -10,13 +10,14 @@ use serde::{Deserialize, Serialize};
 
 use super::averaged::{Interval, mixtures, part};
 use super::noise_choices::NoisePair;
-use super::subsets::{SubsetPosterior, log_sum};
+use super::subsets::SubsetPosterior;
 use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::noise::reml::orthonormal;
+use crate::numeric::log_sum_exp;
 
 /// Whether an account of the residual is not unique, and what the constants are under others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -236,7 +237,7 @@ fn near_edge_probability(
             with.extend(RIVAL.map(|size| log(&both, size) - (RIVAL.len() as f64).ln()));
         }
     }
-    let [without, with] = [without, with].map(|logs| log_sum(logs.into_iter()));
+    let [without, with] = [without, with].map(|logs| log_sum_exp(logs.into_iter()));
     1.0 / (1.0 + (without - with).exp())
 }
 

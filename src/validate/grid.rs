@@ -6,6 +6,7 @@ use super::quadrature::{Marginalised, Moments, Node};
 use crate::chain::Draws;
 use crate::error::{Error, Result};
 use crate::infer::Posterior;
+use crate::numeric::shares;
 use crate::sample::Laplace;
 
 /// Nodes along a side by default, as in the article.
@@ -127,7 +128,7 @@ impl Grid {
             .flat_map(|node| (0..d).map(move |k| (node, k)))
             .map(|(node, k)| axis(k, index(node, k)))
             .collect();
-        let nodes = Marginalised::new(posterior, mode).evaluate(&thetas);
+        let nodes = Marginalised::new(posterior, mode).evaluate(&thetas)?;
         let cell: f64 = (0..d).map(|k| (axis(k, 1) - axis(k, 0)).ln()).sum();
         // the trapezoid rule: nodes on a border count by half
         let log_weight = |node: usize| {
@@ -233,15 +234,11 @@ impl Grid {
     pub fn draws(&self, chains: usize, draws: usize) -> Result<Draws> {
         let d = self.bounds.len();
         let total = chains * draws;
-        let largest = self
-            .nodes
-            .iter()
-            .fold(f64::NEG_INFINITY, |a, n| a.max(n.log));
-        let sum: f64 = self.nodes.iter().map(|n| (n.log - largest).exp()).sum();
+        let logs: Vec<f64> = self.nodes.iter().map(|n| n.log).collect();
         let mut chosen = Vec::with_capacity(total);
         let mut reached = 0.0;
-        for (i, node) in self.nodes.iter().enumerate() {
-            reached += (node.log - largest).exp() / sum * total as f64;
+        for (i, share) in shares(&logs).into_iter().enumerate() {
+            reached += share * total as f64;
             while (chosen.len() as f64) + 0.5 < reached && chosen.len() < total {
                 chosen.push(i);
             }

@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::error::Result;
 use crate::infer::Posterior;
-use crate::numeric::hermite;
+use crate::numeric::{hermite, relative_weights};
 use crate::sample::{Laplace, LogDensity};
 
 /// What is known of a point of the structural parameters once the noise is integrated out.
@@ -53,15 +54,17 @@ impl<'a> Marginalised<'a> {
     }
 
     /// The integral at every point of `thetas` (points x structural parameters), in parallel.
-    pub fn evaluate(&self, thetas: &[f64]) -> Vec<Node> {
+    ///
+    /// # Errors
+    /// Fatal ones of the density.
+    pub fn evaluate(&self, thetas: &[f64]) -> Result<Vec<Node>> {
         let d = self.posterior.structural();
-        thetas
-            .par_chunks(CHUNK * d)
-            .flat_map_iter(|chunk| self.chunk(chunk))
-            .collect()
+        let chunks = thetas.par_chunks(CHUNK * d);
+        let nodes: Vec<Vec<Node>> = chunks.map(|c| self.chunk(c)).collect::<Result<_>>()?;
+        Ok(nodes.concat())
     }
 
-    fn chunk(&self, thetas: &[f64]) -> Vec<Node> {
+    fn chunk(&self, thetas: &[f64]) -> Result<Vec<Node>> {
         let (d, dim, k) = (
             self.posterior.structural(),
             self.posterior.dim(),
@@ -82,8 +85,8 @@ impl<'a> Marginalised<'a> {
             }
         }
         let mut values = vec![0.0; count * k];
-        self.posterior.log_density_batch(&points, &mut values);
-        values.chunks_exact(k).map(|v| self.sum(v)).collect()
+        self.posterior.values(&points, &mut values)?;
+        Ok(values.chunks_exact(k).map(|v| self.sum(v)).collect())
     }
 
     fn sum(&self, values: &[f64]) -> Node {
@@ -138,7 +141,7 @@ impl Moments {
             .map(|(i, n)| n.log + log_weight(i))
             .collect();
         let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = logs.iter().map(|l| (l - largest).exp()).collect();
+        let weights = relative_weights(&logs);
         let total: f64 = weights.iter().sum();
         let mut mean = DVector::zeros(d);
         let mut noise = [0.0; 2];
@@ -195,7 +198,7 @@ pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<Moments> {
     }
     let volume = lower.diagonal().iter().map(|l| l.ln()).sum::<f64>()
         + 0.5 * d as f64 * std::f64::consts::TAU.ln();
-    let nodes = Marginalised::new(posterior, mode).evaluate(&thetas);
+    let nodes = Marginalised::new(posterior, mode).evaluate(&thetas).ok()?;
     Some(Moments::of(posterior, &thetas, &nodes, |i| {
         logs[i] + volume
     }))

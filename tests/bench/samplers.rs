@@ -42,7 +42,10 @@ fn main() {
     let plain = Plain::new(&table);
     let start = starts(&posterior, 64);
     for x in &start {
-        let (a, b) = (posterior.log_density(x), other::Model::log_prob(&plain, x));
+        let (a, b) = (
+            posterior.value(x).unwrap(),
+            other::Model::log_prob(&plain, x),
+        );
         assert!((a - b).abs() < 1e-9 * a.abs().max(1.0), "{a} {b}");
     }
     let plain = Either {
@@ -187,7 +190,7 @@ fn costs(posterior: &Posterior, plain: &Plain, points: &[[f64; 4]]) -> bool {
         });
         times.fold(f64::INFINITY, f64::min)
     };
-    let batched = time(&mut || posterior.log_density_batch(black_box(&columns), &mut out));
+    let batched = time(&mut || posterior.values(black_box(&columns), &mut out).unwrap());
     let alone = time(&mut || {
         for x in points {
             black_box(other::Model::log_prob(plain, black_box(x)));
@@ -195,7 +198,7 @@ fn costs(posterior: &Posterior, plain: &Plain, points: &[[f64; 4]]) -> bool {
     });
     let ours = time(&mut || {
         for x in points {
-            black_box(posterior.log_density(black_box(x)));
+            black_box(posterior.value(black_box(x)).unwrap());
         }
     });
     println!(
@@ -347,7 +350,7 @@ impl other::Model for Any<'_> {
     type Params = [f64; 4];
 
     fn log_prob(&self, x: &[f64; 4]) -> f64 {
-        self.0.log_density(x)
+        self.0.value(x).unwrap()
     }
 }
 
@@ -417,7 +420,7 @@ impl other::Model for Either<'_> {
 
     fn log_prob(&self, x: &[f64; 4]) -> f64 {
         match self.ours {
-            Some(posterior) => posterior.log_density(x),
+            Some(posterior) => posterior.value(x).unwrap(),
             None => self.plain.log_prob(x),
         }
     }

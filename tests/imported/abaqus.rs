@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use plychain::geometry::imported::{ImportedMesh, Kind, abaqus};
+use plychain::mesh_files::{ImportedMesh, Kind, abaqus};
 
 use super::model::{KINDS, rectangle};
 use super::writers::{abaqus_type, elements, inp, nodes};

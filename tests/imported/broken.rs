@@ -1,7 +1,7 @@
 //! Broken meshes of Gmsh: each is refused at a place, with what to do.
 
 use plychain::error::Blame;
-use plychain::geometry::imported::Kind;
+use plychain::mesh_files::Kind;
 
 use super::gmsh::{PLATE, squares};
 use super::model::{Model, rectangle};

@@ -6,8 +6,8 @@ use plychain::error::Result;
 use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Locator, Plate, Setup};
 use plychain::geometry::Density;
-use plychain::geometry::imported::{ImportedPlate, Kind, Part};
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
+use plychain::mesh_files::{ImportedPlate, Kind, Part};
 use serde_json::json;
 
 use super::model::Model;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plychain::geometry::imported::{ImportedMesh, Kind, gmsh};
+use plychain::mesh_files::{ImportedMesh, Kind, gmsh};
 
 use super::model::rectangle;
 use super::writers::{msh22, msh41};
@@ -111,7 +111,7 @@ fn files_are_told_apart_by_their_first_line() {
     for (name, bytes) in files {
         std::fs::write(dir.join(name), bytes).unwrap();
         assert_eq!(
-            plychain::geometry::imported::read(&dir.join(name))
+            plychain::mesh_files::read(&dir.join(name))
                 .unwrap()
                 .elements
                 .len(),
@@ -119,7 +119,7 @@ fn files_are_told_apart_by_their_first_line() {
         );
     }
     std::fs::write(dir.join("d.vtk"), "# vtk DataFile\n").unwrap();
-    let error = plychain::geometry::imported::read(&dir.join("d.vtk")).unwrap_err();
+    let error = plychain::mesh_files::read(&dir.join("d.vtk")).unwrap_err();
     assert!(error.to_string().contains("Gmsh (.msh) or Abaqus (.inp)"));
     std::fs::remove_dir_all(&dir).unwrap();
 }

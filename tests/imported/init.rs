@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use plychain::geometry::imported::Kind;
+use plychain::mesh_files::Kind;
 use serde_json::{Value, json};
 
 use super::model::{Model, grid, rectangle, ring};

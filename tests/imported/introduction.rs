@@ -5,8 +5,8 @@ use std::path::Path;
 use plychain::effect;
 use plychain::fem::EndLoad;
 use plychain::geometry::Mesh;
-use plychain::geometry::imported::{Kind, MeshSpec};
 use plychain::infer::Model as ModelFile;
+use plychain::mesh_files::{Kind, MeshSpec};
 use plychain::trace::Status;
 use serde_json::{Value, json};
 
@@ -187,7 +187,7 @@ fn only_a_measured_edge_has_an_unknown_introduction() {
         &msh41(&sheet(Kind::Q8, [8, 4], SIZE), false),
         both(),
     );
-    let plate = plychain::geometry::imported::ImportedPlate::new(part.unwrap(), &swap);
+    let plate = plychain::mesh_files::ImportedPlate::new(part.unwrap(), &swap);
     assert_eq!(plychain::geometry::Geometry::introductions(&plate), 2);
 }
 

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use plychain::geometry::imported::{Kind, raise};
+use plychain::mesh_files::{Kind, raise};
 
 use super::abaqus::strip;
 use super::model::{KINDS, rectangle};

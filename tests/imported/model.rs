@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use plychain::geometry::imported::Kind;
+use plychain::mesh_files::Kind;
 
 pub const KINDS: [Kind; 4] = [Kind::T3, Kind::T6, Kind::Q4, Kind::Q8];
 

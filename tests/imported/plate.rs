@@ -5,10 +5,10 @@ use std::sync::Arc;
 use plychain::error::Result;
 use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Locator, Plate, Setup};
-use plychain::geometry::imported::{ImportedPlate, Kind, MeshSpec, Part};
 use plychain::geometry::{Density, Mesh};
 use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
+use plychain::mesh_files::{ImportedPlate, Kind, MeshSpec, Part};
 use serde_json::json;
 
 use super::exact::{rectangle, sheet};

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use plychain::geometry::imported::{Kind, raise};
+use plychain::mesh_files::{Kind, raise};
 
 use super::model::{rectangle, ring};
 use super::round_trips::parse;
 use super::writers::msh41;
 
-fn read(model: &super::model::Model) -> plychain::geometry::imported::ImportedMesh {
+fn read(model: &super::model::Model) -> plychain::mesh_files::ImportedMesh {
     parse("plate.msh", &msh41(model, false)).unwrap()
 }
 
@@ -18,7 +18,7 @@ fn a_raised_rectangle_is_the_quadratic_rectangle() {
         let raised = raise(read(&rectangle(linear, [5, 3])));
         let other = read(&rectangle(quadratic, [5, 3]));
         assert!(raised.elements.iter().all(|e| e.kind == quadratic));
-        let places = |mesh: &plychain::geometry::imported::ImportedMesh| -> BTreeSet<[i64; 2]> {
+        let places = |mesh: &plychain::mesh_files::ImportedMesh| -> BTreeSet<[i64; 2]> {
             mesh.nodes
                 .iter()
                 .map(|p| p.map(|x| (x * 1e6).round() as i64))

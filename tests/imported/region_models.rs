@@ -5,9 +5,9 @@ use std::sync::Arc;
 use plychain::effect;
 use plychain::fem::{Locator, Plate, Setup, TOLERANCE, View};
 use plychain::geometry::Density;
-use plychain::geometry::imported::{ImportedPlate, Kind, MeshSpec};
 use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Material, Ply};
+use plychain::mesh_files::{ImportedPlate, Kind, MeshSpec};
 use plychain::trace::Status;
 use serde_json::{Value, json};
 

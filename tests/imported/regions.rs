@@ -8,8 +8,8 @@ use plychain::error::Result;
 use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Bump, Locator, Plate, Setup, Yield};
 use plychain::geometry::Density;
-use plychain::geometry::imported::{ImportedPlate, Kind};
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec, abd};
+use plychain::mesh_files::{ImportedPlate, Kind};
 use serde_json::{Value, json};
 
 use super::exact::strains;

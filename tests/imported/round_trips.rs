@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use plychain::error::Result;
-use plychain::geometry::imported::{BoundaryEdge, ImportedMesh, Kind, abaqus, gmsh};
+use plychain::mesh_files::{BoundaryEdge, ImportedMesh, Kind, abaqus, gmsh};
 
 use super::model::{INNER, KINDS, Model, OUTER, rectangle, ring};
 use super::writers::WRITERS;
@@ -85,7 +85,7 @@ fn all_formats_give_the_same_mesh() {
         let (_, first) = &meshes[0];
         for (name, mesh) in &meshes {
             let corners = |mesh: &ImportedMesh| -> BTreeSet<Vec<[u64; 2]>> {
-                let nodes = |e: &plychain::geometry::imported::Element| {
+                let nodes = |e: &plychain::mesh_files::Element| {
                     let at = |n: &u32| mesh.nodes[*n as usize].map(f64::to_bits);
                     e.nodes().iter().map(at).collect()
                 };

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use plychain::geometry::imported::Kind;
+use plychain::mesh_files::Kind;
 
 use super::model::Model;
 

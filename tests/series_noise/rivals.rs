@@ -11,7 +11,7 @@ fn what_follows_a_law_does_not_enter_the_noise_and_its_rival_wins() {
             ..Truth::plain()
         };
         let bare = weighed(&window, &LOADS, &simulated(&window, &truth, 200 + seed));
-        for law in [Law::Constant, Law::WithLoad] {
+        for law in [Growth::Constant, Growth::WithLoad] {
             truth.discrepancy = Some((5.0, 4.0, law));
             let all = weighed(&window, &LOADS, &simulated(&window, &truth, 200 + seed));
             for (a, b) in all.noise.spatial.iter().zip(&bare.noise.spatial) {
@@ -107,10 +107,10 @@ fn one_or_two_frames_are_weighed_as_single_fields_are() {
     assert!(
         one.settings
             .iter()
-            .all(|s| s.at.rival.is_none_or(|r| r.law == Law::Constant))
+            .all(|s| s.at.rival.is_none_or(|r| r.law == Growth::Constant))
     );
     assert!(probability(&one, |at| at.rival.is_some()) < 0.5);
-    let bent = with(&[1.0], Some((6.0, 8.0, Law::Constant)), 1);
+    let bent = with(&[1.0], Some((6.0, 8.0, Growth::Constant)), 1);
     assert!(probability(&bent, |at| at.rival.is_some()) > 0.95);
 
     let two = with(&[1.0, 0.0], None, 2);
@@ -123,7 +123,7 @@ fn one_or_two_frames_are_weighed_as_single_fields_are() {
     assert!(
         same.settings
             .iter()
-            .all(|s| s.at.rival.is_none_or(|r| r.law == Law::Constant))
+            .all(|s| s.at.rival.is_none_or(|r| r.law == Growth::Constant))
     );
     let size = same.noise.spatial[0].scale2 / SD[0].powi(2);
     assert!((size - 1.0).abs() < 0.25, "{size}");

@@ -21,7 +21,7 @@ fn what_lies_above_zero_is_a_half_normal_distribution() {
 #[test]
 fn a_modulus_is_positive_and_one_that_is_known_does_not_change() {
     let wide = [part(0.0, -2.0, 3.0), part(-1.0, 1.0, 3.0)];
-    let total = super::log_sum([0.0, -1.0].into_iter());
+    let total = super::log_sum_exp([0.0, -1.0].into_iter());
     let found = mixture(&wide, total, 0, true);
     assert!(0.0 < found.low && found.low < found.median && found.median < found.high);
     assert!(0.0 < found.mean && found.mean < found.high);

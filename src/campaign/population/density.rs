@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::specimen::Specimen;
-use crate::sample::LogDensity;
+use crate::sample::{DensityError, LogDensity};
 
 /// Exponent of the correlations' prior, det(R)^(eta - 1) (Lewandowski, Kurowicka & Joe 2009).
 const ETA: f64 = 4.0;
@@ -168,11 +168,11 @@ impl LogDensity for Population<'_> {
         &self.names
     }
 
-    fn log_density(&self, x: &[f64]) -> f64 {
+    fn log_density(&self, x: &[f64]) -> std::result::Result<f64, DensityError> {
         let (place, log_prior) = self.place(x);
         let mut constants = place.sds.iter().zip(place.mean.iter());
         if constants.any(|(sd, mean)| *sd > mean.abs()) {
-            return f64::NEG_INFINITY;
+            return Err(DensityError::Outside);
         }
         let one = |s: &Specimen| Some(place.of_kernels(s, &place.around(s)?).1);
         let likelihood: Option<f64> = self.specimens.iter().map(one).sum();
@@ -180,6 +180,6 @@ impl LogDensity for Population<'_> {
         likelihood
             .map(|l| l + log_prior)
             .filter(|l| l.is_finite())
-            .unwrap_or(f64::NEG_INFINITY)
+            .ok_or(DensityError::Outside)
     }
 }

@@ -7,10 +7,10 @@ use serde::Deserialize;
 
 use crate::chain::{Draws, Reader};
 use crate::dense::eigen;
-use crate::diagnose::relative_weights;
 use crate::error::{Error, Result};
 use crate::files::{Keyed, parse_json};
 use crate::infer::PriorSpec;
+use crate::numeric::relative_weights;
 use crate::report::json::read;
 
 /// Draws of a chain that are read.

@@ -4,6 +4,7 @@
 //! the sum is exact over *all* assignments: modes may cross, nothing is assumed on the order. (The permanent of a banded matrix by transfer
 //! matrices; the setting is joint probabilistic data association, Fortmann, Bar-Shalom, Scheffe, IEEE J. Ocean. Eng. 8 (1983) 173.)
 
+use crate::numeric::log_sum_exp;
 use nalgebra::DMatrix;
 
 /// Set of peaks, one bit each.
@@ -71,7 +72,7 @@ pub fn sum(modes: &[Choices], peaks: usize) -> Sum {
         layers.push(merged(after));
     }
     let ends = layers.last().map_or(&[][..], Vec::as_slice);
-    let log_total = log_sum(ends.iter().map(|s| s.sum));
+    let log_total = log_sum_exp(ends.iter().map(|s| s.sum));
     let matched = posterior(modes, peaks, &layers, &reach, log_total);
     let (log_best, best) = likeliest(&layers);
     Sum {
@@ -152,7 +153,7 @@ fn merged(mut states: Vec<State>) -> Vec<State> {
             },
         );
         unique.push(State {
-            sum: log_sum(group.iter().map(|s| s.sum)),
+            sum: log_sum_exp(group.iter().map(|s| s.sum)),
             ..best
         });
     }
@@ -189,7 +190,7 @@ fn posterior(
                     matched[(j, i)] += (state.sum + term - log_total).exp();
                 }
             }
-            here.push(log_sum(terms.into_iter()));
+            here.push(log_sum_exp(terms.into_iter()));
         }
         behind = here;
     }
@@ -213,13 +214,4 @@ fn likeliest(layers: &[Vec<State>]) -> (f64, Vec<Option<usize>>) {
         at = before;
     }
     (log_best, best)
-}
-
-/// log of the sum of exponentials.
-fn log_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
-    let largest = terms.clone().fold(f64::NEG_INFINITY, f64::max);
-    if largest == f64::NEG_INFINITY {
-        return largest;
-    }
-    largest + terms.map(|t| (t - largest).exp()).sum::<f64>().ln()
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::estimate::{Estimate, LOGISTIC_SCALE, Problem, quasi_normal};
 use crate::error::{Error, Result};
+use crate::numeric::shares;
 
 /// Means over the posterior.
 #[derive(Debug, Clone)]
@@ -129,16 +130,14 @@ fn averaged(
     drawn: &[(f64, DMatrix<f64>)],
 ) -> Result<Weighed> {
     let n = first.place.len();
-    let largest = drawn.iter().map(|d| d.0).fold(f64::NEG_INFINITY, f64::max);
-    if !largest.is_finite() {
+    let logs: Vec<f64> = drawn.iter().map(|d| d.0).collect();
+    let weights = shares(&logs);
+    if !weights.iter().all(|w| w.is_finite()) {
         return Err(Error::program(
             "natural frequencies",
             "draws that some plate has",
         ));
     }
-    let raw: Vec<f64> = drawn.iter().map(|d| (d.0 - largest).exp()).collect();
-    let sum: f64 = raw.iter().sum();
-    let weights: Vec<f64> = raw.iter().map(|w| w / sum).collect();
     let units = |z: &DVector<f64>| {
         let each = problem.unknowns.iter().zip(z.iter());
         DVector::from_iterator(n, each.map(|(u, z)| u.mean + z * u.sd))

@@ -7,11 +7,11 @@
 use nalgebra::{DMatrix, Matrix3};
 use rayon::prelude::*;
 
-use super::clear::{Clear, Frames};
-use super::images::Stack;
-use super::noise::{Noise, Seen};
-use super::parameters::Parameters;
-use super::residuals::{Camera, Evaluated, Intensities, Normal, Scales, shared};
+use super::clear::{Clear, StateFrames};
+use super::images::ImageStack;
+use super::noise::{IntensityNoise, VarianceAt};
+use super::parameters::ShiftParameters;
+use super::residuals::{Camera, Evaluated, Intensities, ResidualScales, ShiftEquations, shared};
 use super::response::Response;
 use super::shifts::{Fringe, Shifts};
 use super::spec::{FringeImages, Steps};
@@ -36,7 +36,7 @@ pub struct Calibration {
     /// Brightness of the final state's background and modulation relative to the initial one's.
     pub ratio: [f64; 2],
     /// Of an intensity.
-    pub noise: Noise,
+    pub noise: IntensityNoise,
     /// Sds by which the two states' backgrounds and modulations differ beyond noise, same unit.
     pub unshared: [f64; 2],
     /// rms error of the phase difference that the uncertainty of all this leaves, rad.
@@ -45,7 +45,7 @@ pub struct Calibration {
 
 /// Which steps were taken, and why.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chosen {
+pub struct ChosenSteps {
     /// Nominal or estimated.
     pub steps: Steps,
     /// Log likelihood of the estimated frames over that of the nominal ones, less the BIC's price of their parameters; `None` where
@@ -62,11 +62,11 @@ impl Calibration {
 
 /// Find what the frames of a component were; `None` without fringes.
 pub fn calibrate(
-    states: [&Frames; 2],
+    states: [&StateFrames; 2],
     spec: &FringeImages,
-    stack: &Stack,
-) -> Option<(Calibration, Chosen)> {
-    let nominal = Parameters::nominal(spec.frames, spec.step_deg.to_radians());
+    stack: &ImageStack,
+) -> Option<(Calibration, ChosenSteps)> {
+    let nominal = ShiftParameters::nominal(spec.frames, spec.step_deg.to_radians());
     let places = fitted_pixels(states, &nominal.shifts[0], stack)?;
     let gathered = |i: &usize| states.map(|frames| frames.iter().map(|f| f[*i]).collect());
     let pixels: Vec<Intensities> = places.iter().map(gathered).collect();
@@ -82,7 +82,7 @@ pub fn calibrate(
             (if gain > 0.0 { free } else { plain }, Some(gain))
         }
     };
-    let chosen = Chosen {
+    let chosen = ChosenSteps {
         steps: if fitted.only_ratios {
             Steps::Nominal
         } else {
@@ -97,16 +97,16 @@ pub fn calibrate(
 
 /// Parameters at the least sum of squares.
 struct Fitted {
-    parameters: Parameters,
+    parameters: ShiftParameters,
     covariance: DMatrix<f64>,
-    sums: Normal,
-    scales: Scales,
+    sums: ShiftEquations,
+    scales: ResidualScales,
     only_ratios: bool,
 }
 
 impl Fitted {
     fn new(
-        start: &Parameters,
+        start: &ShiftParameters,
         pixels: &[Intensities],
         camera: &Camera,
         noise: f64,
@@ -117,12 +117,12 @@ impl Fitted {
         let mut parameters = start.clone();
         // the first pass brings steps within reach: everything counts alike
         let wide = 10.0 * noise.max(camera.level());
-        let mut scales = Scales {
+        let mut scales = ResidualScales {
             noise: wide,
             unshared: [wide; 2],
         };
         for pass in 0..PASSES {
-            let sums = Normal::of(&parameters, pixels, scales, camera, only_ratios)?;
+            let sums = ShiftEquations::of(&parameters, pixels, scales, camera, only_ratios)?;
             if sums.pixels < FEWEST / 2 {
                 return None;
             }
@@ -143,7 +143,7 @@ impl Fitted {
 
     /// Log likelihood over that of another fit, less the BIC's price of the free parameters.
     fn log_ratio(&self, plain: &Self, pixels: &[Intensities], camera: &Camera) -> Option<f64> {
-        let chi2 = |p: &Parameters| Some(Evaluated::new(p, camera)?.chi2(pixels, self.scales));
+        let chi2 = |p: &ShiftParameters| Some(Evaluated::new(p, camera)?.chi2(pixels, self.scales));
         // the overall phase of a state and its brightness are nobody's
         let free = self.parameters.count() - 6;
         let price = 0.5 * free as f64 * (pixels.len() as f64).ln();
@@ -160,7 +160,7 @@ impl Fitted {
         // parameters less sure than their number says (Liang and Zeger, Biometrika 73 (1986) 13)
         let of_scatter = &self.covariance * &self.sums.scatter * &self.covariance;
         let left_rad = rms(&self.covariance).max(rms(&of_scatter));
-        let Parameters {
+        let ShiftParameters {
             shifts,
             response,
             ln_ratio,
@@ -170,7 +170,7 @@ impl Fitted {
             shifts,
             response,
             ratio: ln_ratio.map(f64::exp),
-            noise: Noise::even(self.scales.noise.powi(2)),
+            noise: IntensityNoise::even(self.scales.noise.powi(2)),
             unshared: self.scales.unshared,
             left_rad,
         }
@@ -179,9 +179,9 @@ impl Fitted {
 
 /// One step of Gauss and Newton, shortened to a prior sd: its largest part in prior sds, and the covariance.
 fn step(
-    parameters: &mut Parameters,
-    start: &Parameters,
-    sums: &Normal,
+    parameters: &mut ShiftParameters,
+    start: &ShiftParameters,
+    sums: &ShiftEquations,
 ) -> Option<(f64, DMatrix<f64>)> {
     /// Precision with which a state's brightness is told by its ratio to the other, and not by its gains.
     const BRIGHTNESS: f64 = 1e12;
@@ -210,9 +210,13 @@ fn step(
 }
 
 /// Places of pixels that show fringes in both states and are clipped in neither, thinned; none at the end of a row.
-fn fitted_pixels(states: [&Frames; 2], nominal: &Shifts, stack: &Stack) -> Option<Vec<usize>> {
+fn fitted_pixels(
+    states: [&StateFrames; 2],
+    nominal: &Shifts,
+    stack: &ImageStack,
+) -> Option<Vec<usize>> {
     let fit = nominal.fit()?;
-    let modulation = |frames: &Frames, i: usize| {
+    let modulation = |frames: &StateFrames, i: usize| {
         let [_, c, s] = fit.fringe(frames.iter().map(|f| f64::from(f[i])));
         c.hypot(s)
     };
@@ -261,11 +265,11 @@ fn first_noise(pixels: &[Intensities], nominal: &Shifts, level: f64) -> Option<f
 /// From what the frames of pixels leave beyond their fringes; of three frames, which leave nothing, from what the difference of the
 /// states' backgrounds and modulations varies by from pixel to pixel. `pixels` are places in the picture, none at the end of a row.
 fn measured_noise(
-    states: [&Frames; 2],
+    states: [&StateFrames; 2],
     pixels: &[usize],
     clear: &Clear,
     calibration: &Calibration,
-) -> Option<Noise> {
+) -> Option<IntensityNoise> {
     let fits = [calibration.shifts[0].fit()?, calibration.shifts[1].fit()?];
     let light = |s: usize, i: usize| {
         let values = states[s].iter().map(move |f| usize::from(f[i]));
@@ -275,7 +279,7 @@ fn measured_noise(
     let covariance = [&fits[0].covariance, &fits[1].covariance];
     let freedom = 2 * states[0].len() - 6;
     let mean = |f: &[Fringe; 2]| 0.5 * (f[0][0] + f[1][0]);
-    let seen = |&i: &usize| -> Option<Seen> {
+    let seen = |&i: &usize| -> Option<VarianceAt> {
         let here = fringes(i);
         if freedom > 0 {
             let of = |s: usize| fits[s].residual(here[s], light(s, i));
@@ -293,5 +297,5 @@ fn measured_noise(
         };
         Some((mean(&here), 0.5 * (of(0) + of(1))))
     };
-    Noise::fit(pixels.iter().filter_map(seen).collect())
+    IntensityNoise::fit(pixels.iter().filter_map(seen).collect())
 }

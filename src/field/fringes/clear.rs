@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 /// Frames of one component in one state: intensities of every pixel, frame after frame.
-pub type Frames = Vec<Vec<u16>>;
+pub type StateFrames = Vec<Vec<u16>>;
 
 /// Values that are not clipped.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +44,7 @@ impl Clear {
     }
 
     /// Whether no frame of either state is clipped at a pixel.
-    pub fn shows(&self, states: [&Frames; 2], pixel: usize) -> bool {
+    pub fn shows(&self, states: [&StateFrames; 2], pixel: usize) -> bool {
         let mut frames = states.iter().flat_map(|frames| frames.iter());
         frames.all(|f| self.holds(f[pixel]))
     }

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::calibrate::{Calibration, Chosen, calibrate};
-use super::clear::Frames;
-use super::images::Stack;
+use super::calibrate::{Calibration, ChosenSteps, calibrate};
+use super::clear::StateFrames;
+use super::images::ImageStack;
 use super::phase::{Analysis, Pixel};
 use super::spec::FringeImages;
 use super::unwrap::unwrap;
@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::quantity::NM_PER_MM;
 
 /// One displacement, pixel by pixel and row by row.
-pub struct Component {
+pub struct DisplacementMap {
     /// Displacement, mm, up to whole orders; NaN where nothing is measured.
     pub displacement_mm: Vec<f64>,
     /// Its sd, mm.
@@ -32,14 +32,18 @@ pub struct Component {
     /// Sizes of connected parts, largest first; whole orders between them are not known.
     pub parts: Vec<usize>,
     pub frames: Calibration,
-    pub chosen: Chosen,
+    pub chosen: ChosenSteps,
 }
 
 /// One component from its frames.
 ///
 /// # Errors
 /// Of the input: pictures without fringes.
-pub fn component(spec: &FringeImages, stack: &Stack, states: [&Frames; 2]) -> Result<Component> {
+pub fn component(
+    spec: &FringeImages,
+    stack: &ImageStack,
+    states: [&StateFrames; 2],
+) -> Result<DisplacementMap> {
     let none = || {
         let what = "fringes that stand out of the noise in both states";
         Error::input("images", what)
@@ -60,7 +64,7 @@ pub fn component(spec: &FringeImages, stack: &Stack, states: [&Frames; 2]) -> Re
         let all = values.iter().enumerate();
         all.map(|v| of(v).unwrap_or(f64::NAN)).collect()
     };
-    Ok(Component {
+    Ok(DisplacementMap {
         displacement_mm: measured(&phase.difference),
         sd_mm: measured(&phase.sd),
         ripple_rad: analysis.ripple(&phase),
@@ -86,7 +90,7 @@ pub struct Counts {
     pub isolated: usize,
 }
 
-impl Component {
+impl DisplacementMap {
     pub fn counts(&self) -> Counts {
         let of = |what: Pixel| self.pixel.iter().filter(|p| **p == what).count();
         Counts {

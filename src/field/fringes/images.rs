@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use image::{ColorType, DynamicImage, ImageReader, Limits};
 use rayon::prelude::*;
 
-use super::clear::{Clear, Frames};
+use super::clear::{Clear, StateFrames};
 use crate::error::{Error, Result};
 
 /// A picture of more pixels is refused, and so is what would need more memory, bytes.
@@ -14,31 +14,31 @@ const MOST_PIXELS: u64 = 64 << 20;
 const MOST_BYTES: u64 = 1 << 30;
 
 /// All images of a set.
-pub struct Stack {
+pub struct ImageStack {
     pub rows: usize,
     pub cols: usize,
     /// By component and state.
-    pub frames: [[Frames; 2]; 2],
+    pub frames: [[StateFrames; 2]; 2],
     /// Largest value that occurs: cameras of 10 or 12 bits leave much of a file's 16 empty.
     pub largest: u16,
     /// Which values are not clipped.
     pub clear: Clear,
 }
 
-struct Picture {
+struct ImageFile {
     size: [usize; 2],
     values: Vec<u16>,
     full_scale: u16,
 }
 
-impl Stack {
+impl ImageStack {
     /// Read the images at `paths`, by component, state and frame.
     ///
     /// # Errors
     /// Of the input, with the file: an image that is missing, mangled, coloured, or unlike the others.
     pub fn read(paths: &[[Vec<PathBuf>; 2]; 2]) -> Result<Self> {
         let all: Vec<&PathBuf> = paths.iter().flatten().flatten().collect();
-        let read: Vec<Result<Picture>> = all.par_iter().map(|path| picture(path)).collect();
+        let read: Vec<Result<ImageFile>> = all.par_iter().map(|path| picture(path)).collect();
         let pictures = read.into_iter().collect::<Result<Vec<_>>>()?;
         let Some(first) = pictures.first() else {
             return Err(Error::program("field::fringes", "images"));
@@ -60,7 +60,8 @@ impl Stack {
         let all_values = pictures.iter().flat_map(|p| p.values.iter());
         let largest = all_values.copied().max().unwrap_or(full_scale).max(1);
         let mut values = pictures.into_iter().map(|p| p.values);
-        let mut of = |list: &Vec<PathBuf>| -> Frames { values.by_ref().take(list.len()).collect() };
+        let mut of =
+            |list: &Vec<PathBuf>| -> StateFrames { values.by_ref().take(list.len()).collect() };
         let [u, v] = paths;
         let frames = [[of(&u[0]), of(&u[1])], [of(&v[0]), of(&v[1])]];
         Ok(Self {
@@ -74,7 +75,7 @@ impl Stack {
 }
 
 /// One image.
-fn picture(path: &Path) -> Result<Picture> {
+fn picture(path: &Path) -> Result<ImageFile> {
     let place = || path.display();
     let bytes = fs::read(path).map_err(|e| {
         Error::input(place(), "a readable image")
@@ -87,7 +88,7 @@ fn picture(path: &Path) -> Result<Picture> {
 }
 
 /// The picture in the bytes of a file (of several, the first), or what is wrong with it.
-fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
+fn decode(bytes: &[u8]) -> std::result::Result<ImageFile, String> {
     let mut reader = ImageReader::new(std::io::Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| e.to_string())?;
@@ -114,7 +115,7 @@ fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
         let values = image.into_luma8().into_raw();
         (values.into_iter().map(u16::from).collect(), 255)
     };
-    Ok(Picture {
+    Ok(ImageFile {
         size,
         values,
         full_scale,
@@ -130,7 +131,7 @@ fn is_grey(image: &DynamicImage) -> bool {
 }
 
 /// How often each value occurs, of some pixels.
-fn counts(pictures: &[Picture], full_scale: u16) -> Vec<usize> {
+fn counts(pictures: &[ImageFile], full_scale: u16) -> Vec<usize> {
     const STRIDE: usize = 3;
     let mut counts = vec![0; usize::from(full_scale) + 1];
     for picture in pictures {

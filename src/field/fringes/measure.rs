@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::component::{Component, component};
-use super::images::Stack;
+use super::component::{DisplacementMap, component};
+use super::images::ImageStack;
 use super::spec::{COMPONENTS, FringeImages};
 use super::warnings;
 use crate::error::{Error, Result};
@@ -19,7 +19,7 @@ pub struct Fringes {
     pub rows: usize,
     pub cols: usize,
     /// U and V.
-    pub components: [Component; 2],
+    pub components: [DisplacementMap; 2],
     /// What a user should know before believing them.
     pub warnings: Vec<String>,
 }
@@ -34,10 +34,10 @@ impl Fringes {
         let base = path.parent().unwrap_or(Path::new("."));
         let paths = spec.paths(base);
         progress.begin("reading images", None);
-        let stack = Stack::read(&paths)?;
+        let stack = ImageStack::read(&paths)?;
         progress.end();
         progress.begin("phases", Some(2));
-        let found: Vec<Result<Component>> = stack
+        let found: Vec<Result<DisplacementMap>> = stack
             .frames
             .par_iter()
             .enumerate()

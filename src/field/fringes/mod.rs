@@ -19,7 +19,7 @@ mod unwrap;
 mod warnings;
 
 pub use calibrate::Calibration;
-pub use component::{Component, Counts};
+pub use component::{Counts, DisplacementMap};
 pub use measure::Fringes;
 pub use phase::Pixel;
 pub use reader::FringeFile;

@@ -2,20 +2,20 @@
 
 /// Variance of an intensity, `even` + `per_light` times its mean, in recorded units.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
+pub struct IntensityNoise {
     pub even: f64,
     pub per_light: f64,
 }
 
 /// A mean brightness, and an estimate of the variance there.
-pub type Seen = (f64, f64);
+pub type VarianceAt = (f64, f64);
 
 /// Estimates so many times the typical one are of dust: a normal deviate of 4 sds.
 const FARTHEST: f64 = 40.0;
 /// Brightnesses that are told apart.
 const BINS: usize = 12;
 
-impl Noise {
+impl IntensityNoise {
     /// The same at every brightness.
     pub fn even(variance: f64) -> Self {
         Self {
@@ -30,7 +30,7 @@ impl Noise {
     }
 
     /// Weighted least squares over bins of brightness, both parts not negative.
-    pub fn fit(mut seen: Vec<Seen>) -> Option<Self> {
+    pub fn fit(mut seen: Vec<VarianceAt>) -> Option<Self> {
         let mut sorted: Vec<f64> = seen.iter().map(|s| s.1).collect();
         sorted.sort_by(f64::total_cmp);
         let most = FARTHEST * sorted.get(sorted.len() / 2)?;

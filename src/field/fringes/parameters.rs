@@ -11,7 +11,7 @@ const RESPONSE_SD: f64 = 0.3;
 const RATIO_SD: f64 = 1.0;
 
 #[derive(Debug, Clone)]
-pub struct Parameters {
+pub struct ShiftParameters {
     /// Of the initial and of the final state.
     pub shifts: [Shifts; 2],
     pub response: Response,
@@ -19,7 +19,7 @@ pub struct Parameters {
     pub ln_ratio: [f64; 2],
 }
 
-impl Parameters {
+impl ShiftParameters {
     /// Frames as they should be.
     pub fn nominal(frames: usize, step_rad: f64) -> Self {
         let nominal = Shifts::nominal(frames, step_rad);

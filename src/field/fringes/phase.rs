@@ -4,9 +4,9 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::calibrate::Calibration;
-use super::clear::{Clear, Frames};
+use super::clear::{Clear, StateFrames};
 use super::residuals::phase_difference;
-use super::shifts::{Fit, Fringe, variances};
+use super::shifts::{Fringe, StateFit, variances};
 
 /// A phase difference of a larger sd is not measured, rad: the article's fringes would then be drowned.
 const MOST_SD_RAD: f64 = 0.35;
@@ -35,7 +35,7 @@ pub enum Pixel {
 
 /// One component's phase difference, row by row.
 #[derive(Debug, Clone)]
-pub struct Phase {
+pub struct PhaseMap {
     pub rows: usize,
     pub cols: usize,
     /// phi_final - phi_initial, rad; wrapped until it is unwrapped.
@@ -48,7 +48,7 @@ pub struct Phase {
 }
 
 /// Density of fringes along a row and along a column, rad a pixel, averaged over the measured pixels nearby.
-pub type Density = [Vec<f32>; 2];
+pub type FringeDensity = [Vec<f32>; 2];
 
 /// What is said of one pixel: phase difference and sd, rad, modulation, and whether it is measured.
 type Said = (f64, f64, f64, Pixel);
@@ -65,10 +65,10 @@ struct Solved {
 
 /// The least squares of a component's frames, pixel by pixel.
 pub struct Analysis<'a> {
-    states: [&'a Frames; 2],
+    states: [&'a StateFrames; 2],
     calibration: &'a Calibration,
     clear: &'a Clear,
-    fits: [Fit; 2],
+    fits: [StateFit; 2],
     /// All frames.
     every: Vec<usize>,
 }
@@ -76,7 +76,7 @@ pub struct Analysis<'a> {
 impl<'a> Analysis<'a> {
     /// `None` for steps that tell nothing.
     pub fn new(
-        states: [&'a Frames; 2],
+        states: [&'a StateFrames; 2],
         calibration: &'a Calibration,
         clear: &'a Clear,
     ) -> Option<Self> {
@@ -93,7 +93,7 @@ impl<'a> Analysis<'a> {
     fn solved(&self, state: usize, i: usize) -> Option<Solved> {
         let frames = self.states[state];
         let light = |k: usize| self.calibration.light[usize::from(frames[k][i])];
-        let by = |fit: &Fit, frames: &[usize]| {
+        let by = |fit: &StateFit, frames: &[usize]| {
             let values = || frames.iter().map(|k| light(*k));
             let fringe = fit.fringe(values());
             Solved {
@@ -164,10 +164,10 @@ impl<'a> Analysis<'a> {
     }
 
     /// All pixels of a picture.
-    pub fn phase(&self, rows: usize, cols: usize) -> Phase {
+    pub fn phase(&self, rows: usize, cols: usize) -> PhaseMap {
         let pixels = (0..rows * cols).into_par_iter();
         let all: Vec<Said> = pixels.map(|i| self.at(i)).collect();
-        let mut phase = Phase {
+        let mut phase = PhaseMap {
             rows,
             cols,
             difference: all.iter().map(|a| a.0).collect(),
@@ -180,7 +180,7 @@ impl<'a> Analysis<'a> {
     }
 
     /// Pixels of `phase` that are measured though a frame is clipped.
-    pub fn partly_clipped(&self, phase: &Phase) -> usize {
+    pub fn partly_clipped(&self, phase: &PhaseMap) -> usize {
         let clipped = |i: &usize| phase.is_measured(*i) && !self.clear.shows(self.states, *i);
         (0..phase.pixel.len())
             .into_par_iter()
@@ -190,7 +190,7 @@ impl<'a> Analysis<'a> {
 
     /// What steps, gains and response leave of ripple: a wrong one modulates a state's modulation k times a fringe by as much as it shifts
     /// its phase. Relative to the other state's, so that the surface's own modulation does not enter; rad, for k = 1, 2, 3, of each state.
-    pub fn ripple(&self, phase: &Phase) -> [[f64; 3]; 2] {
+    pub fn ripple(&self, phase: &PhaseMap) -> [[f64; 3]; 2] {
         const LOOKED_AT: usize = 50_000;
         let stride = (phase.pixel.len() / LOOKED_AT) | 1;
         let ratio = self.calibration.ratio[1];
@@ -218,13 +218,13 @@ impl<'a> Analysis<'a> {
     }
 }
 
-impl Phase {
+impl PhaseMap {
     pub fn is_measured(&self, i: usize) -> bool {
         self.pixel[i] == Pixel::Measured
     }
 
     /// Steps from pixel to pixel along rows and along columns, averaged as complex numbers over a square.
-    pub fn density(&self) -> Density {
+    pub fn density(&self) -> FringeDensity {
         let pixels = (0..self.pixel.len()).into_par_iter();
         // each measured pixel's phase as a complex number of the size of its precision
         let directions: Vec<[f32; 2]> = pixels
@@ -286,7 +286,7 @@ impl Phase {
     }
 
     /// Leave out what cannot be followed.
-    fn leave_out_fine(&mut self, density: &Density) {
+    fn leave_out_fine(&mut self, density: &FringeDensity) {
         let most = (FINEST * std::f64::consts::TAU) as f32;
         for (i, pixel) in self.pixel.iter_mut().enumerate() {
             if *pixel == Pixel::Measured && density.iter().any(|d| d[i].abs() > most) {

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector, Matrix3};
 use rayon::prelude::*;
 
-use super::parameters::Parameters;
-use super::shifts::{Fit, Fringe, variances};
+use super::parameters::ShiftParameters;
+use super::shifts::{Fringe, StateFit, variances};
 
 /// A pixel that deviates by more sds (of its sum of squares) is left out.
 const MOST_DEVIATION: f64 = 5.0;
@@ -39,7 +39,7 @@ impl Camera {
 
 /// Sds that residuals are divided by: of an intensity, and by which backgrounds and modulations differ beyond noise.
 #[derive(Debug, Clone, Copy)]
-pub struct Scales {
+pub struct ResidualScales {
     pub noise: f64,
     pub unshared: [f64; 2],
 }
@@ -68,14 +68,14 @@ pub fn shared(
 
 /// Everything at one set of parameters.
 pub struct Evaluated {
-    fits: [Fit; 2],
+    fits: [StateFit; 2],
     table: Vec<f64>,
     ratio: [f64; 2],
 }
 
 impl Evaluated {
     /// `None` where the frames do not tell phase from background.
-    pub fn new(parameters: &Parameters, camera: &Camera) -> Option<Self> {
+    pub fn new(parameters: &ShiftParameters, camera: &Camera) -> Option<Self> {
         Some(Self {
             fits: [parameters.shifts[0].fit()?, parameters.shifts[1].fit()?],
             table: parameters.response.table(&camera.histogram, camera.largest),
@@ -88,7 +88,12 @@ impl Evaluated {
     }
 
     /// Residuals of a pixel in units of their sds: of all frames, then of the two shared quantities; and its fringes.
-    fn residuals(&self, pixel: &Intensities, scales: Scales, out: &mut [f64]) -> [Fringe; 2] {
+    fn residuals(
+        &self,
+        pixel: &Intensities,
+        scales: ResidualScales,
+        out: &mut [f64],
+    ) -> [Fringe; 2] {
         let frames = pixel[0].len();
         let fringes = [0, 1].map(|s| self.fits[s].fringe(self.light(&pixel[s])));
         for state in 0..2 {
@@ -112,7 +117,7 @@ impl Evaluated {
     }
 
     /// Sum of squares over pixels of which no one counts more than a far one.
-    pub fn chi2(&self, pixels: &[Intensities], scales: Scales) -> f64 {
+    pub fn chi2(&self, pixels: &[Intensities], scales: ResidualScales) -> f64 {
         let rows = pixels.first().map_or(0, |p| 2 * p[0].len() + 2);
         let of = |pixel: &Intensities| {
             let mut out = vec![0.0; rows];
@@ -134,7 +139,7 @@ fn farthest(frames: usize) -> f64 {
 
 /// Normal equations, and what the residuals are.
 #[derive(Clone)]
-pub struct Normal {
+pub struct ShiftEquations {
     pub matrix: DMatrix<f64>,
     pub right: DVector<f64>,
     /// Sum over chunks of neighbouring pixels of the squares of their parts of `right`: as much as `matrix` where residuals are independent.
@@ -149,7 +154,7 @@ pub struct Normal {
     pub expected: [f64; 2],
 }
 
-impl Normal {
+impl ShiftEquations {
     fn new(parameters: usize) -> Self {
         Self {
             matrix: DMatrix::zeros(parameters, parameters),
@@ -165,9 +170,9 @@ impl Normal {
 
     /// At all pixels. With `only_ratios` nothing but the two ratios is free.
     pub fn of(
-        parameters: &Parameters,
+        parameters: &ShiftParameters,
         pixels: &[Intensities],
-        scales: Scales,
+        scales: ResidualScales,
         camera: &Camera,
         only_ratios: bool,
     ) -> Option<Self> {
@@ -190,7 +195,7 @@ impl Normal {
     fn of_chunk(
         count: usize,
         chunk: &[Intensities],
-        scales: Scales,
+        scales: ResidualScales,
         base: &Evaluated,
         moved: &[(usize, Evaluated)],
     ) -> Self {
@@ -232,7 +237,7 @@ impl Normal {
         sum
     }
 
-    fn count(&mut self, of_frames: &[f64], scales: Scales, shared: [(f64, f64); 2]) {
+    fn count(&mut self, of_frames: &[f64], scales: ResidualScales, shared: [(f64, f64); 2]) {
         self.pixels += 1;
         self.squares[0] += of_frames
             .iter()
@@ -257,7 +262,7 @@ impl Normal {
     }
 
     /// Scales that these residuals speak for.
-    pub fn scales(&self, frames: usize) -> Scales {
+    pub fn scales(&self, frames: usize) -> ResidualScales {
         let n = self.pixels as f64;
         let variance = if frames > 3 {
             self.squares[0] / (n * (2 * frames - 6) as f64)
@@ -267,7 +272,7 @@ impl Normal {
             of(0).min(of(1))
         };
         let excess = |k: usize| (self.squares[1 + k] - variance * self.expected[k]) / n;
-        Scales {
+        ResidualScales {
             noise: variance.sqrt(),
             unshared: [0, 1].map(|k| excess(k).max(0.0).sqrt()),
         }

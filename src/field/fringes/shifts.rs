@@ -17,7 +17,7 @@ pub type Fringe = [f64; 3];
 
 /// The least squares of one state.
 #[derive(Debug, Clone)]
-pub struct Fit {
+pub struct StateFit {
     /// Rows of the design: frame by (I_b, I_m cos phi, I_m sin phi).
     design: Vec<[f64; 3]>,
     /// Its pseudo-inverse, column by frame.
@@ -44,7 +44,7 @@ impl Shifts {
     }
 
     /// The least squares of these frames; `None` where they do not tell phase from background.
-    pub fn fit(&self) -> Option<Fit> {
+    pub fn fit(&self) -> Option<StateFit> {
         let design: Vec<[f64; 3]> = self
             .step_rad
             .iter()
@@ -62,7 +62,7 @@ impl Shifts {
             .iter()
             .map(|row| (covariance * Vector3::from(*row)).into())
             .collect();
-        well_posed.then_some(Fit {
+        well_posed.then_some(StateFit {
             design,
             inverse,
             covariance,
@@ -70,7 +70,7 @@ impl Shifts {
     }
 }
 
-impl Fit {
+impl StateFit {
     /// The fringe at a pixel from its intensities.
     pub fn fringe(&self, intensity: impl Iterator<Item = f64>) -> Fringe {
         let mut sum = [0.0; 3];

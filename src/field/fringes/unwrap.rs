@@ -5,72 +5,15 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use super::phase::{Density, Phase, Pixel};
+use super::phase::{FringeDensity, PhaseMap, Pixel};
+use crate::numeric::Forest;
 
 /// Connected parts with fewer pixels, or a smaller share of the picture, are left out: their orders are nobody's.
 const FEWEST: usize = 25;
 const LEAST_SHARE: f64 = 5e-4;
 
-/// A forest of pixels, each with whole orders relative to its parent.
-struct Forest {
-    parent: Vec<u32>,
-    orders: Vec<i32>,
-    size: Vec<u32>,
-}
-
-impl Forest {
-    fn new(count: usize) -> Self {
-        Self {
-            parent: (0..count as u32).collect(),
-            orders: vec![0; count],
-            size: vec![1; count],
-        }
-    }
-
-    /// Root of a pixel, and the pixel's orders relative to it; the way is shortened.
-    fn root(&mut self, pixel: usize) -> (usize, i32) {
-        let mut at = pixel;
-        let mut sum = 0;
-        loop {
-            let parent = self.parent[at] as usize;
-            if parent == at {
-                return (at, sum);
-            }
-            // path halving
-            let above = self.parent[parent];
-            self.orders[at] += if above as usize == parent {
-                0
-            } else {
-                self.orders[parent]
-            };
-            sum += self.orders[at];
-            self.parent[at] = above;
-            at = above as usize;
-        }
-    }
-
-    /// Join two pixels of which the second has `step` more orders than the first.
-    fn join(&mut self, first: usize, second: usize, step: i32) {
-        let (a, of_a) = self.root(first);
-        let (b, of_b) = self.root(second);
-        if a == b {
-            return;
-        }
-        // orders of b's root relative to a's
-        let between = of_a + step - of_b;
-        let (large, small, between) = if self.size[a] >= self.size[b] {
-            (a, b, between)
-        } else {
-            (b, a, -between)
-        };
-        self.parent[small] = large as u32;
-        self.orders[small] = between;
-        self.size[large] += self.size[small];
-    }
-}
-
 /// Unwrap in place. Returns the sizes of the connected parts, largest first: whole orders between them are not known.
-pub fn unwrap(phase: &mut Phase) -> Vec<usize> {
+pub fn unwrap(phase: &mut PhaseMap) -> Vec<usize> {
     let density = phase.density();
     let mut forest = Forest::new(phase.pixel.len());
     for edge in edges(phase, &density) {
@@ -87,18 +30,16 @@ pub fn unwrap(phase: &mut Phase) -> Vec<usize> {
         let raw = phase.difference[second] - phase.difference[first];
         let expected = f64::from(density[edge % 2][first]);
         let step = -((raw - expected) / TAU).round() as i32;
-        forest.join(first, second, step);
+        forest.join(first as u32, second as u32, step);
     }
-    let mut found: Vec<(usize, i32)> = Vec::with_capacity(phase.pixel.len());
-    for i in 0..phase.pixel.len() {
-        found.push(forest.root(i));
-    }
-    settle(phase, &found, &forest.size)
+    let pixels = 0..phase.pixel.len() as u32;
+    let found: Vec<(u32, i32)> = pixels.map(|i| forest.root(i)).collect();
+    settle(phase, &found, &forest)
 }
 
 /// Steps between measured neighbours, the surest first: 2 i for the one along a row, 2 i + 1 along a column. Pictures have less than 2^31
 /// pixels, so that doubt and step fit into one word, which sorts faster.
-fn edges(phase: &Phase, density: &Density) -> Vec<u64> {
+fn edges(phase: &PhaseMap, density: &FringeDensity) -> Vec<u64> {
     use rayon::prelude::*;
     let cols = phase.cols;
     let mut edges: Vec<u64> = (0..2 * phase.pixel.len())
@@ -123,15 +64,15 @@ fn edges(phase: &Phase, density: &Density) -> Vec<u64> {
 }
 
 /// Add the orders; leave out small parts; bring the largest one's mean within half an order of zero, and the others' of that.
-fn settle(phase: &mut Phase, found: &[(usize, i32)], size: &[u32]) -> Vec<usize> {
-    let mut sums: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
+fn settle(phase: &mut PhaseMap, found: &[(u32, i32)], forest: &Forest) -> Vec<usize> {
+    let mut sums: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
     let share = (LEAST_SHARE * phase.pixel.len() as f64) as usize;
     let fewest = FEWEST.max(share);
     for (i, &(root, orders)) in found.iter().enumerate() {
         if !phase.is_measured(i) {
             continue;
         }
-        if (size[root] as usize) < fewest {
+        if forest.size(root) < fewest {
             phase.pixel[i] = Pixel::Isolated;
             continue;
         }

@@ -1,6 +1,6 @@
 //! What a user should know before believing displacements from fringes.
 
-use super::component::Component;
+use super::component::DisplacementMap;
 use super::phase::FINEST;
 use super::spec::{COMPONENTS, FringeImages};
 use crate::quantity::NM_PER_MM;
@@ -14,7 +14,7 @@ const ALONE: f64 = 0.2;
 const STEPS: f64 = 0.5;
 
 /// All of it.
-pub fn of(spec: &FringeImages, components: &[Component; 2]) -> Vec<String> {
+pub fn of(spec: &FringeImages, components: &[DisplacementMap; 2]) -> Vec<String> {
     let both = components.iter().zip(COMPONENTS);
     let mut said: Vec<String> = both
         .flat_map(|(own, name)| of_one(spec, own, name))
@@ -33,7 +33,7 @@ pub fn of(spec: &FringeImages, components: &[Component; 2]) -> Vec<String> {
     said
 }
 
-fn of_one(spec: &FringeImages, own: &Component, name: &str) -> Vec<String> {
+fn of_one(spec: &FringeImages, own: &DisplacementMap, name: &str) -> Vec<String> {
     let counts = own.counts();
     let percent = |n: usize| 100.0 * n as f64 / own.pixel.len() as f64;
     let mut said = Vec::new();

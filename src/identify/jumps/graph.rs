@@ -1,10 +1,15 @@
 //! Neighbours of scattered points, and the unwrapping of a phase over them.
 
+use crate::numeric::Forest;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
+
+/// A region has at least this many points; fewer are outliers, which keep the orders around them. (Of a square of 25 points
+/// the outlier rule takes the four corners.)
+pub const FEWEST: usize = 20;
 
 /// Neighbours of a point: on a grid those beside it and at its corners.
 const NEIGHBOURS: usize = 8;
@@ -85,7 +90,7 @@ impl Graph {
         for (i, j) in pairs() {
             sorted[bin(i, j)].push((i as u32, j as u32));
         }
-        let mut offsets = Offsets::new(phase.len());
+        let mut offsets = Forest::new(phase.len());
         for (i, j) in sorted.into_iter().flatten() {
             let turns = -(phase[j as usize] - phase[i as usize]).round() as i32;
             offsets.join(i, j, turns);
@@ -180,56 +185,5 @@ impl Buckets {
         found
             .get(slots.len() - 1)
             .is_some_and(|(d2, _)| *d2 <= self.side * self.side)
-    }
-}
-
-/// Disjoint sets whose members have whole offsets from each other.
-pub(super) struct Offsets {
-    parent: Vec<u32>,
-    /// Offset from the parent.
-    offset: Vec<i32>,
-    size: Vec<u32>,
-}
-
-impl Offsets {
-    pub(super) fn new(n: usize) -> Self {
-        Self {
-            parent: (0..n as u32).collect(),
-            offset: vec![0; n],
-            size: vec![1; n],
-        }
-    }
-
-    /// The root of `i`'s set and the offset of `i` from it.
-    pub(super) fn root(&mut self, i: u32) -> (u32, i32) {
-        let mut at = i as usize;
-        let mut total = 0;
-        while self.parent[at] as usize != at {
-            let parent = self.parent[at] as usize;
-            // halve the path on the way
-            self.offset[at] += self.offset[parent];
-            self.parent[at] = self.parent[parent];
-            total += self.offset[at];
-            at = self.parent[at] as usize;
-        }
-        (at as u32, total)
-    }
-
-    /// Declare that `j` lies `step` above `i`, unless they are in one set already.
-    pub(super) fn join(&mut self, i: u32, j: u32, step: i32) {
-        let ((a, above_a), (b, above_b)) = (self.root(i), self.root(j));
-        if a == b {
-            return;
-        }
-        // offset of root b from root a
-        let between = above_a + step - above_b;
-        let (parent, child, offset) = if self.size[a as usize] >= self.size[b as usize] {
-            (a, b, between)
-        } else {
-            (b, a, -between)
-        };
-        self.parent[child as usize] = parent;
-        self.offset[child as usize] = offset;
-        self.size[parent as usize] += self.size[child as usize];
     }
 }

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use rayon::prelude::*;
 
-use super::FEWEST;
-use super::graph::{Graph, Offsets};
+use super::graph::{FEWEST, Graph};
+use crate::numeric::Forest;
 use crate::numeric::median;
 
 /// A slope beyond this makes a point steep, orders a spacing: half that of one order over five points.
@@ -111,7 +111,7 @@ fn levels(
         }
     }
     steps.sort_by_key(|step| std::cmp::Reverse(step.0));
-    let mut offsets = Offsets::new(n);
+    let mut offsets = Forest::new(n);
     for (_, a, b, orders) in steps {
         offsets.join(a, b, orders);
     }
@@ -142,7 +142,7 @@ struct RampSides {
 impl RampSides {
     fn new(graph: &Graph, flat: &[bool]) -> Self {
         let n = flat.len();
-        let mut offsets = Offsets::new(n);
+        let mut offsets = Forest::new(n);
         for i in (0..n).filter(|&i| flat[i]) {
             for &j in graph.neighbours(i) {
                 if flat[j as usize] {

@@ -25,7 +25,7 @@ pub(super) const RATIOS: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 pub(super) const NUGGETS: [f64; 6] = [0.02, 0.001, 0.003, 0.01, 0.05, 0.2];
 
 /// The family of one series.
-pub(super) struct Family<'a> {
+pub(super) struct ShapeFamily<'a> {
     pub blocks: &'a Blocks,
     /// K without its nugget, and the nugget of size 1; without a subset no K, and the nugget is all.
     subset: Option<DMatrix<f64>>,
@@ -40,14 +40,14 @@ pub(super) struct Family<'a> {
 
 /// Covariance hyperparameters of one frame's noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct CorrelationShape {
     pub length_mm: f64,
     pub ratio: f64,
     /// Part of the noise that no subset correlates.
     pub nugget: f64,
 }
 
-impl<'a> Family<'a> {
+impl<'a> ShapeFamily<'a> {
     /// Of frames whose noise contrasts know (`any_length`), or of one field, in which long correlation is a discrepancy.
     pub fn new(frames: &Frames<'a>, any_length: bool) -> Self {
         let blocks = frames.blocks;
@@ -82,7 +82,7 @@ impl<'a> Family<'a> {
     }
 
     /// Whether a shape describes a discrepancy of the model rather than noise.
-    pub fn is_discrepancy(&self, shape: Shape) -> bool {
+    pub fn is_discrepancy(&self, shape: CorrelationShape) -> bool {
         shape.ratio > 0.0 && shape.length_mm >= self.discrepancy_mm
     }
 
@@ -96,8 +96,8 @@ impl<'a> Family<'a> {
     }
 
     /// Noise without smooth patterns.
-    pub fn white(&self) -> Shape {
-        Shape {
+    pub fn white(&self) -> CorrelationShape {
+        CorrelationShape {
             length_mm: self.lengths_mm[0],
             ratio: 0.0,
             nugget: self.nuggets()[0],
@@ -108,7 +108,11 @@ impl<'a> Family<'a> {
     ///
     /// # Errors
     /// Of the program, if it is not positive definite.
-    pub fn with(&self, matern: Option<&Matern>, shape: Shape) -> Result<BlockCovariance> {
+    pub fn with(
+        &self,
+        matern: Option<&Matern>,
+        shape: CorrelationShape,
+    ) -> Result<BlockCovariance> {
         let parts: Vec<_> = matern.map(|m| (m, shape.ratio)).into_iter().collect();
         // a point has the nugget of its block many times
         let count = self.blocks.mean_count();
@@ -129,7 +133,7 @@ impl<'a> Family<'a> {
     ///
     /// # Errors
     /// Of the program, if it is not positive definite.
-    pub fn at(&self, shape: Shape) -> Result<BlockCovariance> {
+    pub fn at(&self, shape: CorrelationShape) -> Result<BlockCovariance> {
         if shape.ratio == 0.0 {
             return self.with(None, shape);
         }

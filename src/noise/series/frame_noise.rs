@@ -18,10 +18,10 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::contrasts::{Metric, beyond_laws, covariance_of_frames};
-use super::family::{Family, Shape};
+use super::family::{CorrelationShape, ShapeFamily};
 use super::frames::Frames;
 use super::restricted::Restricted;
-use super::scales::Scales;
+use super::scales::FrameScales;
 use super::shapes::{LATTICES, Scored, Shapes, choose};
 use super::slices::Slices;
 use crate::error::Result;
@@ -106,7 +106,7 @@ impl<'a> Search<'a> {
         let restricted = [of(0)?, of(1)?];
         Ok(Self {
             shapes: Shapes {
-                family: Family::new(frames, by_contrasts),
+                family: ShapeFamily::new(frames, by_contrasts),
                 restricted,
                 step,
             },
@@ -154,9 +154,9 @@ impl<'a> Search<'a> {
     }
 
     /// The frames' scales at given shapes.
-    fn scales(&self, shapes: [Shape; 2], start: &[f64]) -> Result<Vec<f64>> {
+    fn scales(&self, shapes: [CorrelationShape; 2], start: &[f64]) -> Result<Vec<f64>> {
         let (_, whitened) = self.shapes.whitened(shapes)?;
-        Scales {
+        FrameScales {
             contrasts: &self.contrasts,
             restricted: self.shapes.restricted.each_ref(),
             whitened: whitened.each_ref(),
@@ -164,7 +164,12 @@ impl<'a> Search<'a> {
         .best(start)
     }
 
-    fn noise(&self, shapes: [Shape; 2], scales: Vec<f64>, metric: &Metric) -> Result<FrameNoise> {
+    fn noise(
+        &self,
+        shapes: [CorrelationShape; 2],
+        scales: Vec<f64>,
+        metric: &Metric,
+    ) -> Result<FrameNoise> {
         let (covariances, whitened) = self.shapes.whitened(shapes)?;
         let restricted = &self.shapes.restricted;
         let fits = [
@@ -175,7 +180,7 @@ impl<'a> Search<'a> {
         let family = &self.shapes.family;
         let left = shapes.map(|shape| {
             let nugget = shape.nugget;
-            let white = Shape {
+            let white = CorrelationShape {
                 nugget,
                 ..family.white()
             };

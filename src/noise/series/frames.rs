@@ -18,7 +18,7 @@ pub struct Frames<'a> {
 
 /// How something unknown goes over the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Law {
+pub enum Growth {
     /// The same in all frames.
     Constant,
     /// In proportion to the load.
@@ -46,21 +46,21 @@ impl Frames<'_> {
     }
 
     /// The laws that the loads can tell apart: one where all frames have the same load.
-    pub fn laws(&self) -> Vec<Law> {
-        let f = self.direction(Law::WithLoad);
+    pub fn laws(&self) -> Vec<Growth> {
+        let f = self.direction(Growth::WithLoad);
         let varies = (&f - DVector::repeat(f.len(), f.mean())).norm() > EQUAL * f.norm();
         if varies {
-            vec![Law::Constant, Law::WithLoad]
+            vec![Growth::Constant, Growth::WithLoad]
         } else {
-            vec![Law::Constant]
+            vec![Growth::Constant]
         }
     }
 
     /// What follows a law, frame by frame.
-    pub fn direction(&self, law: Law) -> DVector<f64> {
+    pub fn direction(&self, law: Growth) -> DVector<f64> {
         match law {
-            Law::Constant => DVector::repeat(self.len(), 1.0),
-            Law::WithLoad => DVector::from_column_slice(&self.loads),
+            Growth::Constant => DVector::repeat(self.len(), 1.0),
+            Growth::WithLoad => DVector::from_column_slice(&self.loads),
         }
     }
 

@@ -13,7 +13,7 @@ use crate::noise::BlockCovariance;
 /// Columns and data of both components, frame by frame.
 #[derive(Debug)]
 pub struct InFrames {
-    pub(super) parts: [Part; 2],
+    pub(super) parts: [FrameColumns; 2],
     /// Whitening of either component: its noise at s = 1, and s.
     pub(super) noise: [(std::sync::Arc<BlockCovariance>, f64); 2],
     /// d of each frame.
@@ -24,7 +24,7 @@ pub struct InFrames {
 
 /// One component's columns and, last, the data.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(super) struct FrameColumns {
     /// T_s of each frame in the basis A.
     pub slices: Slices,
     /// s^-1 L^-1 A of N = s^2 L L': blocks x k.
@@ -77,7 +77,7 @@ impl InFrames {
                 || slices.basis.clone(),
                 |n| n.covariance.whiten(&slices.basis) / n.scale2.sqrt(),
             );
-            Part {
+            FrameColumns {
                 inner: gram(&white),
                 white,
                 slices,
@@ -118,7 +118,7 @@ impl InFrames {
     /// What all frames know, and what all but each of them do.
     pub fn known(&self) -> (Known, Vec<Known>) {
         let one = |frame: usize| {
-            let of = |part: &Part| {
+            let of = |part: &FrameColumns| {
                 let t = &part.slices.frames[frame];
                 tr_product(t, &product(&part.inner, t))
             };

@@ -29,7 +29,7 @@ mod slices;
 mod subset_kernel;
 
 pub use frame_noise::{FrameNoise, SpatialNoise};
-pub use frames::{Frames, Law};
+pub use frames::{Frames, Growth};
 pub use in_frames::{InFrames, Known};
 pub use proportion::{Linearity, Role};
 pub use rivals::Rival;

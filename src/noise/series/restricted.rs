@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 
 use super::contrasts::Metric;
-use super::slices::{Basis, Slices};
+use super::slices::{SliceBasis, Slices};
 use crate::dense::{gram, product, tr_product};
 use crate::error::{Error, Result};
 use crate::noise::{BlockCovariance, NormalEquations};
@@ -39,7 +39,7 @@ pub(super) struct Restricted {
 }
 
 /// A basis whitened by the noise N of one frame.
-pub(super) struct Whitened {
+pub(super) struct WhitenedFrames {
     /// A' N^-1 A.
     gram: DMatrix<f64>,
     /// log det N.
@@ -47,7 +47,7 @@ pub(super) struct Whitened {
 }
 
 /// The restricted likelihood at one noise.
-pub(super) struct Fit {
+pub(super) struct RestrictedFit {
     /// Restricted log likelihood with s^2 at its maximum.
     pub log_likelihood: f64,
     /// That s^2, mm^2.
@@ -64,7 +64,7 @@ impl Restricted {
     /// Of the input: too few values left beside the columns.
     pub fn new(slices: &Slices, contrasts: &DMatrix<f64>) -> Result<Self> {
         let [n, m] = [slices.basis.nrows(), contrasts.ncols()];
-        let parts = Parts::new(slices, contrasts);
+        let parts = RestrictedParts::new(slices, contrasts);
         let columns = independent(&parts.columns, &parts.total);
         let p = columns.ncols();
         if m * n < p + FEWEST {
@@ -108,8 +108,8 @@ impl Restricted {
     }
 
     /// The basis under one frame's noise.
-    pub fn whitened(&self, noise: &BlockCovariance) -> Whitened {
-        Whitened {
+    pub fn whitened(&self, noise: &BlockCovariance) -> WhitenedFrames {
+        WhitenedFrames {
             gram: gram(&noise.whiten(&self.basis)),
             log_det: noise.log_det(),
         }
@@ -119,7 +119,7 @@ impl Restricted {
     ///
     /// # Errors
     /// Of the program: columns that are not independent after whitening.
-    pub fn fit(&self, whitened: &Whitened, metric: &Metric) -> Result<Fit> {
+    pub fn fit(&self, whitened: &WhitenedFrames, metric: &Metric) -> Result<RestrictedFit> {
         let mut sandwiches = self.sandwiches(whitened, &metric.root).into_iter();
         let first = sandwiches.next().unwrap_or_else(|| DMatrix::zeros(1, 1));
         let m = sandwiches.fold(first, |sum, more| sum + more);
@@ -136,7 +136,7 @@ impl Restricted {
         let scale2 = ((m[(last, last)] - explained.quadratic()) / nu).max(f64::MIN_POSITIVE);
         let [contrasts, blocks] = self.shape.map(|k| k as f64);
         let log_det = contrasts * whitened.log_det + blocks * metric.log_det + explained.log_det();
-        Ok(Fit {
+        Ok(RestrictedFit {
             log_likelihood: -0.5 * (nu * (scale2.ln() + 1.0 + TAU.ln()) + log_det),
             scale2,
             inverse: explained.covariance(),
@@ -145,7 +145,12 @@ impl Restricted {
     }
 
     /// Slope of the restricted likelihood with the noise of each frame.
-    pub fn slope(&self, whitened: &Whitened, metric: &Metric, fit: &Fit) -> DVector<f64> {
+    pub fn slope(
+        &self,
+        whitened: &WhitenedFrames,
+        metric: &Metric,
+        fit: &RestrictedFit,
+    ) -> DVector<f64> {
         let last = fit.amplitudes.len();
         // d M / d Phi_ss = -X' (S e e' S (x) N^-1) X
         let sandwiches = self.sandwiches(whitened, &metric.s);
@@ -161,7 +166,7 @@ impl Restricted {
     }
 
     /// X' (w w' (x) N^-1) X of the columns and the data, for every column w of `weights` (frames x any) that the contrasts span.
-    fn sandwiches(&self, whitened: &Whitened, weights: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+    fn sandwiches(&self, whitened: &WhitenedFrames, weights: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
         let k = self.basis.ncols();
         let all = product(&self.stacked, &self.contrasts.tr_mul(weights));
         let each = all.column_iter().map(|u| {
@@ -173,7 +178,7 @@ impl Restricted {
 }
 
 /// The columns and the data on contrasts, one contrast below the other, in an orthonormal basis of the columns' slices.
-struct Parts {
+struct RestrictedParts {
     spanned: DMatrix<f64>,
     /// (q m) x columns, and their squared lengths over all frames.
     columns: DMatrix<f64>,
@@ -183,7 +188,7 @@ struct Parts {
     beside: DMatrix<f64>,
 }
 
-impl Parts {
+impl RestrictedParts {
     fn new(slices: &Slices, contrasts: &DMatrix<f64>) -> Self {
         let [count, m] = [slices.frames.len(), contrasts.ncols()];
         let q = slices.basis.ncols() - count;
@@ -223,7 +228,7 @@ fn independent(columns: &DMatrix<f64>, total: &DVector<f64>) -> DMatrix<f64> {
     let seen = columns.column_iter().zip(total.iter());
     let seen = seen.filter(|(c, total)| c.norm_squared() > UNSEEN * UNSEEN * *total);
     let seen: Vec<DVector<f64>> = seen.map(|(c, _)| c.normalize()).collect();
-    let mut spanned = Basis::new(columns.nrows());
+    let mut spanned = SliceBasis::new(columns.nrows());
     if !seen.is_empty() {
         spanned.include(DMatrix::from_columns(&seen), DEPENDENT);
     }

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::frames::Law;
+use super::frames::Growth;
 use crate::dense::{eigen, gram, tr_product};
 use crate::error::Result;
 use crate::field::Blocks;
@@ -25,7 +25,7 @@ const NEGLIGIBLE: f64 = 1e-9;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rival {
     /// How it goes over the frames.
-    pub law: Law,
+    pub law: Growth,
     /// Correlation length, mm.
     pub length_mm: f64,
     /// Ratio delta of its variance to s2, in a frame of load 1.
@@ -33,13 +33,13 @@ pub struct Rival {
 }
 
 /// The eigenvectors of rivals of one length, whitened by one noise.
-pub(super) struct Modes {
+pub(super) struct RivalModes {
     /// Decreasing.
     values: DVector<f64>,
     vectors: DMatrix<f64>,
 }
 
-impl Modes {
+impl RivalModes {
     /// Under the noise `covariance` at s = 1.
     ///
     /// # Errors

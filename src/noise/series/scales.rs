@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::contrasts::{Metric, covariance_of_frames};
-use super::restricted::{Fit, Restricted, Whitened};
+use super::restricted::{Restricted, RestrictedFit, WhitenedFrames};
 use crate::error::Result;
 
 /// Values of tau that are weighed, besides none; the last is what the search starts from.
@@ -18,22 +18,22 @@ const STEPS: usize = 50;
 const SMALL: f64 = 1e-7;
 
 /// The scales' search for given noise of blocks of both components.
-pub(super) struct Scales<'a> {
+pub(super) struct FrameScales<'a> {
     pub contrasts: &'a DMatrix<f64>,
     pub restricted: [&'a Restricted; 2],
-    pub whitened: [&'a Whitened; 2],
+    pub whitened: [&'a WhitenedFrames; 2],
 }
 
 /// The scales' logarithms, with what follows from them.
-struct State {
+struct ScaleState {
     logs: DVector<f64>,
     metric: Metric,
-    fits: [Fit; 2],
+    fits: [RestrictedFit; 2],
     /// Log posterior density.
     value: f64,
 }
 
-impl Scales<'_> {
+impl FrameScales<'_> {
     /// Scales (geometric mean 1) of the largest posterior density, from `start`.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl Scales<'_> {
     }
 
     /// The scales of the largest posterior density under a `spread`.
-    fn highest(&self, start: DVector<f64>, spread: f64) -> Result<State> {
+    fn highest(&self, start: DVector<f64>, spread: f64) -> Result<ScaleState> {
         let mut state = self.at(start, spread)?;
         for _ in 0..STEPS {
             let step = self.newton(&state, spread);
@@ -71,7 +71,7 @@ impl Scales<'_> {
         Ok(state)
     }
 
-    fn at(&self, mut logs: DVector<f64>, spread: f64) -> Result<State> {
+    fn at(&self, mut logs: DVector<f64>, spread: f64) -> Result<ScaleState> {
         // the geometric mean belongs to s^2
         logs.add_scalar_mut(-logs.mean());
         let d: Vec<f64> = logs.iter().map(|l| l.exp()).collect();
@@ -79,7 +79,7 @@ impl Scales<'_> {
         let fit = |c: usize| self.restricted[c].fit(self.whitened[c], &metric);
         let fits = [fit(0)?, fit(1)?];
         let prior = 0.5 * logs.norm_squared() / (spread * spread);
-        Ok(State {
+        Ok(ScaleState {
             value: fits.iter().map(|f| f.log_likelihood).sum::<f64>() - prior,
             logs,
             metric,
@@ -88,7 +88,7 @@ impl Scales<'_> {
     }
 
     /// A step of Fisher's scoring in the logarithms. The likelihood does not change with all of them together, s^2 being profiled out.
-    fn newton(&self, state: &State, spread: f64) -> DVector<f64> {
+    fn newton(&self, state: &ScaleState, spread: f64) -> DVector<f64> {
         let d = state.logs.map(f64::exp);
         let mut slope = -&state.logs / (spread * spread);
         for (c, fit) in state.fits.iter().enumerate() {
@@ -106,7 +106,7 @@ impl Scales<'_> {
     }
 
     /// Information of the logarithms, tr(V^-1 dV V^-1 dV) / 2 of contrasts: S_st^2 for each of their blocks, s^2 profiled out.
-    fn information(&self, state: &State) -> DMatrix<f64> {
+    fn information(&self, state: &ScaleState) -> DMatrix<f64> {
         let count = state.logs.len();
         let d = state.logs.map(f64::exp);
         let freedom: usize = self.restricted.iter().map(|r| r.freedom()).sum();
@@ -126,7 +126,7 @@ impl Scales<'_> {
 
     /// The spread of the largest marginal likelihood, by the normal approximation at the scales found under a `wide` one; none where
     /// equal scales are as likely.
-    fn likeliest_spread(&self, state: &State, wide: f64) -> Option<f64> {
+    fn likeliest_spread(&self, state: &ScaleState, wide: f64) -> Option<f64> {
         let information = self.information(state);
         let count = information.nrows();
         // J eta of the likelihood's own maximum eta, which need not exist

@@ -6,9 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::frame_noise::{FrameNoise, Search, SpatialNoise, steps as steps_of_noise};
-use super::frames::{Frames, Law};
-use super::in_frames::{InFrames, Part};
-use super::rivals::{LENGTHS, Modes, RATIOS, Rival};
+use super::frames::{Frames, Growth};
+use super::in_frames::{FrameColumns, InFrames};
+use super::rivals::{LENGTHS, RATIOS, Rival, RivalModes};
 use super::slices::Slices;
 use crate::dense::{product, tr_product};
 use crate::error::{Error, Result};
@@ -26,7 +26,8 @@ pub const REFERENCES: [(f64, f64); 7] = [
     (2.5, 0.05),
 ];
 
-/// Prior probability of a rival, shared equally by its laws, lengths and sizes; that of a single field's discrepancy.
+/// Prior probability of a smooth discrepancy of a single field, or of a rival of a series, shared equally by its laws, lengths and sizes.
+/// With it the prototype study called 38 of 38 smooth random fields outside the dictionary unexplained, and none of 500 fields of noise alone.
 pub const DISCREPANCY: f64 = 0.07;
 
 /// Log evidence of all columns below that of the best setting of its class with which a setting is left out.
@@ -88,7 +89,7 @@ pub fn settings(
     let references = references(frames);
     let noise = Search::new(frames, [&first, &second], step)?.best(&references)?;
     let in_frames = InFrames::new(frames, &noise, [first, second]);
-    let weighed = Weighed::new(frames, &noise, &in_frames, step)?;
+    let weighed = WeighedSetting::new(frames, &noise, &in_frames, step)?;
     let choices = choices(frames, &references, &weighed.lengths_mm);
     let all = choices
         .into_par_iter()
@@ -117,7 +118,7 @@ pub fn grams(
     let n = frames.blocks.len();
     let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
     let in_frames = InFrames::new(frames, &noise.noise, [first, second]);
-    let weighed = Weighed::new(frames, &noise.noise, &in_frames, &|| ())?;
+    let weighed = WeighedSetting::new(frames, &noise.noise, &in_frames, &|| ())?;
     let of = |k: &usize| weighed.equations(noise.settings[*k].at).0;
     Ok(which.par_iter().map(of).collect())
 }
@@ -178,7 +179,7 @@ fn choices(frames: &Frames<'_>, references: &[(f64, f64)], lengths_mm: &[f64]) -
 /// The best of each class, and what comes near it, in order of the choices.
 fn worth_weighing(mut all: Vec<Setting>) -> Vec<Setting> {
     let class = |s: &Setting| s.at.rival.map(|r| r.law);
-    for law in [None, Some(Law::Constant), Some(Law::WithLoad)] {
+    for law in [None, Some(Growth::Constant), Some(Growth::WithLoad)] {
         let own = all.iter().filter(|s| class(s) == law);
         let best = own.map(|s| s.log_all).fold(f64::NEG_INFINITY, f64::max);
         all.retain(|s| class(s) != law || s.log_all >= best - WORTH);
@@ -187,7 +188,7 @@ fn worth_weighing(mut all: Vec<Setting>) -> Vec<Setting> {
 }
 
 /// One component's columns, whitened by its noise.
-struct Component {
+struct WhitenedColumns {
     /// X' (diag(d)^-1 (x) N^-1) X.
     own: DMatrix<f64>,
     /// X' (D^-1 1 1' D^-1 (x) N^-1) X: of the whitened columns summed over the frames, weighted by 1 / d_s.
@@ -199,17 +200,17 @@ struct Component {
 }
 
 /// Everything that settings differ in is a few numbers from here on.
-struct Weighed {
-    components: [Component; 2],
+struct WeighedSetting {
+    components: [WhitenedColumns; 2],
     /// Eigenvectors by length, of each component's noise; one for both where that is shared.
-    modes: Vec<Vec<Modes>>,
+    modes: Vec<Vec<RivalModes>>,
     lengths_mm: Vec<f64>,
     /// 1' D^-1 1, 1' D^-1 f, f' D^-1 f of D = diag(d).
     products: [f64; 3],
     blocks: usize,
 }
 
-impl Weighed {
+impl WeighedSetting {
     fn new(
         frames: &Frames<'_>,
         noise: &FrameNoise,
@@ -219,15 +220,15 @@ impl Weighed {
         let lengths_mm = LENGTHS.map(|share| share * frames.window_mm()).to_vec();
         let modes = modes(frames, noise, &lengths_mm, step)?;
         let inverse = DVector::from_iterator(frames.len(), noise.scales.iter().map(|d| 1.0 / d));
-        let loaded = inverse.component_mul(&frames.direction(Law::WithLoad));
+        let loaded = inverse.component_mul(&frames.direction(Growth::WithLoad));
         let component = |c: usize| {
-            let modes: Vec<&Modes> = modes.iter().map(|m| &m[c.min(m.len() - 1)]).collect();
+            let modes: Vec<&RivalModes> = modes.iter().map(|m| &m[c.min(m.len() - 1)]).collect();
             let log_scales = noise.scales.iter().map(|d| d.ln()).sum();
             let (spatial, part) = (&noise.spatial[c], &in_frames.parts[c]);
-            Component::new(spatial, part, [&inverse, &loaded], log_scales, &modes)
+            WhitenedColumns::new(spatial, part, [&inverse, &loaded], log_scales, &modes)
         };
         let (first, second) = rayon::join(|| component(0), || component(1));
-        let f = frames.direction(Law::WithLoad);
+        let f = frames.direction(Growth::WithLoad);
         Ok(Self {
             components: [first, second],
             modes,
@@ -266,8 +267,8 @@ impl Weighed {
             };
             // Phi^-1 w = by_0 D^-1 1 + by_1 D^-1 f, alpha = w' Phi^-1 w
             let (alpha, by) = match rival.law {
-                Law::Constant => (square / (1.0 + r * square), [1.0 / (1.0 + r * square), 0.0]),
-                Law::WithLoad => (loaded - share * mixed * mixed, [-share * mixed, 1.0]),
+                Growth::Constant => (square / (1.0 + r * square), [1.0 / (1.0 + r * square), 0.0]),
+                Growth::WithLoad => (loaded - share * mixed * mixed, [-share * mixed, 1.0]),
             };
             let modes = &self.modes[k][c.min(self.modes[k].len() - 1)];
             let [common, with_load] = &component.rotated[k];
@@ -285,34 +286,34 @@ fn modes(
     noise: &FrameNoise,
     lengths_mm: &[f64],
     step: &(dyn Fn() + Sync),
-) -> Result<Vec<Vec<Modes>>> {
+) -> Result<Vec<Vec<RivalModes>>> {
     let distinct = if noise.is_shared() { 1 } else { 2 };
     let pairs: Vec<(f64, usize)> = lengths_mm
         .iter()
         .flat_map(|&l| (0..distinct).map(move |c| (l, c)))
         .collect();
     let found = pairs.par_iter().map(|&(length_mm, c)| {
-        let modes = Modes::new(frames.blocks, length_mm, &noise.spatial[c].covariance);
+        let modes = RivalModes::new(frames.blocks, length_mm, &noise.spatial[c].covariance);
         if c == 0 {
             step();
         }
         modes
     });
-    let found: Vec<Result<Modes>> = found.collect();
+    let found: Vec<Result<RivalModes>> = found.collect();
     let mut found = found.into_iter();
     let own = |_| found.by_ref().take(distinct).collect();
     lengths_mm.iter().map(own).collect()
 }
 
-impl Component {
+impl WhitenedColumns {
     fn new(
         noise: &SpatialNoise,
-        part: &Part,
+        part: &FrameColumns,
         weights: [&DVector<f64>; 2],
         log_scales: f64,
-        modes: &[&Modes],
+        modes: &[&RivalModes],
     ) -> Self {
-        let Part {
+        let FrameColumns {
             slices,
             white,
             inner,

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::contrasts::Metric;
-use super::family::{Family, RATIOS, Shape};
-use super::restricted::{Restricted, Whitened};
+use super::family::{CorrelationShape, RATIOS, ShapeFamily};
+use super::restricted::{Restricted, WhitenedFrames};
 use crate::error::Result;
 use crate::noise::lattice::Quadratic;
 use crate::noise::{BlockCovariance, Matern};
@@ -28,14 +28,14 @@ pub(super) const LATTICES: [[f64; 2]; 2] = [
 
 /// What the shapes are weighed by.
 pub(super) struct Shapes<'a> {
-    pub family: Family<'a>,
+    pub family: ShapeFamily<'a>,
     pub restricted: [Restricted; 2],
     pub step: &'a (dyn Fn() + Sync),
 }
 
 /// A shape with the restricted likelihood of each component under each metric.
 pub(super) struct Scored {
-    pub shape: Shape,
+    pub shape: CorrelationShape,
     pub values: Vec<[f64; 2]>,
 }
 
@@ -50,7 +50,7 @@ impl Shapes<'_> {
     /// # Errors
     /// Of the program: a factorisation that fails.
     pub fn table(&self, nugget: f64, metrics: &[Metric]) -> Result<Vec<Scored>> {
-        let of = |length_mm, ratio| Shape {
+        let of = |length_mm, ratio| CorrelationShape {
             length_mm,
             ratio,
             nugget,
@@ -67,7 +67,7 @@ impl Shapes<'_> {
 
     fn scored(
         &self,
-        shapes: &[Shape],
+        shapes: &[CorrelationShape],
         metrics: &[Metric],
         step: &(dyn Fn() + Sync),
     ) -> Result<Vec<Scored>> {
@@ -110,8 +110,8 @@ impl Shapes<'_> {
     /// Of the program: a factorisation that fails.
     pub fn whitened(
         &self,
-        shapes: [Shape; 2],
-    ) -> Result<([Arc<BlockCovariance>; 2], [Whitened; 2])> {
+        shapes: [CorrelationShape; 2],
+    ) -> Result<([Arc<BlockCovariance>; 2], [WhitenedFrames; 2])> {
         let first = Arc::new(self.family.at(shapes[0])?);
         let second = if shapes[0] == shapes[1] {
             Arc::clone(&first)
@@ -129,10 +129,16 @@ impl Shapes<'_> {
     ///
     /// # Errors
     /// Those of [`Shapes::table`].
-    pub fn with_nugget(&self, shapes: [Shape; 2], metric: &Metric) -> Result<[Shape; 2]> {
+    pub fn with_nugget(
+        &self,
+        shapes: [CorrelationShape; 2],
+        metric: &Metric,
+    ) -> Result<[CorrelationShape; 2]> {
         self.of_each(shapes, |start, of| {
             let nuggets = self.family.nuggets().iter();
-            let shapes: Vec<Shape> = nuggets.map(|&nugget| Shape { nugget, ..start }).collect();
+            let shapes: Vec<CorrelationShape> = nuggets
+                .map(|&nugget| CorrelationShape { nugget, ..start })
+                .collect();
             Ok(self.highest(&shapes, metric, of)?.0.0)
         })
     }
@@ -143,10 +149,10 @@ impl Shapes<'_> {
     /// Those of [`Shapes::table`].
     pub fn refined(
         &self,
-        shapes: [Shape; 2],
+        shapes: [CorrelationShape; 2],
         metric: &Metric,
         lattices: &[[f64; 2]],
-    ) -> Result<[Shape; 2]> {
+    ) -> Result<[CorrelationShape; 2]> {
         self.of_each(shapes, |start, of| {
             let mut best = start;
             let lattices = if start.ratio > 0.0 { lattices } else { &[] };
@@ -154,7 +160,7 @@ impl Shapes<'_> {
                 let about = best;
                 let moved = |by: [f64; 2]| self.moved(about, [by[0] * step[0], by[1] * step[1]]);
                 let lattice = (0..9).map(|k| moved([(k / 3) as f64 - 1.0, (k % 3) as f64 - 1.0]));
-                let lattice: Vec<Shape> = lattice.collect();
+                let lattice: Vec<CorrelationShape> = lattice.collect();
                 let (highest, values) = self.highest(&lattice, metric, of)?;
                 let mut nine = [0.0; 9];
                 nine.copy_from_slice(&values);
@@ -170,9 +176,9 @@ impl Shapes<'_> {
     /// Something found for both components together, or for each where their shapes differ.
     fn of_each(
         &self,
-        shapes: [Shape; 2],
-        find: impl Fn(Shape, &[usize]) -> Result<Shape>,
-    ) -> Result<[Shape; 2]> {
+        shapes: [CorrelationShape; 2],
+        find: impl Fn(CorrelationShape, &[usize]) -> Result<CorrelationShape>,
+    ) -> Result<[CorrelationShape; 2]> {
         if shapes[0] == shapes[1] {
             return Ok([find(shapes[0], &[0, 1])?; 2]);
         }
@@ -182,10 +188,10 @@ impl Shapes<'_> {
     /// The likeliest of some shapes for the components `of` together, the first of equals, and the likelihood of all.
     fn highest(
         &self,
-        shapes: &[Shape],
+        shapes: &[CorrelationShape],
         metric: &Metric,
         of: &[usize],
-    ) -> Result<((Shape, f64), Vec<f64>)> {
+    ) -> Result<((CorrelationShape, f64), Vec<f64>)> {
         let scored = self.scored(shapes, std::slice::from_ref(metric), &|| {})?;
         let total = |s: &Scored| of.iter().map(|&c| s.values[0][c]).sum();
         let values: Vec<f64> = scored.iter().map(total).collect();
@@ -195,9 +201,9 @@ impl Shapes<'_> {
     }
 
     /// A shape some logarithms of length and ratio away, inside their range.
-    fn moved(&self, from: Shape, by: [f64; 2]) -> Shape {
+    fn moved(&self, from: CorrelationShape, by: [f64; 2]) -> CorrelationShape {
         let [shortest, longest] = self.family.range_mm;
-        Shape {
+        CorrelationShape {
             length_mm: (from.length_mm * by[0].exp()).clamp(shortest, longest),
             ratio: (from.ratio * by[1].exp()).clamp(LARGEST.recip(), LARGEST),
             ..from
@@ -206,7 +212,7 @@ impl Shapes<'_> {
 }
 
 /// The shapes of both components from a table: one for both, or one each.
-pub(super) fn choose(table: &[Scored], metric: usize) -> [Shape; 2] {
+pub(super) fn choose(table: &[Scored], metric: usize) -> [CorrelationShape; 2] {
     let (both, of_both) = likeliest(table, |s| s.values[metric].iter().sum());
     let (first, of_first) = likeliest(table, |s| s.values[metric][0]);
     let (second, of_second) = likeliest(table, |s| s.values[metric][1]);
@@ -218,7 +224,7 @@ pub(super) fn choose(table: &[Scored], metric: usize) -> [Shape; 2] {
 }
 
 /// The likeliest shape of a table whose first has no smooth patterns, which it is unless another is clearly better.
-fn likeliest(table: &[Scored], value: impl Fn(&Scored) -> f64) -> (Shape, f64) {
+fn likeliest(table: &[Scored], value: impl Fn(&Scored) -> f64) -> (CorrelationShape, f64) {
     let mut best = (table[0].shape, value(&table[0]));
     let white = best.1;
     for scored in &table[1..] {

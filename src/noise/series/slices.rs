@@ -28,7 +28,7 @@ impl Slices {
         let explaining = columns.columns(0, last).into_owned();
         // frame-major columns side by side are all slices side by side
         let slices = explaining.reshape_generic(nalgebra::Dyn(n), nalgebra::Dyn(count * last));
-        let mut spanned = Basis::new(n);
+        let mut spanned = SliceBasis::new(n);
         for column in 0..last {
             spanned.include(
                 slices.columns(column * count, count).into_owned(),
@@ -68,11 +68,11 @@ impl Slices {
 }
 
 /// A growing orthonormal basis of vectors of length n.
-pub(super) struct Basis {
+pub(super) struct SliceBasis {
     vectors: DMatrix<f64>,
 }
 
-impl Basis {
+impl SliceBasis {
     pub fn new(n: usize) -> Self {
         Self {
             vectors: DMatrix::zeros(n, 0),

@@ -29,7 +29,7 @@ pub(super) fn read(path: &Path) -> Result<Nodes> {
     })?;
     let document = Document::parse(&text).map_err(|e| wanted().found(e))?;
     let root = document.root_element();
-    let layout = Layout::of(root).map_err(|e| wanted().found(e))?;
+    let layout = BinaryLayout::of(root).map_err(|e| wanted().found(e))?;
     let pieces: Vec<Node> = root
         .descendants()
         .filter(|n| n.has_tag_name("Piece"))
@@ -76,14 +76,14 @@ pub(super) fn read(path: &Path) -> Result<Nodes> {
 }
 
 /// How binary arrays are written.
-struct Layout {
+struct BinaryLayout {
     little: bool,
     /// Bytes of the numbers in their headers.
     header: usize,
     is_compressed: bool,
 }
 
-impl Layout {
+impl BinaryLayout {
     fn of(root: Node) -> std::result::Result<Self, String> {
         let compressor = root.attribute("compressor");
         if let Some(other) = compressor.filter(|c| *c != "vtkZLibDataCompressor") {

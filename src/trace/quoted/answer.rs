@@ -9,10 +9,11 @@ use nalgebra::DMatrix;
 use super::evidence::{Compiled, log_evidences};
 use super::quadratic::Equations;
 use super::space::Space;
+use crate::error::Result;
 use crate::infer::{Known, Marginal};
 use crate::laminate::Material;
-use crate::sample::LogDensity;
-use crate::trace::subsets::log_sum;
+use crate::numeric::log_sum_exp;
+use crate::sample::{DensityError, LogDensity};
 
 /// What distinguishes a part of the mixture.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,13 +142,13 @@ impl LogDensity for AnswerDensity {
         &self.names
     }
 
-    fn log_density(&self, x: &[f64]) -> f64 {
+    fn log_density(&self, x: &[f64]) -> std::result::Result<f64, DensityError> {
         let mut value = [0.0];
-        self.log_density_batch(x, &mut value);
-        value[0]
+        self.values(x, &mut value)?;
+        DensityError::sort(value[0])
     }
 
-    fn log_density_batch(&self, xs: &[f64], out: &mut [f64]) {
+    fn values(&self, xs: &[f64], out: &mut [f64]) -> Result<()> {
         let count = out.len();
         let mut inside = Vec::new();
         let mut points = Vec::new();
@@ -162,8 +163,9 @@ impl LogDensity for AnswerDensity {
         let weights = self.weights_at(&points);
         for (k, i) in inside.into_iter().enumerate() {
             let own = weights.iter().skip(k).step_by(points.len());
-            out[i] += log_sum(own.copied());
+            out[i] += log_sum_exp(own.copied());
         }
+        Ok(())
     }
 }
 

@@ -3,10 +3,10 @@
 use super::Supposing;
 use super::answer::MixtureChoice;
 use crate::error::Result;
+use crate::numeric::log_sum_exp;
 use crate::trace::averaged::{choices, part};
 use crate::trace::evidence::Evidence;
 use crate::trace::noise_choices::NoisePair;
-use crate::trace::subsets::log_sum;
 use crate::trace::suspect::{RIVAL, settings};
 use crate::trace::weighing::Weighing;
 
@@ -38,7 +38,7 @@ pub(super) fn likeliest(
 /// Those of some weighed choices that hold most of the probability, with their noise.
 fn worth(mut all: Vec<(f64, MixtureChoice, NoisePair)>) -> (Vec<NoisePair>, Vec<MixtureChoice>) {
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let total = log_sum(all.iter().map(|a| a.0));
+    let total = log_sum_exp(all.iter().map(|a| a.0));
     let mut held = 0.0;
     let (mut pairs, mut choices) = (Vec::new(), Vec::new());
     for (log, choice, pair) in all.into_iter().take(PARTS) {

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::answer::{AnswerDensity, MixtureChoice, lower};
 use super::space::Whose;
+use crate::numeric::relative_weights;
 use crate::sample::Stream;
 
 /// What is drawn beside a point.
@@ -65,8 +66,7 @@ fn drawn(
 /// A part of the mixture by its weight.
 fn choose(answer: &AnswerDensity, x: &[f64], rng: &mut Stream) -> MixtureChoice {
     let weights = answer.weights(x);
-    let most = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let shares: Vec<f64> = weights.iter().map(|w| (w - most).exp()).collect();
+    let shares = relative_weights(&weights);
     let mut left = rng.uniform() * shares.iter().sum::<f64>();
     let place = shares.iter().position(|s| {
         left -= s;

@@ -9,9 +9,10 @@ use super::complete::CompletedDraw;
 use super::full::Full;
 use super::pose::PosedAnswer;
 use super::space::{Whose, linear, monomials, values};
-use crate::diagnose::{Weighed, relative_weights, weigh};
+use crate::diagnose::{Weighed, weigh};
 use crate::error::Result;
 use crate::files::Keyed;
+use crate::numeric::relative_weights;
 use crate::sample::LogDensity;
 use crate::sample::{Key, Stream};
 

@@ -132,7 +132,7 @@ impl<'a> PosedAnswer<'a> {
             .iter()
             .map(|c| of(&c.name).unwrap_or((c.mean, c.sd)));
         let (mean, sd): (Vec<f64>, Vec<f64>) = moments.unzip();
-        if self.answer.log_density(&mean).is_finite() {
+        if self.answer.log_density(&mean).is_ok() {
             return (mean, sd);
         }
         columns.iter().map(|c| (c.mean, c.sd)).unzip()

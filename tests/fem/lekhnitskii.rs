@@ -7,8 +7,8 @@
 
 use nalgebra::{Complex, Matrix3, Vector3};
 
-use crate::error::{Error, Result};
-use crate::laminate::Membrane;
+use plychain::error::{Error, Result};
+use plychain::laminate::Membrane;
 
 type C64 = Complex<f64>;
 

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::super::draft::{Draft, Spot};
+use super::super::draft::{Draft, FileSpot};
 use super::elements::Type;
 use super::keyword::Keyword;
-use super::sets::{Scope, Sets};
+use super::sets::{SetScope, Sets};
 use crate::error::{Error, Result};
 
 /// How deep included files may include others.
@@ -13,25 +13,25 @@ const DEEPEST: usize = 8;
 
 /// A line of `*SURFACE`: what it names (a set or a number) and which side of it.
 #[derive(Debug, Clone)]
-pub(super) struct Patch {
+pub(super) struct DeckPatch {
     pub target: String,
     pub side: String,
-    pub spot: Spot,
+    pub spot: FileSpot,
 }
 
 /// A named surface.
 #[derive(Debug, Clone)]
-pub(super) struct Surface {
+pub(super) struct DeckSurface {
     pub name: String,
-    pub scope: Scope,
+    pub scope: SetScope,
     pub is_internal: bool,
     pub is_of_nodes: bool,
-    pub patches: Vec<Patch>,
+    pub patches: Vec<DeckPatch>,
 }
 
 /// What the data lines belong to.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) enum Block {
+pub(super) enum ElementBlock {
     /// To nothing that is read.
     #[default]
     Other,
@@ -69,21 +69,21 @@ pub(super) struct Deck {
     pub draft: Draft,
     pub node_sets: Sets,
     pub element_sets: Sets,
-    pub surfaces: Vec<Surface>,
+    pub surfaces: Vec<DeckSurface>,
     /// Keys of the names of the part and the instance.
     pub prefixes: Vec<String>,
     /// The instance's name, which goes before a part's ambiguous names.
     pub instance: Option<String>,
     pub parts: usize,
     pub open: Vec<Open>,
-    pub block: Block,
+    pub block: ElementBlock,
     /// A keyword line that goes on.
     keyword: String,
     /// Numbers of an element that goes on.
     pub element: Vec<u64>,
     pub translation: [f64; 3],
     /// The present file and line.
-    pub spot: Spot,
+    pub spot: FileSpot,
 }
 
 impl Deck {
@@ -160,7 +160,7 @@ impl Deck {
             self.close_block()?;
             self.open_block(&keyword)?;
         }
-        let has_data = !matches!(self.block, Block::Other | Block::Instance(_));
+        let has_data = !matches!(self.block, ElementBlock::Other | ElementBlock::Instance(_));
         if keyword.name == "INCLUDE" || (has_data && keyword.has("INPUT")) {
             let input = keyword.need("INPUT", || self.place())?.to_string();
             self.include(&input, path, depth)?;
@@ -180,7 +180,7 @@ impl Deck {
 
     /// End the block of data lines.
     fn close_block(&mut self) -> Result<()> {
-        if let (Block::Elements(kind, _), false) = (&self.block, self.element.is_empty()) {
+        if let (ElementBlock::Elements(kind, _), false) = (&self.block, self.element.is_empty()) {
             let expected = format!("an element's number and {} nodes", kind.nodes());
             let found = format!("only {} numbers", self.element.len());
             return Err(self
@@ -188,7 +188,7 @@ impl Deck {
                 .found(found)
                 .hint("the line above is cut short: write the file again"));
         }
-        self.block = Block::Other;
+        self.block = ElementBlock::Other;
         Ok(())
     }
 }

@@ -3,7 +3,7 @@
 use super::draft::Draft;
 use super::jacobian::line_point;
 use super::mesh::{BoundaryEdge, Element};
-use super::sides::{MERGE, Sides};
+use super::sides::{ElementSides, MERGE};
 use crate::error::{Error, Result};
 
 /// Nodes nearer than this fraction of the shortest side are one node: far above the rounding of a file's digits, far
@@ -31,16 +31,16 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 /// A mesh in the making.
 #[derive(Clone, Copy)]
-pub(super) struct Parts<'a> {
+pub(super) struct SeamParts<'a> {
     pub draft: &'a Draft,
     /// The draft's index of every node.
     pub kept: &'a [u32],
     pub nodes: &'a [[f64; 2]],
     pub elements: &'a [Element],
-    pub sides: &'a Sides,
+    pub sides: &'a ElementSides,
 }
 
-impl Parts<'_> {
+impl SeamParts<'_> {
     /// Refuse coincident nodes, hanging nodes and separate parts.
     ///
     /// # Errors

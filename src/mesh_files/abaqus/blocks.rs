@@ -1,20 +1,20 @@
 //! What keywords open, and what their data lines add.
 
-use super::super::draft::{Cell, Line, Node};
+use super::super::draft::{Cell, DraftLine, DraftNode};
 use super::super::kind::Kind;
-use super::deck::{Block, Deck, Open, Patch, SetLines, Surface};
+use super::deck::{Deck, DeckPatch, DeckSurface, ElementBlock, Open, SetLines};
 use super::elements::{self, Type};
 use super::keyword::{Keyword, fields, key, number, real, unquoted};
-use super::sets::{Member, Scope, members, without_prefix};
+use super::sets::{SetMember, SetScope, members, without_prefix};
 use crate::error::{Error, Result};
 
 const ONE_PART: &str = "write an input file of the specimen alone; parts that are glued: merge them with their meshes (Assembly > Instance > Merge/Cut > Mesh)";
 
 impl Deck {
-    fn scope(&self) -> Scope {
+    fn scope(&self) -> SetScope {
         match self.open.last() {
-            Some(Open::Assembly) => Scope::Assembly,
-            _ => Scope::Part,
+            Some(Open::Assembly) => SetScope::Assembly,
+            _ => SetScope::Part,
         }
     }
 
@@ -72,7 +72,7 @@ impl Deck {
                 }
                 self.prefixes.extend(name.as_deref().map(key));
                 self.instance = Some(name.unwrap_or_else(|| "instance".to_string()));
-                self.block = Block::Instance(0);
+                self.block = ElementBlock::Instance(0);
             }
         }
         Ok(())
@@ -98,12 +98,12 @@ impl Deck {
         }
         let scope = self.scope();
         // the assembly's own nodes are reference points, with numbers of their own
-        if scope == Scope::Part {
+        if scope == SetScope::Part {
             let sets = &mut self.node_sets;
             let set = keyword
                 .get("NSET")
                 .map(|name| sets.entry(name, scope, false));
-            self.block = Block::Nodes(set);
+            self.block = ElementBlock::Nodes(set);
         }
         Ok(())
     }
@@ -111,7 +111,7 @@ impl Deck {
     fn open_elements(&mut self, keyword: &Keyword) -> Result<()> {
         let kind = elements::of(keyword.need("TYPE", || self.place())?, || self.place())?;
         let scope = self.scope();
-        if scope == Scope::Assembly {
+        if scope == SetScope::Assembly {
             let error = self.error("elements of the part");
             return Err(error
                 .found("elements of the assembly")
@@ -121,7 +121,7 @@ impl Deck {
         let set = keyword
             .get("ELSET")
             .map(|name| sets.entry(name, scope, false));
-        self.block = Block::Elements(kind, set);
+        self.block = ElementBlock::Elements(kind, set);
         Ok(())
     }
 
@@ -135,11 +135,11 @@ impl Deck {
         } else {
             &mut self.element_sets
         };
-        self.block = Block::Set(SetLines {
+        self.block = ElementBlock::Set(SetLines {
             is_of_nodes,
             index: sets.entry(name, scope, is_internal),
             generate: keyword.has("GENERATE"),
-            is_foreign: scope == Scope::Assembly && !keyword.has("INSTANCE"),
+            is_foreign: scope == SetScope::Assembly && !keyword.has("INSTANCE"),
         });
         Ok(())
     }
@@ -157,14 +157,14 @@ impl Deck {
             ));
             return Ok(());
         }
-        self.surfaces.push(Surface {
+        self.surfaces.push(DeckSurface {
             name,
             scope: self.scope(),
             is_internal: keyword.has("INTERNAL"),
             is_of_nodes: kind == "NODE",
             patches: Vec::new(),
         });
-        self.block = Block::Surface(self.surfaces.len() - 1);
+        self.block = ElementBlock::Surface(self.surfaces.len() - 1);
         Ok(())
     }
 
@@ -172,17 +172,17 @@ impl Deck {
     pub fn data(&mut self, line: &str) -> Result<()> {
         let fields = fields(line);
         match self.block {
-            Block::Other => Ok(()),
-            Block::Nodes(set) => self.node(&fields, set),
-            Block::Elements(kind, set) => self.element(line, &fields, kind, set),
-            Block::Set(lines) => self.set(&fields, lines),
-            Block::Surface(index) => {
+            ElementBlock::Other => Ok(()),
+            ElementBlock::Nodes(set) => self.node(&fields, set),
+            ElementBlock::Elements(kind, set) => self.element(line, &fields, kind, set),
+            ElementBlock::Set(lines) => self.set(&fields, lines),
+            ElementBlock::Surface(index) => {
                 let target = fields
                     .first()
                     .map(|f| without_prefix(f, &self.prefixes).to_string());
                 let side = fields.get(1).map(|f| f.to_ascii_uppercase());
                 if let (Some(target), Some(surface)) = (target, self.surfaces.get_mut(index)) {
-                    surface.patches.push(Patch {
+                    surface.patches.push(DeckPatch {
                         target,
                         side: side.unwrap_or_default(),
                         spot: self.spot,
@@ -190,7 +190,7 @@ impl Deck {
                 }
                 Ok(())
             }
-            Block::Instance(lines) => self.moved(&fields, lines),
+            ElementBlock::Instance(lines) => self.moved(&fields, lines),
         }
     }
 
@@ -215,11 +215,11 @@ impl Deck {
             }
         }
         let spot = self.spot;
-        self.draft.nodes.push(Node { number, at, spot });
+        self.draft.nodes.push(DraftNode { number, at, spot });
         if let Some(set) = set {
             self.node_sets.all[set]
                 .members
-                .push((Member::One(number), spot));
+                .push((SetMember::One(number), spot));
         }
         Ok(())
     }
@@ -268,7 +268,7 @@ impl Deck {
         let kind = match kind {
             Type::Line(_) => {
                 let nodes = [nodes[0], nodes[1], nodes[2]];
-                self.draft.lines.push(Line {
+                self.draft.lines.push(DraftLine {
                     number,
                     nodes,
                     spot,
@@ -290,7 +290,7 @@ impl Deck {
         if let Some(set) = set {
             self.element_sets.all[set]
                 .members
-                .push((Member::One(number), spot));
+                .push((SetMember::One(number), spot));
         }
     }
 
@@ -333,7 +333,7 @@ impl Deck {
                 Error::input(self.draft.place(self.spot), "the instance's translation").found(field)
             })?;
         }
-        self.block = Block::Instance(1);
+        self.block = ElementBlock::Instance(1);
         Ok(())
     }
 }

@@ -10,13 +10,13 @@ pub(super) const MERGE: &str =
 
 /// A side by its corners, the smaller index first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
+struct ElementSide {
     corners: [u32; 2],
     element: u32,
     side: u8,
 }
 
-impl Side {
+impl ElementSide {
     fn edge(&self) -> BoundaryEdge {
         BoundaryEdge {
             element: self.element as usize,
@@ -27,7 +27,7 @@ impl Side {
 
 /// All sides of a mesh, those between the same corners together.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Sides(Vec<Side>);
+pub(super) struct ElementSides(Vec<ElementSide>);
 
 /// Who has a side between two nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,7 +38,7 @@ pub(super) enum Owners {
     Two,
 }
 
-impl Sides {
+impl ElementSides {
     /// Of elements that are all counter-clockwise.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Sides {
         for (e, element) in (0u32..).zip(elements) {
             for side in 0..element.kind.corners() {
                 let [a, b] = element.side(side);
-                all.push(Side {
+                all.push(ElementSide {
                     corners: [a.min(b), a.max(b)],
                     element: e,
                     side: side as u8,

@@ -3,16 +3,16 @@
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Display;
 
-use super::super::draft::{Allowance, Cell, Draft, Line, Spot};
+use super::super::draft::{Allowance, Cell, Draft, DraftLine, FileSpot};
 use super::super::kind::Kind;
 use super::super::mesh::ImportedMesh;
 use super::super::shape::Shape as Checked;
-use super::source::Source;
+use super::source::MeshText;
 use crate::error::{Error, Result};
 
 /// What an element type of Gmsh is here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(super) enum EntityShape {
     Point,
     /// Of two or three nodes.
     Line(usize),
@@ -21,14 +21,14 @@ pub(super) enum Shape {
     Nine,
 }
 
-impl Shape {
+impl EntityShape {
     /// Number of nodes in the file.
     pub fn nodes(self) -> usize {
         match self {
-            Shape::Point => 1,
-            Shape::Line(nodes) => nodes,
-            Shape::Plane(kind) => kind.nodes(),
-            Shape::Nine => 9,
+            EntityShape::Point => 1,
+            EntityShape::Line(nodes) => nodes,
+            EntityShape::Plane(kind) => kind.nodes(),
+            EntityShape::Nine => 9,
         }
     }
 
@@ -42,18 +42,22 @@ impl Shape {
 ///
 /// # Errors
 /// The input's fault: an element in space, of order 3 or more, or of an unknown type.
-pub(super) fn shape(source: &Source<'_>, gmsh_type: i64, whose: impl Display) -> Result<Shape> {
+pub(super) fn shape(
+    source: &MeshText<'_>,
+    gmsh_type: i64,
+    whose: impl Display,
+) -> Result<EntityShape> {
     let expected =
         "T3, Q4, T6, Q8 or Q9 elements (types 2, 3, 9, 16, 10), lines (1, 8) or points (15)";
     let (what, hint) = match gmsh_type {
-        15 => return Ok(Shape::Point),
-        1 => return Ok(Shape::Line(2)),
-        8 => return Ok(Shape::Line(3)),
-        2 => return Ok(Shape::Plane(Kind::T3)),
-        3 => return Ok(Shape::Plane(Kind::Q4)),
-        9 => return Ok(Shape::Plane(Kind::T6)),
-        16 => return Ok(Shape::Plane(Kind::Q8)),
-        10 => return Ok(Shape::Nine),
+        15 => return Ok(EntityShape::Point),
+        1 => return Ok(EntityShape::Line(2)),
+        8 => return Ok(EntityShape::Line(3)),
+        2 => return Ok(EntityShape::Plane(Kind::T3)),
+        3 => return Ok(EntityShape::Plane(Kind::Q4)),
+        9 => return Ok(EntityShape::Plane(Kind::T6)),
+        16 => return Ok(EntityShape::Plane(Kind::Q8)),
+        10 => return Ok(EntityShape::Nine),
         4..=7 | 11..=14 | 17..=19 | 29..=33 | 71..=75 | 79..=83 | 90..=123 => (
             "three-dimensional",
             "Gmsh: mesh in two dimensions (Mesh > 2D) and save only the surface's physical groups",
@@ -75,16 +79,16 @@ pub(super) fn shape(source: &Source<'_>, gmsh_type: i64, whose: impl Display) ->
 }
 
 /// A physical group: its dimension, 1 or 2, and its number.
-type Group = (u8, u64);
+type PhysicalGroup = (u8, u64);
 
 /// What the sections of a file add up to.
 pub(super) struct Collector {
     pub draft: Draft,
-    names: HashMap<Group, String>,
+    names: HashMap<PhysicalGroup, String>,
     /// (dimension, number, physical group) of entities, sorted once they are complete.
     entities: Vec<(i64, i64, i64)>,
     /// Indices of the draft's lines and elements.
-    groups: BTreeMap<Group, Vec<u32>>,
+    groups: BTreeMap<PhysicalGroup, Vec<u32>>,
     allowance: Allowance,
     /// An entity in several groups is written several times by version 2.2: elements by their nodes.
     cells: HashMap<[u64; 8], u32>,
@@ -140,18 +144,18 @@ impl Collector {
     pub fn element(
         &mut self,
         number: u64,
-        shape: Shape,
+        shape: EntityShape,
         nodes: [u64; 9],
-        spot: Spot,
+        spot: FileSpot,
         groups: &[i64],
     ) -> Result<()> {
         let (dimension, index) = match shape {
-            Shape::Point => return Ok(()),
-            Shape::Line(_) => {
+            EntityShape::Point => return Ok(()),
+            EntityShape::Line(_) => {
                 let nodes = [nodes[0], nodes[1], nodes[2]];
                 let lines = &mut self.draft.lines;
                 let index = *self.lines.entry(nodes).or_insert_with(|| {
-                    lines.push(Line {
+                    lines.push(DraftLine {
                         number,
                         nodes,
                         spot,
@@ -160,9 +164,9 @@ impl Collector {
                 });
                 (1, index)
             }
-            Shape::Plane(_) | Shape::Nine => {
+            EntityShape::Plane(_) | EntityShape::Nine => {
                 let kind = match shape {
-                    Shape::Plane(kind) => kind,
+                    EntityShape::Plane(kind) => kind,
                     _ => Kind::Q8,
                 };
                 let mut eight = [Cell::NONE; 8];
@@ -192,7 +196,7 @@ impl Collector {
         Ok(())
     }
 
-    fn label(&self, group: Group) -> String {
+    fn label(&self, group: PhysicalGroup) -> String {
         let name = self.names.get(&group);
         name.cloned().unwrap_or_else(|| group.1.to_string())
     }

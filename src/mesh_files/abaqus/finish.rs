@@ -1,16 +1,16 @@
 //! The mesh of an input file, with edges and regions named by its surfaces and sets.
 
-use super::super::draft::{Allowance, Draft, Index, Spot};
+use super::super::draft::{Allowance, Draft, FileSpot, Index};
 use super::super::mesh::{BoundaryEdge, ImportedMesh};
 use super::super::shape::Shape;
 use super::super::sides::Owners;
-use super::deck::{Deck, Patch, Surface};
+use super::deck::{Deck, DeckPatch, DeckSurface};
 use super::keyword::number;
-use super::sets::{Scope, Set, Sets, resolve};
+use super::sets::{DeckSet, SetScope, Sets, resolve};
 use crate::error::{Error, Result};
 
 /// A file's mesh and groups.
-struct Model {
+struct FinishedDeck {
     shape: Shape,
     node_sets: Sets,
     element_sets: Sets,
@@ -46,7 +46,7 @@ pub(super) fn mesh(deck: Deck) -> Result<ImportedMesh> {
         "element",
         &mut allowance,
     )?;
-    let mut model = Model {
+    let mut model = FinishedDeck {
         nodes,
         elements,
         numbers,
@@ -69,7 +69,7 @@ pub(super) fn mesh(deck: Deck) -> Result<ImportedMesh> {
 fn numbers(draft: &Draft) -> Result<Index> {
     let cells = draft.cells.iter().map(|c| (c.number, c.spot));
     let lines = draft.lines.iter().map(|l| (l.number, l.spot));
-    let all: Vec<(u64, Spot)> = cells.chain(lines).collect();
+    let all: Vec<(u64, FileSpot)> = cells.chain(lines).collect();
     Index::new(all.iter().map(|(n, _)| *n)).map_err(|again| {
         let (number, spot) = all.get(again).copied().unwrap_or_default();
         let place = format!("{}: element {number}", draft.place(spot));
@@ -79,8 +79,8 @@ fn numbers(draft: &Draft) -> Result<Index> {
     })
 }
 
-impl Model {
-    fn check_groups(&self, surfaces: &[Surface]) -> Result<()> {
+impl FinishedDeck {
+    fn check_groups(&self, surfaces: &[DeckSurface]) -> Result<()> {
         let sets = self.node_sets.all.iter().chain(&self.element_sets.all);
         let mut names = sets
             .map(|s| s.is_internal)
@@ -95,16 +95,16 @@ impl Model {
     }
 
     /// A name as written, or behind the instance's where it would mean two things.
-    fn name(&self, sets: &Sets, set: &Set) -> String {
+    fn name(&self, sets: &Sets, set: &DeckSet) -> String {
         match &self.instance {
-            Some(instance) if set.scope == Scope::Part && sets.is_ambiguous(&set.name) => {
+            Some(instance) if set.scope == SetScope::Part && sets.is_ambiguous(&set.name) => {
                 format!("{instance}.{}", set.name)
             }
             _ => set.name.clone(),
         }
     }
 
-    fn name_surface(&mut self, surface: &Surface) -> Result<()> {
+    fn name_surface(&mut self, surface: &DeckSurface) -> Result<()> {
         let mut edges = Vec::new();
         let mut inside = 0;
         let mut nodes = Vec::new();
@@ -143,7 +143,12 @@ impl Model {
     }
 
     /// Nodes or elements that a line of a surface names.
-    fn members_of(&self, surface: &Surface, patch: &Patch, place: &str) -> Result<Vec<u32>> {
+    fn members_of(
+        &self,
+        surface: &DeckSurface,
+        patch: &DeckPatch,
+        place: &str,
+    ) -> Result<Vec<u32>> {
         let (sets, members, index, what) = if surface.is_of_nodes {
             (&self.node_sets, &self.nodes, self.shape.numbers(), "node")
         } else {
@@ -170,7 +175,7 @@ impl Model {
         &self,
         element: usize,
         sides: &[usize],
-        patch: &Patch,
+        patch: &DeckPatch,
         edges: &mut Vec<BoundaryEdge>,
     ) -> Result<usize> {
         let mut inside = 0;

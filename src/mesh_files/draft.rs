@@ -7,17 +7,17 @@ use crate::error::{Error, Result};
 
 /// Where something stands: a file by its index, and its line from 1 on; 0 in a binary file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Spot {
+pub(super) struct FileSpot {
     pub file: u32,
     pub line: u32,
 }
 
 /// A node by its number in the file.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Node {
+pub(super) struct DraftNode {
     pub number: u64,
     pub at: [f64; 3],
-    pub spot: Spot,
+    pub spot: FileSpot,
 }
 
 /// An element by its number in the file; places that its kind does not have hold [`Cell::NONE`].
@@ -28,7 +28,7 @@ pub(super) struct Cell {
     pub nodes: [u64; 8],
     /// Whether its sides go by the names of shells and membranes of Abaqus.
     pub is_shell: bool,
-    pub spot: Spot,
+    pub spot: FileSpot,
 }
 
 impl Cell {
@@ -41,25 +41,25 @@ impl Cell {
 
 /// A line element, which only names a part of the boundary: two or three nodes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
+pub(super) struct DraftLine {
     pub number: u64,
     pub nodes: [u64; 3],
-    pub spot: Spot,
+    pub spot: FileSpot,
 }
 
 /// All of it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Draft {
     pub files: Vec<PathBuf>,
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<DraftNode>,
     pub cells: Vec<Cell>,
-    pub lines: Vec<Line>,
+    pub lines: Vec<DraftLine>,
     pub remarks: Vec<String>,
 }
 
 impl Draft {
     /// File and line.
-    pub fn place(&self, spot: Spot) -> String {
+    pub fn place(&self, spot: FileSpot) -> String {
         let file = self.file(spot.file);
         match spot.line {
             0 => file,

@@ -1,12 +1,12 @@
 //! Entities, nodes and elements of MSH 4.1.
 
-use super::super::draft::Node;
+use super::super::draft::DraftNode;
 use super::collect::{Collector, shape};
-use super::source::Source;
+use super::source::MeshText;
 use crate::error::Result;
 
 /// `$Entities`: points, curves, surfaces and volumes, each with its physical groups.
-pub(super) fn entities(source: &mut Source<'_>, into: &mut Collector) -> Result<()> {
+pub(super) fn entities(source: &mut MeshText<'_>, into: &mut Collector) -> Result<()> {
     source.open("the numbers of entities")?;
     let mut counts = [0; 4];
     for count in &mut counts {
@@ -40,7 +40,7 @@ pub(super) fn entities(source: &mut Source<'_>, into: &mut Collector) -> Result<
 }
 
 /// The four counts that `$Nodes` and `$Elements` begin with; the number of blocks.
-fn blocks(source: &mut Source<'_>) -> Result<u64> {
+fn blocks(source: &mut MeshText<'_>) -> Result<u64> {
     source.open("the numbers of blocks and of what they hold")?;
     let blocks = source.size("the number of blocks")?;
     for _ in 0..3 {
@@ -51,7 +51,7 @@ fn blocks(source: &mut Source<'_>) -> Result<u64> {
 }
 
 /// `$Nodes`: blocks of an entity each, first all numbers, then all coordinates.
-pub(super) fn nodes(source: &mut Source<'_>, into: &mut Collector) -> Result<()> {
+pub(super) fn nodes(source: &mut MeshText<'_>, into: &mut Collector) -> Result<()> {
     for _ in 0..blocks(source)? {
         source.open("a block of nodes")?;
         let dimension = source.int("an entity's dimension")?;
@@ -66,7 +66,7 @@ pub(super) fn nodes(source: &mut Source<'_>, into: &mut Collector) -> Result<()>
             source.close()?;
             let spot = source.spot();
             let at = [0.0; 3];
-            into.draft.nodes.push(Node { number, at, spot });
+            into.draft.nodes.push(DraftNode { number, at, spot });
         }
         let parameters = if parametric == 0 {
             0
@@ -89,7 +89,7 @@ pub(super) fn nodes(source: &mut Source<'_>, into: &mut Collector) -> Result<()>
 }
 
 /// `$Elements`: blocks of an entity and a type each.
-pub(super) fn elements(source: &mut Source<'_>, into: &mut Collector) -> Result<()> {
+pub(super) fn elements(source: &mut MeshText<'_>, into: &mut Collector) -> Result<()> {
     for _ in 0..blocks(source)? {
         source.open("a block of elements")?;
         let dimension = source.int("an entity's dimension")?;

@@ -15,7 +15,7 @@ use super::draft::Draft;
 use super::mesh::ImportedMesh;
 use crate::error::{Error, Result};
 use collect::Collector;
-use source::Source;
+use source::MeshText;
 
 /// Read a file of Gmsh.
 ///
@@ -31,7 +31,7 @@ pub fn read(path: &Path) -> Result<ImportedMesh> {
 /// The input's fault, with file and line (or byte): another version or byte order, a section that is cut short, elements
 /// that are not plane or of another order than 1 or 2, no physical groups, and a mesh that is unfit.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<ImportedMesh> {
-    let mut source = Source::new(bytes, path.display().to_string());
+    let mut source = MeshText::new(bytes, path.display().to_string());
     let version = format(&mut source)?;
     let mut collector = Collector::new(Draft {
         files: vec![path.to_path_buf()],
@@ -50,7 +50,7 @@ enum Version {
 const SAVE_AS: &str = "Gmsh: save with Mesh.MshFileVersion = 4.1 (or 2.2)";
 
 /// The first section: version, ASCII or binary, byte order.
-fn format(source: &mut Source<'_>) -> Result<Version> {
+fn format(source: &mut MeshText<'_>) -> Result<Version> {
     let first = source.text_line()?.unwrap_or_default();
     if first != "$MeshFormat" {
         let error = source.error("$MeshFormat, the first line of an MSH file");
@@ -88,7 +88,7 @@ fn format(source: &mut Source<'_>) -> Result<Version> {
 }
 
 /// All further sections.
-fn sections(source: &mut Source<'_>, version: Version, into: &mut Collector) -> Result<()> {
+fn sections(source: &mut MeshText<'_>, version: Version, into: &mut Collector) -> Result<()> {
     while let Some(line) = source.text_line()? {
         let Some(name) = line.strip_prefix('$') else {
             if line.is_empty() {
@@ -124,7 +124,7 @@ fn sections(source: &mut Source<'_>, version: Version, into: &mut Collector) -> 
 }
 
 /// Names of physical groups, text in binary files too: `dimension number "name"`.
-fn names(source: &mut Source<'_>, into: &mut Collector) -> Result<()> {
+fn names(source: &mut MeshText<'_>, into: &mut Collector) -> Result<()> {
     let count = source.count_line("the number of physical names")?;
     for _ in 0..count {
         let line = source.more_text("a physical name")?;
@@ -141,7 +141,7 @@ fn names(source: &mut Source<'_>, into: &mut Collector) -> Result<()> {
     Ok(())
 }
 
-impl Source<'_> {
+impl MeshText<'_> {
     /// An error of the input at the present place.
     fn error(&self, expected: impl std::fmt::Display) -> Error {
         Error::input(self.place(), expected)

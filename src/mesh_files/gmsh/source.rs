@@ -1,12 +1,12 @@
 //! Numbers of an MSH file, ASCII or binary, which hold the same ones in the same order.
 
-use super::super::draft::Spot;
+use super::super::draft::FileSpot;
 use crate::error::{Error, Result};
 
 const CUT: &str = "the file is cut short: save or copy it again";
 
 /// A file being read. An ASCII record is one line.
-pub(super) struct Source<'a> {
+pub(super) struct MeshText<'a> {
     file: String,
     bytes: &'a [u8],
     at: usize,
@@ -17,7 +17,7 @@ pub(super) struct Source<'a> {
     record: &'a [u8],
 }
 
-impl<'a> Source<'a> {
+impl<'a> MeshText<'a> {
     pub fn new(bytes: &'a [u8], file: String) -> Self {
         Self {
             file,
@@ -39,9 +39,9 @@ impl<'a> Source<'a> {
     }
 
     /// The present line; none in a binary file.
-    pub fn spot(&self) -> Spot {
+    pub fn spot(&self) -> FileSpot {
         let line = if self.is_binary { 0 } else { self.line };
-        Spot { file: 0, line }
+        FileSpot { file: 0, line }
     }
 
     pub fn is_binary(&self) -> bool {

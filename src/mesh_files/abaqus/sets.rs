@@ -2,13 +2,13 @@
 
 use std::collections::HashMap;
 
-use super::super::draft::{Allowance, Draft, Index, Spot};
+use super::super::draft::{Allowance, Draft, FileSpot, Index};
 use super::keyword::{key, number};
 use crate::error::{Error, Result};
 
 /// Whose names and numbers are meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) enum Scope {
+pub(super) enum SetScope {
     /// The part's, or those of a file without parts.
     Part,
     Assembly,
@@ -16,7 +16,7 @@ pub(super) enum Scope {
 
 /// What a line of a set adds to it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Member {
+pub(super) enum SetMember {
     One(u64),
     /// First, last, step.
     Range(u64, u64, u64),
@@ -25,27 +25,27 @@ pub(super) enum Member {
 
 /// A set of nodes or of elements.
 #[derive(Debug, Clone)]
-pub(super) struct Set {
+pub(super) struct DeckSet {
     pub name: String,
-    pub scope: Scope,
+    pub scope: SetScope,
     pub is_internal: bool,
     /// With the place where each stands.
-    pub members: Vec<(Member, Spot)>,
+    pub members: Vec<(SetMember, FileSpot)>,
 }
 
 /// All sets of nodes, or of elements.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sets {
-    pub all: Vec<Set>,
-    by_name: HashMap<(Scope, String), usize>,
+    pub all: Vec<DeckSet>,
+    by_name: HashMap<(SetScope, String), usize>,
 }
 
 impl Sets {
     /// The index of a set, which is made if it is not there.
-    pub fn entry(&mut self, name: &str, scope: Scope, is_internal: bool) -> usize {
+    pub fn entry(&mut self, name: &str, scope: SetScope, is_internal: bool) -> usize {
         let sets = &mut self.all;
         *self.by_name.entry((scope, key(name))).or_insert_with(|| {
-            sets.push(Set {
+            sets.push(DeckSet {
                 name: super::keyword::unquoted(name).to_string(),
                 scope,
                 is_internal,
@@ -56,15 +56,15 @@ impl Sets {
     }
 
     /// The index of the set that a name means, seen from a scope.
-    pub fn find(&self, name: &str, scope: Scope) -> Option<usize> {
+    pub fn find(&self, name: &str, scope: SetScope) -> Option<usize> {
         let at = |scope| self.by_name.get(&(scope, key(name))).copied();
-        at(scope).or_else(|| at(Scope::Part))
+        at(scope).or_else(|| at(SetScope::Part))
     }
 
     /// Whether both the part and the assembly have a set of this name.
     pub fn is_ambiguous(&self, name: &str) -> bool {
         let has = |scope| self.by_name.contains_key(&(scope, key(name)));
-        has(Scope::Part) && has(Scope::Assembly)
+        has(SetScope::Part) && has(SetScope::Assembly)
     }
 }
 
@@ -76,11 +76,11 @@ pub(super) fn members(
     fields: &[&str],
     generate: bool,
     instance: &[String],
-) -> std::result::Result<Vec<Member>, &'static str> {
+) -> std::result::Result<Vec<SetMember>, &'static str> {
     if !generate {
         let member = |field: &&str| {
             let field = without_prefix(field, instance);
-            number(field).map_or_else(|| Member::Set(field.to_string()), Member::One)
+            number(field).map_or_else(|| SetMember::Set(field.to_string()), SetMember::One)
         };
         return Ok(fields
             .iter()
@@ -91,9 +91,9 @@ pub(super) fn members(
     let wanted = "first, last and step of GENERATE, whole numbers";
     let numbers: Option<Vec<u64>> = fields.iter().map(|f| number(f)).collect();
     match numbers.as_deref() {
-        Some([first]) => Ok(vec![Member::One(*first)]),
-        Some([first, last]) => Ok(vec![Member::Range(*first, *last, 1)]),
-        Some([first, last, step]) => Ok(vec![Member::Range(*first, *last, *step)]),
+        Some([first]) => Ok(vec![SetMember::One(*first)]),
+        Some([first, last]) => Ok(vec![SetMember::Range(*first, *last, 1)]),
+        Some([first, last, step]) => Ok(vec![SetMember::Range(*first, *last, *step)]),
         _ => Err(wanted),
     }
 }
@@ -126,7 +126,7 @@ pub(super) fn resolve(
             let place = || format!("{}: {what} set {}", draft.place(*spot), set.name);
             let before = own.len();
             let scanned = match member {
-                Member::One(n) => {
+                SetMember::One(n) => {
                     own.push(index.get(*n).ok_or_else(|| {
                         Error::input(place(), format!("{what}s that the file defines"))
                             .found(format!("{what} {n}, which it does not"))
@@ -134,8 +134,10 @@ pub(super) fn resolve(
                     })?);
                     1
                 }
-                Member::Range(first, last, step) => range(index, [*first, *last, *step], &mut own),
-                Member::Set(name) => {
+                SetMember::Range(first, last, step) => {
+                    range(index, [*first, *last, *step], &mut own)
+                }
+                SetMember::Set(name) => {
                     let at = sets.find(name, set.scope).filter(|at| *at < resolved.len());
                     let other = at.and_then(|at| resolved.get(at)).ok_or_else(|| {
                         Error::input(place(), format!("numbers, or {what} sets defined above"))

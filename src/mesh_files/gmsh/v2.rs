@@ -1,14 +1,14 @@
 //! Nodes and elements of MSH 2.2.
 
-use super::super::draft::Node;
-use super::collect::{Collector, Shape, shape};
-use super::source::Source;
+use super::super::draft::DraftNode;
+use super::collect::{Collector, EntityShape, shape};
+use super::source::MeshText;
 use crate::error::Result;
 
 /// `$Nodes` or `$ParametricNodes`: a count, then number x y z; with parameters, also the entity's dimension and number and as
 /// many parameters as it has.
 pub(super) fn nodes(
-    source: &mut Source<'_>,
+    source: &mut MeshText<'_>,
     into: &mut Collector,
     is_parametric: bool,
 ) -> Result<()> {
@@ -30,19 +30,19 @@ pub(super) fn nodes(
         }
         source.close()?;
         let spot = source.spot();
-        into.draft.nodes.push(Node { number, at, spot });
+        into.draft.nodes.push(DraftNode { number, at, spot });
     }
     Ok(())
 }
 
-fn positive(source: &mut Source<'_>, expected: &str) -> Result<u64> {
+fn positive(source: &mut MeshText<'_>, expected: &str) -> Result<u64> {
     let number = source.int(expected)?;
     let error = || source.error(expected).found(number);
     u64::try_from(number).map_err(|_| error())
 }
 
 /// `$Elements`: a count, then number, type, tags, nodes; binary files put elements of one type together.
-pub(super) fn elements(source: &mut Source<'_>, into: &mut Collector) -> Result<()> {
+pub(super) fn elements(source: &mut MeshText<'_>, into: &mut Collector) -> Result<()> {
     let count = source.count_line("the number of elements")?;
     if !source.is_binary() {
         for _ in 0..count {
@@ -77,10 +77,10 @@ pub(super) fn elements(source: &mut Source<'_>, into: &mut Collector) -> Result<
 
 /// Tags (the physical group first, 0 for none) and nodes.
 fn element(
-    source: &mut Source<'_>,
+    source: &mut MeshText<'_>,
     into: &mut Collector,
     number: u64,
-    shape: Shape,
+    shape: EntityShape,
     tags: i64,
 ) -> Result<()> {
     let mut group = 0;

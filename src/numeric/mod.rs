@@ -1,5 +1,9 @@
 //! Quadrature rules, quantiles and roots, each once for the whole program.
 
+mod forest;
+
+pub(crate) use forest::Forest;
+
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Gauss-Legendre rule: nodes and weights of the mean over [0, 1].
@@ -51,6 +55,32 @@ pub fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
     *median
+}
+
+/// log sum exp; -inf of nothing.
+pub fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
+    let largest = logs.clone().fold(f64::NEG_INFINITY, f64::max);
+    if largest == f64::NEG_INFINITY {
+        return largest;
+    }
+    largest + logs.map(|log| (log - largest).exp()).sum::<f64>().ln()
+}
+
+/// Weights over the largest, of their logarithms; zeros where all are -inf.
+pub fn relative_weights(logs: &[f64]) -> Vec<f64> {
+    let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weight = |log: &f64| match *log == f64::NEG_INFINITY {
+        true => 0.0,
+        false => (log - largest).exp(),
+    };
+    logs.iter().map(weight).collect()
+}
+
+/// Weights that sum to 1, of their logarithms.
+pub fn shares(logs: &[f64]) -> Vec<f64> {
+    let weights = relative_weights(logs);
+    let total: f64 = weights.iter().sum();
+    weights.iter().map(|w| w / total).collect()
 }
 
 /// Add `amplitude` times a column to a field, of (u1, u2) each.

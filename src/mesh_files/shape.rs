@@ -3,15 +3,15 @@
 use super::check;
 use super::draft::{Allowance, Draft, Index};
 use super::mesh::{BoundaryEdge, Element, ImportedMesh};
-use super::seams::Parts;
-use super::sides::{Owners, Sides, in_order};
+use super::seams::SeamParts;
+use super::sides::{ElementSides, Owners, in_order};
 use crate::error::{Error, Result};
 
 /// A checked mesh whose edges and regions are not named yet.
 pub(super) struct Shape {
     draft: Draft,
     mesh: ImportedMesh,
-    sides: Sides,
+    sides: ElementSides,
     /// Whether the file's elements are clockwise.
     flipped: bool,
     /// The mesh's index of every node of the draft, [`Element::NONE`] for one that no element uses.
@@ -33,8 +33,8 @@ impl Shape {
         let kept = check::used(&mut elements, draft.nodes.len());
         let nodes = check::flat(&draft, &kept)?;
         let flipped = check::orient(&draft, &mut elements, &nodes)?;
-        let sides = Sides::of(&draft, &elements)?;
-        Parts {
+        let sides = ElementSides::of(&draft, &elements)?;
+        SeamParts {
             draft: &draft,
             kept: &kept,
             nodes: &nodes,

@@ -1,0 +1,328 @@
+//! What keeps the sources readable, measured: the length of functions, the values they take, types spread over files, names that stand twice,
+//! and the size of the whole. Every limit is a maximum that may only fall.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+/// Functions of more than [`LINES`] lines.
+const LONG_FUNCTIONS: usize = 2;
+const LINES: usize = 80;
+
+/// Functions of more than [`VALUES`] values in their parameters; members of tuples count.
+const WIDE_FUNCTIONS: usize = 5;
+const VALUES: usize = 6;
+
+/// Types whose own `impl` blocks stand in more than two files.
+const SPREAD_TYPES: usize = 6;
+
+/// Type names that stand twice.
+const NAMES_TWICE: usize = 60;
+
+/// Lines of `src`.
+const SIZE: usize = 77_000;
+
+/// A file of `src`: its path, and its text with comments, strings and characters blanked.
+struct Source {
+    path: String,
+    code: String,
+    lines: usize,
+}
+
+fn collect(folder: &Path, root: &Path, found: &mut Vec<Source>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            collect(&path, root, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            let path = path.strip_prefix(root).unwrap().display().to_string();
+            found.push(Source {
+                path,
+                lines: text.lines().count(),
+                code: blanked(&text),
+            });
+        }
+    }
+}
+
+fn all() -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    collect(&root, &root, &mut found);
+    assert!(found.len() > 100, "the sources are where they should be");
+    found
+}
+
+/// The end of what begins at `rest` and has no structure: a comment, a string, a character. None if it is code.
+fn literal(rest: &[u8], after_word: bool) -> Option<usize> {
+    let find = |what: &[u8], from: usize| {
+        let at = rest[from..].windows(what.len()).position(|w| w == what);
+        at.map_or(rest.len(), |k| from + k + what.len())
+    };
+    match rest {
+        [b'/', b'/', ..] => Some(find(b"\n", 0) - 1),
+        [b'/', b'*', ..] => Some(find(b"*/", 2)),
+        [b'"', ..] => {
+            let mut at = 1;
+            while at < rest.len() && rest[at] != b'"' {
+                at += 1 + usize::from(rest[at] == b'\\');
+            }
+            Some(at + 1)
+        }
+        [b'r', b'"' | b'#', ..] if !after_word => {
+            let hashes = rest[1..].iter().take_while(|c| **c == b'#').count();
+            (rest.get(1 + hashes) == Some(&b'"')).then(|| {
+                let end = [&b"\""[..], &rest[1..1 + hashes]].concat();
+                find(&end, 2 + hashes)
+            })
+        }
+        [b'\'', b'\\', ..] => Some(find(b"'", 3)),
+        [b'\'', ..] => {
+            // a lifetime has no closing quote after one character
+            let width = std::str::from_utf8(&rest[1..rest.len().min(5)])
+                .map_or(1, |s| s.chars().next().map_or(1, char::len_utf8));
+            (rest.get(1 + width) == Some(&b'\'')).then_some(2 + width)
+        }
+        _ => None,
+    }
+}
+
+fn blanked(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut out = bytes.to_vec();
+    let mut at = 0;
+    while at < bytes.len() {
+        let after_word = at > 0 && (bytes[at - 1].is_ascii_alphanumeric() || bytes[at - 1] == b'_');
+        let Some(length) = literal(&bytes[at..], after_word) else {
+            at += 1;
+            continue;
+        };
+        let blanks = out[at..].iter_mut().take(length);
+        blanks.filter(|c| **c != b'\n').for_each(|c| *c = b' ');
+        at += length.max(1);
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+/// The place of the bracket that closes the one at `open`.
+fn closing(code: &str, open: usize) -> usize {
+    let mut depth = 0;
+    for (k, c) in code.bytes().enumerate().skip(open) {
+        depth += i32::from(b"([{".contains(&c)) - i32::from(b")]}".contains(&c));
+        if depth == 0 {
+            return k;
+        }
+    }
+    code.len()
+}
+
+/// The parts of a list, at commas outside of all brackets.
+fn parts(list: &str, at: char) -> Vec<&str> {
+    let (mut depth, mut begin, mut before) = (0, 0, ' ');
+    let mut found = Vec::new();
+    for (k, c) in list.char_indices() {
+        let arrow = c == '>' && (before == '-' || before == '=');
+        depth += i32::from("([{<".contains(c)) - i32::from(")]}>".contains(c) && !arrow);
+        if c == at && depth == 0 {
+            found.push(list[begin..k].trim());
+            begin = k + 1;
+        }
+        before = c;
+    }
+    found.push(list[begin..].trim());
+    found.retain(|part| !part.is_empty());
+    found
+}
+
+fn members(mut of: &str) -> usize {
+    loop {
+        let rest = of.trim_start_matches('&').trim_start();
+        let rest = match rest.strip_prefix('\'') {
+            Some(lifetime) => {
+                lifetime.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_')
+            }
+            None => rest,
+        };
+        let rest = rest.trim_start();
+        let rest = rest.strip_prefix("mut ").unwrap_or(rest).trim();
+        if rest == of {
+            break;
+        }
+        of = rest;
+    }
+    if of.starts_with('(') && closing(of, 0) == of.len() - 1 {
+        return parts(&of[1..of.len() - 1], ',')
+            .into_iter()
+            .map(members)
+            .sum();
+    }
+    1
+}
+
+fn values(parameters: &str) -> usize {
+    let one = |parameter: &str| {
+        let both = parts(parameter, ':');
+        match both[..] {
+            [pattern, .., kind] if !pattern.ends_with("self") => {
+                members(pattern).max(members(kind))
+            }
+            _ => 0,
+        }
+    };
+    parts(&parameters.replace("::", "__"), ',')
+        .into_iter()
+        .map(one)
+        .sum()
+}
+
+/// A function: its place, lines and the values that it takes.
+struct Function {
+    place: String,
+    lines: usize,
+    values: usize,
+}
+
+fn functions(source: &Source) -> Vec<Function> {
+    let code = &source.code;
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut found = Vec::new();
+    for (at, _) in code.match_indices("fn ") {
+        let name = code[at + 3..].trim_start();
+        let begins = !code[..at].ends_with(is_word) && name.starts_with(is_word);
+        let line_of = |k: usize| code[..k].matches('\n').count() + 1;
+        let mut open = at + 3 + code[at + 3..].find(['(', '<']).unwrap_or(0);
+        if !begins {
+            continue;
+        }
+        if code[open..].starts_with('<') {
+            let (mut depth, mut before) = (0, ' ');
+            for (k, c) in code[open..].char_indices() {
+                depth += i32::from(c == '<') - i32::from(c == '>' && before != '-');
+                before = c;
+                if depth == 0 {
+                    open += k + 1;
+                    break;
+                }
+            }
+            open += code[open..].find('(').unwrap_or(0);
+        }
+        let end = closing(code, open);
+        let Some(body) = code[end..].find(['{', ';']).map(|k| end + k) else {
+            continue;
+        };
+        let last = if code[body..].starts_with('{') {
+            closing(code, body)
+        } else {
+            body
+        };
+        let name: String = name.chars().take_while(|c| is_word(*c)).collect();
+        found.push(Function {
+            place: format!("{}:{} {name}", source.path, line_of(at)),
+            lines: line_of(last) - line_of(at) + 1,
+            values: values(&code[open + 1..end]),
+        });
+    }
+    found
+}
+
+fn at_most(limit: usize, what: &str, found: &[String]) {
+    let list = found.join("\n  ");
+    let count = found.len();
+    assert!(count <= limit, "{count} {what}, at most {limit}:\n  {list}");
+}
+
+#[test]
+fn functions_fit_on_a_screen() {
+    let found: Vec<Function> = all().iter().flat_map(functions).collect();
+    assert!(found.len() > 2000, "only {} functions seen", found.len());
+    let long = found.iter().filter(|f| f.lines > LINES);
+    let long: Vec<String> = long
+        .map(|f| format!("{} {} lines", f.place, f.lines))
+        .collect();
+    at_most(LONG_FUNCTIONS, "functions of more than 80 lines", &long);
+    let wide = found.iter().filter(|f| f.values > VALUES);
+    let wide: Vec<String> = wide
+        .map(|f| format!("{} {} values", f.place, f.values))
+        .collect();
+    at_most(WIDE_FUNCTIONS, "functions of more than 6 values", &wide);
+}
+
+/// Names of types by the files that define them.
+fn types(sources: &[Source]) -> BTreeMap<String, Vec<&str>> {
+    let mut found: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for source in sources {
+        for line in source.code.lines().filter(|l| !l.starts_with(' ')) {
+            let mut words = line.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '('));
+            let kind = words.find(|w| {
+                let before = ["", "pub", "(crate", "pub(crate", "pub(super", "pub(in"];
+                !before.contains(w)
+            });
+            if kind.is_some_and(|k| ["struct", "enum", "trait", "type", "union"].contains(&k)) {
+                let name = words.find(|w| !w.is_empty()).unwrap_or_default();
+                let name = name
+                    .trim_end_matches('(')
+                    .split('(')
+                    .next()
+                    .unwrap_or_default();
+                found
+                    .entry(name.to_string())
+                    .or_default()
+                    .push(&source.path);
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn names_of_types_stand_once_and_types_in_few_files() {
+    let sources = all();
+    let types = types(&sources);
+    assert!(types.len() > 500, "only {} types seen", types.len());
+    let twice = types.iter().filter(|(_, files)| files.len() > 1);
+    let twice: Vec<String> = twice
+        .map(|(name, files)| format!("{name}: {}", files.join(" ")))
+        .collect();
+    at_most(NAMES_TWICE, "names of types that stand twice", &twice);
+
+    let mut homes: BTreeMap<(String, &str), BTreeSet<&str>> = BTreeMap::new();
+    let room = |path: &str| path.split('/').next().unwrap_or_default().to_string();
+    for source in &sources {
+        for block in source.code.split("\nimpl").skip(1) {
+            let head = block.split('{').next().unwrap_or_default();
+            let head = if head.starts_with('<') {
+                head.split_once("> ").map_or("", |h| h.1)
+            } else {
+                head
+            };
+            let name: String = head
+                .trim()
+                .chars()
+                .take_while(|c| c.is_alphanumeric())
+                .collect();
+            let Some(files) = types.get(&name).filter(|_| !head.contains(" for ")) else {
+                continue;
+            };
+            let near = |f: &&&str| **f == source.path;
+            let same_room = |f: &&&str| room(f) == room(&source.path);
+            let home = files
+                .iter()
+                .find(near)
+                .or_else(|| files.iter().find(same_room));
+            let home = home.unwrap_or(&files[0]);
+            homes.entry((name, home)).or_default().insert(&source.path);
+        }
+    }
+    let spread = homes.iter().filter(|(_, files)| files.len() > 2);
+    let spread: Vec<String> = spread
+        .map(|((name, _), files)| format!("{name}: {files:?}"))
+        .collect();
+    at_most(SPREAD_TYPES, "types in more than two files", &spread);
+}
+
+#[test]
+fn the_sources_do_not_grow() {
+    let lines: usize = all().iter().map(|s| s.lines).sum();
+    assert!(lines <= SIZE, "{lines} lines, at most {SIZE}");
+}
