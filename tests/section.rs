@@ -64,7 +64,7 @@ fn a_page_typesets_and_escapes_what_a_table_holds() {
         "\u{2212}140.0 \u{b1} 1.2",
         "\u{2212}0.5 %",
         "plate &amp; &lt;hole&gt;",
-        "<td>\u{2013}</td>",
+        ">\u{2013}</td>",
     ] {
         assert!(page.contains(part), "{part} is missing in {page}");
     }

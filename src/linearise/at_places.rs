@@ -6,8 +6,8 @@
 
 use nalgebra::DVector;
 
-use super::column::{Column, FORCE, RIGID_MOTION};
-use super::observing::{Observed, Observing, StepStack, quotient};
+use super::column::{Column, FORCE, RIGID_MOTION, StepStack};
+use super::observing::{Observed, Observing, quotient};
 use super::slopes::averages;
 use crate::effect::{Effect, Scene, Scope};
 use crate::error::Result;

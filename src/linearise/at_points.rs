@@ -1,7 +1,7 @@
 //! A field observed at all of its points, which are then averaged over blocks; its slopes by the chain rule where that is exact.
 
-use super::column::Column;
-use super::observing::{Observed, Observing, StepStack};
+use super::column::{Column, StepStack};
+use super::observing::{Observed, Observing};
 use super::slopes::Slopes;
 use crate::effect::{Effect, Scene};
 use crate::error::Result;

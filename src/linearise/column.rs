@@ -1,7 +1,11 @@
 //! What a change of one parameter does to the prediction.
 
-use super::observing::StepStack;
+use nalgebra::DVector;
+
 use crate::effect::{EFFECTS, Effect};
+
+/// Values of both components, step by step, mm.
+pub type StepStack = [DVector<f64>; 2];
 
 /// What the names of forces that are not declared begin with.
 pub const FORCE: &str = "force_";

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::column::Column;
+use super::column::{Column, StepStack};
 use super::linearisation::Linearisation;
-use super::observing::{Observing, StepStack};
+use super::observing::Observing;
 use super::sensitivities::{Candidate, Sensitivities};
 use crate::effect::Kind;
 use crate::error::Result;

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::column::Column;
+use super::column::{Column, StepStack};
 use super::forward::Forward;
-use super::observing::{Observed, StepStack, quotient};
+use super::observing::{Observed, quotient};
 use crate::effect::{Scene, Scope, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;

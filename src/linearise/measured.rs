@@ -1,7 +1,7 @@
 //! What was measured, as block averages.
 
 use super::at_places::AtPlaces;
-use super::observing::StepStack;
+use super::column::StepStack;
 use super::sensitivities::Sensitivities;
 use super::slopes::averages;
 use crate::experiment::{FieldSolver, Sight};

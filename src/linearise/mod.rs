@@ -18,12 +18,12 @@ mod unknown_places;
 
 pub use at_places::AtPlaces;
 pub use at_points::AtPoints;
-pub use column::{Column, divide};
+pub use column::{Column, StepStack, divide};
 pub use forward::Forward;
 pub use insoluble::{Insoluble, insoluble, without_insoluble};
 pub use linearisation::Linearisation;
 pub use measured::{Loading, Measured};
-pub use observing::{Observed, Observing, StepStack};
+pub use observing::{Observed, Observing};
 pub use ridge::{CONVERGED, STEPS};
 pub use sensitivities::{Candidate, Sensitivities};
 pub use slopes::Slopes;

@@ -1,16 +1,11 @@
 //! How the displacements of a test are observed.
 
-use nalgebra::DVector;
-
-use super::column::Column;
+use super::column::{Column, StepStack};
 use crate::effect::{Effect, Scene};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Direction, FieldSolver, Sight, Softening, State};
 use crate::infer::Model;
-
-/// Values of both components, step by step, mm.
-pub type StepStack = [DVector<f64>; 2];
 
 /// What of a test is observed, and how: at all points of a field, or at the places of averages over them in every step.
 pub trait Observing: Sync {

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::column::Column;
-use super::observing::StepStack;
+use super::column::{Column, StepStack};
 use crate::effect::Effect;
 use crate::experiment::series::Law;
 use crate::infer::Known;

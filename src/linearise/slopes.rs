@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::observing::StepStack;
+use super::column::StepStack;
 use crate::error::Result;
 use crate::experiment::State;
 use crate::experiment::{FieldSolver, Prediction, Sight, predict};

@@ -61,7 +61,7 @@ pub struct Closed {
 
 /// The posterior to quote.
 pub enum ToQuote {
-    Sampled(Quoted),
+    Sampled(Box<Quoted>),
     /// It could not be sampled, for this reason: the intervals to quote are those of the closed form.
     ClosedForm(Error),
 }
@@ -129,7 +129,7 @@ pub fn finished<'a>(
     let suspect = explained.conclusion.suspect.is_some();
     let of_answer = |supposing| options(LoopStage::Answer(supposing));
     let to_quote = match quote(&explained.rounds, suspect, &of_answer, progress) {
-        Ok(sampled) => ToQuote::Sampled(sampled),
+        Ok(sampled) => ToQuote::Sampled(Box::new(sampled)),
         Err(why) => ToQuote::ClosedForm(why),
     };
     Closed {
@@ -163,10 +163,10 @@ pub fn explain<'a>(
         model: model.clone(),
         traced: None,
     };
-    let mut turn = Turn::Identify(Course::default(), given);
+    let mut turn = Turn::Identify(Course::default(), Box::new(given));
     let course = loop {
         turn = match turn {
-            Turn::Identify(course, next) => context.turn(course, next)?,
+            Turn::Identify(course, next) => context.turn(course, *next)?,
             Turn::Ended(course) => break context.followed(course),
         };
     };
@@ -188,7 +188,7 @@ struct Course {
 /// What is to be done next.
 enum Turn {
     /// Identify a model, as another round.
-    Identify(Course, NextModel),
+    Identify(Course, Box<NextModel>),
     /// Nothing: nothing more is called for, or the time is over.
     Ended(Course),
 }
@@ -204,7 +204,7 @@ impl Course {
     fn next(self, most: usize) -> Turn {
         let model = self.rounds.last().and_then(next_model);
         match model.filter(|_| self.rounds.len() <= most) {
-            Some(next) => Turn::Identify(self, next),
+            Some(next) => Turn::Identify(self, Box::new(next)),
             None => Turn::Ended(self),
         }
     }

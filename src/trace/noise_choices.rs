@@ -4,12 +4,11 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::by_component::ComponentNoise;
 use crate::error::Result;
 use crate::field::Blocks;
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::Hyperparameters;
-use crate::noise::series::{SeriesNoise, settings};
+use crate::noise::series::SeriesNoise;
 
 /// A choice of the noise of both components.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,27 +61,6 @@ pub trait NoiseChoices: Send + Sync {
 
     /// The noise that frames have measured.
     fn by_frames(&self) -> Option<&SeriesNoise>;
-}
-
-/// The choices for the sensitivities' columns over blocks; `step` is called [`super::weighing::Weighing::steps`] times.
-///
-/// # Errors
-/// Of the program: a factorisation that fails. Of the input: too few blocks.
-pub fn choices(
-    measured: &Measured,
-    sensitivities: &Sensitivities,
-    step: &(dyn Fn() + Sync),
-) -> Result<Arc<dyn NoiseChoices>> {
-    let Some(frames) = measured.frames() else {
-        return Ok(Arc::new(ComponentNoise::new(
-            measured,
-            sensitivities,
-            step,
-        )?));
-    };
-    let columns = [0, 1].map(|c| with_data(measured, sensitivities, c));
-    let noise = settings(&frames, [&columns[0], &columns[1]], step)?;
-    Ok(Arc::new(noise))
 }
 
 /// All columns of one component, the near-edge rival's after the others, and last the data.

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::by_component::{LENGTHS, TRACED};
-use super::noise_choices::{NoiseChoices, NoisePair, choices};
+use super::by_component::{ComponentNoise, LENGTHS, TRACED};
+use super::noise_choices::{NoiseChoices, NoisePair, with_data};
 use crate::error::{Error, Result};
 use crate::infer::Known;
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::NormalEquations;
-use crate::noise::series::steps;
+use crate::noise::series::{settings, steps};
 
 /// Hyperparameters of both components that are worth weighing together.
 pub struct Weighing {
@@ -21,6 +21,27 @@ pub struct Weighing {
     base: usize,
     /// What experiments beside the field say of the constants, which are the first columns.
     known: Option<Arc<Known>>,
+}
+
+/// The choices for the sensitivities' columns over blocks; `step` is called [`Weighing::steps`] times.
+///
+/// # Errors
+/// Of the program: a factorisation that fails. Of the input: too few blocks.
+fn choices(
+    measured: &Measured,
+    sensitivities: &Sensitivities,
+    step: &(dyn Fn() + Sync),
+) -> Result<Arc<dyn NoiseChoices>> {
+    let Some(frames) = measured.frames() else {
+        return Ok(Arc::new(ComponentNoise::new(
+            measured,
+            sensitivities,
+            step,
+        )?));
+    };
+    let columns = [0, 1].map(|c| with_data(measured, sensitivities, c));
+    let noise = settings(&frames, [&columns[0], &columns[1]], step)?;
+    Ok(Arc::new(noise))
 }
 
 /// Normal equations of the candidates and the near-edge rival under one pair, with the base columns eliminated.
@@ -44,7 +65,7 @@ impl Weighing {
     /// Weigh the sensitivities' columns over blocks; `step` is called on the way.
     ///
     /// # Errors
-    /// Those of [`choices`].
+    /// Of the program: a factorisation that fails. Of the input: too few blocks.
     pub fn new(
         measured: &Measured,
         sensitivities: &Sensitivities,

@@ -173,13 +173,31 @@ pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
             [a.min(v), b.max(v)]
         });
     match (low.is_finite(), high > low) {
-        (true, true) => [low, high],
+        (true, true) => divisible([low, high]),
         (true, false) => {
             let room = 0.5 * low.abs().max(1e-9);
-            [low - room, low + room]
+            divisible([low - room, low + room])
         }
         _ => [0.0, 1.0],
     }
+}
+
+/// Largest size of a number on an axis.
+const LARGEST: f64 = 1e250;
+
+/// Smallest length of an axis over the larger of its ends.
+const SHORTEST: f64 = 1e-9;
+
+/// A range that an axis can be divided over: ticks are found by adding up a fraction of its length, which never ends where that fraction is
+/// lost in the rounding of the ends.
+pub fn divisible(range: [f64; 2]) -> [f64; 2] {
+    let [low, high] = range.map(|v| v.clamp(-LARGEST, LARGEST));
+    let least = SHORTEST * low.abs().max(high.abs()).max(1.0 / LARGEST);
+    if high - low >= least {
+        return [low, high];
+    }
+    let middle = 0.5 * (low + high);
+    [middle - least, middle + least]
 }
 
 impl Figure {

@@ -2,7 +2,9 @@
 
 use plotters::prelude::*;
 
-use super::canvas::{Area, Figure, INK, NOT_MEASURED, Stretched, axes_mm, draw, span, step, text};
+use super::canvas::{
+    Area, Figure, INK, NOT_MEASURED, Stretched, axes_mm, divisible, draw, span, step, text,
+};
 use super::colour::Palette;
 use crate::error::Result;
 use crate::numeric::quantile;
@@ -109,7 +111,7 @@ pub fn covering(sizes: impl Iterator<Item = f64>) -> Scale {
     let reach = reach.unwrap_or(1.0);
     Scale {
         palette: Palette::Difference,
-        range: [-reach, reach],
+        range: divisible([-reach, reach]),
         unit: "nm",
     }
 }

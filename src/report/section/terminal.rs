@@ -14,7 +14,8 @@ pub fn terminal(sections: &[Section]) -> String {
         for piece in &section.pieces {
             let shown = shown(piece);
             let is_text = matches!(piece, Piece::Paragraph(_) | Piece::Note(_) | Piece::List(_));
-            if !shown.is_empty() && !(after_text && is_text) {
+            let follows_on = after_text && is_text;
+            if !shown.is_empty() && !follows_on {
                 blank_line(&mut text);
             }
             after_text = if shown.is_empty() {
