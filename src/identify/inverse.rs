@@ -59,7 +59,7 @@ pub struct InverseProblem {
 /// Read the measurement and obtain the reduced model for it.
 ///
 /// # Errors
-/// Those of reading the measurement, of finite-element solutions and of [`REDUCTIONS`].
+/// Those of reading the measurement, of finite-element solutions and of `REDUCTIONS`.
 pub fn prepare(
     model: &Model,
     cache_dir: &std::path::Path,

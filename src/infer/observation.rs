@@ -135,7 +135,7 @@ impl Observation {
     /// Evaluate modes and the model's additive effects at the points, under the gauge.
     ///
     /// # Errors
-    /// Those of [`Mechanics::added`].
+    /// Those of [`crate::experiment::Mechanics::added`].
     pub fn columns(
         &self,
         reduced: &ReducedModel,

@@ -29,7 +29,7 @@ pub struct Sensitivities {
     pub constants: usize,
     /// Effects that are not declared.
     pub candidates: Vec<Candidate>,
-    /// Block averages of (u1, u2), mm, of the near-edge rival's fields ([`Softening::NearEdge`]); none where no
+    /// Block averages of (u1, u2), mm, of the near-edge rival's fields ([`crate::experiment::Softening::NearEdge`]); none where no
     /// effect is a candidate.
     pub near_edge: Vec<StepStack>,
     /// What experiments beside the field say of the constants.

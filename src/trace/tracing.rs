@@ -56,7 +56,7 @@ pub struct Accepted {
     pub plausible: Vec<(String, f64)>,
 }
 
-/// What a residual was traced to: complete when [`super::evidence::Evidence::tracing`] makes it.
+/// What a residual was traced to: complete when `Evidence::tracing` makes it.
 pub struct Tracing {
     /// All candidates, the most probable first.
     pub candidates: Vec<Finding>,
