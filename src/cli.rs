@@ -1,7 +1,6 @@
 //! The command line: arguments, validated into a plan before any work, and one file a verb.
 
 mod bench;
-mod beside;
 mod build;
 mod calibrate;
 mod campaign;
@@ -13,7 +12,6 @@ mod doe;
 mod effects;
 mod exports;
 mod folder;
-mod frequencies;
 mod fringes;
 mod identify;
 mod init;
@@ -26,6 +24,7 @@ mod population;
 mod report;
 mod running;
 mod simulate;
+mod study;
 mod validate;
 
 use std::path::PathBuf;

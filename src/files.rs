@@ -36,7 +36,7 @@ pub fn make_folder(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// The input's fault, with file, line, key path, what was found and what was expected.
-pub fn parse_json<T: serde::de::DeserializeOwned>(text: &str, file: &str) -> Result<T> {
+pub fn parse_json<'a, T: Deserialize<'a>>(text: &'a str, file: &str) -> Result<T> {
     let mut reader = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(&mut reader)
         .map_err(|e| json_error(file, &e.path().to_string(), e.inner()))?;
@@ -44,10 +44,38 @@ pub fn parse_json<T: serde::de::DeserializeOwned>(text: &str, file: &str) -> Res
     Ok(value)
 }
 
+/// Parse a value that stands within `file`: where it starts (line and column, from 0), and its key there.
+///
+/// # Errors
+/// The input's fault, with line, column and key in the whole file.
+pub fn parse_json_within<T: serde::de::DeserializeOwned>(
+    json: &str,
+    file: &str,
+    (start, key): ([usize; 2], &str),
+) -> Result<T> {
+    serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(json)).map_err(|e| {
+        let inner = match (key, e.path().to_string()) {
+            (key, path) if path == "." && !key.is_empty() => key.to_string(),
+            ("", path) => path,
+            (key, path) => format!("{key}.{path}"),
+        };
+        located(file, &inner, (e.inner(), start))
+    })
+}
+
 fn json_error(file: &str, key: &str, error: &serde_json::Error) -> Error {
+    located(file, key, (error, [0; 2]))
+}
+
+fn located(file: &str, key: &str, (error, start): (&serde_json::Error, [usize; 2])) -> Error {
     let text = error.to_string();
     let text = text.split(" at line ").next().unwrap_or_default();
-    let place = format!("{file}:{}:{}", error.line(), error.column());
+    let right = if error.line() == 1 { start[1] } else { 0 };
+    let place = format!(
+        "{file}:{}:{}",
+        error.line() + start[0],
+        error.column() + right
+    );
     let place = if key == "." {
         place
     } else {

@@ -4,7 +4,7 @@
 //! snapshots ([`fem`], [`effect`]) -> POD and response surfaces ([`reduce`]); prior and likelihood -> posterior
 //! ([`infer`]) -> [`sample`] -> [`chain`] -> [`diagnose`]; [`identify`] -> residual -> [`trace`] -> [`report`].
 //! Imports point only to the left of
-//! `dense, error, files, lanes, numeric, quantity, progress, signals < chain < sample < diagnose < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < identify < trace < validate < report < campaign < cli`.
+//! `dense, error, files, lanes, numeric, quantity, progress, signals < chain < sample < diagnose < field, laminate < noise < geometry < fem < effect < experiment < reduce < infer < identify < trace < study < validate < report < campaign < cli`.
 
 pub mod campaign;
 pub mod chain;
@@ -30,5 +30,6 @@ pub mod reduce;
 pub mod report;
 pub mod sample;
 pub mod signals;
+pub mod study;
 pub mod trace;
 pub mod validate;

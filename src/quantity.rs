@@ -95,3 +95,16 @@ pub fn plus_minus(mean: f64, sd: f64) -> String {
     }
     both(1.0)
 }
+
+/// A number with three digits.
+pub fn three_digits(x: f64) -> String {
+    if x == 0.0 || x.is_nan() {
+        return x.to_string();
+    }
+    let digits = 2 - x.abs().log10().floor() as i32;
+    if (0..=6).contains(&digits) {
+        format!("{x:.*}", digits as usize)
+    } else {
+        format!("{x:.2e}")
+    }
+}

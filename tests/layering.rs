@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
-const ORDER: [&[&str]; 19] = [
+const ORDER: [&[&str]; 20] = [
     &[
         "dense", "error", "files", "lanes", "numeric", "quantity", "progress", "signals",
     ],
@@ -22,6 +22,7 @@ const ORDER: [&[&str]; 19] = [
     &["infer"],
     &["identify"],
     &["trace"],
+    &["study"],
     &["validate"],
     &["report"],
     &["campaign"],

@@ -52,6 +52,7 @@ mod series_noise;
 mod simulated_series;
 mod starts;
 mod steps;
+mod study;
 mod supplied;
 mod suspect;
 mod targets;

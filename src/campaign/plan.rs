@@ -11,8 +11,8 @@ use super::file::Verb;
 use super::sweep;
 use crate::error::{Error, Result};
 use crate::files::{self, Keyed, parse_json};
-use crate::infer::{FrequenciesModel, Model};
 use crate::report::manifest::hashes;
+use crate::study::Study;
 
 /// The schema of `plan.json`.
 pub const SCHEMA: &str = "plychain-campaign-plan/1";
@@ -196,13 +196,6 @@ fn planned(run: Declared, folder: &Path, known: &mut Known) -> Result<Run> {
 
 /// SHA-256 of a model file and of the data that it is run with, all checked as far as they are before a run.
 fn inputs(path: PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
-    let mut files = Vec::new();
-    if FrequenciesModel::load(&path)?.is_none() {
-        files = Model::load_with(&path, data)?.measurement_files()?;
-    } else if let Some(data) = data {
-        return Err(Error::input("data", "a model of a field")
-            .found(data.display())
-            .hint("frequencies stand in the model file itself"));
-    }
+    let files = Study::load_with(&path, data)?.files()?;
     hashes(std::iter::once(&path).chain(&files))
 }

@@ -211,7 +211,9 @@ fn calibrations(collected: &Collected, places: &Places) -> Result<()> {
     let runs = || collected.rows.iter().map(|r| &r.entry);
     for entry in runs() {
         let same_folder = |e: &&Entry| e.run.folder() == entry.run.folder();
-        let all_done = runs().filter(same_folder).all(|e| e.status.state == State::Done);
+        let all_done = runs()
+            .filter(same_folder)
+            .all(|e| e.status.state == State::Done);
         if !all_done || !seen.insert(entry.run.folder()) {
             continue;
         }

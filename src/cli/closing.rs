@@ -3,22 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::Value;
 
 use super::console::{Console, line};
 use super::folder::{AVERAGED, check_run};
 use super::identify::truth;
 use super::running::{RunPlan, Running};
-use super::{Global, beside, cache, print};
+use super::{Global, cache, print, study};
 use crate::chain::{write_csv, write_zarr};
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
-use crate::identify::{Beside, settle_force};
 use crate::infer::Model;
 use crate::report::json::Keyed;
 use crate::report::round::MeanAndSd;
 use crate::report::together::TogetherReport;
 use crate::report::{Page, Report, gather, ranking, terminal, traced};
+use crate::study::Study;
 use crate::trace::{self, Closed, LoopStage, Suspect, ToQuote};
 
 /// Arguments of `loop`.
@@ -35,52 +36,42 @@ pub struct LoopArguments {
     rounds: u8,
 }
 
-/// What `loop` was asked for, settled before any work.
-struct LoopPlan {
-    run: RunPlan,
-    /// Most effects that are added.
-    most: usize,
-}
-
-impl LoopPlan {
-    fn new(arguments: &LoopArguments, global: &Global) -> Result<Self> {
-        let running = &arguments.running;
-        if running.plates()?.is_some() {
-            return Err(Error::input("MODEL", "a field to trace effects in")
-                .found("frequencies alone")
-                .hint("plychain identify takes them"));
-        }
-        Ok(Self {
-            run: running.plan(global)?,
-            most: usize::from(arguments.rounds),
-        })
-    }
-}
-
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
-    let LoopPlan { run, most } = LoopPlan::new(arguments, global)?;
-    let (model, beside) = beside::identified(&run, console)?;
+    let run = arguments.running.plan(global)?;
+    let most = usize::from(arguments.rounds);
+    let [experiment] = &run.study.experiments[..] else {
+        return study::close(run, most, console);
+    };
+    let Some(model) = experiment.field().cloned() else {
+        return study::close(run, most, console);
+    };
     let options = |stage: LoopStage| run.options(&place(run.folder.path(), stage));
     let closed = trace::close(&model, most, &options, console)?;
+    let folder = (&run, run.folder.path());
+    let page = write(folder, &Model::resolved, (&closed, None))?;
+    say(&closed, &page)?;
+    let verdicts = closed.rounds.iter().map(|s| &s.identification.verdict);
+    run.finish(&page, verdicts, console)
+}
+
+/// Print what a loop found.
+pub(super) fn say(closed: &Closed, page: &Page) -> Result<()> {
     if let ToQuote::ClosedForm(why) = &closed.to_quote {
         // the verdict stands
         line(&format!(
             "  the intervals to quote are those of the closed form: {why}"
         ));
     }
-    let page = write(&run, &model, &closed, beside.as_ref())?;
     let report = &page.report;
     if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
         print(&terminal::identification(&report.model, last))?;
-        print(&ranking::closed(&page, closing))?;
+        print(&ranking::closed(page, closing))?;
     }
-    print(&report.together_text())?;
-    let verdicts = closed.rounds.iter().map(|s| &s.identification.verdict);
-    run.finish(&page, verdicts, console)
+    print(&report.together_text())
 }
 
-/// Where the chains of a stage are kept: those of the first round in the run's folder itself.
-fn place(folder: &Path, stage: LoopStage) -> PathBuf {
+/// Where the chains of a stage are kept: those of the first round in the folder itself.
+pub(super) fn place(folder: &Path, stage: LoopStage) -> PathBuf {
     match stage {
         LoopStage::Attempt(0) => folder.to_path_buf(),
         LoopStage::Attempt(attempt) => folder.join(format!("round-{attempt}")),
@@ -88,17 +79,20 @@ fn place(folder: &Path, stage: LoopStage) -> PathBuf {
     }
 }
 
-/// Write what a loop leaves behind beside its chain stores, and return the page that shows it, which is still to be written.
-fn write(run: &RunPlan, model: &Model, closed: &Closed, beside: Option<&Beside>) -> Result<Page> {
-    let folder = &run.folder;
+/// Write what a loop over a field leaves behind beside its chain stores into a folder of the run, and return the page that shows it, which
+/// is still to be written; `whole` is the model file with a model of the field.
+pub(super) fn write(
+    (run, folder): (&RunPlan, &Path),
+    whole: &dyn Fn(&Model) -> Result<Value>,
+    (closed, together): (&Closed, Option<TogetherReport>),
+) -> Result<Page> {
     for round in &closed.rounds {
-        let stage = LoopStage::Attempt(round.attempt);
-        let place = place(folder.path(), stage);
+        let place = place(folder, LoopStage::Attempt(round.attempt));
         write_csv(&round.identification.draws, &place.join("chain.csv"))?;
-        files::write_json(&place.join("model.json"), &round.model.resolved()?)?;
+        files::write_json(&place.join("model.json"), &whole(&round.model)?)?;
     }
     if let ToQuote::Sampled(sampled) = &closed.to_quote {
-        let place = folder.path().join(AVERAGED);
+        let place = folder.join(AVERAGED);
         let store = place.join("chain.zarr");
         // an interrupted run may have left one
         if store.exists() {
@@ -109,12 +103,14 @@ fn write(run: &RunPlan, model: &Model, closed: &Closed, beside: Option<&Beside>)
         write_csv(&sampled.draws, &place.join("chain.csv"))?;
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
-    folder.write_json("model.extended.json", &last.model.resolved()?)?;
+    files::write_json(&folder.join("model.extended.json"), &whole(&last.model)?)?;
     let mut report = gather::closed(closed, run.seed());
-    report.together = beside.map(|b| TogetherReport::new(b, trace::tension(last).as_ref()));
-    folder.write_json("report.json", &report)?;
+    report.together = together;
+    files::write_json(&folder.join("report.json"), &report)?;
     let files = closed.rounds[0].identification.files();
-    let manifest = folder.write_manifest(&model.path, files, run.seed())?;
+    let manifest = run
+        .folder
+        .write_manifest(&last.model.path, files, run.seed())?;
     Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 
@@ -131,16 +127,21 @@ pub struct TraceArguments {
 pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let run = &arguments.run;
     let extended = run.join("model.extended.json");
-    let mut model = if extended.exists() {
-        Model::load(&extended)
-    } else {
-        Model::load(&run.join("model.json"))
-    }
-    .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
-    settle_force(&mut model)?;
+    let file = match extended.exists() {
+        true => extended,
+        false => run.join("model.json"),
+    };
+    let study = Study::load(&file).map_err(|e| {
+        e.hint("give the folder of a finished run; one of another model format must be identified anew")
+    })?;
+    let study = study.settled(false)?;
+    let field = study.fields().next().map(|(_, model)| model.clone());
+    let mut model = field.ok_or_else(|| {
+        Error::input(run.display(), "the run of a field to trace effects in").found("none")
+    })?;
     let (start, alone) = state(run, &model)?;
     check_run(run, &model)?;
-    beside::know(run, &mut model)?;
+    study::know(run, &study, &mut model)?;
     let prepared = crate::identify::prepare(&model, &cache(), console)?;
     let (tracing, _) = trace::attribute(&model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));

@@ -1,6 +1,6 @@
 //! `plychain design`: what to measure next.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -8,13 +8,11 @@ use super::console::Console;
 use super::{DEFAULT_MODEL, print};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::infer::{FrequenciesModel, Marginal, Model};
-use crate::laminate::{Material, MeanSd};
+use crate::laminate::MeanSd;
 use crate::progress::Progress;
 use crate::report::design::{Constants, DesignReport};
-use crate::validate::design::{
-    Candidate, Measuring, assess, coupons, declared, declared_plates, plates,
-};
+use crate::study::{Measuring, SharedConstants, Study};
+use crate::validate::design::{Candidate, assess, coupons, declared, plates};
 
 /// Arguments of `design`.
 #[derive(Debug, Args)]
@@ -43,66 +41,41 @@ pub struct DesignArguments {
     out: Option<PathBuf>,
 }
 
-/// A model file of either kind.
-struct Declared {
-    name: String,
-    material: Material,
-    constants: Vec<(String, Marginal)>,
-    tests: Vec<Candidate>,
-    /// Layup and thickness, for candidates like it.
-    layup: Vec<f64>,
-    thickness_mm: MeanSd,
-    field: Option<Model>,
-}
-
-fn load(path: &Path) -> Result<Declared> {
-    if let Some(model) = FrequenciesModel::load(path)? {
-        let plate = &model.file.experiments[0].specimen;
-        return Ok(Declared {
-            name: model.file.name.clone(),
-            material: model.material(),
-            constants: model.constants(),
-            tests: declared_plates(&model),
-            layup: plate.layup_deg.clone(),
-            thickness_mm: plate.thickness_mm,
-            field: None,
-        });
+/// Layup and thickness of what was or will be measured, for candidates like it.
+fn laminate(study: &Study) -> Result<(Vec<f64>, MeanSd)> {
+    #[derive(serde::Deserialize)]
+    struct Specimen {
+        #[serde(default)]
+        layup_deg: Vec<f64>,
+        thickness_mm: MeanSd,
     }
-    let model = Model::load(path)?;
-    let names = model.constants().iter().map(|n| (*n).to_string());
-    let specimen = &model.experiment().specimen;
-    Ok(Declared {
-        name: model.file.name.clone(),
-        material: model.material(),
-        constants: names.zip(model.marginals()).collect(),
-        tests: declared(&model),
-        layup: specimen.layup_deg.clone().unwrap_or_default(),
-        thickness_mm: specimen.thickness_mm,
-        field: Some(model),
-    })
+    for experiment in &study.experiments {
+        let json = experiment.json(false)?;
+        if let Ok(found) = serde_json::from_value::<Specimen>(json["specimen"].clone()) {
+            return Ok((found.layup_deg, found.thickness_mm));
+        }
+    }
+    Ok((Vec::new(), MeanSd { mean: 1.0, sd: 0.0 }))
 }
 
 pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
     if !(arguments.noise_nm > 0.0 && arguments.noise_nm < 1e9) {
         return Err(Error::input("--noise-nm", "a number above 0").found(arguments.noise_nm));
     }
-    let own = load(&arguments.model)?;
-    let wanted = wanted(arguments, &own)?;
+    let own = Study::load(&arguments.model)?;
+    let (shared, tests) = (own.shared(), declared(&own));
+    let wanted = wanted(arguments, &shared)?;
     let candidates = candidates(arguments, &own)?;
     let measuring = Measuring {
         noise_nm: arguments.noise_nm,
         grid: usize::from(arguments.grid),
     };
-    let count = (own.tests.len() + candidates.len()) as u64;
+    let count = (tests.len() + candidates.len()) as u64;
     console.begin("what each experiment would say", Some(count));
-    let assessed = |tests: &[Candidate]| {
-        assess(tests, own.material, &own.constants, measuring, &|| {
-            console.step()
-        })
-    };
-    let (declared, others) = (assessed(&own.tests), assessed(&candidates));
+    let assessed = |tests: &[Candidate]| assess(tests, &shared, measuring, &|| console.step());
+    let (declared, others) = (assessed(&tests), assessed(&candidates));
     console.end();
-    if declared.len() < own.tests.len() {
+    if declared.len() < tests.len() {
         return Err(Error::input(
             arguments.model.display(),
             "experiments that can be computed",
@@ -110,10 +83,10 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
         .hint("plychain identify says what is wrong with them"));
     }
     let constants = Constants {
-        priors: &own.constants,
+        priors: &shared.constants,
         wanted: &wanted,
     };
-    let report = DesignReport::new(&own.name, &constants, &declared, others);
+    let report = DesignReport::new(own.name(), &constants, &declared, others);
     print(&report.text())?;
     if let Some(out) = &arguments.out {
         files::write_json(out, &report)?;
@@ -123,7 +96,7 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
 }
 
 /// Places of the constants that matter.
-fn wanted(arguments: &DesignArguments, own: &Declared) -> Result<Vec<usize>> {
+fn wanted(arguments: &DesignArguments, own: &SharedConstants) -> Result<Vec<usize>> {
     if arguments.wanted.is_empty() {
         return Ok((0..own.constants.len()).collect());
     }
@@ -137,23 +110,25 @@ fn wanted(arguments: &DesignArguments, own: &Declared) -> Result<Vec<usize>> {
     arguments.wanted.iter().map(place).collect()
 }
 
-fn candidates(arguments: &DesignArguments, own: &Declared) -> Result<Vec<Candidate>> {
+fn candidates(arguments: &DesignArguments, own: &Study) -> Result<Vec<Candidate>> {
     if arguments.others.is_empty() {
-        let mut all: Vec<Candidate> = own.field.iter().flat_map(coupons).collect();
-        all.extend(plates(&own.layup, own.thickness_mm));
+        let field = own.fields().next();
+        let mut all: Vec<Candidate> = field.map_or_else(Vec::new, |(_, model)| coupons(model));
+        let (layup, thickness_mm) = laminate(own)?;
+        all.extend(plates(&layup, thickness_mm));
         return Ok(all);
     }
     let mut all = Vec::new();
     for path in &arguments.others {
-        let other = load(path)?;
-        if other.material != own.material {
+        let other = Study::load(path)?;
+        if other.shared().material != own.shared().material {
             return Err(
                 Error::input(path.display(), "the material of the first model")
                     .found("another parameterisation"),
             );
         }
-        all.extend(other.tests.into_iter().map(|test| Candidate {
-            name: format!("{}: {}", other.name, test.name),
+        all.extend(declared(&other).into_iter().map(|test| Candidate {
+            name: format!("{}: {}", other.name(), test.name),
             ..test
         }));
     }

@@ -7,13 +7,12 @@ use clap::Args;
 use super::console::Console;
 use super::folder::Folder;
 use super::running::Running;
-use super::{Global, beside, frequencies, print};
+use super::{Global, print, study};
 use crate::chain::write_csv;
 use crate::error::Result;
-use crate::identify::{self, Beside, Identification};
+use crate::identify::{self, Identification};
 use crate::infer::Model;
 use crate::report::manifest::KnownTruth;
-use crate::report::together::TogetherReport;
 use crate::report::{Page, gather, terminal};
 
 /// Arguments of `identify`.
@@ -29,18 +28,19 @@ pub struct IdentifyArguments {
 
 pub fn run(arguments: &IdentifyArguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
-    if let Some(model) = running.plates()? {
-        return frequencies::run(&model, running, global, console);
-    }
     let run = running.plan(global)?;
-    let (model, beside) = beside::identified(&run, console)?;
+    let [experiment] = &run.study.experiments[..] else {
+        return study::identify(run, console);
+    };
+    let Some(model) = experiment.field().cloned() else {
+        return study::identify(run, console);
+    };
     let options = run.options(run.folder.path());
     let rounds = [identify::identify(&model, &options, console)?];
-    let page = write(&model, &rounds, beside.as_ref(), &run.folder, run.seed())?;
+    let page = write(&model, &rounds, &run.folder, run.seed())?;
     for round in &page.report.rounds {
         print(&terminal::identification(&page.report.model, round))?;
     }
-    print(&page.report.together_text())?;
     run.finish(&page, rounds.iter().map(|r| &r.verdict), console)
 }
 
@@ -54,19 +54,12 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
 }
 
 /// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
-pub fn write(
-    model: &Model,
-    rounds: &[Identification],
-    beside: Option<&Beside>,
-    folder: &Folder,
-    seed: u64,
-) -> Result<Page> {
+pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u64) -> Result<Page> {
     if let Some(round) = rounds.last() {
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
     folder.write_json("model.json", &model.resolved()?)?;
-    let mut report = gather::identified(model, rounds, seed);
-    report.together = beside.map(|b| TogetherReport::new(b, None));
+    let report = gather::identified(model, rounds, seed);
     folder.write_json("report.json", &report)?;
     let files = rounds.last().map(Identification::files).unwrap_or_default();
     let manifest = folder.write_manifest(&model.path, files, seed)?;

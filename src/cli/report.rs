@@ -8,6 +8,7 @@ use super::print;
 use super::running::check_png;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::report::study::StudyReport;
 use crate::report::{Page, comparison};
 
 /// Arguments of `report`.
@@ -35,7 +36,10 @@ pub fn run(arguments: &ReportArguments) -> Result<()> {
                 .found("one run")
                 .hint("the report of one run goes to its own folder"));
         }
-        Page::load(folder)?.write(folder, arguments.png)?;
+        match StudyReport::is_in(folder) {
+            true => super::study::report_again(folder)?,
+            false => Page::load(folder)?.write(folder, arguments.png)?,
+        }
         return print(&format!("written to {}/report.html\n", folder.display()));
     }
     let pages = arguments

@@ -13,13 +13,14 @@ use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::files::hex;
-use crate::identify::{Options, settle_force};
-use crate::infer::{FrequenciesModel, Model};
+use crate::identify::Options;
+use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::Page;
 use crate::report::manifest::hashes;
 use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
 use crate::signals::on_termination;
+use crate::study::Study;
 
 /// Arguments of a run.
 #[derive(Debug, Args)]
@@ -58,8 +59,8 @@ pub struct Running {
 }
 
 /// A run before its first draw.
-pub struct RunPlan<M = Model> {
-    pub model: M,
+pub struct RunPlan {
+    pub study: Study,
     /// Where everything is kept.
     pub folder: Folder,
     sampler: Box<dyn Sampler>,
@@ -76,45 +77,16 @@ pub struct RunPlan<M = Model> {
 }
 
 impl Running {
-    /// The model, if its experiments are the frequencies of plates.
-    pub fn plates(&self) -> Result<Option<FrequenciesModel>> {
-        FrequenciesModel::load(&self.model)
-    }
-
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<RunPlan> {
-        let mut model = Model::load_with(&self.model, self.data.as_ref())?;
-        model.file.reduced_model.full_order |= self.full_order;
-        settle_force(&mut model)?;
-        let data = hashes(model.measurement_files()?.iter())?;
-        let name = model.file.name.clone();
-        let file = model.file.to_json()?.to_string();
-        self.planned(model, (&name, &file, data.into_values().collect()), global)
-    }
-
-    /// The same of plates, which have no finite elements and no files of data.
-    pub fn plan_of_plates(&self, model: &FrequenciesModel, global: &Global) -> Result<RunPlan<()>> {
-        if let Some(data) = &self.data {
-            return Err(
-                Error::input(format!("--data {}", data.display()), "a model of a field")
-                    .found("frequencies, which stand in the model file"),
-            );
-        }
-        if self.refine.is_some() || self.full_order {
+        let study = Study::load_with(&self.model, self.data.as_ref())?;
+        if study.fields().next().is_none() && (self.refine.is_some() || self.full_order) {
             return Err(Error::input("--refine, --full-order", "a model of a field")
-                .found("frequencies, which have no reduced model"));
+                .found("experiments without a reduced model"));
         }
-        let file = serde_json::to_string(&model.file)
-            .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
-        self.planned((), (&model.file.name, &file, Vec::new()), global)
-    }
-
-    fn planned<M>(
-        &self,
-        model: M,
-        (name, file, data): (&str, &str, Vec<String>),
-        global: &Global,
-    ) -> Result<RunPlan<M>> {
+        let study = study.settled(self.full_order)?;
+        let data = hashes(study.files()?.iter())?;
+        let file = study.json(false)?.to_string();
         check_png(self.png)?;
         let sampler = sampler(&self.sampler)?;
         let mut schedule = Schedule {
@@ -123,8 +95,9 @@ impl Running {
         };
         let mut rule = Rule::default();
         let deadline = self.limits.apply(&mut schedule, &mut rule)?;
-        let folder = Folder::open(self.out.as_deref(), name, self.resume)?;
-        let identity = identity_of((name, file, &data), &*sampler, &schedule);
+        let folder = Folder::open(self.out.as_deref(), study.name(), self.resume)?;
+        let data: Vec<String> = data.into_values().collect();
+        let identity = identity_of((study.name(), &file, &data), &*sampler, &schedule);
         folder.begin(&identity)?;
         stoppable(folder.path())?;
         if let Some(before) = folder.interrupted().filter(|_| self.out.is_none()) {
@@ -135,7 +108,7 @@ impl Running {
             ));
         }
         Ok(RunPlan {
-            model,
+            study,
             folder,
             sampler,
             schedule,
@@ -150,7 +123,7 @@ impl Running {
     }
 }
 
-impl<M> RunPlan<M> {
+impl RunPlan {
     pub fn seed(&self) -> u64 {
         self.schedule.seed
     }
@@ -173,6 +146,11 @@ impl<M> RunPlan<M> {
             discrepancy: [None, None],
             deadline: self.deadline,
         }
+    }
+
+    /// Whether figures are written as PNG too.
+    pub fn png(&self) -> bool {
+        self.png
     }
 
     /// Write the page of a run that is done, and keep the run's folder.

@@ -94,7 +94,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         deadline: None,
     };
     let found = [identify::identify(&model, &options, console)?];
-    write(&model, &found, None, &folder, global.seed)?.write(folder.path(), false)?;
+    write(&model, &found, &folder, global.seed)?.write(folder.path(), false)?;
     let [
         Identification {
             inverse,

@@ -1,8 +1,6 @@
 //! One identification: inverse problem, sample, residual, checks.
 
-mod beside;
 mod force;
-mod frequencies;
 pub mod fringes;
 mod identification;
 mod inverse;
@@ -20,18 +18,13 @@ mod tiles;
 mod warnings;
 mod waves;
 
-pub use beside::{Beside, beside, know};
 pub use force::settle_force;
-pub use frequencies::{
-    Exact, FrequenciesFound, ModeFound, PeakFound, PlateFound, frequencies_rule,
-    identify_frequencies,
-};
 pub use identification::{Identification, Refinement};
 pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
-pub use solve::{Options, Reporting, identify, refine};
+pub use solve::{Options, Reporting, identify, redrawn, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;

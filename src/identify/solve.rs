@@ -12,7 +12,7 @@ use super::structure::Structure;
 use super::surrogate::SurrogateError;
 use super::warnings::{modal_misfit, warnings};
 use crate::chain::Draws;
-use crate::diagnose::{Rule, diagnose};
+use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::infer::{Model, Posterior};
 use crate::noise::Hyperparameters;
@@ -112,6 +112,56 @@ fn identify_prepared(
     let mode = mode.unwrap_or_else(|| from_prior(&inverse.posterior));
     let (draws, stopped) = draw(&inverse.posterior, &mode, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
+    let drawn = DrawnPosterior {
+        draws,
+        stopped,
+        verdict,
+    };
+    assessed(model, (inverse, determined), drawn, (options, progress))
+}
+
+/// Draws of a posterior, and what they are worth.
+struct DrawnPosterior {
+    draws: Draws,
+    stopped: Stopped,
+    verdict: Verdict,
+}
+
+/// A field's identification by other draws of its parameters: those of its posterior with other experiments.
+///
+/// # Errors
+/// Those of a finite-element solution.
+pub fn redrawn(
+    model: &Model,
+    found: Identification,
+    (draws, stopped): (Draws, Stopped),
+    (options, progress): (&Options<'_>, &dyn Progress),
+) -> Result<Identification> {
+    let drawn = DrawnPosterior {
+        verdict: diagnose(&draws, &options.rule),
+        draws,
+        stopped,
+    };
+    let inverse = (found.inverse, found.determined);
+    let again = assessed(model, inverse, drawn, (options, progress))?;
+    Ok(Identification {
+        refinements: found.refinements,
+        ..again
+    })
+}
+
+/// What draws of an inverse problem are worth, and what they leave of the data.
+fn assessed(
+    model: &Model,
+    (inverse, determined): (InverseProblem, bool),
+    drawn: DrawnPosterior,
+    (options, progress): (&Options<'_>, &dyn Progress),
+) -> Result<Identification> {
+    let DrawnPosterior {
+        draws,
+        stopped,
+        verdict,
+    } = drawn;
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let residual = Residual::at(&inverse, &mean);
     let (_, _, misfit_p) = modal_misfit(&inverse, &mean);

@@ -53,6 +53,16 @@ impl Known {
         })
     }
 
+    /// What both say, of the same constants.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            precision: &self.precision + &other.precision,
+            towards: &self.towards + &other.towards,
+            scales: self.scales.clone(),
+        }
+    }
+
     /// Mean and covariance with the prior, border units.
     pub fn moments(&self) -> Option<Moments> {
         let n = self.constants();

@@ -3,17 +3,13 @@
 mod acts;
 mod column;
 mod design_box;
-mod disturbed;
-mod frequencies;
 mod joint;
 mod kernel;
-mod kinds;
 mod known;
 mod likelihood;
 mod model;
 mod monomials;
 mod observation;
-mod plate_information;
 mod posterior;
 mod prior;
 mod schema;
@@ -32,17 +28,16 @@ mod version1;
 
 pub use acts::{Acts, Amplitude};
 pub use column::{Column, divide};
-pub use disturbed::Disturbed;
-pub use frequencies::{FrequenciesFile, FrequenciesModel, MODEL_ERROR, Peaks, Seen, joint};
 pub use joint::{Joint, Member};
 pub use known::Known;
 pub use likelihood::Likelihood;
 pub use model::Model;
 pub use observation::{Columns, Observation, RecordedAmplitude, SteppedColumn};
-pub use plate_information::plate_information;
 pub use posterior::{NOISE, Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
-pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
+pub use schema::{
+    ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, ParameterSpec, SCHEMA,
+};
 pub use statistics::{Statistics, Whitened};
 pub use stepped::{AXIS_MM, Here, LENS, PIVOT_MM, Stack, Stepped, WEAK};
 pub use steps::Steps;

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::known::Known;
-use super::prior::{Marginal, PriorSpec};
-use super::schema::{self, ModelFile};
+use super::prior::Marginal;
+use super::schema::{ExperimentEntry, ModelFile, ModelOutline};
 use super::traced::TracedSeries;
 use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, obstacle};
 use crate::error::{Error, Result};
@@ -38,13 +38,20 @@ const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 impl Model {
     /// Read and validate a model file.
     pub fn load(path: &Path) -> Result<Self> {
+        Self::parse(&Self::text(path)?, path)
+    }
+
+    /// The text of a model file.
+    ///
+    /// # Errors
+    /// The input's fault: a file that cannot be read.
+    pub fn text(path: &Path) -> Result<String> {
         let place = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|e| {
+        std::fs::read_to_string(path).map_err(|e| {
             Error::input(&place, "a readable model file")
                 .found(e)
                 .hint("give the path of a model, for example models/openhole.json")
-        })?;
-        Self::parse(&text, path)
+        })
     }
 
     /// Read a model, with its measurement elsewhere if `data` says so.
@@ -54,20 +61,28 @@ impl Model {
     pub fn load_with(path: &Path, data: Option<&PathBuf>) -> Result<Self> {
         let mut model = Self::load(path)?;
         if let Some(data) = data {
-            if model.experiment().steps.is_some() {
-                let place = format!("--data {}", data.display());
-                return Err(Error::input(place, "a model with one measurement")
-                    .found("a load series")
-                    .hint("name the files in experiments[0].steps"));
-            }
-            // Joined to the model's directory later, an absolute path stays as it is.
-            let absolute = std::path::absolute(data).map_err(|e| {
-                Error::input(format!("--data {}", data.display()), "a path").found(e)
-            })?;
-            model.experiment_mut().measurement =
-                model.experiment().measurement.clone().with_path(absolute);
+            model.measured_in(data)?;
         }
         Ok(model)
+    }
+
+    /// Take the measurement from elsewhere.
+    ///
+    /// # Errors
+    /// The input's fault: data in place of a load series.
+    pub fn measured_in(&mut self, data: &Path) -> Result<()> {
+        let place = format!("--data {}", data.display());
+        if self.experiment().steps.is_some() {
+            return Err(Error::input(place, "a model with one measurement")
+                .found("a load series")
+                .hint("name the files in experiments[0].steps"));
+        }
+        // Joined to the model's directory later, an absolute path stays as it is.
+        let absolute =
+            std::path::absolute(data).map_err(|e| Error::input(place, "a path").found(e))?;
+        let measurement = self.experiment().measurement.clone();
+        self.experiment_mut().measurement = measurement.with_path(absolute);
+        Ok(())
     }
 
     /// The model's file with its measurement's absolute paths, so that it can be read from anywhere.
@@ -75,19 +90,37 @@ impl Model {
     /// # Errors
     /// Of the input: a current directory that is gone. Of the program: a value that JSON cannot hold.
     pub fn resolved(&self) -> Result<serde_json::Value> {
+        self.resolved_file()?.to_json()
+    }
+
+    /// The same as the types have it.
+    ///
+    /// # Errors
+    /// Of the input: a current directory that is gone.
+    pub fn resolved_file(&self) -> Result<ModelFile> {
         let mut resolved = self.clone();
         *resolved.experiment_mut() = self.experiment().clone().below(self.base_dir())?;
         if let Some(supplied) = self.file.reduced_model.supplied() {
             let supplied = supplied.below(self.base_dir())?;
             resolved.file.reduced_model.snapshots = SnapshotsSpec::Supplied(supplied);
         }
-        resolved.file.to_json()
+        Ok(resolved.file)
     }
 
-    /// Parse and validate the text of a model file at `path`.
+    /// Parse and validate the text of a model file at `path` in which one field stands, alone or among other experiments.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let (mut file, effects) = schema::parse(text, &place)?;
+        let outline = ModelOutline::read(text, &place)?;
+        Self::field_of(&outline, outline.one_field(&place)?, path)
+    }
+
+    /// The field that an entry of a model file at `path` declares.
+    ///
+    /// # Errors
+    /// The input's fault, with line or key.
+    pub fn field_of(outline: &ModelOutline, entry: &ExperimentEntry, path: &Path) -> Result<Self> {
+        let place = path.display().to_string();
+        let (mut file, effects) = outline.field(entry)?;
         let base_dir = path.parent().unwrap_or(Path::new(""));
         let read = file.experiments[0].read_mesh(base_dir);
         read.map_err(|e| e.within(&place))?;
@@ -188,18 +221,8 @@ impl Model {
 
     /// Marginal priors of the elastic constants, in their canonical order.
     pub fn marginals(&self) -> Vec<Marginal> {
-        self.constants()
-            .iter()
-            .map(|name| {
-                let spec = &self.file.material.parameters[*name];
-                let PriorSpec::Normal { mean, sd } = spec.prior;
-                Marginal {
-                    mean,
-                    sd,
-                    truncate: spec.truncate,
-                }
-            })
-            .collect()
+        let constants = self.file.material.constants().into_iter();
+        constants.map(|(_, prior)| prior).collect()
     }
 
     /// Prior means of the constants.

@@ -5,9 +5,9 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use super::json::Keyed;
-use super::ranking::three_digits;
 use super::terminal::table;
 use crate::infer::Marginal;
+use crate::quantity::three_digits;
 use crate::trace::{Hidden, Information};
 use crate::validate::design::{Assessed, disagreement, log_volume, posterior_sds};
 

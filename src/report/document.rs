@@ -25,7 +25,7 @@ pub struct Report {
     pub seed: u64,
     /// One identification of `identify`; those of a loop in order, the first of the model as it was given.
     pub rounds: Vec<RoundReport>,
-    /// The frequencies beside the field, where the model has them.
+    /// All experiments, where the model has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub together: Option<TogetherReport>,
     /// What a loop adds.
@@ -96,7 +96,7 @@ impl Report {
         }
     }
 
-    /// What the terminal says of experiments of two kinds, nothing of one.
+    /// What the terminal says of several experiments, nothing of one.
     pub fn together_text(&self) -> String {
         let together = self.together.as_ref();
         together.map_or_else(String::new, |t| t.text(&self.both()))

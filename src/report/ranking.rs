@@ -14,7 +14,7 @@ use super::words::{
     ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, contradiction, shift, unit,
     widening,
 };
-use crate::quantity::{plus_minus, significant};
+use crate::quantity::{plus_minus, significant, three_digits};
 use crate::trace::{Confirming, Interval, Status, Suspect};
 
 /// Effects listed below the accepted ones.
@@ -172,18 +172,6 @@ fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> String {
         text += &wrap("  ", "  ", LINEAR);
     }
     text
-}
-
-pub(super) fn three_digits(x: f64) -> String {
-    if x == 0.0 || x.is_nan() {
-        return x.to_string();
-    }
-    let digits = 2 - x.abs().log10().floor() as i32;
-    if (0..=6).contains(&digits) {
-        format!("{x:.*}", digits as usize)
-    } else {
-        format!("{x:.2e}")
-    }
 }
 
 /// What the first and the last round leave of every step of a series, and whether it is linear in the load.

@@ -48,7 +48,7 @@ pub use round::Round;
 pub use sought::{acting_in, candidates};
 pub use subsets::SIZES;
 pub use suspect::{Answer, Suspect, UNEXPLAINED};
-pub use together::tension;
+pub use together::{field_alone, tension};
 pub use tracing::{
     Found, Named, Predicted, Resembling, StepMaps, StepResidual, StiffnessAt, StiffnessField,
     Tracing,

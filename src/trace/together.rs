@@ -12,8 +12,12 @@ const UNSEEN: f64 = 0.1;
 pub fn tension(round: &Round) -> Option<Tension> {
     let known = round.model.known.as_ref()?;
     let priors = round.model.marginals();
-    let field = round.account.evidence.field_alone()?;
-    Tension::between(&field, &known.moments()?, &priors)
+    Tension::between(&field_alone(round)?, &known.moments()?, &priors)
+}
+
+/// Mean and covariance of the constants by the field of a round alone, with the effects that were found and a little of all others.
+pub fn field_alone(round: &Round) -> Option<Moments> {
+    round.account.evidence.field_alone()
 }
 
 impl Evidence {

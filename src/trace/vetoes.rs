@@ -40,7 +40,8 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
         said.extend(refit);
         said.extend(held_out(&pair[0]));
     }
-    let is_declared = |e: &&&'static dyn Effect| first.model.effects.iter().any(|o| o.name() == e.name());
+    let is_declared =
+        |e: &&&'static dyn Effect| first.model.effects.iter().any(|o| o.name() == e.name());
     for effect in last.model.effects.iter().filter(|e| !is_declared(e)) {
         said.extend(impossible(*effect, &last.model, found));
     }

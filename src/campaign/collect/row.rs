@@ -9,8 +9,8 @@ use crate::campaign::status::{Places, State};
 use crate::error::Result;
 use crate::files::{Keyed, parse_json};
 use crate::report::Report;
-use crate::report::frequencies;
 use crate::report::json::read;
+use crate::report::study;
 
 /// A run in the table.
 #[derive(Debug, Clone)]
@@ -75,7 +75,7 @@ impl Row {
         }
         let (file, text) = read(&folder, "report.json")?;
         let Versioned { schema } = parse_json(&text, &file)?;
-        match schema == frequencies::SCHEMA {
+        match schema == study::SCHEMA {
             true => row.of_plates(parse_json(&text, &file)?),
             false => row.of_a_field(&folder),
         }

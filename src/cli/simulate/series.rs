@@ -1,13 +1,12 @@
 //! `plychain simulate` of a load series.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::super::folder::Folder;
-use super::super::print;
 use super::{
-    SimulateArguments, amplitudes, frequencies, not_negative, ordered, plan, reader, truth_json,
+    FieldTarget, SimulateArguments, Simulated, amplitudes, not_negative, ordered, plan, reader,
+    truth_json, without_experiment,
 };
 use crate::effect::{Acting, Scope};
 use crate::error::{Error, Result};
@@ -24,7 +23,8 @@ struct ByLaw {
     acting: Vec<Acting>,
 }
 
-pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result<()> {
+pub fn simulated(target: &FieldTarget<'_>, mut model: Model) -> Result<Simulated> {
+    let arguments = target.arguments;
     let reader = reader(arguments.format.as_deref().unwrap_or("csv"))?;
     if arguments.fringes.is_some() || reader.format() == "fringes" {
         return Err(Error::input(
@@ -33,9 +33,9 @@ pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result
         ));
     }
     let forces = forces(arguments, &model)?;
-    let declared = declare(&mut model, &forces, reader);
-    let mut shared = plan(arguments, &model, seed)?;
-    let (own, by_law) = effects(arguments, forces.len())?;
+    let declared = declare(&mut model, (&forces, &target.within), reader);
+    let mut shared = plan(arguments, &model, target.seed)?;
+    let (own, by_law) = effects(&target.effects, forces.len())?;
     shared.effects = ordered(own, &model.scene())?;
     let largest = forces.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     let relative: Vec<f64> = forces.iter().map(|f| f / largest).collect();
@@ -47,37 +47,36 @@ pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result
         motion_mm: not_negative("--motion-mm", arguments.motion_mm)?,
         subsets: model.subsets(),
     };
-    frequencies::beside(&mut model, &truth.shared.constants, seed)?;
-    let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let simulated = model.simulate_series(&truth)?;
     let frame = model.scene().frame;
     let steps = model.experiment().steps.clone().unwrap_or_default();
+    let folder = target.folder.path();
+    files::make_folder(&folder.join(&target.within))?;
     let mut columns = None;
     for (k, (step, grid)) in steps.iter().zip(&simulated.grids).enumerate() {
-        columns = write(
-            reader,
-            &folder.path().join(&step.file),
-            grid,
-            frame,
-            declared[k],
-        )?;
+        columns = write(reader, &folder.join(&step.file), (grid, frame), declared[k])?;
     }
     let mut of_shared = truth_json(&model, &truth.shared);
     add(&mut of_shared, (&truth, &by_law), &steps, &simulated);
-    folder.write_json("truth.json", &of_shared)?;
-    folder.write_json(
-        "model.json",
-        &model_json(model, &declared, reader, columns)?,
-    )?;
-    print(&format!(
-        "{} steps of {} x {} points, model.json and truth.json written to {}\n",
-        steps.len(),
-        truth.shared.grid,
-        truth.shared.grid,
-        folder.path().display()
-    ))?;
-    folder.keep();
-    Ok(())
+    let experiment = model.experiment_mut();
+    experiment.measurement.source = Source {
+        reader,
+        path: None,
+        columns,
+    };
+    for (step, force) in experiment.steps.iter_mut().flatten().zip(&declared) {
+        step.force_n = *force;
+    }
+    Ok(Simulated {
+        said: format!(
+            "{} steps of {} x {} points",
+            steps.len(),
+            truth.shared.grid,
+            truth.shared.grid
+        ),
+        model,
+        truth: of_shared,
+    })
 }
 
 /// True forces of the steps, N.
@@ -107,7 +106,11 @@ fn forces(arguments: &SimulateArguments, model: &Model) -> Result<Vec<f64>> {
 }
 
 /// Make the model that of a series of true forces; returns the forces as they are declared, `None` where the model does not know one.
-fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option<f64>> {
+fn declare(
+    model: &mut Model,
+    (forces, within): (&[f64], &Path),
+    reader: &dyn Reader,
+) -> Vec<Option<f64>> {
     let old = model.experiment().steps.clone().unwrap_or_default();
     let is_unknown = |k: usize| {
         let step = old.get(k).filter(|_| old.len() == forces.len());
@@ -119,7 +122,7 @@ fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option
     let ending = if reader.is_directory() { "" } else { ".csv" };
     let digits = 2.max((forces.len() - 1).to_string().len());
     let steps = forces.iter().enumerate().map(|(k, f)| StepSpec {
-        file: PathBuf::from(format!("step-{k:0digits$}{ending}")),
+        file: within.join(format!("step-{k:0digits$}{ending}")),
         force_n: Some(*f),
     });
     let experiment = model.experiment_mut();
@@ -132,12 +135,12 @@ fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option
 }
 
 /// Effects that all steps share, and those that move the specimen by a law.
-fn effects(arguments: &SimulateArguments, steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
+fn effects(texts: &[&String], steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
     let (mut shared, mut by_law) = (Vec::new(), Vec::new());
-    for text in &arguments.effects {
+    for text in texts.iter().map(|text| without_experiment(text)) {
         let (values, law) = match text.rsplit_once(':') {
             Some((values, law)) => (values, Some(parse_law(law)?)),
-            None => (&text[..], None),
+            None => (text, None),
         };
         if law == Some(Law::Free) {
             let acting = free(values, steps)?;
@@ -241,8 +244,7 @@ impl ByLaw {
 fn write(
     reader: &dyn Reader,
     path: &Path,
-    grid: &Grid,
-    frame: Frame,
+    (grid, frame): (&Grid, Frame),
     force_n: Option<f64>,
 ) -> Result<Option<ColumnMap>> {
     if reader.is_directory() {
@@ -279,23 +281,4 @@ fn add(
     });
     of_shared["steps"] = Value::Array(motions.collect());
     of_shared["motion_mm"] = json!(truth.motion_mm);
-}
-
-/// The model with the simulated steps: `plychain loop DIR/model.json`.
-fn model_json(
-    mut model: Model,
-    declared: &[Option<f64>],
-    reader: &'static dyn Reader,
-    columns: Option<ColumnMap>,
-) -> Result<Value> {
-    let experiment = model.experiment_mut();
-    experiment.measurement.source = Source {
-        reader,
-        path: None,
-        columns,
-    };
-    for (step, force) in experiment.steps.iter_mut().flatten().zip(declared) {
-        step.force_n = *force;
-    }
-    model.file.to_json()
 }

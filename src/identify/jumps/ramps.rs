@@ -55,8 +55,14 @@ pub(super) fn find(
     let orders_of = |side: u32| found.get(&side).copied().unwrap_or(0);
     let mut beside: BTreeMap<u32, Vec<i32>> = BTreeMap::new();
     for &(a, b) in contacts.keys() {
-        beside.entry(a).or_default().push(orders_of(b) - orders_of(a));
-        beside.entry(b).or_default().push(orders_of(a) - orders_of(b));
+        beside
+            .entry(a)
+            .or_default()
+            .push(orders_of(b) - orders_of(a));
+        beside
+            .entry(b)
+            .or_default()
+            .push(orders_of(a) - orders_of(b));
     }
     let mut smeared = Vec::new();
     for i in 0..points.len() {

@@ -48,7 +48,7 @@ pub fn report(page: &Page, figures: &Figures) -> String {
     let name = &page.report.model;
     let sections = [
         ("before-after", "Before and after", tables::rounds(page)),
-        ("together", "Field and frequencies", together(page)),
+        ("together", "All experiments", together(page)),
         ("steps", "Steps", sections::steps(page, figures)),
         ("mesh", "Mesh", sections::mesh(figures)),
         ("maps", "Maps", sections::maps(page, figures)),
@@ -93,7 +93,7 @@ pub fn report(page: &Page, figures: &Figures) -> String {
     document(&format!("{name}: plychain report"), &body)
 }
 
-/// The experiments of two kinds beside each other, where there are two.
+/// All experiments, where there are several.
 fn together(page: &Page) -> Markup {
     let report = &page.report;
     let together = report.together.as_ref();

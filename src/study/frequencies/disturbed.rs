@@ -2,26 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::frequencies::{MODEL_ERROR_PRIOR, Peaks};
-use crate::experiment::frequencies::Mode;
-use crate::experiment::frequencies::assignment::Peak;
+use super::super::Undeclared;
+use super::peaks::{MODEL_ERROR_PRIOR, Peaks};
+use crate::experiment::frequencies::VibrationMode;
+use crate::experiment::frequencies::assignment::FrequencyPeak;
 use crate::experiment::frequencies::disturbance::{DISTURBANCES, Disturbance};
 use crate::noise::NormalEquations;
-
-/// A disturbance with what the peaks say of it.
-#[derive(Debug, Clone)]
-pub struct Disturbed {
-    pub name: &'static str,
-    pub parameter: &'static str,
-    pub plausible: f64,
-    /// Log Bayes factor for its acting.
-    pub log_bayes_factor: f64,
-    /// Its amplitude if it acts, and half of what the interval of 68 % spans; in the parameter's unit.
-    pub amplitude: [f64; 2],
-    /// What it does to each constant at its plausible size, undeclared, in prior sds.
-    pub shift_sds: Vec<f64>,
-    pub confirm: &'static str,
-}
 
 /// Model errors over which evidence is summed, in sds of its logarithm about the prior's median.
 const ERRORS: [f64; 9] = [-2.5, -1.75, -1.0, -0.5, 0.0, 0.5, 1.0, 1.75, 2.5];
@@ -39,7 +25,7 @@ struct Linear {
 
 impl Peaks {
     /// Weigh each disturbance against the peaks about a point of this experiment's parameters (the posterior mean); none where no plate is.
-    pub fn disturbed(&self, x: &[f64]) -> Vec<Disturbed> {
+    pub fn disturbed(&self, x: &[f64]) -> Vec<Undeclared> {
         let Some(seen) = self.seen(x) else {
             return Vec::new();
         };
@@ -70,7 +56,9 @@ impl Peaks {
         let place = self.sampled.iter().zip(x);
         let place = place.map(|(s, x)| (x - s.prior.mean) / s.prior.sd);
         let place = DVector::from_iterator(self.sampled.len(), place);
-        let log = |(peak, mode): &(&Peak, &Mode)| (peak.frequency_hz / mode.frequency_hz()).ln();
+        let log = |(peak, mode): &(&FrequencyPeak, &VibrationMode)| {
+            (peak.frequency_hz / mode.frequency_hz()).ln()
+        };
         let here = DVector::from_iterator(pairs.len(), pairs.iter().map(log));
         let linear = Linear {
             left: here + &columns * place,
@@ -98,7 +86,7 @@ impl Peaks {
         column: &DVector<f64>,
         disturbance: &Disturbance,
         plausible: f64,
-    ) -> Option<Disturbed> {
+    ) -> Option<Undeclared> {
         let base = linear.columns.ncols();
         let mut with = linear.columns.clone().insert_column(base, 0.0);
         with.set_column(base, column);
@@ -158,7 +146,7 @@ impl Peaks {
             .spec
             .model_error_percent
             .unwrap_or(MODEL_ERROR_PRIOR[0]);
-        Some(Disturbed {
+        Some(Undeclared {
             name: disturbance.name,
             parameter: disturbance.parameter,
             plausible,

@@ -1,41 +1,50 @@
-//! What the frequencies of plates said: `report.json`, the terminal, and the page.
+//! What experiments said of which none is a field: `report.json`, the terminal, and the page.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use indexmap::IndexMap;
 use maud::html;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::figures::{Figure, FigureData, Palette, Picture, Scale, posterior_corner};
 use super::html;
+use super::json::{Keyed, read};
 use super::manifest::KnownTruth;
-use super::plate::{DISTURBANCES, PEAKS, PlateReport};
 use super::round::{MeanAndSd, beside_published};
 use super::terminal::table;
+use super::together::{TogetherReport, section_html, section_text};
+use crate::chain::Draws;
 use crate::error::Result;
-use crate::identify::{FrequenciesFound, PlateFound};
-use crate::infer::FrequenciesModel;
+use crate::files;
 use crate::quantity::significant;
+use crate::study::{ExperimentSection, SampledStudy, SectionMap, Study};
 
-/// The schema of `report.json` of a model of plates.
+/// The schema of `report.json` of a study without a field.
 pub const SCHEMA: &str = "plychain-frequencies/1";
 
 /// `report.json`.
-#[derive(Debug, Serialize)]
-pub struct FrequenciesReport {
-    pub schema: &'static str,
+#[derive(Debug, Serialize, Deserialize)]
+pub struct StudyReport {
+    pub schema: String,
     pub model: String,
     pub posterior: IndexMap<String, ParameterFound>,
     pub converged: bool,
     pub convergence: String,
     /// Draws of second-order frequencies weighed by exact ones.
     pub exact: ExactReport,
-    pub experiments: Vec<PlateReport>,
+    pub experiments: Vec<Value>,
+    /// The experiments beside each other, where there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub together: Option<TogetherReport>,
+    #[serde(skip)]
+    pub sections: Vec<ExperimentSection>,
     pub warnings: Vec<String>,
 }
 
 /// A parameter, in the unit of its name.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ParameterFound {
     pub mean: f64,
     pub sd: f64,
@@ -45,14 +54,14 @@ pub struct ParameterFound {
     pub rhat: f64,
     pub ess_bulk: f64,
     /// Posterior over prior variance, what the peaks leave of it; of constants alone.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variance_left: Option<f64>,
     /// What the model says that others found.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanAndSd>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ExactReport {
     pub draws: usize,
     /// Effective draws over draws.
@@ -61,10 +70,10 @@ pub struct ExactReport {
     pub shift_sd: f64,
 }
 
-impl FrequenciesReport {
-    pub fn new(model: &FrequenciesModel, found: &FrequenciesFound) -> Self {
-        let priors = model.constants();
-        let rows = found.verdict.rows.iter().map(|row| {
+impl StudyReport {
+    pub fn new(study: &Study, sampled: &SampledStudy, together: Option<TogetherReport>) -> Self {
+        let priors = study.shared().constants;
+        let rows = sampled.verdict.rows.iter().map(|row| {
             let prior = priors.iter().find(|p| p.0 == row.name);
             let found = ParameterFound {
                 mean: row.mean,
@@ -75,24 +84,58 @@ impl FrequenciesReport {
                 rhat: row.rhat,
                 ess_bulk: row.ess_bulk,
                 variance_left: prior.map(|p| (row.sd / p.1.sd).powi(2)),
-                published: MeanAndSd::published(&model.file.material, &row.name),
+                published: MeanAndSd::published(&study.outline.material, &row.name),
             };
             (row.name.clone(), found)
         });
         Self {
-            schema: SCHEMA,
-            model: model.file.name.clone(),
+            schema: SCHEMA.into(),
+            model: study.name().into(),
             posterior: rows.collect(),
-            converged: found.verdict.converged,
-            convergence: found.verdict.line(),
+            converged: sampled.verdict.converged,
+            convergence: sampled.verdict.line(),
             exact: ExactReport {
-                draws: found.exact.draws,
-                effective: found.exact.effective,
-                shift_sd: found.exact.shift_sd,
+                draws: sampled.exact.draws,
+                effective: sampled.exact.effective,
+                shift_sd: sampled.exact.shift_sd,
             },
-            experiments: found.plates.iter().map(PlateReport::new).collect(),
-            warnings: found.warnings.clone(),
+            experiments: sampled.sections.iter().map(|s| s.value.clone()).collect(),
+            together,
+            sections: sampled.sections.clone(),
+            warnings: sampled.warnings.clone(),
         }
+    }
+
+    /// The report in the folder of a finished run, without sections.
+    ///
+    /// # Errors
+    /// The input's fault, with the file and the key.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let (file, text) = read(folder, "report.json")?;
+        files::parse_json(&text, &file)
+    }
+
+    /// Whether a folder's report is of this schema.
+    pub fn is_in(folder: &Path) -> bool {
+        let text = std::fs::read_to_string(folder.join("report.json")).unwrap_or_default();
+        let report: Value = serde_json::from_str(&text).unwrap_or_default();
+        report["schema"] == SCHEMA
+    }
+
+    /// The constants by all experiments.
+    fn all(&self) -> Keyed<MeanAndSd> {
+        let constants = self
+            .posterior
+            .iter()
+            .filter(|p| p.1.variance_left.is_some());
+        let moments = |(name, p): (&String, &ParameterFound)| {
+            let found = MeanAndSd {
+                mean: p.mean,
+                sd: p.sd,
+            };
+            (name.clone(), found)
+        };
+        constants.map(moments).collect()
     }
 
     /// For the terminal.
@@ -100,18 +143,14 @@ impl FrequenciesReport {
         let mut text = format!("\n{}: posterior\n\n", self.model);
         let (header, rows) = self.posterior_table();
         text += &table(&header, rows);
-        for experiment in &self.experiments {
-            let _ = writeln!(text, "\n{}\n", experiment.name);
-            text += &table(&PEAKS, experiment.peak_rows());
-            for said in experiment.additional() {
-                let _ = writeln!(text, "  {said}");
-            }
-            let missing = experiment.missing();
-            if !missing.is_empty() {
-                let _ = writeln!(text, "\n  modes without a peak: {}", missing.join(", "));
-            }
-            let _ = writeln!(text, "\nwhat may act that nobody declared\n");
-            text += &table(&DISTURBANCES, experiment.disturbance_rows());
+        text += &self.sections.iter().map(section_text).collect::<String>();
+        if let Some(together) = &self.together {
+            let bare = TogetherReport {
+                sections: Vec::new(),
+                warnings: Vec::new(),
+                ..together.clone()
+            };
+            text += &bare.text(&self.all());
         }
         let _ = writeln!(
             text,
@@ -169,20 +208,17 @@ const POSTERIOR: [&str; 8] = ["", "mean", "sd", "COV %", "2.5 %", "97.5 %", "R-h
 ///
 /// # Errors
 /// The program's fault if a figure cannot be drawn.
-pub fn page(
-    report: &FrequenciesReport,
-    found: &FrequenciesFound,
-    truth: Option<&KnownTruth>,
-) -> Result<String> {
+pub fn page(report: &StudyReport, draws: &Draws, truth: Option<&KnownTruth>) -> Result<String> {
     let names: Vec<String> = report.posterior.keys().cloned().collect();
-    let corner = posterior_corner(&FigureData::quoted(&found.draws, &names, truth))?;
-    let mut plates = Vec::new();
-    for (own, plate) in report.experiments.iter().zip(&found.plates) {
-        plates.push((own, shapes(plate)?));
+    let corner = posterior_corner(&FigureData::quoted(draws, &names, truth))?;
+    let mut sections = Vec::new();
+    for section in &report.sections {
+        let figures: Vec<Figure> = section.maps.iter().map(figure).collect::<Result<_>>()?;
+        sections.push((section, figures));
     }
     let body = html! {
         header {
-            h1 { (report.model) ": natural frequencies" }
+            h1 { (report.model) }
             p.soft { "plychain " (env!("CARGO_PKG_VERSION")) }
             p { (report.convergence) }
             @if let Some(weak) = report.weak() { p { (weak) } }
@@ -195,58 +231,51 @@ pub fn page(
                 (html::rows_of(&header, &rows))
                 @if let Some(figure) = &corner { (html::figure(figure)) }
             }
-            @for (own, figures) in &plates {
+            @if let Some(together) = &report.together {
+                section id="together" {
+                    h2 { "All experiments" }
+                    (together.section(&report.all()))
+                }
+            }
+            @for (own, figures) in &sections {
                 section id=(own.name) {
-                    h2 { (own.name) ": peaks and modes" }
-                    (html::rows_of(&PEAKS, &own.peak_rows()))
-                    @for said in own.additional() { p { (said) "." } }
-                    h3 { "What may act that nobody declared" }
-                    (html::rows_of(&DISTURBANCES, &own.disturbance_rows()))
-                    @if !own.missing().is_empty() { p { "Modes without a peak: " (own.missing().join(", ")) "." } }
-                    h3 { "Mode shapes" }
-                    p.soft { "Deflection over the plate at the first draw, length to the right; (m, n): half-waves along length and width." }
-                    div.maps { @for figure in figures { (html::figure(figure)) } }
+                    h2 { (own.name) }
+                    (section_html(own))
+                    @if !figures.is_empty() {
+                        h3 { "Mode shapes" }
+                        p.soft { "Deflection over the plate at the first draw, length to the right; (m, n): half-waves along length and width." }
+                        div.maps { @for figure in figures { (html::figure(figure)) } }
+                    }
                 }
             }
         }
         footer.soft { "Modes and peaks are compared over all assignments; the probabilities are those of the posterior." }
     };
     Ok(html::document(
-        &format!("{}: plychain frequencies", report.model),
+        &format!("{}: plychain report", report.model),
         &body,
     ))
 }
 
-fn shapes(plate: &PlateFound) -> Result<Vec<Figure>> {
-    let [columns, lines] = plate.grid;
-    let [length, width] = plate.size_mm;
+fn figure(map: &SectionMap) -> Result<Figure> {
+    let [columns, lines] = map.grid;
+    let [length, width] = map.size_mm;
     let point = |row: usize, col: usize| {
-        let at = |k: usize, n: usize, side: f64| side * (k as f64 + 0.5) / n as f64;
-        [at(col, columns, length), at(row, lines, width)]
+        let middle = |k: usize, n: usize, side: f64| side * (k as f64 + 0.5) / n as f64;
+        [middle(col, columns, length), middle(row, lines, width)]
     };
-    let figures = plate.modes.iter().map(|mode| {
-        let peak = plate
-            .peaks
-            .iter()
-            .find(|p| p.mode.is_some_and(|k| std::ptr::eq(&plate.modes[k], mode)));
-        let seen = peak.map_or("no peak".into(), |p| {
-            format!("peak {:.1} Hz", p.frequency_hz)
-        });
-        let [m, n] = mode.label;
-        let picture = Picture {
-            name: format!("{}-{m}-{n}", plate.name),
-            title: format!("({m}, {n}) at {:.1} Hz, {seen}", mode.mean_hz),
-            size: [lines, columns],
-            point: &point,
-            value: &|row, col| mode.shape[row * columns + col],
-            scale: Scale {
-                palette: Palette::Difference,
-                range: [-1.0, 1.0],
-                unit: "",
-            },
-            middle: false,
-        };
-        picture.draw()
-    });
-    figures.collect()
+    let picture = Picture {
+        name: map.name.clone(),
+        title: map.title.clone(),
+        size: [lines, columns],
+        point: &point,
+        value: &|row, col| map.values[row * columns + col],
+        scale: Scale {
+            palette: Palette::Difference,
+            range: [-1.0, 1.0],
+            unit: "",
+        },
+        middle: false,
+    };
+    picture.draw()
 }

@@ -2,11 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::frequencies::{USUAL_ERROR, of_constant};
-use super::prior::Marginal;
+use super::peaks::{USUAL_ERROR, of_constant};
 use crate::error::Result;
 use crate::experiment::frequencies::FrequenciesSpec;
-use crate::experiment::frequencies::Parameter;
+use crate::experiment::frequencies::PlateParameter;
+use crate::infer::Marginal;
 use crate::laminate::Material;
 
 /// Precision that the lowest modes of a plate, as many as the experiment has peaks, add to the constants' prior, in prior sds; with
@@ -23,7 +23,7 @@ pub fn plate_information(
     let plate = spec.plate(material.ply(&means));
     let ritz = spec.ritz(&plate)?;
     let modes = ritz.modes(&plate.coefficients(), spec.frequencies_hz.len())?;
-    let mut to: Vec<(Parameter, f64)> = constants
+    let mut to: Vec<(PlateParameter, f64)> = constants
         .iter()
         .map(|(name, prior)| {
             let (parameter, unit) = of_constant(name);
@@ -33,7 +33,7 @@ pub fn plate_information(
     let n = to.len();
     let known = spec.known().into_iter().filter(|k| k.known.sd > 0.0);
     to.extend(known.map(|k| (k.parameter, k.known.sd * k.unit)));
-    let parameters: Vec<Parameter> = to.iter().map(|t| t.0).collect();
+    let parameters: Vec<PlateParameter> = to.iter().map(|t| t.0).collect();
     let error = spec.model_error_percent.unwrap_or(USUAL_ERROR);
     let spread = 0.01 * spec.sd_percent.hypot(error);
     let mut gram = DMatrix::zeros(to.len(), to.len());

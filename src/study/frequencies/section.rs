@@ -4,11 +4,10 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::ranking::three_digits;
+use super::super::{ExperimentSection, SectionMap, SectionTable, Undeclared};
+use super::found::{ModeFound, PeakFound, PlateFound};
+use crate::error::{Error, Result};
 use crate::experiment::frequencies::Parity;
-use crate::identify::{ModeFound, PeakFound, PlateFound};
-use crate::infer::Disturbed;
-use crate::quantity::plus_minus;
 
 /// An experiment's peaks and modes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,15 +64,7 @@ pub struct ModeReport {
     pub missing: f64,
 }
 
-pub(super) const DISTURBANCES: [&str; 6] = [
-    "disturbance",
-    "unit",
-    "plausible",
-    "log Bayes factor",
-    "amplitude if it acts",
-    "moves the constants by, prior sd",
-];
-pub(super) const PEAKS: [&str; 5] = [
+const PEAKS: [&str; 5] = [
     "measured Hz",
     "mode",
     "probability",
@@ -82,7 +73,7 @@ pub(super) const PEAKS: [&str; 5] = [
 ];
 
 impl DisturbanceReport {
-    fn new(found: &Disturbed) -> Self {
+    fn new(found: &Undeclared) -> Self {
         Self {
             name: found.name.into(),
             parameter: found.parameter.into(),
@@ -96,7 +87,7 @@ impl DisturbanceReport {
 }
 
 impl PlateReport {
-    pub(super) fn new(found: &PlateFound) -> Self {
+    fn new(found: &PlateFound) -> Self {
         let peaks = found.peaks.iter().map(|p| {
             let mode = p.mode.map(|k| &found.modes[k]);
             PeakReport {
@@ -122,31 +113,15 @@ impl PlateReport {
             name: found.name.clone(),
             peaks: peaks.collect(),
             modes: modes.collect(),
-            disturbances: found.disturbed.iter().map(DisturbanceReport::new).collect(),
+            disturbances: found
+                .undeclared
+                .iter()
+                .map(DisturbanceReport::new)
+                .collect(),
         }
     }
 
-    pub(super) fn disturbance_rows(&self) -> Vec<Vec<String>> {
-        let row = |d: &DisturbanceReport| {
-            let [amplitude, sd] = d.amplitude;
-            let shifts: Vec<String> = d
-                .shift_in_prior_sd
-                .iter()
-                .map(|s| format!("{s:+.2}"))
-                .collect();
-            vec![
-                d.name.clone(),
-                d.parameter.clone(),
-                three_digits(d.plausible),
-                format!("{:+.1}", d.log_bayes_factor),
-                plus_minus(amplitude, sd),
-                shifts.join(" "),
-            ]
-        };
-        self.disturbances.iter().map(row).collect()
-    }
-
-    pub(super) fn peak_rows(&self) -> Vec<Vec<String>> {
+    fn peak_rows(&self) -> Vec<Vec<String>> {
         let row = |p: &PeakReport| {
             let predicted = p.predicted_hz.zip(p.predicted_sd_hz);
             vec![
@@ -161,7 +136,7 @@ impl PlateReport {
     }
 
     /// What is said of the peaks that fit no mode.
-    pub(super) fn additional(&self) -> Vec<String> {
+    fn additional(&self) -> Vec<String> {
         let said = |p: &PeakReport| {
             Some(format!(
                 "{:.2} Hz fits no mode: {}",
@@ -173,7 +148,7 @@ impl PlateReport {
     }
 
     /// Modes that more probably than not left no peak.
-    pub(super) fn missing(&self) -> Vec<String> {
+    fn missing(&self) -> Vec<String> {
         let missing = self.modes.iter().filter(|m| m.missing > 0.5);
         missing
             .map(|m| format!("({}, {}) at {:.1} Hz", m.mode[0], m.mode[1], m.predicted_hz))
@@ -219,4 +194,45 @@ fn why_no_mode(peak: &PeakFound, found: &PlateFound) -> String {
         );
     }
     text
+}
+
+/// What a plate's peaks are, for a report.
+///
+/// # Errors
+/// Of the program: numbers that JSON cannot hold.
+pub fn section(found: &PlateFound, warnings: Vec<String>) -> Result<ExperimentSection> {
+    let report = PlateReport::new(found);
+    let mut peaks = SectionTable::new("peaks and modes", &PEAKS, report.peak_rows());
+    peaks.notes = report.additional();
+    let missing = report.missing();
+    if !missing.is_empty() {
+        let note = format!("modes without a peak: {}", missing.join(", "));
+        peaks.notes.push(note);
+    }
+    let value = serde_json::to_value(&report)
+        .map_err(|e| Error::program("report.json", "numbers that JSON can hold").found(e))?;
+    Ok(ExperimentSection {
+        name: found.name.clone(),
+        tables: vec![peaks, SectionTable::of_undeclared(&found.undeclared)],
+        warnings,
+        value,
+        maps: found.modes.iter().map(|mode| map(found, mode)).collect(),
+    })
+}
+
+/// Deflection of a mode at the first draw.
+fn map(found: &PlateFound, mode: &ModeFound) -> SectionMap {
+    let is_own = |p: &&PeakFound| p.mode.is_some_and(|k| std::ptr::eq(&found.modes[k], mode));
+    let peak = found.peaks.iter().find(is_own);
+    let peak = peak.map_or("no peak".into(), |p| {
+        format!("peak {:.1} Hz", p.frequency_hz)
+    });
+    let [m, n] = mode.label;
+    SectionMap {
+        name: format!("{}-{m}-{n}", found.name),
+        title: format!("({m}, {n}) at {:.1} Hz, {peak}", mode.mean_hz),
+        grid: found.grid,
+        size_mm: found.size_mm,
+        values: mode.shape.clone(),
+    }
 }
