@@ -10,17 +10,17 @@ const LONG_FUNCTIONS: usize = 2;
 const LINES: usize = 80;
 
 /// Functions of more than [`VALUES`] values in their parameters; members of tuples count.
-const WIDE_FUNCTIONS: usize = 5;
+const WIDE_FUNCTIONS: usize = 2;
 const VALUES: usize = 6;
 
 /// Types whose own `impl` blocks stand in more than two files.
-const SPREAD_TYPES: usize = 6;
+const SPREAD_TYPES: usize = 4;
 
 /// Type names that stand twice.
-const NAMES_TWICE: usize = 60;
+const NAMES_TWICE: usize = 39;
 
 /// Lines of `src`.
-const SIZE: usize = 77_270;
+const SIZE: usize = 77_266;
 
 /// A file of `src`: its path, and its text with comments, strings and characters blanked.
 struct Source {
