@@ -1,6 +1,5 @@
 //! The command line: arguments, validated into a plan before any work, and one file a verb.
 
-mod beside;
 mod build;
 mod calibrate;
 mod campaign;
@@ -10,34 +9,53 @@ mod design;
 mod diagnose;
 mod doe;
 mod effects;
+mod examples;
 mod exports;
 mod folder;
-mod frequencies;
+mod forces;
 mod fringes;
+mod guide;
+mod held;
 mod identify;
 mod init;
+mod machine_file;
 #[cfg(feature = "manual")]
 mod manual;
-mod mappings;
 mod meshes;
+mod output;
 mod points;
 mod population;
+mod proposal;
+mod proposed;
+mod proposed_units;
 mod report;
 mod running;
+mod sample;
+mod samplers;
+mod serve;
 mod simulate;
+mod study;
+mod table_options;
 mod validate;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
+use crate::signals::survive_file_limit;
 use console::Console;
 pub use console::line;
+use output::{print, results};
 
-/// Inference of ply elastic constants, with their joint uncertainty, from a measured displacement field.
+/// Identify elastic constants, with their joint uncertainty, from a measured displacement field.
 #[derive(Debug, Parser)]
-#[command(version, propagate_version = true, arg_required_else_help = true)]
+#[command(
+    version,
+    propagate_version = true,
+    arg_required_else_help = true,
+    disable_help_subcommand = true
+)]
 pub struct Cli {
     #[command(subcommand)]
     verb: Command,
@@ -48,49 +66,61 @@ pub struct Cli {
 /// Options of every verb.
 #[derive(Debug, Clone, Args)]
 struct Global {
-    /// Seed of every random number; the same seed gives the same bits
+    /// Seed of the random numbers; the same seed gives the same bits
     #[arg(long, global = true, default_value_t = 1)]
     seed: u64,
-    /// Threads (default: one a core); the results do not depend on it
+    /// Number of threads, 1 to 1024 (default: one per core); the results do not depend on it
     #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// No progress, only results
+    /// Print results only: no progress, no remarks
     #[arg(long, global = true)]
     quiet: bool,
+    /// Print everything: all tables of a run, and a line for each stage of the work
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    verbose: bool,
+    /// Print results as one JSON value in place of text
+    #[arg(long, global = true, conflicts_with = "verbose")]
+    json: bool,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Identify, find what is left, trace it to an effect, add the effect, identify again, and report
+    /// Identify the constants, look for causes of the residual, and report
     Loop(closing::LoopArguments),
     /// Identify the constants of a model from its measurement
     Identify(identify::IdentifyArguments),
-    /// Trace what a finished run left unexplained to effects, without sampling again
+    /// Weigh the effects that could explain a finished run's residual, without sampling again
     Trace(closing::TraceArguments),
     /// Build the reduced model and print its error tables
     Build(build::BuildArguments),
-    /// Print what chains are worth: R-hat, effective draws, standard errors, and a verdict
+    /// Sample the log density that another program computes and serves over HTTP (UM-Bridge)
+    Sample(sample::SampleArguments),
+    /// Serve a model's log posterior and its predictions over HTTP on this machine (UM-Bridge), for other programs to sample
+    Serve(serve::ServeArguments),
+    /// Check whether chains have converged
     Diagnose(diagnose::DiagnoseArguments),
     /// Write a run's chains in another program's format
     Export(diagnose::ExportArguments),
-    /// Make the report of a run again, or compare runs
+    /// Write the report of a run again, or compare runs
     Report(report::ReportArguments),
-    /// Hold a posterior against other ways to it: grid, Monte Carlo, other priors, finite elements, calibration
+    /// Check a posterior against grid, Monte Carlo, other priors and finite elements, or calibrate it
     Validate(validate::ValidateArguments),
-    /// Run many: models, data and seeds, on this machine or on a cluster, and collect what they found
+    /// Run many specimens, here or on a cluster, and collect what they found
     Campaign(Box<campaign::CampaignArguments>),
-    /// Say what to measure next: what coupons and plates would add, and which undeclared effects they would expose
+    /// Suggest the next experiment
     Design(design::DesignArguments),
-    /// Write the constants for which another finite-element program is to solve a model's specimen, a table of one row a solution
+    /// Write a table of constants for another finite-element program to solve, one row a solution
     DesignOfExperiments(doe::DoeArguments),
-    /// Measure a field from phase-shifted fringe images, with the sd of every point
+    /// Compute a displacement field from pictures of fringes
     Fringes(fringes::FringesArguments),
-    /// Simulate a measurement, in the article's format, with effects and noise
+    /// Simulate a measurement, with effects and noise
     Simulate(simulate::SimulateArguments),
-    /// Print the dictionary of effects: what each is, its unit and plausible size, and what would confirm it
+    /// List the effects, with their units, signs and tests
     Effects(effects::EffectsArguments),
-    /// Write a model file to start from, for your own specimen
+    /// Write a model file for your own specimen, or an example with its data
     Init(init::InitArguments),
+    /// Print the help of a command, or a section of the manuals
+    Help(guide::HelpArguments),
     /// Print completions for a shell
     #[cfg(feature = "manual")]
     Completions(manual::CompletionsArguments),
@@ -105,23 +135,25 @@ const RUNS: &str = "runs";
 /// The default model, whose sample measurement lies beside it.
 const DEFAULT_MODEL: &str = "models/openhole.json";
 
-fn cache() -> PathBuf {
-    PathBuf::from(RUNS).join(".cache")
+impl Command {
+    /// The model that a verb begins with.
+    fn model(&self) -> Option<&Path> {
+        let model = match self {
+            Self::Loop(arguments) => arguments.running.model(),
+            Self::Identify(arguments) => arguments.running.model(),
+            Self::Build(arguments) => &arguments.model,
+            Self::Validate(arguments) => &arguments.target,
+            Self::Design(arguments) => &arguments.model,
+            Self::DesignOfExperiments(arguments) => &arguments.model,
+            Self::Simulate(arguments) => &arguments.model,
+            _ => return None,
+        };
+        Some(model)
+    }
 }
 
-/// Print results to standard output. A reader that has seen enough (`| head`) is no error.
-fn print(text: &str) -> Result<()> {
-    use std::io::{ErrorKind, Write};
-    let mut out = anstream::stdout();
-    match out
-        .write_all(console::styled(text).as_bytes())
-        .and_then(|()| out.flush())
-    {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::input("standard output", "a place that can be written").found(e))
-        }
-        _ => Ok(()),
-    }
+fn cache() -> PathBuf {
+    PathBuf::from(RUNS).join(".cache")
 }
 
 pub fn run(cli: Cli) -> Result<()> {
@@ -131,14 +163,19 @@ pub fn run(cli: Cli) -> Result<()> {
             .build_global()
             .map_err(|e| Error::program("--threads", "a thread pool").found(e))?;
     }
-    let console = Console::new(cli.global.quiet);
+    survive_file_limit()?;
+    output::prepare(&cli.global, &cli.verb)?;
+    examples::supply_default(&cli.verb, &cli.global)?;
+    let console = Console::new(cli.global.quiet, cli.global.verbose);
     match cli.verb {
         Command::Loop(arguments) => closing::close(&arguments, &cli.global, &console),
         Command::Trace(arguments) => closing::trace(&arguments, &console),
         Command::Identify(arguments) => identify::run(&arguments, &cli.global, &console),
         Command::Build(arguments) => build::run(&arguments, &console),
-        Command::Diagnose(arguments) => diagnose::run(&arguments),
-        Command::Export(arguments) => diagnose::export(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments, &cli.global, &console),
+        Command::Serve(arguments) => serve::run(&arguments, &console),
+        Command::Diagnose(arguments) => diagnose::run(&arguments, &cli.global),
+        Command::Export(arguments) => diagnose::export(&arguments, &cli.global),
         Command::Report(arguments) => report::run(&arguments),
         Command::Validate(arguments) => validate::run(&arguments, &cli.global, &console),
         Command::Campaign(arguments) => campaign::run(&arguments, &cli.global, &console),
@@ -148,6 +185,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Simulate(arguments) => simulate::run(&arguments, &cli.global),
         Command::Effects(arguments) => effects::run(&arguments),
         Command::Init(arguments) => init::run(&arguments),
+        Command::Help(arguments) => guide::run(&arguments),
         #[cfg(feature = "manual")]
         Command::Completions(arguments) => manual::completions(&arguments),
         #[cfg(feature = "manual")]

@@ -19,6 +19,8 @@ pub enum Blame {
     Program,
     /// Nobody's: it was told to stop, and `--resume` goes on. Exit code 75.
     Stopped,
+    /// Nobody's: a file could not be written, and `--resume` goes on. Exit code 1.
+    Unwritable,
 }
 
 /// An error with its place, the offending value, what was expected, and a hint.
@@ -53,6 +55,11 @@ impl Error {
     /// The work at `place` was told to stop before what was `expected`; it can be gone on with.
     pub fn stopped(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::new(Blame::Stopped, place, expected)
+    }
+
+    /// The file at `place` could not be written, which should have been `expected`.
+    pub fn unwritable(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::new(Blame::Unwritable, place, expected)
     }
 
     fn new(blame: Blame, place: impl fmt::Display, expected: impl fmt::Display) -> Self {
@@ -103,10 +110,15 @@ impl Error {
         self.0.blame
     }
 
+    /// Whether nothing that is tried in place of what failed can be right: the work has to end here, and to be gone on with.
+    pub fn ends_all(&self) -> bool {
+        matches!(self.0.blame, Blame::Stopped | Blame::Unwritable)
+    }
+
     /// The exit code of the program that ends with this error.
     pub fn exit_code(&self) -> u8 {
         match self.0.blame {
-            Blame::Input | Blame::Limit => 1,
+            Blame::Input | Blame::Limit | Blame::Unwritable => 1,
             Blame::Program => 2,
             Blame::Stopped => TO_BE_RESUMED,
         }

@@ -55,21 +55,6 @@ impl Length {
     }
 }
 
-/// The factor from a parameter's border unit, which is the suffix of its name (`E1_GPa`, `thickness_mm`,
-/// `angle_deg`), to the unit used inside. A name without a unit (`nu12`) is dimensionless.
-pub fn to_internal(name: &str) -> f64 {
-    match name.rsplit_once('_').map_or("", |(_, unit)| unit) {
-        "GPa" => MPA_PER_GPA,
-        "deg" => std::f64::consts::PI / 180.0,
-        "um" => 1.0 / UM_PER_MM,
-        "nm" => 1.0 / NM_PER_MM,
-        "urad" => 1.0 / URAD_PER_RAD,
-        "microstrain" => 1e-6,
-        "percent" => 1e-2,
-        _ => 1.0,
-    }
-}
-
 /// A number with as many decimals as its standard deviation's second significant digit asks for.
 pub fn significant(value: f64, sd: f64) -> String {
     if !(value.is_finite() && sd.is_finite() && sd > 0.0) {

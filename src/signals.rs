@@ -1,4 +1,4 @@
-//! Being told to stop: SIGTERM, as a scheduler sends it before a job's time is over.
+//! Being told to stop: SIGTERM, as a scheduler sends it before a job's time is over. A limit of files' sizes becomes an error of writing.
 
 #[cfg(unix)]
 use crate::error::Error;
@@ -24,5 +24,23 @@ pub fn on_termination(act: impl FnOnce() + Send + 'static) -> Result<()> {
 /// Where there are no signals nothing is waited for.
 #[cfg(not(unix))]
 pub fn on_termination(_act: impl FnOnce() + Send + 'static) -> Result<()> {
+    Ok(())
+}
+
+/// A file beyond the size that is allowed (`ulimit -f`) is an error of what writes it, instead of the process's end (SIGXFSZ).
+///
+/// # Errors
+/// Of the program: a system that takes no handler.
+#[cfg(unix)]
+pub fn survive_file_limit() -> Result<()> {
+    let failed = |e: std::io::Error| Error::program("SIGXFSZ", "a signal handler").found(e);
+    let flag = std::sync::Arc::default();
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, flag).map_err(failed)?;
+    Ok(())
+}
+
+/// Where there are no signals there is no such end.
+#[cfg(not(unix))]
+pub fn survive_file_limit() -> Result<()> {
     Ok(())
 }

@@ -25,6 +25,7 @@ fn shown(chromium: &Path, html: &str, width: u32) -> ([u64; 3], String) {
     let page = format!(
         "<!DOCTYPE html><body><iframe id=f width={width} height=900 style=\"border:0\" srcdoc=\"{quoted}\"></iframe>\
          <script>window.onload = () => setTimeout(() => {{ const d = document.getElementById('f').contentDocument; \
+         d.querySelectorAll('details').forEach((e) => e.open = true); \
          const big = (s) => [...d.querySelectorAll(s)].filter((e) => e.getBoundingClientRect().width > 50).length; \
          document.body.innerHTML = '[' + [d.documentElement.scrollWidth, big('image.map'), big('table')] + ']'; }}, 300);</script>"
     );

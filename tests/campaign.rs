@@ -1,5 +1,6 @@
 //! Campaigns: every run done once, whatever ends in between, and the same bits by every engine.
 
+mod answers;
 mod cluster;
 mod refused;
 
@@ -351,7 +352,7 @@ fn a_reduced_model_is_built_once() {
     let build = || {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("plychain"));
         command.current_dir(&bench.place);
-        command.args(["build", "coarse.json", "--threads", "1"]);
+        command.args(["build", "coarse.json", "--threads", "1", "--verbose"]);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         command.spawn().unwrap()
     };

@@ -220,11 +220,19 @@ fn broken_matrices_are_named_with_file_and_place() {
 #[test]
 fn a_time_limit_that_leaves_no_draws_is_refused_in_words() {
     for verb in ["identify", "loop"] {
-        let arguments = [verb, &coarse(), "--time-limit", "0.001"];
-        refuse(
-            &arguments,
-            &fresh("out"),
-            &["--time-limit", "0 draws", "at least 4"],
+        let out = fresh("out");
+        let place = out.to_str().unwrap();
+        let output = plychain(&[verb, &coarse(), "--time-limit", "0.001", "--out", place]);
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{errors}");
+        for word in ["--time-limit", "0 draws", "at least 4"] {
+            assert!(errors.contains(word), "{word:?} is missing in\n{errors}");
+        }
+        // its warm-up is there to go on with
+        let goes_on = format!("--out {place} --resume");
+        assert!(
+            out.join("checkpoint").exists() && errors.contains(&goes_on),
+            "{errors}"
         );
     }
 }
@@ -376,7 +384,7 @@ fn the_second_run_solves_nothing_and_says_so() {
     let file = coarse();
     let run = || {
         let out = fresh("run");
-        let output = plychain(&["identify", &file, "--out", out.to_str().unwrap()]);
+        let output = plychain(&["identify", &file, "-v", "--out", out.to_str().unwrap()]);
         assert!(output.status.success());
         String::from_utf8(output.stderr).unwrap()
     };
@@ -400,10 +408,10 @@ fn build_prints_the_error_tables_and_writes_the_model() {
     assert!(out.join("reduced_model.json").exists());
 }
 
-/// The sample measurement is what the README's command makes.
+/// The sample measurement is what the command in models/README.md makes.
 #[test]
 fn the_sample_is_made_by_the_readmes_command() {
-    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let readme = std::fs::read_to_string(root().join("models/README.md")).unwrap();
     let command = readme
         .lines()
         .find(|l| l.starts_with("plychain simulate --effect"))

@@ -1,10 +1,12 @@
 //! `plychain design`: what experiments would say before they are made, against what they say once they are.
 
 use plychain::experiment::frequencies::SupportSpec;
-use plychain::infer::{Model, plate_information};
+use plychain::infer::Model;
+use plychain::study::frequencies::plate_information;
+use plychain::study::{Experiment, Measuring, SharedConstants, Study};
 use plychain::trace::Information;
 use plychain::validate::design::{
-    Candidate, Measuring, Test, assess, coupons, declared, information, plates, posterior_sds,
+    ProposedExperiment, assess, coupons, plate, plates, posterior_sds,
 };
 use serde_json::Value;
 
@@ -19,14 +21,19 @@ const MEASURING: Measuring = Measuring {
     grid: 61,
 };
 
-fn of(model: &Model, test: &Test) -> Information {
-    let names = model.constants().iter().map(|n| (*n).to_string());
-    let constants: Vec<_> = names.zip(model.marginals()).collect();
-    information(test, model.material(), &constants, MEASURING).unwrap()
+fn study() -> Study {
+    Study::load(std::path::Path::new(&coarse())).unwrap()
 }
 
-fn own(model: &Model) -> Test {
-    declared(model).remove(0).test
+fn shared() -> SharedConstants {
+    study().shared()
+}
+
+/// What the declared field says.
+fn own() -> Information {
+    let study = study();
+    let experiment: &dyn Experiment = &*study.experiments[0];
+    experiment.information(&shared(), MEASURING).unwrap()
 }
 
 /// The sds of the linearised field are those of the chains on simulated data of it, and what half a promille of undeclared scale does to the
@@ -34,7 +41,7 @@ fn own(model: &Model) -> Test {
 #[test]
 fn a_field_says_what_design_says_it_would() {
     let model = model();
-    let found = of(&model, &own(&model));
+    let found = own();
     let sds = posterior_sds(&[&found.alone]);
     let hidden = found
         .hidden
@@ -69,16 +76,17 @@ fn a_field_says_what_design_says_it_would() {
 #[test]
 fn plates_say_the_same_from_either_side() {
     let model = model();
-    let names = model.constants().iter().map(|n| (*n).to_string());
-    let constants: Vec<_> = names.zip(model.marginals()).collect();
     let layup = model.experiment().specimen.layup_deg.clone().unwrap();
-    let all = plates(&layup, model.experiment().specimen.thickness_mm);
-    let spec = |name: &str| match &all.iter().find(|c| c.name.starts_with(name)).unwrap().test {
-        Test::Plate(spec) => (**spec).clone(),
-        Test::Field(_) => panic!("{name}"),
-    };
-    let told = |spec| plate_information(&spec, model.material(), &constants).unwrap();
-    let wide = spec("plate, layup at 30 deg, 245");
+    let thickness_mm = model.experiment().specimen.thickness_mm;
+    let all = plates(&layup, thickness_mm);
+    let named = all
+        .iter()
+        .any(|c| c.name.starts_with("plate, layup at 30 deg, 173"));
+    assert!(named);
+    let shared = shared();
+    let told = |spec| plate_information(&spec, shared.material, &shared.constants).unwrap();
+    let turned = layup.iter().map(|a| a + 30.0).collect();
+    let wide = plate(turned, [245.0, 122.0], thickness_mm);
     let mut turned = wide.clone();
     turned
         .specimen
@@ -102,19 +110,17 @@ fn plates_say_the_same_from_either_side() {
 #[test]
 fn a_test_that_is_sensitive_to_e2_is_found() {
     let model = model();
-    let names = model.constants().iter().map(|n| (*n).to_string());
-    let constants: Vec<_> = names.zip(model.marginals()).collect();
     let wanted = [
         "coupon, one direction at 90 deg, no hole",
         "coupon, one direction at 90 deg",
     ];
-    let some: Vec<Candidate> = coupons(&model)
+    let some: Vec<ProposedExperiment> = coupons(&model)
         .into_iter()
         .filter(|c| wanted.contains(&&*c.name))
         .collect();
     assert_eq!(some.len(), 2);
-    let found = assess(&some, model.material(), &constants, MEASURING, &|| ());
-    let article = posterior_sds(&[&of(&model, &own(&model)).with_effects])[1];
+    let found = assess(&some, &shared(), MEASURING, &|| ());
+    let article = posterior_sds(&[&own().with_effects])[1];
     let best = found
         .iter()
         .map(|f| posterior_sds(&[&f.information.with_effects])[1]);

@@ -30,6 +30,7 @@ fn setup() -> Setup {
             .map(|a: f64| -a.to_radians())
             .to_vec(),
         thickness: 0.78,
+        thicker: Vec::new(),
         regions: Vec::new(),
         profile: Profile::default(),
         shear_cubic: 0.0,

@@ -1,11 +1,12 @@
 //! Chain stores and exports: round trips here, and other people's readers where Python has them.
 
-use std::path::Path;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use crate::program::python;
 use plychain::chain::{
-    Draws, Layout, Reader, Store, read_csv, read_getdist, read_zarr, write_csv, write_getdist,
-    write_npz, write_stan,
+    Chains, Draws, Layout, Reader, Store, read_csv, read_getdist, read_zarr, write_csv,
+    write_getdist, write_npz, write_stan, write_zarr,
 };
 
 /// Four chains of 90 draws that differ in every number.
@@ -17,17 +18,25 @@ fn draws() -> Draws {
     Draws::new(names.to_vec(), vec![0, 0, 1, 1], values, lp).unwrap()
 }
 
-/// Writes draws into a store in uneven pieces with a flush after each.
-fn store(draws: &Draws, path: &Path) {
-    let layout = Layout {
+fn layout(draws: &Draws) -> Layout {
+    Layout {
         names: draws.names().to_vec(),
         walkers: 2,
         ensembles: 2,
         observed: vec![("alpha_mm".into(), vec![1.0, 2.0])],
-    };
-    let mut store = Store::create(path, layout, serde_json::json!({})).unwrap();
-    let mut first = 0;
-    for count in [1, 30, 7, 52] {
+    }
+}
+
+/// Writes draws into a store in uneven pieces with a flush after each.
+fn store(draws: &Draws, path: &Path) {
+    let mut store = Store::create(path, layout(draws), serde_json::json!({})).unwrap();
+    append(draws, &[1, 30, 7, 52], &mut store);
+    store.finalize(&[0.5; 4]).unwrap();
+}
+
+fn append(draws: &Draws, counts: &[usize], store: &mut Store) {
+    let mut first = store.draws();
+    for &count in counts {
         let part = |ensemble: usize| {
             let (mut x, mut lp) = (Vec::new(), Vec::new());
             for draw in first..first + count {
@@ -45,7 +54,16 @@ fn store(draws: &Draws, path: &Path) {
         store.flush(&[0.5; 4]).unwrap();
         first += count;
     }
-    store.finalize(&[0.5; 4]).unwrap();
+}
+
+/// Every file below a folder.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let below = |path: PathBuf| match path.is_dir() {
+        true => files(&path),
+        false => vec![path],
+    };
+    entries.flat_map(|e| below(e.unwrap().path())).collect()
 }
 
 fn same(a: &Draws, b: &Draws) {
@@ -83,6 +101,87 @@ fn every_format_reads_back() {
     let back = read_getdist(&at("getdist")).unwrap();
     assert_eq!((draws.values(), draws.lp()), (back.values(), back.lp()));
     assert_eq!((draws.names(), back.chains()), (back.names(), ensembles));
+}
+
+/// A complete store takes no more place than its numbers; one that grows has room for 16,384 draws in its last chunk, which takes little.
+#[test]
+fn a_store_is_as_large_as_its_draws() {
+    let place = tempfile::tempdir().unwrap();
+    let size = |path: &Path| {
+        let lengths = files(path).into_iter();
+        lengths.map(|f| f.metadata().unwrap().len()).sum::<u64>()
+    };
+    let numbers = 8 * 4 * 90 * 4;
+    for (name, write, room) in [
+        ("grown", store as fn(&Draws, &Path), 100_000),
+        ("complete", |d, p| write_zarr(d, p).unwrap(), 3000),
+    ] {
+        let path = place.path().join(name);
+        write(&draws(), &path);
+        same(&draws(), &read_zarr(&path, None).unwrap());
+        let metadata: u64 = files(&path)
+            .iter()
+            .filter(|f| f.ends_with("zarr.json"))
+            .map(|f| f.metadata().unwrap().len())
+            .sum();
+        let taken = size(&path) - metadata;
+        // coordinates and the headers of files
+        assert!(taken < numbers + room, "{name}: {taken} bytes");
+    }
+}
+
+/// The stores of earlier versions were not compressed.
+#[test]
+fn raw_stores_are_read_and_gone_on_with() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("chain.zarr");
+    let draws = draws();
+    let mut first = Store::create(&path, layout(&draws), serde_json::json!({})).unwrap();
+    append(&draws, &[40], &mut first);
+    let stored = (first.draws(), first.digest());
+    first.finalize(&[0.5; 4]).unwrap();
+    for file in files(&path) {
+        let bytes = std::fs::read(&file).unwrap();
+        let mut raw = Vec::new();
+        if file.ends_with("zarr.json") {
+            fn without(value: &mut serde_json::Value) {
+                if let Some(codecs) = value.get_mut("codecs") {
+                    codecs.as_array_mut().unwrap().truncate(1);
+                }
+                let below = value.pointer_mut("/consolidated_metadata/metadata");
+                let below = below.into_iter().flat_map(|m| m.as_object_mut().unwrap());
+                below.for_each(|(_, array)| without(array));
+            }
+            let mut metadata = serde_json::from_slice(&bytes).unwrap();
+            without(&mut metadata);
+            raw = serde_json::to_vec(&metadata).unwrap();
+        } else {
+            let mut packed = flate2::read::GzDecoder::new(&bytes[..]);
+            packed.read_to_end(&mut raw).unwrap();
+        }
+        std::fs::write(&file, raw).unwrap();
+    }
+    assert_eq!(read_zarr(&path, None).unwrap().draws(), 40);
+    let again = serde_json::json!({});
+    let mut second =
+        Store::reopen(&path, layout(&draws), again, stored, &mut |_, _, _| {}).unwrap();
+    append(&draws, &[50], &mut second);
+    second.finalize(&[0.5; 4]).unwrap();
+    same(&draws, &read_zarr(&path, None).unwrap());
+    let chunk = path.join("posterior/nu12/c/0/0");
+    let numbers = std::fs::read(chunk).unwrap();
+    assert_eq!(
+        numbers[8..16],
+        draws.point(0, 1)[1].to_le_bytes(),
+        "raw as before"
+    );
+    // chain by chain, in any order
+    let reader = Reader::open(&path).unwrap();
+    for chain in [2, 0, 3, 1] {
+        let one = reader.chain(chain).unwrap();
+        assert_eq!(one.values(), draws.chain(chain).unwrap().values());
+        assert_eq!(one.lp(), draws.chain(chain).unwrap().lp());
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ mod judge;
 
 use std::f64::consts::TAU;
 
-use plychain::field::fringes::{Fringes, Steps};
+use plychain::field::fringes::{Fringes, PhaseSteps};
 use plychain::progress::Silent;
 use serde_json::{Value, json};
 
@@ -94,12 +94,12 @@ fn few_fringes_are_no_worse_than_nominal_steps() {
 #[test]
 fn the_data_say_whether_steps_are_nominal() {
     let steps = |camera: &Camera| measured(&taken("choice", camera, 5)).map(|j| j.steps);
-    assert_eq!(steps(&Camera::default()), [Steps::Nominal; 2]);
+    assert_eq!(steps(&Camera::default()), [PhaseSteps::Nominal; 2]);
     let wrong = Camera {
         step_error: 0.01,
         ..Camera::default()
     };
-    assert_eq!(steps(&wrong), [Steps::Estimated; 2]);
+    assert_eq!(steps(&wrong), [PhaseSteps::Estimated; 2]);
 }
 
 /// Up to 0.4 fringes a pixel no pixel is off by an order.

@@ -11,6 +11,7 @@ use plychain::field::matrices::write_matrices;
 use plychain::geometry::{
     Change, Density, GEOMETRIES, Geometry, HIGH, HOLE, LOW, Morph, SIDES, declared,
 };
+use plychain::identify::doubts::Doubting;
 use plychain::identify::{Options, identify};
 use plychain::infer::Model;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
@@ -330,6 +331,7 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
         keeping: None,
         discrepancy: [None, None],
         deadline: None,
+        doubting: Doubting::Unasked,
     };
     let found = identify(&model, &options, &Silent).unwrap();
     // half a percent of the load is half a percent of E

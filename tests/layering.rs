@@ -5,13 +5,23 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
-const ORDER: [&[&str]; 22] = [
+const ORDER: [&[&str]; 25] = [
     &[
-        "dense", "error", "files", "lanes", "numeric", "quantity", "progress", "signals",
+        "dense",
+        "error",
+        "files",
+        "lanes",
+        "numeric",
+        "parameter",
+        "progress",
+        "quantity",
+        "signals",
     ],
+    &["section"],
     &["chain"],
     &["sample"],
     &["diagnose"],
+    &["bridge"],
     &["laminate"],
     &["geometry"],
     &["mesh_files"],
@@ -25,6 +35,7 @@ const ORDER: [&[&str]; 22] = [
     &["linearise"],
     &["identify"],
     &["trace"],
+    &["study"],
     &["validate"],
     &["report"],
     &["campaign"],

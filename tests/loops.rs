@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use plychain::diagnose::Rule;
 use plychain::effect::EFFECTS;
 use plychain::identify::Options;
+use plychain::identify::doubts::Doubting;
 use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
@@ -27,6 +28,8 @@ pub struct Ended {
     pub vetoes: Vec<String>,
     /// Why the account is not unique.
     pub reasons: Vec<String>,
+    /// What is said of it.
+    pub text: String,
     /// Constants in order; the quoted intervals.
     quoted: Vec<Interval>,
     pub truth: Vec<f64>,
@@ -108,6 +111,7 @@ pub fn options(sampler: &dyn Sampler) -> Options<'_> {
         keeping: None,
         discrepancy: [None, None],
         deadline: None,
+        doubting: Doubting::Unasked,
     }
 }
 
@@ -124,6 +128,7 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
         effects: closed.conclusion.effects.clone(),
         alias_groups: closed.conclusion.alias_groups.clone(),
         vetoes: closed.conclusion.vetoes.clone(),
+        text: closed.conclusion.text.clone(),
         reasons: closed
             .conclusion
             .suspect

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
-use plychain::effect::{self, Acting, EFFECTS, Effect, Entry, Kind, Parameter, Scene};
+use plychain::effect::{self, Acting, EFFECTS, Effect, EffectParameter, Entry, Kind, Scene};
 use plychain::experiment::{Gauge, Sight, gauged};
 use plychain::fem::verify::{difference, window_points, without_rigid_motion};
 use plychain::fem::{Locator, Plate, Setup};
@@ -438,7 +438,7 @@ fn an_isotropic_plate_has_no_effects_of_its_plies() {
 /// Points are reported beside their places, and displacements turned by a right angle.
 struct Shifted;
 
-const SHIFT: [Parameter; 1] = [Parameter::new("shift_mm", 0.1, 1.0)];
+const SHIFT: [EffectParameter; 1] = [EffectParameter::new("shift_mm", 0.1, 1.0)];
 
 impl Effect for Shifted {
     fn entry(&self) -> Entry {

@@ -67,7 +67,15 @@ fn init_writes_a_model_that_runs_and_never_overwrites() {
         errors.contains("odd.csv") && errors.contains("VIC-2D") && errors.contains("a, b, c, d"),
         "{errors}"
     );
-    assert!(!folder.path().join("odd.json").exists());
+    // what the table does not say is left open, and refused by name
+    assert!(read(&folder.path().join("odd.json")).contains("\"?\""));
+    let open = here(&["loop", "odd.json"]);
+    let errors = String::from_utf8_lossy(&open.stderr).into_owned();
+    assert_eq!(open.status.code(), Some(1), "{errors}");
+    assert!(
+        errors.contains("odd.json") && errors.contains("`?`"),
+        "{errors}"
+    );
 }
 
 /// Export templates differ in their units: the header states them, one for the coordinates and one for the displacements.
@@ -80,7 +88,9 @@ fn init_takes_the_units_from_the_header() {
         for k in 0..400 {
             let (x, y) = (k % 20, k / 20);
             let cells = header.split(';').count();
-            text += &format!("{x};{y};{}{}\n", 0.1 * f64::from(x), ";0".repeat(cells - 3));
+            let pair = [0.1 * f64::from(x), 0.1 * f64::from(y)];
+            let others = (2..cells).map(|c| format!(";{}", pair[c % 2]));
+            text += &format!("{x};{y}{}\n", others.collect::<String>());
         }
         std::fs::write(&csv, text).unwrap();
         let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
@@ -180,9 +190,9 @@ fn completions_and_manual_pages_know_every_verb() {
     }
 }
 
-/// Commands of the blocks of shell in README.md and runs/README.md, without `plychain`.
+/// Commands of the blocks of shell in README.md and the two manuals, without `plychain`.
 fn readmes_commands() -> Vec<Vec<String>> {
-    let readme = ["README.md", "runs/README.md"]
+    let readme = ["README.md", "models/README.md", "runs/README.md"]
         .map(|name| read(&root().join(name)))
         .concat();
     let mut blocks = readme.split("```");
@@ -219,7 +229,12 @@ fn the_readmes_commands_are_understood_and_the_quick_ones_work() {
             csv += &format!("{x},{y},0,{},{},0\n", 5e-4 * x, -2e-4 * y);
         }
     }
-    std::fs::write(at("export.csv"), csv).unwrap();
+    // every export that the pages name
+    for (option, name) in commands.iter().flat_map(|c| c.iter().zip(c.iter().skip(1))) {
+        if option == "--csv" && !name.contains('*') {
+            std::fs::write(at(name), &csv).unwrap();
+        }
+    }
     let quick = [
         "init",
         "report",
@@ -269,4 +284,140 @@ fn colours_are_for_terminals_and_respect_no_color() {
     );
     let refused = said(&[("CLICOLOR_FORCE", "1"), ("NO_COLOR", "1")]);
     assert!(!refused.contains('\u{1b}'), "{refused:?}");
+}
+
+/// The files below a folder, by their paths in it.
+fn files_in(folder: &std::path::Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut todo = vec![folder.to_path_buf()];
+    while let Some(next) = todo.pop() {
+        for entry in std::fs::read_dir(&next).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => todo.push(path),
+                false => found.push(path.strip_prefix(folder).unwrap().display().to_string()),
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn every_example_is_in_the_program_as_the_repository_has_it() {
+    let models = root().join("models");
+    let names = std::fs::read_dir(&models).unwrap().filter_map(|entry| {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        name.strip_suffix(".json").map(String::from)
+    });
+    let names: Vec<String> = names.collect();
+    assert!(names.len() >= 9, "{names:?}");
+    for name in &names {
+        let folder = tempfile::tempdir().unwrap();
+        let write = || {
+            let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+            command
+                .current_dir(folder.path())
+                .args(["init", "--example", name])
+                .output()
+                .unwrap()
+        };
+        let output = write();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(
+            output.status.success(),
+            "{name}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        for file in files_in(folder.path()) {
+            let [there, here] = [&models, folder.path()]
+                .map(|f: &std::path::Path| std::fs::read(f.join(&file)).unwrap());
+            assert_eq!(there, here, "{file}");
+            assert!(said.contains(&file), "{file} is not named: {said}");
+        }
+        // twice the same is no harm; a file of one's own is
+        assert!(write().status.success());
+        std::fs::write(folder.path().join(format!("{name}.json")), "{}").unwrap();
+        let refused = write();
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains("existing"));
+    }
+    let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+    let unknown = command
+        .args(["init", "--example", "nothing"])
+        .output()
+        .unwrap();
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("two-holes"));
+}
+
+/// `plychain build` stands for every verb that reads the default model; `loop` does the same, and takes longer.
+#[test]
+fn the_default_model_works_in_an_empty_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+        command
+            .current_dir(folder.path())
+            .args(arguments)
+            .output()
+            .unwrap()
+    };
+    let simulated = run(&["simulate", "--grid", "21", "--out", "simulated"]);
+    assert!(
+        simulated.status.success(),
+        "{}",
+        String::from_utf8_lossy(&simulated.stderr)
+    );
+    assert!(String::from_utf8_lossy(&simulated.stderr).contains("comes with the program"));
+    assert!(folder.path().join("models/openhole.json").is_file());
+    assert!(folder.path().join("simulated/model.json").is_file());
+    // the second time it is there
+    let again = run(&["design-of-experiments", "--out", "doe.csv"]);
+    assert!(again.status.success());
+    assert!(String::from_utf8_lossy(&again.stderr).is_empty());
+    // a verb without the default model leaves nothing
+    let other = tempfile::tempdir().unwrap();
+    let mut command = assert_cmd::Command::cargo_bin("plychain").unwrap();
+    command
+        .current_dir(other.path())
+        .arg("effects")
+        .output()
+        .unwrap();
+    assert!(files_in(other.path()).is_empty());
+}
+
+#[test]
+fn help_prints_commands_and_sections_of_the_manuals() {
+    use crate::program::{plychain, succeed};
+
+    for (topic, file) in [("models", "models/README.md"), ("runs", "runs/README.md")] {
+        assert_eq!(succeed(&["help", topic]), read(&root().join(file)));
+    }
+    let series = succeed(&["help", "load", "series"]);
+    assert!(series.starts_with("## Load series"), "{series}");
+    assert!(
+        series.contains("**law**") && !series.contains("## Fringe pictures"),
+        "{series}"
+    );
+    assert_eq!(
+        succeed(&["help", "campaign", "collect"]),
+        succeed(&["campaign", "collect", "--help"])
+    );
+    assert!(succeed(&["help"]).contains("Campaigns"));
+    let unknown = plychain(&["help", "nonsense"]);
+    assert_eq!(unknown.status.code(), Some(1));
+    // every heading of the manuals is a topic
+    for file in ["models/README.md", "runs/README.md"] {
+        let text = read(&root().join(file));
+        for heading in text
+            .split("```")
+            .step_by(2)
+            .flat_map(str::lines)
+            .filter_map(|l| l.strip_prefix("## "))
+        {
+            let plain: Vec<&str> = heading.split_whitespace().collect();
+            let shown = succeed(&[&["help"], &plain[..]].concat());
+            assert!(shown.contains(heading), "{heading}");
+        }
+    }
 }

@@ -67,6 +67,7 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
         pixel_mm: None,
         solved_elsewhere: false,
         middle: [0.0; 2],
+        declared_loads: Vec::new(),
     }
 }
 

@@ -160,7 +160,10 @@ fn a_patch_is_found_where_it_is() {
 #[ignore = "slow: run by .ci/run"]
 fn effects_of_the_recording_that_no_dictionary_has_do_not_go_unsaid() {
     for (case, words) in [
-        ("fringe_order_jump=1,0,5,6,3", "breaks out of the noise"),
+        (
+            "fringe_order_jump=1,0,5,6,3",
+            "is larger than uniform noise in places",
+        ),
         ("phase_shift_error=15,-5,15,-5", "a fine wave is left"),
     ] {
         let model = measured(&[case], Noise::White, 740);

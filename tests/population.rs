@@ -1,9 +1,10 @@
 //! Populations: tolerance bounds and means against closed forms and tables, coverage over repeated campaigns.
 
 use plychain::campaign::population::{
-    Estimate, OfConstant, PopulationReport, Sampled, Specimen, sample,
+    Estimate, OfConstant, PopulationReport, Sampled, Specimen, copied, sample, unlike,
 };
 use plychain::chain::Draws;
+use plychain::field::{Axis, Field, Frame, Grid};
 use plychain::progress::Silent;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
@@ -318,4 +319,170 @@ fn populations_of_forty_coupons_are_held() {
     let share = held[0] as f64 / held[1] as f64;
     assert!((0.90..=0.99).contains(&share), "{held:?}");
     assert!(within(below, 0.95), "{below:?}");
+}
+
+/// A noisy field about a hole, as one camera and one specimen give it.
+fn measured(seed: u64, constant: f64) -> Field {
+    let mut grid = Grid::regular([[-12.0, -10.0], [12.0, 10.0]], 31, 37);
+    let mut rng = Pcg64::seed_from_u64(seed);
+    for (p, u) in grid.points.iter().zip(&mut grid.displacement) {
+        let r = p[0].hypot(p[1]);
+        if r > 3.0 {
+            let lobe = 1.0 + 9.0 / (r * r);
+            *u = [1e-3 * constant * p[0] * lobe, -3e-4 * p[1] * lobe];
+            u.iter_mut().for_each(|u| *u += 2e-4 * normal(&mut rng));
+        }
+    }
+    grid.field(Frame {
+        loading_axis: Axis::X,
+        hole_center_mm: [0.0; 2],
+    })
+}
+
+/// The same rows in another order, turned, moved, in other units, and with fewer digits.
+#[derive(Clone, Copy)]
+struct Copying {
+    shuffled: bool,
+    degrees: f64,
+    moved_mm: f64,
+    factor: f64,
+    digit_mm: f64,
+}
+
+impl Copying {
+    fn of(&self, field: &Field) -> Field {
+        let mut order: Vec<usize> = (0..field.len()).collect();
+        let mut rng = Pcg64::seed_from_u64(99);
+        for k in (1..order.len()).filter(|_| self.shuffled) {
+            order.swap(k, rng.random_range(0..=k));
+        }
+        let (sin, cos) = self.degrees.to_radians().sin_cos();
+        let turned = |[a, b]: [f64; 2]| [cos * a - sin * b, sin * a + cos * b];
+        let rounded = |v: f64| (v / self.digit_mm).round() * self.digit_mm;
+        let mut copy = field.clone();
+        let points = order.iter().map(|&k| turned(field.points[k]));
+        copy.points = points.map(|p| p.map(|v| v + self.moved_mm)).collect();
+        let displacement = order.iter().map(|&k| turned(field.displacement[k]));
+        let scaled = displacement.map(|u| u.map(|v| rounded(v * self.factor)));
+        copy.displacement = scaled.collect();
+        copy
+    }
+}
+
+/// Copies of one measurement are known as such, with what they differ by; two measurements of one specimen, and of two, are not.
+#[test]
+fn copies_of_a_measurement_are_known_by_their_content() {
+    let field = measured(1, 1.0);
+    let plain = Copying {
+        shuffled: false,
+        degrees: 0.0,
+        moved_mm: 0.0,
+        factor: 1.0,
+        digit_mm: 1e-12,
+    };
+    let shuffled = Copying {
+        shuffled: true,
+        ..plain
+    };
+    let cases: [(Copying, &[&str]); 6] = [
+        (shuffled, &["another order"]),
+        (
+            Copying {
+                digit_mm: 1e-4,
+                ..plain
+            },
+            &["last digits"],
+        ),
+        (
+            Copying {
+                degrees: 30.0,
+                shuffled: true,
+                ..plain
+            },
+            &["another order", "turned by 30.00 deg"],
+        ),
+        (
+            Copying {
+                moved_mm: 3.0,
+                digit_mm: 1e-5,
+                ..plain
+            },
+            &["moved by 4.2426 mm"],
+        ),
+        (
+            Copying {
+                factor: 1000.0,
+                digit_mm: 1e-3,
+                ..plain
+            },
+            &["displacements 1000.0"],
+        ),
+        (
+            Copying {
+                degrees: -90.0,
+                factor: 0.0254,
+                shuffled: true,
+                ..plain
+            },
+            &["turned by -90.00 deg", "displacements 0.02540 times"],
+        ),
+    ];
+    for (copying, words) in cases {
+        let found = copied(&field, &copying.of(&field)).unwrap();
+        for word in words {
+            assert!(found.contains(word), "{found}: {word}");
+        }
+        let other = if copying.shuffled { 1 } else { 0 };
+        assert_eq!(found.matches("another order").count(), other, "{found}");
+    }
+    // the same specimen measured twice, and another one by the same camera
+    assert_eq!(copied(&field, &measured(2, 1.0)), None);
+    assert_eq!(copied(&field, &measured(2, 1.02)), None);
+    let turned = Copying {
+        degrees: 30.0,
+        shuffled: true,
+        ..plain
+    };
+    assert_eq!(copied(&field, &turned.of(&measured(3, 1.0))), None);
+}
+
+/// One specimen of four is named by the specimens' own intervals; specimens that scatter alike are not, more or less open.
+#[test]
+fn one_of_four_specimens_is_unlike_the_others() {
+    let found = unlike(&single(&[208.0, 207.2, 208.9, 148.0], &[1.0; 4]));
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!((&*found[0].specimen, &*found[0].constant), ("s3", "c0"));
+    assert!((found[0].own[0] - 148.0).abs() < 0.2, "{found:?}");
+    assert!((found[0].others[0] - 208.0).abs() < 0.2, "{found:?}");
+    assert!(found[0].words().contains("s3 is unlike the others"));
+    // wide of its own, and no two alike
+    assert_eq!(
+        unlike(&single(
+            &[208.0, 207.2, 208.9, 148.0],
+            &[1.0, 1.0, 1.0, 40.0]
+        )),
+        []
+    );
+    assert_eq!(
+        unlike(&single(&[208.0, 187.0, 166.0, 148.0], &[1.0; 4])),
+        []
+    );
+}
+
+/// Populations of one kind have a name among them no oftener than is meant.
+#[test]
+fn specimens_of_one_kind_are_not_called_unlike() {
+    let mut rng = Pcg64::seed_from_u64(5);
+    let (mut called, count) = (0, 200);
+    for k in 0..count {
+        // scatter of a third of their own sds to three times that
+        let scatter = [0.3, 1.0, 3.0][k % 3];
+        let values: Vec<f64> = (0..6)
+            .map(|_| 100.0 + normal(&mut rng) + scatter * normal(&mut rng))
+            .collect();
+        called += usize::from(!unlike(&single(&values, &[1.0; 6])).is_empty());
+    }
+    println!("{called} of {count}");
+    // a twentieth, and three standard errors
+    assert!(called <= 19, "{called} of {count}");
 }

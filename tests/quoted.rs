@@ -170,9 +170,32 @@ fn other_programs_open_what_a_loop_quotes() {
     let place = tempfile::tempdir().unwrap();
     let run = place.path().join("run");
     let run = run.to_str().unwrap();
-    succeed(&["loop", &coarse(), "--out", run, "--quiet"]);
+    succeed(&["loop", &coarse(), "--out", run, "--quiet", "--csv"]);
     succeed(&["export", run, "--format", "getdist"]);
+    judged_as_the_loop_did(run);
     let output = python().args(["-c", SCRIPT, run]).output().unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
+}
+
+/// `diagnose` of a loop's folder shows the constants, or all, with the loop's own verdict.
+fn judged_as_the_loop_did(run: &str) {
+    let read = |text: &str| -> serde_json::Value { serde_json::from_str(text).unwrap() };
+    let report = read(&std::fs::read_to_string(format!("{run}/report.json")).unwrap());
+    let answers = report["quoted"]["answers"].as_array().unwrap();
+    let content = answers.iter().all(|a| a["converged"] == true);
+    let of = |verdict: &serde_json::Value| -> Vec<String> {
+        verdict["parameters"]
+            .as_object()
+            .unwrap()
+            .keys()
+            .cloned()
+            .collect()
+    };
+    let constants = read(&succeed(&["diagnose", run, "--json"]));
+    let quoted = report["averaged_posterior"].as_object().unwrap();
+    assert_eq!(of(&constants), quoted.keys().cloned().collect::<Vec<_>>());
+    let all = read(&succeed(&["diagnose", run, "--all", "--json"]));
+    assert!(of(&all).len() > 10 && of(&all).contains(&of(&constants)[0]));
+    assert_eq!([&constants["converged"], &all["converged"]], [content; 2]);
 }

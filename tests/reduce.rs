@@ -57,6 +57,7 @@ pub fn scene(test: &FieldTest) -> Scene {
         pixel_mm: None,
         solved_elsewhere: false,
         middle: [0.0; 2],
+        declared_loads: Vec::new(),
     }
 }
 

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
+use plychain::files::parse_json;
 use plychain::report::Report;
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::program::succeed;
@@ -143,4 +145,43 @@ fn a_mangled_report_is_refused_with_its_key() {
         r["added_later"] = json!([1, 2]);
     });
     succeed(&["report", &older.display().to_string()]);
+}
+
+/// The key of a wrong value is named wherever it stands: at the end of its object, in a list, in an object of several kinds.
+#[test]
+fn a_wrong_value_is_named_with_its_keys() {
+    #[derive(Debug, Deserialize)]
+    #[serde(tag = "kind", rename_all = "lowercase")]
+    #[allow(dead_code)]
+    enum Shape {
+        Circle { radius_mm: f64 },
+    }
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Sheet {
+        name: Option<String>,
+        holes: Vec<Shape>,
+        sides: Option<[f64; 2]>,
+    }
+    let cases = [
+        (
+            r#"{"holes": [{"kind": "circle", "radius_mm": "wide"}]}"#,
+            "a.json:1:51: holes[0]: ",
+        ),
+        (
+            "{\"name\": \"}, {\",\n\"holes\": [], \"sides\": [1, \"two\"]}",
+            "a.json:2:31: sides[1]: ",
+        ),
+        (r#"{"holes": [], "colour": 1}"#, "a.json:1:22: colour: "),
+        (
+            r#"{"holes": [{"kind": "circle", "radius_mm": 1}], "sides": [1, }"#,
+            "sides[1]: ",
+        ),
+        (r#"{"name": "a"}"#, "missing field `holes`"),
+    ];
+    for (text, words) in cases {
+        let error = parse_json::<Sheet>(text, "a.json").unwrap_err().to_string();
+        assert!(error.contains(words), "{words} is missing in {error}");
+    }
 }

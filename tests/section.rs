@@ -1,8 +1,7 @@
 //! One table on a terminal, on a page and as CSV: typed cells are written by each renderer in its own way, and by nothing else.
 
-use plychain::report::section::{
-    Digits, Document, Piece, Section, Table, TableCell, csv, html, row, terminal,
-};
+use plychain::report::html;
+use plychain::section::{Digits, Document, Piece, Section, Table, TableCell, csv, row, terminal};
 
 fn table() -> Table {
     let rows = [

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use crate::program::root;
 
 mod columns;
+mod forces;
 mod init;
 mod refused;
 mod shared;

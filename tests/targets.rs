@@ -216,3 +216,50 @@ pub fn custom(dim: usize, density: impl Fn(&[f64]) -> f64 + Sync + 'static) -> K
         Box::new(density),
     )
 }
+
+/// x0 normal, x1 normal with this sd about x0^2 - 1: the thinner, the harder.
+pub fn bent(sd: f64) -> Known {
+    Known::new(
+        "bent",
+        vec![0.0, 0.0],
+        vec![1.0, (2.0 + sd * sd).sqrt()],
+        Box::new(|k, p| (k == 0).then(|| probit(p))),
+        Box::new(move |x| {
+            let r = (x[1] - (x[0] * x[0] - 1.0)) / sd;
+            -0.5 * (x[0] * x[0] + r * r)
+        }),
+    )
+}
+
+/// A ring: the distance from the origin is normal, times itself for the circumference.
+pub fn ring(radius: f64, sd: f64) -> Known {
+    // E r^3 / E r of a normal
+    let second = 0.5 * (radius * radius + 3.0 * sd * sd);
+    Known::new(
+        "ring",
+        vec![0.0; 2],
+        vec![second.sqrt(); 2],
+        Box::new(|_, _| None),
+        Box::new(move |x| -0.5 * ((x[0].hypot(x[1]) - radius) / sd).powi(2)),
+    )
+}
+
+/// 0.3 N(-a, I) + 0.7 N(a, I), a along the first axis.
+pub fn far_apart(dim: usize, a: f64) -> Known {
+    let mut mean = vec![0.0; dim];
+    let mut sd = vec![1.0; dim];
+    (mean[0], sd[0]) = (0.4 * a, (1.0 + 0.84 * a * a).sqrt());
+    Known::new(
+        "far apart",
+        mean,
+        sd,
+        Box::new(|_, _| None),
+        Box::new(move |x| {
+            let low = 0.3f64.ln() - 0.5 * (x[0] + a).powi(2);
+            let high = 0.7f64.ln() - 0.5 * (x[0] - a).powi(2);
+            let top = low.max(high);
+            let rest: f64 = x[1..].iter().map(|v| v * v).sum();
+            top + ((low - top).exp() + (high - top).exp()).ln() - 0.5 * rest
+        }),
+    )
+}

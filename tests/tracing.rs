@@ -14,8 +14,8 @@ use plychain::infer::{Marginal, Model};
 use plychain::progress::Silent;
 use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
-use plychain::report::section::terminal;
 use plychain::report::{run, traced};
+use plychain::section::terminal;
 use plychain::trace::{Accepted, Suspect, Tracing, attribute, extended};
 
 use serde_json::Value;
@@ -262,7 +262,7 @@ fn the_loop_closes_on_the_default_model() {
     let out = fresh("loop");
     let run = out.display().to_string();
     let text = succeed(&["loop", &model("openhole.json"), "--quiet", "--out", &run]);
-    assert!(text.contains("VERDICT: closed"), "{text}");
+    assert!(text.contains("VERDICT: explained by: "), "{text}");
     let report: Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
     assert_eq!(report["verdict"]["status"], "closed");
@@ -271,7 +271,8 @@ fn the_loop_closes_on_the_default_model() {
     assert!(said.starts_with(begin) && said.contains(" deg)"), "{said}");
     let tests = report["verdict"]["confirm"][0]["tests"].as_array().unwrap();
     assert_eq!(tests[0]["effect"], "load_misalignment");
-    for test in tests {
+    // a screen has the first, the report all
+    for test in &tests[..1] {
         let words = test["test"].as_str().unwrap().split(' ').take(6);
         let words: Vec<&str> = words.collect();
         assert!(text.contains(&words.join(" ")), "{words:?} in\n{text}");
@@ -317,7 +318,7 @@ fn an_effect_that_no_round_could_add_is_called_for() {
     let run = out.display().to_string();
     let file = coarse();
     let text = succeed(&["loop", &file, "--rounds", "0", "--quiet", "--out", &run]);
-    assert!(!text.contains("nothing missing"), "{text}");
+    assert!(!text.contains("explained by noise alone"), "{text}");
     let report: Value =
         serde_json::from_str(&std::fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
     let verdict = &report["verdict"];
@@ -356,7 +357,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         &found.averaged_posterior,
         None,
         &spots,
-        &Keyed::new(),
+        (&Keyed::new(), &Keyed::new()),
     ));
     for line in text
         .lines()
@@ -391,7 +392,7 @@ fn what_cannot_be_seen_is_said_to_be() {
             &found.averaged_posterior,
             None,
             &spots,
-            &alone(share),
+            (&alone(share), &Keyed::new()),
         ));
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     };
@@ -404,7 +405,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         .max_by(|a, b| hidden(a).total_cmp(&hidden(b)))
         .unwrap();
     let reason = format!(
-        "below detection: {} ({:.1} %)",
+        "without being seen: {} ({:.1} %)",
         most.1.parameter,
         hidden(most)
     );

@@ -1,13 +1,14 @@
 //! Other ways to a posterior agree with it, bad input is refused, and simulated measurements of known truth are covered.
 
 mod calibration;
+mod verdicts;
 
 use plychain::infer::Posterior;
 use plychain::noise::matern_pair;
 use plychain::numeric::{hermite, legendre};
 use plychain::sample::{Laplace, LogDensity, laplace};
 use plychain::validate::calibration::{band, kolmogorov};
-use plychain::validate::grid::{Grid, automatic, check_bounds};
+use plychain::validate::grid::{PosteriorGrid, automatic, check_bounds};
 use plychain::validate::quadrature::preview;
 use plychain::validate::thickness;
 use rand::SeedableRng;
@@ -60,8 +61,8 @@ fn gauss_legendre_rules_integrate_powers() {
 #[test]
 fn grid_converges_and_agrees_with_the_quadrature_about_the_mode() {
     let (posterior, mode, bounds) = posterior();
-    let grid = Grid::new(&posterior, &mode, &bounds, 17).unwrap();
-    let finer = Grid::new(&posterior, &mode, &bounds, 25).unwrap();
+    let grid = PosteriorGrid::new(&posterior, &mode, &bounds, 17).unwrap();
+    let finer = PosteriorGrid::new(&posterior, &mode, &bounds, 25).unwrap();
     let quick = preview(&posterior, &mode).unwrap();
     assert!(grid.warnings.is_empty(), "{:?}", grid.warnings);
     for (other, mean, sd) in [(&finer.moments, 1e-3, 1e-3), (&quick, 0.02, 0.02)] {
@@ -88,7 +89,7 @@ fn grid_says_when_it_is_too_coarse_or_too_narrow() {
         .iter()
         .map(|[a, b]| [(a - 1.5 * (b - a)).max(0.1 * a), b + 1.5 * (b - a)])
         .collect();
-    let coarse = Grid::new(&posterior, &mode, &wide, 9).unwrap();
+    let coarse = PosteriorGrid::new(&posterior, &mode, &wide, 9).unwrap();
     assert!(
         coarse.warnings.iter().any(|w| w.contains("too coarse")),
         "{:?}",
@@ -96,7 +97,7 @@ fn grid_says_when_it_is_too_coarse_or_too_narrow() {
     );
     let mut narrow = bounds.clone();
     narrow[0][1] = mode.mode[0];
-    let narrow = Grid::new(&posterior, &mode, &narrow, 17).unwrap();
+    let narrow = PosteriorGrid::new(&posterior, &mode, &narrow, 17).unwrap();
     let said = &narrow.warnings;
     assert!(
         said.iter().any(|w| w.contains("too narrow for E1_GPa")),
@@ -109,7 +110,7 @@ fn grid_says_when_it_is_too_coarse_or_too_narrow() {
     let mut bounds = bounds;
     bounds[0][1] = mode.mode[0];
     assert!(
-        Grid::new(&cut, &mode, &bounds, 17)
+        PosteriorGrid::new(&cut, &mode, &bounds, 17)
             .unwrap()
             .warnings
             .is_empty()
@@ -119,7 +120,7 @@ fn grid_says_when_it_is_too_coarse_or_too_narrow() {
 #[test]
 fn draws_of_the_grid_have_its_moments() {
     let (posterior, mode, bounds) = posterior();
-    let grid = Grid::new(&posterior, &mode, &bounds, 17).unwrap();
+    let grid = PosteriorGrid::new(&posterior, &mode, &bounds, 17).unwrap();
     let draws = grid.draws(4, 2500).unwrap();
     assert_eq!((draws.chains(), draws.draws()), (4, 2500));
     for k in 0..4 {

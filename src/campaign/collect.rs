@@ -8,4 +8,4 @@ mod write;
 pub use collected::Collected;
 pub use outlying::{MOST_Z, robust_z};
 pub use row::{Found, Row};
-pub use write::write;
+pub use write::{priors_section, write};

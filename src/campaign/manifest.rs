@@ -79,6 +79,24 @@ impl CampaignManifest {
         states.by_ref().filter(|s| *s == state).count()
     }
 
+    /// A line for every run: its state, the time that it took, how often it was begun, and why it is not done.
+    pub fn lines(&self) -> String {
+        let longest = self.runs.iter().map(|e| e.run.name.len()).max();
+        let width = longest.unwrap_or(0);
+        let mut text = String::new();
+        for Entry { run, status } in &self.runs {
+            let (name, state) = (&run.name, status.state.words());
+            let cause = status.cause.as_deref().unwrap_or_default();
+            let line = format!(
+                "  {name:width$}  {state:13}  {:8.1} s  begun {} times  {cause}",
+                status.seconds, status.attempts
+            );
+            text += line.trim_end();
+            text.push('\n');
+        }
+        text
+    }
+
     /// In words: how many runs are in which state, and why some are not done.
     pub fn text(&self) -> String {
         let counts = State::ALL.map(|s| (s, self.count(s)));

@@ -22,6 +22,7 @@ use crate::error::{Error, Result};
 pub use engine::{Campaign, Cluster, Engine, Resources};
 pub use plan::{Plan, Run};
 pub use settle::{Asked, name_of, settle};
+pub use slurm::in_queue;
 pub use status::{Places, State};
 
 /// Every engine.

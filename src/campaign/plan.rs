@@ -11,8 +11,8 @@ use super::file::Verb;
 use super::sweep;
 use crate::error::{Error, Result};
 use crate::files::{self, Keyed, parse_json};
-use crate::infer::{FrequenciesModel, Model};
 use crate::report::manifest::hashes;
+use crate::study::Study;
 
 /// The schema of `plan.json`.
 pub const SCHEMA: &str = "plychain-campaign-plan/1";
@@ -145,6 +145,23 @@ impl Plan {
         files::write_json(&folder.join("plan.json"), self)
     }
 
+    /// The same plan with what was written into one folder in another.
+    #[must_use]
+    pub fn moved(mut self, from: &Path, to: &Path) -> Self {
+        let path = |path: &Path| {
+            let below = path.strip_prefix(from);
+            below.map_or_else(|_| path.to_path_buf(), |below| to.join(below))
+        };
+        for run in &mut self.runs {
+            run.model = path(&run.model);
+            let inputs = std::mem::take(&mut run.inputs_sha256).into_iter();
+            run.inputs_sha256 = inputs
+                .map(|(file, hash)| (path(Path::new(&file)).display().to_string(), hash))
+                .collect();
+        }
+        self
+    }
+
     /// Runs of this plan that are not what an earlier plan says, with what differs.
     pub fn changed_since<'a>(&'a self, earlier: &'a Self) -> Vec<(&'a Run, String)> {
         let known: BTreeMap<&str, &Run> =
@@ -196,13 +213,6 @@ fn planned(run: Declared, folder: &Path, known: &mut KnownSettings) -> Result<Ru
 
 /// SHA-256 of a model file and of the data that it is run with, all checked as far as they are before a run.
 fn inputs(path: PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
-    let mut files = Vec::new();
-    if FrequenciesModel::load(&path)?.is_none() {
-        files = Model::load_with(&path, data)?.measurement_files()?;
-    } else if let Some(data) = data {
-        return Err(Error::input("data", "a model of a field")
-            .found(data.display())
-            .hint("frequencies stand in the model file itself"));
-    }
+    let files = Study::load_with(&path, data)?.files()?;
     hashes(std::iter::once(&path).chain(&files))
 }

@@ -22,6 +22,8 @@ pub struct Asked {
     /// Run those again whose inputs changed.
     pub rerun_changed: bool,
     pub retry: bool,
+    /// Say what would be run, and leave nothing behind.
+    pub dry_run: bool,
     /// Share K of N, which goes on with what it finds.
     pub share: Option<[usize; 2]>,
     /// Seed of runs that name none.
@@ -37,7 +39,7 @@ pub fn name_of(file: &Path) -> Result<String> {
     CampaignFile::load(file).map(|file| file.name)
 }
 
-/// Make the folder and the plan, or take up those that are there. Nothing is run.
+/// Make the folder and the plan, or take up those that are there. Nothing is run; a dry run makes nothing that stays.
 ///
 /// # Errors
 /// The input's fault: a folder that is there and not to be gone on with, inputs that changed, what a plan is refused for.
@@ -48,10 +50,15 @@ pub fn settle(asked: &Asked) -> Result<Campaign> {
     let places = Places(absolute(&asked.out)?);
     let known = Plan::load(&places.0)?;
     check_folder(asked, &places, known.is_some())?;
-    for folder in FOLDERS {
-        make_folder(&places.0.join(folder))?;
-    }
-    let plan = planned(asked, &places).inspect_err(|_| tidy(&places))?;
+    let plan = match asked.dry_run {
+        true => rehearsed(asked, &places, known)?,
+        false => {
+            for folder in FOLDERS {
+                make_folder(&places.0.join(folder))?;
+            }
+            planned(asked, &places).inspect_err(|_| tidy(&places))?
+        }
+    };
     Ok(Campaign {
         file: absolute(&asked.file)?,
         places,
@@ -60,6 +67,22 @@ pub fn settle(asked: &Asked) -> Result<Campaign> {
         retry: asked.retry,
         share: asked.share,
     })
+}
+
+/// The plan as it would be. Models with keys set are read, so they are written for a moment where nobody looks.
+fn rehearsed(asked: &Asked, places: &Places, known: Option<Plan>) -> Result<Plan> {
+    if let Some(known) = known.clone().filter(|_| asked.share.is_some()) {
+        return Ok(known);
+    }
+    let scratch = std::env::temp_dir().join(format!("plychain-dry-run-{}", std::process::id()));
+    let plan = Plan::make(&asked.file, &scratch, asked.seed);
+    // what stays of it is the system's to clear
+    let _ = std::fs::remove_dir_all(&scratch);
+    let plan = plan?.moved(&scratch, &places.0);
+    if let Some(known) = &known {
+        changes(asked, places, &plan, known)?;
+    }
+    Ok(plan)
 }
 
 /// The plan that is there, if it still holds, or else a new one.
@@ -115,8 +138,19 @@ fn check_folder(asked: &Asked, places: &Places, is_ours: bool) -> Result<()> {
     let mut entries = std::fs::read_dir(path).into_iter().flatten().flatten();
     // a campaign that was killed before it had a plan has made these
     let made = |name: &std::ffi::OsStr| {
-        let names = ["runs", "status", "log", "models", "slurm", "campaign.lock"];
-        names.iter().any(|n| name == *n) || name == "plan.json.new"
+        let names = [
+            "runs",
+            "status",
+            "log",
+            "models",
+            "slurm",
+            "campaign.lock",
+            "submit.lock",
+        ];
+        let plan = name.to_string_lossy();
+        // another that goes on at the same moment may have made the plan meanwhile
+        let is_plan = plan.starts_with("plan.json") && (asked.resume || plan != "plan.json");
+        names.iter().any(|n| name == *n) || is_plan
     };
     match entries.any(|e| !made(&e.file_name())) {
         true => Err(wanted("an empty folder, or one that does not exist yet")
@@ -139,7 +173,9 @@ fn changes(asked: &Asked, places: &Places, plan: &Plan, known: &Plan) -> Result<
                     .hint("--rerun-changed runs it again and keeps what there was in replaced/"),
             );
         }
-        put_aside(places, run)?;
+        if !asked.dry_run {
+            put_aside(places, run)?;
+        }
     }
     Ok(())
 }

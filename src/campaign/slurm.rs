@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::engine::{Campaign, Engine};
 use super::manifest;
 use super::process::quoted;
-use super::status::State;
+use super::status::{Places, State};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::files::hex;
@@ -21,6 +21,9 @@ pub struct Slurm;
 
 /// Seconds before a task's time is over at which it is told to stop, for what runs flush then.
 const NOTICE_S: u32 = 60;
+
+/// A shorter time leaves a task none of its own.
+const SHORTEST_S: u64 = 3 * NOTICE_S as u64;
 
 /// Between two looks at the queue, and how often in a row it may give no answer: a controller that is restarted is waited for.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -45,23 +48,7 @@ impl Engine for Slurm {
                     .hint("a share is run with --engine local"),
             );
         }
-        let queued = queued(campaign)?;
-        let missing: BTreeSet<usize> = tasks(campaign)
-            .into_iter()
-            .filter(|k| !queued.contains(k) && is_missing(campaign, *k))
-            .collect();
-        if missing.is_empty() {
-            progress.begin(
-                &format!("nothing to submit, {} tasks queued", queued.len()),
-                None,
-            );
-        } else {
-            let job = submit(campaign, &missing)?;
-            progress.begin(
-                &format!("job {job}: {} tasks submitted", missing.len()),
-                None,
-            );
-        }
+        progress.begin(&submitted(campaign)?, None);
         progress.end();
         if campaign.resources.cluster.wait {
             watch(campaign, progress)?;
@@ -96,10 +83,43 @@ fn is_missing(campaign: &Campaign, k: usize) -> bool {
 }
 
 /// The name of the campaign's jobs, by which they are found in the queue again. Two campaigns of one name have different folders.
-fn name(campaign: &Campaign) -> String {
-    let folder = campaign.places.0.display().to_string();
+fn name(places: &Places, campaign: &str) -> String {
+    let folder = places.0.display().to_string();
     let mark = hex(&Sha256::digest(folder));
-    format!("plychain-{}-{}", campaign.plan.name, &mark[..8])
+    format!("plychain-{campaign}-{}", &mark[..8])
+}
+
+/// How many tasks of a campaign wait or run, if any were ever submitted from its folder, which is absolute.
+///
+/// # Errors
+/// Of the input: a scheduler that does not answer.
+pub fn in_queue(places: &Places, campaign: &str) -> Result<Option<usize>> {
+    match places.0.join("slurm").is_dir() {
+        true => queued(&name(places, campaign)).map(|tasks| Some(tasks.len())),
+        false => Ok(None),
+    }
+}
+
+/// The seconds of a time in one of Slurm's forms: minutes, minutes:seconds, hours:minutes:seconds, days-hours[:minutes[:seconds]]. None of
+/// other words.
+fn seconds(time: &str) -> Option<u64> {
+    let (days, rest) = match time.split_once('-') {
+        Some((days, rest)) => (Some(days.trim().parse::<u64>().ok()?), rest),
+        None => (None, time),
+    };
+    let parts = rest.split(':').map(|p| p.trim().parse().ok());
+    let parts = parts.collect::<Option<Vec<u64>>>()?;
+    let [hours, minutes, seconds] = match (days.is_some(), &parts[..]) {
+        (false, &[m]) => [0, m, 0],
+        (false, &[m, s]) => [0, m, s],
+        (true, &[h]) => [h, 0, 0],
+        (true, &[h, m]) => [h, m, 0],
+        (_, &[h, m, s]) => [h, m, s],
+        _ => return None,
+    };
+    let hours = days.unwrap_or(0).checked_mul(24)?.checked_add(hours)?;
+    let minutes = hours.checked_mul(60)?.checked_add(minutes)?;
+    minutes.checked_mul(60)?.checked_add(seconds)
 }
 
 /// The job script of some tasks.
@@ -113,7 +133,7 @@ fn script(campaign: &Campaign, tasks: &BTreeSet<usize>) -> Result<String> {
     let mut option = |name: &str, value: &str| {
         let _ = writeln!(text, "#SBATCH --{name}={}", quoted(value));
     };
-    option("job-name", &name(campaign));
+    option("job-name", &name(&campaign.places, &campaign.plan.name));
     option("array", &list.join(","));
     option(
         "cpus-per-task",
@@ -124,6 +144,13 @@ fn script(campaign: &Campaign, tasks: &BTreeSet<usize>) -> Result<String> {
         option("mem", &format!("{mib}M"));
     }
     if let Some(time) = &resources.cluster.time {
+        if let Some(short) = seconds(time).filter(|s| (1..SHORTEST_S).contains(s)) {
+            return Err(Error::input("--time", format!("at least {SHORTEST_S} s a task"))
+                .found(format!("{time}, which is {short} s to Slurm"))
+                .hint(format!(
+                    "a task is told to stop {NOTICE_S} s before its time is over, and Slurm may be a minute early: it would get nowhere. Give --time HH:MM:SS"
+                )));
+        }
         option("time", time);
     }
     option("signal", &format!("B:TERM@{NOTICE_S}"));
@@ -157,6 +184,22 @@ fn script(campaign: &Campaign, tasks: &BTreeSet<usize>) -> Result<String> {
     Ok(text)
 }
 
+/// Submit the tasks that are missing and not queued; what is to be said of it. Nobody else submits from the look at the queue to the
+/// scheduler's answer.
+fn submitted(campaign: &Campaign) -> Result<String> {
+    let _alone = campaign.places.submitting()?;
+    let queued = queued(&name(&campaign.places, &campaign.plan.name))?;
+    let missing: BTreeSet<usize> = tasks(campaign)
+        .into_iter()
+        .filter(|k| !queued.contains(k) && is_missing(campaign, *k))
+        .collect();
+    if missing.is_empty() {
+        return Ok(format!("nothing to submit, {} tasks queued", queued.len()));
+    }
+    let job = submit(campaign, &missing)?;
+    Ok(format!("job {job}: {} tasks submitted", missing.len()))
+}
+
 /// The number of the job that was submitted.
 fn submit(campaign: &Campaign, tasks: &BTreeSet<usize>) -> Result<String> {
     let folder = campaign.places.0.join("slurm");
@@ -165,12 +208,60 @@ fn submit(campaign: &Campaign, tasks: &BTreeSet<usize>) -> Result<String> {
     files::replace(&path, script(campaign, tasks)?)?;
     let path = path.display().to_string();
     let said = answer("sbatch", &["--parsable", &path])?;
-    Ok(said.trim().split(';').next().unwrap_or_default().into())
+    job_number(&said).ok_or_else(|| {
+        let found = match said.trim() {
+            "" => "no answer",
+            said => said,
+        };
+        Error::input("sbatch", "the number of a job")
+            .found(found)
+            .hint("nothing counts as submitted; look at squeue --me, then give the same command with --resume")
+    })
 }
 
-/// Tasks of the campaign that wait or run.
-fn queued(campaign: &Campaign) -> Result<BTreeSet<usize>> {
-    let name = name(campaign);
+/// The number of a job in an answer of `sbatch`, which clusters may precede with a banner: `N`, `N;CLUSTER` or `Submitted batch job N`.
+fn job_number(answer: &str) -> Option<String> {
+    let number = |line: &str| {
+        let line = line.trim();
+        let line = line.strip_prefix("Submitted batch job").unwrap_or(line);
+        let first = line.split(';').next().unwrap_or_default().trim();
+        let digits = !first.is_empty() && first.bytes().all(|b| b.is_ascii_digit());
+        digits.then(|| first.to_string())
+    };
+    answer.lines().rev().find_map(number)
+}
+
+/// What to do about an error of Slurm, by its words.
+const REMEDIES: [(&str, &str); 7] = [
+    (
+        "invalid job array specification",
+        "the cluster takes fewer tasks in an array (MaxArraySize in scontrol show config): give more runs a task with --runs-a-task N",
+    ),
+    (
+        "job submit limit",
+        "the account may queue fewer tasks: give more runs a task with --runs-a-task N, or wait and --resume",
+    ),
+    (
+        "partition",
+        "name a partition: --sbatch=--partition=NAME (sinfo lists them)",
+    ),
+    ("account", "name an account: --sbatch=--account=NAME"),
+    (
+        "time limit",
+        "give a time that the partition allows: --time HH:MM:SS",
+    ),
+    (
+        "memory",
+        "ask for less: --memory-gb GB, or fewer runs at a time with --jobs N",
+    ),
+    (
+        "configuration is not available",
+        "no node has so much: ask for fewer cores (--threads, --jobs) or less memory (--memory-gb)",
+    ),
+];
+
+/// Tasks of the campaign's jobs that wait or run.
+fn queued(name: &str) -> Result<BTreeSet<usize>> {
     let said = answer(
         "squeue",
         &[
@@ -178,17 +269,23 @@ fn queued(campaign: &Campaign) -> Result<BTreeSet<usize>> {
             "--array",
             "--me",
             "--name",
-            &name,
+            name,
             "--format=%K %T",
         ],
     )?;
-    let task = |line: &str| line.split_whitespace().next()?.parse().ok();
+    // a banner's lines are no tasks
+    let task = |line: &str| {
+        let (task, state) = line.trim().split_once(' ')?;
+        let is_state = |b: u8| b.is_ascii_uppercase() || b == b'_';
+        let task = task.parse().ok();
+        task.filter(|_| state.trim().bytes().all(is_state))
+    };
     Ok(said.lines().filter_map(task).collect())
 }
 
 /// How tasks ended that did not end well, as far as accounting knows.
 fn ends(campaign: &Campaign) -> String {
-    let name = format!("--name={}", name(campaign));
+    let name = format!("--name={}", name(&campaign.places, &campaign.plan.name));
     let wanted = [
         "--noheader",
         "--parsable2",
@@ -212,8 +309,9 @@ fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<()> {
     progress.begin("runs", Some(all as u64));
     let mut stepped = 0;
     let mut silences = 0;
+    let name = name(&campaign.places, &campaign.plan.name);
     loop {
-        let queue = queued(campaign);
+        let queue = queued(&name);
         let manifest = manifest::write(campaign)?;
         let done = manifest.count(State::Done) + manifest.count(State::Failed);
         for _ in stepped..done {
@@ -242,7 +340,14 @@ fn answer(program: &str, arguments: &[&str]) -> Result<String> {
         )
     })?;
     if !output.status.success() {
-        return Err(wanted().found(String::from_utf8_lossy(&output.stderr).trim()));
+        let said = String::from_utf8_lossy(&output.stderr);
+        let error = wanted().found(said.trim());
+        let lower = said.to_lowercase();
+        let remedy = REMEDIES.iter().find(|(words, _)| lower.contains(words));
+        return Err(match remedy {
+            Some((_, hint)) => error.hint(hint),
+            None => error,
+        });
     }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }

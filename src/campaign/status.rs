@@ -157,7 +157,19 @@ impl Places {
     /// # Errors
     /// Of the input: a folder that cannot be written.
     pub fn alone(&self) -> Result<File> {
-        let file = lock_file(&self.0.join("campaign.lock"))?;
+        self.held("campaign.lock")
+    }
+
+    /// Waits for what only one process may ask of a scheduler at a time; the tasks that it begins meanwhile do not wait for that.
+    ///
+    /// # Errors
+    /// Of the input: a folder that cannot be written.
+    pub fn submitting(&self) -> Result<File> {
+        self.held("submit.lock")
+    }
+
+    fn held(&self, name: &str) -> Result<File> {
+        let file = lock_file(&self.0.join(name))?;
         // without locks the last to write wins, and writes the same
         let _ = file.lock();
         Ok(file)
@@ -170,5 +182,5 @@ fn lock_file(path: &Path) -> Result<File> {
         .append(true)
         .create(true)
         .open(path);
-    file.map_err(|e| Error::input(path.display(), "a file that can be written").found(e))
+    file.map_err(|e| Error::unwritable(path.display(), "a file that can be written").found(e))
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 use crate::files::Keyed;
-use crate::infer::{FrequenciesModel, Model};
+use crate::study::Study;
 
 /// The file at `path` with values in it, as JSON that can be read from anywhere. Keys are dotted (`experiments.0.load.force_N`) or JSON
 /// pointers (`/experiments/0/load/force_N`).
@@ -26,11 +26,7 @@ pub fn changed(path: &Path, set: &Keyed<Value>) -> Result<Value> {
         let keys: Vec<&str> = set.keys().map(String::as_str).collect();
         e.within(format!("with {} set", keys.join(", ")))
     };
-    if let Some(plates) = FrequenciesModel::parse(&text, path).map_err(said)? {
-        return serde_json::to_value(&plates.file)
-            .map_err(|e| Error::program(&place, "a model that JSON can hold").found(e));
-    }
-    Model::parse(&text, path).map_err(said)?.resolved()
+    Study::parse(&text, path).map_err(said)?.json(true)
 }
 
 /// Put a value where a key says; the object that it stands in must be there.

@@ -1,25 +1,51 @@
 //! Chain CSV: our own `chain.csv` (`chain,draw,lp__,NAME...`), and any program's CSV of draws (Stan CSV with `#`
 //! comments, one file a chain). Floats are written so that they read back to the same bits.
 
+use std::collections::HashSet;
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 
 use super::draws::{Chains, Draws};
 use crate::error::{Error, Result};
+use crate::files;
 
 /// Writes `chain.csv`: columns `chain,draw,lp__` and the parameters, chain by chain, counted from 0.
 ///
 /// # Errors
 /// The input's fault (with the path) if the file cannot be written.
 pub fn write_csv(chains: &dyn Chains, path: &Path) -> Result<()> {
-    let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
-    let mut out = BufWriter::new(File::create(path).map_err(failed)?);
-    writeln!(out, "chain,draw,lp__,{}", chains.names().join(",")).map_err(failed)?;
-    for chain in 0..chains.count() {
-        write_rows(&chains.chain(chain)?, chain, &mut out).map_err(failed)?;
-    }
-    out.flush().map_err(failed)
+    write_chains(path, |out| {
+        writeln!(out, "chain,draw,lp__,{}", chains.names().join(",")).map_err(Failed::Writing)?;
+        for chain in 0..chains.count() {
+            let draws = chains.chain(chain).map_err(Failed::Reading)?;
+            write_rows(&draws, chain, out).map_err(Failed::Writing)?;
+        }
+        Ok(())
+    })
+}
+
+/// Why chains were not written.
+pub(super) enum Failed {
+    Reading(Error),
+    Writing(std::io::Error),
+}
+
+/// Write a file of chains that are read on the way. Half of it never stays.
+pub(super) fn write_chains(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> std::result::Result<(), Failed>,
+) -> Result<()> {
+    let mut damaged = None;
+    let written = files::replace_with(path, |out| match write(out) {
+        Ok(()) => Ok(()),
+        Err(Failed::Writing(e)) => Err(e),
+        Err(Failed::Reading(e)) => {
+            damaged = Some(e);
+            Err(std::io::ErrorKind::InvalidData.into())
+        }
+    });
+    damaged.map_or(written, Err)
 }
 
 /// Writes Stan CSV: one file an ensemble, its walkers one after the other, `STEM_1.csv`, `STEM_2.csv`, ..., with `lp__` and the parameters.
@@ -27,19 +53,22 @@ pub fn write_csv(chains: &dyn Chains, path: &Path) -> Result<()> {
 /// # Errors
 /// The input's fault (with the path) if a file cannot be written.
 pub fn write_stan(chains: &dyn Chains, stem: &Path) -> Result<()> {
-    for (number, members) in chains.groups().into_iter().enumerate() {
-        let mut path = stem.as_os_str().to_owned();
-        path.push(format!("_{}.csv", number + 1));
-        let path = Path::new(&path);
-        let failed = |e: std::io::Error| Error::input(path.display(), "a writable file").found(e);
-        let mut out = BufWriter::new(File::create(path).map_err(failed)?);
-        header(chains.names(), number, &mut out).map_err(failed)?;
-        for chain in members {
-            write_chain(&chains.chain(chain)?, &mut out).map_err(failed)?;
+    files::together(|written| {
+        for (number, members) in chains.groups().into_iter().enumerate() {
+            let mut path = stem.as_os_str().to_owned();
+            path.push(format!("_{}.csv", number + 1));
+            write_chains(Path::new(&path), |out| {
+                header(chains.names(), number, out).map_err(Failed::Writing)?;
+                for chain in members {
+                    let draws = chains.chain(chain).map_err(Failed::Reading)?;
+                    write_chain(&draws, out).map_err(Failed::Writing)?;
+                }
+                Ok(())
+            })?;
+            written.push(path.into());
         }
-        out.flush().map_err(failed)?;
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 fn header(names: &[String], number: usize, out: &mut dyn Write) -> std::io::Result<()> {
@@ -98,8 +127,9 @@ pub fn read_csv(paths: &[&Path]) -> Result<Draws> {
 /// The columns of a file and the rows of each chain.
 struct CsvTable {
     columns: Vec<String>,
-    /// Chain label as written (empty if the file has no such column) and its rows, row-major over `columns`.
+    /// What each chain is called, with its rows, row-major over `columns`.
     chains: Vec<(String, Vec<f64>)>,
+    remarks: Vec<String>,
 }
 
 impl CsvTable {
@@ -111,6 +141,7 @@ impl CsvTable {
             );
         }
         self.chains.extend(other.chains);
+        self.remarks.extend(other.remarks);
         Ok(())
     }
 
@@ -123,16 +154,23 @@ impl CsvTable {
             .chains
             .first()
             .ok_or_else(|| Error::input(&place, "at least one draw"))?;
-        for (other, theirs) in &self.chains {
-            if theirs.len() != rows.len() {
-                return Err(Error::input(
-                    &place,
-                    format!(
-                        "as many draws in chain {other:?} as in {label:?}, {}",
-                        rows.len() / width
-                    ),
-                )
-                .found(theirs.len() / width));
+        for (k, (other, theirs)) in self.chains.iter().enumerate() {
+            let [own, first] = [theirs.len() / width, rows.len() / width];
+            if own != first {
+                let (short, long) = match own < first {
+                    true => ([other, &own.to_string()], [label, &first.to_string()]),
+                    false => ([label, &first.to_string()], [other, &own.to_string()]),
+                };
+                let expected = format!("as many draws as in {}, {}", long[0], long[1]);
+                return Err(Error::input(short[0], expected)
+                    .found(short[1])
+                    .hint("a chain that was stopped has fewer: leave it out, or cut the others"));
+            }
+            let twin = |(_, earlier): &&(String, Vec<f64>)| earlier == theirs;
+            if let Some((twin, _)) = self.chains[..k].iter().find(twin) {
+                return Err(Error::input(other, "draws of its own")
+                    .found(format!("the draws of {twin}"))
+                    .hint("copies are not independent chains: give one of them (did all tasks of an array have one seed?)"));
             }
         }
         let column = |at: usize| -> Vec<f64> {
@@ -145,7 +183,7 @@ impl CsvTable {
         for (at, name) in self.columns.iter().enumerate() {
             match name.as_str() {
                 "lp__" => lp = column(at),
-                "draw" => {}
+                name if DRAW.contains(&name) => {}
                 _ if name.ends_with("__") => apart.push((name.clone(), column(at))),
                 _ => {
                     names.push(name.clone());
@@ -159,59 +197,234 @@ impl CsvTable {
             .collect();
         let mut draws = Draws::new(names, (0..self.chains.len()).collect(), values, lp)?;
         draws.info.columns = apart;
+        draws.info.remarks = self.remarks;
         Ok(draws)
     }
 }
 
+/// Bytes of a line that ends somewhere: a million columns of 25 characters have fewer.
+const LONGEST_LINE: u64 = 1 << 26;
+
+/// What programs call the number of a chain (ours and ArviZ; posterior of R; coda of R), and that of a draw.
+const CHAIN: &[&str] = &["chain", ".chain", "CHAIN", "Chain"];
+const DRAW: &[&str] = &[
+    "draw",
+    ".draw",
+    "iteration",
+    ".iteration",
+    "ITER",
+    "Iteration",
+];
+
+/// The cells of a line, without blanks and quotation marks; no sign is any number of blanks.
+fn cells(line: &str, sign: Option<char>) -> Vec<&str> {
+    let ends = |c: char| sign.map_or(c.is_whitespace(), |sign| c == sign);
+    let cells = files::cells(line, ends).map(|f| f.trim().trim_matches('"'));
+    cells.filter(|f| sign.is_some() || !f.is_empty()).collect()
+}
+
+/// The header of a file: its columns, and what stands between the cells.
+struct ChainHeader {
+    columns: Vec<String>,
+    sign: Option<char>,
+    chain: Option<usize>,
+    /// Whether no row was read yet.
+    is_first: bool,
+}
+
+impl ChainHeader {
+    fn new(line: &str) -> Result<Self> {
+        let splits = |s: &char| cells(line, Some(*s)).len() > 1;
+        let sign = [',', ';', '\t'].into_iter().find(splits);
+        let columns: Vec<String> = cells(line, sign).into_iter().map(String::from).collect();
+        check_header(&columns)?;
+        Ok(Self {
+            chain: columns.iter().position(|c| CHAIN.contains(&c.as_str())),
+            columns,
+            sign,
+            is_first: true,
+        })
+    }
+
+    /// The cells of a row. Names of rows, as R writes them, have no name of their own.
+    fn row<'a>(&mut self, line: &'a str) -> Result<Vec<&'a str>> {
+        let row = cells(line, self.sign);
+        let beside = row.len() == self.columns.len() + 1;
+        if beside && self.sign.is_none() && std::mem::take(&mut self.is_first) {
+            self.columns.insert(0, String::new());
+            self.chain = self.chain.map(|at| at + 1);
+        }
+        self.is_first = false;
+        let wanted = self.columns.len();
+        if row.len() == wanted {
+            return Ok(row);
+        }
+        Err(Error::input("row", format!("{wanted} columns"))
+            .found(format!("{} columns", row.len()))
+            .hint("the last line of a chain that was killed may be cut: remove it"))
+    }
+
+    /// Whether a column is a number of every draw, not the name of a row or a chain.
+    fn is_read(&self, at: usize) -> bool {
+        Some(at) != self.chain && !(at == 0 && self.columns[0].is_empty())
+    }
+}
+
 fn read_table(path: &Path) -> Result<CsvTable> {
-    let file = File::open(path)
-        .map_err(|e| Error::input(path.display(), "a readable chain file").found(e))?;
-    let mut header: Option<Vec<String>> = None;
-    let mut chain_at = None;
+    let unreadable = |e| Error::input(path.display(), "a readable chain file").found(e);
+    let mut text = BufReader::new(File::open(path).map_err(unreadable)?);
+    let start = text.fill_buf().map_err(unreadable)?;
+    if let Some((what, hint)) = files::in_place_of(start) {
+        let error = Error::input(path.display(), "chains as text, .npz or a Zarr store");
+        return Err(error.found(what).hint(hint));
+    }
+    let mut header: Option<ChainHeader> = None;
     let mut chains: Vec<(String, Vec<f64>)> = Vec::new();
-    for (index, line) in BufReader::new(file).lines().enumerate() {
+    let mut settings = StanSettings::default();
+    let mut line = String::new();
+    for index in 0.. {
         let place = || format!("{}, line {}", path.display(), index + 1);
-        let line = line.map_err(|e| Error::input(place(), "UTF-8 text").found(e))?;
-        let line = line.trim();
-        if line.is_empty() || line.starts_with('#') {
+        line.clear();
+        let read = (&mut text).take(LONGEST_LINE).read_line(&mut line);
+        match read.map_err(|e| Error::input(place(), "UTF-8 text").found(e))? {
+            0 => break,
+            length if length as u64 == LONGEST_LINE => {
+                let expected = format!("lines of fewer than {LONGEST_LINE} bytes");
+                return Err(Error::input(place(), expected)
+                    .found("no end of the line")
+                    .hint("this is no file of draws"));
+            }
+            _ => {}
+        }
+        let line = line.trim_start_matches('\u{feff}').trim();
+        if let Some(comment) = line.strip_prefix('#') {
+            settings.read(comment).map_err(|e| e.within(place()))?;
             continue;
         }
-        let fields: Vec<&str> = line
-            .split(',')
-            .map(|f| f.trim().trim_matches('"'))
-            .collect();
-        let Some(columns) = &header else {
-            check_header(&fields).map_err(|e| e.within(place()))?;
-            chain_at = fields.iter().position(|&f| f == "chain");
-            header = Some(fields.iter().map(ToString::to_string).collect());
+        if line.is_empty() {
+            continue;
+        }
+        let Some(header) = &mut header else {
+            header = Some(ChainHeader::new(line).map_err(|e| e.within(place()))?);
             continue;
         };
-        if fields.len() != columns.len() {
-            return Err(Error::input(place(), format!("{} columns", columns.len()))
-                .found(format!("{} columns", fields.len()))
-                .hint("the last line of a chain that was killed may be cut: remove it"));
-        }
-        let label = chain_at.map_or("", |at| fields[at]);
+        let fields = header.row(line).map_err(|e| e.within(place()))?;
+        let label = header.chain.map_or("", |at| fields[at]);
         let rows = rows_of(&mut chains, label);
-        for (at, (field, name)) in fields.iter().zip(columns).enumerate() {
-            if Some(at) != chain_at {
-                let value = field.parse::<f64>().map_err(|_| {
-                    Error::input(format!("{}, column {name}", place()), "a number").found(field)
-                })?;
-                rows.push(value);
+        for (at, field) in fields.iter().enumerate() {
+            if !header.is_read(at) {
+                continue;
             }
+            let value = field.parse::<f64>().map_err(|_| {
+                let place = format!("{}, column {}", place(), header.columns[at]);
+                let error = Error::input(place, "a number, with a decimal point");
+                error.found(field)
+            })?;
+            rows.push(value);
         }
     }
-    let mut columns = header.ok_or_else(|| {
-        Error::input(
-            path.display(),
-            "a header line with the names of the columns",
-        )
+    let header = header.ok_or_else(|| {
+        let expected = "a header line with the names of the columns";
+        Error::input(path.display(), expected)
     })?;
-    if let Some(at) = chain_at {
-        columns.remove(at);
+    let kept = (0..header.columns.len()).filter(|at| header.is_read(*at));
+    let columns = kept.map(|at| header.columns[at].clone()).collect();
+    finished(path, columns, chains, &settings)
+}
+
+/// The table of chains that were read: draws in order, without those of the warm-up.
+fn finished(
+    path: &Path,
+    columns: Vec<String>,
+    mut chains: Vec<(String, Vec<f64>)>,
+    settings: &StanSettings,
+) -> Result<CsvTable> {
+    let draw = columns.iter().position(|c| DRAW.contains(&c.as_str()));
+    for (label, rows) in &mut chains {
+        *label = match label.is_empty() {
+            true => path.display().to_string(),
+            false => format!("chain {label} of {}", path.display()),
+        };
+        if let Some(at) = draw {
+            *rows =
+                in_order(std::mem::take(rows), columns.len(), at).map_err(|e| e.within(&*label))?;
+        }
+        settings.leave_out_warmup(rows, columns.len());
     }
-    Ok(CsvTable { columns, chains })
+    let remarks = settings.remark(path).into_iter().collect();
+    Ok(CsvTable {
+        columns,
+        chains,
+        remarks,
+    })
+}
+
+/// Rows by the number of their draw, which stands in a column.
+fn in_order(rows: Vec<f64>, width: usize, at: usize) -> Result<Vec<f64>> {
+    let mut ordered: Vec<&[f64]> = rows.chunks(width).collect();
+    if ordered.is_sorted_by(|a, b| a[at] < b[at]) {
+        return Ok(rows);
+    }
+    ordered.sort_by(|a, b| a[at].total_cmp(&b[at]));
+    if let Some(twice) = ordered.windows(2).find(|w| w[0][at] == w[1][at]) {
+        return Err(Error::input("column draw", "each number once")
+            .found(format!("draw {} twice", twice[0][at]))
+            .hint("were two runs written into one file?"));
+    }
+    Ok(ordered.concat())
+}
+
+/// What CmdStan's comments say of the draws below them.
+#[derive(Default)]
+struct StanSettings {
+    warmup: usize,
+    thin: usize,
+    saved: bool,
+}
+
+impl StanSettings {
+    fn read(&mut self, comment: &str) -> Result<()> {
+        /// Methods of CmdStan whose rows are no draws of a Markov chain.
+        const OTHER: [&str; 4] = ["optimize", "variational", "pathfinder", "laplace"];
+        let Some((key, value)) = comment.split_once('=') else {
+            return Ok(());
+        };
+        let value = value.split_whitespace().next().unwrap_or_default();
+        let number = value.parse().unwrap_or(0);
+        match key.trim() {
+            "num_warmup" => self.warmup = number,
+            "thin" => self.thin = number,
+            "save_warmup" => self.saved = ["1", "true"].contains(&value),
+            "method" if OTHER.contains(&value) => {
+                return Err(
+                    Error::input("method", "draws of a Markov chain (method = sample)")
+                        .found(value)
+                        .hint("this file has no chain, so that nothing converges"),
+                );
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Draws of the warm-up that a chain begins with.
+    fn stored(&self) -> usize {
+        match self.saved {
+            true => self.warmup.div_ceil(self.thin.max(1)),
+            false => 0,
+        }
+    }
+
+    fn leave_out_warmup(&self, rows: &mut Vec<f64>, width: usize) {
+        let end = (self.stored() * width).min(rows.len());
+        rows.drain(..end);
+    }
+
+    fn remark(&self, path: &Path) -> Option<String> {
+        let stored = self.stored();
+        let path = path.display();
+        (stored > 0).then(|| format!("{path}: the first {stored} draws are left out (save_warmup)"))
+    }
 }
 
 /// The rows of the chain called `label`; the search from the end makes sorted files cheap.
@@ -226,23 +439,25 @@ fn rows_of<'a>(chains: &'a mut Vec<(String, Vec<f64>)>, label: &str) -> &'a mut 
     &mut chains[at].1
 }
 
-fn check_header(fields: &[&str]) -> Result<()> {
+fn check_header(fields: &[String]) -> Result<()> {
+    let mut known = HashSet::new();
     for (at, field) in fields.iter().enumerate() {
-        if field.is_empty() || field.parse::<f64>().is_ok() {
+        if (field.is_empty() && at > 0) || field.parse::<f64>().is_ok() {
             return Err(Error::input(
                 format!("column {}", at + 1),
                 "the name of a column (the first line that is no comment is the header)",
             )
             .found(field));
         }
-        if fields[..at].contains(field) {
+        if !known.insert(field) {
             return Err(Error::input(format!("column {}", at + 1), "each name once").found(field));
         }
     }
-    let parameters = fields
-        .iter()
-        .filter(|f| !f.ends_with("__") && !["chain", "draw"].contains(f));
-    if parameters.count() == 0 {
+    let is_parameter = |f: &&String| {
+        let counts = CHAIN.contains(&f.as_str()) || DRAW.contains(&f.as_str());
+        !f.ends_with("__") && !f.is_empty() && !counts
+    };
+    if !fields.iter().any(|f| is_parameter(&f)) {
         return Err(Error::input("header", "at least one parameter").found(fields.join(",")));
     }
     Ok(())

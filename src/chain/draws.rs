@@ -2,6 +2,7 @@
 //! autocorrelation is never computed across interleaved walkers.
 
 use crate::error::{Error, Result};
+use crate::files::stored;
 
 /// Proposals and acceptances of one move over a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -13,6 +14,12 @@ pub struct MoveTally {
     /// Number of accepted proposals.
     pub accepted: u64,
 }
+
+stored!(MoveTally {
+    name,
+    proposed,
+    accepted
+});
 
 /// What is worth knowing of how draws came about; no later step needs it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -31,7 +38,20 @@ pub struct Info {
     pub evaluations: u64,
     /// Columns that are not parameters (`stepsize__`), each of length chains x draws, chain by chain.
     pub columns: Vec<(String, Vec<f64>)>,
+    /// What was done to the draws of a file while it was read, in words.
+    pub remarks: Vec<String>,
 }
+
+stored!(Info {
+    thin,
+    warmup,
+    acceptance,
+    moves,
+    nan,
+    evaluations,
+    columns,
+    remarks
+});
 
 /// One scalar over a run, chain by chain.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,6 +169,15 @@ pub struct Draws {
     pub info: Info,
 }
 
+stored!(Draws {
+    names,
+    ensemble,
+    draws,
+    values,
+    lp,
+    info
+});
+
 impl Draws {
     /// Draws from their parts: `names` of the parameters, `ensemble` of each chain, `values` of shape chain x draw x
     /// parameter and `lp` of shape chain x draw, both contiguous.
@@ -257,15 +286,6 @@ impl Draws {
         self.map(|point| point[parameter])
     }
 
-    /// The log density over the run.
-    pub fn lp_series(&self) -> Series {
-        Series {
-            values: self.lp.clone(),
-            draws: self.draws,
-            ensemble: self.ensemble.clone(),
-        }
-    }
-
     /// A scalar function of the parameters over the run.
     pub fn map(&self, f: impl Fn(&[f64]) -> f64) -> Series {
         Series {
@@ -317,6 +337,22 @@ impl Draws {
         }
         self.ensemble = (0..self.chains()).map(|chain| chain / walkers).collect();
         Ok(self)
+    }
+
+    /// The draws of some variables alone.
+    ///
+    /// # Errors
+    /// The input's fault: a variable that there is not.
+    pub fn only(&self, names: &[String]) -> Result<Self> {
+        let unknown = |name: &String| Error::input("variables", self.names.join(", ")).found(name);
+        let at = |name: &String| self.index(name).ok_or_else(|| unknown(name));
+        let places = names.iter().map(at).collect::<Result<Vec<usize>>>()?;
+        let values = self.points().flat_map(|x| places.iter().map(|k| x[*k]));
+        Ok(Self {
+            names: names.to_vec(),
+            values: values.collect(),
+            ..self.clone()
+        })
     }
 
     /// Appends later draws of the same chains; `info` stays that of `self`.

@@ -1,19 +1,20 @@
 //! GetDist files: `ROOT_N.txt` (weight, -log posterior, parameters), `ROOT.paramnames`, `ROOT.ranges`.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
+use super::csv::{Failed, write_chains};
 use super::draws::{Chains, Draws};
 use crate::error::{Error, Result};
+use crate::files;
+use crate::parameter::Parameter;
 
 fn beside(root: &Path, ending: &str) -> PathBuf {
     let mut path = root.as_os_str().to_owned();
     path.push(ending);
     PathBuf::from(path)
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    std::fs::write(path, text).map_err(|e| Error::input(path.display(), "a writable file").found(e))
 }
 
 /// Writes the files, one an ensemble: its walkers, one after the other.
@@ -22,33 +23,97 @@ fn write(path: &Path, text: &str) -> Result<()> {
 /// The input's fault (with the path) if a file cannot be written.
 pub fn write_getdist(chains: &dyn Chains, root: &Path) -> Result<()> {
     let (mut names, mut ranges) = (String::new(), String::new());
+    let mut known = HashSet::new();
     for name in chains.names() {
         // Writing to a string cannot fail.
-        let _ = writeln!(names, "{name}\t{}", name.replace('_', "\\_"));
-        let positive = name.ends_with("_GPa") || name.ends_with("_nm");
-        let low = if positive { "0" } else { "N" };
-        let _ = writeln!(ranges, "{name} {low} N");
+        let plain = plain_name(name, &mut known);
+        let _ = writeln!(names, "{plain}\t{}", name.replace('_', "\\_"));
+        let low = if Parameter::read(name).is_positive() {
+            "0"
+        } else {
+            "N"
+        };
+        let _ = writeln!(ranges, "{plain} {low} N");
     }
-    write(&beside(root, ".paramnames"), &names)?;
-    write(&beside(root, ".ranges"), &ranges)?;
-    for (k, members) in chains.groups().into_iter().enumerate() {
-        let mut text = String::new();
-        for chain in members {
-            write_chain(&chains.chain(chain)?, &mut text);
+    files::together(|written| {
+        for (k, members) in chains.groups().into_iter().enumerate() {
+            let path = beside(root, &format!("_{}.txt", k + 1));
+            write_chains(&path, |out| {
+                for chain in members {
+                    let draws = chains.chain(chain).map_err(Failed::Reading)?;
+                    write_chain(&draws, out).map_err(Failed::Writing)?;
+                }
+                Ok(())
+            })?;
+            written.push(path);
         }
-        write(&beside(root, &format!("_{}.txt", k + 1)), &text)?;
+        for (ending, text) in [(".paramnames", names), (".ranges", ranges)] {
+            let path = beside(root, ending);
+            files::replace(&path, text)?;
+            written.push(path);
+        }
+        Ok(())
+    })
+}
+
+/// A name that GetDist can read: no blank in it, no star (of derived parameters) or question mark, and none that is known already.
+fn plain_name(name: &str, known: &mut HashSet<String>) -> String {
+    let letter = |c: char| {
+        if c.is_whitespace() || "*?".contains(c) {
+            '_'
+        } else {
+            c
+        }
+    };
+    let mut plain: String = name.chars().map(letter).collect();
+    while !known.insert(plain.clone()) {
+        plain.push('_');
+    }
+    plain
+}
+
+fn write_chain(draws: &Draws, out: &mut dyn Write) -> std::io::Result<()> {
+    for (point, lp) in draws.points().zip(draws.lp()) {
+        write!(out, "1 {:?}", -lp)?;
+        for value in point {
+            write!(out, " {value:?}")?;
+        }
+        writeln!(out)?;
     }
     Ok(())
 }
 
-fn write_chain(draws: &Draws, text: &mut String) {
-    for (point, lp) in draws.points().zip(draws.lp()) {
-        let _ = write!(text, "1 {:?}", -lp);
-        for value in point {
-            let _ = write!(text, " {value:?}");
-        }
-        text.push('\n');
+/// The names of a chain: those of `ROOT.paramnames`, or of the first line of `ROOT.1.txt` as Cobaya writes it.
+fn names(root: &Path) -> Result<Vec<String>> {
+    let path = beside(root, ".paramnames");
+    match std::fs::read_to_string(&path) {
+        // a star marks a derived parameter
+        Ok(text) => Ok(text
+            .lines()
+            .filter_map(|line| line.split_whitespace().next())
+            .map(|name| name.trim_end_matches('*').to_string())
+            .collect()),
+        Err(e) => header(root)
+            .ok_or_else(|| Error::input(path.display(), "the names of a GetDist chain").found(e)),
     }
+}
+
+/// The names in the first line of `ROOT.1.txt`: `# weight minuslogpost NAME ...`.
+fn header(root: &Path) -> Option<Vec<String>> {
+    let file = std::fs::File::open(beside(root, ".1.txt")).ok()?;
+    let mut line = String::new();
+    BufReader::new(file)
+        .take(1 << 20)
+        .read_line(&mut line)
+        .ok()?;
+    let mut words = line.strip_prefix('#')?.split_whitespace();
+    let begins = ["weight", "minuslogpost"].map(|word| words.next() == Some(word));
+    (begins == [true; 2]).then(|| words.map(String::from).collect())
+}
+
+/// Whether there is a chain with its names at this root.
+pub fn is_getdist(root: &Path) -> bool {
+    beside(root, ".paramnames").is_file() || header(root).is_some()
 }
 
 /// Reads `ROOT_1.txt`, `ROOT_2.txt`, ... with `ROOT.paramnames`. Weights are repetitions, as Metropolis writes them.
@@ -56,40 +121,52 @@ fn write_chain(draws: &Draws, text: &mut String) {
 /// # Errors
 /// The input's fault, naming file and line: missing files, a weight that is no whole number, chains of different length.
 pub fn read_getdist(root: &Path) -> Result<Draws> {
-    let path = beside(root, ".paramnames");
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| Error::input(path.display(), "the names of a GetDist chain").found(e))?;
-    // A star marks a derived parameter.
-    let names: Vec<String> = text
-        .lines()
-        .filter_map(|line| line.split_whitespace().next())
-        .map(|name| name.trim_end_matches('*').to_string())
-        .collect();
-    let (mut values, mut lp, mut length) = (Vec::new(), Vec::new(), None);
-    let mut chains = 0;
-    while let Ok(text) = std::fs::read_to_string(beside(root, &format!("_{}.txt", chains + 1))) {
-        chains += 1;
-        let place = format!("{}_{chains}.txt", root.display());
-        let before = lp.len();
+    let names = names(root)?;
+    // GetDist and CosmoMC write ROOT_1.txt, Cobaya ROOT.1.txt
+    let file = |between: &str, number: usize| beside(root, &format!("{between}{number}.txt"));
+    let between = ["_", "."].into_iter().find(|b| file(b, 1).is_file());
+    let Some(between) = between else {
+        let expected = "a GetDist chain, or ROOT.1.txt of Cobaya";
+        return Err(Error::input(file("_", 1).display(), expected).found("no such file"));
+    };
+    let mut chains: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
+    while let Ok(text) = std::fs::read_to_string(file(between, chains.len() + 1)) {
+        let place = file(between, chains.len() + 1);
+        let (mut values, mut lp) = (Vec::new(), Vec::new());
         for (index, line) in text.lines().enumerate() {
             read_line(line, &names, &mut values, &mut lp)
-                .map_err(|e| e.within(format!("{place}, line {}", index + 1)))?;
+                .map_err(|e| e.within(format!("{}, line {}", place.display(), index + 1)))?;
         }
-        let count = lp.len() - before;
-        if *length.get_or_insert(count) != count {
-            return Err(Error::input(place, "as many draws as in the first chain").found(count));
-        }
+        chains.push((values, lp));
     }
-    if chains == 0 {
-        return Err(Error::input(
-            format!("{}_1.txt", root.display()),
-            "a GetDist chain",
+    let lengths = || chains.iter().map(|(_, lp)| lp.len());
+    let (shortest, longest) = (lengths().min().unwrap_or(0), lengths().max().unwrap_or(0));
+    if 2 * shortest < longest {
+        let short = lengths().position(|n| n == shortest).unwrap_or(0);
+        let expected = format!("at least half as many draws as in the longest chain, {longest}");
+        return Err(Error::input(file(between, short + 1).display(), expected)
+            .found(shortest)
+            .hint("a chain that was stopped has fewer: leave it out"));
+    }
+    let (mut values, mut lp) = (Vec::new(), Vec::new());
+    for (own, density) in &chains {
+        let first = density.len() - shortest;
+        values.extend_from_slice(&own[first * names.len()..]);
+        lp.extend_from_slice(&density[first..]);
+    }
+    let mut draws = Draws::new(names, (0..chains.len()).collect(), values, lp)?;
+    if shortest < longest {
+        draws.info.remarks.push(format!(
+            "chains of {shortest} to {longest} draws: the last {shortest} of each are taken"
         ));
     }
-    Draws::new(names, (0..chains).collect(), values, lp)
+    Ok(draws)
 }
 
 fn read_line(line: &str, names: &[String], values: &mut Vec<f64>, lp: &mut Vec<f64>) -> Result<()> {
+    if line.trim_start().starts_with('#') {
+        return Ok(());
+    }
     let row: std::result::Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
     let row = row.map_err(|e| Error::input("row", "numbers").found(e))?;
     if row.is_empty() {
@@ -100,7 +177,9 @@ fn read_line(line: &str, names: &[String], values: &mut Vec<f64>, lp: &mut Vec<f
     }
     let weight = row[0];
     if weight.fract() != 0.0 || !(0.0..1e9).contains(&weight) {
-        return Err(Error::input("weight", "a whole number of repetitions").found(weight));
+        return Err(Error::input("weight", "a whole number of repetitions")
+            .found(weight)
+            .hint("these are reweighted or nested samples, not a chain: draw samples of equal weight from them first"));
     }
     for _ in 0..weight as usize {
         lp.push(-row[1]);

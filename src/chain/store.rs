@@ -6,15 +6,14 @@
 
 use std::path::{Path, PathBuf};
 
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use serde_json::{Value, json};
 
+use super::digest::Digest;
 use super::draws::Draws;
 use super::reader::Reader;
-use super::zarr::{self, ArrayKind, FORMAT};
+use super::zarr::{self, ArrayKind, CHUNK, Codec, FORMAT, arrays};
 use crate::error::{Error, Result};
-
-/// Floats of a chunk, about 1 MiB.
-const CHUNK: usize = 1 << 17;
 
 /// What the draws of a run are called.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +32,12 @@ impl Layout {
         self.walkers * self.ensembles
     }
 
+    /// The arrays of draws: the parameters', last that of the log density.
+    fn arrays(&self) -> impl Iterator<Item = String> {
+        arrays(&self.names)
+    }
+
+    /// Draws of a chunk where it is not known how many there will be.
     fn chunk(&self) -> usize {
         (CHUNK / self.chains().max(1))
             .clamp(1, 1 << 14)
@@ -52,7 +57,8 @@ pub fn write_zarr(draws: &Draws, path: &Path) -> Result<()> {
         ensembles: draws.ensembles(),
         observed: Vec::new(),
     };
-    let mut store = Store::create(path, layout, json!({}))?;
+    let chunk = layout.chunk().min(draws.draws().max(1));
+    let mut store = Store::made(path, (layout, chunk), json!({}))?;
     let (count, dim) = (draws.draws(), draws.dim());
     let of = |ensemble: usize| {
         let (mut x, mut lp) = (Vec::new(), Vec::new());
@@ -88,6 +94,7 @@ pub struct Store {
     digests: Vec<Digest>,
     acceptance: Vec<f64>,
     attributes: Value,
+    codec: Codec,
 }
 
 impl Store {
@@ -96,6 +103,11 @@ impl Store {
     /// # Errors
     /// The input's fault if the place exists or cannot be written.
     pub fn create(path: &Path, layout: Layout, attributes: Value) -> Result<Self> {
+        let chunk = layout.chunk();
+        Self::made(path, (layout, chunk), attributes)
+    }
+
+    fn made(path: &Path, layout: (Layout, usize), attributes: Value) -> Result<Self> {
         if path.exists() {
             return Err(
                 Error::input(path.display(), "a place for a new chain store").found("an old one"),
@@ -106,8 +118,7 @@ impl Store {
         Ok(store)
     }
 
-    fn empty(path: &Path, layout: Layout, attributes: Value) -> Self {
-        let chunk = layout.chunk();
+    fn empty(path: &Path, (layout, chunk): (Layout, usize), attributes: Value) -> Self {
         let arrays = layout.names.len() + 1;
         Self {
             path: path.to_path_buf(),
@@ -118,6 +129,7 @@ impl Store {
             digests: vec![Digest::default(); arrays],
             acceptance: Vec::new(),
             attributes,
+            codec: Codec::Gzip,
             layout,
         }
     }
@@ -134,19 +146,22 @@ impl Store {
         (draws, digest): (usize, u64),
         replay: Replay<'_>,
     ) -> Result<Self> {
-        let mut store = Self::empty(path, layout, attributes);
         let reader = Reader::open(path)?.first(draws)?;
+        let chunk = layout.chunk();
+        let mut store = Self::empty(path, (layout, chunk), attributes);
+        store.codec = reader.codec();
         let damaged = |found: String| {
             Error::input(path.display(), "the draws that the checkpoint tells of")
                 .found(found)
                 .hint("the store is damaged or was changed: it is left as it is; start a new run in another folder")
         };
-        if reader.names() != store.layout.names || reader.ensemble().len() != store.layout.chains()
-        {
+        let same = reader.names() == store.layout.names && reader.chunk() == chunk;
+        if !same || reader.ensemble().len() != store.layout.chains() {
             return Err(damaged(format!(
-                "{} chains of {}",
+                "{} chains of {}, in pieces of {}",
                 reader.ensemble().len(),
-                reader.names().join(", ")
+                reader.names().join(", "),
+                reader.chunk()
             )));
         }
         let (walkers, dim) = (store.layout.walkers, store.layout.names.len());
@@ -234,22 +249,20 @@ impl Store {
         self.last.iter_mut().for_each(|last| last.fill(f64::NAN));
     }
 
+    /// Writes one chunk's file.
+    fn replace(&self, path: &str, bytes: Vec<u8>) -> Result<()> {
+        zarr::replace(&self.path.join(path), &self.codec.encode(bytes))
+    }
+
     fn write_chunk(&mut self, index: usize) -> Result<()> {
-        let arrays = self.layout.names.iter().map(|n| format!("posterior/{n}"));
-        for (array, values) in arrays
-            .chain(["sample_stats/lp".to_string()])
-            .zip(&self.last)
-        {
-            let path = self.path.join(array).join(format!("c/0/{index}"));
-            zarr::replace(&path, &zarr::floats(values))?;
-        }
+        let arrays: Vec<_> = self.layout.arrays().zip(&self.last).collect();
+        arrays.into_par_iter().try_for_each(|(array, values)| {
+            self.replace(&format!("{array}/c/0/{index}"), zarr::floats(values))
+        })?;
         for group in GROUPS {
             let first = (index * self.chunk) as i64;
             let values = zarr::integers(first..first + self.chunk as i64);
-            zarr::replace(
-                &self.path.join(group).join(format!("draw/c/{index}")),
-                &values,
-            )?;
+            self.replace(&format!("{group}/draw/c/{index}"), values)?;
         }
         self.written = self.draws;
         Ok(())
@@ -266,8 +279,8 @@ impl Store {
         let chains = self.layout.chains();
         self.acceptance = acceptance.to_vec();
         self.acceptance.resize(chains, f64::NAN);
-        let rates = self.path.join("sample_stats/acceptance_rate/c/0");
-        zarr::replace(&rates, &zarr::floats(&self.acceptance))?;
+        let rates = zarr::floats(&self.acceptance);
+        self.replace("sample_stats/acceptance_rate/c/0", rates)?;
         if !self.path.join("zarr.json").exists() {
             self.write_constants()?;
         }
@@ -292,6 +305,9 @@ impl Store {
         attributes["format"] = json!(FORMAT);
         attributes["parameters"] = json!(self.layout.names);
         attributes["inference_library"] = json!("plychain");
+        let arrays = self.layout.arrays().zip(&self.digests);
+        let digests = arrays.map(|(array, digest)| (array, json!(digest.hex())));
+        attributes["digests"] = Value::Object(digests.collect());
         attributes
     }
 
@@ -299,14 +315,12 @@ impl Store {
         let chains = self.layout.chains() as i64;
         let walkers = self.layout.walkers as i64;
         for group in GROUPS {
-            let group = self.path.join(group);
-            zarr::replace(&group.join("chain/c/0"), &zarr::integers(0..chains))?;
+            self.replace(&format!("{group}/chain/c/0"), zarr::integers(0..chains))?;
             let ensembles = zarr::integers((0..chains).map(|c| c / walkers));
-            zarr::replace(&group.join("ensemble/c/0"), &ensembles)?;
+            self.replace(&format!("{group}/ensemble/c/0"), ensembles)?;
         }
         for (name, values) in &self.layout.observed {
-            let path = self.path.join(format!("observed_data/{name}/c/0"));
-            zarr::replace(&path, &zarr::floats(values))?;
+            self.replace(&format!("observed_data/{name}/c/0"), zarr::floats(values))?;
         }
         Ok(())
     }
@@ -314,14 +328,9 @@ impl Store {
     /// Every group and array with its metadata.
     fn nodes(&self) -> Vec<(String, Value)> {
         let (chains, draws, chunk) = (self.layout.chains(), self.draws, self.chunk);
-        let both = |shape: [usize; 2]| {
-            zarr::array(
-                ArrayKind::Float,
-                &shape,
-                &[chains, chunk],
-                &["chain", "draw"],
-            )
-        };
+        let [float, integer] = [ArrayKind::Float, ArrayKind::Integer].map(|k| (k, self.codec));
+        let both =
+            |shape: [usize; 2]| zarr::array(float, &shape, &[chains, chunk], &["chain", "draw"]);
         let mut nodes = Vec::new();
         for group in GROUPS {
             // xarray takes as coordinates what the attribute names.
@@ -329,10 +338,10 @@ impl Store {
                 group.into(),
                 zarr::group(&json!({ "coordinates": "ensemble" })),
             ));
-            let draw = zarr::array(ArrayKind::Integer, &[draws], &[chunk], &["draw"]);
+            let draw = zarr::array(integer, &[draws], &[chunk], &["draw"]);
             nodes.push((format!("{group}/draw"), draw));
             for name in ["chain", "ensemble"] {
-                let array = zarr::array(ArrayKind::Integer, &[chains], &[chains], &["chain"]);
+                let array = zarr::array(integer, &[chains], &[chains], &["chain"]);
                 nodes.push((format!("{group}/{name}"), array));
             }
         }
@@ -340,13 +349,13 @@ impl Store {
             nodes.push((format!("posterior/{name}"), both([chains, draws])));
         }
         nodes.push(("sample_stats/lp".into(), both([chains, draws])));
-        let rates = zarr::array(ArrayKind::Float, &[chains], &[chains], &["chain"]);
+        let rates = zarr::array(float, &[chains], &[chains], &["chain"]);
         nodes.push(("sample_stats/acceptance_rate".into(), rates));
         nodes.push(("observed_data".into(), zarr::group(&json!({}))));
         for (name, values) in &self.layout.observed {
             let count = [values.len()];
             let dimension = format!("{name}_dim_0");
-            let array = zarr::array(ArrayKind::Float, &count, &count, &[&dimension]);
+            let array = zarr::array(float, &count, &count, &[&dimension]);
             nodes.push((format!("observed_data/{name}"), array));
         }
         // Readers of consolidated metadata want the members of a group together.
@@ -357,14 +366,3 @@ impl Store {
 
 /// Groups with chains and draws.
 const GROUPS: [&str; 2] = ["posterior", "sample_stats"];
-
-/// A running digest that notices damage; no protection against malice.
-#[derive(Debug, Clone, Copy, Default)]
-struct Digest(u64);
-
-impl Digest {
-    #[inline]
-    fn with(self, bits: u64) -> Self {
-        Self((self.0.rotate_left(5) ^ bits).wrapping_mul(0x9E37_79B9_7F4A_7C15))
-    }
-}

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::zarr::{self, ArrayKind};
-use crate::error::{Error, Result};
+use super::zarr::{self, ArrayKind, Codec};
+use crate::error::Result;
+use crate::files::replace_folder;
 
 /// Write columns of numbers, each an array along `run`; NaN where there is none. The rows' names are the attribute `runs`, as this
 /// store has numbers only. A table that was there is replaced.
@@ -13,14 +14,14 @@ use crate::error::{Error, Result};
 /// # Errors
 /// The input's fault if the place cannot be written.
 pub fn write_table(path: &Path, rows: &[&str], columns: &[(String, Vec<f64>)]) -> Result<()> {
-    if path.exists() {
-        std::fs::remove_dir_all(path)
-            .map_err(|e| Error::input(path.display(), "a writable folder").found(e))?;
-    }
+    replace_folder(path, |path| write_new(path, rows, columns))
+}
+
+fn write_new(path: &Path, rows: &[&str], columns: &[(String, Vec<f64>)]) -> Result<()> {
     let mut below = Vec::new();
     for (name, numbers) in columns {
         let shape = [numbers.len()];
-        let metadata = zarr::array(ArrayKind::Float, &shape, &shape, &["run"]);
+        let metadata = zarr::array((ArrayKind::Float, Codec::Raw), &shape, &shape, &["run"]);
         zarr::replace(&path.join(name).join("c/0"), &zarr::floats(numbers))?;
         zarr::replace_metadata(&path.join(name), &metadata)?;
         below.push((name.clone(), metadata));

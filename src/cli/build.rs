@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::{DEFAULT_MODEL, cache, print};
+use super::{DEFAULT_MODEL, cache, print, results};
 use crate::effect::Scene;
 use crate::error::{Error, Result};
 use crate::experiment::State;
@@ -18,8 +18,8 @@ use crate::identify::{self, Prepared};
 use crate::infer::Model;
 use crate::progress::Progress;
 use crate::reduce::{cache as reduced_models, spread_over};
-use crate::report::section::terminal;
 use crate::report::tables;
+use crate::section::terminal;
 
 /// Arguments of `build`.
 #[derive(Debug, Args)]
@@ -28,14 +28,14 @@ use crate::report::tables;
 pub struct BuildArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
-    model: PathBuf,
-    /// Measured data in place of the model's, for the window it covers
+    pub(super) model: PathBuf,
+    /// Measured data in place of the model's, a folder or a CSV file
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Verify the finite elements under refinement and the reduced basis at 100 points, and print the figures
+    /// Check the finite elements on finer meshes and the reduced basis at 100 points, and print the errors
     #[arg(long)]
     verify: bool,
-    /// Solve the finite elements for every snapshot instead of answering from a reduced basis
+    /// Solve the finite elements for every snapshot. This is slow and uses no reduced basis
     #[arg(long)]
     full_order: bool,
     /// Folder for reduced_model.json, which must not exist (default: the first free of runs/NAME-build, ...)
@@ -79,6 +79,7 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
         print(&terminal(&[tables::verification_section(&checks)]))?;
         value["verification"] = tables::verification_numbers(&checks);
     }
+    results(&value)?;
     value["model"] = serde_json::to_value(&prepared.reduced)
         .map_err(|e| Error::program("reduced_model.json", "numbers that JSON can hold").found(e))?;
     folder.write_json("reduced_model.json", &value)?;

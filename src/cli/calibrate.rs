@@ -5,21 +5,23 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::console::Console;
-use super::{cache, print};
+use super::{cache, print, results};
 use crate::effect::amplitude_name;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::identify;
 use crate::infer::Model;
 use crate::report::calibration::{
-    calibration_numbers, calibration_section, loop_numbers, loop_section,
+    calibration_numbers, calibration_section, loop_numbers, loop_section, verdicts_numbers,
+    verdicts_section,
 };
-use crate::report::section::{Section, terminal};
 use crate::sample::Laplace;
-use crate::validate::calibration::{self, Plan};
-use crate::validate::grid::Grid;
+use crate::section::{Section, terminal};
+use crate::validate::calibration::{self, ReplicatePlan};
+use crate::validate::grid::PosteriorGrid;
 use crate::validate::record::Share;
-use crate::validate::twin::{Truth, Twin};
+use crate::validate::twin::{Twin, TwinTruth};
+use crate::validate::verdicts::{self, VerdictPlan, VerdictSummary, verdicts};
 use crate::validate::whole_loop::{self, LoopSummary};
 use crate::validate::{article, quadrature};
 use serde_json::{Value, json};
@@ -35,7 +37,7 @@ pub fn article_twin(
     seed: u64,
     nodes: usize,
     console: &Console,
-) -> Result<quadrature::Moments> {
+) -> Result<quadrature::GridMoments> {
     if model.constants() != article::NAMES || !model.sampled().is_empty() {
         return Err(Error::input(
             "--article",
@@ -46,7 +48,7 @@ pub fn article_twin(
     }
     let prepared = identify::prepare(model, &cache(), console)?;
     let twin = Twin::new(model, prepared, TWIN_GRID)?;
-    let truth = Truth {
+    let truth = TwinTruth {
         theta: article::MEAN.to_vec(),
         thickness_mm: model.experiment().specimen.thickness_mm.mean,
         additive: vec![0.0; twin.columns.effects.len()],
@@ -71,35 +73,42 @@ pub fn article_twin(
     }
     let mode: Laplace = identify::start(&posterior)?;
     let posterior = posterior.with_marginals(marginals);
-    Ok(Grid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
+    Ok(PosteriorGrid::new(&posterior, &mode, &article::TRUNCATION, nodes)?.moments)
 }
 
-/// Arguments of `validate --sbc`.
+/// Arguments of `validate --sbc` and `validate --verdicts`.
 #[derive(Debug, Args)]
 pub struct CalibrationArguments {
-    /// Instead: simulation-based calibration with N replicates, for each --correlation-mm; goes on with the records in
-    /// --out
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Calibrate instead: simulate N measurements for each --correlation-mm and identify them. It continues the records in --out
+    #[arg(long, value_name = "N", group = "simulated", value_parser = clap::value_parser!(u32).range(1..))]
     sbc: Option<u32>,
-    /// Calibrate the whole loop with --sbc: effects are drawn too, and the truth is looked for in the posterior to quote
-    #[arg(long = "loop", requires = "sbc")]
+    /// Count right and wrong verdicts instead: simulate N measurements with none to --effects effects and close the loop on each. It continues
+    /// the records in --out
+    #[arg(long, value_name = "N", group = "simulated", value_parser = clap::value_parser!(u32).range(1..))]
+    verdicts: Option<u32>,
+    /// With --verdicts, maximum number of effects that act
+    #[arg(long, value_name = "K", default_value_t = verdicts::MOST, requires = "verdicts")]
+    effects: usize,
+    /// With --sbc, calibrate the whole loop: draw effects too, and check the intervals that the loop reports. With --verdicts, sample these
+    /// intervals too, instead of their closed form
+    #[arg(long = "loop", requires = "simulated")]
     whole_loop: bool,
-    /// With --loop: what acts is not in the dictionary
-    #[arg(long, requires = "whole_loop")]
+    /// With --sbc --loop, withhold the effect that acts from the dictionary
+    #[arg(long, requires_all = ["sbc", "whole_loop"])]
     withheld: bool,
-    /// Correlation lengths of the noise for --sbc, mm; 0 is white
+    /// With --sbc or --verdicts, correlation lengths of the noise, mm; 0 is white noise
     #[arg(long, value_delimiter = ',', default_value = "0,1")]
     correlation_mm: Vec<f64>,
-    /// Points along a side of the simulated field for --sbc
+    /// With --sbc or --verdicts, number of points along a side of the simulated field
     #[arg(long, default_value_t = 61)]
     grid: usize,
-    /// Share K of N of the replicates of --sbc, in a record of its own; without --task all records make the table
-    #[arg(long, value_name = "K", requires_all = ["of", "sbc"], value_parser = clap::value_parser!(u32).range(1..))]
+    /// With --sbc or --verdicts, run only share K of N. The same command without --task makes the table
+    #[arg(long, value_name = "K", requires_all = ["of", "simulated"], value_parser = clap::value_parser!(u32).range(1..))]
     task: Option<u32>,
-    /// Number of shares
+    /// Number of shares, N
     #[arg(long, value_name = "N", requires = "task", value_parser = clap::value_parser!(u32).range(1..))]
     of: Option<u32>,
-    /// Simulate the fields of --sbc by the reduced model in place of the finite elements
+    /// With --sbc, simulate by the reduced model and not by the finite elements
     #[arg(long)]
     reduced: bool,
 }
@@ -107,7 +116,7 @@ pub struct CalibrationArguments {
 /// A calibration before its first replicate: what is calibrated, and a plan for each correlation length of the noise.
 pub struct CalibrationPlan {
     what: Calibrated,
-    plans: Vec<Plan>,
+    plans: Vec<ReplicatePlan>,
 }
 
 /// What is calibrated.
@@ -115,11 +124,12 @@ pub struct CalibrationPlan {
 enum Calibrated {
     Identification,
     Loop { withheld: bool },
+    Verdicts(VerdictPlan),
 }
 
 impl CalibrationArguments {
     pub fn is_asked_for(&self) -> bool {
-        self.sbc.is_some()
+        self.sbc.or(self.verdicts).is_some()
     }
 
     /// What is asked for, if a calibration is.
@@ -127,7 +137,7 @@ impl CalibrationArguments {
     /// # Errors
     /// The input's fault, with the option.
     pub fn plan(&self, seed: u64) -> Result<Option<CalibrationPlan>> {
-        let Some(replicates) = self.sbc else {
+        let Some(replicates) = self.sbc.or(self.verdicts) else {
             return Ok(None);
         };
         let share = self.share()?;
@@ -139,7 +149,7 @@ impl CalibrationArguments {
                 )
                 .found(correlation_mm));
             }
-            Ok(Plan {
+            Ok(ReplicatePlan {
                 replicates: replicates as usize,
                 correlation_mm,
                 reduced: self.reduced && !self.whole_loop,
@@ -148,11 +158,15 @@ impl CalibrationArguments {
                 share,
             })
         };
-        let what = match self.whole_loop {
-            true => Calibrated::Loop {
+        let what = match (self.verdicts, self.whole_loop) {
+            (Some(_), whole) => Calibrated::Verdicts(VerdictPlan {
+                effects: self.effects,
+                whole,
+            }),
+            (None, true) => Calibrated::Loop {
                 withheld: self.withheld,
             },
-            false => Calibrated::Identification,
+            (None, false) => Calibrated::Identification,
         };
         let plans = self
             .correlation_mm
@@ -177,7 +191,7 @@ impl CalibrationArguments {
     }
 }
 
-/// Run `--sbc`.
+/// Run `--sbc` or `--verdicts`.
 pub fn calibrate(
     calibration: &CalibrationPlan,
     out: Option<&Path>,
@@ -186,7 +200,13 @@ pub fn calibrate(
 ) -> Result<()> {
     let model = calibration::model_of(model);
     let out = out.map_or_else(
-        || PathBuf::from(super::RUNS).join(format!("{}-sbc", model.file.name)),
+        || {
+            let what = match calibration.what {
+                Calibrated::Verdicts(_) => "verdicts",
+                Calibrated::Identification | Calibrated::Loop { .. } => "sbc",
+            };
+            PathBuf::from(super::RUNS).join(format!("{}-{what}", model.file.name))
+        },
         Path::to_path_buf,
     );
     std::fs::create_dir_all(&out).map_err(|e| {
@@ -199,7 +219,7 @@ pub fn calibrate(
     match calibration.what {
         Calibrated::Loop { withheld } => {
             let what = if withheld { "withheld" } else { "loop" };
-            let one = |plan: &Plan, record: &Path| {
+            let one = |plan: &ReplicatePlan, record: &Path| {
                 let cache = cache();
                 let found =
                     whole_loop::calibrate_loop(&model, plan, withheld, &cache, record, console)?;
@@ -212,12 +232,24 @@ pub fn calibrate(
             let all = each(&calibration.plans, &out, &format!("sbc-{what}"), &one)?;
             finish(&out, "calibration_of_the_loop", all)
         }
+        Calibrated::Verdicts(asked) => {
+            let one = |plan: &ReplicatePlan, record: &Path| {
+                let found = verdicts(&model, plan, asked, (&cache(), record), console)?;
+                let table = || {
+                    let summary = VerdictSummary::new(plan, asked, &found);
+                    (verdicts_section(&summary), verdicts_numbers(&summary))
+                };
+                Ok((found.len(), plan.share.is_none().then(table)))
+            };
+            let all = each(&calibration.plans, &out, "verdicts", &one)?;
+            finish(&out, "verdicts", all)
+        }
         Calibrated::Identification => {
             let prepared = identify::prepare(&model, &cache(), console)?;
             let grid = calibration.plans.first().map_or(TWIN_GRID, |p| p.grid);
             let twin = Twin::new(&model, prepared, grid)?;
             let names = names(&model);
-            let one = |plan: &Plan, record: &Path| {
+            let one = |plan: &ReplicatePlan, record: &Path| {
                 let found = calibration::calibrate(&model, &twin, plan, record, console)?;
                 let table = || {
                     let summary = calibration::summarise(plan, &names, &found);
@@ -232,10 +264,15 @@ pub fn calibrate(
 }
 
 /// Runs a plan with its record: how many replicates are done, and the table as a section and numbers but for a share.
-type Calibrate<'a> = &'a dyn Fn(&Plan, &Path) -> Result<(usize, Option<(Section, Value)>)>;
+type Calibrate<'a> = &'a dyn Fn(&ReplicatePlan, &Path) -> Result<(usize, Option<(Section, Value)>)>;
 
 /// Run each plan, and print its table; the numbers of the tables.
-fn each(plans: &[Plan], out: &Path, name: &str, calibrate: Calibrate<'_>) -> Result<Vec<Value>> {
+fn each(
+    plans: &[ReplicatePlan],
+    out: &Path,
+    name: &str,
+    calibrate: Calibrate<'_>,
+) -> Result<Vec<Value>> {
     let mut all = Vec::new();
     for plan in plans {
         let record = out.join(format!("{name}-{}mm.jsonl", plan.correlation_mm));
@@ -257,7 +294,7 @@ fn names(model: &Model) -> Vec<String> {
         let parameters = effect.parameters().iter();
         parameters.map(move |p| amplitude_name(effect, p))
     });
-    let noise = std::iter::once(crate::infer::NOISE.into());
+    let noise = std::iter::once(crate::parameter::NOISE.into());
     constants.chain(sampled).chain(noise).collect()
 }
 
@@ -269,10 +306,11 @@ fn finish(out: &Path, key: &str, all: Vec<Value>) -> Result<()> {
     let value = json!({ "schema": crate::report::validation::SCHEMA, key: all });
     let path = out.join("validation.json");
     files::write_json(&path, &value)?;
+    results(&value)?;
     print(&format!("written to {}\n", path.display()))
 }
 
-fn say_share(plan: &Plan, done: usize) -> Result<()> {
+fn say_share(plan: &ReplicatePlan, done: usize) -> Result<()> {
     print(&format!(
         "{done} of {} replicates done, {} mm; the same command without --task makes the table\n",
         plan.replicates, plan.correlation_mm

@@ -1,15 +1,16 @@
 //! `plychain campaign`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
 use super::console::Console;
-use super::{Global, RUNS, population, print};
-use crate::campaign::collect::{Collected, MOST_Z, write};
+use super::{Global, RUNS, population, print, results};
+use crate::campaign::collect::{Collected, MOST_Z, priors_section, write};
 use crate::campaign::manifest::{self, CampaignManifest, Entry};
 use crate::campaign::{self, Asked, Campaign, Cluster, Places, Resources, State};
 use crate::error::{Error, Result};
+use crate::section::terminal;
 
 /// Arguments of `campaign`.
 #[derive(Debug, Args)]
@@ -20,6 +21,7 @@ use crate::error::{Error, Result};
   plychain campaign coupons.json --resume                what is missing
   plychain campaign coupons.json --engine slurm --time 4:00:00 --runs-a-task 10 --dry-run
   plychain campaign coupons.json --task 3 --of 8         the third of eight shares, under any scheduler
+  plychain campaign status runs/coupons                  how each run stands, and what to do next
   plychain campaign collect runs/coupons                 one table of all runs
   plychain campaign population runs/coupons              the material: mean, scatter, A- and B-basis values
 
@@ -37,7 +39,9 @@ pub struct CampaignArguments {
 enum What {
     /// Write one table of all runs: collected.csv, collected.zarr, collected.html
     Collect(CollectArguments),
-    /// Mean and scatter of the material's constants over the specimens of a campaign, with A- and B-basis values
+    /// Print the state of each run, and what to do next
+    Status(CollectArguments),
+    /// Compute mean, scatter, A- and B-basis values of the material over all specimens
     Population(population::PopulationArguments),
 }
 
@@ -52,46 +56,49 @@ struct RunArguments {
     /// Campaign file
     #[arg(value_name = "CAMPAIGN")]
     campaign: Option<PathBuf>,
+    /// What stands after a word that is no verb
+    #[arg(hide = true)]
+    more: Vec<String>,
     /// The campaign's folder (default: runs/NAME)
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Go on with the campaign in its folder: run what is missing
+    /// Continue the campaign in its folder: run what is missing
     #[arg(long)]
     resume: bool,
-    /// With --resume, run those again that failed
+    /// With --resume, run failed runs again
     #[arg(long)]
     retry: bool,
-    /// With --resume, run those again whose inputs changed, and keep what there was of them in replaced/
+    /// With --resume, run those again whose inputs changed; the old results go to replaced/
     #[arg(long, requires = "resume")]
     rerun_changed: bool,
-    /// Engine: local or slurm
+    /// Engine: `local` or `slurm`
     #[arg(long, default_value = "local")]
     engine: String,
-    /// Runs at a time (default: cores over --threads; 1 a task of a cluster). A run has one thread, or --threads
+    /// Number of runs at a time, 1 to 1024 (default: cores / --threads; on a cluster 1 per task). A run has one thread, or --threads
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Most memory of a run, GB: its address space here, what is asked of the scheduler on a cluster
+    /// Maximum memory of a run, GB: its address space here, the memory to request on a cluster
     #[arg(long, value_name = "GB")]
     memory_gb: Option<f64>,
-    /// Run share K of N only
+    /// Run only share K of N, from 1
     #[arg(long, value_name = "K", requires = "of", value_parser = clap::value_parser!(u32).range(1..))]
     task: Option<u32>,
-    /// Number of shares
+    /// Number of shares, N
     #[arg(long, value_name = "N", requires = "task", value_parser = clap::value_parser!(u32).range(1..))]
     of: Option<u32>,
-    /// Print what would be run, or the script that would be submitted
+    /// Print the runs, or the script for the scheduler, and start nothing
     #[arg(long)]
     dry_run: bool,
-    /// Runs of a task of the array (default: so many that there are 500 tasks at most)
+    /// Number of runs in a task of the array (default: at most 500 tasks)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     runs_a_task: Option<u32>,
-    /// Time of a task, in sbatch's words; a minute before, its runs are told to stop
+    /// Time of a task, as sbatch takes it. One minute before the end its runs stop and can be resumed
     #[arg(long, value_name = "TIME")]
     time: Option<String>,
-    /// Further option of sbatch, as it stands: --sbatch=--partition=long
+    /// Another option of sbatch, for example --sbatch=--partition=long; may be repeated
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
-    /// With --engine slurm, wait for the end of the tasks
+    /// With --engine slurm, wait until the tasks end
     #[arg(long)]
     wait: bool,
 }
@@ -102,6 +109,7 @@ const MOST_TASKS: usize = 500;
 pub fn run(arguments: &CampaignArguments, global: &Global, console: &Console) -> Result<()> {
     match &arguments.what {
         Some(What::Collect(collect)) => collected(collect),
+        Some(What::Status(folder)) => standing(&folder.folder),
         Some(What::Population(arguments)) => population::run(arguments, global, console),
         None => start(&arguments.running, global, console),
     }
@@ -126,6 +134,19 @@ fn asked(arguments: &RunArguments, global: &Global) -> Result<Asked> {
     let file = arguments.campaign.clone().ok_or_else(|| {
         Error::input("CAMPAIGN", "a campaign file").hint("plychain campaign --help shows examples")
     })?;
+    let is_word = file.extension().is_none() && file.components().count() == 1 && !file.exists();
+    if is_word || !arguments.more.is_empty() {
+        let found = match is_word {
+            true => file.display().to_string(),
+            false => arguments.more.join(" "),
+        };
+        return Err(Error::input(
+            "campaign",
+            "one campaign file, or status, collect or population",
+        )
+        .found(found)
+        .hint("plychain campaign --help shows examples"));
+    }
     let out = match &arguments.out {
         Some(out) => out.clone(),
         None => PathBuf::from(RUNS).join(campaign::name_of(&file)?),
@@ -157,6 +178,7 @@ fn asked(arguments: &RunArguments, global: &Global) -> Result<Asked> {
         resume: arguments.resume,
         rerun_changed: arguments.rerun_changed,
         retry: arguments.retry,
+        dry_run: arguments.dry_run,
         share,
         seed: global.seed,
         resources: Resources {
@@ -178,6 +200,7 @@ fn asked(arguments: &RunArguments, global: &Global) -> Result<Asked> {
 fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
     let manifest = manifest::write(campaign)?;
     let folder = campaign.places.0.display();
+    results(&manifest)?;
     print(&format!(
         "{}written to {folder}; plychain campaign collect {folder} makes the table\n",
         manifest.text()
@@ -201,6 +224,43 @@ fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
             .hint("the same command with --resume goes on")),
         false => Ok(()),
     }
+}
+
+/// How the runs of a campaign stand, and what to do.
+fn standing(folder: &Path) -> Result<()> {
+    let folder = std::path::absolute(folder)
+        .map_err(|e| Error::input(folder.display(), "a path").found(e))?;
+    let places = Places(folder);
+    let manifest = CampaignManifest::in_folder(&places)?;
+    results(&manifest)?;
+    let mut text = manifest.text().lines().take(1).collect::<String>();
+    text += &format!("\n{}", manifest.lines());
+    let queue = campaign::in_queue(&places, &manifest.name);
+    text += &match &queue {
+        Ok(None) => String::new(),
+        Ok(Some(tasks)) => format!("{tasks} tasks wait or run in Slurm\n"),
+        Err(e) => format!("Slurm's queue is not known: {e}\n"),
+    };
+    let count = |state| manifest.count(state);
+    let left = count(State::Waiting) + count(State::ToBeResumed);
+    if count(State::Failed) > 0 {
+        text += "next: read log/NAME.txt of those that failed; --resume --retry runs them again\n";
+    }
+    text += &match (left, count(State::Running)) {
+        (0, 0) if count(State::Failed) == 0 => format!(
+            "next: plychain campaign collect {} makes the table\n",
+            places.0.display()
+        ),
+        (0, _) => String::new(),
+        (_, _) if matches!(queue, Ok(Some(1..))) => "next: wait for the tasks in Slurm\n".into(),
+        (_, 0) => {
+            "next: the command of the campaign with --resume goes on with what is left\n".into()
+        }
+        (_, _) => {
+            "next: wait for the runs that are running; they are followed by the others\n".into()
+        }
+    };
+    print(&text)
 }
 
 /// The tables of calibrations whose shares are all done.
@@ -242,7 +302,17 @@ fn collected(arguments: &CollectArguments) -> Result<()> {
         print(&text)?;
         return calibrations(&collected, &places);
     }
+    results(&collected.numbers())?;
     let [csv, zarr, html] = write(&collected, &arguments.folder)?;
+    text += &terminal(&[priors_section(&collected)]);
+    for row in collected.rows.iter().filter(|r| !r.warnings.is_empty()) {
+        let (name, count) = (&row.entry.run.name, row.warnings.len());
+        text += &format!("  {name} warns: {}", row.warnings[0]);
+        text += &match count {
+            1 => "\n".to_string(),
+            _ => format!(" ({} more in collected.csv)\n", count - 1),
+        };
+    }
     text += &format!(
         "written to {}, {} and {}\n",
         csv.display(),

@@ -3,23 +3,28 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::Value;
 
-use super::console::{Console, line};
+use super::console::Console;
 use super::folder::{AVERAGED, check_run};
 use super::identify::truth;
 use super::running::{RunPlan, Running};
-use super::{Global, beside, cache, print};
-use crate::chain::{write_csv, write_zarr};
+use super::study::field_folder;
+use super::{Global, cache, print, results, study};
+use crate::chain::{Draws, check_stores, write_csv, write_zarr};
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
-use crate::identify::{Beside, settle_force};
 use crate::infer::Model;
+use crate::progress::Progress;
 use crate::report::json::Keyed;
+use crate::report::learned::learned;
 use crate::report::round::MeanAndSd;
-use crate::report::section::terminal;
+use crate::report::study::StudyReport;
 use crate::report::together::TogetherReport;
 use crate::report::{Page, Report, gather, run as sections_of, traced};
+use crate::section::{Section, terminal};
+use crate::study::Study;
 use crate::trace::{self, Closed, LoopStage, Suspect, ToQuote};
 
 /// Arguments of `loop`.
@@ -30,60 +35,107 @@ use crate::trace::{self, Closed, LoopStage, Suspect, ToQuote};
   plychain loop specimen.json --out runs/first --resume    go on with an interrupted loop")]
 pub struct LoopArguments {
     #[command(flatten)]
-    running: Running,
-    /// Most effects that are added, one a round
+    pub(super) running: Running,
+    /// Maximum number of effects to add, 0 to 20
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
     rounds: u8,
-}
-
-/// What `loop` was asked for, settled before any work.
-struct LoopPlan {
-    run: RunPlan,
-    /// Most effects that are added.
-    most: usize,
-}
-
-impl LoopPlan {
-    fn new(arguments: &LoopArguments, global: &Global) -> Result<Self> {
-        let running = &arguments.running;
-        if running.plates()?.is_some() {
-            return Err(Error::input("MODEL", "a field to trace effects in")
-                .found("frequencies alone")
-                .hint("plychain identify takes them"));
-        }
-        Ok(Self {
-            run: running.plan(global)?,
-            most: usize::from(arguments.rounds),
-        })
-    }
+    /// Write the draws as tables too: chain.csv beside each chain.zarr
+    #[arg(long)]
+    csv: bool,
+    /// Print the time of each stage, seconds: elapsed, and of all processors
+    #[arg(long)]
+    timings: bool,
 }
 
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
-    let LoopPlan { run, most } = LoopPlan::new(arguments, global)?;
-    let (model, beside) = beside::identified(&run, console)?;
-    let options = |stage: LoopStage| run.options(&place(run.folder.path(), stage));
+    let mut run = arguments.running.plan(global)?;
+    run.tables = arguments.csv;
+    let closed = close_all(run, usize::from(arguments.rounds), console);
+    if arguments.timings {
+        let table = sections_of::timings(&console.costs());
+        print(&terminal(&[Section::default().with(table)]))?;
+    }
+    closed
+}
+
+fn close_all(run: RunPlan, most: usize, console: &Console) -> Result<()> {
+    if run.is_done()? {
+        return done(run);
+    }
+    let [experiment] = &run.study.experiments[..] else {
+        return study::close(run, most, console);
+    };
+    let Some(model) = experiment.field().cloned() else {
+        return study::close(run, most, console);
+    };
+    let options = |stage: LoopStage| match (stage, place(run.folder.path(), stage)) {
+        (LoopStage::Attempt(0), place) => run.doubting(&place),
+        (_, place) => run.options(&place),
+    };
     let closed = trace::close(&model, most, &options, console)?;
-    if let ToQuote::ClosedForm(why) = &closed.to_quote {
-        // the verdict stands
-        line(&format!(
-            "  the intervals to quote are those of the closed form: {why}"
-        ));
-    }
-    let page = write(&run, &model, &closed, beside.as_ref())?;
-    let report = &page.report;
-    if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
-        let mut sections = vec![sections_of::identification(&report.model, last)];
-        sections.extend(sections_of::closed(&page, closing));
-        let together = report.together.as_ref();
-        sections.extend(together.map(|t| t.section(&report.both())));
-        print(&terminal(&sections))?;
-    }
+    let folder = run.folder.path();
+    let page = write((&run, folder, console), &Model::resolved, (&closed, None))?;
+    say((&closed, &page), &run, console)?;
     let verdicts = closed.rounds.iter().map(|s| &s.identification.verdict);
     run.finish(&page, verdicts, console)
 }
 
-/// Where the chains of a stage are kept: those of the first round in the run's folder itself.
-fn place(folder: &Path, stage: LoopStage) -> PathBuf {
+/// Print what a finished loop found, from its files.
+fn done(run: RunPlan) -> Result<()> {
+    check_stores(run.folder.path())?;
+    let mut pages = Vec::new();
+    for (k, _) in run.study.fields() {
+        pages.push(Page::load(&field_folder(run.folder.path(), &run.study, k))?);
+    }
+    for page in &pages {
+        show(page, run.verbose)?;
+    }
+    if pages.is_empty() {
+        let report = StudyReport::load(run.folder.path())?;
+        results(&report)?;
+        print(&terminal(&report.sections()))?;
+        return run.done([]);
+    }
+    let rounds = pages.iter().flat_map(|page| &page.report.rounds);
+    run.done(rounds.map(|round| &round.convergence))
+}
+
+/// Print what a loop found: a screen, or with `--verbose` everything.
+pub(super) fn say(
+    (closed, page): (&Closed, &Page),
+    run: &RunPlan,
+    console: &Console,
+) -> Result<()> {
+    if let ToQuote::ClosedForm(why) = &closed.to_quote
+        && run.verbose
+    {
+        // the verdict stands
+        console.warn(&format!(
+            "The intervals to quote are those of the closed form: {why}"
+        ));
+    }
+    show(page, run.verbose)
+}
+
+fn show(page: &Page, verbose: bool) -> Result<()> {
+    let report = &page.report;
+    results(report)?;
+    if !verbose {
+        let brief = std::iter::once(sections_of::brief(page));
+        let sections: Vec<_> = brief.chain(report.together_section()).collect();
+        return print(&terminal(&sections));
+    }
+    if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
+        let mut sections = vec![sections_of::identification(report, last)];
+        sections.extend(sections_of::closed(page, closing));
+        sections.extend(report.together_section());
+        print(&terminal(&sections))?;
+    }
+    Ok(())
+}
+
+/// Where the chains of a stage are kept: those of the first round in the folder itself.
+pub(super) fn place(folder: &Path, stage: LoopStage) -> PathBuf {
     match stage {
         LoopStage::Attempt(0) => folder.to_path_buf(),
         LoopStage::Attempt(attempt) => folder.join(format!("round-{attempt}")),
@@ -91,33 +143,38 @@ fn place(folder: &Path, stage: LoopStage) -> PathBuf {
     }
 }
 
-/// Write what a loop leaves behind beside its chain stores, and return the page that shows it, which is still to be written.
-fn write(run: &RunPlan, model: &Model, closed: &Closed, beside: Option<&Beside>) -> Result<Page> {
-    let folder = &run.folder;
+/// Write what a loop over a field leaves behind beside its chain stores into a folder of the run, and return the page that shows it, which
+/// is still to be written; `whole` is the model file with a model of the field.
+pub(super) fn write(
+    (run, folder, console): (&RunPlan, &Path, &Console),
+    whole: &dyn Fn(&Model) -> Result<Value>,
+    (closed, together): (&Closed, Option<TogetherReport>),
+) -> Result<Page> {
+    let table = |draws: &Draws, place: &Path| match run.tables {
+        true => write_csv(draws, &place.join("chain.csv")),
+        false => Ok(()),
+    };
     for round in &closed.rounds {
-        let stage = LoopStage::Attempt(round.attempt);
-        let place = place(folder.path(), stage);
-        write_csv(&round.identification.draws, &place.join("chain.csv"))?;
-        files::write_json(&place.join("model.json"), &round.model.resolved()?)?;
+        let place = place(folder, LoopStage::Attempt(round.attempt));
+        table(&round.identification.draws, &place)?;
+        files::write_json(&place.join("model.json"), &whole(&round.model)?)?;
     }
     if let ToQuote::Sampled(sampled) = &closed.to_quote {
-        let place = folder.path().join(AVERAGED);
-        let store = place.join("chain.zarr");
+        let place = folder.join(AVERAGED);
         // an interrupted run may have left one
-        if store.exists() {
-            let fail = |e| Error::input(store.display(), "a writable folder").found(e);
-            std::fs::remove_dir_all(&store).map_err(fail)?;
-        }
-        write_zarr(&sampled.draws, &store)?;
-        write_csv(&sampled.draws, &place.join("chain.csv"))?;
+        files::replace_folder(&place.join("chain.zarr"), |store| {
+            write_zarr(&sampled.draws, store)
+        })?;
+        table(&sampled.draws, &place)?;
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
-    folder.write_json("model.extended.json", &last.model.resolved()?)?;
+    files::write_json(&folder.join("model.extended.json"), &whole(&last.model)?)?;
     let mut report = gather::closed(closed, run.seed());
-    report.together = beside.map(|b| TogetherReport::new(b, trace::tension(last).as_ref()));
-    folder.write_json("report.json", &report)?;
+    report.together = together;
+    files::write_json(&folder.join("report.json"), &report)?;
     let files = closed.rounds[0].identification.files();
-    let manifest = folder.write_manifest(&model.path, files, run.seed())?;
+    let (path, seed) = (&last.model.path, run.seed());
+    let manifest = run.folder.manifest(path, files, seed, console.costs())?;
     Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 
@@ -130,32 +187,67 @@ pub struct TraceArguments {
     run: PathBuf,
 }
 
-/// Run `trace`: the ranking of effects, without sampling again.
+/// Run `trace`: the ranking of effects in every field, without sampling again.
 pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let run = &arguments.run;
     let extended = run.join("model.extended.json");
-    let mut model = if extended.exists() {
-        Model::load(&extended)
-    } else {
-        Model::load(&run.join("model.json"))
+    let file = match extended.exists() {
+        true => extended,
+        false => run.join("model.json"),
+    };
+    let study = Study::load(&file).map_err(|e| {
+        e.hint("give the folder of a finished run; one of another model format must be identified anew")
+    })?;
+    let study = study.settled(false)?;
+    let fields: Vec<(usize, Model)> = study.fields().map(|(k, m)| (k, m.clone())).collect();
+    let several = fields.len() > 1;
+    let mut all = Keyed::new();
+    for (k, mut model) in fields {
+        let place = field_folder(run, &study, k);
+        check_run(run, &model)?;
+        study::know(run, &study, &mut model)?;
+        let name = model.experiment().name.clone();
+        if several {
+            print(&format!("{name}\n\n"))?;
+        }
+        let (path, value) = traced_field(&place, &model, console)?;
+        print(&format!("written to {}\n", path.display()))?;
+        all.insert(name, value);
     }
-    .map_err(|e| e.hint("give the folder of a finished run; one of another model format must be identified anew"))?;
-    settle_force(&mut model)?;
-    let (start, alone) = state(run, &model)?;
-    check_run(run, &model)?;
-    beside::know(run, &mut model)?;
-    let prepared = crate::identify::prepare(&model, &cache(), console)?;
-    let (tracing, _) = trace::attribute(&model, &prepared, start, &|_| true, console)?;
+    match all.first() {
+        None => {
+            let wanted = "the run of a field to trace effects in";
+            Err(Error::input(run.display(), wanted).found("none"))
+        }
+        Some((_, value)) if !several => results(value),
+        Some(_) => results(&all),
+    }
+}
+
+/// Trace what is left of a field whose results are in a folder: the file that says so, and what it holds.
+fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathBuf, Value)> {
+    let (start, alone) = state(place, model)?;
+    let prepared = crate::identify::prepare(model, &cache(), console)?;
+    let (tracing, _) = trace::attribute(model, &prepared, start, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
 
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
     let quoted = suspect.map_or_else(|| tracing.averaged.clone(), Suspect::hull);
-    let averaged = sections_of::averaged(&found, &quoted, suspect, &spots, &alone);
+    let by_name = quoted.iter().map(|(name, i)| {
+        let found = MeanAndSd {
+            mean: i.mean,
+            sd: i.sd,
+        };
+        (name.clone(), found)
+    });
+    let learned = learned(model, &by_name.collect());
+    let averaged = sections_of::averaged(&found, &quoted, suspect, &spots, (&alone, &learned));
     print(&terminal(&[sections_of::tracing(&found)]))?;
     print(&terminal(&averaged))?;
-    let path = arguments.run.join("trace.json");
-    files::write_json(&path, &traced::trace_file(&tracing, &found, &spots))?;
-    print(&format!("written to {}\n", path.display()))
+    let path = place.join("trace.json");
+    let value = traced::trace_file(&tracing, &found, &spots);
+    files::write_json(&path, &value)?;
+    Ok((path, value))
 }
 
 /// Posterior means of the last round in `report.json`, and mean and sd of the constants.

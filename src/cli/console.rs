@@ -1,18 +1,21 @@
-//! Monitor: bars on a terminal, plain lines otherwise, nothing when quiet. Always on standard error.
+//! Monitor: one line of progress on a terminal, plain lines in a file with `--verbose`, nothing when quiet. Always on standard error. It says
+//! what is done and how much there is of it, and guesses no time: such a guess grows.
 
 use std::io::{IsTerminal, Write};
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, Weak};
 use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::progress::Progress;
+use crate::progress::{Progress, StageClock, StageCost};
 
 /// Watches work for a person.
 pub struct Console {
     mode: ConsoleMode,
+    verbose: bool,
     stage: Shared,
+    clock: Mutex<StageClock>,
 }
 
 /// The stage in progress, if there is one, which the heartbeat looks at too.
@@ -21,6 +24,8 @@ type Shared = Arc<Mutex<Option<Stage>>>;
 #[derive(Clone, Copy, PartialEq)]
 enum ConsoleMode {
     Quiet,
+    /// Warnings alone.
+    Remarks,
     Lines,
     Bars,
 }
@@ -39,25 +44,39 @@ struct Stage {
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Console {
-    /// A console for standard error.
-    pub fn new(quiet: bool) -> Self {
-        let mode = if quiet {
-            ConsoleMode::Quiet
-        } else if std::io::stderr().is_terminal() {
-            ConsoleMode::Bars
-        } else {
-            ConsoleMode::Lines
+    /// A console for standard error: one line of progress on a terminal, none in a file; with `verbose` a line for each stage as well.
+    pub fn new(quiet: bool, verbose: bool) -> Self {
+        let mode = match (quiet, std::io::stderr().is_terminal()) {
+            (true, _) => ConsoleMode::Quiet,
+            (false, true) => ConsoleMode::Bars,
+            (false, false) if verbose => ConsoleMode::Lines,
+            (false, false) => ConsoleMode::Remarks,
         };
         let stage = Shared::default();
         if mode == ConsoleMode::Lines {
             let stage = Arc::downgrade(&stage);
             std::thread::spawn(move || heartbeat(&stage));
         }
-        Self { mode, stage }
+        Self {
+            mode,
+            verbose,
+            stage,
+            clock: Mutex::default(),
+        }
+    }
+
+    /// What the stages cost so far.
+    pub fn costs(&self) -> Vec<StageCost> {
+        self.clock().costs()
+    }
+
+    fn clock(&self) -> MutexGuard<'_, StageClock> {
+        let clock = self.clock.lock();
+        clock.unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<Stage>)) {
-        if self.mode == ConsoleMode::Quiet {
+        if matches!(self.mode, ConsoleMode::Quiet | ConsoleMode::Remarks) {
             return;
         }
         // A poisoned lock means another thread panicked while drawing; there is nothing left to protect.
@@ -93,9 +112,8 @@ impl Stage {
         let spent = self.started.elapsed().as_secs_f64();
         match self.steps {
             Some(steps) if self.done > 0 => {
-                let left = spent * (steps - self.done.min(steps)) as f64 / self.done as f64;
                 line(&format!(
-                    "  {}: {} of {steps}, {left:.0} s left",
+                    "  {}: {} of {steps}, {spent:.0} s so far",
                     self.what, self.done
                 ));
             }
@@ -116,6 +134,7 @@ impl Stage {
 
 impl Progress for Console {
     fn begin(&self, what: &str, steps: Option<u64>) {
+        self.clock().begin(what);
         self.with(|stage| {
             let bar = (self.mode == ConsoleMode::Bars).then(|| bar(what, steps));
             let now = Instant::now();
@@ -153,11 +172,27 @@ impl Progress for Console {
         });
     }
 
+    fn warn(&self, sentence: &str) {
+        let tell = || line(&format!("warning: {sentence}"));
+        match self.mode {
+            ConsoleMode::Quiet => {}
+            ConsoleMode::Remarks => tell(),
+            _ => self.with(|stage| match stage.as_ref().and_then(|s| s.bar.as_ref()) {
+                Some(bar) => bar.suspend(tell),
+                None => tell(),
+            }),
+        }
+    }
+
     fn end(&self) {
+        self.clock().end();
         self.with(|stage| {
             let Some(stage) = stage.take() else { return };
             if let Some(bar) = &stage.bar {
                 bar.finish_and_clear();
+            }
+            if !self.verbose {
+                return;
             }
             line(&format!(
                 "  {}{}{} ({:.1} s)",
@@ -174,11 +209,11 @@ fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
     let (bar, template) = match steps {
         Some(steps) => (
             ProgressBar::new(steps),
-            "  {msg} {wide_bar:.cyan} {pos}/{len}, {eta} left",
+            "  {wide_msg} {bar:20.cyan} {pos}/{len}",
         ),
         None => (
             ProgressBar::new_spinner(),
-            "  {spinner} {msg}, {elapsed} so far",
+            "  {spinner} {wide_msg} {elapsed} so far",
         ),
     };
     if let Ok(style) = ProgressStyle::with_template(template) {
@@ -194,6 +229,7 @@ fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
 const STANDOUT: &[(&str, AnsiColor)] = &[
     ("error:", AnsiColor::Red),
     ("hint:", AnsiColor::Cyan),
+    ("warning:", AnsiColor::Yellow),
     ("BEFORE YOU USE THESE NUMBERS", AnsiColor::Yellow),
     ("NOT converged", AnsiColor::Red),
     ("VERDICT:", AnsiColor::Green),

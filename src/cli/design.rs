@@ -1,21 +1,19 @@
 //! `plychain design`: what to measure next.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use super::console::Console;
-use super::{DEFAULT_MODEL, print};
+use super::{DEFAULT_MODEL, print, results};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::infer::{FrequenciesModel, Marginal, Model};
-use crate::laminate::{Material, MeanSd};
+use crate::laminate::MeanSd;
 use crate::progress::Progress;
 use crate::report::design::{Constants, DesignReport};
-use crate::report::section::terminal;
-use crate::validate::design::{
-    Candidate, Measuring, assess, coupons, declared, declared_plates, plates,
-};
+use crate::section::terminal;
+use crate::study::{Measuring, SharedConstants, Study};
+use crate::validate::design::{ProposedExperiment, assess, coupons, declared, plates};
 
 /// Arguments of `design`.
 #[derive(Debug, Args)]
@@ -24,86 +22,61 @@ use crate::validate::design::{
   plychain design specimen.json --for E2_GPa,nu12   ranked by what they say of these
   plychain design specimen.json plate.json other.json    the candidates in files of your own, measured or not")]
 pub struct DesignArguments {
-    /// Model file: what is measured already, or will be
+    /// Model file of the test that you have, or plan
     #[arg(default_value = DEFAULT_MODEL)]
-    model: PathBuf,
-    /// Model files whose experiments are the candidates; without any, coupons and plates of the model's laminate, turned, of several sides
-    /// and holes
+    pub(super) model: PathBuf,
+    /// Model files of the tests to compare (default: coupons and plates of the model's laminate, of several angles, sizes and holes)
     others: Vec<PathBuf>,
-    /// Constants that matter (default: all)
+    /// Constants to rank the tests by (default: all)
     #[arg(long = "for", value_name = "NAME,...", value_delimiter = ',')]
     wanted: Vec<String>,
-    /// Noise sd of a point of a field, nm
+    /// Noise of a point of a field, sd in nm; above 0
     #[arg(long, default_value_t = 10.0)]
     noise_nm: f64,
-    /// Points along each side of a field's window
+    /// Number of points along each side of a field's window, 5 to 4000
     #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
     grid: u16,
-    /// Write everything as JSON too
+    /// File to write the numbers to, as JSON
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
-/// A model file of either kind.
-struct Declared {
-    name: String,
-    material: Material,
-    constants: Vec<(String, Marginal)>,
-    tests: Vec<Candidate>,
-    /// Layup and thickness, for candidates like it.
-    layup: Vec<f64>,
-    thickness_mm: MeanSd,
-    field: Option<Model>,
-}
-
-fn load(path: &Path) -> Result<Declared> {
-    if let Some(model) = FrequenciesModel::load(path)? {
-        let plate = &model.file.experiments[0].specimen;
-        return Ok(Declared {
-            name: model.file.name.clone(),
-            material: model.material(),
-            constants: model.constants(),
-            tests: declared_plates(&model),
-            layup: plate.layup_deg.clone(),
-            thickness_mm: plate.thickness_mm,
-            field: None,
-        });
+/// Layup and thickness of what was or will be measured, for candidates like it.
+fn laminate(study: &Study) -> Result<(Vec<f64>, MeanSd)> {
+    #[derive(serde::Deserialize)]
+    struct Specimen {
+        #[serde(default)]
+        layup_deg: Vec<f64>,
+        thickness_mm: MeanSd,
     }
-    let model = Model::load(path)?;
-    let names = model.constants().iter().map(|n| (*n).to_string());
-    let specimen = &model.experiment().specimen;
-    Ok(Declared {
-        name: model.file.name.clone(),
-        material: model.material(),
-        constants: names.zip(model.marginals()).collect(),
-        tests: declared(&model),
-        layup: specimen.layup_deg.clone().unwrap_or_default(),
-        thickness_mm: specimen.thickness_mm,
-        field: Some(model),
-    })
+    for experiment in &study.experiments {
+        let json = experiment.json(false)?;
+        if let Ok(found) = serde_json::from_value::<Specimen>(json["specimen"].clone()) {
+            return Ok((found.layup_deg, found.thickness_mm));
+        }
+    }
+    Ok((Vec::new(), MeanSd { mean: 1.0, sd: 0.0 }))
 }
 
 pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
     if !(arguments.noise_nm > 0.0 && arguments.noise_nm < 1e9) {
         return Err(Error::input("--noise-nm", "a number above 0").found(arguments.noise_nm));
     }
-    let own = load(&arguments.model)?;
-    let wanted = wanted(arguments, &own)?;
+    let own = Study::load(&arguments.model)?;
+    let (shared, tests) = (own.shared(), declared(&own));
+    let wanted = wanted(arguments, &shared)?;
     let candidates = candidates(arguments, &own)?;
     let measuring = Measuring {
         noise_nm: arguments.noise_nm,
         grid: usize::from(arguments.grid),
     };
-    let count = (own.tests.len() + candidates.len()) as u64;
+    let count = (tests.len() + candidates.len()) as u64;
     console.begin("what each experiment would say", Some(count));
-    let assessed = |tests: &[Candidate]| {
-        assess(tests, own.material, &own.constants, measuring, &|| {
-            console.step()
-        })
-    };
-    let (declared, others) = (assessed(&own.tests), assessed(&candidates));
+    let assessed =
+        |tests: &[ProposedExperiment]| assess(tests, &shared, measuring, &|| console.step());
+    let (declared, others) = (assessed(&tests), assessed(&candidates));
     console.end();
-    if declared.len() < own.tests.len() {
+    if declared.len() < tests.len() {
         return Err(Error::input(
             arguments.model.display(),
             "experiments that can be computed",
@@ -111,10 +84,11 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
         .hint("plychain identify says what is wrong with them"));
     }
     let constants = Constants {
-        priors: &own.constants,
+        priors: &shared.constants,
         wanted: &wanted,
     };
-    let report = DesignReport::new(&own.name, &constants, &declared, others);
+    let report = DesignReport::new(own.name(), &constants, &declared, others);
+    results(&report)?;
     print(&terminal(&report.sections()))?;
     if let Some(out) = &arguments.out {
         files::write_json(out, &report)?;
@@ -124,7 +98,7 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
 }
 
 /// Places of the constants that matter.
-fn wanted(arguments: &DesignArguments, own: &Declared) -> Result<Vec<usize>> {
+fn wanted(arguments: &DesignArguments, own: &SharedConstants) -> Result<Vec<usize>> {
     if arguments.wanted.is_empty() {
         return Ok((0..own.constants.len()).collect());
     }
@@ -138,23 +112,26 @@ fn wanted(arguments: &DesignArguments, own: &Declared) -> Result<Vec<usize>> {
     arguments.wanted.iter().map(place).collect()
 }
 
-fn candidates(arguments: &DesignArguments, own: &Declared) -> Result<Vec<Candidate>> {
+fn candidates(arguments: &DesignArguments, own: &Study) -> Result<Vec<ProposedExperiment>> {
     if arguments.others.is_empty() {
-        let mut all: Vec<Candidate> = own.field.iter().flat_map(coupons).collect();
-        all.extend(plates(&own.layup, own.thickness_mm));
+        let field = own.fields().next();
+        let mut all: Vec<ProposedExperiment> =
+            field.map_or_else(Vec::new, |(_, model)| coupons(model));
+        let (layup, thickness_mm) = laminate(own)?;
+        all.extend(plates(&layup, thickness_mm));
         return Ok(all);
     }
     let mut all = Vec::new();
     for path in &arguments.others {
-        let other = load(path)?;
-        if other.material != own.material {
+        let other = Study::load(path)?;
+        if other.shared().material != own.shared().material {
             return Err(
                 Error::input(path.display(), "the material of the first model")
                     .found("another parameterisation"),
             );
         }
-        all.extend(other.tests.into_iter().map(|test| Candidate {
-            name: format!("{}: {}", other.name, test.name),
+        all.extend(declared(&other).into_iter().map(|test| ProposedExperiment {
+            name: format!("{}: {}", other.name(), test.name),
             ..test
         }));
     }

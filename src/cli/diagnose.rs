@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::folder::{AVERAGED, say_round};
-use super::print;
+use super::{Global, print, results};
 use crate::chain::{
-    Chains, Draws, Reader, read_csv, read_getdist, read_zarr, write_csv, write_getdist, write_npz,
-    write_stan,
+    Chains, Draws, Reader, coda_index, is_getdist, is_groups, read_coda, read_csv, read_getdist,
+    read_groups, read_npz, read_zarr, write_csv, write_getdist, write_npz, write_stan,
 };
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::report::chains;
-use crate::report::section::terminal;
+use crate::report::{QuotedReport, chains};
+use crate::section::terminal;
 use crate::trace::quoted_rule;
 
 /// Arguments of `diagnose`.
@@ -22,35 +22,67 @@ use crate::trace::quoted_rule;
   plychain diagnose runs/openhole
   plychain diagnose chain_1.csv chain_2.csv chain_3.csv chain_4.csv --strict")]
 pub struct DiagnoseArguments {
-    /// A run folder, chain.zarr, chain.csv, Stan CSV files (one a chain), or a GetDist root (or one of its files)
+    /// A run folder, chain.zarr, chain.csv, or chains of another program: Stan CSV files, one a chain; a GetDist root; npz; a Zarr store of
+    /// ArviZ, PyMC or nuts-rs
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Exit with an error if the chains have not converged
     #[arg(long)]
     strict: bool,
-    /// Walkers of an ensemble, where a file does not say it: walkers of one ensemble are not independent chains
+    /// Print all figures as CSV, a row a parameter, with all digits
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Number of walkers in an ensemble, if the file does not state it. Walkers of one ensemble are not independent chains
     #[arg(long, value_name = "N")]
     walkers: Option<usize>,
+    /// Of a loop's folder, show the effects too and not the constants alone
+    #[arg(long)]
+    all: bool,
 }
 
-pub fn run(arguments: &DiagnoseArguments) -> Result<()> {
-    if let [folder] = &arguments.files[..] {
+pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
+    if let ([folder], false) = (&arguments.files[..], global.quiet) {
         say_round(folder);
     }
     let mut draws = read(&arguments.files, MOST)?;
     if let Some(walkers) = arguments.walkers {
         draws = draws.with_walkers(walkers)?;
     }
-    let verdict = diagnose(&draws, &rule_of(&arguments.files));
-    if draws.info.thin > 1 {
-        print(&format!(
-            "a long run: of {} stored draws of a chain one is diagnosed\n",
-            draws.info.thin
-        ))?;
+    let own = match &arguments.files[..] {
+        [folder] => loop_verdict(folder),
+        _ => None,
+    };
+    if let (Some((constants, _)), false) = (&own, arguments.all) {
+        draws = draws.only(constants)?;
+        let remark = "the constants (--all shows all that was sampled)";
+        draws.info.remarks.push(remark.into());
     }
-    print(&terminal(&[chains::section(&verdict)]))?;
+    let mut verdict = diagnose(&draws, &rule_of(&arguments.files));
+    if let Some((_, reasons)) = own {
+        let remark = "the verdict is the loop's own, of all draws that it made: those that are stored are fewer";
+        draws.info.remarks.push(remark.into());
+        verdict.converged = reasons.is_empty();
+        verdict.reasons = reasons;
+    }
+    if draws.info.thin > 1 {
+        draws.info.remarks.push(format!(
+            "a long run: of {} stored draws of a chain one is diagnosed",
+            draws.info.thin
+        ));
+    }
     if draws.ensembles() > MANY && arguments.walkers.is_none() {
-        print("if these are walkers of ensembles, not chains of their own, say so: --walkers N\n")?;
+        let remark =
+            "if these are walkers of ensembles, not chains of their own, say so: --walkers N";
+        draws.info.remarks.push(remark.into());
+    }
+    results(&chains::json(&verdict, &draws.info.remarks))?;
+    if arguments.csv {
+        print(&chains::csv(&verdict))?;
+    } else {
+        for remark in &draws.info.remarks {
+            print(&format!("{remark}\n"))?;
+        }
+        print(&terminal(&[chains::section(&verdict)]))?;
     }
     if arguments.strict && !verdict.converged {
         return Err(Error::input("--strict", "converged chains").found(verdict.line()));
@@ -76,6 +108,19 @@ fn rule_of(files: &[PathBuf]) -> Rule {
     }
 }
 
+/// The names of a loop's constants and what has not converged of each answer, by the report in its folder; none of anything else. Draws that
+/// were weighed stand there again and again, and few of those that were sampled: their autocorrelation is another.
+fn loop_verdict(folder: &Path) -> Option<(Vec<String>, Vec<String>)> {
+    folder.join(AVERAGED).is_dir().then_some(())?;
+    let text = std::fs::read_to_string(folder.join("report.json")).ok()?;
+    let report: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let quoted: QuotedReport = serde_json::from_value(report["quoted"].clone()).ok()?;
+    let constants = quoted.answers.first()?.constants.keys().cloned().collect();
+    let open = quoted.answers.iter().filter(|a| !a.converged);
+    let said = open.map(|a| format!("answer {}: {}", a.name, a.convergence));
+    Some((constants, said.collect()))
+}
+
 /// The chain store that `path` is or holds.
 fn store(path: &Path) -> Option<PathBuf> {
     // of a loop the posterior to quote
@@ -92,11 +137,27 @@ fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
         let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
         return read_csv(&paths);
     };
+    if is_groups(path) {
+        return read_groups(path);
+    }
     if let Some(store) = store(path) {
         return Reader::open(&store)?.thinned(most);
     }
+    if path.extension().is_some_and(|e| e == "npz") {
+        return read_npz(path);
+    }
     if let Some(root) = getdist_root(path) {
         return read_getdist(&root);
+    }
+    if let Some(index) = coda_index(path) {
+        return read_coda(&index);
+    }
+    if path.is_dir() {
+        return Err(
+            Error::input(path.display(), "a run's folder or a Zarr store")
+                .found("a folder without either")
+                .hint("name the chain files in it, one a chain"),
+        );
     }
     // Our own chain.csv does not say which walkers belong together; the store beside it does.
     let store = path.with_file_name("chain.zarr");
@@ -117,13 +178,13 @@ fn getdist_root(path: &Path) -> Option<PathBuf> {
     roots.extend(text.strip_suffix(".paramnames"));
     roots.extend(
         text.strip_suffix(".txt")
-            .and_then(|t| t.rsplit_once('_'))
+            .and_then(|t| t.rsplit_once(['_', '.']))
             .map(|(root, _)| root),
     );
-    let found = roots
+    roots
         .into_iter()
-        .find(|root| Path::new(&format!("{root}.paramnames")).is_file());
-    found.map(PathBuf::from)
+        .map(PathBuf::from)
+        .find(|root| is_getdist(root))
 }
 
 /// Formats of `export`.
@@ -146,7 +207,7 @@ pub enum Format {
 pub struct ExportArguments {
     /// A run folder, or any chain file
     run: PathBuf,
-    /// What to write
+    /// Format to write
     #[arg(long)]
     format: Format,
     /// File, or the stem of several files (default: `export` in the run folder)
@@ -154,8 +215,10 @@ pub struct ExportArguments {
     out: Option<PathBuf>,
 }
 
-pub fn export(arguments: &ExportArguments) -> Result<()> {
-    say_round(&arguments.run);
+pub fn export(arguments: &ExportArguments, global: &Global) -> Result<()> {
+    if !global.quiet {
+        say_round(&arguments.run);
+    }
     let folder = if arguments.run.join("chain.zarr").is_dir() {
         arguments.run.clone()
     } else {
@@ -168,7 +231,8 @@ pub fn export(arguments: &ExportArguments) -> Result<()> {
     };
     let out = arguments.out.clone().unwrap_or_else(|| folder.join(name));
     // A store is copied chain by chain.
-    let chains: Box<dyn Chains> = match store(&arguments.run) {
+    let own = store(&arguments.run).filter(|_| !is_groups(&arguments.run));
+    let chains: Box<dyn Chains> = match own {
         Some(store) => Box::new(Reader::open(&store)?),
         None => Box::new(read(std::slice::from_ref(&arguments.run), usize::MAX)?),
     };

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
 use crate::reduce::{doe_text, rows_to_solve};
-use crate::report::section::{Section, Table, TableCell, row, terminal};
+use crate::section::{Section, Table, TableCell, row, terminal};
 
 /// Arguments of `design-of-experiments`.
 #[derive(Debug, Args)]
@@ -20,11 +20,11 @@ then solve every row, write fields/1.csv, fields/2.csv, ... (x_mm,y_mm,ux_mm,uy_
 pub struct DoeArguments {
     /// Model file; its measurement is not needed
     #[arg(default_value = DEFAULT_MODEL)]
-    model: PathBuf,
-    /// Table to write, which must not exist: row, the constants, and the thickness where it is uncertain
+    pub(super) model: PathBuf,
+    /// Table to write, which must not exist. Its columns: row, the constants, and the thickness if it has an sd
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Rows (default: the model's number of snapshots)
+    /// Number of rows, 10 to 5000 (default: the model's number of snapshots)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(10..=5000))]
     snapshots: Option<u32>,
 }

@@ -1,28 +1,28 @@
 //! `plychain effects`.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::Path;
 
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::print;
-use crate::effect::{EFFECTS, Effect, Parameter, obstacle};
+use super::{print, results};
+use crate::effect::{EFFECTS, Effect, EffectParameter, obstacle};
 use crate::error::{Error, Result};
 use crate::infer::Model;
-use crate::report::section::wrap;
+use crate::parameter::Parameter;
+use crate::section::wrap;
 
 /// Arguments of `effects`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain effects
-  plychain effects models/openhole.json")]
+  plychain effects lens rotation            those with these words in their names
+  plychain effects models/openhole.json     with the sizes of this model")]
 pub struct EffectsArguments {
-    /// Model file whose plausible sizes are to be printed, and which effects cannot act there
-    model: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    /// Parts of names, to list only such effects; a model file, to print the sizes that it declares and which effects cannot act there
+    #[arg(value_name = "NAME|MODEL")]
+    what: Vec<String>,
 }
 
 /// One effect as a model sees it.
@@ -36,21 +36,29 @@ struct ListedEffect {
 }
 
 pub fn run(arguments: &EffectsArguments) -> Result<()> {
-    let model = arguments.model.as_deref().map(Model::load).transpose()?;
-    let entries: Vec<ListedEffect> = EFFECTS
-        .iter()
-        .map(|effect| entry(*effect, model.as_ref()))
-        .collect();
-    if !arguments.json {
-        return print(&text(&entries, model.as_ref()));
+    let (files, names): (Vec<&String>, Vec<&String>) =
+        arguments.what.iter().partition(|w| w.ends_with(".json"));
+    let model = match &files[..] {
+        [] => None,
+        [file] => Some(Model::load(Path::new(file))?),
+        [_, second, ..] => {
+            return Err(Error::input("MODEL", "one model file").found(second));
+        }
+    };
+    let is_wanted = |effect: &&&'static dyn Effect| {
+        names.is_empty() || names.iter().any(|n| effect.name().contains(n.as_str()))
+    };
+    let effects = EFFECTS.iter().filter(is_wanted);
+    let entries: Vec<ListedEffect> = effects.map(|e| entry(*e, model.as_ref())).collect();
+    if entries.is_empty() {
+        return Err(Error::input("NAME", "a part of an effect's name")
+            .found(&arguments.what[0])
+            .hint("plychain effects lists all; a model file ends in .json"));
     }
-    let value: Vec<Value> = entries
-        .iter()
-        .map(|e| numbers(e, model.is_some()))
-        .collect();
-    let text = serde_json::to_string_pretty(&value)
-        .map_err(|e| Error::program("--json", "numbers that JSON can hold").found(e))?;
-    print(&(text + "\n"))
+    let of_model = model.is_some();
+    let value: Vec<Value> = entries.iter().map(|e| numbers(e, of_model)).collect();
+    results(&value)?;
+    print(&text(&entries, model.as_ref()))
 }
 
 fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> ListedEffect {
@@ -77,7 +85,7 @@ fn numbers(entry: &ListedEffect, with_model: bool) -> Value {
         .iter()
         .zip(&entry.prior_sd)
         .map(|(p, plausible)| {
-            json!({ "name": p.name, "unit": p.unit(), "plausible": plausible, "bound": p.bound })
+            json!({ "name": p.name, "unit": Parameter::read(p.name).unit(), "plausible": plausible, "bound": p.bound })
         })
         .collect();
     let mut value = json!({
@@ -133,9 +141,9 @@ fn text(entries: &[ListedEffect], model: Option<&Model>) -> String {
     text
 }
 
-fn size(parameter: &Parameter, plausible: Option<f64>) -> String {
+fn size(parameter: &EffectParameter, plausible: Option<f64>) -> String {
     match plausible {
-        Some(sd) => format!("plausible {sd} {}", parameter.unit()),
-        None => format!("any size, in {}", parameter.unit()),
+        Some(sd) => format!("plausible {sd} {}", Parameter::read(parameter.name).unit()),
+        None => format!("any size, in {}", Parameter::read(parameter.name).unit()),
     }
 }

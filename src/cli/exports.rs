@@ -19,7 +19,19 @@ pub fn expand(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
             files.push(path.clone());
         }
     }
-    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    let name = |path: &PathBuf| {
+        // what is behind the last point is an ending, unless it is a number
+        let number = path
+            .extension()
+            .is_some_and(|e| e.to_string_lossy().bytes().all(|b| b.is_ascii_digit()));
+        let stem = if number {
+            path.clone()
+        } else {
+            path.with_extension("")
+        };
+        stem.to_string_lossy().into_owned()
+    };
+    files.sort_by(|a, b| natural(&name(a), &name(b)).then_with(|| a.cmp(b)));
     files.dedup();
     Ok(files)
 }
@@ -80,14 +92,14 @@ fn matches(pattern: &[char], name: &[char]) -> bool {
     pattern[p..].iter().all(|c| *c == '*')
 }
 
-/// Text by characters, numbers in it by their size: `step-2` before `step-10`.
+/// Text by characters, numbers in it by their size: `step-2` before `step-10`, `1.25` before `1.5`.
 fn natural(a: &str, b: &str) -> Ordering {
     let (mut left, mut right) = (a, b);
     while let (Some(x), Some(y)) = (left.chars().next(), right.chars().next()) {
         let order = if x.is_ascii_digit() && y.is_ascii_digit() {
-            let ((m, rest), (n, other)) = (digits(left), digits(right));
+            let ((m, rest), (n, other)) = (decimal(left), decimal(right));
             (left, right) = (rest, other);
-            m.len().cmp(&n.len()).then(m.cmp(n))
+            m[0].len().cmp(&n[0].len()).then(m.cmp(&n))
         } else {
             left = &left[x.len_utf8()..];
             right = &right[y.len_utf8()..];
@@ -100,23 +112,35 @@ fn natural(a: &str, b: &str) -> Ordering {
     left.len().cmp(&right.len()).then_with(|| a.cmp(b))
 }
 
-/// The number that a text begins with, without leading zeros, and the rest of the text.
-fn digits(text: &str) -> (&str, &str) {
-    let end = text.find(|c: char| !c.is_ascii_digit());
-    let (number, rest) = text.split_at(end.unwrap_or(text.len()));
-    (number.trim_start_matches('0'), rest)
+/// The number that a text begins with, without leading zeros, its decimals without those at the end, and the rest of the text. Digits
+/// behind two points are a version.
+fn decimal(text: &str) -> ([&str; 2], &str) {
+    let (whole, rest) = digits(text);
+    let whole = whole.trim_start_matches('0');
+    let (decimals, after) = rest.strip_prefix(['.', ',']).map_or(("", rest), digits);
+    let again = after
+        .strip_prefix('.')
+        .is_some_and(|t| t.starts_with(|c: char| c.is_ascii_digit()));
+    if decimals.is_empty() || again {
+        return ([whole, ""], rest);
+    }
+    ([whole, decimals.trim_end_matches('0')], after)
 }
 
-/// A step for each file, with the force that its comments state, or none by its name, and what is said of it.
+fn digits(text: &str) -> (&str, &str) {
+    text.split_at(
+        text.find(|c: char| !c.is_ascii_digit())
+            .unwrap_or(text.len()),
+    )
+}
+
+/// A step for each file, with the force that it states, or none by its name, and what is said of it. Where all forces are known
+/// the steps are put in their order.
 ///
 /// # Errors
 /// The input's fault: a file that cannot be read.
 pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
-    let mut said = String::from(
-        "  steps, in the order taken (by the numbers in their names, without any by the names; it matters for what drifts):\n",
-    );
     let mut steps = Vec::with_capacity(files.len());
-    let mut unknown = false;
     for file in files {
         let stated = table::stated_force(file)?;
         let force_n = stated.or_else(|| is_unloaded(file).then_some(0.0));
@@ -125,18 +149,28 @@ pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
             (None, Some(_)) => "no load, by the file's name",
             (None, None) => "not known",
         };
+        let file = file.clone();
+        steps.push((StepSpec { file, force_n }, reason));
+    }
+    let known = steps.iter().all(|(s, _)| s.force_n.is_some());
+    if known {
+        let size = |s: &StepSpec| s.force_n.map_or(0.0, f64::abs);
+        steps.sort_by(|(a, _), (b, _)| size(a).total_cmp(&size(b)));
+    }
+    let by = if known {
+        "by their forces"
+    } else {
+        "by the numbers in their names, without any by the names"
+    };
+    let mut said = format!("  steps, in the order taken ({by}; it matters for what drifts):\n");
+    for (StepSpec { file, force_n }, reason) in &steps {
         let force = force_n.map_or_else(|| "null".to_string(), |f| f.to_string());
         said += &format!("    {}: force_N {force} ({reason})\n", file.display());
-        unknown |= force_n.is_none();
-        steps.push(StepSpec {
-            file: file.clone(),
-            force_n,
-        });
     }
-    if unknown {
+    if !known {
         said += "  put the testing machine's forces in place of null where they are known: without any, only ratios of constants can be identified\n";
     }
-    Ok((steps, said))
+    Ok((steps.into_iter().map(|(s, _)| s).collect(), said))
 }
 
 fn is_unloaded(file: &Path) -> bool {

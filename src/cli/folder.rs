@@ -1,4 +1,5 @@
-//! A run folder: made before the work, named so that no run overwrites another, removed again if the work fails.
+//! A run folder: made before the work, named so that no run overwrites another, removed again if the work fails before anything of a run is
+//! finished.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -8,16 +9,20 @@ use serde_json::{Value, json};
 
 use super::RUNS;
 use super::console::line;
+use super::held::HeldRun;
 use crate::error::{Error, Result};
-use crate::files;
+use crate::files::{self, STAGES};
 use crate::infer::Model;
+use crate::progress::StageCost;
 use crate::report::manifest::{Manifest, hashes};
 
-/// A folder under construction. Dropped without [`Folder::keep`], it is removed.
+/// A folder under construction. Dropped without [`Folder::keep`], it is removed, unless it has what a run can be gone on from.
 pub struct Folder {
     path: PathBuf,
     started: Instant,
     kept: bool,
+    /// Since it was said which run it is.
+    held: Option<HeldRun>,
 }
 
 impl Folder {
@@ -79,7 +84,13 @@ impl Folder {
             path,
             started: Instant::now(),
             kept: false,
+            held: None,
         }
+    }
+
+    /// Whether it was made just now.
+    pub fn is_new(&self) -> bool {
+        !self.kept
     }
 
     /// The interrupted run that a new one in the next free folder leaves behind, if there is one.
@@ -105,7 +116,8 @@ impl Folder {
         let ours = ["run.json", "checkpoint"]
             .iter()
             .any(|name| path.join(name).exists());
-        if !ours && entries.next().is_some() {
+        let foreign = entries.any(|e| e.is_ok_and(|e| e.file_name() != "run.lock"));
+        if !ours && foreign {
             return Err(wanted()
                 .found("files that are no run's")
                 .hint("choose the run's own folder; nothing was changed"));
@@ -114,6 +126,7 @@ impl Folder {
             path: path.to_path_buf(),
             started: Instant::now(),
             kept: true,
+            held: None,
         })
     }
 
@@ -145,6 +158,7 @@ impl Folder {
             path: path.to_path_buf(),
             started: Instant::now(),
             kept: true,
+            held: None,
         })
     }
 
@@ -152,11 +166,15 @@ impl Folder {
         &self.path
     }
 
-    /// Write what the run is, unless it says so already.
+    /// Hold the folder, and write what the run is, unless it says so already.
     ///
     /// # Errors
-    /// The input's fault if the folder is of another run.
-    pub fn begin(&self, identity: &Value) -> Result<()> {
+    /// The input's fault if the folder is of another run, or another process works on it.
+    pub fn begin(&mut self, identity: &Value) -> Result<()> {
+        let held = HeldRun::take(&self.path);
+        // what another process works on is not for this one to remove
+        self.kept |= held.is_err();
+        self.held = Some(held?);
         let path = self.path.join("run.json");
         let Ok(text) = std::fs::read_to_string(&path) else {
             return self.write_json(
@@ -198,34 +216,51 @@ impl Folder {
         files::write_json(&self.path.join(name), value)
     }
 
-    /// Write the manifest of a run over a model's file and the files it read, and return it.
-    pub fn write_manifest(
+    /// The manifest of a run over a model's file and the files it read, with what its stages cost. It is the last file that a run writes.
+    pub fn manifest(
         &self,
         model: &PathBuf,
         files: &[PathBuf],
         seed: u64,
+        stages: Vec<StageCost>,
     ) -> Result<Manifest> {
-        let manifest = Manifest {
+        Ok(Manifest {
             program: "plychain".into(),
             version: env!("CARGO_PKG_VERSION").into(),
             command: std::env::args().skip(1).collect(),
             seed,
             inputs_sha256: hashes(std::iter::once(model).chain(files))?,
             seconds: self.started.elapsed().as_secs_f64(),
-        };
-        self.write_json("run.json", &manifest)?;
-        Ok(manifest)
+            stages,
+        })
     }
 
-    /// The folder is complete: it stays.
+    /// Whether there is something of a run in it that can be gone on from.
+    fn has_finished(&self) -> bool {
+        let is_there = |entry: std::fs::DirEntry| {
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            name == "checkpoint" || name == STAGES || name == AVERAGED || name.starts_with("round-")
+        };
+        let entries = std::fs::read_dir(&self.path).into_iter().flatten();
+        self.held.is_some() && entries.flatten().any(is_there)
+    }
+
+    /// The folder is complete: it stays, without the stages that a run is gone on from.
     pub fn keep(mut self) {
+        remove_stages(&self.path);
         self.kept = true;
     }
 }
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        if !self.kept {
+        if !self.kept && self.has_finished() {
+            let path = self.path.display();
+            line(&format!(
+                "finished files stay in {path}. To go on, repeat the command with --out {path} --resume"
+            ));
+        } else if !self.kept {
             // Nothing half-written stays; if removing fails too there is no better place to say so than the error
             // that is already on its way.
             let _ = std::fs::remove_dir_all(&self.path);
@@ -233,17 +268,32 @@ impl Drop for Folder {
     }
 }
 
+/// Remove finished stages, of which all files of a run are made by now. What cannot be removed only takes room.
+fn remove_stages(folder: &Path) {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for path in entries.map(|e| e.path()).filter(|path| path.is_dir()) {
+        match path.file_name().is_some_and(|name| name == STAGES) {
+            true => drop(std::fs::remove_dir_all(&path)),
+            false if path.extension().is_none() => remove_stages(&path),
+            false => {}
+        }
+    }
+}
+
 /// The verb among the arguments of a run that has a folder.
 pub fn verb<'a>(mut arguments: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    const VERBS: [&str; 3] = ["identify", "loop", "validate"];
+    const VERBS: [&str; 4] = ["identify", "loop", "sample", "validate"];
     arguments.find(|a| VERBS.contains(a))
 }
 
-/// Whether a folder is that of a run that was interrupted.
+/// Whether a folder is that of a run that was interrupted: its page is what it writes last.
 fn is_unfinished(path: &Path) -> bool {
     let text = std::fs::read_to_string(path.join("run.json")).unwrap_or_default();
     let known: Value = serde_json::from_str(&text).unwrap_or_default();
+    let command = known["command"].as_array().into_iter().flatten();
+    let has_page = verb(command.filter_map(Value::as_str)) != Some("sample");
     known.get("unfinished").is_some()
+        || (has_page && path.join("checkpoint").exists() && !path.join("report.html").exists())
 }
 
 fn unwritable(path: &Path, error: &std::io::Error) -> Error {
@@ -263,9 +313,9 @@ const MOST_ATTEMPTS: usize = 100;
 /// Says which of a loop's chains are taken, and where the others are.
 pub fn say_round(folder: &Path) {
     let attempt = |k: usize| folder.join(format!("round-{k}"));
-    // an attempt that was taken back has no chain.csv
-    let has_chain = |k: &usize| attempt(*k).join("chain.csv").is_file();
-    if let Some(last) = (1..MOST_ATTEMPTS).rev().find(has_chain) {
+    // an attempt that was taken back has no model.json
+    let stayed = |k: &usize| attempt(*k).join("model.json").is_file();
+    if let Some(last) = (1..MOST_ATTEMPTS).rev().find(stayed) {
         line(&format!(
             "  {} is of a loop; the draws of its last round are in {}",
             folder.display(),

@@ -6,14 +6,14 @@ use clap::Args;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::print;
+use super::{print, results};
 use crate::error::Result;
 use crate::field::fringes::Fringes;
 use crate::field::matrices::write_matrices;
 use crate::files;
 use crate::progress::Progress;
 use crate::report::fringes::{FringeReport, page};
-use crate::report::section::terminal;
+use crate::section::terminal;
 
 /// Arguments of `fringes`.
 #[derive(Debug, Args)]
@@ -46,6 +46,7 @@ pub fn run(arguments: &FringesArguments, console: &Console) -> Result<()> {
     let page = page(&arguments.file.display().to_string(), &fringes, &report)?;
     files::replace(&folder.path().join("report.html"), page)?;
     console.end();
+    results(&report)?;
     print(&terminal(&[report.section()]))?;
     print(&format!("written to {}\n", folder.path().display()))?;
     folder.keep();

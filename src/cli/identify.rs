@@ -7,16 +7,15 @@ use clap::Args;
 use super::console::Console;
 use super::folder::Folder;
 use super::running::Running;
-use super::{Global, beside, frequencies, print};
+use super::{Global, print, results, study};
 use crate::chain::write_csv;
 use crate::error::Result;
-use crate::identify::{self, Beside, Identification};
+use crate::identify::{self, Identification};
 use crate::infer::Model;
 use crate::report::manifest::KnownTruth;
-use crate::report::run::identification;
-use crate::report::section::terminal;
-use crate::report::together::TogetherReport;
+use crate::report::run::{brief, identification};
 use crate::report::{Page, gather};
+use crate::section::terminal;
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -26,25 +25,27 @@ use crate::report::{Page, gather};
   plychain identify specimen.json --out runs/long --resume    go on with an interrupted run")]
 pub struct IdentifyArguments {
     #[command(flatten)]
-    running: Running,
+    pub(super) running: Running,
 }
 
 pub fn run(arguments: &IdentifyArguments, global: &Global, console: &Console) -> Result<()> {
     let running = &arguments.running;
-    if let Some(model) = running.plates()? {
-        return frequencies::run(&model, running, global, console);
-    }
     let run = running.plan(global)?;
-    let (model, beside) = beside::identified(&run, console)?;
-    let options = run.options(run.folder.path());
+    let [experiment] = &run.study.experiments[..] else {
+        return study::identify(run, console);
+    };
+    let Some(model) = experiment.field().cloned() else {
+        return study::identify(run, console);
+    };
+    let options = run.doubting(run.folder.path());
     let rounds = [identify::identify(&model, &options, console)?];
-    let page = write(&model, &rounds, beside.as_ref(), &run.folder, run.seed())?;
-    let report = &page.report;
-    let sections = report.rounds.iter();
-    let sections = sections.map(|round| identification(&report.model, round));
-    let together = report.together.as_ref();
-    let together = together.map(|t| t.section(&report.both()));
-    print(&terminal(&sections.chain(together).collect::<Vec<_>>()))?;
+    let page = write(&model, &rounds, &run.folder, run.seed())?;
+    results(&page.report)?;
+    let sections = match (run.verbose, page.report.last()) {
+        (true, Some(round)) => identification(&page.report, round),
+        _ => brief(&page),
+    };
+    print(&terminal(&[sections]))?;
     run.finish(&page, rounds.iter().map(|r| &r.verdict), console)
 }
 
@@ -58,22 +59,15 @@ pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
 }
 
 /// Write what a run leaves behind beside its chain store, and return the page that shows it, which is still to be written.
-pub fn write(
-    model: &Model,
-    rounds: &[Identification],
-    beside: Option<&Beside>,
-    folder: &Folder,
-    seed: u64,
-) -> Result<Page> {
+pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u64) -> Result<Page> {
     if let Some(round) = rounds.last() {
         write_csv(&round.draws, &folder.path().join("chain.csv"))?;
     }
     folder.write_json("model.json", &model.resolved()?)?;
-    let mut report = gather::identified(model, rounds, seed);
-    report.together = beside.map(|b| TogetherReport::new(b, None));
+    let report = gather::identified(model, rounds, seed);
     folder.write_json("report.json", &report)?;
     let files = rounds.last().map(Identification::files).unwrap_or_default();
-    let manifest = folder.write_manifest(&model.path, files, seed)?;
+    let manifest = folder.manifest(&model.path, files, seed, Vec::new())?;
     let rounds: Vec<&Identification> = rounds.iter().collect();
     Ok(Page::gather(&rounds, report, manifest, truth(files)?))
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::points::hole;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::files;
 use crate::geometry::{HIGH, HOLE, LOW};
@@ -41,6 +41,9 @@ pub fn propose(path: &Path, field: Option<&Field>, experiment: &mut Value) -> Re
         listed(mesh.edges.keys()),
         regions(&mesh),
     );
+    for remark in &mesh.remarks {
+        let _ = writeln!(said, "  {remark}");
+    }
     let mut object = json!({ "file": path });
     let unit = unit(&mesh, field);
     if unit != 1.0 {
@@ -61,7 +64,7 @@ pub fn propose(path: &Path, field: Option<&Field>, experiment: &mut Value) -> Re
     let axis = axis(&mesh, field, experiment);
     experiment["measurement"]["loading_axis"] = json!(["x", "y"][axis]);
     said += &place(&mesh, field, experiment, &mut object);
-    said += &loads(&mesh, axis, &mut object);
+    said += &loads(&mesh, axis, &mut object).map_err(|e| e.within(path.display()))?;
     experiment["mesh"] = object;
     Ok(said)
 }
@@ -102,7 +105,7 @@ fn place(
         points[0][k] >= bounds[0][k] - room && points[1][k] <= bounds[1][k] + room
     });
     let middle = |[low, high]: [[f64; 2]; 2]| [0, 1].map(|k| 0.5 * (low[k] + high[k]));
-    let (origin, in_data, why) = match (circle, hole(field)) {
+    let (origin, in_data, why) = match (circle, hole(&field.points)) {
         (Some(Circle { center, radius }), Some((gap, _)))
             if fits && (gap[0] - center[0]).hypot(gap[1] - center[1]) < SAME_PLACE * radius =>
         (
@@ -145,7 +148,10 @@ fn rounded(value: f64) -> f64 {
 }
 
 /// What loads it: the ends along the load.
-fn loads(mesh: &ImportedMesh, axis: usize, object: &mut Value) -> String {
+///
+/// # Errors
+/// The input's fault: no edge on the boundary.
+fn loads(mesh: &ImportedMesh, axis: usize, object: &mut Value) -> Result<String> {
     let direction = |sign: f64| {
         let mut direction = [0.0; 2];
         direction[axis] = sign;
@@ -158,17 +164,25 @@ fn loads(mesh: &ImportedMesh, axis: usize, object: &mut Value) -> String {
             { "edge": high, "direction": direction(1.0) },
             { "edge": low, "direction": direction(-1.0) },
         ]);
-        return format!(
+        return Ok(format!(
             "  mesh.load: uniform tractions pull \"{low}\" and \"{high}\", the ends along {}, apart\n",
             ["x", "y"][axis]
-        );
+        ));
     }
-    let first = names.first().map_or("", |name| name.as_str());
+    let Some(&first) = names.first() else {
+        let there = match mesh.remarks.as_slice() {
+            [] => regions(mesh),
+            remarks => remarks.join("; "),
+        };
+        return Err(Error::input("mesh.load", "a named edge on the boundary")
+            .found(there)
+            .hint("name the loaded boundary lines by a physical group (Gmsh) or *SURFACE or *NSET (Abaqus); or delete the groups of lines, and the sides of the box get names"));
+    };
     object["load"] = json!({ "edge": first, "direction": direction(1.0) });
-    format!(
+    Ok(format!(
         "  mesh.load: NOT known; \"{first}\" stands there only because an edge must. Say which of {} are loaded, along which direction, and which are held (mesh.supports)\n",
         listed(names)
-    )
+    ))
 }
 
 /// The name of the edge at an end of the mesh: that of the convention, or one of which all points lie there.

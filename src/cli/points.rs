@@ -6,16 +6,38 @@ use crate::report::FieldCells;
 /// Share of the measured rectangle that a gap must at least cover to be a hole.
 const SMALLEST_GAP: f64 = 0.003;
 
-/// Centre and diameter of the largest gap in the points that does not touch their border.
-pub fn hole(field: &Field) -> Option<([f64; 2], f64)> {
-    let cells = FieldCells::new(&field.points);
+/// Centre and diameter of the largest gap in the points that is round and has points all about it: notches and lost patches are no
+/// holes.
+pub fn hole(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
+    let cells = FieldCells::new(points);
     let (columns, rows) = (cells.x.len(), cells.y.len());
     if columns < 5 || rows < 5 {
         return None;
     }
+    let mut gaps = gaps(&cells);
+    gaps.sort_by_key(|gap| std::cmp::Reverse(gap.len()));
+    let large = |gap: &&Vec<usize>| gap.len() as f64 >= SMALLEST_GAP * cells.len() as f64;
+    gaps.iter().take_while(large).find_map(|gap| {
+        let n = gap.len() as f64;
+        let middle = [
+            gap.iter().map(|c| cells.x[c % columns]).sum::<f64>() / n,
+            gap.iter().map(|c| cells.y[c / columns]).sum::<f64>() / n,
+        ];
+        let spacing = [&cells.x, &cells.y].map(|x| (x[x.len() - 1] - x[0]) / (x.len() - 1) as f64);
+        let (centre, rim) = circle(points, middle, spacing[0].max(spacing[1]))?;
+        let diameter = missing(points, centre, rim).filter(|d| *d < rim);
+        let diameter = diameter.unwrap_or(rim);
+        // a point that was lost leaves a gap, too
+        (diameter > spacing[0].max(spacing[1])).then_some((centre, diameter))
+    })
+}
+
+/// Connected cells without points that do not touch the border.
+fn gaps(cells: &FieldCells) -> Vec<Vec<usize>> {
+    let (columns, rows) = (cells.x.len(), cells.y.len());
     let mut empty = vec![true; cells.len()];
     cells.of_point.iter().for_each(|&c| empty[c] = false);
-    let mut best: Vec<usize> = Vec::new();
+    let mut gaps = Vec::new();
     for start in 0..cells.len() {
         if !empty[start] {
             continue;
@@ -36,57 +58,64 @@ pub fn hole(field: &Field) -> Option<([f64; 2], f64)> {
                 }
             }
         }
-        if inside && gap.len() > best.len() {
-            best = gap;
+        if inside {
+            gaps.push(gap);
         }
     }
-    if (best.len() as f64) < SMALLEST_GAP * cells.len() as f64 {
-        return None;
-    }
-    let n = best.len() as f64;
-    let centre = [
-        best.iter().map(|c| cells.x[c % columns]).sum::<f64>() / n,
-        best.iter().map(|c| cells.y[c / columns]).sum::<f64>() / n,
-    ];
-    let (centre, rim) = circle(&field.points, centre);
-    let diameter = missing(&field.points, centre, rim).filter(|d| *d < rim);
-    Some((centre, diameter.unwrap_or(rim)))
+    gaps
 }
 
 /// Directions in which the hole's rim is sought.
 const SECTORS: usize = 36;
 
+/// Share of the directions in which the rim must lie near its circle: within a quarter of the radius and a spacing.
+const CLOSED: f64 = 0.85;
+const ROUND: f64 = 0.25;
+
 /// The circle through the points next to a gap, by least squares (Kasa 1976): centre and diameter. The nearest point in each
-/// direction stands for the rim.
-fn circle(points: &[[f64; 2]], start: [f64; 2]) -> ([f64; 2], f64) {
-    let (mut centre, mut diameter) = (start, 0.0);
+/// direction stands for the rim; `None` where that is not round, or does not reach all around.
+fn circle(points: &[[f64; 2]], start: [f64; 2], spacing: f64) -> Option<([f64; 2], f64)> {
+    let (mut centre, mut radius) = (start, 0.0);
+    let mut rim = Vec::new();
     for _ in 0..5 {
-        let mut rim: Vec<Option<(f64, [f64; 2])>> = vec![None; SECTORS];
-        for p in points {
-            let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
-            let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
-            let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
-            let r = x.hypot(y);
-            if rim[sector].is_none_or(|(nearest, _)| r < nearest) {
-                rim[sector] = Some((r, [x, y]));
-            }
-        }
+        rim = rim_about(points, centre);
         // x^2 + y^2 = a x + b y + c
         let mut normal = nalgebra::Matrix3::zeros();
         let mut right = nalgebra::Vector3::zeros();
-        for (r, [x, y]) in rim.into_iter().flatten() {
-            let row = nalgebra::Vector3::new(x, y, 1.0);
+        for (r, [x, y]) in &rim {
+            let row = nalgebra::Vector3::new(*x, *y, 1.0);
             normal += row * row.transpose();
             right += r * r * row;
         }
-        let Some(fit) = normal.cholesky().map(|c| c.solve(&right)) else {
-            break;
-        };
+        let fit = normal.cholesky()?.solve(&right);
         let [a, b] = [0.5 * fit[0], 0.5 * fit[1]];
         centre = [centre[0] + a, centre[1] + b];
-        diameter = 2.0 * (fit[2] + a * a + b * b).max(0.0).sqrt();
+        radius = (fit[2] + a * a + b * b).max(0.0).sqrt();
     }
-    (centre, diameter)
+    rim = if rim.is_empty() {
+        rim
+    } else {
+        rim_about(points, centre)
+    };
+    let near = rim
+        .iter()
+        .filter(|(r, _)| (r - radius).abs() < ROUND * radius + spacing);
+    (near.count() as f64 >= CLOSED * SECTORS as f64).then_some((centre, 2.0 * radius))
+}
+
+/// Distance and offset of the nearest point in each direction.
+fn rim_about(points: &[[f64; 2]], centre: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+    let mut rim: Vec<Option<(f64, [f64; 2])>> = vec![None; SECTORS];
+    for p in points {
+        let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
+        let turn = y.atan2(x) / std::f64::consts::TAU + 0.5;
+        let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
+        let r = x.hypot(y);
+        if rim[sector].is_none_or(|(nearest, _)| r < nearest) {
+            rim[sector] = Some((r, [x, y]));
+        }
+    }
+    rim.into_iter().flatten().collect()
 }
 
 /// Radii about a gap within which points are counted, over its own.

@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::console::Console;
-use super::{Global, print};
+use super::{Global, print, results};
 use crate::campaign::Places;
-use crate::campaign::population::{PopulationReport, Specimen, gather, sample, write};
+use crate::campaign::population::{
+    LEAST, PopulationReport, Specimen, gather, sample, unlike, write,
+};
 use crate::error::{Error, Result};
-use crate::report::section::terminal;
+use crate::section::terminal;
 
 /// Arguments of `campaign population`.
 #[derive(Debug, Args)]
@@ -18,11 +20,11 @@ use crate::report::section::terminal;
 pub struct PopulationArguments {
     /// Folder of a campaign
     folder: PathBuf,
-    /// Leave a run out, as one that is of another material or was damaged
+    /// Run to leave out, for example of a damaged specimen; may be repeated
     #[arg(long, value_name = "RUN")]
     leave_out: Vec<String>,
-    /// Sd of a scale of all moduli that all specimens share, as of one load cell, percent: it is taken out of each specimen and put to the
-    /// population
+    /// Sd of an error that all specimens share, for example of one load cell, percent of the moduli, 0 to 20. It counts once for the population
+    /// and not for each specimen
     #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
     shared_percent: f64,
 }
@@ -51,8 +53,18 @@ pub fn run(arguments: &PopulationArguments, global: &Global, console: &Console) 
     let sampled = sample(&specimens, shared, global.seed, console).map_err(|e| e.within(within))?;
     let mut report =
         PopulationReport::new(&gathered.name, (global.seed, shared), &sampled, &specimens)?;
+    let found = unlike(&specimens);
+    let is_like = |s: &&Specimen| found.iter().all(|u| u.specimen != s.name);
+    let others: Vec<Specimen> = specimens.iter().filter(is_like).cloned().collect();
+    let without = (!found.is_empty() && others.len() >= LEAST).then(|| {
+        let sampled = sample(&others, shared, global.seed, console)?;
+        PopulationReport::new(&gathered.name, (global.seed, shared), &sampled, &others)
+    });
+    report.say_unlike(&found, without.transpose()?.as_ref());
+    report.warnings.extend(gathered.notes);
     report.left_out = gathered.left_out;
     let page = write(&report, &sampled, &arguments.folder.join("population"))?;
+    results(&report)?;
     print(&terminal(&[report.section()]))?;
     print(&format!("written to {}\n", page.display()))
 }

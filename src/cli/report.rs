@@ -6,11 +6,12 @@ use clap::Args;
 
 use super::print;
 use super::running::check_png;
+use crate::chain::check_stores;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::report::Page;
 use crate::report::run::comparison;
-use crate::report::section::html;
+use crate::report::study::StudyReport;
+use crate::report::{Page, html};
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
@@ -31,13 +32,19 @@ pub struct ReportArguments {
 
 pub fn run(arguments: &ReportArguments) -> Result<()> {
     check_png(arguments.png)?;
+    for folder in &arguments.runs {
+        check_stores(folder)?;
+    }
     if let [folder] = arguments.runs.as_slice() {
         if arguments.out.is_some() {
             return Err(Error::input("--out", "several runs to compare")
                 .found("one run")
                 .hint("the report of one run goes to its own folder"));
         }
-        Page::load(folder)?.write(folder, arguments.png)?;
+        match StudyReport::is_in(folder) {
+            true => super::study::report_again(folder)?,
+            false => Page::load(folder)?.write(folder, arguments.png)?,
+        }
         return print(&format!("written to {}/report.html\n", folder.display()));
     }
     let pages = arguments

@@ -9,17 +9,22 @@ use sha2::{Digest, Sha256};
 
 use super::console::{Console, line};
 use super::folder::{Folder, verb};
+use super::samplers::SamplerOptions;
 use super::{DEFAULT_MODEL, Global, cache, print};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::files::hex;
-use crate::identify::{Options, settle_force};
-use crate::infer::{FrequenciesModel, Model};
+use crate::identify::Options;
+use crate::identify::doubts::Doubting;
+use crate::infer::Model;
 use crate::progress::Progress;
 use crate::report::Page;
-use crate::report::manifest::hashes;
-use crate::sample::{Keeping, SAMPLERS, Sampler, Schedule};
+use crate::report::manifest::{Manifest, hashes};
+use crate::report::round::Convergence;
+use crate::report::told::not_changed;
+use crate::sample::{Keeping, Sampler, Schedule};
 use crate::signals::on_termination;
+use crate::study::Study;
 
 /// Arguments of a run.
 #[derive(Debug, Args)]
@@ -27,30 +32,28 @@ pub struct Running {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
     model: PathBuf,
-    /// Measured data in place of the model's: a directory of matrices, or a CSV file
+    /// Measured data in place of the model's: a folder of matrices, or a CSV file
     #[arg(long)]
     data: Option<PathBuf>,
     /// Run folder, which must not exist (default: the first free of runs/NAME, runs/NAME-2, ...)
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Go on with the run in --out where it was interrupted, to the same bits
+    /// Continue the interrupted run in --out; the result is the same to the last bit
     #[arg(long, requires = "out", conflicts_with = "refine")]
     resume: bool,
-    /// Sampler: ensemble or adaptive
-    #[arg(long, default_value = "ensemble")]
-    sampler: String,
-    /// Refine the reduced model about the posterior while the finite elements disagree by more than 1 % of a posterior
-    /// sd or draws lie outside the DoE box, at most ROUNDS times
+    #[command(flatten)]
+    sampler: SamplerOptions,
+    /// Refine the reduced model (fast approximation of the finite elements) where the posterior is, at most ROUNDS times (1 to 20). It stops when
+    /// the finite elements agree within 1 % of a posterior sd and no draw lies outside the model's bounds
     #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
     refine: Option<u8>,
-    /// Exit with an error if chains have not converged
+    /// Exit with an error if the input is doubtful (before sampling), or if chains have not converged
     #[arg(long)]
     strict: bool,
-    /// Solve the finite elements for every prediction, those of sensitivities too, instead of answering from a reduced basis or
-    /// correcting a solution nearby
+    /// Solve the finite elements for every prediction. This is slow and uses no reduced basis
     #[arg(long)]
     full_order: bool,
-    /// Write the figures as PNG too (of a program built with `--features png`)
+    /// Write the figures as PNG too (needs a program built with `--features png`)
     #[arg(long)]
     png: bool,
     #[command(flatten)]
@@ -58,8 +61,8 @@ pub struct Running {
 }
 
 /// A run before its first draw.
-pub struct RunPlan<M = Model> {
-    pub model: M,
+pub struct RunPlan {
+    pub study: Study,
     /// Where everything is kept.
     pub folder: Folder,
     sampler: Box<dyn Sampler>,
@@ -71,60 +74,51 @@ pub struct RunPlan<M = Model> {
     resume: bool,
     /// Whether figures are written as PNG too.
     png: bool,
-    /// Whether chains that have not converged are an error.
+    /// Whether draws are written as tables too, beside their stores.
+    pub tables: bool,
+    /// Whether doubts about the input, and chains that have not converged, are an error.
     strict: bool,
+    /// Whether everything is printed.
+    pub verbose: bool,
 }
 
 impl Running {
-    /// The model, if its experiments are the frequencies of plates.
-    pub fn plates(&self) -> Result<Option<FrequenciesModel>> {
-        FrequenciesModel::load(&self.model)
+    /// The model file.
+    pub fn model(&self) -> &Path {
+        &self.model
     }
 
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<RunPlan> {
-        let mut model = Model::load_with(&self.model, self.data.as_ref())?;
-        model.file.reduced_model.full_order |= self.full_order;
-        settle_force(&mut model)?;
-        let data = hashes(model.measurement_files()?.iter())?;
-        let name = model.file.name.clone();
-        let file = model.file.to_json()?.to_string();
-        self.planned(model, (&name, &file, data.into_values().collect()), global)
-    }
-
-    /// The same of plates, which have no finite elements and no files of data.
-    pub fn plan_of_plates(&self, model: &FrequenciesModel, global: &Global) -> Result<RunPlan<()>> {
-        if let Some(data) = &self.data {
-            return Err(
-                Error::input(format!("--data {}", data.display()), "a model of a field")
-                    .found("frequencies, which stand in the model file"),
-            );
-        }
-        if self.refine.is_some() || self.full_order {
+        let study = Study::load_with(&self.model, self.data.as_ref())?;
+        if study.fields().next().is_none() && (self.refine.is_some() || self.full_order) {
             return Err(Error::input("--refine, --full-order", "a model of a field")
-                .found("frequencies, which have no reduced model"));
+                .found("experiments without a reduced model"));
         }
-        let file = serde_json::to_string(&model.file)
-            .map_err(|e| Error::program("model", "a model that JSON can hold").found(e))?;
-        self.planned((), (&model.file.name, &file, Vec::new()), global)
-    }
-
-    fn planned<M>(
-        &self,
-        model: M,
-        (name, file, data): (&str, &str, Vec<String>),
-        global: &Global,
-    ) -> Result<RunPlan<M>> {
+        let study = study.settled(self.full_order)?;
+        let data = hashes(study.files()?.iter())?;
+        let file = study.json(false)?.to_string();
         check_png(self.png)?;
-        let sampler = sampler(&self.sampler)?;
+        let sampler = self.sampler.sampler()?;
         let mut schedule = Schedule {
             seed: global.seed,
             ..Schedule::default()
         };
+        self.sampler.apply(&mut schedule)?;
         let mut rule = Rule::default();
         let deadline = self.limits.apply(&mut schedule, &mut rule)?;
-        let folder = Folder::open(self.out.as_deref(), name, self.resume)?;
-        let identity = identity_of((name, file, &data), &*sampler, &schedule);
+        if let Some(said) = not_changed(&study.json(false)?).filter(|_| !global.quiet) {
+            line(&format!("warning: {said}"));
+        }
+        let mut folder = Folder::open(self.out.as_deref(), study.name(), self.resume)?;
+        if self.resume && folder.is_new() && !global.quiet {
+            line("  there is nothing to go on with in --out: the run begins anew");
+        }
+        let data: Vec<String> = data.into_values().collect();
+        let mut identity = identity_of((study.name(), &file, &data), &*sampler, &schedule);
+        if let Some(chosen) = self.sampler.identity() {
+            identity["sampling"] = chosen;
+        }
         folder.begin(&identity)?;
         stoppable(folder.path())?;
         if let Some(before) = folder.interrupted().filter(|_| self.out.is_none()) {
@@ -135,7 +129,7 @@ impl Running {
             ));
         }
         Ok(RunPlan {
-            model,
+            study,
             folder,
             sampler,
             schedule,
@@ -145,12 +139,14 @@ impl Running {
             refinements: self.refine.map_or(0, usize::from),
             resume: self.resume,
             png: self.png,
+            tables: true,
             strict: self.strict,
+            verbose: global.verbose,
         })
     }
 }
 
-impl<M> RunPlan<M> {
+impl RunPlan {
     pub fn seed(&self) -> u64 {
         self.schedule.seed
     }
@@ -172,7 +168,24 @@ impl<M> RunPlan<M> {
             }),
             discrepancy: [None, None],
             deadline: self.deadline,
+            doubting: Doubting::Unasked,
         }
+    }
+
+    /// The same of the model as it was given, whose input is doubted; with `--strict` that ends the run.
+    pub fn doubting(&self, place: &Path) -> Options<'_> {
+        Options {
+            doubting: match self.strict {
+                true => Doubting::Refused,
+                false => Doubting::Said,
+            },
+            ..self.options(place)
+        }
+    }
+
+    /// Whether figures are written as PNG too.
+    pub fn png(&self) -> bool {
+        self.png
     }
 
     /// Write the page of a run that is done, and keep the run's folder.
@@ -190,42 +203,98 @@ impl<M> RunPlan<M> {
         console.end();
         let path = self.folder.path().display();
         print(&format!("written to {path}; open {path}/report.html\n"))?;
-        self.complete(verdicts)
+        self.complete(&page.manifest, verdicts)
     }
 
-    /// Keep the run's folder; an error if `--strict` asks for convergence and one of `verdicts` denies it.
+    /// Write the manifest and keep the run's folder; an error if `--strict` asks for convergence and one of `verdicts` denies it.
     ///
     /// # Errors
-    /// Of the input: chains that have not converged.
-    pub fn complete<'a>(self, verdicts: impl IntoIterator<Item = &'a Verdict>) -> Result<()> {
+    /// Of the input: a folder that cannot be written, chains that have not converged.
+    pub fn complete<'a>(
+        self,
+        manifest: &Manifest,
+        verdicts: impl IntoIterator<Item = &'a Verdict>,
+    ) -> Result<()> {
+        self.folder.write_json("run.json", manifest)?;
         self.folder.keep();
         let unsettled = verdicts.into_iter().find(|v| !v.converged);
         match unsettled.filter(|_| self.strict) {
-            Some(verdict) => Err(Error::input("--strict", "converged chains")
-                .found(verdict.line())
-                .hint("run longer")),
+            Some(verdict) => Err(not_converged(&verdict.line())),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the folder has the results of this same run: all of its files, the same arguments and the same input files. A run that is
+    /// limited in time may be meant to go on.
+    ///
+    /// # Errors
+    /// Of the input: files that cannot be read.
+    pub fn is_done(&self) -> Result<bool> {
+        let folder = self.folder.path();
+        let known = Manifest::load(folder).ok();
+        // of what has no field, the report does not say whether chains have converged
+        let tells = !self.strict || self.study.fields().next().is_some();
+        let whole = tells && folder.join("report.html").is_file();
+        let Some(known) = known.filter(|_| self.resume && whole && self.deadline.is_none()) else {
+            return Ok(false);
+        };
+        let asked = |arguments: &[String]| -> Vec<String> {
+            const NO_MATTER: [&str; 5] = ["--resume", "--strict", "--timings", "--quiet", "-q"];
+            let all = arguments
+                .iter()
+                .filter(|a| !NO_MATTER.contains(&a.as_str()));
+            all.cloned().collect()
+        };
+        let own: Vec<String> = std::env::args().skip(1).collect();
+        let files = self.study.files()?;
+        let now = hashes(std::iter::once(&self.study.path).chain(&files))?;
+        let same = |hash: &String| known.inputs_sha256.values().any(|h| h == hash);
+        Ok(known.version == env!("CARGO_PKG_VERSION")
+            && asked(&known.command) == asked(&own)
+            && now.values().all(same))
+    }
+
+    /// End a run that [is done](Self::is_done), of these reports; an error if `--strict` asks for convergence and one denies it.
+    ///
+    /// # Errors
+    /// Of the input: chains that have not converged.
+    pub fn done<'a>(self, rounds: impl IntoIterator<Item = &'a Convergence>) -> Result<()> {
+        let path = self.folder.path().display();
+        print(&format!("done before: {path}; open {path}/report.html\n"))?;
+        let unsettled = rounds.into_iter().find(|c| !c.converged);
+        match unsettled.filter(|_| self.strict) {
+            Some(convergence) => Err(not_converged(&convergence.text)),
             None => Ok(()),
         }
     }
 }
 
+fn not_converged(found: &str) -> Error {
+    let error = Error::input("--strict", "converged chains").found(found);
+    error.hint("run longer")
+}
+
 /// When sampling ends.
 #[derive(Debug, Clone, Args)]
-struct Limits {
-    /// Most draws, over all chains
+pub(super) struct Limits {
+    /// Maximum number of draws, all chains together
     #[arg(long, value_name = "N")]
     max_draws: Option<usize>,
-    /// Effective draws, bulk and tail, that every parameter must reach (default: 100 an ensemble)
+    /// Minimum effective sample size of every parameter, bulk and tail (default: 100 per ensemble)
     #[arg(long, value_name = "N")]
     min_ess: Option<f64>,
-    /// End this many seconds after the start: sampling stops then, and a loop ends with the rounds it has
+    /// Maximum time, seconds. Sampling stops then, and a loop ends with the effects that it has added
     #[arg(long, value_name = "SECONDS")]
     time_limit: Option<f64>,
 }
 
 impl Limits {
     /// Put the limits into a schedule and a rule; when to stop in any case.
-    fn apply(&self, schedule: &mut Schedule, rule: &mut Rule) -> Result<Option<Instant>> {
+    pub(super) fn apply(
+        &self,
+        schedule: &mut Schedule,
+        rule: &mut Rule,
+    ) -> Result<Option<Instant>> {
         if let Some(most) = self.max_draws {
             if most == 0 {
                 return Err(Error::input("--max-draws", "a number above 0").found(most));
@@ -254,7 +323,7 @@ impl Limits {
 
 /// What SIGTERM ends from now on is gone on with from its last checkpoint, which is about a second old: files are written so that a process
 /// may end at any moment.
-fn stoppable(folder: &Path) -> Result<()> {
+pub(super) fn stoppable(folder: &Path) -> Result<()> {
     let stopped = Error::stopped(folder.display(), "a run that comes to its end")
         .found("SIGTERM")
         .hint("the same command with --out and --resume goes on from the last checkpoint");
@@ -308,15 +377,4 @@ fn identity_of(
         "sampler": sampler.name(),
         "ensembles": schedule.ensembles,
     })
-}
-
-pub fn sampler(name: &str) -> Result<Box<dyn Sampler>> {
-    SAMPLERS
-        .iter()
-        .find(|entry| entry.name == name)
-        .map(|entry| (entry.build)())
-        .ok_or_else(|| {
-            let known: Vec<_> = SAMPLERS.iter().map(|entry| entry.name).collect();
-            Error::input("--sampler", format!("one of {}", known.join(", "))).found(name)
-        })
 }

@@ -1,12 +1,11 @@
 //! `plychain simulate`.
 
-mod frequencies;
 mod series;
 
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::folder::Folder;
 use super::{DEFAULT_MODEL, Global, print};
@@ -15,7 +14,9 @@ use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
 use crate::field::{READERS, Reader, Source};
-use crate::infer::{FrequenciesModel, Model};
+use crate::files;
+use crate::infer::Model;
+use crate::study::{SharedConstants, Study};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -26,14 +27,18 @@ use crate::infer::{FrequenciesModel, Model};
 pub struct SimulateArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
-    model: PathBuf,
-    /// An effect that acts; may be repeated. Names and the parameters' units are listed by --help
-    #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE][:LAW]", long_help = effects_help())]
+    pub(super) model: PathBuf,
+    /// Effect to add, may be repeated; `plychain effects` lists names, parameters and units
+    ///
+    /// With several fields, EXPERIMENT.NAME=VALUE acts in one of them, and NAME=VALUE in all. In a load series LAW says how the amplitude of a motion
+    /// follows the steps: load (default), constant, seated, kept, drift or free. With free, give all values of the first step, then those of the
+    /// second, and so on. The amplitude is that under the largest force; with drift it is that in the last loaded step.
+    #[arg(long = "effect", value_name = "NAME=VALUE[,VALUE][:LAW]")]
     effects: Vec<String>,
-    /// An elastic constant or thickness_mm, NAME=VALUE (default: the prior's mean); may be repeated
+    /// Value of an elastic constant or of thickness_mm (default: the prior's mean); may be repeated
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// Force of every step of a load series, N, in the order taken (default: those of the model's steps)
+    /// Forces of the steps of a load series, N, in order (default: those of the model's steps)
     #[arg(
         long,
         value_name = "FORCE,...",
@@ -41,21 +46,21 @@ pub struct SimulateArguments {
         allow_negative_numbers = true
     )]
     steps: Vec<f64>,
-    /// Sd of a random translation of the specimen in every step of a series, in x and in y, mm
+    /// Random translation of the specimen in every step of a series, in x and in y, sd in mm
     #[arg(long, default_value_t = 0.0)]
     motion_mm: f64,
     /// Fringe images instead of a field, with their own noise: KEY=NUMBER,... of frames, step_deg, step_error, jitter_deg, flicker,
     /// gamma, noise, background, contrast (grey levels of 8 bit), initial_fringes, bits, fringe_frequency_per_mm
     #[arg(long, value_name = "KEY=NUMBER,...", num_args = 0..=1, default_missing_value = "")]
     fringes: Option<String>,
-    /// Noise sd of a point, nm (default: 10, of fringe images 0); in a series half of the variance is the reference picture's, the same in all steps, and where the
-    /// model has image_correlation it is averaged over subsets
+    /// Noise of a point, sd in nm (default: 10, of fringe images 0). In a series half of the variance comes from the reference picture and is
+    /// the same in all steps. With image_correlation the noise is averaged over subsets
     #[arg(long)]
     noise_nm: Option<f64>,
-    /// Correlation length of the noise (Matern-3/2), mm; 0 for white noise
+    /// Correlation length of the noise (Matern-3/2), mm; 0 is white noise
     #[arg(long, default_value_t = 0.0)]
     correlation_mm: f64,
-    /// Points along each side of the square window
+    /// Number of points along each side of the square window, 5 to 4000
     #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
     grid: u16,
     /// Format of the field: matrices, csv or fringes (default: matrices, of a series csv)
@@ -66,89 +71,240 @@ pub struct SimulateArguments {
     out: PathBuf,
 }
 
-/// What `--help` says of `--effect`.
-fn effects_help() -> String {
-    let lines = EFFECTS.iter().map(|effect| {
-        let parameters: Vec<_> = effect.parameters().iter().map(|p| p.name).collect();
-        format!(
-            "  {}={}: {}",
-            effect.name(),
-            parameters.join(","),
-            effect.entry().about
-        )
-    });
-    std::iter::once(
-        "An effect that acts; may be repeated. In a load series the amplitude of one that moves the specimen goes by a law: NAME=VALUE:LAW with constant, load (the default), seated, kept, drift, or free with all values of the first step, then those of the second ... The amplitude stated is that under the largest force, of drift that in the last loaded step. The effects, with their parameters and units:"
-            .to_string(),
-    )
-    .chain(lines)
-    .collect::<Vec<_>>()
-    .join("\n")
+/// What is added to the seed of a run for the readings of each experiment.
+const READINGS: u64 = 1_000_003;
+
+/// A field that was simulated.
+struct Simulated {
+    /// The field as the simulated model file declares it.
+    model: Model,
+    truth: Value,
+    /// What was written, for people.
+    said: String,
+}
+
+/// Where a field is simulated.
+struct FieldTarget<'a> {
+    arguments: &'a SimulateArguments,
+    /// Arguments of `--effect` that act in it.
+    effects: Vec<&'a String>,
+    seed: u64,
+    folder: &'a Folder,
+    /// Within the folder, where its files go.
+    within: PathBuf,
 }
 
 pub fn run(arguments: &SimulateArguments, global: &Global) -> Result<()> {
-    if let Some(plates) = FrequenciesModel::load(&arguments.model)? {
-        return frequencies::run(arguments, &plates, global.seed);
+    let mut study = Study::load(&arguments.model)?;
+    let fields: Vec<(usize, Model)> = study.fields().map(|(k, m)| (k, m.clone())).collect();
+    if fields.is_empty() {
+        refuse_field_arguments(arguments)?;
     }
-    let mut model = Model::load(&arguments.model)?;
-    if !arguments.steps.is_empty() || model.experiment().steps.is_some() {
-        return series::run(arguments, model, global.seed);
+    let shared = study.shared();
+    let constants = constants(arguments, &shared, fields.is_empty())?;
+    shared.material.ply(&constants).admissible("--set")?;
+    let folder = Folder::create(Some(&arguments.out), study.name())?;
+    let mut said = Vec::new();
+    let mut truths = Vec::new();
+    for (n, (k, model)) in fields.iter().enumerate() {
+        let name = &model.experiment().name;
+        let target = FieldTarget {
+            arguments,
+            effects: effects_in(arguments, name, &study)?,
+            seed: global.seed.wrapping_add(n as u64),
+            folder: &folder,
+            within: if fields.len() == 1 {
+                PathBuf::new()
+            } else {
+                name.into()
+            },
+        };
+        let simulated = target.simulated(model.clone())?;
+        study = study.with_field(*k, simulated.model);
+        if fields.len() > 1 {
+            folder.write_json(&format!("{name}/truth.json"), &simulated.truth)?;
+        }
+        said.push(simulated.said);
+        truths.push((name.clone(), simulated.truth));
     }
-    if arguments.motion_mm != 0.0 {
-        return Err(
-            Error::input("--motion-mm", "no such motion without --steps")
-                .found(arguments.motion_mm)
-                .hint("one field: --effect rigid_translation=TX,TY"),
-        );
+    let mut readings = 0;
+    for k in 0..study.experiments.len() {
+        if study.experiments[k].field().is_none() {
+            readings += 1;
+            let seed = global.seed.wrapping_add(readings * READINGS);
+            let other = study.experiments[k].simulate(&shared, &constants, seed)?;
+            study = study.with(k, other);
+        }
     }
-    let images = arguments.fringes.as_deref();
-    let images = images
-        .map(|text| RenderPlan::parse("--fringes", text))
-        .transpose()?;
-    let default = if images.is_some() {
-        "fringes"
-    } else {
-        "matrices"
+    if readings > 0 {
+        said.push(format!("{readings} other experiments"));
+    }
+    let truth = match (&mut truths[..], &fields[..]) {
+        ([(_, truth)], _) => truth.take(),
+        ([], _) => json!({
+            "model": study.name(), "constants": named(shared.material.constants(), &constants), "effects": {},
+            "seed": global.seed,
+        }),
+        (several, _) => {
+            let each = several
+                .iter_mut()
+                .map(|(name, truth)| (name.clone(), truth.take()));
+            json!({
+                "model": study.name(), "constants": named(shared.material.constants(), &constants), "seed": global.seed,
+                "experiments": each.collect::<serde_json::Map<_, _>>(),
+            })
+        }
     };
-    let reader = reader(arguments.format.as_deref().unwrap_or(default))?;
-    if images.is_some() && reader.format() != default {
-        return Err(Error::input("--fringes", "--format fringes, or none").found(reader.format()));
-    }
-    let mut truth = plan(arguments, &model, global.seed)?;
-    let acting = arguments
-        .effects
-        .iter()
-        .map(|text| Acting::parse("--effect", text))
-        .collect::<Result<Vec<_>>>()?;
-    truth.effects = ordered(acting, &model.scene())?;
-    frequencies::beside(&mut model, &truth.constants, global.seed)?;
-    let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
-    let grid = model.simulate(&truth)?;
-    let path = PathBuf::from(reader.file_name());
-    let (place, frame) = (folder.path().join(&path), model.scene().frame);
-    let columns = match &images {
-        Some(plan) => fringes::write(&place, &grid, frame, plan, global.seed).map(|()| None)?,
-        None => reader.write(&place, &grid, frame)?,
-    };
-    let source = Source {
-        reader,
-        path: Some(path),
-        columns,
-    };
-    folder.write_json("truth.json", &truth_json(&model, &truth))?;
-    if let Some(plan) = &images {
-        model.experiment_mut().measurement.fringe_frequency_per_mm =
-            Some(plan.fringe_frequency_per_mm);
-    }
-    folder.write_json("model.json", &model_json(&model, source)?)?;
+    folder.write_json("truth.json", &truth)?;
+    folder.write_json("model.json", &study.json(false)?)?;
     print(&format!(
-        "{} x {} points, model.json and truth.json written to {}\n",
-        grid.rows,
-        grid.cols,
+        "{}, model.json and truth.json written to {}\n",
+        said.join(", "),
         folder.path().display()
     ))?;
     folder.keep();
     Ok(())
+}
+
+fn refuse_field_arguments(arguments: &SimulateArguments) -> Result<()> {
+    match arguments.effects.is_empty() && arguments.steps.is_empty() && arguments.fringes.is_none()
+    {
+        true => Ok(()),
+        false => Err(
+            Error::input("--effect, --steps, --fringes", "a model of a field")
+                .found("experiments without one"),
+        ),
+    }
+}
+
+/// The constants that all experiments share: prior means but for what is set.
+fn constants(
+    arguments: &SimulateArguments,
+    shared: &SharedConstants,
+    alone: bool,
+) -> Result<Vec<f64>> {
+    let mut constants: Vec<f64> = shared.constants.iter().map(|c| c.1.mean).collect();
+    for (name, value) in settings(arguments)? {
+        match shared.constants.iter().position(|c| c.0 == name) {
+            Some(k) => constants[k] = value,
+            None if alone => {
+                let known = shared.material.constants().join(", ");
+                return Err(Error::input("--set", format!("one of {known}")).found(&name));
+            }
+            // of a field: it says what else there is
+            None => {}
+        }
+    }
+    Ok(constants)
+}
+
+/// The effects that act in a field: those of its name, `EXPERIMENT.EFFECT=...`, and those of none.
+fn effects_in<'a>(
+    arguments: &'a SimulateArguments,
+    name: &str,
+    study: &Study,
+) -> Result<Vec<&'a String>> {
+    let mut own = Vec::new();
+    for text in &arguments.effects {
+        match experiment_of(text) {
+            Some(other) if other != name => {
+                let known = study.fields().map(|(_, m)| m.experiment().name.clone());
+                let known: Vec<String> = known.collect();
+                if !known.iter().any(|k| k == other) {
+                    let expected = format!("the name of a field: {}", known.join(", "));
+                    return Err(Error::input("--effect", expected).found(other));
+                }
+            }
+            _ => own.push(text),
+        }
+    }
+    Ok(own)
+}
+
+/// The experiment that an argument of `--effect` names before a dot.
+fn experiment_of(text: &str) -> Option<&str> {
+    let name = text.split_once('=').map_or(text, |(name, _)| name);
+    name.rsplit_once('.')
+        .map(|(experiment, _)| experiment.trim())
+}
+
+/// The argument without that name.
+fn without_experiment(text: &str) -> &str {
+    experiment_of(text).map_or(text, |experiment| {
+        let start = text.find(experiment).unwrap_or(0) + experiment.len() + 1;
+        &text[start..]
+    })
+}
+
+impl FieldTarget<'_> {
+    fn simulated(&self, model: Model) -> Result<Simulated> {
+        let arguments = self.arguments;
+        if !arguments.steps.is_empty() || model.experiment().steps.is_some() {
+            return series::simulated(self, model);
+        }
+        if arguments.motion_mm != 0.0 {
+            return Err(
+                Error::input("--motion-mm", "no such motion without --steps")
+                    .found(arguments.motion_mm)
+                    .hint("one field: --effect rigid_translation=TX,TY"),
+            );
+        }
+        self.one_load(model)
+    }
+
+    fn one_load(&self, mut model: Model) -> Result<Simulated> {
+        let arguments = self.arguments;
+        let images = arguments.fringes.as_deref();
+        let images = images
+            .map(|text| RenderPlan::parse("--fringes", text))
+            .transpose()?;
+        let default = if images.is_some() {
+            "fringes"
+        } else {
+            "matrices"
+        };
+        let reader = reader(arguments.format.as_deref().unwrap_or(default))?;
+        if images.is_some() && reader.format() != default {
+            return Err(
+                Error::input("--fringes", "--format fringes, or none").found(reader.format())
+            );
+        }
+        let mut truth = plan(arguments, &model, self.seed)?;
+        let acting = self
+            .effects
+            .iter()
+            .map(|text| Acting::parse("--effect", without_experiment(text)))
+            .collect::<Result<Vec<_>>>()?;
+        truth.effects = ordered(acting, &model.scene())?;
+        let grid = model.simulate(&truth)?;
+        let path = self.within.join(reader.file_name());
+        let place = self.folder.path().join(&path);
+        // that of a folder's own files ends in a dot, which cannot be made with what is above it
+        files::make_folder(&self.folder.path().join(&self.within))?;
+        if let Some(parent) = place.parent() {
+            files::make_folder(parent)?;
+        }
+        let frame = model.scene().frame;
+        let columns = match &images {
+            Some(plan) => fringes::write(&place, &grid, frame, plan, self.seed).map(|()| None)?,
+            None => reader.write(&place, &grid, frame)?,
+        };
+        let truth = truth_json(&model, &truth);
+        let measurement = &mut model.experiment_mut().measurement;
+        measurement.source = Source {
+            reader,
+            path: Some(path),
+            columns,
+        };
+        if let Some(plan) = &images {
+            measurement.fringe_frequency_per_mm = Some(plan.fringe_frequency_per_mm);
+        }
+        Ok(Simulated {
+            said: format!("{} x {} points", grid.rows, grid.cols),
+            model,
+            truth,
+        })
+    }
 }
 
 /// What is said of the specimen and the noise; no effect acts yet.
@@ -239,13 +395,6 @@ fn reader(format: &str) -> Result<&'static dyn Reader> {
         Error::input("--format", format!("one of {}", known.join(", "))).found(format)
     })?;
     Ok(READERS[at])
-}
-
-/// The model with the simulated field as its measurement: `plychain identify DIR/model.json`.
-fn model_json(model: &Model, source: Source) -> Result<serde_json::Value> {
-    let mut model = model.clone();
-    model.experiment_mut().measurement.source = source;
-    model.file.to_json()
 }
 
 fn not_negative(place: &str, value: f64) -> Result<f64> {

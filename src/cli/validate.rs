@@ -10,8 +10,9 @@ use super::calibrate::{CalibrationArguments, article_twin, calibrate};
 use super::console::Console;
 use super::folder::{Folder, check_run, say_round};
 use super::identify::write;
-use super::running::{identity, sampler};
-use super::{DEFAULT_MODEL, Global, cache, print};
+use super::running::identity;
+use super::samplers::named;
+use super::{DEFAULT_MODEL, Global, cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
@@ -19,11 +20,11 @@ use crate::identify::{self, Identification, InverseProblem, Options, Prepared, S
 use crate::infer::{Model, Posterior};
 use crate::report::Report;
 use crate::report::calibration::{article_numbers, article_section};
-use crate::report::section::terminal;
 use crate::report::validation::Validation;
 use crate::sample::LogDensity;
 use crate::sample::{Keeping, Schedule};
-use crate::validate::grid::{self, Grid};
+use crate::section::terminal;
+use crate::validate::grid::{self, PosteriorGrid};
 use crate::validate::{priors, quadrature, thickness};
 
 /// Arguments of `validate`.
@@ -31,28 +32,29 @@ use crate::validate::{priors, quadrature, thickness};
 #[command(after_help = "Examples:
   plychain validate runs/openhole
   plychain validate models/openhole.json --sbc 20
-  plychain validate models/openhole.json --sbc 20 --loop --correlation-mm 0")]
+  plychain validate models/openhole.json --sbc 20 --loop --correlation-mm 0
+  plychain validate models/openhole.json --verdicts 100 --correlation-mm 0")]
 pub struct ValidateArguments {
     /// Run folder, or a model file to be identified first
     #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
-    target: PathBuf,
+    pub(super) target: PathBuf,
     /// Measured data in place of the model's
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Folder of a model's validation, which must not exist (default: the first free of runs/NAME-validate, ...); a run's
-    /// validation is written into the run's folder
+    /// Folder for the checks of a model, which must not exist (default: the first free of runs/NAME-validate, ...). The checks of a run go to
+    /// its own folder
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Nodes of the grid along each parameter
+    /// Number of grid nodes along each parameter
     #[arg(long, default_value_t = grid::NODES)]
     nodes: usize,
     /// Bounds of the grid for a parameter, NAME=LOW:HIGH (default: mean +- 5 sd of the chain)
     #[arg(long, value_name = "NAME=LOW:HIGH")]
     bounds: Vec<String>,
-    /// Random nodes at which the thickness is propagated by Monte Carlo
+    /// Number of random nodes at which Monte Carlo propagates the thickness
     #[arg(long, default_value_t = 200)]
     monte_carlo: usize,
-    /// Also the article's setting on a simulated twin of its specimen, beside its published Tables 6 and 7
+    /// Repeat the article's setting on a simulated specimen, beside its published Tables 6 and 7
     #[arg(long)]
     article: bool,
     #[command(flatten)]
@@ -67,11 +69,11 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
     if let Some(calibration) = arguments.calibration.plan(global.seed)? {
         return calibrate(&calibration, arguments.out.as_deref(), &model, console);
     }
-    let folder = Folder::create(
+    let mut folder = Folder::create(
         arguments.out.as_deref(),
         &format!("{}-validate", model.file.name),
     )?;
-    let sampler = sampler("ensemble")?;
+    let sampler = named("ensemble")?;
     let schedule = Schedule {
         seed: global.seed,
         ..Schedule::default()
@@ -79,11 +81,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
     let identity = identity(&model, &*sampler, &schedule)?;
     folder.begin(&identity)?;
     let options = Options {
-        sampler: &*sampler,
         schedule,
-        rule: Rule::default(),
-        cache: cache(),
-        refinements: 0,
         keeping: Some(Keeping {
             store: folder.path().join("chain.zarr"),
             checkpoint: folder.path().join("checkpoint"),
@@ -91,11 +89,12 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
             resume: false,
             observed: Vec::new(),
         }),
-        discrepancy: [None, None],
-        deadline: None,
+        ..Options::new(&*sampler, cache())
     };
     let found = [identify::identify(&model, &options, console)?];
-    write(&model, &found, None, &folder, global.seed)?.write(folder.path(), false)?;
+    let page = write(&model, &found, &folder, global.seed)?;
+    page.write(folder.path(), false)?;
+    folder.write_json("run.json", &page.manifest)?;
     let [
         Identification {
             inverse,
@@ -123,7 +122,7 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
         Err(Error::input(what, "a model file, not a run folder").found(path.display()))
     };
     if arguments.calibration.is_asked_for() {
-        return refused("--sbc");
+        return refused("--sbc and --verdicts");
     }
     if arguments.out.is_some() || arguments.data.is_some() {
         return Err(Error::input(
@@ -212,7 +211,7 @@ fn validate(
     let small = is_small(arguments.nodes, posterior.structural());
     let began = Instant::now();
     let evaluated = small
-        .then(|| Grid::new(posterior, &mode, &bounds, arguments.nodes))
+        .then(|| PosteriorGrid::new(posterior, &mode, &bounds, arguments.nodes))
         .transpose()?;
     let seconds = began.elapsed().as_secs_f64();
     if let Some(grid) = &evaluated {
@@ -246,7 +245,7 @@ fn validate(
 }
 
 /// Draws of the grid in a folder with the chain files of a run.
-fn write_grid(grid: &Grid, folder: &Path) -> Result<()> {
+fn write_grid(grid: &PosteriorGrid, folder: &Path) -> Result<()> {
     let failed = |e| Error::input(folder.display(), "a folder that can be written").found(e);
     if folder.exists() {
         // of an earlier validation
@@ -295,6 +294,7 @@ fn finish(
         print(&terminal(&[article_section(&moments)]))?;
     }
     folder.write_json("validation.json", &numbers)?;
+    results(&numbers)?;
     print(&format!(
         "written to {}\n",
         folder.path().join("validation.json").display()

@@ -28,6 +28,12 @@ pub fn tau(series: &Series) -> f64 {
     tau.max(0.05)
 }
 
+/// Relative standard error of [`tau`] (Sokal 1989): the square root of 2 (2 M + 1) / n with the window M and n draws of all chains.
+pub fn tau_error(series: &Series, tau: f64) -> f64 {
+    let window = (WINDOW * tau).max(SHORTEST);
+    (2.0 * (2.0 * window + 1.0) / series.values.len() as f64).sqrt()
+}
+
 /// Autocorrelation at lags 0 to `most`, estimated as for [`tau`]; empty where that is NaN.
 pub fn autocorrelation(series: &Series, most: usize) -> Vec<f64> {
     let Some(mut autocovariance) = pooled(series) else {

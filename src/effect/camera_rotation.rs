@@ -1,7 +1,7 @@
 //! The camera's axes are not the specimen's.
 
 use super::optics::{displacements_are_imaged, in_data_axes};
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 
 pub struct CameraRotation;
 
@@ -10,9 +10,9 @@ impl Effect for CameraRotation {
         Entry {
             name: "camera_rotation",
             kind: Kind::Optical,
-            parameters: const { &[Parameter::new("angle_deg", 0.5, 180.0)] },
-            about: "The camera's axes are not the specimen's: what is reported, coordinates and components, is the truth turned about the hole's centre by the angle, counter-clockwise in the data's x-y plane (the camera itself is turned clockwise).",
-            confirm: "Measure the angle of the specimen's straight edges against the pixel rows of the picture; or turn the camera by a known angle and repeat: this angle changes by as much, a leaning load or a ply angle does not.",
+            parameters: const { &[EffectParameter::new("angle_deg", 0.5, 180.0)] },
+            about: "The camera's axes are not the specimen's. Coordinates and components are turned about the hole's centre by the angle, counter-clockwise in the data's x-y plane. The camera itself is turned clockwise.",
+            confirm: "Measure the angle of the specimen's straight edges against the pixel rows of the picture. Or turn the camera by a known angle and repeat: this angle changes by as much, a leaning load or a ply angle does not.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! The instrument scales the two components of the displacement.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 
 pub struct ComponentSensitivity;
 
@@ -14,12 +14,12 @@ impl Effect for ComponentSensitivity {
             kind: Kind::Optical,
             parameters: const {
                 &[
-                    Parameter::new("u1_percent", 0.5, 20.0),
-                    Parameter::new("u2_percent", 0.5, 20.0),
+                    EffectParameter::new("u1_percent", 0.5, 20.0),
+                    EffectParameter::new("u2_percent", 0.5, 20.0),
                 ]
             },
-            about: "Displacements along the load and across it are reported too large by these percentages: gratings of another frequency, beams at another angle, pixels that are not square.",
-            confirm: "Shift the specimen by a known amount along either direction and compare; or measure the frequency of the gratings, or the sides of a pixel, on a calibrated target.",
+            about: "Displacements along the load and across it are reported too large by these percentages. Causes: gratings of another frequency, beams at another angle, pixels that are not square.",
+            confirm: "Shift the specimen by a known amount along either direction and compare. Or measure the frequency of the gratings, or the sides of a pixel, on a calibrated target.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! The fibres stiffen as they are stretched.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::Setup;
 use crate::laminate::Material;
 
@@ -12,7 +12,7 @@ impl Effect for FibreNonlinearity {
             name: "fibre_nonlinearity",
             kind: Kind::Mechanical,
             // carbon fibres gain 10 to 25 % of E1 a percent of strain
-            parameters: const { &[Parameter::new("percent_per_percent", 15.0, 200.0)] },
+            parameters: const { &[EffectParameter::new("percent_per_percent", 15.0, 200.0)] },
             about: "E1 of every ply grows by this percentage for each percent of strain along its fibres, as carbon fibres do; below 0 it falls.",
             confirm: "Repeat at half the load: the linear part of the field halves, this part falls to a quarter; or test a [0] coupon in tension with an extensometer.",
         }

@@ -1,6 +1,6 @@
 //! Fringes miscounted in a region.
 
-use super::{Effect, Entry, Kind, NEEDS_FRINGES, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, NEEDS_FRINGES, Scene};
 
 pub struct FringeOrderJump;
 
@@ -11,15 +11,15 @@ impl Effect for FringeOrderJump {
             kind: Kind::Recorded,
             parameters: const {
                 &[
-                    Parameter::unbounded("x_orders", 1e3),
-                    Parameter::unbounded("y_orders", 1e3),
-                    Parameter::unbounded("x_mm", 1e5),
-                    Parameter::unbounded("y_mm", 1e5),
-                    Parameter::unbounded("radius_mm", 1e5),
+                    EffectParameter::unbounded("x_orders", 1e3),
+                    EffectParameter::unbounded("y_orders", 1e3),
+                    EffectParameter::unbounded("x_mm", 1e5),
+                    EffectParameter::unbounded("y_mm", 1e5),
+                    EffectParameter::unbounded("radius_mm", 1e5),
                 ]
             },
-            about: "Fringes miscounted by whole orders of the displacement along the data's x, along its y, or both (each has its own fringes), in a region: simulated as a disc about a point of the data's coordinates, traced as whatever region the residual shows.",
-            confirm: "Unwrap the phase along another path, or count the fringes across the region's border in the picture; or follow the fringes up from a smaller load.",
+            about: "In a region the fringes are miscounted by whole orders, of the displacement along the data's x, along its y, or both. `simulate` makes the region a disc about a point of the data's coordinates. Tracing finds any region.",
+            confirm: "Unwrap the phase along another path, or count the fringes across the region's border in the picture. Or follow the fringes up from a smaller load.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! Drilling has damaged the laminate about the hole.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_offered};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_offered};
 use crate::fem::{Annulus, Setup};
 use crate::geometry::Change;
 
@@ -14,7 +14,7 @@ impl Effect for HoleEdgeDamage {
         Entry {
             name: "hole_edge_damage",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::positive("loss_percent", 20.0, 95.0)] },
+            parameters: const { &[EffectParameter::positive("loss_percent", 20.0, 95.0)] },
             about: "The laminate within 1.3 radii of the hole's centre has lost this percentage of its stiffness.",
             confirm: "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat.",
         }

@@ -1,6 +1,6 @@
 //! The hole was drilled beside its place.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_offered};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_offered};
 use crate::fem::Setup;
 use crate::geometry::Change;
 
@@ -13,12 +13,12 @@ impl Effect for HoleOffset {
             kind: Kind::Mechanical,
             parameters: const {
                 &[
-                    Parameter::new("dx_mm", 0.3, 1e3),
-                    Parameter::new("dy_mm", 0.3, 1e3),
+                    EffectParameter::new("dx_mm", 0.3, 1e3),
+                    EffectParameter::new("dy_mm", 0.3, 1e3),
                 ]
             },
             about: "The hole lies (dx, dy) along the data's x and y from its nominal place in the plate; the data's origin stays at its centre.",
-            confirm: "Measure the distance from the hole's edge to both edges of the specimen with a calliper or a travelling microscope; or remount the specimen turned end for end: the offset changes sides. Along the load it is hardly observable.",
+            confirm: "Measure the distance from the hole's edge to both edges of the specimen with a calliper or a travelling microscope. Or remount the specimen turned end for end: the offset changes sides. Along the load it is hardly observable.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! The hole is larger or smaller than nominal.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_offered};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_offered};
 use crate::fem::Setup;
 use crate::geometry::Change;
 
@@ -11,7 +11,7 @@ impl Effect for HoleSize {
         Entry {
             name: "hole_size",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("diameter_percent", 2.0, 90.0)] },
+            parameters: const { &[EffectParameter::new("diameter_percent", 2.0, 90.0)] },
             about: "The hole's diameter differs from the nominal one by this percentage of it.",
             confirm: "Measure the hole's diameter with pin gauges, a calliper or a microscope, along and across the load and on both faces.",
         }

@@ -1,6 +1,6 @@
 //! The line of the load lies beside the plate's centreline.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_moments};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_moments};
 use crate::fem::Setup;
 
 pub struct InPlaneBending;
@@ -10,9 +10,9 @@ impl Effect for InPlaneBending {
         Entry {
             name: "in_plane_bending",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("eccentricity_mm", 0.2, 5.0)] },
-            about: "The load acts at a distance from the centreline, positive towards direction 2, in the frame of the machine, so that the plate bends in its plane.",
-            confirm: "Put strain gauges on both edges, far from the hole. Or remount the specimen turned front to back about the loading axis: as the camera sees it, bending from the grips stays and a thickness taper changes sides.",
+            parameters: const { &[EffectParameter::new("eccentricity_mm", 0.2, 5.0)] },
+            about: "The load acts at a distance from the centreline, so that the plate bends in its plane. The distance is positive towards direction 2, in the frame of the machine.",
+            confirm: "Put strain gauges on both edges, far from the hole. Or remount the specimen turned front to back about the loading axis. For the camera, bending from the grips then stays and a thickness taper changes sides.",
         }
     }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::optics::{displacements_are_imaged, in_data_axes};
-use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, Scope};
 
 pub struct InterpolationBias;
 
@@ -12,8 +12,8 @@ impl Effect for InterpolationBias {
         Entry {
             name: "interpolation_bias",
             kind: Kind::Optical,
-            parameters: const { &[Parameter::new("amplitude_px", 0.01, 0.2)] },
-            about: "The interpolation of grey values adds to each component of the displacement along the data's axes, rigid motion included, amplitude sin(2 pi u / pixel) of itself (Schreier, Braasch and Sutton, Opt. Eng. 39 (2000)): nothing at whole and half pixels.",
+            parameters: const { &[EffectParameter::new("amplitude_px", 0.01, 0.2)] },
+            about: "The interpolation of grey values adds amplitude sin(2 pi u / pixel) to each component u of the displacement along the data's axes, rigid motion included. At whole and half pixels it adds nothing. Source: Schreier, Braasch and Sutton (2000), Optical Engineering 39.",
             confirm: "Move the unloaded specimen by tenths of a pixel and correlate: the error repeats with every pixel. Or correlate again with an interpolant of higher degree, or images that were blurred a little.",
         }
     }

@@ -1,6 +1,6 @@
 //! Radial distortion by the lens.
 
-use super::{Companions, Effect, Entry, Kind, Parameter, Scene};
+use super::{Companions, Effect, EffectParameter, Entry, Kind, Scene};
 
 pub struct LensDistortion;
 
@@ -17,9 +17,9 @@ impl Effect for LensDistortion {
             kind: Kind::Optical,
             parameters: const {
                 &[
-                    Parameter::new("percent_at_12mm", 0.3, 2.0),
-                    Parameter::new("center_1_mm", 6.0, 100.0),
-                    Parameter::new("center_2_mm", 6.0, 100.0),
+                    EffectParameter::new("percent_at_12mm", 0.3, 2.0),
+                    EffectParameter::new("center_1_mm", 6.0, 100.0),
+                    EffectParameter::new("center_2_mm", 6.0, 100.0),
                 ]
             },
             about: "Radial distortion about a centre: from there true X = X (1 - k r^2), stated as k r^2 at a radius of 12 mm. The centre is given from the middle of the measured points, along direction 1 and 2; the origin of the coordinates stays at the imaged hole's centre. Displacements read from fringes stay right; those from image coordinates are distorted too, rigid motion included.",

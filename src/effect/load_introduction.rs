@@ -1,6 +1,6 @@
 //! The force enters through an edge otherwise than uniformly.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::Setup;
 
 /// On the `0`-th of the edges whose load introduction the measurement has to tell, counted from 0.
@@ -17,15 +17,15 @@ impl Effect for LoadIntroduction {
             // a force that acts on half an edge has a second coefficient of 190 %, one at its middle 250 %
             parameters: const {
                 &[
-                    Parameter::new("along_p2_percent", 100.0, 1000.0),
-                    Parameter::new("along_p3_percent", 100.0, 1000.0),
-                    Parameter::new("along_p4_percent", 100.0, 1000.0),
-                    Parameter::new("across_p1_percent", 50.0, 1000.0),
-                    Parameter::new("across_p2_percent", 50.0, 1000.0),
-                    Parameter::new("across_p3_percent", 50.0, 1000.0),
+                    EffectParameter::new("along_p2_percent", 100.0, 1000.0),
+                    EffectParameter::new("along_p3_percent", 100.0, 1000.0),
+                    EffectParameter::new("along_p4_percent", 100.0, 1000.0),
+                    EffectParameter::new("across_p1_percent", 50.0, 1000.0),
+                    EffectParameter::new("across_p2_percent", 50.0, 1000.0),
+                    EffectParameter::new("across_p3_percent", 50.0, 1000.0),
                 ]
             },
-            about: "Over the first or second loaded edge that is declared \"measured\" the force is spread as the field has it: Legendre polynomials of the place on the edge, in percent of the mean traction, along the force and across it, without a resultant.",
+            about: "The force is spread over the first or second edge that is declared \"measured\" as the field shows it. The amplitudes are Legendre polynomials of the place on the edge, in percent of the mean traction, along the force and across it. They have no resultant.",
             confirm: "Put pressure-sensitive film between grip and specimen, or bring the window nearer to the edge.",
         }
     }

@@ -1,6 +1,6 @@
 //! The load's resultant leans towards direction 2.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_moments};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_moments};
 use crate::fem::Setup;
 
 pub struct LoadMisalignment;
@@ -10,9 +10,9 @@ impl Effect for LoadMisalignment {
         Entry {
             name: "load_misalignment",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("angle_deg", 1.0, 20.0)] },
-            about: "The pull through the plate's centre leans by the angle from direction 1 towards direction 2, in the frame of the machine: end shear, with the end moments that balance it.",
-            confirm: "Measure the offset between the upper and the lower grip across the load (plumb line or dial gauge): the free length times the tangent of the angle. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the load stays and that of the plies changes its sign.",
+            parameters: const { &[EffectParameter::new("angle_deg", 1.0, 20.0)] },
+            about: "The pull through the plate's centre leans by the angle from direction 1 towards direction 2, in the frame of the machine. The ends carry shear, and the moments that balance it.",
+            confirm: "Measure the offset between the upper and the lower grip across the load, with a plumb line or a dial gauge. It is the free length times the tangent of the angle. Or remount the specimen turned front to back about the loading axis. For the camera, the angle of the load then stays and that of the plies changes its sign.",
         }
     }
 

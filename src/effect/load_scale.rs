@@ -1,6 +1,6 @@
 //! The load is not the one that was read.
 
-use super::{Effect, Entry, Kind, Parameter};
+use super::{Effect, EffectParameter, Entry, Kind};
 use crate::fem::Setup;
 
 pub struct LoadScale;
@@ -10,7 +10,7 @@ impl Effect for LoadScale {
         Entry {
             name: "load_scale",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("percent", 0.5, 99.0)] },
+            parameters: const { &[EffectParameter::new("percent", 0.5, 99.0)] },
             about: "The true load differs from the declared one by this percentage. All moduli scaled together do exactly the same to the field.",
             confirm: "Calibrate the load cell against dead weights or a reference cell; the displacement field cannot tell.",
         }

@@ -1,6 +1,6 @@
 //! The size of a pixel is not what it is taken for.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 
 pub struct Magnification;
 
@@ -14,9 +14,9 @@ impl Effect for Magnification {
         Entry {
             name: "magnification",
             kind: Kind::Optical,
-            parameters: const { &[Parameter::new("percent", 1.0, 20.0)] },
+            parameters: const { &[EffectParameter::new("percent", 1.0, 20.0)] },
             about: "The pixel scale is wrong by s: reported X = (1 + s) true X about the hole's centre. Displacements read from fringes stay right; those from image coordinates are scaled too.",
-            confirm: "Picture a calibrated target (a scale or a grid of dots) in the plane of the specimen; or compare the specimen's width and the hole's diameter in the picture with those by calliper.",
+            confirm: "Picture a calibrated target (a scale or a grid of dots) in the plane of the specimen. Or compare the specimen's width and the hole's diameter in the picture with those by calliper.",
         }
     }
 

@@ -2,14 +2,18 @@
 //!
 //! A new effect is one new file here and one line in [`EFFECTS`].
 
+mod balanced_misorientation;
 mod camera_rotation;
 mod camera_tilt;
 mod component_sensitivity;
 mod fibre_nonlinearity;
+mod force_offset;
+mod forces;
 mod fringe_order_jump;
 mod hole_edge_damage;
 mod hole_offset;
 mod hole_size;
+mod hysteresis;
 mod in_plane_bending;
 mod interpolation_bias;
 mod lens_distortion;
@@ -25,12 +29,16 @@ mod out_of_plane_translation;
 mod parameter;
 mod phase_shift_error;
 mod ply_misorientation;
+mod ply_share;
 mod registration_offset;
+mod residual_load;
 mod rigid_rotation;
 mod rigid_translation;
 mod seen;
 mod shear_nonlinearity;
 mod single_ply_misorientation;
+mod softening;
+mod step_force;
 mod thermal_gradient;
 mod thermal_strain;
 mod thickness_taper;
@@ -40,11 +48,12 @@ mod yielding;
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
+use crate::files::{Stored, stored};
 use crate::geometry::Change;
 use crate::laminate::{Material, MeanSd, Ply};
 
 pub use optics::displacements_are_imaged;
-pub use parameter::{Parameter, amplitude_name};
+pub use parameter::{EffectParameter, amplitude_name};
 pub use seen::Seen;
 
 use parameter::check_amplitude;
@@ -78,12 +87,31 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &single_ply_misorientation::SinglePlyMisorientation(0),
     &single_ply_misorientation::SinglePlyMisorientation(1),
     &single_ply_misorientation::SinglePlyMisorientation(2),
+    &balanced_misorientation::BalancedMisorientation,
+    &ply_share::PlyShare(0),
+    &ply_share::PlyShare(1),
     &thickness_taper::ThicknessTaper,
     &hole_edge_damage::HoleEdgeDamage,
     &shear_nonlinearity::ShearNonlinearity,
     &fibre_nonlinearity::FibreNonlinearity,
     &yielding::Yielding,
     &load_scale::LoadScale,
+    &force_offset::ForceOffset,
+    &residual_load::ResidualLoad,
+    &softening::SofteningWithLoad,
+    &hysteresis::Hysteresis,
+    &step_force::StepForce(0),
+    &step_force::StepForce(1),
+    &step_force::StepForce(2),
+    &step_force::StepForce(3),
+    &step_force::StepForce(4),
+    &step_force::StepForce(5),
+    &step_force::StepForce(6),
+    &step_force::StepForce(7),
+    &step_force::StepForce(8),
+    &step_force::StepForce(9),
+    &step_force::StepForce(10),
+    &step_force::StepForce(11),
 ];
 
 /// The effect that scales all forces. No field can tell it from a common factor of all moduli: it takes part in every model with its prior.
@@ -144,6 +172,8 @@ pub enum Kind {
     Recorded,
     /// The test itself is another one: the finite elements are solved anew.
     Mechanical,
+    /// In some steps of a series the whole field is that of another force than the declared one.
+    Load,
 }
 
 impl Kind {
@@ -153,6 +183,7 @@ impl Kind {
             Kind::Optical => "the field seen at other points or along other axes",
             Kind::Recorded => "what the instrument records of the displacement",
             Kind::Mechanical => "another test, solved by finite elements",
+            Kind::Load => "the whole field of a step, as of another force",
         }
     }
 }
@@ -168,6 +199,8 @@ pub enum Scope {
     Motion,
     /// It belongs to the recording.
     Recording,
+    /// It is a multiple of the whole field that the load causes, by a pattern of its own over the steps.
+    Force,
 }
 
 /// What goes wrong where fringes are recorded. Both are taken out of the field before it is fitted.
@@ -217,6 +250,8 @@ pub struct Scene {
     pub solved_elsewhere: bool,
     /// Middle of the picture, (s, t) mm: the camera's axis and the centre of its lens are near it.
     pub middle: [f64; 2],
+    /// Declared force of every step of a series over the nominal one, none of a step whose force is not known; empty of one load.
+    pub declared_loads: Vec<Option<f64>>,
 }
 
 /// An effect in the dictionary.
@@ -227,7 +262,7 @@ pub struct Entry {
     /// How it acts.
     pub kind: Kind,
     /// Its parameters. Amplitudes are given in this order, in border units.
-    pub parameters: &'static [Parameter],
+    pub parameters: &'static [EffectParameter],
     /// What it is, in a sentence.
     pub about: &'static str,
     /// What experiment would confirm it.
@@ -244,7 +279,7 @@ pub trait Effect: Sync {
         self.entry().name
     }
 
-    fn parameters(&self) -> &'static [Parameter] {
+    fn parameters(&self) -> &'static [EffectParameter] {
         self.entry().parameters
     }
 
@@ -312,7 +347,28 @@ pub trait Effect: Sync {
             Kind::Optical => Scope::Picture,
             Kind::Additive => Scope::Motion,
             Kind::Recorded => Scope::Recording,
+            Kind::Load => Scope::Force,
         }
+    }
+
+    /// Of an effect of [`Scope::Force`] its share in each step, where forces are `loads` over the largest.
+    fn over_steps(&self, loads: &[f64]) -> Vec<f64> {
+        vec![0.0; loads.len()]
+    }
+
+    /// By how much it raises the force of a step in which its share is 1, over the nominal force.
+    fn force(&self, amplitude: &[f64], _scene: &Scene) -> f64 {
+        0.01 * amplitude[0]
+    }
+
+    /// Whether the test has what it speaks of: a series without a seventh step has no force of that step.
+    fn concerns(&self, scene: &Scene) -> bool {
+        self.scope() != Scope::Force || self.obstacle(scene).is_none()
+    }
+
+    /// What the constants are where it acts with an amplitude, in a sentence; none where they are what they always are.
+    fn constants_are(&self, _amplitude: &[f64]) -> Option<String> {
+        None
     }
 
     /// Whether what a mechanical effect has added under a force is still there when the force has gone.
@@ -327,6 +383,12 @@ pub trait Effect: Sync {
 
     /// Whether it moves the specimen as a whole in its plane. Every step of a load series does so by its own amount.
     fn is_rigid(&self) -> bool {
+        false
+    }
+
+    /// Whether it is a scatter of the making that specimens have or have not: where `plausible` declares how much, it widens the quoted
+    /// constants however little the data ask for, and elsewhere it is not weighed.
+    fn is_manufacturing(&self) -> bool {
         false
     }
 
@@ -356,7 +418,7 @@ pub trait Effect: Sync {
     }
 
     /// Prior sd of the amplitude of parameter `k` before a camera, where images are correlated in a load series; `None` where it is that of
-    /// [`Parameter::prior_sd`].
+    /// [`EffectParameter::prior_sd`].
     fn prior_sd_before_camera(&self, _k: usize, _scene: &Scene) -> Option<f64> {
         None
     }
@@ -414,6 +476,19 @@ pub fn find(place: &str, name: &str) -> Result<&'static dyn Effect> {
 pub struct Acting {
     pub effect: &'static dyn Effect,
     pub amplitude: Vec<f64>,
+}
+
+stored!(Acting { effect, amplitude });
+
+/// By its name, which is looked up.
+impl Stored for &'static dyn Effect {
+    fn put(&self, out: &mut Vec<u8>) {
+        self.name().to_string().put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        find("stage", &String::take(from)?).ok()
+    }
 }
 
 impl Acting {

@@ -1,7 +1,7 @@
 //! The specimen bends out of its plane: its surface strains, and the camera sees it nearer or farther.
 
 use super::out_of_plane_translation::OutOfPlaneTranslation;
-use super::{Companions, Effect, Entry, Kind, Parameter, Scene, Scope};
+use super::{Companions, Effect, EffectParameter, Entry, Kind, Scene, Scope};
 use crate::fem::plain_rotation;
 use crate::laminate::{PlateStiffness, abd};
 
@@ -31,11 +31,11 @@ impl Effect for OutOfPlaneBending {
             kind: Kind::Additive,
             parameters: const {
                 &[
-                    Parameter::new("uniform_per_m", 0.025, 100.0),
-                    Parameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
+                    EffectParameter::new("uniform_per_m", 0.025, 100.0),
+                    EffectParameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
                 ]
             },
-            about: "The load acts off the middle surface, so that the specimen bends out of its plane. The gross section's curvature along the load, at the hole and its change a mm along the load, is positive where it stretches the face that is seen (z = +h/2). Bent plates of finite elements hold what the hole changes; with camera_distance_mm, the deflection also shifts what the camera sees.",
+            about: "The load acts off the middle surface, so that the specimen bends out of its plane. The amplitudes are the gross section's curvature along the load: at the hole, and its change a mm along the load. They are positive where the face that is seen is stretched (z = +h/2). Finite elements of bent plates give what the hole changes. With camera_distance_mm, the deflection also shifts what the camera sees.",
             confirm: "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself.",
         }
     }

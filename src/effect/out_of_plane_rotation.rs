@@ -3,7 +3,7 @@
 use super::optics::no_camera;
 use super::out_of_plane_translation::OutOfPlaneTranslation;
 use super::uniform_strain::UniformStrain;
-use super::{Companions, Effect, Entry, Kind, Parameter, Scene, Scope};
+use super::{Companions, Effect, EffectParameter, Entry, Kind, Scene, Scope};
 
 pub struct OutOfPlaneRotation;
 
@@ -17,12 +17,12 @@ impl Effect for OutOfPlaneRotation {
             kind: Kind::Optical,
             parameters: const {
                 &[
-                    Parameter::new("about_1_mrad", 2.0, 100.0),
-                    Parameter::new("about_2_mrad", 2.0, 100.0),
+                    EffectParameter::new("about_1_mrad", 2.0, 100.0),
+                    EffectParameter::new("about_2_mrad", 2.0, 100.0),
                 ]
             },
-            about: "The specimen turns between the exposures about axes in its plane through the hole's centre: a point (s, t) rises towards the camera by a1 t - a2 s, and perspective makes of it a displacement that grows with the square of the distance from the camera's axis.",
-            confirm: "A mirror or two dial gauges on the face, or a second camera (3-D DIC), show the rotation; or repeat from twice the distance: its field halves.",
+            about: "The specimen turns between the exposures about axes in its plane through the hole's centre. A point (s, t) rises towards the camera by a1 t - a2 s. By perspective this is a displacement that grows with the square of the distance from the camera's axis.",
+            confirm: "A mirror or two dial gauges on the face, or a second camera (3-D DIC), show the rotation. Or repeat from twice the distance: its field halves.",
         }
     }
 

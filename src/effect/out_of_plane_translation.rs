@@ -1,7 +1,7 @@
 //! The specimen moves towards the camera.
 
 use super::optics::no_camera;
-use super::{Effect, Entry, Kind, Parameter, Scene, Scope};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, Scope};
 
 pub struct OutOfPlaneTranslation;
 
@@ -14,7 +14,7 @@ impl Effect for OutOfPlaneTranslation {
         Entry {
             name: "out_of_plane_translation",
             kind: Kind::Optical,
-            parameters: const { &[Parameter::new("w_mm", 0.075, 20.0)] },
+            parameters: const { &[EffectParameter::new("w_mm", 0.075, 20.0)] },
             about: "The specimen moves towards the camera between the exposures, and its picture grows about the camera's axis by w over the camera's distance.",
             confirm: "A dial gauge on the face, or a second camera (3-D DIC), shows the motion; or repeat from twice the distance: its strain halves.",
         }

@@ -2,10 +2,11 @@
 
 use super::Effect;
 use crate::error::{Error, Result};
+use crate::parameter::Parameter;
 
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
+pub struct EffectParameter {
     /// Name that ends in its unit (`angle_urad`).
     pub name: &'static str,
     /// Standard deviation of the amplitude's normal prior, in that unit; `None` where nothing bounds it.
@@ -16,7 +17,7 @@ pub struct Parameter {
     pub positive: bool,
 }
 
-impl Parameter {
+impl EffectParameter {
     /// With a normal prior of sd `prior_sd` about 0, modelled up to `bound`.
     pub const fn new(name: &'static str, prior_sd: f64, bound: f64) -> Self {
         Self {
@@ -44,20 +45,9 @@ impl Parameter {
             positive: false,
         }
     }
-
-    /// The unit, as the name ends in it: `per m per mm` of `gradient_per_m_per_mm`, `percent` of `percent_at_12mm`.
-    pub fn unit(&self) -> String {
-        let name = self.name;
-        let unit = match name.find("per_") {
-            Some(at) => &name[at..],
-            None if name.starts_with("percent") => "percent",
-            None => name.rsplit('_').next().unwrap_or(name),
-        };
-        unit.replace('_', " ")
-    }
 }
 
-pub(super) fn check_amplitude(place: &str, parameter: &Parameter, value: f64) -> Result<()> {
+pub(super) fn check_amplitude(place: &str, parameter: &EffectParameter, value: f64) -> Result<()> {
     if value.abs() <= parameter.bound {
         return Ok(());
     }
@@ -66,6 +56,6 @@ pub(super) fn check_amplitude(place: &str, parameter: &Parameter, value: f64) ->
 }
 
 /// `effect.parameter`, the name under which an amplitude is reported.
-pub fn amplitude_name(effect: &dyn Effect, parameter: &Parameter) -> String {
-    format!("{}.{}", effect.name(), parameter.name)
+pub fn amplitude_name(effect: &dyn Effect, parameter: &EffectParameter) -> String {
+    Parameter::amplitude(effect.name(), parameter.name).name()
 }

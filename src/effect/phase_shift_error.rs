@@ -1,6 +1,6 @@
 //! Wrong steps of the phase shifter print a ripple at twice the fringe frequency.
 
-use super::{Effect, Entry, Kind, NEEDS_FRINGES, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, NEEDS_FRINGES, Scene};
 use crate::quantity::NM_PER_MM;
 
 pub struct PhaseShiftError;
@@ -12,14 +12,14 @@ impl Effect for PhaseShiftError {
             kind: Kind::Recorded,
             parameters: const {
                 &[
-                    Parameter::new("u1_sin_nm", 20.0, 1e3),
-                    Parameter::new("u1_cos_nm", 20.0, 1e3),
-                    Parameter::new("u2_sin_nm", 20.0, 1e3),
-                    Parameter::new("u2_cos_nm", 20.0, 1e3),
+                    EffectParameter::new("u1_sin_nm", 20.0, 1e3),
+                    EffectParameter::new("u1_cos_nm", 20.0, 1e3),
+                    EffectParameter::new("u2_sin_nm", 20.0, 1e3),
+                    EffectParameter::new("u2_cos_nm", 20.0, 1e3),
                 ]
             },
-            about: "Wrong steps of the phase shifter add to each component F of the displacement (u1 along the load, u2 across it), its translation included, its own a sin(2 pi 2 f F) + b cos(2 pi 2 f F), f being the fringe frequency.",
-            confirm: "Calibrate the phase shifter (piezo); or repeat with another number of phase steps: the ripple changes, the displacement does not.",
+            about: "Wrong steps of the phase shifter add a sin(2 pi 2 f F) + b cos(2 pi 2 f F) to each component F of the displacement. F is u1 along the load or u2 across it, with its translation; f is the fringe frequency. Each component has its own a and b.",
+            confirm: "Calibrate the phase shifter (piezo). Or repeat with another number of phase steps: the ripple changes, the displacement does not.",
         }
     }
 

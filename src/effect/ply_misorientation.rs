@@ -1,6 +1,6 @@
 //! All plies are turned against the specimen's axis.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::Setup;
 use crate::laminate::Material;
 
@@ -11,9 +11,9 @@ impl Effect for PlyMisorientation {
         Entry {
             name: "ply_misorientation",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("angle_deg", 1.0, 45.0)] },
-            about: "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, in the frame of the specimen, so that a balanced laminate couples extension and shear.",
-            confirm: "Measure the fibres' angles against the cut edge on a piece that is sectioned or burnt off. Or remount the specimen turned front to back about the loading axis: as the camera sees it, the angle of the plies changes its sign and that of the load stays (turned end for end, both stay).",
+            parameters: const { &[EffectParameter::new("angle_deg", 1.0, 45.0)] },
+            about: "All ply angles are off by one angle, counter-clockwise in the data's x-y plane, in the frame of the specimen. A balanced laminate then couples extension and shear.",
+            confirm: "Measure the fibres' angles against the cut edge on a piece that is sectioned or burnt off. Or remount the specimen turned front to back about the loading axis. For the camera, the angle of the plies then changes its sign and that of the load stays. Turned end for end, both stay.",
         }
     }
 

@@ -1,7 +1,7 @@
 //! The hole's centre was set wrongly in the measured frame.
 
 use super::optics::in_data_axes;
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 
 pub struct RegistrationOffset;
 
@@ -12,8 +12,8 @@ impl Effect for RegistrationOffset {
             kind: Kind::Optical,
             parameters: const {
                 &[
-                    Parameter::new("dx_mm", 0.1, 2.0),
-                    Parameter::new("dy_mm", 0.1, 2.0),
+                    EffectParameter::new("dx_mm", 0.1, 2.0),
+                    EffectParameter::new("dy_mm", 0.1, 2.0),
                 ]
             },
             about: "The origin of the reported coordinates is not the hole's centre: reported = true + (dx, dy) along the data's x and y.",

@@ -1,6 +1,6 @@
 //! Small rigid rotation of the specimen in its plane.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::quantity::URAD_PER_RAD;
 
 pub struct RigidRotation;
@@ -10,7 +10,7 @@ impl Effect for RigidRotation {
         Entry {
             name: "rigid_rotation",
             kind: Kind::Additive,
-            parameters: const { &[Parameter::new("angle_urad", 100.0, 1e4)] },
+            parameters: const { &[EffectParameter::new("angle_urad", 100.0, 1e4)] },
             about: "The specimen turned in its plane between the two exposures; counter-clockwise in the data's x-y plane is positive.",
             confirm: "Unload, unclamp, clamp anew and repeat: the angle changes while the constants stay; or track two marks on each grip between the exposures.",
         }

@@ -1,6 +1,6 @@
 //! Rigid translation of the observed field.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::quantity::UM_PER_MM;
 
 pub struct RigidTranslation;
@@ -12,8 +12,8 @@ impl Effect for RigidTranslation {
             kind: Kind::Additive,
             parameters: const {
                 &[
-                    Parameter::unbounded("tx_um", 1e6),
-                    Parameter::unbounded("ty_um", 1e6),
+                    EffectParameter::unbounded("tx_um", 1e6),
+                    EffectParameter::unbounded("ty_um", 1e6),
                 ]
             },
             about: "The whole field is shifted along the data's x and y: a fringe order has no origin, and a specimen moves in its grips.",

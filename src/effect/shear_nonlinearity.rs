@@ -1,6 +1,6 @@
 //! The plies soften in shear as the load grows.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::Setup;
 use crate::laminate::Material;
 
@@ -11,7 +11,7 @@ impl Effect for ShearNonlinearity {
         Entry {
             name: "shear_nonlinearity",
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::positive("beta_per_MPa3", 1e-7, 1e-6)] },
+            parameters: const { &[EffectParameter::positive("beta_per_MPa3", 1e-7, 1e-6)] },
             about: "Hahn and Tsai's shear law of every ply, gamma12 = tau12 / G12 + beta tau12^3.",
             confirm: "Repeat at half the load: the linear part of the field halves, this part falls to an eighth; or test a [45, -45]s coupon in tension (ASTM D3518).",
         }

@@ -1,6 +1,6 @@
 //! One ply is turned against the others.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::Setup;
 use crate::laminate::Material;
 
@@ -14,6 +14,10 @@ const NAMES: [&str; 3] = [
     "single_ply_misorientation_3",
 ];
 
+/// The obstacle of effects of the specimen's own plies.
+pub(super) const OWN_LAYUPS: &str =
+    "regions of the mesh have a layup of their own (mesh.regions), without the specimen's plies";
+
 /// Index of the first ply of each different angle.
 fn different(angles: &[f64]) -> Vec<usize> {
     let is_new = |&k: &usize| !angles[..k].iter().any(|a| (a - angles[k]).abs() < 1e-9);
@@ -25,9 +29,9 @@ impl Effect for SinglePlyMisorientation {
         Entry {
             name: NAMES[self.0],
             kind: Kind::Mechanical,
-            parameters: const { &[Parameter::new("angle_deg", 2.0, 45.0)] },
-            about: "One of the plies of the first, second or third different angle of the layup is off by this angle, counter-clockwise in the data's x-y plane; the bending that an unsymmetric laminate adds is not modelled.",
-            confirm: "Measure the angle of every ply on a polished cut, or burn the matrix off and lay the plies out; a laminate with one ply turned also warps when it cools.",
+            parameters: const { &[EffectParameter::new("angle_deg", 2.0, 45.0)] },
+            about: "One ply is off by this angle, counter-clockwise in the data's x-y plane. The number counts the different angles of the layup. The bending that an unsymmetric laminate adds is not modelled.",
+            confirm: "Measure the angle of every ply on a polished cut, or burn the matrix off and lay the plies out. A laminate with one ply turned also warps when it cools.",
         }
     }
 
@@ -42,9 +46,7 @@ impl Effect for SinglePlyMisorientation {
             return Some("an isotropic plate has no plies");
         }
         if scene.setup.regions.iter().any(|r| r.layup.is_some()) {
-            return Some(
-                "regions of the mesh have a layup of their own (mesh.regions), without the specimen's plies",
-            );
+            return Some(OWN_LAYUPS);
         }
         let angles = &scene.setup.angles;
         if angles.len() < 2 {

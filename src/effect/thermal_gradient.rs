@@ -1,6 +1,6 @@
 //! The specimen's temperature varied over it when it was loaded.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_same_plies};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_same_plies};
 use crate::laminate::free_expansion;
 
 pub struct ThermalGradient;
@@ -12,12 +12,12 @@ impl Effect for ThermalGradient {
             kind: Kind::Additive,
             parameters: const {
                 &[
-                    Parameter::new("along_K_per_mm", 0.1, 10.0),
-                    Parameter::new("across_K_per_mm", 0.1, 10.0),
+                    EffectParameter::new("along_K_per_mm", 0.1, 10.0),
+                    EffectParameter::new("across_K_per_mm", 0.1, 10.0),
                 ]
             },
-            about: "The specimen was warmer by an amount that grows linearly along the load and across it (zero at the origin) when it was loaded than at the reference exposure, and expanded freely, as its plies' coefficients have it.",
-            confirm: "Thermocouples at both ends and sides of the window, or a thermal camera; or two exposures at one and the same load, an hour apart.",
+            about: "When it was loaded, the specimen was warmer than at the reference exposure. The difference grows linearly along the load and across it, and is zero at the origin. The specimen expands freely, by its plies' coefficients.",
+            confirm: "Use thermocouples at both ends and sides of the window, or a thermal camera. Or take two exposures at one and the same load, an hour apart.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! The specimen was warmer or colder when it was loaded.
 
-use super::{Effect, Entry, Kind, Parameter, Scene, unless_same_plies};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_same_plies};
 use crate::laminate::free_expansion;
 
 pub struct ThermalStrain;
@@ -13,7 +13,7 @@ impl Effect for ThermalStrain {
         Entry {
             name: "thermal_strain",
             kind: Kind::Additive,
-            parameters: const { &[Parameter::new("dT_K", 3.0, 300.0)] },
+            parameters: const { &[EffectParameter::new("dT_K", 3.0, 300.0)] },
             about: "The specimen was warmer by dT when it was loaded than at the reference exposure, and expanded freely, as its plies' coefficients have it.",
             confirm: "Read a thermocouple on the specimen at both exposures; or compare two exposures at one and the same load, an hour apart.",
         }

@@ -1,6 +1,6 @@
 //! The plate is thicker on one side, or at one end.
 
-use super::{Effect, Entry, Kind, Parameter};
+use super::{Effect, EffectParameter, Entry, Kind};
 use crate::fem::Setup;
 
 pub struct ThicknessTaper;
@@ -12,12 +12,12 @@ impl Effect for ThicknessTaper {
             kind: Kind::Mechanical,
             parameters: const {
                 &[
-                    Parameter::new("across_percent", 2.0, 190.0),
-                    Parameter::new("along_percent", 2.0, 190.0),
+                    EffectParameter::new("across_percent", 2.0, 190.0),
+                    EffectParameter::new("along_percent", 2.0, 190.0),
                 ]
             },
-            about: "The thickness grows by these percentages from edge to edge along direction 2 and from end to end along direction 1, in the frame of the specimen; its middle value stays, and so does the uniform end force.",
-            confirm: "Measure the thickness with a micrometer at five places at least along each edge. Or remount the specimen turned end for end: as the camera sees it, a taper changes sides and bending from the grips stays.",
+            about: "The thickness grows by these percentages: from edge to edge along direction 2, and from end to end along direction 1, in the frame of the specimen. Its middle value stays, and so does the uniform end force.",
+            confirm: "Measure the thickness with a micrometer at five places at least along each edge. Or remount the specimen turned end for end. For the camera, a taper then changes sides and bending from the grips stays.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! A uniform strain that the load did not cause.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 
 /// Strain in one microstrain.
 const MICRO: f64 = 1e-6;
@@ -17,13 +17,13 @@ impl Effect for UniformStrain {
             kind: Kind::Additive,
             parameters: const {
                 &[
-                    Parameter::new("exx_microstrain", 10.0, 1e4),
-                    Parameter::new("eyy_microstrain", 10.0, 1e4),
-                    Parameter::new("exy_microstrain", 10.0, 1e4),
+                    EffectParameter::new("exx_microstrain", 10.0, 1e4),
+                    EffectParameter::new("eyy_microstrain", 10.0, 1e4),
+                    EffectParameter::new("exy_microstrain", 10.0, 1e4),
                 ]
             },
-            about: "A uniform strain along the data's x and y, which the load did not cause: motion towards the camera, a change of magnification during the test, or a carrier of fringes. exy is the tensor shear, half of gamma.",
-            confirm: "Two exposures at one and the same load: whatever strain they show, the load did not cause. Or repeat at half the load step: this strain does not halve. A second camera (3-D DIC) or a dial gauge on the face shows motion towards the camera; exposing the carrier alone shows that.",
+            about: "A uniform strain along the data's x and y, which the load did not cause. Causes: motion towards the camera, a change of magnification during the test, or a carrier of fringes. exy is the tensor shear, half of gamma.",
+            confirm: "Take two exposures at one and the same load: any strain between them is not from the load. Or repeat at half the load step: this strain does not halve. A second camera (3-D DIC) or a dial gauge on the face shows motion towards the camera; exposing the carrier alone shows that.",
         }
     }
 

@@ -1,6 +1,6 @@
 //! The metal yields where the stress is highest.
 
-use super::{Effect, Entry, Kind, Parameter, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::{Setup, Yield};
 use crate::laminate::{Material, MeanSd};
 
@@ -20,13 +20,13 @@ impl Effect for Yielding {
             kind: Kind::Mechanical,
             parameters: const {
                 &[
-                    Parameter::positive("amplitude", 1.0, 3.0),
-                    Parameter::new("yield_percent", 30.0, 90.0),
-                    Parameter::new("hardening_percent", 70.0, 210.0),
+                    EffectParameter::positive("amplitude", 1.0, 3.0),
+                    EffectParameter::new("yield_percent", 30.0, 90.0),
+                    EffectParameter::new("hardening_percent", 70.0, 210.0),
                 ]
             },
-            about: "The metal yields (von Mises, linear isotropic hardening) where the stress exceeds material.yield_MPa. The amplitude is the share of the plastic part: 1 is all of it. yield_percent and hardening_percent are 100 times the change of ln sigma_y and of ln H, about the declared yield stress and H = E / 100.",
-            confirm: "Take a picture after unloading: what has yielded stays. Or repeat on a virgin specimen at half the load, where little or nothing yields; a tension test of the sheet gives yield stress and hardening.",
+            about: "The metal yields (von Mises, linear isotropic hardening) where the stress exceeds material.yield_MPa. The amplitude is the share of the plastic part: 1 is all of it. yield_percent is 100 times the change of ln sigma_y from the declared yield stress. hardening_percent is 100 times the change of ln H from H = E / 100.",
+            confirm: "Take a picture after unloading: what has yielded stays. Or repeat on a new specimen at half the load, where little or nothing yields. A tension test of the sheet gives yield stress and hardening.",
         }
     }
 

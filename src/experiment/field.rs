@@ -20,7 +20,8 @@ use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
 use crate::error::Result;
 use crate::fem::{
-    Anchor, Answer, Basis, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution, View,
+    Anchor, Answer, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution, SpanBasis,
+    View,
 };
 use crate::field::rigid::RigidMotion;
 use crate::geometry::Mesh;
@@ -193,7 +194,7 @@ impl FieldExperiment {
     }
 
     /// A basis as a sight's points see it, of tests like `setup`; of a subset its middle, which moves more than its average.
-    fn view_of(&self, basis: Arc<Basis>, setup: &Setup, sight: &Sight) -> Result<View> {
+    fn view_of(&self, basis: Arc<SpanBasis>, setup: &Setup, sight: &Sight) -> Result<View> {
         let mesh = self.plate.mesh_of(setup)?;
         let own = sight
             .observer()
@@ -365,14 +366,17 @@ impl Places for FieldExperiment {
         };
         let further = on_plate(further, &inside[points.len()..]);
         inside.truncate(points.len());
-        let sight = Sight::anywhere(&on_plate(points, &inside), &further);
-        let sight = if self.subsets().is_some() {
-            sight.correlated()
-        } else {
-            sight
+        (self.extended(&on_plate(points, &inside), &further), inside)
+    }
+
+    fn extended(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> Sight {
+        let sight = Sight::anywhere(points, further);
+        let sight = match self.subsets() {
+            Some(_) => sight.correlated(),
+            None => sight,
         };
         let observer = self.observer(&self.plate.mesh, &Seen::new(&[], &self.scene), &sight);
-        (sight.with_observer(observer), inside)
+        sight.with_observer(observer)
     }
 
     fn sight(&self, points: &[[f64; 2]]) -> Sight {

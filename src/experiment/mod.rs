@@ -32,7 +32,7 @@ pub use solver::{
     FieldSolver, Given, Look, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places, Softening,
     Spanning,
 };
-pub use spec::{ExperimentKind, ExperimentSpec, check_name};
+pub use spec::{ExperimentKind, ExperimentSpec, StepForces, check_name};
 pub use state::State;
 pub use subset::{Images, Subsets};
 
@@ -73,7 +73,7 @@ pub fn predict_near(
     observe(experiment, state, sight, look)
 }
 
-/// The same with the gradient, about which [`sensitivity`] linearises.
+/// The same with the gradient, about which `sensitivity` linearises.
 ///
 /// # Errors
 /// Those of [`Mechanics::look`].

@@ -10,6 +10,7 @@ use crate::effect::{Acting, Effect, Kind, Scene, Scope, Seen, force_scale};
 use crate::error::Result;
 use crate::fem::Anchor;
 use crate::field::rigid::{self, RigidMotion};
+use crate::files::{Stored, stored};
 
 /// How the amplitude of a motion goes over the steps of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -90,7 +91,7 @@ pub struct SeriesState {
     pub loads: Vec<f64>,
     /// Motion in the plane in each step.
     pub rigid: Vec<RigidMotion>,
-    /// Effects that move the specimen, with their amplitudes in each step.
+    /// Effects that move the specimen or change the force, with their amplitudes in each step.
     pub moving: Vec<Moving>,
 }
 
@@ -104,7 +105,36 @@ pub struct Moving {
     pub amplitude: Vec<f64>,
 }
 
+stored!(SeriesState {
+    shared,
+    loads,
+    rigid,
+    moving
+});
+stored!(Moving {
+    effect,
+    weights,
+    amplitude
+});
+
+/// By its place among all.
+impl Stored for Law {
+    fn put(&self, out: &mut Vec<u8>) {
+        let place = Self::ALL.iter().position(|law| law == self);
+        place.unwrap_or(Self::ALL.len()).put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        Self::ALL.get(usize::take(from)?).copied()
+    }
+}
+
 impl Moving {
+    /// Whether it is another force than the declared one, or acts as one.
+    fn is_force(&self) -> bool {
+        self.effect.scope() == Scope::Force
+    }
+
     /// The effect with its stated amplitude.
     pub fn acting(&self) -> Acting {
         Acting {
@@ -174,10 +204,31 @@ impl SeriesState {
         self.moving.retain(|m| m.effect.name() != effect.name());
     }
 
+    /// The force that acts in each step over the nominal one: the declared one with what effects make of it.
+    pub fn acting_loads(&self, scene: &Scene) -> Vec<f64> {
+        let mut loads = self.loads.clone();
+        for m in self.moving.iter().filter(|m| m.is_force()) {
+            let by = m.effect.force(&m.amplitude, scene);
+            for (load, weight) in loads.iter_mut().zip(&m.weights) {
+                *load += weight * by;
+            }
+        }
+        loads
+    }
+
+    /// The same state with these forces as the declared ones.
+    #[must_use]
+    pub fn under_acting_loads(&self, scene: &Scene) -> Self {
+        let mut state = self.clone();
+        state.loads = self.acting_loads(scene);
+        state.moving.retain(|m| !m.is_force());
+        state
+    }
+
     /// Effects that act on the picture of a step.
     fn acting(&self, step: usize) -> Vec<Acting> {
         let mut moving: Vec<Acting> = Vec::new();
-        for m in &self.moving {
+        for m in self.moving.iter().filter(|m| !m.is_force()) {
             let own = m.amplitude.iter().map(|a| m.weights[step] * a);
             let known = moving
                 .iter_mut()
@@ -356,7 +407,8 @@ pub fn reported(
     places: &[[f64; 2]],
 ) -> Vec<Vec<[f64; 2]>> {
     let before = Seen::new(linearised.acting(), scene);
-    let steps = state.loads.iter().zip(&state.rigid).enumerate();
+    let loads = state.acting_loads(scene);
+    let steps = loads.iter().zip(&state.rigid).enumerate();
     let one = |(step, (&load, rigid)): (usize, (&f64, &RigidMotion))| {
         let acting = state.acting(step);
         let camera = Seen::new(&acting, scene).moved(*rigid);

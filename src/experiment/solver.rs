@@ -127,6 +127,11 @@ pub trait Places: Send + Sync {
     /// The points of the nominal specimen among `points` and `further`, and which of `points` those are.
     fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>);
 
+    /// Points and further ones that all show the specimen, with their places on this mesh; beside it the field is continued.
+    fn extended(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> Sight {
+        Sight::anywhere(points, further)
+    }
+
     /// Reported points whose place on the mesh is not known yet; each stands for its subset where images are correlated.
     fn sight(&self, points: &[[f64; 2]]) -> Sight {
         Sight::anywhere(points, &[])

@@ -42,6 +42,10 @@ pub struct ExperimentSpec {
     /// A series of loads in place of one, in the order in which they were taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<Vec<StepSpec>>,
+    /// Sd of the error that every declared force of a series has in its own step, percent of it; that of a machine of class 1 where
+    /// nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_sd_percent: Option<f64>,
     /// The force of the reference step, N, as the size of its field has it: of a series of which no force is known.
     #[serde(skip)]
     pub fitted_n: Option<f64>,
@@ -66,6 +70,15 @@ pub struct ExperimentSpec {
     /// Factor on the numbers of elements along each direction of the default mesh.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub mesh_density: f64,
+}
+
+/// What is known of the forces of a series beside what each step declares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepForces {
+    /// The force that all others are stated over, N.
+    pub nominal_n: f64,
+    /// Sd of the error of a declared force in its own step, percent of it.
+    pub sd_percent: f64,
 }
 
 /// What an experiment observes.
@@ -176,6 +189,18 @@ impl ExperimentSpec {
     /// Either one load and one measurement, or steps that have their own.
     fn validate_load(&self) -> Result<()> {
         let path = &self.measurement.source.path;
+        if let Some(percent) = self.force_sd_percent {
+            if self.steps.is_none() {
+                let expected = "no such key, because one load has no other to differ from";
+                return Err(Error::input("force_sd_percent", expected)
+                    .found(percent)
+                    .hint(format!(
+                        "the sd of the machine's scale is plausible: {{\"{}.percent\": ...}}",
+                        effect::force_scale().name()
+                    )));
+            }
+            step::check_sd(percent)?;
+        }
         match (&self.steps, &self.load) {
             (None, Some(load)) if path.is_some() => load.validate(),
             (None, Some(_)) => Err(self.measurement.without_path().below("measurement.")),
@@ -206,6 +231,21 @@ impl ExperimentSpec {
         self.load.unwrap_or_else(|| LoadSpec {
             force_n: self.fitted_n.unwrap_or_else(of_steps),
         })
+    }
+
+    /// Declared force of every step of a series over the nominal one; none of one load.
+    pub fn declared_loads(&self) -> Vec<Option<f64>> {
+        let nominal_n = self.nominal_load().force_n;
+        let steps = self.steps.iter().flatten();
+        steps.map(|s| s.force_n.map(|f| f / nominal_n)).collect()
+    }
+
+    /// How well the forces of a series are known.
+    pub fn forces(&self) -> StepForces {
+        StepForces {
+            nominal_n: self.nominal_load().force_n,
+            sd_percent: self.force_sd_percent.unwrap_or(step::CLASS_1_SD_PERCENT),
+        }
     }
 
     /// Whether this is a series of which no force is known.

@@ -1,6 +1,7 @@
 //! A point of the parameter space of everything that may act on an experiment.
 
 use crate::effect::{Acting, EFFECTS, Effect};
+use crate::files::stored;
 
 /// Elastic constants, thickness, and the effects that act.
 #[derive(Clone)]
@@ -11,6 +12,12 @@ pub struct State {
     pub thickness_mm: f64,
     acting: Vec<Acting>,
 }
+
+stored!(State {
+    constants,
+    thickness_mm,
+    acting
+});
 
 impl State {
     /// A state in which no effect acts.

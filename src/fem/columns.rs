@@ -5,12 +5,12 @@ use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DMatrixView, DVectorView};
 
 /// A matrix that grows by columns.
-pub struct Columns {
+pub struct ColumnStore {
     pub rows: usize,
     values: Vec<f64>,
 }
 
-impl Columns {
+impl ColumnStore {
     pub fn new(rows: usize) -> Self {
         Self {
             rows,
@@ -45,19 +45,6 @@ impl Columns {
             Par::Seq,
         );
         products
-    }
-
-    /// Take sums of them from other columns: X - C W.
-    pub fn take(&self, weights: &DMatrix<f64>, x: &mut DMatrix<f64>) {
-        let (m, n) = weights.shape();
-        matmul(
-            MatMut::from_column_major_slice_mut(x.as_mut_slice(), self.rows, n),
-            Accum::Add,
-            self.all(),
-            MatRef::from_column_major_slice(weights.as_slice(), m, n),
-            -1.0,
-            Par::Seq,
-        );
     }
 
     fn all(&self) -> MatRef<'_, f64> {

@@ -3,12 +3,12 @@
 use nalgebra::{DMatrix, DVector, DVectorView, Matrix3};
 use rayon::prelude::*;
 
-use super::basis::{Basis, COMPONENTS, Query, Shape, TOLERANCE, weights};
-use super::columns::Columns;
+use super::basis::{COMPONENTS, Query, Shape, SpanBasis, TOLERANCE, weights};
+use super::columns::ColumnStore;
 use super::load::EndLoad;
 use super::plate::Plate;
+use super::probes::Probes;
 use super::profile::Profile;
-use super::solve::Kept;
 use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 use crate::laminate::Membrane;
@@ -19,7 +19,7 @@ const MARGIN: f64 = 0.3;
 /// Solutions in a basis, at most, for each load that it is made for.
 const MOST: usize = 20;
 
-impl Basis {
+impl SpanBasis {
     /// Grow a basis until it answers all queries, which share the mesh, within the tolerance, or has grown as large as pays.
     ///
     /// # Errors
@@ -101,16 +101,13 @@ const FAR: f64 = 0.4;
 /// A basis while it grows.
 struct Growing<'a> {
     plate: &'a Plate,
-    basis: Basis,
+    basis: SpanBasis,
     /// Geometry integrals of the fields of the stiffness.
     integrals: Vec<Vec<[f64; 4]>>,
-    /// The reference stiffness, factorised, and its geometry integrals.
-    reference: Kept,
+    /// Geometry integrals of the reference stiffness.
     everywhere: Vec<[f64; 4]>,
     loads: Vec<Vec<f64>>,
-    /// Orthonormal residuals, and their Riesz representers.
-    forces: Columns,
-    duals: Columns,
+    probes: Probes,
 }
 
 impl<'a> Growing<'a> {
@@ -144,24 +141,23 @@ impl<'a> Growing<'a> {
         };
         let loads: Vec<Vec<f64>> = (0..mesh.load_parts()).map(unit).collect();
         let n = mesh.unknowns();
+        let probes = Probes::new(plate, mesh, &means, &factor.keep())?;
         let mut growing = Self {
             plate,
-            basis: Basis {
+            basis: SpanBasis {
                 shape,
                 widening: geometry.widening(),
                 reference,
                 whitening,
-                vectors: Columns::new(n),
+                vectors: ColumnStore::new(n),
                 stiffness: vec![DMatrix::zeros(0, 0); COMPONENTS * count * plate.assembly.stacks()],
                 loads: vec![DVector::zeros(0); loads.len()],
                 residual: DMatrix::zeros(0, 0),
             },
             integrals,
-            reference: factor.keep(),
             everywhere,
             loads,
-            forces: Columns::new(n),
-            duals: Columns::new(n),
+            probes,
         };
         let loads = growing.loads.concat();
         growing.add_residuals(loads);
@@ -172,7 +168,7 @@ impl<'a> Growing<'a> {
     fn add(&mut self, queries: &[&Query]) -> Result<bool> {
         let solve = |query: &&Query| -> Result<Vec<f64>> {
             let (factors, _) = self.basis.shape.factors(&query.profile, 1.0);
-            let mut nodal = vec![0.0; self.forces.rows];
+            let mut nodal = vec![0.0; self.basis.vectors.rows];
             for (load, a) in self.loads.iter().zip(query.load.parts()) {
                 for (sum, f) in nodal.iter_mut().zip(load) {
                     *sum += a * f;
@@ -241,87 +237,19 @@ impl<'a> Growing<'a> {
         true
     }
 
-    /// Add forces, one column after the other, to those that residuals are made of. Some combination of a solution's forces is the load, up
-    /// to rounding: what is left of a force has to be solved for anew, or its representer would be made of rounding errors alone.
+    /// Add forces, one column after the other, to those that residuals are made of.
     fn add_residuals(&mut self, forces: Vec<f64>) {
-        let n = self.forces.rows;
-        let count = forces.len() / n;
-        let known = self.forces.count();
-        // each group of columns by itself: what it is made of, what is left of it, and the representer of that
-        let groups: Vec<[DMatrix<f64>; 3]> = forces
-            .par_chunks(n * TOGETHER)
-            .map(|group| {
-                let mut force = DMatrix::from_column_slice(n, group.len() / n, group);
-                let mut coordinates = self.duals.products(&force);
-                self.forces.take(&coordinates, &mut force);
-                let mut dual = force.clone();
-                self.plate.solve_with(&self.reference, dual.as_mut_slice());
-                let along = self.duals.products(&force);
-                self.forces.take(&along, &mut force);
-                self.duals.take(&along, &mut dual);
-                coordinates += along;
-                [coordinates, force, dual]
-            })
-            .collect();
-        let joined = |k: usize| {
-            let columns = groups.iter().flat_map(|g| g[k].column_iter());
-            DMatrix::from_columns(&columns.collect::<Vec<_>>())
-        };
-        let [mut coordinates, force, dual] = [0, 1, 2].map(joined);
-        coordinates.resize_mut(known + count, count, 0.0);
-        for k in 0..count {
-            let [mut f, mut d] = [&force, &dual].map(|m| m.column(k).clone_owned());
-            let size = |f: &DVector<f64>, d: &DVector<f64>| d.dot(f).max(0.0).sqrt();
-            let whole = size(&f, &d).hypot(coordinates.column(k).norm());
-            let mut first = known;
-            let mut norm = size(&f, &d);
-            loop {
-                let before = norm;
-                for j in first..self.forces.count() {
-                    let c = self.duals.column(j).dot(&f);
-                    f.axpy(-c, &self.forces.column(j), 1.0);
-                    d.axpy(-c, &self.duals.column(j), 1.0);
-                    coordinates[(j, k)] += c;
-                }
-                norm = size(&f, &d);
-                if !norm.is_finite() {
-                    break;
-                }
-                if norm > LITTLE * before && norm > LITTLE * whole || norm <= LOST * whole {
-                    break;
-                }
-                if norm > LITTLE * before && first == 0 {
-                    break;
-                }
-                // little is left: its representer anew, and all others once more
-                first = 0;
-                d.copy_from(&f);
-                self.plate.solve_with(&self.reference, d.as_mut_slice());
-                norm = size(&f, &d);
-            }
-            if norm > LOST * whole {
-                coordinates[(self.forces.count(), k)] = norm;
-                self.forces.push((f / norm).as_slice());
-                self.duals.push((d / norm).as_slice());
-            }
-        }
-        let new = self.forces.count();
-        coordinates.resize_mut(new, count, 0.0);
+        let products = self.probes.products(forces);
         let all = &mut self.basis.residual;
         let before = all.ncols();
-        all.resize_mut(new, before + count, 0.0);
-        all.columns_mut(before, count).copy_from(&coordinates);
+        all.resize_mut(products.nrows(), before + products.ncols(), 0.0);
+        all.columns_mut(before, products.ncols())
+            .copy_from(&products);
     }
 }
 
 /// What is left of a column after what it shares with the others is taken out, over the column, below which it is rounding.
 const LOST: f64 = 1e-13;
-
-/// Columns that are projected and solved for together.
-const TOGETHER: usize = 3;
-
-/// The same below which it has to be made sure of.
-const LITTLE: f64 = 0.1;
 
 /// Geometry integrals of a sum of fields.
 fn sum(integrals: &[Vec<[f64; 4]>], factors: &[f64]) -> Vec<[f64; 4]> {

@@ -14,7 +14,7 @@ pub struct Gauss {
     /// Gradients of the element's shape functions, 1/mm.
     gradient: [[f64; 2]; 8],
     /// Its weight, mm^2.
-    weight: f64,
+    pub(super) weight: f64,
 }
 
 /// Gauss points of all elements, those of an element together.

@@ -21,6 +21,7 @@ mod plasticity;
 mod plate;
 pub mod plate_element;
 mod ply_law;
+mod probes;
 mod profile;
 mod setup;
 mod solve;
@@ -32,7 +33,7 @@ mod view;
 mod yielding;
 
 pub use anchor::{Anchor, Bump};
-pub use basis::{Answer, Basis, Query, TOLERANCE};
+pub use basis::{Answer, Query, SpanBasis, TOLERANCE};
 pub use bending::{
     BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation,
 };

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 
 use super::assemble::Assembly;
-use super::basis::{Answer, Basis, Query};
+use super::basis::{Answer, Query, SpanBasis};
 use super::inverse::Inverse;
 use super::plastic_table::PlasticTable;
 use super::ply_law::PlyLaw;
@@ -44,7 +44,7 @@ pub struct Plate {
     symbolic: Symbolic,
     pool: Pool,
     /// Reduced bases and the radii of the ring about the hole in their meshes.
-    pub(super) bases: RwLock<Vec<(Option<f64>, Arc<Basis>)>>,
+    pub(super) bases: RwLock<Vec<(Option<f64>, Arc<SpanBasis>)>>,
     /// Plastic parts of the declared shape.
     pub(super) plastic: OnceLock<Result<Arc<PlasticTable>>>,
 }
@@ -177,7 +177,7 @@ impl Plate {
     }
 
     /// The basis of a uniform plate of the declared shape, if there is one.
-    pub fn nominal_basis(&self) -> Option<Arc<Basis>> {
+    pub fn nominal_basis(&self) -> Option<Arc<SpanBasis>> {
         self.basis_of(None, &Profile::default())
     }
 
@@ -195,15 +195,15 @@ impl Plate {
     }
 
     /// The basis for tests like this one, if there is one.
-    pub fn basis_for(&self, setup: &Setup, ply: &Ply) -> Option<Arc<Basis>> {
+    pub fn basis_for(&self, setup: &Setup, ply: &Ply) -> Option<Arc<SpanBasis>> {
         let (ring, query) = query(setup, ply)?;
         self.basis_of(ring, &query.profile)
     }
 
     /// The basis of a kind, if there is one.
-    pub(super) fn basis_of(&self, ring: Option<f64>, profile: &Profile) -> Option<Arc<Basis>> {
+    pub(super) fn basis_of(&self, ring: Option<f64>, profile: &Profile) -> Option<Arc<SpanBasis>> {
         let bases = self.bases.read().unwrap_or_else(PoisonError::into_inner);
-        let own = |(r, b): &&(Option<f64>, Arc<Basis>)| *r == ring && b.is_of(profile);
+        let own = |(r, b): &&(Option<f64>, Arc<SpanBasis>)| *r == ring && b.is_of(profile);
         bases.iter().find(own).map(|(_, b)| b.clone())
     }
 

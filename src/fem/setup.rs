@@ -6,7 +6,7 @@ use super::load::EndLoad;
 use super::profile::Profile;
 use crate::error::Result;
 use crate::geometry::{self, Geometry, Morph};
-use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd};
+use crate::laminate::{LoadSpec, Membrane, Ply, SpecimenSpec, abd, rotate_stiffness};
 use crate::mesh_files::RegionSpec;
 
 /// How a metal yields.
@@ -51,6 +51,8 @@ pub struct Setup {
     pub angles: Vec<f64>,
     /// Total thickness, mm.
     pub thickness: f64,
+    /// By how much each ply is thicker than its part of the stack, over that; empty where all are equal. Sums to zero.
+    pub thicker: Vec<f64>,
     /// Stacks of regions of the mesh ([`geometry::Mesh::region`]), from the first on.
     pub regions: Vec<Region>,
     /// Factor on the stiffness over the plate.
@@ -85,6 +87,7 @@ impl Setup {
                 .map(|angle| handedness * angle.to_radians())
                 .collect(),
             thickness: specimen.thickness_mm.mean,
+            thicker: Vec::new(),
             regions: Vec::new(),
             profile: Profile::default(),
             shear_cubic: 0.0,
@@ -180,13 +183,21 @@ impl Setup {
 
     /// Membrane stiffness of every stack for a ply, the specimen's first, where the profile's factor is 1.
     pub fn membranes(&self, ply: &Ply) -> Vec<Membrane> {
-        let of =
-            |(angles, thickness): &(Vec<f64>, f64)| Membrane::from(&abd(ply, angles, *thickness).a);
-        self.stacks().iter().map(of).collect()
+        let stacks = self.stacks();
+        let regions = stacks.iter().skip(1);
+        let of = |(angles, thickness): &(Vec<f64>, f64)| abd(ply, angles, *thickness).a;
+        let own = std::iter::once(self.membrane(ply));
+        own.chain(regions.map(|stack| Membrane::from(&of(stack))))
+            .collect()
     }
 
     /// That of the specimen's own stack.
     pub fn membrane(&self, ply: &Ply) -> Membrane {
-        Membrane::from(&abd(ply, &self.angles, self.thickness).a)
+        let each = self.thickness / self.angles.len() as f64;
+        let q = ply.stiffness();
+        let thicker = self.angles.iter().zip(&self.thicker);
+        let more = thicker.map(|(angle, by)| rotate_stiffness(&q, *angle) * (by * each));
+        let even = abd(ply, &self.angles, self.thickness).a;
+        Membrane::from(&more.fold(even, |sum, part| sum + part))
     }
 }

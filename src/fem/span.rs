@@ -3,7 +3,7 @@
 use std::sync::{Arc, PoisonError};
 use std::time::Instant;
 
-use super::basis::{Basis, Query, ROUNDING, Shape};
+use super::basis::{Query, ROUNDING, Shape, SpanBasis};
 use super::plate::{Plate, query};
 use super::setup::Setup;
 use super::view::View;
@@ -84,13 +84,13 @@ impl Plate {
                 continue;
             }
             let known = self.basis_of(ring, &queries[0].profile);
-            let is_answered = |b: &Basis, q| b.answer(q).is_some_and(|a| a.is_enough());
-            let answered = |b: &Arc<Basis>| queries.iter().all(|q| is_answered(b, q));
+            let is_answered = |b: &SpanBasis, q| b.answer(q).is_some_and(|a| a.is_enough());
+            let answered = |b: &Arc<SpanBasis>| queries.iter().all(|q| is_answered(b, q));
             if known.as_ref().is_some_and(answered) {
                 continue;
             }
             let mesh = self.mesh_of(setup)?;
-            let basis = Arc::new(Basis::greedy(self, &mesh, &queries)?);
+            let basis = Arc::new(SpanBasis::greedy(self, &mesh, &queries)?);
             let mut bases = self.bases.write().unwrap_or_else(PoisonError::into_inner);
             bases.retain(|(_, b)| known.as_ref().is_none_or(|k| !Arc::ptr_eq(k, b)));
             bases.push((ring, basis));

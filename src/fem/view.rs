@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::basis::{Answer, Basis};
+use super::basis::{Answer, SpanBasis};
 use super::inverse::Inverse;
 use super::observe::Observer;
 use super::plate::Plate;
@@ -28,7 +28,7 @@ pub struct Motion {
 
 /// A basis as points of its mesh see it.
 pub struct View {
-    pub basis: Arc<Basis>,
+    pub basis: Arc<SpanBasis>,
     observer: Observer,
     motions: Vec<Motion>,
     reach: f64,
@@ -41,7 +41,7 @@ impl View {
     /// Those of a factorisation.
     pub fn new(
         plate: &Plate,
-        basis: Arc<Basis>,
+        basis: Arc<SpanBasis>,
         mesh: &Mesh,
         observer: Observer,
         motions: Vec<Motion>,

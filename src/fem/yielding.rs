@@ -33,7 +33,7 @@ pub struct Body<'a> {
 
 /// A plate under its load times a factor, in equilibrium.
 #[derive(Debug, Clone)]
-pub struct Loaded {
+pub struct YieldingPlate {
     pub factor: f64,
     /// Nodal displacements beyond the factor times the elastic ones, mm.
     pub plastic_part: Vec<f64>,
@@ -50,7 +50,7 @@ pub struct Walk<'a, 'f> {
     /// Load factor at which the first Gauss point yields.
     pub onset: f64,
     increment: f64,
-    at: Loaded,
+    at: YieldingPlate,
     /// The equilibrium before.
     before: Option<(f64, Vec<f64>)>,
     /// Iterations so far.
@@ -65,7 +65,7 @@ impl<'a, 'f> Walk<'a, 'f> {
         let largest = elastic.iter().map(stress).fold(0.0, f64::max);
         let onset = body.law.yield_stress / largest;
         Self {
-            at: Loaded {
+            at: YieldingPlate {
                 factor: 0.0,
                 plastic_part: vec![0.0; body.mesh.unknowns()],
                 flow: vec![Plastic::default(); body.gauss.len()],
@@ -84,7 +84,7 @@ impl<'a, 'f> Walk<'a, 'f> {
     ///
     /// # Errors
     /// An increment that does not come to rest.
-    pub fn to(&mut self, target: f64) -> Result<&Loaded> {
+    pub fn to(&mut self, target: f64) -> Result<&YieldingPlate> {
         let virgin = self.at.flow.iter().all(|p| p.equivalent == 0.0);
         let mut from = self.at.factor;
         if virgin && from.abs() < self.onset {
@@ -114,7 +114,7 @@ impl<'a, 'f> Walk<'a, 'f> {
             let pairs = image.iter().zip(&guess);
             let change = pairs.fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
             if change <= TOLERANCE * size {
-                let now = Loaded {
+                let now = YieldingPlate {
                     factor,
                     plastic_part: image,
                     flow,
@@ -179,7 +179,7 @@ impl Body<'_> {
     }
 
     /// Stresses (s11, s22, s12) at the Gauss points, MPa.
-    pub fn stresses(&self, loaded: &Loaded) -> Vec<Vector3<f64>> {
+    pub fn stresses(&self, loaded: &YieldingPlate) -> Vec<Vector3<f64>> {
         let pairs = self.elastic.iter().zip(&loaded.plastic_part);
         let nodal: Vec<f64> = pairs.map(|(e, p)| loaded.factor * e + p).collect();
         let strains = strains(self.mesh, self.gauss, &nodal);

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::forces::{Forces, Loaded};
+use super::forces::{Forces, LoadedStep};
 use super::measured::bounds;
 use super::rigid;
 use crate::error::{Error, Result};
@@ -103,7 +103,7 @@ pub(super) fn check(points: &[[f64; 2]], steps: &[Judged]) -> Result<Vec<String>
         .map(|k| high[k] - low[k])
         .fold(f64::INFINITY, f64::min);
     let known = steps.iter().zip(&shapes).enumerate();
-    let known = known.map(|(step, (s, shape))| Loaded {
+    let known = known.map(|(step, (s, shape))| LoadedStep {
         step,
         force: s.force_n,
         size: shape.size,
@@ -289,7 +289,7 @@ impl Likeness {
             }
             if cosine < ODD.0 && ratio > ODD.1 {
                 warnings.push(format!(
-                    "{file}: the field differs in kind from the other steps' (cosine {cosine:.2} without rigid motion and mean strain): another specimen, or something that acts in this step alone?"
+                    "{file}: the field differs in kind from the other steps' (cosine {cosine:.2} without rigid motion and mean strain). Is it of another specimen, or does something act in this step alone?"
                 ));
             }
         }

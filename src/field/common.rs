@@ -64,6 +64,13 @@ impl<'a> Places<'a> {
         None
     }
 
+    /// For each point the first one at its place.
+    pub fn first_at_each(&self) -> Vec<usize> {
+        let none = vec![NONE; self.points.len()];
+        let first = |(i, p): (usize, &[f64; 2])| self.at(*p, &none).unwrap_or(i);
+        self.points.iter().enumerate().map(first).collect()
+    }
+
     /// For each point its number among `others`, [`None`] where it is not there; each of `others` stands for one point.
     pub fn among(&self, others: &[[f64; 2]]) -> Vec<Option<usize>> {
         let mut found = vec![NONE; self.points.len()];

@@ -32,7 +32,7 @@ const MUCH: f64 = 0.2;
 
 /// A step with its force, N, if it is known, and its size.
 #[derive(Clone, Copy)]
-pub(super) struct Loaded {
+pub(super) struct LoadedStep {
     pub step: usize,
     pub force: Option<f64>,
     pub size: f64,
@@ -40,7 +40,7 @@ pub(super) struct Loaded {
     pub shift_mm: [f64; 2],
 }
 
-impl Loaded {
+impl LoadedStep {
     /// What a picture may make of the difference of two sizes.
     fn optical(&self, other: &Self) -> f64 {
         let [a, b] = [0, 1].map(|k| self.shift_mm[k] - other.shift_mm[k]);
@@ -50,7 +50,7 @@ impl Loaded {
 
 /// The sizes against the forces, all forces at least 0.
 pub(super) struct Forces {
-    steps: Vec<Loaded>,
+    steps: Vec<LoadedStep>,
     /// Largest force and range of sizes, of the steps whose force is known.
     largest: f64,
     range: f64,
@@ -64,8 +64,8 @@ pub(super) struct Forces {
 
 impl Forces {
     /// Compression is turned into tension. Where both occur only signs are judged.
-    pub fn new(mut steps: Vec<Loaded>, noise: f64) -> Self {
-        let known = |steps: &[Loaded]| -> Vec<(f64, f64)> {
+    pub fn new(mut steps: Vec<LoadedStep>, noise: f64) -> Self {
+        let known = |steps: &[LoadedStep]| -> Vec<(f64, f64)> {
             let both = steps.iter().filter_map(|s| Some((s.force?, s.size)));
             both.collect()
         };
@@ -102,10 +102,11 @@ impl Forces {
         if self.mixed {
             return self.check_signs(files).map(|()| Vec::new());
         }
+        self.check_increments()?;
         if self.largest <= 0.0 || self.range <= ORDERED * self.noise {
             return Ok(Vec::new());
         }
-        let said = |s: &Loaded| {
+        let said = |s: &LoadedStep| {
             // without a negative zero
             let [force, size] = [s.force.unwrap_or(0.0), s.size].map(|v| self.sign * v + 0.0);
             format!("{} ({force} N, strain {size:.6})", files[s.step].display())
@@ -133,7 +134,7 @@ impl Forces {
             let strain = (force - implied) * self.range / self.largest;
             if far && self.steps.iter().any(|o| s.optical(o) > strain) {
                 warnings.push(format!(
-                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps: a camera that looks at an angle, or a wrong force?"
+                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps. Is the force wrong, or does the camera look at an angle?"
                 ));
             } else if far {
                 let place = format!("steps[{}].force_N", s.step);
@@ -143,11 +144,49 @@ impl Forces {
             }
             if implied > FACTOR * force && implied - force > MUCH * self.largest {
                 warnings.push(format!(
-                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps: yielding, or a wrong force?"
+                    "{file}: the field is that of {implied:.0} N rather than {force} N, by the other steps. Is the force wrong, or is it yielding?"
                 ));
             }
         }
         Ok(warnings)
+    }
+
+    /// Sizes that go as the difference of a step's force from the one before, and not as the force.
+    fn check_increments(&self) -> Result<()> {
+        const FEWEST: usize = 3;
+        const AGREE: f64 = 0.1;
+        const DISAGREE: f64 = 0.3;
+        let known: Vec<(f64, f64)> = self
+            .steps
+            .iter()
+            .filter_map(|s| Some((s.force?, s.size)))
+            .collect();
+        let largest = known.iter().map(|(_, size)| size.abs()).fold(0.0, f64::max);
+        if known.len() < FEWEST || largest <= ORDERED * self.noise {
+            return Ok(());
+        }
+        // share of the sizes that is not in proportion
+        let misfit = |of: &dyn Fn(usize) -> f64| {
+            let sum = |f: &dyn Fn(usize, f64) -> f64| {
+                known
+                    .iter()
+                    .enumerate()
+                    .map(|(k, (_, s))| f(k, *s))
+                    .sum::<f64>()
+            };
+            let slope = sum(&|k, s| of(k) * s) / sum(&|k, _| of(k).powi(2)).max(f64::MIN_POSITIVE);
+            (sum(&|k, s| (s - slope * of(k)).powi(2)) / sum(&|_, s| s * s)).sqrt()
+        };
+        let before = |k: usize| if k == 0 { 0.0 } else { known[k - 1].0 };
+        if misfit(&|k| known[k].0 - before(k)) > AGREE || misfit(&|k| known[k].0) < DISAGREE {
+            return Ok(());
+        }
+        let list = |of: &dyn Fn(&(f64, f64)) -> String| {
+            known.iter().map(of).collect::<Vec<_>>().join(", ")
+        };
+        Err(Error::input("steps", "strains that grow with the force")
+            .found(format!("strains {} at {} N", list(&|k| format!("{:.6}", self.sign * k.1)), list(&|k| (self.sign * k.0).to_string())))
+            .hint("displacements from picture to picture (incremental)? Correlate every picture with one reference picture, or add the displacements up"))
     }
 
     fn check_signs(&self, files: &[&Path]) -> Result<()> {
@@ -165,13 +204,14 @@ impl Forces {
 
     /// A step whose field is at least half of what its force would make were its sign the other, and the step with the largest field of
     /// the rest: plastic strain that outlasts a reversal is less. The odd sign is that of fewer steps.
-    fn reversed(&self) -> Option<(&Loaded, &Loaded)> {
+    fn reversed(&self) -> Option<(&LoadedStep, &LoadedStep)> {
         const HALF: f64 = 0.5;
         let forces = || self.steps.iter().filter_map(|s| Some((s.force?, s)));
         let peak = forces().map(|(f, _)| f.abs()).fold(0.0, f64::max);
         let judged = || forces().filter(|(f, _)| f.abs() > MUCH * peak);
-        let by_size =
-            |a: &(f64, &Loaded), b: &(f64, &Loaded)| a.1.size.abs().total_cmp(&b.1.size.abs());
+        let by_size = |a: &(f64, &LoadedStep), b: &(f64, &LoadedStep)| {
+            a.1.size.abs().total_cmp(&b.1.size.abs())
+        };
         let (force, largest) = judged().max_by(by_size)?;
         if largest.size.abs() <= ORDERED * self.noise {
             return None;
@@ -192,10 +232,10 @@ impl Forces {
     fn contradiction(
         &self,
         [gap, reversed, multiple]: [f64; 3],
-        excused: impl Fn(&Loaded, &Loaded) -> f64,
-    ) -> Option<(&Loaded, &Loaded)> {
+        excused: impl Fn(&LoadedStep, &LoadedStep) -> f64,
+    ) -> Option<(&LoadedStep, &LoadedStep)> {
         let by = (reversed * self.range).max(multiple * self.noise);
-        let contradicts = |less: &Loaded, more: &Loaded| {
+        let contradicts = |less: &LoadedStep, more: &LoadedStep| {
             let forces = less.force.zip(more.force);
             forces.is_some_and(|(a, b)| b - a > gap * self.largest)
                 && less.size - more.size > by.max(excused(less, more))
@@ -207,7 +247,8 @@ impl Forces {
                 return Some((earlier, later));
             }
             let between = &self.steps[s + 1..t];
-            let peak = |b: &Loaded| b.force.is_none_or(|f| earlier.force.is_some_and(|e| f > e));
+            let peak =
+                |b: &LoadedStep| b.force.is_none_or(|f| earlier.force.is_some_and(|e| f > e));
             if contradicts(later, earlier) && !between.iter().any(peak) {
                 return Some((later, earlier));
             }
@@ -216,9 +257,9 @@ impl Forces {
     }
 
     /// What a picture may make of the difference of two sizes, 0 where interchanged forces go better with the series.
-    fn excused(&self, a: &Loaded, b: &Loaded) -> f64 {
-        let given = |s: &Loaded| s.force;
-        let interchanged = |s: &Loaded| match s.step {
+    fn excused(&self, a: &LoadedStep, b: &LoadedStep) -> f64 {
+        let given = |s: &LoadedStep| s.force;
+        let interchanged = |s: &LoadedStep| match s.step {
             k if k == a.step => b.force,
             k if k == b.step => a.force,
             _ => s.force,
@@ -231,9 +272,9 @@ impl Forces {
     }
 
     /// Sum of squares that is left of the sizes by what goes as the force and what goes as the motion, for these forces.
-    fn misfit(&self, force: impl Fn(&Loaded) -> Option<f64>) -> f64 {
+    fn misfit(&self, force: impl Fn(&LoadedStep) -> Option<f64>) -> f64 {
         let known = self.steps.iter().filter_map(|s| Some((force(s)?, s)));
-        let known: Vec<(f64, &Loaded)> = known.collect();
+        let known: Vec<(f64, &LoadedStep)> = known.collect();
         let columns = DMatrix::from_fn(known.len(), 3, |i, k| match (k, known[i]) {
             (0, (force, _)) => force / self.largest,
             (k, (_, s)) => s.shift_mm[k - 1],
@@ -250,7 +291,7 @@ impl Forces {
     }
 
     /// The force that the size of step `s` has by a straight line through at least three others, if they lie on one.
-    fn implied(&self, s: &Loaded) -> Option<f64> {
+    fn implied(&self, s: &LoadedStep) -> Option<f64> {
         const FEWEST: usize = 3;
         let others = self.steps.iter().filter(|o| o.step != s.step);
         let others: Vec<(f64, f64)> = others.filter_map(|o| Some((o.force?, o.size))).collect();

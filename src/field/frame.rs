@@ -22,6 +22,12 @@ pub struct Frame {
     pub hole_center_mm: [f64; 2],
 }
 
+/// The axes of the data themselves.
+pub const DATA_AXES: Frame = Frame {
+    loading_axis: Axis::X,
+    hole_center_mm: [0.0, 0.0],
+};
+
 impl Frame {
     /// The model's point (s, t) in mm of the data's point (x, y) in mm.
     pub fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {

@@ -25,7 +25,7 @@ pub(crate) struct LocalFit<'a> {
 }
 
 /// Neighbours of a point in coordinates about it, scaled by the distance of the farthest.
-pub(crate) struct Neighbourhood {
+pub(crate) struct ScaledNeighbours {
     /// Indices of the neighbours, nearest first.
     pub index: Vec<usize>,
     basis: Vec<LocalCoefficients>,
@@ -70,7 +70,7 @@ impl<'a> LocalFit<'a> {
     }
 
     /// The nearest other points of point `i`.
-    pub fn neighbourhood(&self, i: usize) -> Neighbourhood {
+    pub fn neighbourhood(&self, i: usize) -> ScaledNeighbours {
         let center = self.points[i];
         let index: Vec<usize> = self
             .tree
@@ -91,7 +91,7 @@ impl<'a> LocalFit<'a> {
             .map(|&j| offset(j).map(|d| d * scale))
             .map(|[a, b]| LocalCoefficients::from([1.0, a, b, a * a, a * b, b * b]))
             .collect();
-        Neighbourhood { index, basis }
+        ScaledNeighbours { index, basis }
     }
 
     /// Neighbours and weights of the least-squares prediction of point `i`; none where the neighbours do not

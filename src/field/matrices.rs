@@ -233,7 +233,24 @@ fn read_matrix(path: &Path) -> Result<Matrix> {
     if matrix.values.is_empty() {
         return Err(Error::input(path.display(), "a matrix of numbers").found("an empty file"));
     }
+    if let Some(cut) = cut_number(&text) {
+        let place = format!("{}:{}", path.display(), text.lines().count());
+        let expected = "a last number with as many decimals as the others";
+        return Err(Error::input(place, expected)
+            .found(cut)
+            .hint("a file that was cut? copy it again"));
+    }
     Ok(matrix)
+}
+
+/// The last number of a text whose last line does not end, if it has fewer decimals than all others.
+fn cut_number(text: &str) -> Option<&str> {
+    let decimals = |cell: &str| cell.rsplit_once('.').map_or(0, |(_, tail)| tail.len());
+    let is_measured = |cell: &&str| !cell.eq_ignore_ascii_case("nan");
+    let mut cells = text.split_ascii_whitespace().filter(is_measured);
+    let last = cells.next_back().filter(|last| text.ends_with(last))?;
+    let fewest = cells.map(decimals).min()?;
+    (decimals(last) < fewest).then_some(last)
 }
 
 /// Write `grid` as the four files of this format into the directory `dir`, which is made if need be, and the sds of both displacements

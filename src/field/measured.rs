@@ -64,7 +64,7 @@ pub struct Rejected {
     /// The images did not correlate there, by the export's own account (`sigma`, `correlation`).
     #[serde(default)]
     pub uncorrelated: usize,
-    /// Rows that stand in the file again.
+    /// Rows at places that stand in the file already.
     #[serde(default)]
     pub repeated: usize,
     /// Not measured in another step of the series.
@@ -72,6 +72,9 @@ pub struct Rejected {
     pub unmatched: usize,
     /// Outside the declared window.
     pub outside_window: usize,
+    /// In the declared mask.
+    #[serde(default)]
+    pub masked: usize,
     /// Outliers ([`super::outliers`]).
     pub outliers: usize,
     /// Outside the plate or inside the hole, as the caller knows them.
@@ -83,6 +86,10 @@ pub struct Rejected {
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,
+    /// In the declared mask.
+    Masked,
+    /// At the place of another point.
+    Repeated,
     /// Not measured in another step of the series.
     Unmatched,
     Outlier,
@@ -93,6 +100,22 @@ pub enum Reason {
 impl Field {
     /// A field with fewer points than this is refused when it is read.
     pub const FEWEST: usize = 24;
+
+    /// Without points yet.
+    pub(super) fn empty(frame: Frame) -> Self {
+        Self {
+            points: Vec::new(),
+            displacement: Vec::new(),
+            sigma: None,
+            frame,
+            grid: None,
+            rejected: Rejected::default(),
+            outlying: Vec::new(),
+            fringe_frequency_per_mm: None,
+            subset_mm: None,
+            files: Vec::new(),
+        }
+    }
 
     /// Number of points.
     pub fn len(&self) -> usize {
@@ -143,6 +166,8 @@ impl Field {
         }
         *match reason {
             Reason::OutsideWindow => &mut self.rejected.outside_window,
+            Reason::Masked => &mut self.rejected.masked,
+            Reason::Repeated => &mut self.rejected.repeated,
             Reason::Unmatched => &mut self.rejected.unmatched,
             Reason::Outlier => &mut self.rejected.outliers,
             Reason::OutsidePlate => &mut self.rejected.outside_plate,
@@ -270,7 +295,7 @@ impl Field {
         // a few deviant points of a correlation program are not evidence of a wrong centre
         let void = (inside as f64) < (0.02 * expected).max(3.0);
         if void && (self.surrounds_origin() || !self.has_void(reach, spacing)) {
-            return Ok(());
+            return self.check_scale_of_hole(radius_mm, spacing);
         }
         let [cx, cy] = self.frame.hole_center_mm;
         let error = Error::input(
@@ -285,11 +310,29 @@ impl Field {
         Err(match self.largest_void(radius_mm) {
             Some((center, radius)) if radius > 2.0 * spacing => {
                 let [x, y] = self.frame.data_point(center);
-                error.hint(format!("the largest void nearby has radius {radius:.2} mm about ({x:.2}, {y:.2}) in the data"))
+                let unit = factor(radius_mm / radius).map_or_else(String::new, |name| {
+                    format!(", {name} times as small as declared: check units.coordinates")
+                });
+                error.hint(format!("the largest void nearby has radius {radius:.2} mm about ({x:.2}, {y:.2}) in the data{unit}"))
             }
             _ => error
                 .hint("the data show no hole nearby: check its centre, its diameter and the units"),
         })
+    }
+
+    /// A hole that is larger in the data than declared by the factor of two units.
+    fn check_scale_of_hole(&self, radius_mm: f64, spacing: f64) -> Result<()> {
+        let nearest = self
+            .points
+            .iter()
+            .map(|p| p[0].hypot(p[1]))
+            .fold(f64::INFINITY, f64::min);
+        match factor(nearest / radius_mm).filter(|_| nearest > 3.0 * spacing && self.surrounds_origin()) {
+            None => Ok(()),
+            Some(name) => Err(Error::input("hole.diameter_mm", format!("about {:.1} mm, as the points leave free", 2.0 * nearest))
+                .found(2.0 * radius_mm)
+                .hint(format!("the data's hole is {name} times as large as the declared one: check units.coordinates and the drawing"))),
+        }
     }
 
     /// Whether points lie on all four sides of the declared centre.
@@ -354,6 +397,16 @@ impl Field {
         }
         best
     }
+}
+
+/// The factor between two units of length that `ratio` is, within a twelfth.
+fn factor(ratio: f64) -> Option<&'static str> {
+    const FACTORS: [(f64, &str); 3] = [(25.4, "25.4"), (1000.0, "1000"), (1000.0 / 25.4, "39.4")];
+    const NEAR: f64 = 1.0 / 12.0;
+    FACTORS
+        .iter()
+        .find(|(f, _)| (ratio / f - 1.0).abs() < NEAR)
+        .map(|(_, name)| *name)
 }
 
 /// The smallest and largest coordinates of `points`; zeros if there are none.

@@ -17,12 +17,12 @@ pub enum Places {
     /// Few, anywhere: their coordinates (s, t) in mm.
     Anywhere(Vec<Vec<[f64; 2]>>),
     /// Few, on a lattice: many pairs of points are the same distance apart.
-    OnLattice(Lattice),
+    OnLattice(PointLattice),
 }
 
 /// Points on a rectangular lattice.
 #[derive(Debug, Clone)]
-pub struct Lattice {
+pub struct PointLattice {
     step_mm: [f64; 2],
     /// Rows, and twice the sites of one: the difference of two numbers of sites is that of no other offset.
     shape: [usize; 2],
@@ -33,14 +33,14 @@ pub struct Lattice {
 impl Places {
     /// The places of few points, block by block; (s, t) in mm.
     pub fn of_few(blocks: Vec<Vec<[f64; 2]>>) -> Self {
-        match Lattice::new(&blocks) {
+        match PointLattice::new(&blocks) {
             Some(lattice) => Self::OnLattice(lattice),
             None => Self::Anywhere(blocks),
         }
     }
 }
 
-impl Lattice {
+impl PointLattice {
     fn new(blocks: &[Vec<[f64; 2]>]) -> Option<Self> {
         let points = || blocks.iter().flatten();
         let axes = [0, 1].map(|k| StepSizes::new(points().map(|p| p[k]).collect()));

@@ -63,7 +63,7 @@ pub struct ColumnMap {
     pub units: Units,
 }
 
-/// Header names of the columns of a table.
+/// Header names of the columns of a table. A name after a minus sign is that column with its sign changed: `"uy": "-V"`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Columns {
@@ -76,12 +76,24 @@ pub struct Columns {
     /// The displacement along y.
     pub uy: String,
     /// Standard deviation of a displacement, as the program that correlated the images states it. Where it is not above 0
-    /// the correlation failed (VIC and DICe write -1), and the point is dropped.
+    /// the correlation failed (VIC and DICe write -1), and the point is dropped; a column that is 0 everywhere says nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<String>,
     /// Correlation coefficient, 1 for a perfect match (ZNCC). Points below [`LEAST_CORRELATION`] are dropped.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation: Option<String>,
+    /// Whether x and y are places in the deformed state, as GOM writes them: the reference place is then x - ux, y - uy.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub deformed: bool,
+}
+
+/// Whether a key is left out.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde asks for a reference"
+)]
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Points with a smaller correlation coefficient are dropped: a fifth of the variance of the grey levels is then not that of the
@@ -118,6 +130,7 @@ impl Columns {
             uy,
             sigma: None,
             correlation: None,
+            deformed: false,
         }
     }
 

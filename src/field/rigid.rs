@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::files::stored;
+
 /// Translation of the centre and small rotation about it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RigidMotion {
@@ -12,6 +14,12 @@ pub struct RigidMotion {
     /// The centre of the points, mm.
     pub center: [f64; 2],
 }
+
+stored!(RigidMotion {
+    shift,
+    angle,
+    center
+});
 
 impl RigidMotion {
     /// No motion.

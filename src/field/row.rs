@@ -2,19 +2,23 @@
 
 use std::path::Path;
 
-use csv::StringRecord;
-
+use super::cells::number;
 use super::measured::FARTHEST_MM;
-use super::reader::{ColumnMap, LEAST_CORRELATION, number};
+use super::reader::{ColumnMap, LEAST_CORRELATION};
+use super::sheet::Sheet;
 use crate::error::{Error, Result};
 
 /// Where the declared columns are and what their units are.
-pub(super) struct Row<'a> {
-    /// Index, name and mm a unit of x, y, ux, uy.
+pub(super) struct CsvRow<'a> {
+    /// Index, name and mm a unit of x, y, ux, uy; below 0 where the sign is changed.
     lengths: [(usize, &'a str, f64); 4],
     /// The same of the standard deviation; without a unit it tells failed points alone.
     sigma: Option<(usize, &'a str, Option<f64>)>,
     correlation: Option<(usize, &'a str)>,
+    /// Whether the places are those of the deformed state.
+    deformed: bool,
+    /// Whether the decimal sign is a comma.
+    comma: bool,
 }
 
 /// What a row says of its point.
@@ -33,20 +37,23 @@ pub(super) enum Point {
     },
 }
 
-impl<'a> Row<'a> {
-    /// The columns of `map` among `headers` of the file `path`.
+impl<'a> CsvRow<'a> {
+    /// The columns of `map` in the table `sheet` of the file `path`.
     ///
     /// # Errors
     /// Of the input: an unknown or repeated column, with the columns there are; an unknown unit.
-    pub fn new(path: &Path, map: &'a ColumnMap, headers: &StringRecord) -> Result<Self> {
+    pub fn new(path: &Path, map: &'a ColumnMap, sheet: &Sheet) -> Result<Self> {
         let ColumnMap { columns, units } = map;
         let [coordinate, displacement] = units.in_mm()?;
         let find = |key: &str, name: &'a str| -> Result<(usize, &'a str)> {
-            Ok((find_column(path, headers, key, name)?, name))
+            Ok((find_column(path, &sheet.names, key, name)?, name))
         };
         let length = |key: &str, name: &'a str, scale: f64| -> Result<(usize, &'a str, f64)> {
-            let (index, name) = find(key, name)?;
-            Ok((index, name, scale))
+            let there = sheet.names.iter().any(|header| header == name.trim());
+            match name.trim().strip_prefix('-').filter(|_| !there) {
+                Some(turned) => Ok((find(key, turned)?.0, turned, -scale)),
+                None => Ok((find(key, name)?.0, name, scale)),
+            }
         };
         let sigma = match &columns.sigma {
             Some(name) => {
@@ -67,6 +74,8 @@ impl<'a> Row<'a> {
             correlation: correlation
                 .map(|name| find("correlation", name))
                 .transpose()?,
+            deformed: columns.deformed,
+            comma: sheet.comma,
         })
     }
 
@@ -79,43 +88,66 @@ impl<'a> Row<'a> {
     ///
     /// # Errors
     /// Of the input: a cell that is not a number, a length that is none of a specimen.
-    pub fn point(&self, record: &StringRecord, place: &dyn Fn() -> String) -> Result<Point> {
-        let cell = |index: usize| record.get(index).unwrap_or("");
+    pub fn point(&self, cells: &[&str], place: &dyn Fn() -> String) -> Result<Point> {
         let at = |name: &str| format!("{}, column \"{name}\"", place());
+        let plain = |index: usize, name: &str| -> Result<f64> {
+            let cell = cells.get(index).copied().unwrap_or("");
+            number(cell, self.comma).ok_or_else(|| self.not_a_number(at(name), cell))
+        };
+        let length_mm = |index: usize, name: &str, scale: f64| -> Result<f64> {
+            let length = scale * plain(index, name)?;
+            if length.abs() > FARTHEST_MM {
+                let found = cells.get(index).copied().unwrap_or("");
+                let error = Error::input(at(name), "a length below 1e5 mm").found(found);
+                return Err(error.hint("check the declared units"));
+            }
+            Ok(length)
+        };
         let mut values = [0.0; 4];
         for (value, (index, name, scale)) in values.iter_mut().zip(self.lengths) {
-            *value = length_mm(cell(index), scale, || at(name))?;
+            *value = length_mm(index, name, scale)?;
         }
         let sigma = match self.sigma {
-            Some((index, name, scale)) => {
-                length_mm(cell(index), scale.unwrap_or(1.0), || at(name))?
-            }
+            Some((index, name, scale)) => length_mm(index, name, scale.unwrap_or(1.0))?,
             None => 1.0,
         };
         let correlation = match self.correlation {
-            Some((index, name)) => plain(cell(index), || at(name))?,
+            Some((index, name)) => plain(index, name)?,
             None => 1.0,
         };
         let [x, y, ux, uy] = values;
+        let at = if self.deformed {
+            [x - ux, y - uy]
+        } else {
+            [x, y]
+        };
         Ok(if values.iter().any(|v| v.is_nan()) {
             Point::Missing
-        } else if sigma <= 0.0 || sigma.is_nan() || correlation.is_nan() {
+        } else if sigma < 0.0 || sigma.is_nan() || correlation.is_nan() {
             // failed points have a sigma of -1 in VIC and DICe, or none
             Point::Failed
         } else if correlation < LEAST_CORRELATION {
             Point::Faint
         } else {
             Point::Measured {
-                at: [x, y],
+                at,
                 u: [ux, uy],
                 sigma,
             }
         })
     }
+
+    fn not_a_number(&self, place: String, cell: &str) -> Error {
+        let error = Error::input(place, "a number, or a word for no value such as NaN").found(cell);
+        if number(cell, !self.comma).is_some() || cell.contains(',') {
+            return error.hint("one decimal sign in the whole file and no thousands separators: export with a decimal point");
+        }
+        error.hint("leave the cell empty where nothing was measured, or take the column out of measurement.columns")
+    }
 }
 
 /// The column called `name`, which must be there once.
-fn find_column(path: &Path, headers: &StringRecord, key: &str, name: &str) -> Result<usize> {
+pub(super) fn find_column(path: &Path, headers: &[String], key: &str, name: &str) -> Result<usize> {
     let mut found = headers
         .iter()
         .enumerate()
@@ -139,33 +171,5 @@ fn find_column(path: &Path, headers: &StringRecord, key: &str, name: &str) -> Re
             .found(format!("\"{name}\""))
             .within(path.display()))
         }
-    }
-}
-
-/// A cell without a unit: NaN where it is empty.
-fn plain(cell: &str, at: impl Fn() -> String) -> Result<f64> {
-    if cell.is_empty() {
-        return Ok(f64::NAN);
-    }
-    number(cell).ok_or_else(|| not_a_number(at(), cell))
-}
-
-/// A cell in mm, `scale` mm a unit: NaN where it is empty, which means not measured.
-fn length_mm(cell: &str, scale: f64, at: impl Fn() -> String) -> Result<f64> {
-    let length = scale * plain(cell, &at)?;
-    if length.abs() > FARTHEST_MM {
-        let error = Error::input(at(), "a length below 1e5 mm").found(cell);
-        return Err(error.hint("check the declared units"));
-    }
-    Ok(length)
-}
-
-fn not_a_number(place: String, cell: &str) -> Error {
-    let error = Error::input(place, "a number, NaN or an empty cell").found(cell);
-    let comma = number(&cell.replacen(',', ".", 1)).is_some();
-    if comma {
-        error.hint("export with a decimal point, not a decimal comma")
-    } else {
-        error
     }
 }

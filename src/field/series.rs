@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::agreement::{self, Judged};
 use super::common::Places;
+use super::conventions;
 use super::measured::{Field, Reason, Rejected};
 use super::outliers::outliers_of_steps;
 use super::spec::{MeasurementSpec, OutlierRule};
@@ -73,7 +74,10 @@ impl Series {
             })
             .collect();
         let fields = read.into_iter().collect::<Result<Vec<Field>>>()?;
+        let (fields, steps, left_out) = without_references(fields, steps);
+        let steps = &steps[..];
         let mut series = Self::common(fields, steps)?;
+        series.warnings.extend(left_out);
         agreement::check_different(&series.judged(steps))?;
         if measurement.outliers == OutlierRule::Reject {
             series.reject_outliers()?;
@@ -192,6 +196,30 @@ impl Series {
     }
 }
 
+/// The steps without those that are the reference picture itself, and what is said of these.
+fn without_references(
+    fields: Vec<Field>,
+    steps: &[StepSpec],
+) -> (Vec<Field>, Vec<StepSpec>, Vec<String>) {
+    let is_reference = |f: &Field| f.displacement.iter().flatten().all(|u| *u == 0.0);
+    if fields.iter().all(is_reference) {
+        return (fields, steps.to_vec(), Vec::new());
+    }
+    let (references, rest): (Vec<_>, Vec<_>) = fields
+        .into_iter()
+        .zip(steps.iter().cloned())
+        .partition(|(f, _)| is_reference(f));
+    let said = |(field, _): &(Field, StepSpec)| {
+        format!(
+            "{}: all displacements are 0, so this is the reference picture itself: it is left out",
+            field.place()
+        )
+    };
+    let said = references.iter().map(said).collect();
+    let (fields, steps) = rest.into_iter().unzip();
+    (fields, steps, said)
+}
+
 /// Forces that the files state otherwise than the model.
 fn otherwise(
     measurement: &MeasurementSpec,
@@ -261,6 +289,12 @@ fn check_grids(fields: &[Field], count: &[usize], reference: usize) -> Result<()
     } else {
         [first, reference]
     };
+    let deformed = conventions::is_deformed(fields) == Some(true);
+    let hint = if deformed {
+        "the points have one grid if x and y are places in the deformed state, as GOM writes them: write \"deformed\": true in measurement.columns"
+    } else {
+        "was the file cut, or is it of another specimen or another grid? Export all steps at the reference picture's coordinates, on one grid. Or leave the step out of `steps`"
+    };
     let expected = format!(
         "the points of the other steps, such as the {} of {}",
         fields[other].len(),
@@ -272,7 +306,7 @@ fn check_grids(fields: &[Field], count: &[usize], reference: usize) -> Result<()
             fields[odd].len(),
             count[first]
         ))
-        .hint("a file that was cut, or points of another specimen or another grid? export all steps at the reference picture's coordinates, on one grid, or leave the step out of steps"))
+        .hint(hint))
 }
 
 /// A short name for each step, all different.

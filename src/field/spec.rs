@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::coincident;
 use super::correlation::ImageCorrelation;
 use super::frame::{Axis, Frame};
 use super::fringes::FringeFile;
+use super::mask::{self, MaskShape};
 use super::matrices::Matrices;
-use super::measured::Field;
+use super::measured::{Field, Reason};
 use super::outliers;
 use super::reader::{ColumnMap, Columns, PIXEL, Reader, Units};
 use super::table::Csv;
@@ -28,6 +30,8 @@ pub struct MeasurementSpec {
     pub image_correlation: Option<ImageCorrelation>,
     /// What happens to outliers.
     pub outliers: OutlierRule,
+    /// Parts of the data that are not used.
+    pub mask: Vec<MaskShape>,
 }
 
 /// The formats of measurements.
@@ -77,6 +81,8 @@ struct SpecKeys {
     image_correlation: Option<ImageCorrelation>,
     #[serde(default)]
     outliers: OutlierRule,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    mask: Vec<MaskShape>,
 }
 
 fn needed<T>(value: Option<T>, format: &str, key: &str) -> Result<T> {
@@ -147,6 +153,7 @@ impl TryFrom<SpecKeys> for MeasurementSpec {
             fringe_frequency_per_mm: keys.fringe_frequency_per_mm,
             image_correlation: keys.image_correlation,
             outliers: keys.outliers,
+            mask: keys.mask,
         };
         spec.check()?;
         Ok(spec)
@@ -177,6 +184,7 @@ impl From<MeasurementSpec> for SpecKeys {
             fringe_frequency_per_mm: spec.fringe_frequency_per_mm,
             image_correlation: spec.image_correlation,
             outliers: spec.outliers,
+            mask: spec.mask,
         }
     }
 }
@@ -202,6 +210,7 @@ impl MeasurementSpec {
         if let Some(correlation) = &self.image_correlation {
             correlation.check()?;
         }
+        mask::check(&self.mask)?;
         if let Some(ColumnMap { columns, units }) = &self.source.columns {
             units.in_mm()?;
             units.sigma_in_mm()?;
@@ -220,6 +229,12 @@ impl MeasurementSpec {
             }
         }
         Ok(())
+    }
+
+    /// Size of a pixel, mm, where the data's coordinates count pixels.
+    pub fn mm_per_coordinate(&self) -> Option<f64> {
+        let units = &self.source.columns.as_ref()?.units;
+        units.mm_per_pixel.filter(|_| units.coordinates == PIXEL)
     }
 
     /// The same measurement at another place: the directory of the matrices or the file of the table.
@@ -297,7 +312,42 @@ impl MeasurementSpec {
     /// # Errors
     /// Of the input: whatever is wrong with the files, an inverted window, or fewer than [`Field::FEWEST`] points left.
     pub fn read(&self, base_dir: &Path, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
-        let mut field = self.read_all(base_dir, window_mm)?;
+        self.without_outliers(self.read_all(base_dir, window_mm)?)
+    }
+
+    /// A field of arrays: points (x, y) and displacements (ux, uy) along the data's axes, mm, treated as those of a file.
+    ///
+    /// # Errors
+    /// Those of [`MeasurementSpec::read`] but for the files; arrays of different lengths, numbers that are not finite.
+    pub fn of_arrays(
+        &self,
+        points: &[[f64; 2]],
+        displacements: &[[f64; 2]],
+        window_mm: Option<[[f64; 2]; 2]>,
+    ) -> Result<Field> {
+        check_window(window_mm)?;
+        let (at, moved) = (points.len(), displacements.len());
+        if at != moved {
+            return Err(Error::input("displacements", format!("{at}, one a point")).found(moved));
+        }
+        let mut numbers = points.iter().zip(displacements);
+        let odd = numbers.position(|(p, u)| [p, u].into_iter().flatten().any(|v| !v.is_finite()));
+        if let Some(k) = odd {
+            let found = format!("{:?} and {:?}", points[k], displacements[k]);
+            return Err(Error::input(format!("point {k}"), "four finite numbers").found(found));
+        }
+        let field = Field {
+            points: points.iter().map(|&p| self.frame.point(p)).collect(),
+            displacement: displacements
+                .iter()
+                .map(|&u| self.frame.vector(u))
+                .collect(),
+            ..Field::empty(self.frame)
+        };
+        self.without_outliers(self.within(field, window_mm)?)
+    }
+
+    fn without_outliers(&self, mut field: Field) -> Result<Field> {
         if self.outliers == OutlierRule::Reject {
             outliers::reject(&mut field);
             field.forget_remote_outliers();
@@ -317,19 +367,34 @@ impl MeasurementSpec {
         let source = &self.source;
         let columns = source.columns.as_ref();
         let path = self.path(base_dir)?;
-        let mut field = source.reader.read(&path, columns, self.frame)?;
+        let field = source.reader.read(&path, columns, self.frame)?;
         // a file of fringe images says it itself
-        match (self.fringe_frequency_per_mm, field.fringe_frequency_per_mm) {
-            (Some(declared), Some(found)) if (declared / found - 1.0).abs() > 1e-9 => {
-                let expected = format!("{found}, as {} says", path.display());
-                return Err(Error::input("fringe_frequency_per_mm", expected).found(declared));
-            }
-            (Some(declared), _) => field.fringe_frequency_per_mm = Some(declared),
-            (None, _) => {}
+        let both = self
+            .fringe_frequency_per_mm
+            .zip(field.fringe_frequency_per_mm);
+        if let Some((declared, found)) = both.filter(|(a, b)| (a / b - 1.0).abs() > 1e-9) {
+            let expected = format!("{found}, as {} says", path.display());
+            return Err(Error::input("fringe_frequency_per_mm", expected).found(declared));
         }
+        self.within(field, window_mm)
+    }
+
+    /// The points in the window, with what is declared of how they were measured.
+    fn within(&self, mut field: Field, window_mm: Option<[[f64; 2]; 2]>) -> Result<Field> {
+        let declared = self.fringe_frequency_per_mm;
+        field.fringe_frequency_per_mm = declared.or(field.fringe_frequency_per_mm);
+        coincident::merge(&mut field);
         field.subset_mm = self.image_correlation.map(|c| c.subset_mm);
         if let Some(window) = window_mm {
             field.restrict_to(window);
+        }
+        if !self.mask.is_empty() {
+            let frame = field.frame;
+            let points = field.points.iter().map(|p| frame.data_point(*p));
+            let left: Vec<bool> = points
+                .map(|p| !self.mask.iter().any(|shape| shape.covers(p)))
+                .collect();
+            field.retain(Reason::Masked, |i| left[i]);
         }
         field.check_enough(&field.place())?;
         Ok(field)

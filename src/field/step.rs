@@ -47,6 +47,25 @@ impl TryFrom<StepKeys> for StepSpec {
     }
 }
 
+/// Sd of the error of a force that a testing machine of class 1 (ISO 7500-1) reads, percent of it: the class allows 1 % either way.
+pub const CLASS_1_SD_PERCENT: f64 = 0.5;
+
+/// Refuse an sd of declared forces, percent, that none can have. 0 takes the forces to be exact.
+///
+/// # Errors
+/// Of the input, at `force_sd_percent`.
+pub fn check_sd(percent: f64) -> Result<()> {
+    /// A force of which half is not known is not known: it is `null`.
+    const LARGEST: f64 = 50.0;
+    if (0.0..=LARGEST).contains(&percent) {
+        return Ok(());
+    }
+    let expected = format!("a number from 0 to {LARGEST}, in percent of each force");
+    Err(Error::input("force_sd_percent", expected)
+        .found(percent)
+        .hint("the force of a step that is not known is null"))
+}
+
 /// Force of a model of which no force is known, N: fields then give ratios of constants.
 const NOMINAL_N: f64 = 1000.0;
 

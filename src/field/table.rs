@@ -1,20 +1,24 @@
-//! A table with named columns, as programs for digital image correlation export it: comma, semicolon or tab
-//! separated, `#` starts a comment line, failed points have empty or NaN cells.
+//! A table with named columns, as programs for digital image correlation export it: found in its file by `super::sheet`, failed points
+//! have empty cells or words for no value.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use csv::{ReaderBuilder, StringRecord, Trim};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
 
+use super::cells::number;
 use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::{Field, Rejected};
-use super::reader::{
-    ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, number, read_text, unwritable,
-};
-use super::row::{Point, Row};
+use super::programs::{MatchedColumns, matching};
+use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
+use super::row::{CsvRow, Point};
+use super::sheet::Sheet;
+use super::text;
 use crate::error::{Error, Result};
+use crate::numeric::median;
 use crate::quantity::UM_PER_MM;
 
 /// The reader of this format.
@@ -73,86 +77,154 @@ impl Reader for Csv {
 /// row of another length or a cell that is not a number (with line and column), two displacements of one point, no measured point, a correlation that is
 /// below [`LEAST_CORRELATION`] nearly everywhere.
 pub fn read(path: &Path, map: &ColumnMap, frame: Frame) -> Result<Field> {
-    let text = read_text(path)?;
-    let (mut reader, headers) = opened(path, &text)?;
-    if headers.is_empty() {
-        return Err(
-            Error::input(path.display(), "a header line and rows of numbers")
-                .found("an empty file"),
-        );
-    }
-    let row = Row::new(path, map, &headers)?;
-    let mut field = Field {
-        points: Vec::new(),
-        displacement: Vec::new(),
-        sigma: row.keeps_sigma().then(Vec::new),
-        frame,
-        grid: None,
-        rejected: Rejected::default(),
-        outlying: Vec::new(),
-        fringe_frequency_per_mm: None,
-        subset_mm: None,
-        files: vec![path.to_owned()],
+    Ok(read_said(path, map, frame)?.0)
+}
+
+/// The same with what was passed over or assumed on the way.
+///
+/// # Errors
+/// The same.
+pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, Vec<String>)> {
+    let named = map.columns.named();
+    let has = |names: &[String], name: &str| {
+        names
+            .iter()
+            .any(|n| n == name.trim() || name.trim().strip_prefix('-') == Some(n))
     };
+    let sheet = Sheet::open(path, &|names| {
+        named.iter().all(|(_, name)| has(names, name))
+    })?;
+    let row = CsvRow::new(path, map, &sheet)?;
+    let mut field = Field {
+        files: vec![path.to_owned()],
+        ..Field::empty(frame)
+    };
+    let mut sigmas = Vec::new();
     let mut faint = 0;
     let mut known = KnownColumns::default();
-    let mut record = StringRecord::new();
-    while reader
-        .read_record(&mut record)
-        .map_err(|e| Error::input(path.display(), "rows of text").found(e))?
-    {
-        let byte = record.position().map_or(0, csv::Position::byte);
-        let line = |byte| format!("{}:{}", path.display(), line_at(&text, byte));
-        let place = || line(byte);
-        if record.len() != headers.len() {
-            let expected = format!("{} cells as in the header", headers.len());
-            return Err(Error::input(place(), expected).found(format!("{} cells", record.len())));
-        }
-        match row.point(&record, &place)? {
+    let said = sheet.rows(&mut |line, cells| {
+        let place = |line| format!("{}:{line}", path.display());
+        match row.point(cells, &|| place(line))? {
             Point::Missing => field.rejected.missing += 1,
             Point::Failed => field.rejected.uncorrelated += 1,
             Point::Faint => faint += 1,
-            Point::Measured { at, u, .. } if known.has(at, (u, byte), &line)? => {
+            Point::Measured { at, u, .. } if known.has(at, (u, line), &place)? => {
                 field.rejected.repeated += 1;
             }
             Point::Measured { at, u, sigma } => {
                 field.points.push(frame.point(at));
                 field.displacement.push(frame.vector(u));
-                if let Some(all) = &mut field.sigma {
-                    all.push(sigma);
-                }
+                sigmas.push(sigma);
             }
         }
-    }
+        Ok(())
+    })?;
+    let mut remarks = sheet.remarks;
+    remarks.extend(said);
+    remarks.extend(take_sigmas(&mut field, sigmas, row.keeps_sigma()));
+    remarks.extend(drop_unmoved(&mut field));
     field.rejected.uncorrelated += faint;
     check_measured(path, map, &field, faint)?;
-    Ok(field)
+    Ok((field, remarks))
 }
 
-/// The points of a table so far, by the bits of their coordinates: what was measured there, and at which byte of the file.
+/// Points whose standard deviation is 0 were not correlated, unless that of all points is: then it says nothing.
+fn take_sigmas(field: &mut Field, sigmas: Vec<f64>, keeps: bool) -> Option<String> {
+    if sigmas.iter().all(|s| *s == 0.0) {
+        return (!sigmas.is_empty())
+            .then(|| "sigma is 0 everywhere: it says nothing and is not used".into());
+    }
+    let is_kept: Vec<bool> = sigmas.iter().map(|s| *s > 0.0).collect();
+    field.sigma = keeps.then_some(sigmas);
+    field.rejected.uncorrelated += drop_points(field, &is_kept);
+    None
+}
+
+/// Keep some of the points; returns how many went.
+fn drop_points(field: &mut Field, is_kept: &[bool]) -> usize {
+    let before = field.len();
+    let mut kept = is_kept.iter().copied();
+    field.points.retain(|_| kept.next().unwrap_or(true));
+    let mut kept = is_kept.iter().copied();
+    field.displacement.retain(|_| kept.next().unwrap_or(true));
+    let mut kept = is_kept.iter().copied();
+    if let Some(sigma) = &mut field.sigma {
+        sigma.retain(|_| kept.next().unwrap_or(true));
+    }
+    before - field.len()
+}
+
+/// Programs write zeros where they correlated nothing: points with both displacements exactly 0 that lie beside points that moved are
+/// dropped. In a field that is continuous they would be among points that hardly moved.
+fn drop_unmoved(field: &mut Field) -> Option<String> {
+    const FEWEST: usize = 3;
+    const MOVED: f64 = 0.25;
+    const COARSE: f64 = 20.0;
+    let size = |u: &[f64; 2]| u[0].hypot(u[1]);
+    let (still, moved): (Vec<usize>, Vec<usize>) =
+        (0..field.len()).partition(|&i| size(&field.displacement[i]) == 0.0);
+    if still.len() < FEWEST || moved.is_empty() {
+        return None;
+    }
+    let typical = median(
+        &mut moved
+            .iter()
+            .map(|&i| size(&field.displacement[i]))
+            .collect::<Vec<_>>(),
+    );
+    // 0 may be a small displacement in a file of few decimals
+    let mut components: Vec<f64> = field.displacement.as_flattened().to_vec();
+    components.sort_by(f64::total_cmp);
+    let gaps = components.windows(2).map(|w| w[1] - w[0]);
+    let step = gaps.filter(|gap| *gap > 0.0).fold(f64::INFINITY, f64::min);
+    if typical < COARSE * step {
+        return None;
+    }
+    let tree = RTree::bulk_load(
+        moved
+            .iter()
+            .map(|&i| GeomWithData::new(field.points[i], i))
+            .collect(),
+    );
+    let beside = |i: &&usize| {
+        let nearest = tree.nearest_neighbor(field.points[**i]);
+        nearest.is_some_and(|n| size(&field.displacement[n.data]) > MOVED * typical)
+    };
+    if 2 * still.iter().filter(beside).count() <= still.len() {
+        return None;
+    }
+    let is_kept: Vec<bool> = field.displacement.iter().map(|u| size(u) > 0.0).collect();
+    let dropped = drop_points(field, &is_kept);
+    field.rejected.uncorrelated += dropped;
+    Some(format!(
+        "{dropped} points with both displacements exactly 0 beside points that moved are not measured: dropped"
+    ))
+}
+
+/// The points of a table so far, by the bits of their coordinates: what was measured there, and in which line.
 #[derive(Default)]
-struct KnownColumns(HashMap<[u64; 2], ([f64; 2], u64)>);
+struct KnownColumns(HashMap<[u64; 2], ([f64; 2], usize)>);
 
 impl KnownColumns {
-    /// Whether a row at some byte of the file stands in the table already.
+    /// Whether a row at some line of the file stands in the table already.
     ///
     /// # Errors
     /// The input's fault: another displacement at the same point.
     fn has(
         &mut self,
         at: [f64; 2],
-        (u, byte): ([f64; 2], u64),
-        line: &dyn Fn(u64) -> String,
+        (u, line): ([f64; 2], usize),
+        place: &dyn Fn(usize) -> String,
     ) -> Result<bool> {
         // 0 is added to make one of both zeros
         let key = at.map(|x| (x + 0.0).to_bits());
-        let (same, first) = *self.0.entry(key).or_insert((u, byte));
+        let (same, first) = *self.0.entry(key).or_insert((u, line));
         if same != u {
-            return Err(Error::input(line(byte), "one displacement of every point")
-                .found(format!("another one of the point of {}", line(first)))
+            return Err(Error::input(place(line), "one displacement of every point")
+                .found(format!("another one of the point of {}", place(first)))
                 .hint("are these two steps, or two regions that overlap, in one file? give each step a file of its own, and export each point once"));
         }
-        Ok(first != byte)
+        Ok(first != line)
     }
 }
 
@@ -191,38 +263,77 @@ fn faint_everywhere(path: &Path, map: &ColumnMap, [faint, left]: [usize; 2]) -> 
 /// The column names of a table.
 ///
 /// # Errors
-/// Of the input: a missing, empty or non-text file.
+/// Those of [`described`].
 pub fn header(path: &Path) -> Result<Vec<String>> {
-    let text = read_text(path)?;
-    let (_, headers) = opened(path, &text)?;
-    Ok(headers.iter().map(String::from).collect())
+    Ok(described(path, &[])?.names)
 }
 
-/// The force that the comments before the first row of a table state (ARAMIS: `# force : 15000`), N; without a unit it is
+/// What is to be known of a table before its columns are.
+#[derive(Debug)]
+pub struct TableHeader {
+    /// Names of the columns.
+    pub names: Vec<String>,
+    /// Its line.
+    pub line: usize,
+    /// What the columns hold, if they are known.
+    pub found: Option<MatchedColumns>,
+    /// The lines before it.
+    pub preamble: String,
+    /// The units in a row of their own.
+    pub units: Option<Vec<Option<&'static str>>>,
+}
+
+/// The header of a table: that of the first line with columns that are known, or with all of `named`.
+///
+/// # Errors
+/// Of the input: a missing, empty or non-text file.
+pub fn described(path: &Path, named: &[&str]) -> Result<TableHeader> {
+    let wanted = |names: &[String]| {
+        let has = |name: &&str| names.iter().any(|n| n == name);
+        match named {
+            [] => matching(names, None, "").is_some(),
+            _ => named.iter().all(has),
+        }
+    };
+    let sheet = Sheet::open(path, &wanted)?;
+    let preamble = sheet.preamble().collect::<Vec<_>>().join("\n");
+    Ok(TableHeader {
+        found: matching(&sheet.names, sheet.units.as_deref(), &preamble),
+        preamble,
+        line: sheet.line,
+        names: sheet.names,
+        units: sheet.units,
+    })
+}
+
+/// The force that the lines before the numbers of a table state (ARAMIS: `# force : 15000`), N; without a unit it is
 /// taken for newtons.
 ///
 /// # Errors
 /// Of the input: a missing or non-text file.
 pub fn stated_force(path: &Path) -> Result<Option<f64>> {
-    let text = read_text(path)?;
+    let (text, _) = text::read(path)?;
+    let number = |line: &&str| line.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
     let lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
-    let comments = lines.map_while(|l| l.strip_prefix('#'));
-    Ok(comments.filter_map(force_in).next())
+    let mut before = lines.take_while(|line| !number(line));
+    Ok(before.find_map(|line| force_in(line.trim_start_matches(['#', '%', '*', ' ']))))
 }
 
-/// The force of a comment `force [kN] : 1.5`, `Force = 1500 N`.
-fn force_in(comment: &str) -> Option<f64> {
-    let comment = comment.to_lowercase();
-    let (key, value) = comment.split_once([':', '='])?;
+/// The force of a line `force [kN] : 1.5`, `Force = 1500 N`, `force : value_element : 1500`.
+fn force_in(line: &str) -> Option<f64> {
+    const WORDS: [&str; 3] = ["force", "load", "kraft"];
+    let line = line.to_lowercase();
+    let (key, value) = line.split_once([':', '=', ';', ',', '\t'])?;
+    let value = value.rsplit_once(':').map_or(value, |(_, value)| value);
     let words = |text: &str| -> Vec<String> {
-        let words = text.split(|c: char| c.is_whitespace() || "[]()_".contains(c));
+        let words = text.split(|c: char| c.is_whitespace() || "[]()_;\"".contains(c));
         words.filter(|w| !w.is_empty()).map(String::from).collect()
     };
     let (key, value) = (words(key), words(value));
-    if key.first()? != "force" {
+    if !WORDS.contains(&key.first()?.as_str()) {
         return None;
     }
-    let size = number(value.first()?).filter(|f| f.is_finite())?;
+    let size = number(value.first()?, false).filter(|f| f.is_finite())?;
     let newtons: Option<Vec<f64>> = key[1..]
         .iter()
         .chain(&value[1..])
@@ -234,84 +345,4 @@ fn force_in(comment: &str) -> Option<f64> {
         })
         .collect();
     Some(size * newtons?.first().unwrap_or(&1.0))
-}
-
-/// A reader of the rows of a table, and its header.
-fn opened<'a>(path: &Path, text: &'a str) -> Result<(csv::Reader<&'a [u8]>, StringRecord)> {
-    let builder = |text: &'a str, header: bool| {
-        ReaderBuilder::new()
-            .has_headers(header)
-            .delimiter(delimiter(text))
-            .comment(Some(b'#'))
-            .trim(Trim::All)
-            .flexible(true)
-            .from_reader(text.as_bytes())
-    };
-    let mut reader = builder(text, true);
-    let headers = reader
-        .headers()
-        .map_err(|e| Error::input(path.display(), "a header line").found(e))?
-        .clone();
-    match commented_header(text, &headers) {
-        Some(names) => Ok((builder(text, false), names)),
-        None => Ok((reader, headers)),
-    }
-}
-
-/// The names in the last comment before the rows, of a table whose first row is numbers and has as many (a node map of ARAMIS).
-fn commented_header(text: &str, first: &StringRecord) -> Option<StringRecord> {
-    if first.is_empty() || !first.iter().all(|c| c.is_empty() || number(c).is_some()) {
-        return None;
-    }
-    let lines = text.lines().map(str::trim_start).filter(|l| !l.is_empty());
-    let comment = lines.map_while(|l| l.strip_prefix('#')).last()?;
-    let separator = char::from(delimiter(text));
-    let names = comment.split(separator).map(|n| n.trim().trim_matches('"'));
-    let names: StringRecord = names.collect();
-    let named = names.iter().any(|n| !n.is_empty() && number(n).is_none());
-    (named && names.len() == first.len()).then_some(names)
-}
-
-/// The delimiter that occurs most often in the first line that is no comment, outside quotes; a comma if none does.
-fn delimiter(text: &str) -> u8 {
-    let header = text
-        .lines()
-        .find(|line| !line.starts_with('#') && !line.trim().is_empty())
-        .unwrap_or("");
-    let mut counts = [(b',', 0), (b';', 0), (b'\t', 0)];
-    let mut quoted = false;
-    for byte in header.bytes() {
-        quoted ^= byte == b'"';
-        if let Some((_, count)) = counts
-            .iter_mut()
-            .find(|(delimiter, _)| !quoted && *delimiter == byte)
-        {
-            *count += 1;
-        }
-    }
-    // the first of equals: a comma before a semicolon before a tab
-    counts
-        .iter()
-        .rev()
-        .max_by_key(|(_, count)| *count)
-        .map_or(b',', |(delimiter, _)| *delimiter)
-}
-
-/// Line of the record whose reading began at `byte`: blank and comment lines before it were skipped unseen.
-fn line_at(text: &str, byte: u64) -> usize {
-    let mut start = usize::try_from(byte).unwrap_or(0).min(text.len());
-    let bytes = text.as_bytes();
-    while let Some(&first) = bytes.get(start) {
-        match first {
-            b'\n' | b'\r' => start += 1,
-            b'#' => {
-                start += bytes[start..]
-                    .iter()
-                    .position(|b| *b == b'\n')
-                    .unwrap_or(bytes.len() - start)
-            }
-            _ => break,
-        }
-    }
-    1 + bytes[..start].iter().filter(|b| **b == b'\n').count()
 }

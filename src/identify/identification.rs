@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::inverse::InverseProblem;
+use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
 use super::residual::Residual;
 use super::structure::Structure;
@@ -38,9 +39,11 @@ pub struct Identification {
     pub patterns: Patterns,
     /// Whether the posterior has a mode that is not absurd; if not, its constants were held within reason.
     pub determined: bool,
-    /// Probability of a misfit of the modes as large as at the posterior mean.
-    pub misfit_p: f64,
-    /// Sentences about results that should not be trusted as they stand.
+    /// Whether noise explains what is left: the one account of it that verdict and warnings have.
+    pub misfit: AgainstNoise,
+    /// What was doubtful of the input before anything was sampled.
+    pub doubts: Vec<String>,
+    /// Other sentences about results that should not be trusted as they stand.
     pub warnings: Vec<String>,
 }
 
@@ -48,6 +51,20 @@ impl Identification {
     /// The files of the measurement.
     pub fn files(&self) -> &[PathBuf] {
         &self.inverse.prepared.observation.field.files
+    }
+
+    /// All sentences about results that should not be trusted as they stand.
+    pub fn all_warnings(&self) -> Vec<String> {
+        let misfit = self.misfit.warnings.iter();
+        misfit.chain(&self.warnings).cloned().collect()
+    }
+
+    /// The same identification, its residual held against noise that the frames of a series have measured: `p` is the probability of a
+    /// misfit as large by that. The noise of one field is short, and smooth noise of frames would pass for structure.
+    #[must_use]
+    pub fn held_against(mut self, p: f64) -> Self {
+        self.misfit = AgainstNoise::of_series(&self.inverse, &self.residual, p);
+        self
     }
 
     /// Posterior mean and sd of a constant or an amplitude, border units.

@@ -6,9 +6,10 @@ use crate::experiment::{Prediction, State, predict};
 use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::field::{Field, Series};
+use crate::files::KeptStages;
 use crate::geometry::Geometry;
 use crate::infer::{
-    Columns, Likelihood, Marginal, Model, Observation, Posterior, Statistics, TracedSeries,
+    Likelihood, Marginal, Model, Observation, Posterior, Statistics, TracedSeries, UnitColumns,
 };
 use crate::noise::{Hyperparameters, Noise};
 use crate::progress::Progress;
@@ -50,7 +51,7 @@ pub struct InverseProblem {
     /// What is solved.
     pub prepared: Prepared,
     /// Columns at the measured points.
-    pub columns: Columns,
+    pub columns: UnitColumns,
     pub noise: Noise,
     pub statistics: Statistics,
     pub posterior: Posterior,
@@ -172,8 +173,8 @@ fn series_observed(
     progress.say(&format!("{steps} steps of {points} points"));
     progress.end();
     let problem = model.problem(series.field.measured_bounds())?;
-    let nominal_n = model.experiment().nominal_load().force_n;
-    let mut observation = Observation::of_series(series, nominal_n, &*problem.experiment)?;
+    let forces = model.experiment().forces();
+    let mut observation = Observation::of_series(series, forces, &*problem.experiment)?;
     if let Some(steps) = &observation.steps {
         observation.field.displacement = steps.combined(&observation.field.points);
     }
@@ -210,6 +211,19 @@ pub fn inverse_problem(
     prepared: Prepared,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
+    inverse_problem_kept(model, prepared, &KeptStages::default(), progress)
+}
+
+/// The same with the noise as a stage that is kept.
+///
+/// # Errors
+/// Those of [`inverse_problem`]; a folder that cannot be written.
+pub(super) fn inverse_problem_kept(
+    model: &Model,
+    prepared: Prepared,
+    kept: &KeptStages,
+    progress: &dyn Progress,
+) -> Result<InverseProblem> {
     let columns =
         prepared
             .observation
@@ -221,12 +235,9 @@ pub fn inverse_problem(
         &nominal_point(&prepared.problem, model),
     )?;
     progress.begin("noise of the measurement", None);
-    let noise = Noise::estimate(
-        &prepared.observation.field,
-        &columns.modes,
-        &columns.effects,
-    )?
-    .with(&prepared.discrepancy)?;
+    let of = (&*columns.modes, &*columns.effects);
+    let noise = Noise::estimate_kept(&prepared.observation.field, of, kept, progress)?;
+    let noise = noise.with(&prepared.discrepancy)?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

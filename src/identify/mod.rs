@@ -1,12 +1,12 @@
 //! One identification: inverse problem, sample, residual, checks.
 
-mod beside;
+pub mod doubts;
 mod force;
-mod frequencies;
 pub mod fringes;
 mod identification;
 mod inverse;
 pub mod jumps;
+mod misfit;
 mod patterns;
 pub mod phase;
 mod reduction;
@@ -21,20 +21,16 @@ mod tiles;
 mod warnings;
 mod waves;
 
-pub use beside::{Beside, beside, know};
 pub use force::settle_force;
-pub use frequencies::{
-    Exact, FrequenciesFound, ModeFound, PeakFound, PlateFound, frequencies_rule,
-    identify_frequencies,
-};
 pub use identification::{Identification, Refinement};
 pub use inverse::{
     InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, prepare_traced, start,
 };
+pub use misfit::{AgainstNoise, MISFIT};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
-pub use solve::{Options, Reporting, identify, identify_traced, refine};
+pub use solve::{Options, Reporting, identify, identify_traced, redrawn, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;

@@ -5,6 +5,7 @@ use super::inverse::Prepared;
 use super::surrogate::TOLERANCE;
 use crate::chain::Draws;
 use crate::error::{Error, Result};
+use crate::parameter::is_modulus;
 use crate::progress::Progress;
 use crate::reduce::{Dimension, Modes, Problem, ReducedModel, cache};
 
@@ -102,7 +103,7 @@ fn around(problem: &Problem, draws: &Draws, d: usize) -> Vec<Dimension> {
         let side = &mut dimensions[k];
         side.low = (mean - REACH_SDS * sd).min(low - MARGIN_SDS * sd);
         side.high = (mean + REACH_SDS * sd).max(high + MARGIN_SDS * sd);
-        if side.name.ends_with("_GPa") {
+        if is_modulus(&side.name) {
             // Draws are positive; what lies below half the smallest of them is of no use.
             side.low = side.low.max(0.5 * low);
         }

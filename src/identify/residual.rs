@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::inverse::InverseProblem;
-use crate::infer::{Columns, Observation, Statistics};
+use crate::infer::{Observation, Statistics, UnitColumns};
 use crate::noise::Noise;
 use crate::numeric::add_scaled;
 use crate::quantity::NM_PER_MM;
@@ -50,7 +50,7 @@ impl Residual {
     /// Residual of a prediction with POD coefficients `alpha` (mm) and effect amplitudes `beta` (border units).
     pub fn new(
         observation: &Observation,
-        columns: &Columns,
+        columns: &UnitColumns,
         noise: &Noise,
         statistics: &Statistics,
         alpha: &DVector<f64>,

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 
 use super::reduction::With;
+use crate::effect::Scope;
 use crate::error::Result;
 use crate::infer::{Observation, SteppedColumn, Steps};
 use crate::laminate::MeanSd;
@@ -56,7 +57,11 @@ pub fn combined(with: &With<'_>, mut observation: Observation) -> Result<Observa
                     mean: column.mean,
                     sd: column.sd,
                 };
-                let unseen = 1.0 - seen(steps, points.len(), &column);
+                // of the load's errors one field tells nothing: they are a common factor of all moduli
+                let unseen = match effect.effect.scope() {
+                    Scope::Force => 1.0,
+                    _ => 1.0 - seen(steps, points.len(), &column),
+                };
                 columns.push(SteppedColumn {
                     prior: known.map_or(prior, |(_, all)| beside(prior, *all, unseen)),
                     name: column.name,

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::experiment::{Gauge, Sight, gauged};
 use crate::field::Field;
-use crate::infer::Columns;
+use crate::infer::UnitColumns;
 use crate::reduce::ReducedModel;
 
 /// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
@@ -20,7 +20,7 @@ const SIMILAR: f64 = 0.8;
 pub fn check_size(
     field: &Field,
     reduced: &ReducedModel,
-    columns: &Columns,
+    columns: &UnitColumns,
     nominal: &[f64],
 ) -> Result<()> {
     let points = Sight::anywhere(&field.points, &[]);
@@ -51,9 +51,16 @@ pub fn check_size(
                 .map_or_else(|| "measurement".into(), |f| f.display().to_string()),
         };
         let size = format!("{:.1} to {MOST_RATIO}", 1.0 / MOST_RATIO);
-        let thousand = |r: f64| (0.5..2.0).contains(&(r / 1000.0));
-        let hint = if thousand(ratio) || thousand(1.0 / ratio) {
+        // of constants that are known to some tens of percent
+        let near = |factor: f64| {
+            [ratio, 1.0 / ratio]
+                .iter()
+                .any(|r| (0.5..2.0).contains(&(r / factor)))
+        };
+        let hint = if near(1000.0) {
             "a factor of about a thousand: a force in kN, coordinates or displacements in m or um, or moduli in MPa?"
+        } else if near(25.4) || near(1000.0 / 25.4) {
+            "a factor of about 25.4 or 39.4: displacements, coordinates, the width or the thickness in inches (25.4 mm) or in mils (0.0254 mm)?"
         } else if ratio < 0.0 {
             "check the signs and directions of the axes, and which file or column is which"
         } else {

@@ -3,17 +3,22 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use super::doubts::{Doubting, doubts};
 use super::identification::{Identification, Refinement};
-use super::inverse::{InverseProblem, Prepared, inverse_problem, is_clear, prepare_traced, start};
+use super::inverse::{
+    InverseProblem, Prepared, inverse_problem_kept, is_clear, prepare_traced, start,
+};
+use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
 use super::refine::enrich;
 use super::residual::{Residual, effect_amplitudes};
 use super::structure::Structure;
 use super::surrogate::SurrogateError;
-use super::warnings::{modal_misfit, warnings};
+use super::warnings::{NO_MODE, first_fit, warnings};
 use crate::chain::Draws;
-use crate::diagnose::{Rule, diagnose};
-use crate::error::{Error, Result};
+use crate::diagnose::{Rule, Verdict, diagnose};
+use crate::error::{Blame, Error, Result};
+use crate::files::{KeptStages, Stored};
 use crate::infer::{Model, Posterior, TracedSeries};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
@@ -40,6 +45,31 @@ pub struct Options<'a> {
     pub discrepancy: [Option<Hyperparameters>; 2],
     /// When to stop sampling in any case.
     pub deadline: Option<Instant>,
+    /// What is done with doubts about the input.
+    pub doubting: Doubting,
+}
+
+impl<'a> Options<'a> {
+    /// The defaults of the program, with this sampler; reduced models are kept in the directory `cache` and used again.
+    pub fn new(sampler: &'a dyn Sampler, cache: impl Into<PathBuf>) -> Self {
+        Self {
+            sampler,
+            schedule: Schedule::default(),
+            rule: Rule::default(),
+            cache: cache.into(),
+            refinements: 0,
+            keeping: None,
+            discrepancy: [None, None],
+            deadline: None,
+            doubting: Doubting::Unasked,
+        }
+    }
+
+    /// Where finished stages beside the chains are kept.
+    pub fn stages(&self) -> KeptStages {
+        let keeping = self.keeping.as_ref();
+        keeping.map(Keeping::stages).unwrap_or_default()
+    }
 }
 
 /// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
@@ -66,7 +96,13 @@ pub fn identify_traced(
         discrepancy: options.discrepancy,
         ..prepare_traced(model, traced, &options.cache, progress)?
     };
-    let mut found = identify_prepared(model, prepared, options, progress)?;
+    let doubts = doubted(model, &prepared, (options.doubting, progress))?;
+    let hint = |e: Error| match doubts.first() {
+        Some(doubt) if e.blame() == Blame::Input => e.hint(doubt),
+        _ => e,
+    };
+    let mut found = identify_prepared(model, prepared, options, progress).map_err(hint)?;
+    found.doubts = doubts;
     found.refinements = vec![Refinement::of(&found)];
     if !found.determined {
         return Ok(found);
@@ -104,10 +140,40 @@ pub fn refine(
         history.push(Refinement::of(&next));
         newest = Some(next);
     }
-    Ok(newest.map(|found| Identification {
+    let doubts = &found.doubts;
+    Ok(newest.map(|newest| Identification {
         refinements: history,
-        ..found
+        doubts: doubts.clone(),
+        ..newest
     }))
+}
+
+/// Doubts about the input, as they are asked for: said at once, or an error.
+fn doubted(
+    model: &Model,
+    prepared: &Prepared,
+    (doubting, progress): (Doubting, &dyn Progress),
+) -> Result<Vec<String>> {
+    if doubting == Doubting::Unasked {
+        return Ok(Vec::new());
+    }
+    progress.begin("looking for mistakes in the input", None);
+    let doubts = doubts(model, prepared);
+    progress.say(match doubts.len() {
+        0 => "none found",
+        _ => "see the warning",
+    });
+    progress.end();
+    match doubts.first() {
+        Some(first) if doubting == Doubting::Refused => {
+            let place = model.path.display();
+            Err(Error::input(format!("{place} (--strict)"), "an input without doubts").hint(first))
+        }
+        _ => {
+            doubts.iter().for_each(|doubt| progress.warn(doubt));
+            Ok(doubts)
+        }
+    }
 }
 
 /// Identify with a given reduced model.
@@ -117,7 +183,7 @@ fn identify_prepared(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let mut inverse = inverse_problem(model, prepared, progress)?;
+    let mut inverse = inverse_problem_kept(model, prepared, &options.stages(), progress)?;
     let mode = start(&inverse.posterior).ok();
     let mode = mode.filter(|mode| inverse.posterior.is_credible(&mode.mode));
     let determined = mode.is_some();
@@ -128,12 +194,84 @@ fn identify_prepared(
         Some(mode) => mode,
         None => from_prior(&inverse.posterior)?,
     };
+    if options.doubting != Doubting::Unasked {
+        let said = match determined {
+            true => first_fit(&inverse, &mode.mode),
+            false => Some(NO_MODE.to_string()),
+        };
+        said.iter().for_each(|said| progress.warn(said));
+    }
     let (draws, stopped) = draw(&inverse.posterior, &mode, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
+    let drawn = DrawnPosterior {
+        draws,
+        stopped,
+        verdict,
+    };
+    assessed(model, (inverse, determined), drawn, (options, progress))
+}
+
+/// Draws of a posterior, and what they are worth.
+struct DrawnPosterior {
+    draws: Draws,
+    stopped: Stopped,
+    verdict: Verdict,
+}
+
+/// A field's identification by other draws of its parameters: those of its posterior with other experiments.
+///
+/// # Errors
+/// Those of a finite-element solution.
+pub fn redrawn(
+    model: &Model,
+    found: Identification,
+    (draws, stopped): (Draws, Stopped),
+    (options, progress): (&Options<'_>, &dyn Progress),
+) -> Result<Identification> {
+    let drawn = DrawnPosterior {
+        verdict: diagnose(&draws, &options.rule),
+        draws,
+        stopped,
+    };
+    let (misfit, refinements) = (found.misfit, found.refinements);
+    let inverse = (found.inverse, found.determined);
+    let again = assessed(model, inverse, drawn, (options, progress))?;
+    let again = match misfit.of_series {
+        true => again.held_against(misfit.p),
+        false => again,
+    };
+    Ok(Identification {
+        refinements,
+        ..again
+    })
+}
+
+/// What draws of an inverse problem are worth, and what they leave of the data.
+fn assessed(
+    model: &Model,
+    (inverse, determined): (InverseProblem, bool),
+    drawn: DrawnPosterior,
+    (options, progress): (&Options<'_>, &dyn Progress),
+) -> Result<Identification> {
+    let DrawnPosterior {
+        draws,
+        stopped,
+        verdict,
+    } = drawn;
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let residual = Residual::at(&inverse, &mean);
-    let (_, _, misfit_p) = modal_misfit(&inverse, &mean);
-    let surrogate = SurrogateError::measure(&inverse, &draws, progress)?;
+    let misfit = AgainstNoise::of_field(
+        &inverse,
+        &residual,
+        &mean,
+        model.file.likelihood.noise_nm.is_some(),
+    );
+    let mut of = Vec::new();
+    draws.lp().to_vec().put(&mut of);
+    let measure = || SurrogateError::measure(&inverse, &draws, progress);
+    let surrogate = options
+        .stages()
+        .stage("reduced-model", &of, measure, progress)?;
     let field = &inverse.prepared.observation.field;
     let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
     let clear = |point: [f64; 2]| is_clear(geometry, point);
@@ -142,10 +280,11 @@ fn identify_prepared(
         effect_amplitudes: amplitudes(&inverse, &draws),
         patterns: Patterns::of(field, &residual.field, &inverse.noise, &clear),
         structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
+        doubts: Vec::new(),
         warnings: Vec::new(),
         refinements: Vec::new(),
         determined,
-        misfit_p,
+        misfit,
         inverse,
         draws,
         stopped,

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::inverse::InverseProblem;
 use crate::chain::Draws;
 use crate::error::Result;
+use crate::files::stored;
 use crate::infer::{Posterior, Whitened};
 use crate::numeric::{add_scaled, shares};
 use crate::progress::Progress;
@@ -64,6 +65,23 @@ const LOOKED_AT: usize = 8;
 
 /// Largest error of a reduced model that needs no refinement, in posterior standard deviations.
 pub const TOLERANCE: f64 = 0.01;
+
+stored!(SurrogateError {
+    draws,
+    shift_sd,
+    bias_sd,
+    log_weights,
+    moments,
+    max_field_nm,
+    rms_field_nm,
+    over_the_box_nm,
+    basis_bound_nm
+});
+stored!(Reweighted {
+    name,
+    plain,
+    weighted
+});
 
 impl SurrogateError {
     /// The largest shift of any constant, in posterior standard deviations.

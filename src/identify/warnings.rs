@@ -1,18 +1,15 @@
 //! Results that should not be trusted as they stand.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
 use super::identification::Identification;
 use super::inverse::InverseProblem;
+use super::residual::Residual;
 use super::surrogate::TOLERANCE;
 use crate::effect::EFFECTS;
-use crate::field::rigid;
 use crate::infer::{Model, REASON_SDS};
 use crate::laminate::Material;
-use crate::quantity::{NM_PER_MM, URAD_PER_RAD, plus_minus};
-
-/// Structure is spoken of where the residual's chi^2 exceeds 1 by this many standard errors of chi^2.
-const CHI2_ERRORS: f64 = 4.0;
+use crate::parameter::Parameter;
+use crate::parameter::is_modulus;
+use crate::quantity::{NM_PER_MM, plus_minus};
 
 /// A posterior mean this many prior sd away from the prior's mean contradicts it.
 pub const PRIOR_SDS: f64 = 4.0;
@@ -20,23 +17,12 @@ pub const PRIOR_SDS: f64 = 4.0;
 /// Sentences about results that should not be trusted as they stand; none if nothing is wrong.
 pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     let mut said = Vec::new();
-    structure(of, &mut said);
     let posterior = &of.inverse.posterior;
     let declared_noise_nm = model.file.likelihood.noise_nm;
     let mean: Vec<f64> = of.verdict.rows.iter().map(|row| row.mean).collect();
     let theta = &mean[..posterior.structural()];
-    let scale = posterior.scale(&mean);
     if !of.determined {
         said.push(format!("These constants are not determined: what the model lacks drives them beyond {REASON_SDS} prior sd, and they were held within. Only the further rounds of a loop can say more."));
-    }
-    let (misfit, freedom, p) = modal_misfit(&of.inverse, &mean);
-    if p < 1e-3 {
-        said.push(format!(
-            "No constants within the priors fit the measured modes: their misfit is {misfit:.1} with {freedom} degrees of freedom."
-        ));
-    }
-    if scale > 1.3 && declared_noise_nm.is_none() {
-        said.push(format!("The fit calls for {scale:.1} times the noise that the data show: the model cannot follow the data."));
     }
     if let Some(declared) = declared_noise_nm {
         let seen = of.inverse.noise.reference_nm();
@@ -58,6 +44,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     said.extend(steps.flat_map(|s| s.warnings.clone()));
     said.extend(without_force(model, of));
     said.extend(yields(model, of));
+    said.extend(repeated(of));
     said.extend(off_the_mesh(model, of));
     said.extend(of_mesh(model, of));
     let error = of.surrogate.max_sd();
@@ -77,6 +64,32 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     said
 }
 
+/// Reduced chi^2 and factor on the noise from which on the first fit is spoken of before it is sampled.
+const FIRST_CHI2: f64 = 20.0;
+const FIRST_SCALE: f64 = 2.0;
+
+/// What the mode of a posterior already shows, before it is sampled; nothing where it is as one would expect.
+pub fn first_fit(of: &InverseProblem, mode: &[f64]) -> Option<String> {
+    let posterior = &of.posterior;
+    let scale = posterior.scale(mode);
+    let chi2 = Residual::at(of, mode).chi2_reduced;
+    let names = posterior.parameter_names().iter();
+    let off = posterior.marginals().iter().zip(names.zip(mode));
+    let off = off.filter_map(|(m, (name, x))| {
+        let z = (x - m.mean) / m.sd;
+        (z.abs() > PRIOR_SDS)
+            .then(|| format!("{name} is {x:.3}, {z:+.1} prior sd from its prior's mean"))
+    });
+    let noise = (scale > FIRST_SCALE).then(|| format!("it needs {scale:.1} times the noise"));
+    let structure = (chi2 > FIRST_CHI2)
+        .then(|| format!("it leaves structure, reduced chi^2 {chi2:.0} where noise alone makes 1"));
+    let said: Vec<String> = off.chain(noise).chain(structure).collect();
+    (!said.is_empty()).then(|| format!("The first fit, before sampling: {}.", said.join("; ")))
+}
+
+/// What is said where the first fit has no mode that is not absurd.
+pub const NO_MODE: &str = "The first fit, before sampling: no credible constants fit the field. Something acts that the model lacks, or the input is wrong.";
+
 /// A series without a force measures ratios: they are stated.
 fn without_force(model: &Model, of: &Identification) -> Option<String> {
     let experiment = model.experiment();
@@ -85,9 +98,9 @@ fn without_force(model: &Model, of: &Identification) -> Option<String> {
     }
     let constants = model.constants();
     let moduli: Vec<usize> = (0..constants.len())
-        .filter(|k| constants[*k].ends_with("_GPa"))
+        .filter(|k| is_modulus(constants[*k]))
         .collect();
-    let symbol = |k: usize| constants[k].trim_end_matches("_GPa");
+    let symbol = |k: usize| Parameter::read(constants[k]).symbol().to_string();
     let ratio = |k: usize, to: usize| {
         let values: Vec<f64> = of.draws.points().map(|x| x[k] / x[to]).collect();
         let n = values.len() as f64;
@@ -146,6 +159,14 @@ fn of_mesh(model: &Model, of: &Identification) -> Vec<String> {
     said
 }
 
+/// Points that stand in the measurement again.
+fn repeated(of: &Identification) -> Option<String> {
+    let again = of.inverse.prepared.observation.field.rejected.repeated;
+    (again > 0).then(|| {
+        format!("{again} rows stand at places of other rows. Each place counts once, with the mean displacement: copies of a measurement are no further measurements.")
+    })
+}
+
 /// Measured points off an imported mesh, as a share of all, that are more than a border: the frame may be wrong.
 const OFF_THE_MESH: f64 = 0.03;
 
@@ -191,41 +212,4 @@ fn yields(model: &Model, of: &Identification) -> Option<String> {
             }
         )
     })
-}
-
-/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one.
-pub fn modal_misfit(of: &InverseProblem, mean: &[f64]) -> (f64, usize, f64) {
-    let posterior = &of.posterior;
-    let theta = &mean[..posterior.structural()];
-    let (misfit, coordinates) = posterior.likelihood().misfit(theta, posterior.scale(mean));
-    let freedom = coordinates.saturating_sub(theta.len()).max(1);
-    let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
-    (misfit, freedom, p)
-}
-
-fn structure(of: &Identification, said: &mut Vec<String>) {
-    let r = &of.residual;
-    let limit = 1.0 + CHI2_ERRORS * (2.0 / (2 * of.inverse.noise.blocks.len()) as f64).sqrt();
-    if r.chi2_reduced <= limit {
-        return;
-    }
-    said.push("The model leaves structure that is not noise: the intervals of the model alone do not include what it does to the constants.".into());
-    let points = &of.inverse.prepared.observation.field.points;
-    let motion = rigid::fit(points, &r.field);
-    let square = |f: &dyn Fn(usize) -> [f64; 2]| {
-        (0..points.len())
-            .map(|i| f(i)[0].powi(2) + f(i)[1].powi(2))
-            .sum::<f64>()
-    };
-    let share = square(&|i| motion.at(points[i])) / square(&|i| r.field[i]);
-    if share > 0.5 {
-        let handedness = of.inverse.prepared.observation.field.frame.handedness();
-        said.push(format!(
-            "{:.0} % of the residual is a rigid motion (rotation {:.3} urad, translation {:.1} and {:.1} nm): declare rigid_translation and rigid_rotation.",
-            100.0 * share,
-            handedness * motion.angle * URAD_PER_RAD,
-            motion.shift[0] * NM_PER_MM,
-            motion.shift[1] * NM_PER_MM
-        ));
-    }
 }

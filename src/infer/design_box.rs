@@ -4,6 +4,7 @@ use super::model::Model;
 use crate::effect::amplitude_name;
 use crate::error::{Error, Result};
 use crate::laminate::Material;
+use crate::parameter::is_modulus;
 use crate::reduce::{Dimension, THICKNESS};
 
 /// How near to the limit nu12^2 = E1/E2, where the stiffness is infinite, the box comes: nu12^2 E2/E1 at most.
@@ -57,7 +58,7 @@ impl Model {
             .zip(self.marginals())
             .map(|(name, m)| {
                 let low = m.mean - BOX_SDS * m.sd;
-                let floor = if name.ends_with("_GPa") {
+                let floor = if is_modulus(name) {
                     SMALLEST_MODULUS * m.mean
                 } else {
                     f64::NEG_INFINITY

@@ -1,7 +1,9 @@
 //! Effects as they act in a load series.
 
-use crate::effect::{Effect, Kind, Scope, amplitude_name};
+use crate::effect::{Effect, EffectParameter, Kind, Scope};
 use crate::experiment::series::Law;
+use crate::files::stored;
+use crate::parameter::Parameter;
 
 /// An effect of a series with the law of its amplitude, where it has one.
 #[derive(Clone, Copy)]
@@ -9,6 +11,8 @@ pub struct EffectUnderLaw {
     pub effect: &'static dyn Effect,
     pub law: Option<Law>,
 }
+
+stored!(EffectUnderLaw { effect, law });
 
 impl EffectUnderLaw {
     /// All that may act of some effects: motions by every law but the free one, which is offered where one of these acts.
@@ -48,6 +52,11 @@ impl EffectUnderLaw {
         self.effect.name() == other.effect.name() && self.law == other.law
     }
 
+    /// Whether its amplitude has a share of its own in each step.
+    pub fn varies(&self) -> bool {
+        self.law.is_some() || self.effect.scope() == Scope::Force
+    }
+
     /// Whether it takes part in a series by columns over its steps.
     pub fn is_stepped(&self) -> bool {
         self.effect.kind() != Kind::Recorded && !self.effect.is_force_scale()
@@ -56,6 +65,9 @@ impl EffectUnderLaw {
     /// Its amplitude in each step over the one that is stated; of a free one, one set for each step. Without a law all steps share one
     /// amplitude, and its weights are none.
     pub fn weights(&self, loads: &[f64]) -> Vec<Vec<f64>> {
+        if self.effect.scope() == Scope::Force {
+            return vec![self.effect.over_steps(loads)];
+        }
         self.law
             .map_or_else(|| vec![Vec::new()], |law| law.weights(loads))
     }
@@ -66,13 +78,14 @@ impl EffectUnderLaw {
         let sets = self.weights(loads).into_iter().enumerate();
         let of = |(s, weights): (usize, Vec<f64>)| {
             let parameters = self.effect.parameters().iter().enumerate();
-            let one = move |(k, parameter)| {
-                let mut name = amplitude_name(self.effect, parameter);
-                if free {
-                    name += &format!(" in {}", names[s]);
-                }
+            let one = move |(k, parameter): (usize, &EffectParameter)| {
+                let of_all = Parameter::amplitude(self.effect.name(), parameter.name);
+                let named = match free {
+                    true => of_all.in_step(&names[s]),
+                    false => of_all,
+                };
                 Amplitude {
-                    name,
+                    name: named.name(),
                     parameter: k,
                     weights: weights.clone(),
                 }

@@ -100,6 +100,11 @@ impl Joint {
         })
     }
 
+    /// Names of the parameters of experiment `e`, as it has them.
+    pub fn names_of(&self, e: usize) -> &[String] {
+        self.members[e].density.names()
+    }
+
     /// The parameters of experiment `e` at a point.
     pub fn own(&self, e: usize, x: &[f64]) -> Vec<f64> {
         self.index[e].iter().map(|&k| x[k]).collect()

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::prior::Marginal;
 use super::tension::Moments;
+use crate::files::stored;
 
 /// A likelihood of the constants, normal, without their prior: exp(-d'A d / 2 + b'd) of distances d from the prior means in prior sds.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +16,12 @@ pub struct Known {
     /// Prior means and sds of the constants, border units.
     scales: Vec<[f64; 2]>,
 }
+
+stored!(Known {
+    precision,
+    towards,
+    scales
+});
 
 impl Known {
     /// What a posterior of this mean and covariance (border units) says beyond the constants' prior: its precision less the prior's, where
@@ -51,6 +58,16 @@ impl Known {
             towards: vectors * right,
             scales: priors.iter().map(|m| [m.mean, m.sd]).collect(),
         })
+    }
+
+    /// What both say, of the same constants.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            precision: &self.precision + &other.precision,
+            towards: &self.towards + &other.towards,
+            scales: self.scales.clone(),
+        }
     }
 
     /// Mean and covariance with the prior, border units.

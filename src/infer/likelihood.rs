@@ -24,8 +24,7 @@ pub struct Likelihood {
     measured: DVector<f64>,
     /// Information of the data on each coordinate relative to the fixed errors, at noise scale 1.
     lambda: DVector<f64>,
-    /// From coefficients (mm) to the diagonalising coordinates, and back.
-    forward: DMatrix<f64>,
+    /// From the diagonalising coordinates to coefficients, mm.
     backward: DMatrix<f64>,
     thickness_mean: f64,
     thickness_sd: f64,
@@ -77,7 +76,6 @@ impl Likelihood {
             surface,
             measured,
             lambda,
-            forward,
             backward,
             thickness_mean: thickness.0,
             thickness_sd: thickness.1,
@@ -109,7 +107,6 @@ impl Likelihood {
             measured: DVector::from_fn(p, |k, _| measured[k] / sd[k]),
             lambda: DVector::from_element(p, f64::INFINITY),
             backward: DMatrix::from_fn(p, p, |i, k| if i == k { sd[k] } else { 0.0 }),
-            forward,
             thickness_mean: thickness.0,
             thickness_sd: thickness.1,
             freedom: 0.0,
@@ -326,11 +323,6 @@ impl Likelihood {
     /// Least-squares coefficients (mm) in the coordinates that the data determine.
     pub fn measured(&self) -> DVector<f64> {
         &self.backward * &self.measured
-    }
-
-    /// From coefficients (mm) to the diagonalising coordinates.
-    pub fn to_coordinates(&self, alpha: &DVector<f64>) -> DVector<f64> {
-        &self.forward * alpha
     }
 }
 

@@ -1,22 +1,19 @@
 //! Prior, likelihood and posterior, and the model file that declares them.
 
 mod design_box;
-mod disturbed;
 mod effect_under_law;
-mod frequencies;
 mod joint;
 mod kernel;
-mod kinds;
 mod known;
 mod likelihood;
 mod model;
 mod monomials;
 mod observation;
-mod plate_information;
 mod posterior;
 mod prior;
 mod schema;
 mod series;
+mod shipped;
 mod simulated;
 mod sizes;
 mod statistics;
@@ -27,18 +24,19 @@ mod tension;
 mod traced;
 mod version1;
 
-pub use disturbed::Disturbed;
 pub use effect_under_law::{Amplitude, EffectUnderLaw};
-pub use frequencies::{FrequenciesFile, FrequenciesModel, MODEL_ERROR, Peaks, Seen, joint};
 pub use joint::{Joint, Member};
 pub use known::Known;
 pub use likelihood::Likelihood;
 pub use model::Model;
-pub use observation::{Columns, Observation, RecordedAmplitude, SteppedColumn};
-pub use plate_information::plate_information;
-pub use posterior::{NOISE, Posterior, REASON_SDS};
+pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns};
+pub use posterior::{Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
-pub use schema::{LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec, SCHEMA};
+pub use schema::{
+    ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, ParameterSpec, RunNote,
+    SCHEMA,
+};
+pub use shipped::{OPENHOLE, STEEL, unchanged};
 pub use sizes::FREE_MM;
 pub use statistics::{Statistics, Whitened};
 pub use steps::Steps;

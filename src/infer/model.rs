@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::known::Known;
-use super::prior::{Marginal, PriorSpec};
-use super::schema::{self, ModelFile};
+use super::prior::Marginal;
+use super::schema::{ExperimentEntry, ModelFile, ModelOutline};
 use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, obstacle};
 use crate::error::{Error, Result};
 use crate::experiment::{
@@ -27,6 +27,8 @@ pub struct Model {
     pub effects: Vec<&'static dyn Effect>,
     /// What experiments beside the field say of the constants.
     pub known: Option<Arc<Known>>,
+    /// The field, where it was measured by the caller and stands in no file.
+    pub measured: Option<Arc<Field>>,
 }
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
@@ -35,13 +37,20 @@ const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 impl Model {
     /// Read and validate a model file.
     pub fn load(path: &Path) -> Result<Self> {
+        Self::parse(&Self::text(path)?, path)
+    }
+
+    /// The text of a model file.
+    ///
+    /// # Errors
+    /// The input's fault: a file that cannot be read.
+    pub fn text(path: &Path) -> Result<String> {
         let place = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|e| {
+        std::fs::read_to_string(path).map_err(|e| {
             Error::input(&place, "a readable model file")
                 .found(e)
                 .hint("give the path of a model, for example models/openhole.json")
-        })?;
-        Self::parse(&text, path)
+        })
     }
 
     /// Read a model, with its measurement elsewhere if `data` says so.
@@ -51,20 +60,45 @@ impl Model {
     pub fn load_with(path: &Path, data: Option<&PathBuf>) -> Result<Self> {
         let mut model = Self::load(path)?;
         if let Some(data) = data {
-            if model.experiment().steps.is_some() {
-                let place = format!("--data {}", data.display());
-                return Err(Error::input(place, "a model with one measurement")
-                    .found("a load series")
-                    .hint("name the files in experiments[0].steps"));
-            }
-            // Joined to the model's directory later, an absolute path stays as it is.
-            let absolute = std::path::absolute(data).map_err(|e| {
-                Error::input(format!("--data {}", data.display()), "a path").found(e)
-            })?;
-            model.experiment_mut().measurement =
-                model.experiment().measurement.clone().with_path(absolute);
+            model.measured_in(data)?;
         }
         Ok(model)
+    }
+
+    /// Take the measurement from elsewhere.
+    ///
+    /// # Errors
+    /// The input's fault: data in place of a load series.
+    pub fn measured_in(&mut self, data: &Path) -> Result<()> {
+        let place = format!("--data {}", data.display());
+        if self.experiment().steps.is_some() {
+            return Err(Error::input(place, "a model with one measurement")
+                .found("a load series")
+                .hint("name the files in experiments[0].steps"));
+        }
+        // Joined to the model's directory later, an absolute path stays as it is.
+        let absolute =
+            std::path::absolute(data).map_err(|e| Error::input(place, "a path").found(e))?;
+        let measurement = self.experiment().measurement.clone();
+        self.experiment_mut().measurement = measurement.with_path(absolute);
+        Ok(())
+    }
+
+    /// Take the measurement from memory: points (x, y) and displacements (ux, uy) along the data's own axes, mm. The axes, the origin, the
+    /// window and the rule on outliers are those of the model's measurement, whose file or directory is not read.
+    ///
+    /// # Errors
+    /// The input's fault: arrays of different lengths, a number that is not finite, too few points, a load series.
+    pub fn measured(mut self, points: &[[f64; 2]], displacements: &[[f64; 2]]) -> Result<Self> {
+        self.refuse_series()?;
+        let experiment = self.experiment();
+        let field =
+            experiment
+                .measurement
+                .of_arrays(points, displacements, experiment.window_mm)?;
+        self.check_hole(&field)?;
+        self.measured = Some(Arc::new(field));
+        Ok(self)
     }
 
     /// The model's file with its measurement's absolute paths, so that it can be read from anywhere.
@@ -72,19 +106,37 @@ impl Model {
     /// # Errors
     /// Of the input: a current directory that is gone. Of the program: a value that JSON cannot hold.
     pub fn resolved(&self) -> Result<serde_json::Value> {
+        self.resolved_file()?.to_json()
+    }
+
+    /// The same as the types have it.
+    ///
+    /// # Errors
+    /// Of the input: a current directory that is gone.
+    pub fn resolved_file(&self) -> Result<ModelFile> {
         let mut resolved = self.clone();
         *resolved.experiment_mut() = self.experiment().clone().below(self.base_dir())?;
         if let Some(supplied) = self.file.reduced_model.supplied() {
             let supplied = supplied.below(self.base_dir())?;
             resolved.file.reduced_model.snapshots = SnapshotsSpec::Supplied(supplied);
         }
-        resolved.file.to_json()
+        Ok(resolved.file)
     }
 
-    /// Parse and validate the text of a model file at `path`.
+    /// Parse and validate the text of a model file at `path` in which one field stands, alone or among other experiments.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let (mut file, effects) = schema::parse(text, &place)?;
+        let outline = ModelOutline::read(text, &place)?;
+        Self::field_of(&outline, outline.one_field(&place)?, path)
+    }
+
+    /// The field that an entry of a model file at `path` declares.
+    ///
+    /// # Errors
+    /// The input's fault, with line or key.
+    pub fn field_of(outline: &ModelOutline, entry: &ExperimentEntry, path: &Path) -> Result<Self> {
+        let place = path.display().to_string();
+        let (mut file, effects) = outline.field(entry)?;
         let base_dir = path.parent().unwrap_or(Path::new(""));
         let read = file.experiments[0].read_mesh(base_dir);
         read.map_err(|e| e.within(&place))?;
@@ -93,6 +145,7 @@ impl Model {
             path: path.to_path_buf(),
             effects,
             known: None,
+            measured: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
         let mesh = model.experiment().mesh.as_ref();
@@ -150,6 +203,9 @@ impl Model {
         if let Some(supplied) = self.file.reduced_model.supplied() {
             files.extend(supplied.files(self.base_dir())?);
         }
+        if self.measured.is_some() {
+            return Ok(files);
+        }
         let Some(steps) = steps else {
             files.extend(measurement.files(self.base_dir())?);
             return Ok(files);
@@ -174,6 +230,9 @@ impl Model {
     /// Read the measured field and drop nothing but what the measurement's own rules drop.
     pub fn read_field(&self) -> Result<Field> {
         self.refuse_series()?;
+        if let Some(field) = &self.measured {
+            return Ok(Field::clone(field));
+        }
         let experiment = self.experiment();
         let field = experiment
             .measurement
@@ -184,18 +243,8 @@ impl Model {
 
     /// Marginal priors of the elastic constants, in their canonical order.
     pub fn marginals(&self) -> Vec<Marginal> {
-        self.constants()
-            .iter()
-            .map(|name| {
-                let spec = &self.file.material.parameters[*name];
-                let PriorSpec::Normal { mean, sd } = spec.prior;
-                Marginal {
-                    mean,
-                    sd,
-                    truncate: spec.truncate,
-                }
-            })
-            .collect()
+        let constants = self.file.material.constants().into_iter();
+        constants.map(|(_, prior)| prior).collect()
     }
 
     /// Prior means of the constants.
@@ -241,16 +290,24 @@ impl Model {
     }
 
     /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
-    /// load where its scale is declared as an effect of its own.
+    /// load where its scale is declared as an effect of its own. Of a series the forces of the steps have errors of their own beside it.
     pub fn loaded_thickness_mm(&self) -> MeanSd {
         let MeanSd { mean, sd } = self.experiment().specimen.thickness_mm;
         let declared = self.effects.iter().any(|e| e.is_force_scale());
         let percent = self.prior_sd(force_scale(), 0).filter(|_| !declared);
-        let load = mean * 0.01 * percent.unwrap_or(0.0);
+        let percent = percent.unwrap_or(0.0).hypot(self.own_forces_percent());
+        let load = mean * 0.01 * percent;
         MeanSd {
             mean,
             sd: sd.hypot(load),
         }
+    }
+
+    /// Whether `plausible` declares how much of a manufacturing error every specimen has.
+    pub fn declares_scatter(&self, effect: &dyn Effect) -> bool {
+        let declared = |name: String| self.experiment().plausible.contains_key(&name);
+        let mut parameters = effect.parameters().iter();
+        effect.is_manufacturing() && parameters.any(|p| declared(amplitude_name(effect, p)))
     }
 
     /// What effects may need to know of the nominal test: prior means, mean thickness.
@@ -283,6 +340,7 @@ impl Model {
             pixel_mm: images.and_then(|c| c.pixel_mm),
             solved_elsewhere: self.file.reduced_model.supplied().is_some(),
             middle: [0.0; 2],
+            declared_loads: experiment.declared_loads(),
         }
     }
 
@@ -300,7 +358,10 @@ impl Model {
     }
 
     /// The same of a specimen that moves in the plane beside what the load does to it.
-    fn moved_experiment_over(
+    ///
+    /// # Errors
+    /// A specimen that cannot be meshed.
+    pub fn moved_experiment_over(
         &self,
         window: [[f64; 2]; 2],
         motion: RigidMotion,

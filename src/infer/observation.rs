@@ -4,7 +4,7 @@ use super::model::Model;
 use super::steps::Steps;
 use crate::effect::{Effect, amplitude_name};
 use crate::error::{Error, Result};
-use crate::experiment::{FieldSolver, Sight};
+use crate::experiment::{FieldSolver, Sight, StepForces};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason, Series};
 use crate::laminate::MeanSd;
@@ -46,7 +46,7 @@ pub struct RecordedAmplitude {
 }
 
 /// Columns at the measured points: `columns[k][i]` = (u1, u2) in mm of unit amplitude of column k at point i.
-pub struct Columns {
+pub struct UnitColumns {
     /// POD modes of u1, then of u2, for one mm of coefficient.
     pub modes: Vec<Vec<[f64; 2]>>,
     /// Declared additive effects, for one border unit of amplitude.
@@ -70,18 +70,18 @@ impl Observation {
         Ok(Self::located(field, experiment)?.0)
     }
 
-    /// The same of a load series, whose forces are over `nominal_n`.
+    /// The same of a load series.
     ///
     /// # Errors
     /// Those of [`Observation::new`].
     pub fn of_series(
         series: &Series,
-        nominal_n: f64,
+        forces: StepForces,
         experiment: &dyn FieldSolver,
     ) -> Result<Self> {
         let (own, kept) = Self::located(series.field.clone(), experiment)?;
         Ok(Self {
-            steps: Some(Steps::new(series, nominal_n, &kept)),
+            steps: Some(Steps::new(series, forces, &kept)),
             ..own
         })
     }
@@ -141,8 +141,8 @@ impl Observation {
         reduced: &ReducedModel,
         experiment: &dyn FieldSolver,
         model: &Model,
-    ) -> Result<Columns> {
-        let mut columns = Columns {
+    ) -> Result<UnitColumns> {
+        let mut columns = UnitColumns {
             modes: reduced.columns(experiment, &self.sight),
             effects: Vec::new(),
             names: Vec::new(),

@@ -7,13 +7,11 @@ use super::prior::Marginal;
 use crate::error::Result;
 use crate::laminate::Material;
 use crate::lanes::{Lanes, Parameters, Repeated, Together, first, ln_vector};
+use crate::parameter;
 use crate::sample::{DensityError, LogDensity};
 
 /// Parameters farther from their priors' means, prior sds, are no finding: what the model lacks has driven them there.
 pub const REASON_SDS: f64 = 6.0;
-
-/// Name of the noise parameter.
-pub const NOISE: &str = "noise_nm";
 
 /// Log posterior over (elastic constants, mechanical amplitudes, noise sd of a point in nm unless it is declared).
 #[derive(Clone)]
@@ -44,7 +42,7 @@ impl Posterior {
         declared_nm: Option<f64>,
     ) -> Self {
         if declared_nm.is_none() {
-            names.push(NOISE.into());
+            names.push(parameter::NOISE.into());
         }
         likelihood.compile(declared_nm.map(|noise| noise / reference_nm));
         Self {

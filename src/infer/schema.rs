@@ -4,24 +4,22 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_json::value::RawValue;
 
-use super::kinds::{self, Apart};
-use super::prior::PriorSpec;
+use super::prior::{Marginal, PriorSpec};
 use super::version1;
 use crate::effect::Effect;
 use crate::error::{Error, Result};
-use crate::experiment::frequencies::FrequenciesSpec;
-use crate::experiment::{ExperimentSpec, check_name};
-use crate::files::{parse_json, unique};
+use crate::experiment::{ExperimentKind, ExperimentSpec, check_name};
+use crate::files::{parse_json, parse_json_within, unique};
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::ReducedSpec;
 
 /// The schema that this program writes. It reads `version1::SCHEMA` too.
 pub const SCHEMA: &str = "plychain-model/2";
 
-/// A model file. Unknown keys are errors.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// What a model file says of a field and its material.
+#[derive(Debug, Clone, Serialize)]
 pub struct ModelFile {
     /// Always [`SCHEMA`].
     pub schema: String,
@@ -29,15 +27,21 @@ pub struct ModelFile {
     pub name: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
-    /// The material that all experiments share.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<RunNote>,
     pub material: MaterialSpec,
     /// The field that was measured: one.
     pub experiments: Vec<ExperimentSpec>,
-    /// Frequencies of plates of the same material; they stand among the experiments of the file.
-    #[serde(skip)]
-    pub frequencies: Vec<FrequenciesSpec>,
     pub reduced_model: ReducedSpec,
     pub likelihood: LikelihoodSpec,
+}
+
+/// The `run` object.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunNote {
+    /// Operator, specimen, date: what the report has below its title.
+    pub note: String,
 }
 
 /// The `material` object.
@@ -88,123 +92,245 @@ pub struct LikelihoodSpec {
 /// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
 const MOST_SDS: f64 = 8.0;
 
-/// Where the parts of a model file stand in a version of the schema.
-struct Paths {
-    material: &'static str,
-    experiment: &'static str,
+/// No constant, nor the sd of one, is so large in any unit: squares of such numbers leave those that a computer has.
+const LARGEST: f64 = 1e9;
+
+/// A model file as far as it does not depend on the kinds of its experiments.
+#[derive(Debug, Clone)]
+pub struct ModelOutline {
+    pub name: String,
+    pub note: Option<String>,
+    pub run: Option<RunNote>,
+    /// The material that all experiments share.
+    pub material: MaterialSpec,
+    /// Of the fields among the experiments.
+    pub reduced_model: Option<ReducedSpec>,
+    pub likelihood: Option<LikelihoodSpec>,
+    pub experiments: Vec<ExperimentEntry>,
 }
 
-/// Parse and check a model file of either version; `place` is the file. The effects that the experiment declares come
-/// with it, in the order of the dictionary.
-///
-/// # Errors
-/// The input's fault, with the line or the key as the file's own version has it.
-pub fn parse(text: &str, place: &str) -> Result<(ModelFile, Vec<&'static dyn Effect>)> {
-    #[derive(Deserialize)]
-    struct Header {
-        schema: Option<String>,
-    }
-    // Text that is no JSON is left to the parser of the whole file, whose error knows the key.
-    let header: Option<Header> = serde_json::from_str(text).ok();
-    let (mut file, paths) = match header.and_then(|h| h.schema).as_deref() {
-        Some(version1::SCHEMA) => (
-            version1::parse(text, place)?,
-            Paths {
-                material: "",
-                experiment: "",
-            },
-        ),
-        None | Some(SCHEMA) => (
-            parse2(text, place)?,
-            Paths {
-                material: "material.",
-                experiment: "experiments[0].",
-            },
-        ),
-        Some(other) => {
-            let expected = format!("\"{SCHEMA}\", or \"{}\"", version1::SCHEMA);
-            return Err(Error::input(format!("{place}: schema"), expected).found(other));
+/// An entry of `experiments` that is still to be read by its kind.
+#[derive(Debug, Clone)]
+pub struct ExperimentEntry {
+    /// Its JSON value, and the place of the first character in the file, lines and columns from 0.
+    json: String,
+    start: [usize; 2],
+    /// Key of the value in the file.
+    key: String,
+    place: String,
+}
+
+/// A file of version 2. Unknown keys are errors.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileVersion2<'a> {
+    #[serde(rename = "schema")]
+    _schema: String,
+    name: String,
+    note: Option<String>,
+    run: Option<RunNote>,
+    material: MaterialSpec,
+    #[serde(borrow)]
+    experiments: Vec<&'a RawValue>,
+    reduced_model: Option<ReducedSpec>,
+    likelihood: Option<LikelihoodSpec>,
+}
+
+impl ExperimentEntry {
+    /// The one experiment of a file whose keys are its own.
+    pub(super) fn alone(json: String, place: &str) -> Self {
+        Self {
+            json,
+            start: [0; 2],
+            key: String::new(),
+            place: place.into(),
         }
-    };
-    for experiment in &mut file.experiments {
-        experiment.declare_introductions();
     }
-    let effects = validate(&file, &paths).map_err(|e| e.within(place))?;
-    Ok((file, effects))
+
+    /// What the entry says of its kind; nothing where it says nothing.
+    pub fn kind(&self) -> String {
+        #[derive(Deserialize)]
+        struct Kind {
+            #[serde(default)]
+            kind: String,
+        }
+        serde_json::from_str::<Kind>(&self.json).map_or_else(|_| String::new(), |k| k.kind)
+    }
+
+    /// Whether a field was measured.
+    pub fn is_field(&self) -> bool {
+        ExperimentKind::try_from(self.kind()).is_ok()
+    }
+
+    /// The entry as the type of its kind has it.
+    ///
+    /// # Errors
+    /// The input's fault, with line and key in the whole file.
+    pub fn read<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
+        parse_json_within(&self.json, &self.place, (self.start, &self.key))
+    }
+
+    /// An error of a key of this entry, with the key and the file put before it.
+    pub fn refuse(&self, error: Error) -> Error {
+        let error = match self.key.as_str() {
+            "" => error,
+            key => error.below(format!("{key}.")),
+        };
+        error.within(&self.place)
+    }
 }
 
-/// A file of version 2, in which frequencies may stand beside the field.
-fn parse2(text: &str, place: &str) -> Result<ModelFile> {
-    let Some(Apart { text, frequencies }) = kinds::apart(text, place)? else {
-        return parse_json(text, place);
-    };
-    let file = parse_json(&text, place)?;
-    Ok(ModelFile {
-        frequencies,
-        ..file
-    })
+impl ModelOutline {
+    /// Read the text of a model file of either version; `place` is the file.
+    ///
+    /// # Errors
+    /// The input's fault, with the line or the key as the file's own version has it.
+    pub fn read(text: &str, place: &str) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Header {
+            schema: Option<String>,
+        }
+        // Text that is no JSON is left to the parser of the whole file, whose error knows the key.
+        let header: Option<Header> = serde_json::from_str(text).ok();
+        let (outline, below) = match header.and_then(|h| h.schema).as_deref() {
+            Some(version1::SCHEMA) => (version1::parse(text, place)?, ""),
+            None | Some(SCHEMA) => (Self::of_version2(text, place)?, "material."),
+            Some(other) => {
+                let expected = format!("\"{SCHEMA}\", or \"{}\"", version1::SCHEMA);
+                return Err(Error::input(format!("{place}: schema"), expected).found(other));
+            }
+        };
+        let checked = check_name(&outline.name, "run folders")
+            .and_then(|()| outline.material.validate().map_err(|e| e.below(below)))
+            .and_then(|()| outline.likelihood.map_or(Ok(()), |l| l.validate()))
+            .and_then(|()| {
+                outline
+                    .reduced_model
+                    .as_ref()
+                    .map_or(Ok(()), ReducedSpec::validate)
+            });
+        checked.map_err(|e| e.within(place))?;
+        Ok(outline)
+    }
+
+    fn of_version2(text: &str, place: &str) -> Result<Self> {
+        let file: FileVersion2<'_> = parse_json(text, place)?;
+        let entry = |(k, raw): (usize, &&RawValue)| {
+            let before = &text[..raw.get().as_ptr() as usize - text.as_ptr() as usize];
+            let line = before.matches('\n').count();
+            let column = before.len() - before.rfind('\n').map_or(0, |at| at + 1);
+            ExperimentEntry {
+                json: raw.get().into(),
+                start: [line, column],
+                key: format!("experiments[{k}]"),
+                place: place.into(),
+            }
+        };
+        Ok(Self {
+            name: file.name,
+            note: file.note,
+            run: file.run,
+            material: file.material,
+            reduced_model: file.reduced_model,
+            likelihood: file.likelihood,
+            experiments: file.experiments.iter().enumerate().map(entry).collect(),
+        })
+    }
+
+    /// The field of an entry, with its material and the effects that it declares, in the order of the dictionary.
+    ///
+    /// # Errors
+    /// The input's fault, with line and key.
+    pub fn field(&self, entry: &ExperimentEntry) -> Result<(ModelFile, Vec<&'static dyn Effect>)> {
+        let mut experiment: ExperimentSpec = entry.read()?;
+        experiment.declare_introductions();
+        let effects = experiment.validate(self.material.kind);
+        let missing = |key: &str| {
+            Error::input(&entry.place, "the keys that this file has")
+                .found(format!("missing field `{key}`, which a field needs"))
+        };
+        let file = ModelFile {
+            schema: SCHEMA.into(),
+            name: self.name.clone(),
+            note: self.note.clone(),
+            run: self.run.clone(),
+            material: self.material.clone(),
+            experiments: vec![experiment],
+            reduced_model: self
+                .reduced_model
+                .clone()
+                .ok_or_else(|| missing("reduced_model"))?,
+            likelihood: self.likelihood.ok_or_else(|| missing("likelihood"))?,
+        };
+        Ok((file, effects.map_err(|e| entry.refuse(e))?))
+    }
+
+    /// The one field among the experiments.
+    ///
+    /// # Errors
+    /// The input's fault: none, or several.
+    pub fn one_field(&self, place: &str) -> Result<&ExperimentEntry> {
+        let mut fields = self.experiments.iter().filter(|e| e.is_field());
+        match (fields.next(), fields.count(), self.experiments.first()) {
+            (Some(field), 0, _) => Ok(field),
+            // what is wrong with it is said when it is read as a field
+            (None, _, Some(other)) => Ok(other),
+            (found, more, _) => {
+                let count = usize::from(found.is_some()) + more;
+                Err(Error::input(format!("{place}: experiments"), "one field")
+                    .found(format!("{count} fields"))
+                    .hint("identify, loop, simulate, design and campaign take any number"))
+            }
+        }
+    }
 }
 
 impl ModelFile {
-    /// The file as it is written, all experiments in one list.
+    /// The file as it is written.
     ///
     /// # Errors
     /// Of the program: a value that JSON cannot hold.
     pub fn to_json(&self) -> Result<Value> {
         let fail = |e| Error::program("model.json", "a model that JSON can hold").found(e);
-        let mut file = serde_json::to_value(self).map_err(fail)?;
-        for own in &self.frequencies {
-            let own = serde_json::to_value(own).map_err(fail)?;
-            if let Some(experiments) = file["experiments"].as_array_mut() {
-                experiments.push(own);
-            }
-        }
-        Ok(file)
+        serde_json::to_value(self).map_err(fail)
     }
 }
 
-/// Check everything that the types cannot, and resolve the effects.
-fn validate(file: &ModelFile, paths: &Paths) -> Result<Vec<&'static dyn Effect>> {
-    check_name(&file.name, "run folders")?;
-    let [experiment] = &file.experiments[..] else {
-        return Err(Error::input(
-            "experiments",
-            "one field, alone or beside frequencies",
-        )
-        .found(format!("{} fields", file.experiments.len()))
-        .hint("load steps of one specimen are a series, \"steps\"; a field of another specimen needs a file of its own"));
-    };
-    let others = file.frequencies.iter().map(|f| &*f.name);
-    kinds::names_differ(std::iter::once(&*experiment.name).chain(others))?;
-    let isotropic = file.material.kind == Material::Isotropic;
-    for own in &file.frequencies {
-        own.validate(isotropic)
-            .map_err(|e| e.below(format!("experiments: {}: ", own.name)))?;
+impl LikelihoodSpec {
+    fn validate(self) -> Result<()> {
+        let fraction = self.model_error_fraction;
+        if !(0.0..1.0).contains(&fraction) {
+            return Err(Error::input(
+                "likelihood.model_error_fraction",
+                "a fraction of at least 0 and below 1",
+            )
+            .found(fraction));
+        }
+        if let Some(noise) = self.noise_nm.filter(|n| *n <= 0.0) {
+            return Err(Error::input("likelihood.noise_nm", "a number above 0").found(noise));
+        }
+        Ok(())
     }
-    let effects = experiment
-        .validate(file.material.kind)
-        .map_err(|e| e.below(paths.experiment))?;
-    file.reduced_model.validate()?;
-    file.material
-        .validate()
-        .map_err(|e| e.below(paths.material))?;
-    let fraction = file.likelihood.model_error_fraction;
-    if !(0.0..1.0).contains(&fraction) {
-        return Err(Error::input(
-            "likelihood.model_error_fraction",
-            "a fraction of at least 0 and below 1",
-        )
-        .found(fraction));
-    }
-    if let Some(noise) = file.likelihood.noise_nm.filter(|n| *n <= 0.0) {
-        return Err(Error::input("likelihood.noise_nm", "a number above 0").found(noise));
-    }
-    Ok(effects)
 }
 
 impl MaterialSpec {
+    /// Names and priors of the elastic constants, in their canonical order.
+    pub fn constants(&self) -> Vec<(String, Marginal)> {
+        let prior = |name: &&str| {
+            let spec = &self.parameters[*name];
+            let PriorSpec::Normal { mean, sd } = spec.prior;
+            let marginal = Marginal {
+                mean,
+                sd,
+                truncate: spec.truncate,
+            };
+            ((*name).to_string(), marginal)
+        };
+        self.kind.constants().iter().map(prior).collect()
+    }
+
     /// The constants are those of the kind, each with a prior that can be one; the prior means are an admissible ply.
-    pub(super) fn validate(&self) -> Result<()> {
+    fn validate(&self) -> Result<()> {
         let names = self.kind.constants();
         if let Some(unknown) = self
             .parameters
@@ -238,8 +364,13 @@ impl ParameterSpec {
     /// The prior's mean, if it is one of a prior.
     fn validate(&self) -> Result<f64> {
         let PriorSpec::Normal { mean, sd } = self.prior;
-        if sd <= 0.0 {
-            return Err(Error::input("prior.normal.sd", "a number above 0").found(sd));
+        if !(sd > 0.0 && sd < LARGEST) {
+            let expected = format!("a number above 0 and below {LARGEST:e}");
+            return Err(Error::input("prior.normal.sd", expected).found(sd));
+        }
+        if mean.abs() >= LARGEST {
+            let expected = format!("a number below {LARGEST:e}");
+            return Err(Error::input("prior.normal.mean", expected).found(mean));
         }
         if let Some([low, high]) = self.truncate.filter(|[low, high]| low >= high) {
             return Err(

@@ -2,6 +2,7 @@
 
 use super::effect_under_law::EffectUnderLaw;
 use super::model::Model;
+use super::steps::with_the_load;
 use crate::effect::{Effect, Scope};
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
@@ -34,6 +35,20 @@ impl Model {
             .found(format!("{} steps", steps.len()))
             .hint("declare one step's force as load.force_N and its file as measurement.file")),
         }
+    }
+
+    /// Sd of the force to which what grows with the load belongs, by the errors that declared forces have each in its own step, percent.
+    pub(super) fn own_forces_percent(&self) -> f64 {
+        let experiment = self.experiment();
+        let steps = experiment.steps.iter().flatten();
+        let declared: Vec<f64> = steps.filter_map(|s| s.force_n).collect();
+        let loaded = declared.iter().filter(|f| **f != 0.0).count();
+        if loaded == 0 {
+            return 0.0;
+        }
+        let weights = with_the_load(&declared);
+        let shares = declared.iter().zip(&weights).map(|(f, w)| (f * w).powi(2));
+        experiment.forces().sd_percent * shares.sum::<f64>().sqrt()
     }
 
     /// Declared effects of a series that take part by columns over its steps, beside rigid motion in the plane, which every step has.

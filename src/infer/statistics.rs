@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::observation::{Columns, Observation};
+use super::observation::{Observation, UnitColumns};
 use crate::error::{Error, Result};
 use crate::noise::{Noise, NormalEquations, component, solve};
 
@@ -29,7 +29,7 @@ pub struct Statistics {
 
 impl Statistics {
     /// Reduce an observation.
-    pub fn new(observation: &Observation, columns: &Columns, noise: &Noise) -> Result<Self> {
+    pub fn new(observation: &Observation, columns: &UnitColumns, noise: &Noise) -> Result<Self> {
         let (p, q) = (columns.modes.len(), columns.effects.len());
         let whitened = Whitened::new(columns, noise);
         let mut gram = DMatrix::zeros(p + q, p + q);
@@ -110,7 +110,7 @@ pub struct Whitened {
 
 impl Whitened {
     /// Average and whiten.
-    pub fn new(columns: &Columns, noise: &Noise) -> Self {
+    pub fn new(columns: &UnitColumns, noise: &Noise) -> Self {
         let all = || columns.modes.iter().chain(&columns.effects);
         Self {
             columns: [0, 1].map(|c| noise.whiten(&component(all(), c, &noise.blocks), c)),

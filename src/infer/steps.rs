@@ -1,5 +1,6 @@
 //! A load series at the points of an observation, and the one field that holds what grows with the load.
 
+use crate::experiment::StepForces;
 use crate::field::Series;
 use crate::field::rigid::{self, RigidMotion};
 
@@ -11,6 +12,8 @@ pub struct Steps {
     pub loads: Vec<f64>,
     /// Whether the force is declared.
     pub known: Vec<bool>,
+    /// Sd of the error of a declared force in its own step, percent of it.
+    pub force_sd_percent: f64,
     /// Displacement of each step as it was reported, mm, one a point of the observation.
     pub displacement: Vec<Vec<[f64; 2]>>,
     /// Motion of the specimen in the plane in each step, by least squares.
@@ -22,9 +25,24 @@ pub struct Steps {
 /// Loads that vary by less over a series than this part of the largest do not tell a constant from what grows with the load.
 const VARIES: f64 = 0.05;
 
+/// Weights of steps of some loads in the field that grows with the load.
+pub(super) fn with_the_load(loads: &[f64]) -> Vec<f64> {
+    let count = loads.len() as f64;
+    let mean = loads.iter().sum::<f64>() / count;
+    let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+    let spread = loads.iter().map(|f| (f - mean).powi(2)).sum::<f64>();
+    let about = if (spread / count).sqrt() > VARIES * largest {
+        mean
+    } else {
+        0.0
+    };
+    let norm: f64 = loads.iter().map(|f| (f - about) * f).sum();
+    loads.iter().map(|f| (f - about) / norm).collect()
+}
+
 impl Steps {
-    /// The steps of a series, whose forces are over `nominal_n`, at the points that are `kept`.
-    pub fn new(series: &Series, nominal_n: f64, kept: &[bool]) -> Self {
+    /// The steps of a series at the points that are `kept`.
+    pub fn new(series: &Series, forces: StepForces, kept: &[bool]) -> Self {
         let held = |all: &[[f64; 2]]| -> Vec<[f64; 2]> {
             let pairs = all.iter().zip(kept);
             pairs.filter(|(_, kept)| **kept).map(|(u, _)| *u).collect()
@@ -41,9 +59,10 @@ impl Steps {
             loads: series
                 .steps
                 .iter()
-                .map(|s| s.force_n.unwrap_or(0.0) / nominal_n)
+                .map(|s| s.force_n.unwrap_or(0.0) / forces.nominal_n)
                 .collect(),
             known: series.steps.iter().map(|s| s.force_n.is_some()).collect(),
+            force_sd_percent: forces.sd_percent,
             displacement,
             rigid,
             warnings: series.warnings.clone(),
@@ -82,17 +101,7 @@ impl Steps {
 
     /// Weights of the steps in the field that grows with the load: free of whatever is the same in all of them where the loads vary.
     pub fn weights(&self) -> Vec<f64> {
-        let count = self.loads.len() as f64;
-        let mean = self.loads.iter().sum::<f64>() / count;
-        let largest = self.loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-        let spread = self.loads.iter().map(|f| (f - mean).powi(2)).sum::<f64>();
-        let about = if (spread / count).sqrt() > VARIES * largest {
-            mean
-        } else {
-            0.0
-        };
-        let norm: f64 = self.loads.iter().map(|f| (f - about) * f).sum();
-        self.loads.iter().map(|f| (f - about) / norm).collect()
+        with_the_load(&self.loads)
     }
 
     /// The displacement under the nominal force, mm: that weighted sum of the steps.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::schema::{self, LikelihoodSpec, MaterialSpec, ModelFile, ParameterSpec};
-use crate::error::Result;
+use super::schema::{ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelOutline, ParameterSpec};
+use crate::error::{Error, Result};
 use crate::experiment::{ExperimentKind, ExperimentSpec, Gauge};
 use crate::field::MeasurementSpec;
 use crate::files::{parse_json, unique};
@@ -20,12 +20,12 @@ const NAME: &str = "tension";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct FileVersion1 {
     #[serde(rename = "schema")]
     _schema: String,
     name: String,
     note: Option<String>,
-    specimen: Specimen,
+    specimen: SpecimenVersion1,
     load: LoadSpec,
     #[serde(default)]
     gauge: Gauge,
@@ -43,7 +43,7 @@ struct File {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Specimen {
+struct SpecimenVersion1 {
     length_mm: f64,
     width_mm: f64,
     hole: HoleSpec,
@@ -69,8 +69,8 @@ enum Kind1 {
 ///
 /// # Errors
 /// The input's fault, with line and key.
-pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
-    let file: File = parse_json(text, place)?;
+pub fn parse(text: &str, place: &str) -> Result<ModelOutline> {
+    let file: FileVersion1 = parse_json(text, place)?;
     let specimen = file.specimen;
     let experiment = ExperimentSpec {
         name: NAME.into(),
@@ -90,6 +90,7 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
         gauge: file.gauge,
         measurement: file.measurement,
         steps: None,
+        force_sd_percent: None,
         fitted_n: None,
         window_mm: file.window_mm,
         effects: file.effects,
@@ -98,10 +99,12 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
         plausible: file.plausible,
         mesh_density: 1.0,
     };
-    Ok(ModelFile {
-        schema: schema::SCHEMA.into(),
+    let fail = |e| Error::program(place, "an experiment that JSON can hold").found(e);
+    let experiment = serde_json::to_string(&experiment).map_err(fail)?;
+    Ok(ModelOutline {
         name: file.name,
         note: file.note,
+        run: None,
         material: MaterialSpec {
             kind: match specimen.material {
                 Kind1::Laminate => Material::Ply,
@@ -111,9 +114,8 @@ pub fn parse(text: &str, place: &str) -> Result<ModelFile> {
             expansion_per_k: specimen.expansion_per_k,
             yield_mpa: None,
         },
-        experiments: vec![experiment],
-        frequencies: Vec::new(),
-        reduced_model: file.reduced_model,
-        likelihood: file.likelihood,
+        experiments: vec![ExperimentEntry::alone(experiment, place)],
+        reduced_model: Some(file.reduced_model),
+        likelihood: Some(file.likelihood),
     })
 }

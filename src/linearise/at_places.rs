@@ -6,8 +6,8 @@
 
 use nalgebra::DVector;
 
-use super::column::{Column, FORCE, RIGID_MOTION, StepStack};
-use super::observing::{Observed, Observing, quotient};
+use super::column::{Column, StepStack};
+use super::observing::{ObservedAbout, Observing, quotient};
 use super::slopes::averages;
 use crate::effect::{Effect, Scene, Scope};
 use crate::error::Result;
@@ -16,6 +16,7 @@ use crate::experiment::{Direction, FieldSolver, Sight, Softening, State};
 use crate::fem::Anchor;
 use crate::field::Blocks;
 use crate::infer::{FREE_MM, Model, Steps};
+use crate::parameter::Parameter;
 
 /// A series, where its averages lie.
 pub struct AtPlaces<'a> {
@@ -31,6 +32,8 @@ pub struct AtPlaces<'a> {
 
 /// Step of the central difference of a load, over the nominal one.
 const LOAD_STEP: f64 = 0.01;
+
+const PERCENT: f64 = 0.01;
 
 /// Prior sd of a force that is not known, over the nominal one and over its own size.
 const UNKNOWN: [f64; 2] = [0.05, 0.5];
@@ -75,7 +78,7 @@ impl<'a> AtPlaces<'a> {
             sight: self.sight,
             average: &|u| self.average(u),
         };
-        solver.loaded(about, &at.shared, &at.loads)
+        solver.loaded(about, &at.shared, &at.acting_loads(self.experiment.scene()))
     }
 
     /// All steps as the camera of a scene reports them, from what forces cause in the state `solved`.
@@ -129,7 +132,7 @@ impl Observing for AtPlaces<'_> {
         Ok(self.reported(at, (&at.shared, &loaded), self.experiment.scene()))
     }
 
-    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn Observed + 'a>> {
+    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn ObservedAbout + 'a>> {
         Ok(Box::new(AboutPlaces {
             observing: self,
             loaded: self.loaded(None, at)?,
@@ -176,8 +179,11 @@ impl AboutPlaces<'_> {
 
     /// The change for forces that are all twice as large.
     fn of_the_load(&self) -> StepStack {
+        let at = self
+            .at
+            .under_acting_loads(self.observing.experiment.scene());
         let times = |factor: f64| {
-            let mut state = self.at.clone();
+            let mut state = at.clone();
             state.loads.iter_mut().for_each(|f| *f *= factor);
             state
         };
@@ -196,8 +202,33 @@ impl AboutPlaces<'_> {
         });
         let slope = self.pictured(moved.each_ref(), 2.0 * LOAD_STEP);
         let sd = UNKNOWN[0].hypot(UNKNOWN[1] * guess);
-        let name = format!("{FORCE}{}", steps.names[step]);
+        let name = Parameter::force(&steps.names[step]).name();
         Column::new(name, [guess, sd], self.at.loads[step], slope)
+    }
+
+    /// Columns of the errors of declared forces, each in its own step, percent: what is wrong with one is a multiple of the whole field that
+    /// the load causes there, hole and all, and no step's field depends on the force of another.
+    fn force_errors(&self) -> Vec<Column> {
+        let steps = self.observing.steps;
+        let sd = steps.force_sd_percent;
+        let declared = |s: &usize| steps.known[*s] && steps.loads[*s] != 0.0 && sd > 0.0;
+        let declared: Vec<usize> = (0..steps.loads.len()).filter(declared).collect();
+        if declared.is_empty() {
+            return Vec::new();
+        }
+        let of_all = self.of_the_load();
+        let n = self.observing.places.len();
+        let of_step = |step: usize| {
+            let slope = of_all.each_ref().map(|all| {
+                let mut own = DVector::zeros(all.len());
+                own.rows_mut(step * n, n)
+                    .copy_from(&(all.rows(step * n, n) * PERCENT));
+                own
+            });
+            let name = Parameter::force_error(&steps.names[step]).name();
+            Column::new(name, [0.0, sd], 0.0, slope)
+        };
+        declared.into_iter().map(of_step).collect()
     }
 
     /// Columns of the motion in the plane in one step.
@@ -216,12 +247,12 @@ impl AboutPlaces<'_> {
                 slope[0][step * n + k] = u[0];
                 slope[1][step * n + k] = u[1];
             }
-            Column::new(RIGID_MOTION.into(), [0.0, FREE_MM], 0.0, slope)
+            Column::new(Parameter::rigid_motion().name(), [0.0, FREE_MM], 0.0, slope)
         })
     }
 }
 
-impl Observed for AboutPlaces<'_> {
+impl ObservedAbout for AboutPlaces<'_> {
     fn predicted(&self) -> Result<StepStack> {
         Ok(self.reported(self.at, self.observing.experiment.scene()))
     }
@@ -233,7 +264,7 @@ impl Observed for AboutPlaces<'_> {
 
     fn slope(&self, direction: Direction, weights: &[f64], step: f64) -> Result<StepStack> {
         match direction {
-            Direction::Load => Ok(self.of_the_load().map(|v| v * 0.01)),
+            Direction::Load => Ok(self.of_the_load().map(|v| v * PERCENT)),
             // a field under a force goes with their ratio
             Direction::Thickness => {
                 let thickness = self.at.shared.thickness_mm;
@@ -251,6 +282,9 @@ impl Observed for AboutPlaces<'_> {
                 let moved = [step, -step].map(|by| self.at.raised(effect, k, by, weights));
                 match effect.scope() {
                     Scope::Mechanical => self.solved(moved, 2.0 * step),
+                    Scope::Force if !self.loaded.beyond.is_empty() => {
+                        self.solved(moved, 2.0 * step)
+                    }
                     _ => Ok(self.pictured(moved.each_ref(), 2.0 * step)),
                 }
             }
@@ -270,7 +304,8 @@ impl Observed for AboutPlaces<'_> {
     fn with_the_load(&self, field: &[[f64; 2]]) -> StepStack {
         let AtPlaces { places, counts, .. } = self.observing;
         let average = rigid_free(places, counts, &self.observing.average(field));
-        let steps = self.at.loads.iter().map(|f| {
+        let loads = self.at.acting_loads(self.observing.experiment.scene());
+        let steps = loads.iter().map(|f| {
             let scaled = average.iter().map(|u| u.map(|u| f * u));
             scaled.collect::<Vec<[f64; 2]>>()
         });
@@ -285,6 +320,7 @@ impl Observed for AboutPlaces<'_> {
             .filter(|s| !steps.known[*s] && !self.observing.is_relative(*s));
         let forces = unknown.map(|step| self.unknown_force(step));
         forces
+            .chain(self.force_errors())
             .chain(all.flat_map(|step| self.motion(step)))
             .collect()
     }

@@ -1,7 +1,7 @@
 //! A field observed at all of its points, which are then averaged over blocks; its slopes by the chain rule where that is exact.
 
 use super::column::{Column, StepStack};
-use super::observing::{Observed, Observing};
+use super::observing::{ObservedAbout, Observing};
 use super::slopes::Slopes;
 use crate::effect::{Effect, Scene};
 use crate::error::Result;
@@ -56,7 +56,7 @@ impl Observing for AtPoints<'_> {
         Ok(self.slopes.average(&predicted.field))
     }
 
-    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn Observed + 'a>> {
+    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn ObservedAbout + 'a>> {
         Ok(Box::new(AboutPoints {
             observing: self,
             here: predict_with_gradient(self.experiment, &at.shared, self.slopes.sight())?,
@@ -87,7 +87,7 @@ impl AboutPoints<'_> {
     }
 }
 
-impl Observed for AboutPoints<'_> {
+impl ObservedAbout for AboutPoints<'_> {
     fn predicted(&self) -> Result<StepStack> {
         let AtPoints {
             experiment, slopes, ..

@@ -3,15 +3,11 @@
 use nalgebra::DVector;
 
 use crate::effect::{EFFECTS, Effect};
+use crate::files::stored;
+use crate::parameter::{Parameter, ParameterKind};
 
 /// Values of both components, step by step, mm.
 pub type StepStack = [DVector<f64>; 2];
-
-/// What the names of forces that are not declared begin with.
-pub const FORCE: &str = "force_";
-
-/// Name of one step's motion in the plane.
-pub const RIGID_MOTION: &str = "rigid_motion";
 
 /// A parameter of the linearised prediction.
 #[derive(Clone)]
@@ -32,6 +28,16 @@ pub struct Column {
     /// Change of the values of (u1, u2) for one prior sd, mm.
     pub values: StepStack,
 }
+
+stored!(Column {
+    name,
+    mean,
+    sd,
+    at,
+    positive,
+    product,
+    values
+});
 
 /// Share of an effect's bound beyond which no linearisation goes.
 const INSIDE: f64 = 0.9;
@@ -87,18 +93,26 @@ impl Column {
 
     /// Whether it is an amplitude of such an effect.
     fn is_of(&self, such: impl Fn(&dyn Effect) -> bool) -> bool {
-        let effect = self.name.split('.').next();
-        EFFECTS.iter().any(|e| Some(e.name()) == effect && such(*e))
+        let effect = Parameter::read(&self.name).effect;
+        EFFECTS
+            .iter()
+            .any(|e| Some(e.name()) == effect.as_deref() && such(*e))
     }
 
     /// Whether it moves the specimen as a whole.
     pub fn is_rigid(&self) -> bool {
-        self.is_of(|effect| effect.is_rigid()) || self.name == RIGID_MOTION
+        self.is_of(|effect| effect.is_rigid())
+            || Parameter::read(&self.name).is(ParameterKind::Motion)
     }
 
     /// Whether it is a force that is not declared.
     pub fn is_force(&self) -> bool {
-        self.name.starts_with(FORCE)
+        Parameter::read(&self.name).is(ParameterKind::Load)
+    }
+
+    /// Whether it is the error of a declared force.
+    pub fn is_force_error(&self) -> bool {
+        Parameter::read(&self.name).is(ParameterKind::LoadError)
     }
 
     /// Whether it is the scale of all forces.

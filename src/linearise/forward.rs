@@ -12,6 +12,33 @@ use crate::experiment::series::SeriesState;
 use crate::experiment::{Softening, State};
 use crate::infer::{EffectUnderLaw, Model};
 
+/// Where columns of candidates come from.
+#[derive(Clone, Copy)]
+pub enum CandidateColumns<'a> {
+    /// From the point about which all is linearised.
+    Here,
+    /// From the same point in another forward model of the test, on a coarser mesh.
+    On(&'a Forward<'a>),
+    /// From another point: those of the same candidates there, in the same order. Later ones, and those of effects that have moved since, are
+    /// taken anew.
+    Kept {
+        of: &'a Sensitivities,
+        moved: &'a [&'static str],
+    },
+}
+
+impl<'a> CandidateColumns<'a> {
+    /// Those of the k-th candidate, if they are kept.
+    fn kept(self, k: usize, effect: &EffectUnderLaw) -> Option<&'a Candidate> {
+        match self {
+            Self::Kept { of, moved } if !moved.contains(&effect.effect.name()) => {
+                of.candidates.get(k)
+            }
+            _ => None,
+        }
+    }
+}
+
 /// A test's model with how it is observed.
 pub struct Forward<'a> {
     pub model: &'a Model,
@@ -64,7 +91,7 @@ impl Forward<'_> {
 
     /// Where a linearisation begins: at the constants and declared effects of a state, with every step's own motions at rest.
     pub fn beginning(&self, mut shared: State) -> SeriesState {
-        for moving in self.declared().iter().filter(|e| e.law.is_some()) {
+        for moving in self.declared().iter().filter(|e| e.varies()) {
             let none = vec![0.0; moving.effect.parameters().len()];
             shared.set(moving.effect, none);
         }
@@ -95,6 +122,20 @@ impl Forward<'_> {
         declared: &[EffectUnderLaw],
         candidates: &[EffectUnderLaw],
     ) -> Result<Sensitivities> {
+        self.sensitivities_with(at, declared, candidates, CandidateColumns::Here)
+    }
+
+    /// The same with candidates' columns from elsewhere.
+    ///
+    /// # Errors
+    /// Those of [`Forward::sensitivities`].
+    pub fn sensitivities_with(
+        &self,
+        at: &SeriesState,
+        declared: &[EffectUnderLaw],
+        candidates: &[EffectUnderLaw],
+        columns: CandidateColumns<'_>,
+    ) -> Result<Sensitivities> {
         let here = self.about(at)?;
         let mut base = here.always()?;
         let own: Vec<Vec<Column>> = declared
@@ -106,19 +147,29 @@ impl Forward<'_> {
             })
             .collect::<Result<_>>()?;
         base.extend(own.into_iter().flatten());
-        let candidates: Vec<Candidate> = candidates
-            .par_iter()
-            .map(|effect| {
-                Ok(Candidate {
-                    effect: effect.effect,
-                    law: effect.law,
-                    columns: here.columns(effect)?,
-                })
+        let elsewhere = match columns {
+            CandidateColumns::On(forward) if !candidates.is_empty() => Some(forward.about(at)?),
+            _ => None,
+        };
+        let there = elsewhere.as_ref().unwrap_or(&here);
+        let candidate = |(k, effect): (usize, &EffectUnderLaw)| {
+            if let Some(kept) = columns.kept(k, effect) {
+                return Ok(kept.clone());
+            }
+            Ok(Candidate {
+                effect: effect.effect,
+                law: effect.law,
+                columns: there.columns(effect)?,
+                scatters: self.model.declares_scatter(effect.effect),
             })
-            .collect::<Result<_>>()?;
-        let near_edge = match candidates.is_empty() {
-            true => Vec::new(),
-            false => here.softened(Softening::NearEdge)?,
+        };
+        let all = candidates.par_iter().enumerate().map(candidate);
+        let candidates: Vec<Candidate> = all.collect::<Result<_>>()?;
+        // stresses beside the hole act in elements: of another mesh they are others
+        let near_edge = match columns {
+            CandidateColumns::Kept { of, .. } => of.near_edge.clone(),
+            _ if candidates.is_empty() => Vec::new(),
+            _ => here.softened(Softening::NearEdge)?,
         };
         let mut sensitivities = Sensitivities {
             predicted: here.predicted()?,

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::column::{Column, StepStack};
 use super::forward::Forward;
-use super::observing::{Observed, quotient};
+use super::observing::{ObservedAbout, quotient};
 use crate::effect::{Scene, Scope, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
@@ -16,7 +16,7 @@ use crate::reduce::THICKNESS;
 /// A test's forward model about a state.
 pub struct Linearisation<'a> {
     pub(super) forward: &'a Forward<'a>,
-    pub(super) observed: Box<dyn Observed + 'a>,
+    pub(super) observed: Box<dyn ObservedAbout + 'a>,
     pub(super) at: &'a SeriesState,
 }
 
@@ -48,7 +48,8 @@ impl Linearisation<'_> {
             state.remove(effect.effect);
         }
         let mut scopes = declared.iter().map(|e| e.effect.scope());
-        if scopes.any(|s| s == Scope::Mechanical) {
+        // without a force the response to it is another where that is not linear
+        if scopes.any(|s| matches!(s, Scope::Mechanical | Scope::Force)) {
             return self.forward.shown(&state);
         }
         Ok(self.observed.reported(&state, self.scene()))

@@ -33,7 +33,7 @@ pub trait Observing: Sync {
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn Observed + 'a>>;
+    fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn ObservedAbout + 'a>>;
 
     /// Whether forces that are not known and motion in the plane are every step's own. Of a single one the force is the load's scale, and
     /// the motion an effect.
@@ -41,7 +41,7 @@ pub trait Observing: Sync {
 }
 
 /// What is observed about a state.
-pub trait Observed: Sync {
+pub trait ObservedAbout: Sync {
     /// What all steps show, mm.
     ///
     /// # Errors

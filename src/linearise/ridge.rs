@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::column::Column;
-use super::forward::Forward;
+use super::forward::{CandidateColumns, Forward};
 use super::measured::Measured;
 use super::sensitivities::Sensitivities;
 use crate::effect::Kind;
@@ -28,6 +28,9 @@ impl Forward<'_> {
     /// sensitivities there. A fit without the effects runs to absurd constants when a weakly observable one acts: with a hole 5 % larger
     /// than declared its mode lies at E2 = 0.008 GPa (measured on the program as built).
     ///
+    /// Columns of candidates may be kept from a point nearby. Of the default test they change by 2 to 13 % once a misaligned load is taken
+    /// in; with those of the first point in their place constants move by at most 0.004 posterior sds (measured).
+    ///
     /// # Errors
     /// Those of finite-element solutions.
     pub fn at_ridge(
@@ -36,8 +39,9 @@ impl Forward<'_> {
         state: &mut SeriesState,
         declared: &[EffectUnderLaw],
         candidates: &[EffectUnderLaw],
+        columns: CandidateColumns<'_>,
     ) -> Result<Sensitivities> {
-        let mut sensitivities = self.sensitivities(state, declared, candidates)?;
+        let mut sensitivities = self.sensitivities_with(state, declared, candidates, columns)?;
         for _ in 0..STEPS {
             let moved = self.ridge_step(measured, state, declared, &sensitivities);
             if moved < CONVERGED {
@@ -56,7 +60,7 @@ impl Forward<'_> {
         declared: &[EffectUnderLaw],
         sensitivities: &Sensitivities,
     ) -> f64 {
-        let solution = sensitivities.ridge(measured);
+        let solution = sensitivities.ridge(measured).solution;
         let mut moved = constants_moved(&mut state.shared, sensitivities, &solution);
         let base = &sensitivities.base;
         for effect in declared {
@@ -98,10 +102,18 @@ fn constants_moved(
     moved
 }
 
+/// A ridge estimate, and the noise that it rests on.
+pub struct RidgeFit {
+    /// Means of all parameters, prior sds from their prior means.
+    pub solution: DVector<f64>,
+    /// Variance of a point, mm^2, as a nearly free fit leaves it.
+    pub variance: f64,
+}
+
 impl Sensitivities {
     /// Mean of all parameters, in prior sds from their means, with every candidate present at its prior and noise that
     /// is white, of the size that is left.
-    fn ridge(&self, measured: &Measured) -> DVector<f64> {
+    pub fn ridge(&self, measured: &Measured) -> RidgeFit {
         let worth = &measured.blocks.worth;
         let residual = measured.residual(self);
         let columns: Vec<&Column> = self.columns().collect();
@@ -133,6 +145,10 @@ impl Sensitivities {
         let nearly_free = solve(1e-12 * total.max(f64::MIN_POSITIVE));
         let left = total - 2.0 * right.dot(&nearly_free) + nearly_free.dot(&(&gram * &nearly_free));
         let freedom = (2 * residual[0].len()).saturating_sub(p).max(1) as f64;
-        solve((left / freedom).max(1e-12 * total))
+        let variance = (left / freedom).max(1e-12 * total);
+        RidgeFit {
+            solution: solve(variance),
+            variance,
+        }
     }
 }

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::column::{Column, StepStack};
 use crate::effect::Effect;
 use crate::experiment::series::Law;
+use crate::files::stored;
 use crate::infer::Known;
 
 /// An effect that the model lacks, or might.
@@ -16,6 +17,8 @@ pub struct Candidate {
     /// How its amplitude goes over the steps of a series, where it is another in each.
     pub law: Option<Law>,
     pub columns: Vec<Column>,
+    /// Whether every specimen has some of it, by what the model declares: it acts with its prior sd in all that is averaged.
+    pub scatters: bool,
 }
 
 /// The prediction linearised about a state.
@@ -35,6 +38,21 @@ pub struct Sensitivities {
     /// What experiments beside the field say of the constants.
     pub known: Option<Arc<Known>>,
 }
+
+stored!(Candidate {
+    effect,
+    law,
+    columns,
+    scatters
+});
+stored!(Sensitivities {
+    predicted,
+    base,
+    constants,
+    candidates,
+    near_edge,
+    known
+});
 
 impl Sensitivities {
     /// Add what other experiments say to normal equations X'X, X'y of columns that begin with the constants.

@@ -11,6 +11,7 @@ use super::observing::quotient;
 use crate::effect::{Companions, Effect, displacements_are_imaged};
 use crate::error::Result;
 use crate::infer::{Amplitude, EffectUnderLaw};
+use crate::parameter::Parameter;
 
 /// A lens' centre has no column of its own while its strength is below this many prior sds.
 const WEAK: f64 = 0.1;
@@ -98,7 +99,6 @@ impl Linearisation<'_> {
                 columns.push(Column::product(name, slope));
             }
         }
-        let name = effect.effect.name();
         for set in amplitudes.chunks(effect.effect.parameters().len()) {
             let angle = set.iter().map(size).fold(0.0, f64::hypot);
             let [high, low] = [1.0, -1.0].map(|sign| {
@@ -106,9 +106,11 @@ impl Linearisation<'_> {
                 self.at.raised(lift, 0, rise, &set[0].weights)
             });
             let slope = self.pictured([&high, &low], 2.0, self.scene());
-            let step = set[0].name.split_once(" in ");
-            let step = step.map_or(String::new(), |(_, step)| format!(" in {step}"));
-            columns.push(Column::product(format!("{name}.pivot{step}"), slope));
+            let pivot = Parameter {
+                own: "pivot".into(),
+                ..Parameter::read(&set[0].name)
+            };
+            columns.push(Column::product(pivot.name(), slope));
         }
         Ok(columns)
     }
@@ -150,7 +152,7 @@ impl Linearisation<'_> {
         let sd = observing.prior_sd(self.forward.model, lift, 0);
         let [high, low] = [sd, -sd].map(|by| self.at.raised(lift, 0, by, &self.at.loads));
         let slope = self.pictured([&high, &low], 2.0, self.scene());
-        let name = format!("{}.lift", effect.effect.name());
+        let name = Parameter::amplitude(effect.effect.name(), "lift").name();
         columns.push(Column::product(name, slope));
         Ok(columns)
     }

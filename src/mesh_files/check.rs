@@ -2,7 +2,7 @@
 
 use super::draft::{Cell, Draft, Index};
 use super::jacobian;
-use super::kind::Kind;
+use super::kind::ElementKind;
 use super::mesh::Element;
 use crate::error::{Error, Result};
 
@@ -34,7 +34,7 @@ pub(super) fn orders(draft: &Draft) -> Result<()> {
     let Some(at) = draft.cells.iter().position(other) else {
         return Ok(());
     };
-    let name = |kind: Kind| format!("{kind:?}");
+    let name = |kind: ElementKind| format!("{kind:?}");
     Err(Error::input(
         draft.place_of_cell(at),
         "elements that are all linear (T3, Q4) or all quadratic (T6, Q8)",
@@ -157,14 +157,9 @@ enum Sense {
     Folded,
 }
 
-fn sense(element: &Element, nodes: &[[f64; 2]]) -> Sense {
-    let mut x = [[0.0; 2]; 8];
-    for (x, &n) in x.iter_mut().zip(element.nodes()) {
-        *x = nodes[n as usize];
-    }
-    let count = element.kind.nodes();
-    let range = jacobian::range(element.kind, &x[..count]);
-    let n = element.kind.corners();
+fn sense(kind: ElementKind, x: &[[f64; 2]]) -> Sense {
+    let range = jacobian::range(kind, x);
+    let n = kind.corners();
     let side = |k: usize| (x[k][0] - x[(k + 1) % n][0]).hypot(x[k][1] - x[(k + 1) % n][1]);
     let longest = (0..n).map(side).fold(0.0, f64::max);
     let [low, high] = range.inside;
@@ -173,11 +168,7 @@ fn sense(element: &Element, nodes: &[[f64; 2]]) -> Sense {
         return Sense::Flat;
     }
     // quarter-point elements at a crack tip have a zero determinant in one corner
-    let slack = if element.kind.is_quadratic() {
-        zero
-    } else {
-        0.0
-    };
+    let slack = if kind.is_quadratic() { zero } else { 0.0 };
     if low > 0.0 && range.corners[0] >= -slack {
         Sense::CounterClockwise
     } else if high < 0.0 && range.corners[1] <= slack {
@@ -187,10 +178,64 @@ fn sense(element: &Element, nodes: &[[f64; 2]]) -> Sense {
     }
 }
 
-/// Turn all elements counter-clockwise if all are clockwise; whether they were.
-pub(super) fn orient(draft: &Draft, elements: &mut [Element], nodes: &[[f64; 2]]) -> Result<bool> {
-    let senses: Vec<Sense> = elements.iter().map(|e| sense(e, nodes)).collect();
-    for (e, sense) in senses.iter().enumerate() {
+/// Take elements without area out of a draft, and say so. Returns the new index of every element, none for one that is left out.
+/// If all are without, the mesh stands across the x-y plane, and is left as it is.
+pub(super) fn leave_out_flat(draft: &mut Draft) -> Vec<Option<u32>> {
+    let flat = flat_cells(draft).unwrap_or_default();
+    let count = flat.iter().filter(|f| **f).count();
+    let mut next = 0u32;
+    if count == 0 || count == draft.cells.len() {
+        return (0..draft.cells.len() as u32).map(Some).collect();
+    }
+    let first = flat.iter().position(|f| *f).unwrap_or(0);
+    let place = draft.place_of_cell(first);
+    draft.remarks.push(format!(
+        "elements without area are left out, {count} in all, {place} first"
+    ));
+    let mut index = Vec::with_capacity(flat.len());
+    for (cell, is_flat) in draft.cells.iter().zip(&flat) {
+        index.push((!is_flat).then_some(next));
+        match is_flat {
+            true => drop(draft.left_out.insert(cell.number)),
+            false => next += 1,
+        }
+    }
+    let mut flat = flat.into_iter();
+    draft.cells.retain(|_| flat.next() == Some(false));
+    index
+}
+
+/// Which elements have no area, if every node is there once.
+fn flat_cells(draft: &Draft) -> Option<Vec<bool>> {
+    let index = Index::new(draft.nodes.iter().map(|n| n.number)).ok()?;
+    let is_flat = |cell: &Cell| {
+        let mut x = [[0.0; 2]; 8];
+        for (x, &number) in x.iter_mut().zip(cell.nodes()) {
+            let at = draft.nodes[index.get(number)? as usize].at;
+            if at.iter().any(|c| c.abs() > LARGEST || !c.is_finite()) {
+                // a node that is nowhere is another error
+                return Some(false);
+            }
+            *x = [at[0], at[1]];
+        }
+        Some(sense(cell.kind, &x[..cell.kind.nodes()]) == Sense::Flat)
+    };
+    draft.cells.iter().map(is_flat).collect()
+}
+
+/// Turn clockwise elements counter-clockwise; whether each was turned.
+pub(super) fn orient(
+    draft: &mut Draft,
+    elements: &mut [Element],
+    nodes: &[[f64; 2]],
+) -> Result<Vec<bool>> {
+    let mut turned = Vec::with_capacity(elements.len());
+    for (e, element) in elements.iter_mut().enumerate() {
+        let mut x = [[0.0; 2]; 8];
+        for (x, &n) in x.iter_mut().zip(element.nodes()) {
+            *x = nodes[n as usize];
+        }
+        let sense = sense(element.kind, &x[..element.kind.nodes()]);
         let (found, hint) = match sense {
             Sense::Flat => (
                 "one without area",
@@ -200,7 +245,13 @@ pub(super) fn orient(draft: &Draft, elements: &mut [Element], nodes: &[[f64; 2]]
                 "one that is folded: a corner of 180 degrees or more, a midside node far off the middle, or nodes in a wrong order",
                 "corners go around the element, then the midside nodes in the same order; else mesh finer there",
             ),
-            _ => continue,
+            Sense::Clockwise | Sense::CounterClockwise => {
+                turned.push(sense == Sense::Clockwise);
+                if sense == Sense::Clockwise {
+                    *element = element.reversed();
+                }
+                continue;
+            }
         };
         return Err(
             Error::input(draft.place_of_cell(e), "an element with an area")
@@ -208,26 +259,14 @@ pub(super) fn orient(draft: &Draft, elements: &mut [Element], nodes: &[[f64; 2]]
                 .hint(hint),
         );
     }
-    let clockwise = senses.iter().filter(|s| **s == Sense::Clockwise).count();
-    if clockwise == 0 || clockwise == elements.len() {
-        if clockwise > 0 {
-            for element in elements {
-                *element = element.reversed();
-            }
-        }
-        return Ok(clockwise > 0);
+    let count = turned.iter().filter(|t| **t).count();
+    if count > 0 && count < turned.len() {
+        let first = turned.iter().position(|t| *t).unwrap_or(0);
+        let place = draft.place_of_cell(first);
+        draft.remarks.push(format!(
+            "{count} of {} elements run clockwise and are turned, {place} first",
+            turned.len()
+        ));
     }
-    let (few, name, other) = if 2 * clockwise <= elements.len() {
-        (Sense::Clockwise, "clockwise", "counter-clockwise")
-    } else {
-        (Sense::CounterClockwise, "counter-clockwise", "clockwise")
-    };
-    let count = clockwise.min(elements.len() - clockwise);
-    let at = senses.iter().position(|s| *s == few).unwrap_or(0);
-    Err(Error::input(
-        draft.place_of_cell(at),
-        format!("elements of one orientation, {other} as the other {}", elements.len() - count),
-    )
-    .found(format!("{count} that are inverted ({name}), this one first"))
-    .hint("Gmsh: ReverseMesh Surface{..}, or reverse the surface's curve loop; Abaqus: flip the normals of the region (Assign > Element normal)"))
+    Ok(turned)
 }

@@ -1,8 +1,9 @@
 //! What a mesh file says, in its own numbers, before anything is checked.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use super::kind::Kind;
+use super::kind::ElementKind;
 use crate::error::{Error, Result};
 
 /// Where something stands: a file by its index, and its line from 1 on; 0 in a binary file.
@@ -24,7 +25,7 @@ pub(super) struct DraftNode {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
     pub number: u64,
-    pub kind: Kind,
+    pub kind: ElementKind,
     pub nodes: [u64; 8],
     /// Whether its sides go by the names of shells and membranes of Abaqus.
     pub is_shell: bool,
@@ -54,6 +55,8 @@ pub(super) struct Draft {
     pub nodes: Vec<DraftNode>,
     pub cells: Vec<Cell>,
     pub lines: Vec<DraftLine>,
+    /// Numbers of elements that have no area and are left out.
+    pub left_out: BTreeSet<u64>,
     pub remarks: Vec<String>,
 }
 

@@ -1,6 +1,6 @@
 //! Jacobian determinants of the four kinds of elements, and lengths of their sides.
 
-use super::kind::Kind;
+use super::kind::ElementKind;
 
 /// Range of an element's Jacobian determinant, mm^2, at the points where it must not vanish.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +18,7 @@ const TRIANGLE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
 const SQUARE: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 
 /// The range for nodes `x`, as many as the kind has.
-pub(super) fn range(kind: Kind, x: &[[f64; 2]]) -> Range {
+pub(super) fn range(kind: ElementKind, x: &[[f64; 2]]) -> Range {
     let over = |points: &[[f64; 2]]| {
         points
             .iter()
@@ -30,20 +30,20 @@ pub(super) fn range(kind: Kind, x: &[[f64; 2]]) -> Range {
     let g = [-GAUSS, 0.0, GAUSS];
     let grid: Vec<[f64; 2]> = g.iter().flat_map(|&a| g.map(|b| [a, b])).collect();
     match kind {
-        Kind::T3 => Range {
+        ElementKind::T3 => Range {
             inside: over(&TRIANGLE[..1]),
             corners: over(&TRIANGLE[..1]),
         },
         // The determinant is a quadratic polynomial, fixed by its values at corners and middles of sides.
-        Kind::T6 => Range {
+        ElementKind::T6 => Range {
             inside: over(&[[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]),
             corners: over(&TRIANGLE),
         },
-        Kind::Q4 => Range {
+        ElementKind::Q4 => Range {
             inside: over(&SQUARE),
             corners: over(&SQUARE),
         },
-        Kind::Q8 => Range {
+        ElementKind::Q8 => Range {
             inside: over(&grid),
             corners: over(&SQUARE),
         },
@@ -63,11 +63,11 @@ fn determinant(x: &[[f64; 2]], gradients: &[[f64; 2]; 8]) -> f64 {
 }
 
 /// Derivatives of the shape functions at a local point; zero where the kind has no node.
-fn gradients(kind: Kind, [a, b]: [f64; 2]) -> [[f64; 2]; 8] {
+fn gradients(kind: ElementKind, [a, b]: [f64; 2]) -> [[f64; 2]; 8] {
     let mut d = [[0.0; 2]; 8];
     match kind {
-        Kind::T3 => d[..3].copy_from_slice(&[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]),
-        Kind::T6 => {
+        ElementKind::T3 => d[..3].copy_from_slice(&[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]),
+        ElementKind::T6 => {
             let c = 1.0 - a - b;
             d[..6].copy_from_slice(&[
                 [1.0 - 4.0 * c, 1.0 - 4.0 * c],
@@ -78,12 +78,12 @@ fn gradients(kind: Kind, [a, b]: [f64; 2]) -> [[f64; 2]; 8] {
                 [-4.0 * b, 4.0 * (c - b)],
             ]);
         }
-        Kind::Q4 => {
+        ElementKind::Q4 => {
             for (d, [ca, cb]) in d.iter_mut().zip(SQUARE) {
                 *d = [0.25 * ca * (1.0 + cb * b), 0.25 * cb * (1.0 + ca * a)];
             }
         }
-        Kind::Q8 => {
+        ElementKind::Q8 => {
             for (d, [ca, cb]) in d.iter_mut().zip(SQUARE) {
                 *d = [
                     0.25 * ca * (1.0 + cb * b) * (2.0 * ca * a + cb * b),

@@ -2,7 +2,7 @@
 
 /// Kinds of plane elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-pub enum Kind {
+pub enum ElementKind {
     /// Linear triangle.
     T3,
     /// Quadratic triangle.
@@ -13,22 +13,22 @@ pub enum Kind {
     Q8,
 }
 
-impl Kind {
+impl ElementKind {
     /// Number of corners, which is that of sides.
     pub fn corners(self) -> usize {
         match self {
-            Kind::T3 | Kind::T6 => 3,
-            Kind::Q4 | Kind::Q8 => 4,
+            ElementKind::T3 | ElementKind::T6 => 3,
+            ElementKind::Q4 | ElementKind::Q8 => 4,
         }
     }
 
     /// Number of nodes.
     pub fn nodes(self) -> usize {
         match self {
-            Kind::T3 => 3,
-            Kind::Q4 => 4,
-            Kind::T6 => 6,
-            Kind::Q8 => 8,
+            ElementKind::T3 => 3,
+            ElementKind::Q4 => 4,
+            ElementKind::T6 => 6,
+            ElementKind::Q8 => 8,
         }
     }
 
@@ -41,8 +41,8 @@ impl Kind {
     #[must_use]
     pub fn quadratic(self) -> Self {
         match self {
-            Kind::T3 | Kind::T6 => Kind::T6,
-            Kind::Q4 | Kind::Q8 => Kind::Q8,
+            ElementKind::T3 | ElementKind::T6 => ElementKind::T6,
+            ElementKind::Q4 | ElementKind::Q8 => ElementKind::Q8,
         }
     }
 }

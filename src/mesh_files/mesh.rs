@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::jacobian;
-use super::kind::Kind;
+use super::kind::ElementKind;
 
 /// An element: corners counter-clockwise, then the midside nodes of sides 0-1, 1-2, and so on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Element {
-    pub kind: Kind,
+    pub kind: ElementKind,
     /// Indices of its nodes; places that the kind does not have hold [`Element::NONE`].
     pub all: [u32; 8],
 }

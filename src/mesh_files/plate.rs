@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::mesh::ImportedMesh;
+use super::mesh::{BoundaryEdge, ImportedMesh};
 use super::quads::{halved, quads};
 use super::regions::stack_of_elements;
 use super::spec::{MeshAxis, MeshSpec, Spread};
@@ -125,7 +125,12 @@ impl Part {
 impl ImportedMesh {
     /// The circle of a named edge, if that is one: by its corners, between which a linear mesh is straight.
     pub fn circle(&self, name: &str) -> Option<Circle> {
-        let corners = self.edges.get(name)?.iter().map(|&e| self.edge_nodes(e).0);
+        self.circle_along(self.edges.get(name)?)
+    }
+
+    /// The circle of edges, if they lie on one.
+    pub(super) fn circle_along(&self, edges: &[BoundaryEdge]) -> Option<Circle> {
+        let corners = edges.iter().map(|&e| self.edge_nodes(e).0);
         let points: Vec<[f64; 2]> = corners.map(|n| self.nodes[n as usize]).collect();
         (points.len() >= FEWEST).then(|| circle(&points))?
     }

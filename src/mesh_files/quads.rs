@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::jacobian::line_point;
-use super::kind::Kind;
+use super::kind::ElementKind;
 use super::mesh::{Element, ImportedMesh};
 use crate::geometry::{Edge, Mesh};
 
@@ -18,7 +18,7 @@ pub(super) fn quads(mesh: &ImportedMesh, region: &[u8]) -> Mesh {
     let named = mesh.edges.iter();
     let named = named.map(|(name, all)| (name.clone(), all.iter().map(edge).collect()));
     let edges: BTreeMap<String, Vec<Edge>> = named.collect();
-    if mesh.elements.iter().any(|e| e.kind != Kind::Q8) {
+    if mesh.elements.iter().any(|e| e.kind != ElementKind::Q8) {
         return split(mesh.nodes.clone(), &mesh.elements, region, &edges);
     }
     Mesh {
@@ -33,7 +33,7 @@ pub(super) fn quads(mesh: &ImportedMesh, region: &[u8]) -> Mesh {
 /// Every element split in four.
 pub(super) fn halved(mesh: Mesh) -> Mesh {
     let element = |all: &[u32; 8]| Element {
-        kind: Kind::Q8,
+        kind: ElementKind::Q8,
         all: *all,
     };
     let elements: Vec<Element> = mesh.elements.iter().map(element).collect();

@@ -3,17 +3,18 @@
 use super::check;
 use super::draft::{Allowance, Draft, Index};
 use super::mesh::{BoundaryEdge, Element, ImportedMesh};
+use super::proposed::proposed;
 use super::seams::SeamParts;
 use super::sides::{ElementSides, Owners, in_order};
 use crate::error::{Error, Result};
 
 /// A checked mesh whose edges and regions are not named yet.
-pub(super) struct Shape {
+pub(super) struct NamelessMesh {
     draft: Draft,
     mesh: ImportedMesh,
     sides: ElementSides,
-    /// Whether the file's elements are clockwise.
-    flipped: bool,
+    /// Whether each element is clockwise in the file.
+    turned: Vec<bool>,
     /// The mesh's index of every node of the draft, [`Element::NONE`] for one that no element uses.
     index: Vec<u32>,
     numbers: Index,
@@ -22,17 +23,17 @@ pub(super) struct Shape {
     allowance: Allowance,
 }
 
-impl Shape {
+impl NamelessMesh {
     /// Check a draft.
     ///
     /// # Errors
     /// The input's fault: whatever makes the mesh unfit for a plane analysis.
-    pub fn of(draft: Draft) -> Result<Self> {
+    pub fn of(mut draft: Draft) -> Result<Self> {
         check::orders(&draft)?;
         let mut elements = check::connectivity(&draft)?;
         let kept = check::used(&mut elements, draft.nodes.len());
         let nodes = check::flat(&draft, &kept)?;
-        let flipped = check::orient(&draft, &mut elements, &nodes)?;
+        let turned = check::orient(&mut draft, &mut elements, &nodes)?;
         let sides = ElementSides::of(&draft, &elements)?;
         SeamParts {
             draft: &draft,
@@ -61,7 +62,7 @@ impl Shape {
             draft,
             mesh,
             sides,
-            flipped,
+            turned,
             index,
             numbers,
             boundary,
@@ -82,6 +83,21 @@ impl Shape {
     /// The file's numbers of all nodes, used or not, with the draft's indices.
     pub fn numbers(&self) -> &Index {
         &self.numbers
+    }
+
+    /// A file that names nothing and has nodes which no element has may be cut short.
+    ///
+    /// # Errors
+    /// The input's fault.
+    pub fn check_whole(&self) -> Result<()> {
+        let unused = self.index.iter().filter(|n| **n == Element::NONE).count();
+        if unused == 0 || !(self.mesh.edges.is_empty() && self.mesh.regions.is_empty()) {
+            return Ok(());
+        }
+        let file = self.draft.file(0);
+        Err(Error::input(file, "elements that have all nodes, or names of edges")
+            .found(format!("{unused} nodes that no element has, and no names"))
+            .hint("the file is cut short: write it again; or delete these nodes; or name the edges"))
     }
 
     /// Say something about what is left out.
@@ -201,17 +217,28 @@ impl Shape {
 
     /// The side of an element by the file's count from 0: on the boundary or not; nobody's if it has none of this number.
     pub fn side(&self, element: usize, side: usize) -> Owners {
+        let turned = self.turned[element];
         let element = &self.mesh.elements[element];
         let n = element.kind.corners();
         if side >= n {
             return Owners::Nobody;
         }
-        let [a, b] = element.side(if self.flipped { n - 1 - side } else { side });
+        let [a, b] = element.side(if turned { n - 1 - side } else { side });
         self.sides.owners(a, b)
     }
 
-    /// The mesh.
-    pub fn into_mesh(self) -> ImportedMesh {
+    /// The mesh. If its file has nothing that names an edge, the sides get names here.
+    pub fn into_mesh(mut self, names_edges: bool) -> ImportedMesh {
+        if !names_edges && self.mesh.edges.is_empty() {
+            let edges = in_order(&self.mesh.elements, self.sides.boundary().collect());
+            self.mesh.edges = proposed(&self.mesh, &edges);
+            let names: Vec<&str> = self.mesh.edges.keys().map(String::as_str).collect();
+            let remark = format!(
+                "the file names no edge; the sides of the box and the corners between them make {}",
+                names.join(", ")
+            );
+            self.mesh.remarks.push(remark);
+        }
         self.mesh
     }
 }

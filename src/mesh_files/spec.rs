@@ -19,7 +19,7 @@ use crate::laminate::Material;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeshSpec {
-    /// Gmsh's `.msh` or Abaqus' `.inp`.
+    /// Gmsh's `.msh`, Abaqus' `.inp` or NASTRAN's `.bdf`.
     pub file: PathBuf,
     /// Length of the mesh's unit, mm; 1000 for a mesh in metres.
     #[serde(default = "one", skip_serializing_if = "is_one")]

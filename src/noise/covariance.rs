@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::field::places::Places;
+use crate::files::stored;
 use crate::numeric::legendre;
 
 /// Correlation lengths that count as noise, mm, the longest last. A likelihood of white noise raised false alarms in up to 97 % of fields
@@ -35,8 +36,8 @@ pub const RATIOS: [f64; 11] = [
     0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 1000.0, 10_000.0,
 ];
 
-/// Correlation of block averages for one length: the Matern-3/2 kernel (1 + a d) exp(-a d), a = sqrt(3) / l, averaged
-/// over both blocks.
+/// Correlation of block averages for one length, averaged over both blocks: of the Matern-3/2 kernel (1 + a d) exp(-a d), a = sqrt(3) / l,
+/// unless it was made as [`Matern::squared_exponential`].
 #[derive(Debug, Clone)]
 pub struct Matern {
     /// Correlation length l, mm.
@@ -61,6 +62,22 @@ impl Matern {
         Self {
             length_mm,
             correlation,
+        }
+    }
+
+    /// The smoother kernel exp(-d^2 / 2 l^2) in the place of Matern's. The points of a block count as spread normally with their variance.
+    /// That is off by the fourth moment over l^4, and leaves the matrix positive semi-definite.
+    pub fn squared_exponential(blocks: &Blocks, length_mm: f64) -> Self {
+        let square = length_mm * length_mm;
+        let (at, spread) = (&blocks.centroid, &blocks.spread);
+        let along = |i: usize, j: usize, k: usize| {
+            let variance = square + spread[i][k] + spread[j][k];
+            (square / variance).sqrt() * (-0.5 * (at[i][k] - at[j][k]).powi(2) / variance).exp()
+        };
+        let n = blocks.len();
+        Self {
+            length_mm,
+            correlation: DMatrix::from_fn(n, n, |i, j| along(i, j, 0) * along(i, j, 1)),
         }
     }
 }
@@ -201,6 +218,13 @@ pub struct BlockCovariance {
     lower: DMatrix<f64>,
 }
 
+stored!(BlockCovariance {
+    length_mm,
+    ratio,
+    white,
+    lower
+});
+
 impl BlockCovariance {
     /// Variance of each block average at s = 1.
     pub fn variances(&self) -> Vec<f64> {
@@ -288,6 +312,12 @@ impl BlockCovariance {
     pub fn whiten_vector(&self, y: &DVector<f64>) -> DVector<f64> {
         let white = self.whiten(&DMatrix::from_column_slice(y.len(), 1, y.as_slice()));
         DVector::from_column_slice(white.as_slice())
+    }
+
+    /// C^-1 at s = 1, blocks x blocks.
+    pub fn inverse(&self) -> DMatrix<f64> {
+        let n = self.lower.nrows();
+        crate::dense::gram(&self.whiten(&DMatrix::identity(n, n)))
     }
 
     /// L X for columns X (blocks x p): covariance s^2 C if X's rows were independent of variance s^2.

@@ -2,13 +2,15 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::hyperparameters::{ComponentNoise, LocalVariance, tables};
+use super::hyperparameters::{LocalVariance, OneComponent, tables};
 use super::normal::solve;
 use super::reml::{Contrasts, Hyperparameters, Reml};
 use super::white::{Leftover, WhiteNoise, white};
 use super::{BlockCovariance, Matern};
 use crate::error::{Error, Result};
 use crate::field::{Blocks, Field, Reason};
+use crate::files::{KeptStages, Stored, stored};
+use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 
 /// Side of the squares on which a quadratic is taken out of the data before the noise is estimated, in longest lengths of noise, at
@@ -35,6 +37,28 @@ pub struct Noise {
     /// Effective number of independent points of both components.
     pub effective_points: f64,
 }
+
+/// Columns (u1, u2) at the points, mm.
+type ColumnsAtPoints<'a> = &'a [Vec<[f64; 2]>];
+
+/// What is kept of an estimate: all but the blocks.
+struct EstimatedParts {
+    reml: [Reml; 2],
+    covariance: [BlockCovariance; 2],
+    scale2: [f64; 2],
+    white_mm: [f64; 2],
+    log_variance: [(f64, f64); 2],
+    effective_points: f64,
+}
+
+stored!(EstimatedParts {
+    reml,
+    covariance,
+    scale2,
+    white_mm,
+    log_variance,
+    effective_points
+});
 
 impl Noise {
     /// Estimate from contrasts orthogonal to the model's columns and to local quadratics (restricted maximum
@@ -84,16 +108,19 @@ impl Noise {
         };
         let contrasts = [contrasts(0)?, contrasts(1)?];
         let [first, second] = tables(&blocks, [&contrasts[0], &contrasts[1]])?;
-        let estimate = |c: usize, reml: Reml| -> Result<ComponentNoise> {
+        let estimate = |c: usize, reml: Reml| -> Result<OneComponent> {
             let locals = differences
                 .iter()
                 .map(|(seen, leftover, stride)| LocalVariance {
                     variance: seen.sd_mm[c].powi(2),
-                    error: (2.0 * seen.relative_error).hypot(LOCAL_BIAS * stride * stride),
+                    // what is far out among points is in the averages of blocks
+                    error: (2.0 * seen.relative_error)
+                        .hypot(LOCAL_BIAS * stride * stride)
+                        .hypot(seen.tails[c]),
                     leftover,
                 });
             let locals: Vec<LocalVariance<'_>> = locals.collect();
-            ComponentNoise::new(&blocks, &contrasts[c], reml, &locals)
+            OneComponent::new(&blocks, &contrasts[c], reml, &locals)
         };
         let (a, b) = (estimate(0, first)?, estimate(1, second)?);
         let effective_points = a.covariance.effective_points() + b.covariance.effective_points();
@@ -105,6 +132,42 @@ impl Noise {
             covariance: [a.covariance, b.covariance],
             effective_points,
             blocks,
+        })
+    }
+
+    /// The same as a stage of a run that is kept, but for the blocks, which are made anew.
+    ///
+    /// # Errors
+    /// Those of [`Noise::estimate`]; a folder that cannot be written.
+    pub fn estimate_kept(
+        field: &Field,
+        (modes, effects): (ColumnsAtPoints<'_>, ColumnsAtPoints<'_>),
+        kept: &KeptStages,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let mut of = Vec::new();
+        (field.points.clone(), field.displacement.clone()).put(&mut of);
+        (modes.to_vec(), effects.to_vec()).put(&mut of);
+        let estimate = || {
+            let found = Self::estimate(field, modes, effects)?;
+            Ok(EstimatedParts {
+                reml: found.reml,
+                covariance: found.covariance,
+                scale2: found.scale2,
+                white_mm: found.white_mm,
+                log_variance: found.log_variance,
+                effective_points: found.effective_points,
+            })
+        };
+        let found = kept.stage("noise", &of, estimate, progress)?;
+        Ok(Self {
+            blocks: Blocks::new(field, Blocks::size_for(field), |_| true),
+            reml: found.reml,
+            covariance: found.covariance,
+            scale2: found.scale2,
+            log_variance: found.log_variance,
+            white_mm: found.white_mm,
+            effective_points: found.effective_points,
         })
     }
 

@@ -25,7 +25,7 @@ pub(super) struct LocalVariance<'a> {
 }
 
 /// One component's noise.
-pub(super) struct ComponentNoise {
+pub(super) struct OneComponent {
     /// The restricted likelihood; `best` is what is most likely given the local differences too.
     pub reml: Reml,
     /// Covariance of block averages, averaged over length and ratio, at unit scale.
@@ -85,7 +85,7 @@ fn lengths_mm(blocks: &Blocks) -> Vec<f64> {
     lengths_mm
 }
 
-/// The restricted likelihoods of both components that [`ComponentNoise::new`] starts from.
+/// The restricted likelihoods of both components that [`OneComponent::new`] starts from.
 ///
 /// # Errors
 /// Those of [`Contrasts::table`].
@@ -93,7 +93,7 @@ pub(super) fn tables(blocks: &Blocks, both: [&Contrasts<'_>; 2]) -> Result<[Reml
     Contrasts::tables(both, &lengths_mm(blocks), &RATIOS)
 }
 
-impl ComponentNoise {
+impl OneComponent {
     pub fn new(
         blocks: &Blocks,
         contrasts: &Contrasts<'_>,

@@ -7,6 +7,7 @@ use super::covariance::{BlockCovariance, discrepancy_lengths_mm, over_grid};
 use super::normal::NormalEquations;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
+use crate::files::stored;
 
 /// Covariance hyperparameters of one component: C = s^2 [diag(nbar / n_b) + rho Matern(l)].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +21,13 @@ pub struct Hyperparameters {
     /// Restricted log likelihood with s^2 at its maximum; comparable for the same columns.
     pub log_likelihood: f64,
 }
+
+stored!(Hyperparameters {
+    length_mm,
+    ratio,
+    scale2,
+    log_likelihood
+});
 
 impl Hyperparameters {
     /// Whether they describe a smooth discrepancy of the model rather than noise.
@@ -40,6 +48,13 @@ pub struct Reml {
     /// Number of contrasts: blocks minus the rank of the columns.
     pub contrasts: usize,
 }
+
+stored!(Reml {
+    table,
+    best,
+    mean_count,
+    contrasts
+});
 
 impl Reml {
     /// Sd of the white part of a single point, unit of the data.

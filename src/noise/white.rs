@@ -8,6 +8,8 @@ use crate::field::local::{LocalFit, NEIGHBOURS, mad};
 
 /// Sds beyond which a residual does not count.
 const CUT: f64 = 3.0;
+/// How far, in cuts, tails are looked at: farther are jumps.
+const TAILS: f64 = 2.5;
 /// E[z^2 | |z| < [`CUT`]] of the standard normal.
 const KEPT: f64 = 0.973_336_9;
 
@@ -18,6 +20,8 @@ pub struct WhiteNoise {
     pub sd_mm: [f64; 2],
     /// Standard error of these sds over the sds themselves.
     pub relative_error: f64,
+    /// Logarithm of the variance within `TAILS` times `CUT` over these squared: above 0 where the noise has heavier tails than a normal one.
+    pub tails: [f64; 2],
     /// How many points were used.
     pub points: usize,
 }
@@ -49,12 +53,24 @@ pub fn white(field: &Field) -> WhiteNoise {
         })
         .collect();
     let sd_mm = [0, 1].map(|k| truncated_sd(&scaled.iter().map(|r| r[k]).collect::<Vec<_>>()));
+    let tails = [0, 1].map(|k: usize| {
+        let reach = TAILS * CUT * sd_mm[k];
+        let squares = scaled.iter().map(|r| r[k]).filter(|r| r.abs() <= reach);
+        let (count, sum) = squares.fold((0_usize, 0.0), |(n, s), r| (n + 1, s + r * r));
+        let variance = sum / count.max(1) as f64;
+        if variance > 0.0 {
+            (variance / (sd_mm[k] * sd_mm[k])).ln().max(0.0)
+        } else {
+            0.0
+        }
+    });
     // on a lattice neighbouring residuals share points (half as much variance again as of as many independent ones),
     // and what is cut at three sd costs a sixth more
     let n = centers.len().max(NEIGHBOURS) as f64;
     WhiteNoise {
         sd_mm,
         relative_error: (1.75 / (2.0 * n)).sqrt(),
+        tails,
         points: centers.len(),
     }
 }

@@ -20,7 +20,7 @@ const FORMAT: u32 = 9;
 
 /// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]
-struct Stored {
+struct StoredModel {
     key: String,
     model: ReducedModel,
 }
@@ -79,7 +79,7 @@ pub fn obtain(
     progress.end();
     progress.begin("modes and response surfaces", None);
     let model = ReducedModel::build(problem, &snapshots)?;
-    let stored = Stored { key, model };
+    let stored = StoredModel { key, model };
     // A cache that cannot be written costs time, not correctness.
     if let Err(e) = write(&path, &stored) {
         progress.say(&format!("not cached ({e})"));
@@ -124,14 +124,14 @@ fn read(path: &PathBuf, key: &str) -> Option<ReducedModel> {
     if hex(&Sha256::digest(text)).as_bytes() != hash {
         return None;
     }
-    let stored: Stored = serde_json::from_slice(text).ok()?;
+    let stored: StoredModel = serde_json::from_slice(text).ok()?;
     (stored.key == key && stored.model.is_consistent()).then_some(stored.model)
 }
 
 /// Write under another name first, so that a reader never sees half a file.
-fn write(path: &Path, stored: &Stored) -> Result<()> {
+fn write(path: &Path, stored: &StoredModel) -> Result<()> {
     let fail =
-        |e: &dyn std::fmt::Display| Error::input(path.display(), "a writable cache").found(e);
+        |e: &dyn std::fmt::Display| Error::unwritable(path.display(), "a writable cache").found(e);
     if let Some(directory) = path.parent() {
         std::fs::create_dir_all(directory).map_err(|e| fail(&e))?;
     }

@@ -140,14 +140,6 @@ impl ReducedModel {
                 .iter()
                 .all(|c| c.len() == surface.exponents.len())
     }
-
-    /// Whether a point of the parameter space lies in the DoE box (dimensions in the order of the box).
-    pub fn in_box(&self, point: &[f64]) -> bool {
-        self.dimensions
-            .iter()
-            .zip(point)
-            .all(|(d, &x)| d.contains(x))
-    }
 }
 
 fn fit(

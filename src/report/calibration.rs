@@ -2,14 +2,15 @@
 
 use serde_json::{Map, Value, json};
 
-use super::section::{Digits, Piece, Section, Table, TableCell, row};
+use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::validate::article;
-use crate::validate::calibration::{LEVELS, NOISE_NM, Parameter, RANK_DRAWS, Summary};
-use crate::validate::quadrature::Moments;
+use crate::validate::calibration::{LEVELS, NOISE_NM, ParameterRanks, RANK_DRAWS, Summary};
+use crate::validate::quadrature::GridMoments;
+use crate::validate::verdicts::{HowOften, VerdictSummary};
 use crate::validate::whole_loop::LoopSummary;
 
 /// The article's setting beside its published Tables 6 and 7.
-pub fn article_section(moments: &Moments) -> Section {
+pub fn article_section(moments: &GridMoments) -> Section {
     let (mean, sd) = (&moments.mean, &moments.sd);
     let constants = (0..4).map(|k| {
         let cells = [
@@ -50,7 +51,7 @@ pub fn article_section(moments: &Moments) -> Section {
 }
 
 /// The same as numbers.
-pub fn article_numbers(moments: &Moments) -> Value {
+pub fn article_numbers(moments: &GridMoments) -> Value {
     let rows = (0..4).map(|k| {
         let row = json!({
             "mean": moments.mean[k], "published_mean": article::MEAN[k],
@@ -93,7 +94,7 @@ pub fn calibration_section(summary: &Summary) -> Section {
 }
 
 /// Ranks and coverage of parameters.
-fn parameters_table(parameters: &[Parameter]) -> Table {
+fn parameters_table(parameters: &[ParameterRanks]) -> Table {
     let levels = LEVELS.map(|l| format!("in {:.0} %", 100.0 * l));
     let header = ["", "KS p", "ranks p"].map(String::from).into_iter();
     let header = header.chain(levels);
@@ -153,8 +154,8 @@ pub fn loop_numbers(summary: &LoopSummary) -> Value {
     })
 }
 
-fn parameters_numbers(parameters: &[Parameter]) -> Map<String, Value> {
-    let one = |p: &Parameter| {
+fn parameters_numbers(parameters: &[ParameterRanks]) -> Map<String, Value> {
+    let one = |p: &ParameterRanks| {
         let row = json!({
             "p_kolmogorov_smirnov": p.p_ks, "p_chi2_of_ranks": p.p_ranks, "ranks_in_ten_bins": p.bins,
             "covered": p.covered, "mean_z": p.z[0], "rms_z": p.z[1],
@@ -171,4 +172,70 @@ pub fn calibration_numbers(summary: &Summary) -> Value {
         "rank_draws": RANK_DRAWS, "levels": LEVELS, "bands_of_coverage": summary.bands,
         "parameters": parameters_numbers(&summary.parameters),
     })
+}
+
+/// What the verdicts of a loop say, over what acted.
+fn verdict_rows(summary: &VerdictSummary) -> [(&'static str, HowOften); 9] {
+    [
+        ("no effect acts: an effect is named", summary.named_in_nulls),
+        (
+            "no effect acts: the verdict is \"not explained\"",
+            summary.unexplained_nulls,
+        ),
+        ("effects act: all are named, and no other", summary.exact),
+        ("effects that act and are named", summary.recalled),
+        (
+            "the same, of those that this measurement would show",
+            summary.recalled_of_shown,
+        ),
+        ("named effects that act", summary.right_names),
+        (
+            "named effects that act, or a look-alike of them does",
+            summary.right_groups,
+        ),
+        (
+            "explained, with a name for which nothing acts",
+            summary.sure_and_wrong,
+        ),
+        ("95 % intervals that contain the constant", summary.held),
+    ]
+}
+
+/// Right and wrong verdicts.
+pub fn verdicts_section(summary: &VerdictSummary) -> Section {
+    let rows = verdict_rows(summary).map(|(what, count)| {
+        let percent = |share: f64| TableCell::fixed(100.0 * share, 1);
+        let [low, high] = count.interval();
+        let cells = [
+            TableCell::count(count.found),
+            TableCell::count(count.of),
+            percent(count.share()),
+            TableCell::text(format!("{:.1} to {:.1}", 100.0 * low, 100.0 * high)),
+        ];
+        row(what, cells)
+    });
+    let quoted = match summary.asked.whole {
+        true => "sampled",
+        false => "in closed form",
+    };
+    let plan = &summary.plan;
+    Section::new(format!(
+        "verdicts on {} simulated measurements: up to {} effects, intervals {quoted}, noise correlated over {} mm, {} x {} points",
+        summary.replicates, summary.asked.effects, plan.correlation_mm, plan.grid, plan.grid
+    ))
+    .with(Table::new("", ["", "found", "of", "%", "95 % interval"], rows))
+    .with(Piece::list([
+        format!("F1 of the names: {:.2}", summary.f1()),
+        format!(
+            "The constants' distance from those with all true effects declared: {:.3} of that before (median, where the residual is explained)",
+            summary.bias_left
+        ),
+    ]))
+}
+
+/// The same as numbers.
+pub fn verdicts_numbers(summary: &VerdictSummary) -> Value {
+    let mut all = json!(summary);
+    all["f1"] = json!(summary.f1());
+    all
 }

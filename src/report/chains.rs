@@ -1,7 +1,9 @@
 //! What chains are worth, parameter by parameter.
 
-use super::section::{Section, Table, TableCell, row};
-use crate::diagnose::Verdict;
+use serde_json::{Value, json};
+
+use crate::diagnose::{Row, Verdict};
+use crate::section::{Section, Table, TableCell, row};
 
 /// The numbers of every parameter, and the verdict in a line.
 pub fn section(verdict: &Verdict) -> Section {
@@ -29,7 +31,79 @@ pub fn section(verdict: &Verdict) -> Section {
         ];
         row(&r.name, moments.into_iter().chain(worth))
     });
-    Section::default()
-        .with(Table::new("", header, rows))
-        .say(verdict.line())
+    let fixed = verdict.rows.iter().filter(|r| r.sd == 0.0);
+    let fixed: Vec<&str> = fixed.map(|r| &*r.name).collect();
+    let section = Section::default().with(Table::new("", header, rows));
+    let section = match fixed.is_empty() {
+        true => section,
+        false => section.say(format!("the same in all draws: {}", fixed.join(", "))),
+    };
+    section.say(verdict.line())
+}
+
+/// The figures of a parameter, by name.
+fn figures(r: &Row) -> [(&'static str, f64); 16] {
+    let [low, median, high] = r.mcse_quantiles;
+    [
+        ("mean", r.mean),
+        ("sd", r.sd),
+        ("q2.5", r.low),
+        ("median", r.median),
+        ("q97.5", r.high),
+        ("mcse_mean", r.mcse_mean),
+        ("mcse_sd", r.mcse_sd),
+        ("mcse_q2.5", low),
+        ("mcse_median", median),
+        ("mcse_q97.5", high),
+        ("rhat", r.rhat),
+        ("ess_bulk", r.ess_bulk),
+        ("ess_tail", r.ess_tail),
+        ("tau", r.tau),
+        ("tau_change", r.tau_change),
+        ("tau_error", r.tau_error),
+    ]
+}
+
+/// All figures with all digits, `null` where there is none. R-hat is the nested one (Margossian et al. 2024) where an ensemble has several
+/// chains: the rank-normalised one across ensembles.
+pub fn json(verdict: &Verdict, remarks: &[String]) -> Value {
+    let [ensembles, chains, draws] = verdict.shape;
+    let parameters = verdict.rows.iter().map(|r| {
+        let figures = figures(r).into_iter();
+        let figures: serde_json::Map<_, _> = figures.map(|(k, v)| (k.into(), json!(v))).collect();
+        (r.name.clone(), Value::Object(figures))
+    });
+    json!({
+        "schema": "plychain-diagnosis/1",
+        "converged": verdict.converged,
+        "reasons": verdict.reasons,
+        "remarks": remarks,
+        "ensembles": ensembles,
+        "chains": chains,
+        "draws": draws,
+        "parameters": parameters.collect::<serde_json::Map<_, _>>(),
+    })
+}
+
+/// All figures with all digits, a row a parameter.
+pub fn csv(verdict: &Verdict) -> String {
+    let mut text = String::new();
+    for r in &verdict.rows {
+        let figures = figures(r);
+        if text.is_empty() {
+            text = figures
+                .iter()
+                .fold(String::from("parameter"), |all, (name, _)| all + "," + name)
+                + "\n";
+        }
+        text += &match r.name.contains([',', '"']) {
+            true => format!("\"{}\"", r.name.replace('"', "\"\"")),
+            false => r.name.clone(),
+        };
+        text = figures
+            .iter()
+            .fold(text, |all, (_, v)| format!("{all},{v:?}"))
+            + "\n";
+    }
+    text
 }

@@ -5,8 +5,8 @@ use std::iter::once;
 use serde::Serialize;
 
 use super::json::Keyed;
-use super::section::{Piece, Section, Table, TableCell, row};
 use crate::infer::Marginal;
+use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::trace::{Hidden, Information};
 use crate::validate::design::{Assessed, disagreement, log_volume, posterior_sds};
 
@@ -38,6 +38,8 @@ pub struct TestReport {
     pub sd_percent_with_effects: Keyed<f64>,
     /// Together with all that the model declares, effects acting.
     pub together_percent: Keyed<f64>,
+    /// 1 - sd^2 / prior sd^2 of the test alone, effects acting: 0 where it adds nothing to the prior.
+    pub from_data: Keyed<f64>,
 }
 
 #[derive(Debug, Serialize)]
@@ -85,6 +87,18 @@ impl Constants<'_> {
             .collect()
     }
 
+    /// Share of the prior's variance that sds, percent, leave no more.
+    fn learned(&self, sds: &Keyed<f64>) -> Keyed<f64> {
+        let each = self.priors.iter().enumerate();
+        let share = |(k, (name, _)): (usize, &(String, Marginal))| {
+            let left = sds
+                .get(name)
+                .map_or(f64::NAN, |sd| (sd / self.percent(k)).powi(2));
+            (name.clone(), 1.0 - left)
+        };
+        each.map(share).collect()
+    }
+
     fn bias(&self, hidden: &Hidden) -> Keyed<f64> {
         let each = self.priors.iter().enumerate();
         each.map(|(k, (name, _))| (name.clone(), hidden.shift[k] * self.percent(k)))
@@ -111,11 +125,15 @@ impl DesignReport {
             log_volume(&matrices, constants.wanted)
         };
         candidates.sort_by(|a, b| volume(a).total_cmp(&volume(b)));
-        let test = |a: &Assessed, together: &[&Information]| TestReport {
-            name: a.name.clone(),
-            sd_percent: constants.sds(&[&a.information], false),
-            sd_percent_with_effects: constants.sds(&[&a.information], true),
-            together_percent: constants.sds(together, true),
+        let test = |a: &Assessed, together: &[&Information]| {
+            let with_effects = constants.sds(&[&a.information], true);
+            TestReport {
+                name: a.name.clone(),
+                sd_percent: constants.sds(&[&a.information], false),
+                from_data: constants.learned(&with_effects),
+                sd_percent_with_effects: with_effects,
+                together_percent: constants.sds(together, true),
+            }
         };
         let beside: Vec<&Assessed> = declared
             .iter()
@@ -184,6 +202,11 @@ impl DesignReport {
                 let name = format!("{}, any effect acting", test.name);
                 rows.push(row(name, percent(&test.sd_percent_with_effects)));
             }
+        }
+        if let [test] = &self.declared[..] {
+            let shares = test.from_data.values();
+            let shares = shares.map(|s| TableCell::with_unit(100.0 * s, Digits::Fixed(0), "%"));
+            rows.push(row("from the data, any effect acting", shares));
         }
         if let [first, _, ..] = &self.declared[..] {
             let together = percent(&first.together_percent);

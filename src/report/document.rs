@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 use super::json::{Keyed, Versioned, part, read};
+use super::learned::Learned;
 use super::quoted::QuotedReport;
 use super::round::{MeanAndSd, RoundReport};
 use super::together::TogetherReport;
@@ -12,6 +14,7 @@ use super::tracing::BlindSpotReport;
 use super::verdict::BeforeAfter;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::section::Section;
 use crate::trace::{Conclusion, Interval};
 
 /// The schema of `report.json`. Keys are only ever added to it.
@@ -25,9 +28,15 @@ pub struct Report {
     pub seed: u64,
     /// One identification of `identify`; those of a loop in order, the first of the model as it was given.
     pub rounds: Vec<RoundReport>,
-    /// The frequencies beside the field, where the model has them.
+    /// All experiments, where the model has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub together: Option<TogetherReport>,
+    /// The model file as it was given.
+    #[serde(default)]
+    pub told: Value,
+    /// What the data added to the priors of the constants, by the interval to quote.
+    #[serde(default)]
+    pub learned: Keyed<Learned>,
     /// What a loop adds.
     #[serde(flatten, deserialize_with = "closing")]
     pub closing: Option<Closing>,
@@ -94,6 +103,12 @@ impl Report {
             (None, Some(round)) => round.alone(),
             (None, None) => Keyed::default(),
         }
+    }
+
+    /// What is said of several experiments, nothing of one.
+    pub fn together_section(&self) -> Option<Section> {
+        let together = self.together.as_ref();
+        together.map(|t| t.section(&self.both()))
     }
 
     pub fn last(&self) -> Option<&RoundReport> {

@@ -3,11 +3,12 @@
 use serde::Serialize;
 
 use super::figures::{Figure, Palette, PixelPicture, Scale, span};
-use super::section::{Document, Piece, Section, Table, TableCell, html, row};
+use super::html::html;
 use crate::error::Result;
 use crate::field::frame::Axis;
-use crate::field::fringes::{COMPONENTS, Counts, DisplacementMap, Fringes, STATES, Steps};
+use crate::field::fringes::{COMPONENTS, Counts, DisplacementMap, Fringes, PhaseSteps, STATES};
 use crate::quantity::NM_PER_MM;
+use crate::section::{Document, Piece, Section, Table, TableCell, row};
 
 /// The schema of `fringes.json`.
 pub const SCHEMA: &str = "plychain-fringes-result/1";
@@ -35,7 +36,7 @@ pub struct FringeReport {
 #[derive(Debug, Serialize)]
 pub struct ComponentReport {
     /// Whether nominal or estimated steps were taken.
-    pub steps: Steps,
+    pub steps: PhaseSteps,
     /// Log likelihood of estimated over nominal steps, less the price of their parameters; absent where the file says which to take.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub log_ratio: Option<f64>,
@@ -155,7 +156,7 @@ impl ComponentReport {
                 format!("log evidence of estimated ones {gain:+.0}")
             });
         match self.steps {
-            Steps::Estimated => format!(
+            PhaseSteps::Estimated => format!(
                 "steps estimated ({by}), up to {largest:.1} degrees off, detector gamma {:.2}",
                 self.detector_gamma
             ),
@@ -195,6 +196,7 @@ pub fn page(name: &str, fringes: &Fringes, report: &FringeReport) -> Result<Stri
             .chain(report.section().pieces)
             .collect(),
         sections,
+        folded: false,
         footer: "Displacements are known up to whole orders, and nothing is smoothed.".into(),
     };
     Ok(html(&document, &drawn))

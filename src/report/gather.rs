@@ -2,6 +2,7 @@
 
 use super::document::{Closing, Report, SCHEMA};
 use super::json::{Keyed, finite};
+use super::learned::learned;
 use super::quoted::quoted;
 use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
 use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
@@ -12,6 +13,7 @@ use super::verdict::{BeforeAfter, Shifted};
 use super::words::widening;
 use crate::identify::Identification;
 use crate::infer::Model;
+use crate::parameter::Parameter;
 use crate::quantity::NM_PER_MM;
 use crate::sample::Stopped;
 use crate::trace::{Closed, HeldOutStep, NOT_LINEAR, Round};
@@ -44,19 +46,24 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
         before_after: before_after(first, last),
         verdict: closed.conclusion.clone(),
     };
-    Report {
+    let mut report = Report {
         closing: Some(closing),
         ..report(&last.model, seed, rounds)
-    }
+    };
+    report.learned = learned(&last.model, &report.both());
+    report
 }
 
 fn report(model: &Model, seed: u64, rounds: Vec<RoundReport>) -> Report {
+    let alone = rounds.last().map(RoundReport::alone).unwrap_or_default();
     Report {
         schema: SCHEMA.into(),
         model: model.file.name.clone(),
         seed,
         rounds,
         together: None,
+        told: model.file.to_json().unwrap_or_default(),
+        learned: learned(model, &alone),
         closing: None,
     }
 }
@@ -114,7 +121,8 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
         },
         convergence: convergence(round),
         residual: residual(round),
-        warnings: round.warnings.clone(),
+        doubts: round.doubts.clone(),
+        warnings: round.all_warnings(),
         noise: noise(round),
         surrogate: surrogate(round),
         steps: Vec::new(),
@@ -142,7 +150,11 @@ fn summary(model: &Model, row: &crate::diagnose::Row) -> (String, PosteriorSumma
 /// Amplitudes of all declared effects: closed-form ones, and mechanical ones, which are sampled.
 fn amplitudes(round: &Identification) -> Keyed<MeanAndSd> {
     let closed = round.effect_amplitudes.iter();
-    let sampled = round.verdict.rows.iter().filter(|r| r.name.contains('.'));
+    let sampled = round
+        .verdict
+        .rows
+        .iter()
+        .filter(|r| Parameter::read(&r.name).is_amplitude());
     closed
         .map(|(name, mean, sd)| (name.clone(), [*mean, *sd]))
         .chain(sampled.map(|r| (r.name.clone(), [r.mean, r.sd])))

@@ -9,6 +9,7 @@ use serde_json::{Map, Value};
 use crate::error::{Error, Result};
 
 pub use crate::files::Keyed;
+use crate::files::parse_part;
 
 /// Name and text of a file in the folder of a finished run.
 ///
@@ -40,7 +41,7 @@ pub(super) fn part<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     if !rest.contains_key(key) {
         return Ok(None);
     }
-    let read = serde_path_to_error::deserialize(Value::Object(rest));
+    let read = parse_part(&Value::Object(rest).to_string());
     read.map(Some).map_err(D::Error::custom)
 }
 

@@ -11,6 +11,8 @@ use crate::error::Result;
 use crate::field::unreadable;
 use crate::files;
 use crate::files::hex;
+use crate::parameter::Parameter;
+use crate::progress::StageCost;
 
 /// `run.json` of a finished run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,6 +25,9 @@ pub struct Manifest {
     pub inputs_sha256: Keyed<String>,
     /// Seconds that the run took.
     pub seconds: f64,
+    /// What each of a loop's stages cost; writing the report is not among them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageCost>,
 }
 
 impl Manifest {
@@ -60,12 +65,13 @@ impl KnownTruth {
 
     /// The true value of a constant or of an effect's amplitude (`effect.parameter`; 0 if the effect did not act).
     pub fn of(&self, name: &str) -> Option<f64> {
-        let Some((effect, parameter)) = name.split_once('.') else {
+        let parameter = Parameter::read(name);
+        let Some(effect) = &parameter.effect else {
             return self.0.get("constants")?.get(name)?.as_f64();
         };
         match self.0.get("effects")?.as_object()?.get(effect) {
             None => Some(0.0),
-            Some(amplitudes) => amplitudes.get(parameter)?.as_f64(),
+            Some(amplitudes) => amplitudes.get(&parameter.own)?.as_f64(),
         }
     }
 }

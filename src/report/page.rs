@@ -46,7 +46,7 @@ impl Page {
         manifest: Manifest,
         truth: Option<KnownTruth>,
     ) -> Self {
-        let gather = |round: &&Identification| FigureData::gather(round, truth.as_ref());
+        let gather = |round: &&Identification| FigureData::gather(round, truth.as_ref()).rounded();
         let mut figures: Vec<FigureData> = rounds.iter().map(gather).collect();
         keep_first_mesh(&mut figures);
         Self {
@@ -72,10 +72,10 @@ impl Page {
             ToQuote::ClosedForm(_) => None,
         };
         let quoted = sampled.zip(summary).map(|(sampled, summary)| {
-            FigureData::quoted(&sampled.draws, &summary.leading(AXES), truth.as_ref())
+            FigureData::quoted(&sampled.draws, &summary.leading(AXES), truth.as_ref()).rounded()
         });
         let mut figures: Vec<FigureData> = rounds
-            .map(|r| FigureData::traced(r, truth.as_ref()))
+            .map(|r| FigureData::traced(r, truth.as_ref()).rounded())
             .collect();
         keep_first_mesh(&mut figures);
         Self {

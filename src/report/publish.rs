@@ -5,9 +5,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::figures;
+use super::html::html;
 use super::numbers::{CandidateLine, columns, places, write};
 use super::page::{AVERAGED, FIGURES, Page};
-use super::section::html;
 use super::{run, tracing::TracingReport};
 use crate::error::{Error, Result};
 use crate::files;

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
 use crate::chain::Draws;
-use crate::trace::{Closed, Importance, Interval, Quoted, ToQuote, closed_forms};
+use crate::parameter::{Parameter, ParameterKind};
+use crate::trace::{Closed, Importance, Interval, Proposals, Quoted, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +28,9 @@ pub struct QuotedAnswer {
     pub converged: bool,
     /// Whether the chains have converged, in words.
     pub convergence: String,
+    /// How independent proposals fared, where the chains are of such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proposals: Option<Proposals>,
     /// How the draws fare under the full nonlinear model.
     pub full_model: Importance,
 }
@@ -70,6 +74,7 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
         closed_form: closed_forms.next().unwrap_or_default(),
         converged: a.verdict.converged,
         convergence: a.verdict.line(),
+        proposals: a.proposals,
         full_model: a.importance.clone(),
     });
     let answers: Vec<QuotedAnswer> = answers.collect();
@@ -105,7 +110,7 @@ fn trades(sampled: &Quoted) -> Vec<Trade> {
         .collect();
     let is_constant = |name: &String| constants.contains(&name);
     let own =
-        |name: &&String| !is_constant(name) && !name.starts_with("acts.") && *name != "answer";
+        |name: &&String| !is_constant(name) && !Parameter::read(name).is(ParameterKind::Choice);
     let all = || draws.names().iter();
     let mut trades: Vec<Trade> = Vec::new();
     for constant in all().filter(|n| is_constant(n)) {
@@ -168,9 +173,14 @@ fn under_the_full_model(of: &Importance, answer: &str) -> String {
         true => ", for which the draws are reweighted",
         false => "",
     };
+    let mesh = of.mesh_error.map_or_else(String::new, |error| {
+        format!(
+            " What it adds is a difference on a coarse mesh: the fine mesh changes the log weight of one draw by {error:.1e}."
+        )
+    });
     format!(
         " The full nonlinear model at {draws} draws{answer} ({share} effective) moves the means by {shift:+.2} +- {error:.2} sd at most \
-         ({name}){weighted}."
+         ({name}){weighted}.{mesh}"
     )
 }
 
@@ -189,6 +199,11 @@ impl QuotedReport {
                 " (not converged, and quoted in closed form: {})",
                 loose.join(", ")
             );
+        }
+        let proposals = self.answers.iter().filter_map(|a| a.proposals);
+        let how: Vec<String> = proposals.map(|p| p.words()).collect();
+        if !how.is_empty() {
+            said += &format!(" ({})", how.join("; "));
         }
         said += match self.apart.is_empty() {
             true => ", and the closed form agrees.",

@@ -9,6 +9,7 @@ use super::surrogate::SurrogateReport;
 use super::tracing::TracingReport;
 use crate::infer::MaterialSpec;
 use crate::laminate::MeanSd;
+use crate::parameter::{Parameter, ParameterKind};
 
 /// One identification, and in a loop what its residual was traced to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,6 +23,9 @@ pub struct RoundReport {
     pub correlation: Correlation,
     pub convergence: Convergence,
     pub residual: ResidualReport,
+    /// What was doubtful of the input before anything was sampled.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<String>,
     /// Sentences about results that should not be trusted as they stand.
     #[serde(default)]
     pub warnings: Vec<String>,
@@ -47,7 +51,7 @@ impl RoundReport {
     /// Names of the elastic constants: sampled parameters that are no effect's amplitude, and not the noise.
     pub fn constants(&self) -> impl Iterator<Item = &str> {
         let names = self.posterior.keys().map(String::as_str);
-        names.filter(|name| !name.contains('.') && *name != crate::infer::NOISE)
+        names.filter(|name| Parameter::read(name).is(ParameterKind::Constant))
     }
 
     /// Mean and sd of the constants by this round's model alone.

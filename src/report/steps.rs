@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::residual::ByComponent;
-use super::section::{Table, TableCell, row};
+use crate::section::{Table, TableCell, row};
 use crate::trace::NOT_LINEAR;
 
 /// One step of a load series; the numbers of what is left are root mean squares of block averages.

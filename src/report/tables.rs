@@ -2,11 +2,11 @@
 
 use serde_json::{Map, Value, json};
 
-use super::section::{Piece, Section, Table, TableCell, row};
 use crate::fem::Certificate;
 use crate::fem::verify::{Bound, Check};
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Published, Quality, ReducedModel, Reference, Surface, TRUNCATIONS};
+use crate::section::{Piece, Section, Table, TableCell, row};
 
 /// What the columns of Tables 9 and 10 are called, in `reduced_model.json` and on the terminal.
 const MEASURES: [&str; 5] = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
@@ -248,10 +248,10 @@ pub fn comparison_numbers(reference: Reference, built: &ReducedModel) -> Value {
 /// Where and why the figures differ.
 const REMARKS: &[&str] = &[
     "Figures without a unit of length (eps, R^2, sd/mean of the first coefficients) agree: box, layup and method are the article's.",
-    "A node's displacement is 2.2 to 2.3 times larger there (first means over the square roots of the numbers of nodes; CV_RMS in mm says the same): 700 N on the assumed plate (200 x 25 mm, 4 mm hole) with the window's rigid motion removed is not what Tables 8 to 10 were made for. Displacements counted from a corner of the window would double them; the plate's drawing and gauge are not available.",
-    "Means of the coefficients 2 to 4 are differences of nearly equal terms and belong to one design: a fourth mean lies within its sampling error sd/sqrt(200) of zero.",
+    "A node's displacement is 2.2 to 2.3 times larger there (first means over the square roots of the numbers of nodes; CV_RMS in mm says the same). So Tables 8 to 10 are not of 700 N on the assumed plate (200 x 25 mm, 4 mm hole) without the window's rigid motion. Displacements counted from a corner of the window would double them; the plate's drawing and gauge are not available.",
+    "Means of the coefficients 2 to 4 are differences of nearly equal terms and belong to one design. A fourth mean lies within its sampling error sd/sqrt(200) of zero.",
     "PRESS of V2, 3.05e-6 mm there, cannot be right: it is never below RMS sqrt((n - m)/n) = 0.85 x 2.26e-5 mm. 3.05e-5 mm would fit the other seven, whose PRESS is 1.25 to 1.55 times their RMS.",
-    "CV_RMS of V at K = 3, 4.71e-2 %, does not fit its 6.30e-7 mm: it implies a field of 1.3e-3 mm, where K = 2 and 4 imply 8 to 9e-3 mm.",
+    "CV_RMS of V at K = 3, 4.71e-2 %, does not fit its 6.30e-7 mm. It implies a field of 1.3e-3 mm, but K = 2 and 4 imply 8 to 9e-3 mm.",
 ];
 
 /// Figures here beside those published.

@@ -7,7 +7,8 @@ use super::tracing::{
     AliasGroupReport, AliasReport, AmplitudeReport, BlindSpotReport, CandidateReport, LeftOut,
     NeededAmplitude, ResemblingReport, TracingReport,
 };
-use super::words::{LINEAR_PERCENT, unit};
+use super::words::LINEAR_PERCENT;
+use crate::parameter::Parameter;
 use crate::trace::{BlindSpot, Finding, LARGEST_MULTIPLE, Named, Resembling, Tracing, texts};
 
 /// What one tracing found.
@@ -51,7 +52,7 @@ pub fn trace_file(tracing: &Tracing, found: &TracingReport, spots: &[BlindSpotRe
 
 /// `effect.parameter` without the effect.
 fn parameter(name: &str) -> String {
-    name.rsplit('.').next().unwrap_or(name).to_string()
+    Parameter::read(name).own
 }
 
 fn candidate(found: &Finding) -> CandidateReport {
@@ -122,7 +123,7 @@ fn blind_spot(effect: &str, spot: &BlindSpot) -> BlindSpotReport {
         effect: effect.into(),
         law: spot.law,
         plausible: spot.plausible,
-        unit: unit(&parameter),
+        unit: Parameter::read(&parameter).unit(),
         parameter,
         shift_in_percent: shifts.map(|(name, s)| (name.clone(), finite(*s))).collect(),
         beyond_linear: beyond.map(|(name, _)| name.clone()).collect(),

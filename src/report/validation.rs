@@ -2,12 +2,12 @@
 
 use serde_json::{Map, Value, json};
 
-use super::section::{Piece, Section, Table, TableCell, row};
 use crate::diagnose::Row;
 use crate::identify::SurrogateError;
-use crate::validate::grid::Grid;
+use crate::section::{Piece, Section, Table, TableCell, row};
+use crate::validate::grid::PosteriorGrid;
 use crate::validate::priors::PriorTable;
-use crate::validate::quadrature::Moments;
+use crate::validate::quadrature::GridMoments;
 use crate::validate::thickness::Comparison;
 
 /// The schema of `validation.json`.
@@ -26,9 +26,9 @@ pub struct Validation<'a> {
     /// The chain's figures.
     pub chain: &'a [Row],
     /// The grid, unless there are too many parameters for one, and the seconds it took.
-    pub grid: Option<(&'a Grid, f64)>,
+    pub grid: Option<(&'a PosteriorGrid, f64)>,
     /// The second opinion.
-    pub preview: Option<&'a Moments>,
+    pub preview: Option<&'a GridMoments>,
     /// Thickness both ways, if it is uncertain.
     pub thickness: Option<&'a Comparison>,
     /// Other priors.
@@ -40,7 +40,7 @@ pub struct Validation<'a> {
 }
 
 /// Difference of moments from the chain: mean in the chain's sd, sd in %.
-fn difference(chain: &[Row], moments: &Moments) -> Vec<(f64, f64)> {
+fn difference(chain: &[Row], moments: &GridMoments) -> Vec<(f64, f64)> {
     chain
         .iter()
         .zip(moments.mean.iter().zip(&moments.sd))
@@ -54,7 +54,7 @@ fn largest(differences: &[(f64, f64)]) -> (f64, f64) {
     })
 }
 
-fn moments_json(chain: &[Row], moments: &Moments) -> Value {
+fn moments_json(chain: &[Row], moments: &GridMoments) -> Value {
     let differences = difference(chain, moments);
     let rows = moments.names.iter().enumerate().map(|(k, name)| {
         let (mean, sd) = (moments.mean[k], moments.sd[k]);

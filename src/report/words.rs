@@ -10,7 +10,8 @@ use crate::trace::UNEXPLAINED;
 pub const LINEAR_PERCENT: f64 = 20.0;
 
 /// What those shifts mean, in a sentence.
-pub const LINEAR: &str = "Shifts are by the sensitivities of the model, which hold for small ones: beyond 20 % only the direction and that the shift is large can be said.";
+pub const LINEAR: &str =
+    "Shifts are linear estimates. Beyond 20 % only their sign is known, and that they are large.";
 
 /// Cosine from which an effect is shown as one that resembles another.
 pub const ALIKE: f64 = 0.5;
@@ -25,23 +26,8 @@ pub const SILENT_HELD_PERCENT: u32 = 89;
 /// What no row can say.
 pub fn beyond_the_dictionary() -> String {
     format!(
-        "What is in no dictionary has no row. If its field is nearly that of other constants, all but a ninth of it, one field shows nothing of it: of constants measured under seven such effects that had been withheld from the dictionary, the quoted 95 % intervals held {SILENT_HELD_PERCENT} %. Another load, another direction or an independent test of one constant would show it."
+        "What is in no dictionary has no row. If eight ninths of its field are a change of the constants, one field does not show it. In a test, seven such effects were withheld from the dictionary. The 95 % intervals contained {SILENT_HELD_PERCENT} % of the constants. Another load, another direction or an independent test of one constant would show such an effect."
     )
-}
-
-/// The unit in a parameter's name: `angle_deg` deg, `uniform_per_m` 1/m, `gradient_per_m_per_mm` 1/(m mm), `percent_at_12mm` percent.
-pub fn unit(parameter: &str) -> String {
-    let parameter = parameter.split("_at_").next().unwrap_or(parameter);
-    let mut parts = parameter.split("_per_");
-    let head = parts.next().unwrap_or(parameter);
-    let below: Vec<&str> = parts.collect();
-    match below[..] {
-        [] => head.rsplit('_').next().unwrap_or(head).to_string(),
-        // before it stands a symbol, or a temperature
-        [one] if head.ends_with("_K") => format!("K/{one}"),
-        [one] => format!("1/{one}"),
-        _ => format!("1/({})", below.join(" ")),
-    }
 }
 
 /// What is said of a constant that lies `sds` prior sds from its prior's mean, if it is too far.
@@ -81,7 +67,7 @@ pub fn widening(
             "because effects too small to be seen may act"
         };
         return Some(format!(
-            "The averaged sd is larger than that of the model alone ({}), {cause}.{} What could move {most_of} most without being seen, with the shift by the largest plausible amplitude below detection: {}.",
+            "The averaged sd is larger than that of the model alone ({}), {cause}.{} These effects could move {most_of} most without being seen: {}. In brackets: the shift by the largest plausible amplitude that would not show.",
             list(&|ratio| ratio >= SIMILAR.end),
             moved(alone, tracing),
             movers(spots, most_of)
@@ -92,7 +78,7 @@ pub fn widening(
     let cause = if candidates.any(|c| c.inclusion_probability >= PROBABLE) {
         "the model alone takes for noise, or for unnamed errors of the model, what the effects weighed here explain"
     } else {
-        "the two weigh the noise in different ways, and where no effect was added the wider is the safer to quote"
+        "the two weigh the noise in different ways. If no effect was added, quote the wider one"
     };
     (!narrower.is_empty()).then(|| {
         format!("The averaged sd is smaller than that of the model alone ({narrower}): {cause}.")

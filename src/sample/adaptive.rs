@@ -136,13 +136,7 @@ impl Sampler for Adaptive {
                 "a positive definite matrix",
             ));
         }
-        Ok(State {
-            step: 0,
-            x,
-            lp,
-            drawn: 0,
-            memory,
-        })
+        Ok(State::start(x, lp, memory))
     }
 
     fn advance(

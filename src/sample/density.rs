@@ -78,3 +78,30 @@ pub trait LogDensity: Sync {
         Ok(())
     }
 }
+
+/// A log density given as a function; made by [`density`].
+pub struct FunctionDensity<F> {
+    names: Vec<String>,
+    log_density: F,
+}
+
+/// The log density that a function computes, -inf outside its support; `names` are those of its parameters, in order.
+pub fn density<N: Into<String>, F: Fn(&[f64]) -> f64 + Sync>(
+    names: impl IntoIterator<Item = N>,
+    log_density: F,
+) -> FunctionDensity<F> {
+    FunctionDensity {
+        names: names.into_iter().map(Into::into).collect(),
+        log_density,
+    }
+}
+
+impl<F: Fn(&[f64]) -> f64 + Sync> LogDensity for FunctionDensity<F> {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn log_density(&self, x: &[f64]) -> std::result::Result<f64, DensityError> {
+        DensityError::sort((self.log_density)(x))
+    }
+}

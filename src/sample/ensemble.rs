@@ -4,6 +4,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::density::LogDensity;
+use super::gaussian::singular_values;
 use super::mixture::Mixture;
 use super::moves::{Fit, Move, Proposal, Walkers};
 use super::numbers::Numbers;
@@ -68,13 +69,7 @@ impl Sampler for Ensemble {
             .found(format!("condition number {condition:e}"))
             .hint("an ensemble never leaves the subspace its walkers span: spread the start in every parameter"));
         }
-        Ok(State {
-            step: 0,
-            x,
-            lp,
-            drawn: 0,
-            memory: Vec::new(),
-        })
+        Ok(State::start(x, lp, Vec::new()))
     }
 
     fn advance(
@@ -277,11 +272,15 @@ pub(crate) fn accept(old: f64, new: f64, factor: f64, log_uniform: f64) -> bool 
 
 /// Condition number of the walkers' centred positions, each column scaled to its norm (infinite if one is constant).
 fn condition(x: &[f64], dim: usize) -> f64 {
-    let mut columns = nalgebra::DMatrix::from_row_slice(x.len() / dim, dim, x);
-    for mut column in columns.column_iter_mut() {
-        let (mean, largest) = (column.mean(), column.amax());
-        column.add_scalar_mut(-mean);
-        let norm = column.norm();
+    let walkers = x.len() / dim;
+    let mut columns = Vec::with_capacity(x.len());
+    for k in 0..dim {
+        let column = x.iter().skip(k).step_by(dim);
+        let mean = column.clone().sum::<f64>() / walkers as f64;
+        let largest = column.clone().fold(0.0, |a: f64, v| a.max(v.abs()));
+        let first = columns.len();
+        columns.extend(column.map(|v| v - mean));
+        let norm = columns[first..].iter().map(|v| v * v).sum::<f64>().sqrt();
         // Rounding of the mean alone must not count as spread; NaN must not either.
         if !matches!(
             norm.partial_cmp(&(1e-14 * largest)),
@@ -289,8 +288,9 @@ fn condition(x: &[f64], dim: usize) -> f64 {
         ) {
             return f64::INFINITY;
         }
-        column /= norm;
+        columns[first..].iter_mut().for_each(|v| *v /= norm);
     }
-    let values = columns.singular_values();
-    values.max() / values.min()
+    let values = singular_values(columns, walkers);
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    largest / values.into_iter().fold(f64::INFINITY, f64::min)
 }

@@ -25,6 +25,50 @@ pub(crate) fn cholesky(a: &mut [f64], dim: usize) -> bool {
     true
 }
 
+/// x of L L^T x = `b`, in place, for a lower triangular row-major `lower`.
+pub(super) fn solve(lower: &[f64], b: &mut [f64]) {
+    let dim = b.len();
+    whiten(lower, b);
+    for i in (0..dim).rev() {
+        let dot: f64 = (i + 1..dim).map(|k| lower[k * dim + i] * b[k]).sum();
+        b[i] = (b[i] - dot) / lower[i * dim + i];
+    }
+}
+
+/// Singular values of a matrix whose columns of `rows` numbers follow each other: columns are turned in pairs until all are orthogonal
+/// (Hestenes 1958), which loses no digits of the small ones.
+pub(super) fn singular_values(mut columns: Vec<f64>, rows: usize) -> Vec<f64> {
+    const SWEEPS: usize = 40;
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let count = columns.len() / rows.max(1);
+    for _ in 0..SWEEPS {
+        let mut largest = 0.0_f64;
+        for second in 1..count {
+            let (before, from_second) = columns.split_at_mut(second * rows);
+            let b = &mut from_second[..rows];
+            for a in before.chunks_exact_mut(rows) {
+                let (aa, bb, ab) = (dot(a, a), dot(b, b), dot(a, b));
+                let cosine = ab.abs() / (aa * bb).sqrt();
+                if cosine <= f64::EPSILON || !cosine.is_finite() {
+                    continue;
+                }
+                largest = largest.max(cosine);
+                let zeta = (bb - aa) / (2.0 * ab);
+                let tangent = zeta.signum() / (zeta.abs() + zeta.hypot(1.0));
+                let c = tangent.hypot(1.0).recip();
+                for (a, b) in a.iter_mut().zip(&mut *b) {
+                    (*a, *b) = (c * (*a - tangent * *b), c * (tangent * *a + *b));
+                }
+            }
+        }
+        if largest < 1e-14 {
+            break;
+        }
+    }
+    let columns = columns.chunks_exact(rows);
+    columns.map(|c| dot(c, c).sqrt()).collect()
+}
+
 /// `out += scale * L z` for a lower triangular row-major `lower`.
 pub(crate) fn add_lower(lower: &[f64], z: &[f64], scale: f64, out: &mut [f64]) {
     let dim = z.len();

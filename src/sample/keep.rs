@@ -12,6 +12,7 @@ use super::memory::{Memory, MemoryShare};
 use super::{Block, State};
 use crate::chain::{Layout, Store};
 use crate::error::{Error, Result};
+use crate::files::{KeptStages, STAGES};
 
 /// Between two flushes; a span of work between them takes a quarter of it.
 pub(super) const PATIENCE: Duration = Duration::from_millis(1000);
@@ -32,12 +33,18 @@ pub struct Keeping {
 }
 
 impl Keeping {
+    /// Where finished stages beside the chains are kept.
+    pub fn stages(&self) -> KeptStages {
+        let folder = self.checkpoint.with_file_name(STAGES);
+        KeptStages::within(folder, &self.identity, self.resume)
+    }
+
     /// Removes the store and the checkpoint of this same program's earlier sampling, which another one replaces.
     ///
     /// # Errors
     /// Of the input: a folder that cannot be written.
     pub fn clear(&self) -> Result<()> {
-        let fail = |e| Error::input(self.store.display(), "a writable folder").found(e);
+        let fail = |e| Error::unwritable(self.store.display(), "a writable folder").found(e);
         if self.checkpoint.exists() {
             std::fs::remove_file(&self.checkpoint).map_err(fail)?;
         }
@@ -154,7 +161,7 @@ fn abandoned(keeping: &Keeping) -> Result<()> {
         );
     }
     std::fs::remove_dir_all(place)
-        .map_err(|e| Error::input(place.display(), "a writable folder").found(e))
+        .map_err(|e| Error::unwritable(place.display(), "a writable folder").found(e))
 }
 
 /// The posterior must give the stored log densities, bit by bit.

@@ -65,14 +65,14 @@ impl Mixture {
         }
     }
 
-    /// Reads `de=0.5,stretch=0.5` (a name alone has weight 1).
+    /// Reads `de:0.6,stretch:0.4`, or the same with `=` (a name alone has weight 1).
     ///
     /// # Errors
     /// The input's fault: an unknown move, or a weight that is no positive number.
     pub fn parse(text: &str) -> Result<Self> {
         let mut parts = Vec::new();
         for item in text.split(',').map(str::trim) {
-            let (name, weight) = item.split_once('=').unwrap_or((item, "1"));
+            let (name, weight) = item.split_once([':', '=']).unwrap_or((item, "1"));
             let known = || MOVES.iter().map(|build| build());
             let chosen = known().find(|m| m.name() == name).ok_or_else(|| {
                 let known: Vec<&str> = known().map(|m| m.name()).collect();

@@ -4,6 +4,7 @@
 //! steps taken is in [`Block`]. Every random number comes from a [`Stream`] that is known from (seed, ensemble, walker,
 //! count), so the draws depend neither on the number of threads nor on where a run was interrupted.
 
+mod adapted;
 mod adaptive;
 mod checkpoint;
 mod de;
@@ -24,10 +25,11 @@ mod start;
 mod stream;
 mod stretch;
 
+pub use adapted::{Adapted, NormalPart, POOR, adapted};
 pub use adaptive::Adaptive;
 pub use checkpoint::{Checkpoint, Warm};
 pub use de::De;
-pub use density::{DensityError, LogDensity};
+pub use density::{DensityError, FunctionDensity, LogDensity, density};
 pub use ensemble::Ensemble;
 pub use independence::{Independence, Tail};
 pub use keep::Keeping;
@@ -62,6 +64,19 @@ pub struct State {
     /// What the sampler has learned, in an order of its own.
     #[serde(with = "crate::numeric::bits")]
     pub memory: Vec<f64>,
+}
+
+impl State {
+    /// Before the first step: walkers at `x` (walker x parameter) with log densities `lp`, and what the sampler knows already.
+    pub fn start(x: Vec<f64>, lp: Vec<f64>, memory: Vec<f64>) -> Self {
+        Self {
+            step: 0,
+            x,
+            lp,
+            drawn: 0,
+            memory,
+        }
+    }
 }
 
 /// A stretch of steps to take.

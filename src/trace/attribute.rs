@@ -7,7 +7,10 @@
 
 use std::sync::Arc;
 
+use super::coarse::CoarseTest;
 use super::converged::PointSearch;
+use super::patched::PatchedData;
+use super::patches::Patches;
 use super::recording;
 use super::sought::{acting_in, candidates};
 use super::stiffness::stiffness_field;
@@ -18,6 +21,7 @@ use crate::error::Result;
 use crate::experiment::State;
 use crate::experiment::series::SeriesState;
 use crate::field::Field;
+use crate::files::KeptStages;
 use crate::identify::{Prepared, is_clear};
 use crate::infer::{EffectUnderLaw, Model};
 use crate::linearise::{Forward, Insoluble, Measured, insoluble, without_insoluble};
@@ -35,6 +39,21 @@ pub fn attribute(
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
 ) -> Result<(Tracing, Traced)> {
+    let kept = KeptStages::default();
+    attribute_kept((model, prepared), start, wanted, &kept, progress)
+}
+
+/// The same with stages that are kept.
+///
+/// # Errors
+/// Those of [`attribute`]; a folder that cannot be written.
+pub(super) fn attribute_kept(
+    (model, prepared): (&Model, &Prepared),
+    start: State,
+    wanted: &dyn Fn(&str) -> bool,
+    kept: &KeptStages,
+    progress: &dyn Progress,
+) -> Result<(Tracing, Traced)> {
     let (mut effects, left_out) = candidates(model);
     effects.retain(|e| wanted(e.name()));
     let measured = measured(prepared, &prepared.observation.field);
@@ -44,6 +63,7 @@ pub fn attribute(
         measured: &measured,
         prepared,
         progress,
+        kept,
     };
     let begun = match &prepared.traced {
         Some(traced) => traced.state.clone(),
@@ -79,6 +99,7 @@ struct Tracer<'a> {
     measured: &'a Arc<Measured>,
     prepared: &'a Prepared,
     progress: &'a dyn Progress,
+    kept: &'a KeptStages,
 }
 
 impl Tracer<'_> {
@@ -155,19 +176,29 @@ impl Tracer<'_> {
         left_out: Insoluble,
     ) -> Result<(Tracing, Traced)> {
         let traced = self.converged(begun, &sought)?;
-        self.progress
-            .begin("tracing: held-out blocks, blind spots", None);
         let Traced { evidence, point } = &traced;
         let stiffness = match leaves_structure(evidence.subsets.discrepancy) {
-            true => stiffness_field(self.forward, evidence, &point.state)?,
+            true => {
+                let of = traced.bytes(self.forward.model);
+                let field = || {
+                    let what = "tracing: a stiffness that varies over the window";
+                    self.progress.begin(what, None);
+                    stiffness_field(self.forward, evidence, &point.state)
+                };
+                self.kept.stage("stiffness", &of, field, self.progress)?
+            }
             false => None,
         };
+        let patches = self.patches(&traced)?;
+        self.progress
+            .begin("tracing: held-out blocks, blind spots", None);
         let observing = &self.forward.observing;
         let prior_sd = |effect: &'static dyn Effect, k: usize| {
             observing.prior_sd(self.forward.model, effect, k)
         };
         let apart = FoundApart {
             stiffness,
+            patches,
             series: Some((point.state.clone(), &prior_sd)),
             left_out,
             ..FoundApart::default()
@@ -175,6 +206,21 @@ impl Tracer<'_> {
         let tracing = evidence.tracing(&point.state.shared.constants, apart)?;
         self.progress.end();
         Ok((tracing, traced))
+    }
+
+    /// Patches of what is left of a series.
+    fn patches(&self, traced: &Traced) -> Result<Patches> {
+        let observation = &self.prepared.observation;
+        let names = observation.steps.as_ref().map_or(&[][..], |s| &s.names[..]);
+        let expected = self.prepared.predict(&traced.point.state.shared)?;
+        let measurement = &self.forward.model.experiment().measurement;
+        let data = PatchedData {
+            field: &observation.field,
+            displacement: &expected.loaded,
+            steps: names,
+            pixel_mm: measurement.mm_per_coordinate(),
+        };
+        Ok(traced.evidence.patches(&data)?.unwrap_or_default())
     }
 
     /// The same of a field whose jumps are corrected.
@@ -196,10 +242,19 @@ impl Tracer<'_> {
 
     /// What was measured, linearised and weighed until the strongest effect repeats.
     fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
+        let Forward { model, step, .. } = *self.forward;
+        let coarse = CoarseTest::new(model, self.prepared, self.measured)?;
+        let coarse = coarse.as_ref();
+        let coarse = coarse.map(|c| Forward {
+            step,
+            ..c.everywhere(model, self.prepared, self.measured)
+        });
         let search = PointSearch {
             forward: self.forward,
+            coarse: coarse.as_ref(),
             measured: self.measured,
             progress: self.progress,
+            kept: self.kept,
             point: LinearisationPoint {
                 state: begun.clone(),
                 declared: self.forward.declared(),

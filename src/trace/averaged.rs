@@ -12,11 +12,13 @@ use super::subsets::{SIZES, Subset, SubsetPosterior};
 use super::weighing::Weighing;
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
-use crate::files::Keyed;
-use crate::linearise::{Column, Sensitivities};
+use crate::files::{Keyed, stored};
+use crate::linearise::{Candidate, Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
 use crate::numeric::log_sum_exp;
+use crate::parameter::is_modulus;
+use crate::sample::NormalPart;
 
 /// Sizes of the effects that are not declared, as multiples of their prior sds: which one holds is weighed by
 /// the evidence. With every effect at 0.02 of its prior sd, averages over sparse subsets alone covered E2 and nu12 in 72 to 80 % of cases
@@ -34,6 +36,14 @@ pub struct Interval {
     #[serde(rename = "q97.5")]
     pub high: f64,
 }
+
+stored!(Interval {
+    mean,
+    sd,
+    low,
+    median,
+    high
+});
 
 /// What one effect would do to the constants if it acted with an amplitude of one prior sd and the model lacked it.
 #[derive(Debug, Clone)]
@@ -55,6 +65,19 @@ pub struct AveragedPart {
     pub log_weight: f64,
     mean: Vec<f64>,
     sd: Vec<f64>,
+    /// Constants x constants, row-major.
+    covariance: Vec<f64>,
+}
+
+impl AveragedPart {
+    /// The normal distribution that it is.
+    pub fn normal(&self) -> NormalPart {
+        NormalPart {
+            log_weight: self.log_weight,
+            mean: self.mean.clone(),
+            covariance: self.covariance.clone(),
+        }
+    }
 }
 
 /// The constants' posterior, a mixture of normals over the noise, the effects that act with their full prior sizes, and the size of all
@@ -127,7 +150,7 @@ pub fn choices(
 /// Which of the candidates' columns one field would not show at their prior sds: they act with those, whatever the common size of all
 /// others is. What can be seen says nothing of them, and pulled them down with it: a strip under uniform strain, 5 K warmer than its
 /// reference picture, was quoted with E and nu 3.7 sds off. Products with what is not known of the camera are unseen where their effect is.
-/// The steps of a series tell apart what one field cannot.
+/// The steps of a series tell apart what one field cannot. What every specimen has some of by its declared scatter acts so too.
 ///
 /// # Errors
 /// Of the program, for columns that are not finite.
@@ -138,17 +161,18 @@ pub fn unseen(
 ) -> Result<Vec<bool>> {
     let candidates = &sensitivities.candidates;
     if weighing.noise.by_frames().is_some() {
-        return Ok(vec![
-            false;
-            candidates.iter().map(|c| c.columns.len()).sum()
-        ]);
+        let each = candidates.iter();
+        let is_always = |c: &Candidate| vec![c.scatters; c.columns.len()];
+        return Ok(each.flat_map(is_always).collect());
     }
     let projected = weighing.project(&weighing.pairs[subsets.best_pair])?;
     let odds = prior_odds(candidates.len());
     let mut all = Vec::new();
     for candidate in candidates {
         let first = all.len();
-        let is_unseen = |k: usize| detectable(projected.g[(first + k, first + k)], odds) > 1.0;
+        let is_always = candidate.scatters;
+        let is_unseen =
+            |k: usize| is_always || detectable(projected.g[(first + k, first + k)], odds) > 1.0;
         // the centre of a lens of no strength is no parameter of its own either
         let is_product = |(k, c): (usize, &Column)| c.product || candidate.effect.is_centre(k);
         let columns = candidate.columns.iter().enumerate();
@@ -198,6 +222,43 @@ pub fn part(
     part_of(weighing, sensitivities, pair, &sizes)
 }
 
+/// The constants where the candidates' columns `own` act with their prior sds, and all others with a size that the evidence weighs.
+///
+/// # Errors
+/// Of the program, for columns that are not finite.
+pub fn supposing(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    pair: &NoisePair,
+    own: &[usize],
+) -> Result<Keyed<Interval>> {
+    let sizes = MULTIPLES.into_iter().filter(|m| *m >= LEAST_MULTIPLE);
+    let part = |effects: f64| {
+        let sizes = Sizes {
+            own,
+            effects,
+            rival: 0.0,
+        };
+        part_of(weighing, sensitivities, pair, &sizes)
+    };
+    let parts: Vec<AveragedPart> = sizes.map(part).collect::<Result<_>>()?;
+    Ok(mixtures(sensitivities, &parts))
+}
+
+/// Half-width of a normal distribution's 95 % interval, sds.
+pub const NORMAL_95: f64 = 1.959_964;
+
+/// The interval of a normal distribution.
+pub fn normal((mean, sd): (f64, f64)) -> Interval {
+    Interval {
+        mean,
+        sd,
+        low: mean - NORMAL_95 * sd,
+        median: mean,
+        high: mean + NORMAL_95 * sd,
+    }
+}
+
 fn part_of(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
@@ -205,17 +266,20 @@ fn part_of(
     sizes: &Sizes<'_>,
 ) -> Result<AveragedPart> {
     let (_, fit) = fit_of(weighing, sensitivities, pair, sizes)?;
-    let columns = sensitivities.base.iter().take(sensitivities.constants);
+    let columns = &sensitivities.base[..sensitivities.constants];
     let (solved, covariance) = (fit.mean(), fit.covariance());
     let of = |k: usize| (solved[k], covariance[(k, k)].sqrt());
-    let moments = columns
-        .enumerate()
-        .map(|(k, c)| (c.mean + c.sd * of(k).0, c.sd * of(k).1));
+    let moments = columns.iter().enumerate();
+    let moments = moments.map(|(k, c)| (c.mean + c.sd * of(k).0, c.sd * of(k).1));
     let (mean, sd) = moments.unzip();
+    let own = || columns.iter().enumerate();
+    let pairs = own().flat_map(|i| own().map(move |j| (i, j)));
+    let covariance = pairs.map(|((i, a), (j, b))| a.sd * b.sd * covariance[(i, j)]);
     Ok(AveragedPart {
         log_weight: weighing.log_data(pair) + fit.log_evidence(),
         mean,
         sd,
+        covariance: covariance.collect(),
     })
 }
 
@@ -286,7 +350,7 @@ pub fn mixtures(sensitivities: &Sensitivities, parts: &[AveragedPart]) -> Keyed<
     let total = log_sum_exp(parts.iter().map(|p| p.log_weight));
     let columns = sensitivities.base.iter().take(sensitivities.constants);
     let mixed = |(k, c): (usize, &Column)| {
-        let modulus = c.name.ends_with("_GPa");
+        let modulus = is_modulus(&c.name);
         (c.name.clone(), mixture(parts, total, k, modulus))
     };
     columns.enumerate().map(mixed).collect()

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data};
 use crate::error::{Error, Result};
 use crate::field::Blocks;
+use crate::files::stored;
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
@@ -51,6 +52,16 @@ struct NoiseChoice {
     /// Number of values.
     values: usize,
 }
+
+stored!(ComponentNoise { choices, pairs });
+stored!(NoiseChoice {
+    at,
+    log_det,
+    gram,
+    beyond_rival,
+    scale2,
+    values
+});
 
 impl ComponentNoise {
     /// For the sensitivities' columns over blocks; `step` is called for each point of the grid.

@@ -69,10 +69,10 @@ impl NoiseChoices for SeriesNoise {
         self.noise.spatial.each_ref().map(|s| {
             let all = s.covariance.variances();
             let white: Vec<f64> = all.iter().map(|v| (v - s.ratio).max(0.0)).collect();
-            let variance = |d: f64, w: f64| {
-                (d + reference) * s.scale2 * (w + s.ratio * alone(blocks, s.length_mm))
-            };
-            let frames = self.noise.scales.iter();
+            let variance =
+                |d: f64, w: f64| d * s.scale2 * (w + s.ratio * alone(blocks, s.length_mm));
+            let frames = self.noise.of_frames(reference).diagonal();
+            let frames = frames.iter();
             let all = frames.flat_map(|d| white.iter().map(move |w| variance(*d, *w)));
             DVector::from_vec(all.collect())
         })

@@ -13,11 +13,12 @@
 
 use std::time::Instant;
 
-use super::attribute::attribute;
+use super::attribute::attribute_kept;
 use super::averaged::Interval;
 use super::axis::entail_strain;
-use super::conclusion::{Conclusion, Status, conclude};
+use super::conclusion::{Conclusion, conclude};
 use super::extend::extended;
+use super::facts::Status;
 use super::quoted::{Quoted, Supposing, quote};
 use super::refused::Refused;
 use super::round::Round;
@@ -106,7 +107,7 @@ fn closed_form(rounds: &[Round], conclusion: &Conclusion) -> Keyed<Interval> {
 /// Run a loop to its end: [`explain`], then [`finished`]. `options` gives each stage its own.
 ///
 /// # Errors
-/// Those of [`explain`].
+/// Those of [`explain`] and [`finished`].
 pub fn close<'a>(
     model: &Model,
     most: usize,
@@ -114,30 +115,34 @@ pub fn close<'a>(
     progress: &dyn Progress,
 ) -> Result<Closed> {
     let explained = explain(model, most, options, progress)?;
-    Ok(finished(explained, options, progress))
+    finished(explained, options, progress)
 }
 
 /// Rounds with the discrepancy where structure is left, and with the posterior to quote. One that cannot be sampled is no error: the
 /// verdict does not depend on it.
+///
+/// # Errors
+/// Work that was told to stop; files that cannot be written.
 pub fn finished<'a>(
     explained: Explained,
     options: &dyn Fn(LoopStage) -> Options<'a>,
     progress: &dyn Progress,
-) -> Closed {
+) -> Result<Closed> {
     let attempt = options(LoopStage::Attempt(explained.attempts));
-    let with_discrepancy = with_discrepancy(&explained, attempt, progress);
+    let with_discrepancy = with_discrepancy(&explained, attempt, progress)?;
     let suspect = explained.conclusion.suspect.is_some();
     let of_answer = |supposing| options(LoopStage::Answer(supposing));
     let to_quote = match quote(&explained.rounds, suspect, &of_answer, progress) {
         Ok(sampled) => ToQuote::Sampled(Box::new(sampled)),
+        Err(e) if e.ends_all() => return Err(e),
         Err(why) => ToQuote::ClosedForm(why),
     };
-    Closed {
+    Ok(Closed {
         rounds: explained.rounds,
         conclusion: explained.conclusion,
         with_discrepancy,
         to_quote,
-    }
+    })
 }
 
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline, and conclude. A later round that the
@@ -147,7 +152,7 @@ pub fn finished<'a>(
 /// about the refit, once; then it is left undecided. The reduced model of the last round follows the posterior.
 ///
 /// # Errors
-/// Those of identifying and tracing the model as it was given.
+/// Those of identifying and tracing the model as it was given; work that was told to stop; files that cannot be written.
 pub fn explain<'a>(
     model: &Model,
     most: usize,
@@ -167,7 +172,7 @@ pub fn explain<'a>(
     let course = loop {
         turn = match turn {
             Turn::Identify(course, next) => context.turn(course, *next)?,
-            Turn::Ended(course) => break context.followed(course),
+            Turn::Ended(course) => break context.followed(course)?,
         };
     };
     Ok(Explained {
@@ -240,7 +245,7 @@ impl Loop<'_, '_> {
         };
         match round {
             Ok(round) => course.rounds.push(round),
-            Err(e) if course.rounds.is_empty() => return Err(e),
+            Err(e) if course.rounds.is_empty() || e.ends_all() => return Err(e),
             Err(e) if e.blame() == Blame::Limit => return Ok(Turn::Ended(course)),
             // the fit of what was called for: without it the loop goes on
             Err(e) => return self.retraced(course, None, e.to_string()),
@@ -264,15 +269,10 @@ impl Loop<'_, '_> {
     fn round(&self, course: &Course, model: Model, found: Identification) -> Result<Round> {
         let start = start(&model, &found);
         let prepared = &found.inverse.prepared;
-        let (tracing, traced) = self.attribute(&course.refused, &model, prepared, start)?;
+        let of = (&course.refused, course.attempts);
+        let traced = self.attribute(of, &model, prepared, start)?;
         prepared.problem.experiment.rest();
-        Ok(Round {
-            attempt: course.attempts,
-            model,
-            identification: found,
-            tracing,
-            traced,
-        })
+        Ok(Round::new(course.attempts, model, found, traced))
     }
 
     /// Take back the effect that the last round called for and trace that round anew, about the refit where there is one.
@@ -284,61 +284,66 @@ impl Loop<'_, '_> {
         let about = refit.as_ref().unwrap_or(&round);
         let start = start(&about.model, &about.identification);
         let prepared = &round.identification.inverse.prepared;
-        let (tracing, traced) = self.attribute(&refused, &round.model, prepared, start)?;
-        course.rounds.push(Round {
-            tracing,
-            traced,
-            ..round
-        });
+        let traced = self.attribute((&refused, round.attempt), &round.model, prepared, start)?;
+        let Round {
+            attempt,
+            model,
+            identification,
+            ..
+        } = round;
+        course
+            .rounds
+            .push(Round::new(attempt, model, identification, traced));
         Ok(Course { refused, ..course }.next(self.most))
     }
 
-    /// Trace a residual to the effects that have not been refused for good; those are undecided.
+    /// Trace a residual to the effects that have not been refused for good; those are undecided. Stages are kept where the chains of an
+    /// attempt are.
     fn attribute(
         &self,
-        refused: &Refused,
+        (refused, attempt): (&Refused, usize),
         model: &Model,
         prepared: &Prepared,
         start: State,
     ) -> Result<(Tracing, Traced)> {
         let wanted = |name: &str| refused.may_be_sought(name);
-        let (tracing, traced) = attribute(model, prepared, start, &wanted, self.progress)?;
+        let kept = (self.options)(LoopStage::Attempt(attempt)).stages();
+        let of = (model, prepared);
+        let (tracing, traced) = attribute_kept(of, start, &wanted, &kept, self.progress)?;
         Ok((tracing.without(refused), traced))
     }
 
     /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt. One that
     /// cannot, or not in time, leaves the round as it is, and the verdict says of the reduced model what it is worth.
-    fn followed(&self, mut course: Course) -> Course {
+    fn followed(&self, mut course: Course) -> Result<Course> {
         let Some(round) = course.rounds.pop() else {
-            return course;
+            return Ok(course);
         };
         let attempt = course.attempts;
-        let round = match self.refined(&round, attempt) {
+        let round = match self.refined(&round, attempt)? {
             Some(identification) => {
                 course.attempts += 1;
-                Round {
-                    identification,
-                    attempt,
-                    ..round
-                }
+                let traced = (round.tracing, round.traced);
+                Round::new(attempt, round.model, identification, traced)
             }
             None => round,
         };
         course.rounds.push(round);
-        course
+        Ok(course)
     }
 
-    fn refined(&self, round: &Round, attempt: usize) -> Option<Identification> {
+    fn refined(&self, round: &Round, attempt: usize) -> Result<Option<Identification>> {
         let found = &round.identification;
         let options = (self.options)(LoopStage::Attempt(attempt));
         if is_over(&options) || !found.determined || surrogate(found).is_none() {
-            return None;
+            return Ok(None);
         }
         let options = Options {
             refinements: options.refinements.max(REFINEMENTS),
             ..options
         };
-        refine(&round.model, found, &options, self.progress).ok()?
+        let refined = refine(&round.model, found, &options, self.progress);
+        Ok(unless_ended(refined)?.flatten())
     }
 }
 
@@ -347,8 +352,10 @@ fn with_discrepancy(
     explained: &Explained,
     options: Options<'_>,
     progress: &dyn Progress,
-) -> Option<Identification> {
-    let last = explained.rounds.last()?;
+) -> Result<Option<Identification>> {
+    let Some(last) = explained.rounds.last() else {
+        return Ok(None);
+    };
     let structure = last.tracing.structure;
     let unexplained = explained.conclusion.status == Status::Unexplained;
     let wanted = unexplained && structure.iter().any(Option::is_some);
@@ -358,8 +365,19 @@ fn with_discrepancy(
     };
     // the loop has ended without it: where it cannot be identified, nothing is lost
     let traced = last.identification.inverse.prepared.traced.clone();
-    let again = || identify_traced(&last.model, traced, &options, progress).ok();
-    (wanted && !is_over(&options)).then(again)?
+    if !wanted || is_over(&options) {
+        return Ok(None);
+    }
+    unless_ended(identify_traced(&last.model, traced, &options, progress))
+}
+
+/// What was found; none where it failed and the loop goes on without it.
+fn unless_ended<T>(found: Result<T>) -> Result<Option<T>> {
+    match found {
+        Ok(found) => Ok(Some(found)),
+        Err(e) if e.ends_all() => Err(e),
+        Err(_) => Ok(None),
+    }
 }
 
 fn is_over(options: &Options<'_>) -> bool {

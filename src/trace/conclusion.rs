@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::axis;
+use super::facts::{Status, VerdictFacts};
+use super::patches::Patches;
 use super::round::Round;
 use super::suspect::Suspect;
 use super::tracing::{Named, Resembling};
@@ -10,30 +12,8 @@ use super::vetoes::{surrogate, vetoes};
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::files::Keyed;
 use crate::identify::Patterns;
+use crate::parameter::Parameter;
 use crate::quantity::{plus_minus, significant};
-
-/// How the loop ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Status {
-    /// The residual is what the noise explains, and no effect was added.
-    NothingMissing,
-    /// Effects were added, and the residual is now what the noise explains.
-    Closed,
-    /// Structure remains that no effect of the dictionary explains, or that an effect does which was not added, or a pattern
-    /// that stationary noise does not have.
-    Unexplained,
-}
-
-impl Status {
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::NothingMissing => "nothing missing",
-            Self::Closed => "closed",
-            Self::Unexplained => "unexplained",
-        }
-    }
-}
 
 /// What the loop concludes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -59,9 +39,23 @@ pub struct Conclusion {
     #[serde(default)]
     pub undecided: Vec<Vec<String>>,
     pub text: String,
+    /// Places where the residual is not noise.
+    #[serde(default, skip_serializing_if = "Patches::is_empty")]
+    pub patches: Patches,
     /// What would confirm each effect named, and tell it from its stand-ins.
     #[serde(default)]
     pub confirm: Vec<Confirming>,
+}
+
+impl Conclusion {
+    /// The verdict as people read it.
+    pub fn words(&self) -> String {
+        match self.status {
+            Status::NothingMissing => "explained by noise alone".into(),
+            Status::Closed => format!("explained by: {}", self.effects.join(", ")),
+            Status::Unexplained => "not explained".into(),
+        }
+    }
 }
 
 /// The size that an effect would need to leave almost the field of another.
@@ -125,12 +119,15 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     // the quoted constants do not come from the reduced model
     vetoes.extend(surrogate(&last.identification));
     let suspect = (!suspect.reasons.is_empty()).then_some(suspect);
-    let open = structure || patterns || wanted.is_some() || suspect.is_some() || !vetoes.is_empty();
-    let status = match (open, groups.is_empty()) {
-        (true, _) => Status::Unexplained,
-        (false, true) => Status::NothingMissing,
-        (false, false) => Status::Closed,
+    let facts = VerdictFacts {
+        added: !groups.is_empty(),
+        wanted: wanted.is_some(),
+        structure,
+        patterns,
+        undecided: !last.tracing.undecided.is_empty(),
+        objections: suspect.is_some() || !vetoes.is_empty(),
     };
+    let status = facts.status();
     let mut confirm: Vec<Confirming> = groups.iter().map(|g| confirming(g, true)).collect();
     confirm.extend(wanted.map(|g| confirming(g, false)));
     for members in &last.tracing.undecided {
@@ -150,7 +147,9 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
             .collect(),
         alias_sizes: groups.iter().flat_map(|g| alias_sizes(g)).collect(),
         undecided: last.tracing.undecided.iter().map(|g| texts(g)).collect(),
-        text: words(rounds, &groups, wanted, structure)
+        patches: last.patches().clone(),
+        text: words(rounds, &groups, wanted, facts)
+            + &last.noise_and_patches()
             + &axis::words(&last.model).unwrap_or_default()
             + &objections(status, &vetoes, suspect.as_ref())
             + &taken_out(refused),
@@ -195,9 +194,15 @@ fn objections(status: Status, vetoes: &[String], suspect: Option<&Suspect>) -> S
         text += &format!(" Not closed, because {}.", vetoes.join("; "));
     }
     if let Some(suspect) = suspect {
+        // what forbids the verdict has been said
+        let others = suspect.reasons.iter().filter(|r| !vetoes.contains(r));
+        let others: Vec<&str> = others.map(String::as_str).collect();
+        if !others.is_empty() {
+            text += &format!(" The account is not unique: {}.", others.join("; "));
+        }
         text += &format!(
-            " The account is not unique: {}. The intervals to quote span three answers.",
-            suspect.reasons.join("; ")
+            " The intervals to quote span {} answers.",
+            suspect.answers.len()
         );
     }
     text
@@ -243,25 +248,34 @@ fn confirming(group: &Named, added: bool) -> Confirming {
     }
 }
 
-/// The amplitudes of an effect by the last round, or by the tracing that called for it.
-fn amplitude(rounds: &[Round], name: &str) -> String {
+/// The amplitudes (mean, sd) of an effect by the last round, or by the tracing that called for it, with their parameters' names.
+fn amplitudes(rounds: &[Round], name: &str) -> Vec<(&'static str, f64, f64)> {
     let Some(effect) = effect(name) else {
-        return String::new();
+        return Vec::new();
     };
     let last = &rounds[rounds.len() - 1].identification;
     let mut called_for = rounds.iter().filter_map(|r| r.tracing.accepted.as_ref());
     let traced = called_for.find(|a| a.effect.name() == name);
     let traced = traced.map_or(&[][..], |a| &a.amplitude);
-    let parameters = effect.parameters();
-    let values = parameters.iter().enumerate().filter_map(|(k, p)| {
+    let parameters = effect.parameters().iter().enumerate();
+    let values = parameters.filter_map(|(k, p)| {
         let (mean, sd) = last
             .moments(&amplitude_name(effect, p))
             .or_else(|| traced.get(k).copied())?;
+        Some((p.name, mean, sd))
+    });
+    values.collect()
+}
+
+/// The same in words.
+fn amplitude(rounds: &[Round], name: &str) -> String {
+    let alone = effect(name).is_some_and(|e| e.parameters().len() == 1);
+    let values = amplitudes(rounds, name).into_iter().map(|(own, mean, sd)| {
         let value = plus_minus(mean, sd);
-        Some(match parameters.len() {
-            1 => format!("{value} {}", p.unit()),
-            _ => format!("{} {value}", p.name),
-        })
+        match alone {
+            true => format!("{value} {}", Parameter::read(own).unit()),
+            false => format!("{own} {value}"),
+        }
     });
     values.collect::<Vec<_>>().join(", ")
 }
@@ -306,9 +320,9 @@ fn consistent(rounds: &[Round], group: &Named) -> String {
     if resembling(group).next().is_some() {
         let large = resembling(group).any(|r| r.multiple > 1.0);
         text += if large {
-            ": the finer shape of the field and the size that it would need are all that speaks against it, and the tests below should decide"
+            ". Only the finer shape of the field and the size that it would need speak against it. Make the tests below"
         } else {
-            ": the finer shape of the field is all that speaks against it, and the tests below should decide"
+            ". Only the finer shape of the field speaks against it. Make the tests below"
         };
     }
     text
@@ -319,7 +333,7 @@ fn size_of(amplitude: &[(String, f64)]) -> String {
     let largest = amplitude.iter().fold(0.0, |m: f64, (_, v)| m.max(v.abs()));
     let kept = amplitude.iter().filter(|(_, v)| v.abs() > 1e-3 * largest);
     let with_value = |(name, value): &(String, f64)| {
-        let parameter = name.rsplit('.').next().unwrap_or(name);
+        let parameter = Parameter::read(name).own;
         if value.abs() < 1e-3 {
             format!("{parameter} {value:.2e}")
         } else {
@@ -336,12 +350,13 @@ const WORTH_NAMING: usize = 2;
 /// uniform strain at a cosine of 0.995 (measured on the program as built).
 const NEARLY_THE_SAME: f64 = 0.95;
 
-/// The effects that leave almost the same field as a group's leader.
+/// An effect that would need a larger multiple of its plausible size explains nothing.
+const ABSURD: f64 = 20.0;
+
+/// The effects that leave almost the same field as a group's leader, at a size that can be.
 fn same_field(group: &Named) -> impl Iterator<Item = &Resembling> {
-    group
-        .resembling
-        .iter()
-        .filter(|r| r.cosine > NEARLY_THE_SAME)
+    let can_be = |r: &&Resembling| r.cosine > NEARLY_THE_SAME && r.multiple < ABSURD;
+    group.resembling.iter().filter(can_be)
 }
 
 /// Those of them outside the group that are named in words.
@@ -350,7 +365,12 @@ fn resembling(group: &Named) -> impl Iterator<Item = &Resembling> {
     same_field(group).filter(outside).take(WORTH_NAMING)
 }
 
-fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: bool) -> String {
+fn words(
+    rounds: &[Round],
+    added: &[&Named],
+    wanted: Option<&Named>,
+    facts: VerdictFacts,
+) -> String {
     let mut said: Vec<String> = Vec::new();
     for group in added {
         let begin = if said.is_empty() {
@@ -359,6 +379,12 @@ fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: 
             "With that in the model it is consistent with"
         };
         said.push(format!("{begin} {}.", consistent(rounds, group)));
+        let means: Vec<f64> = amplitudes(rounds, group.leader)
+            .iter()
+            .map(|(_, m, _)| *m)
+            .collect();
+        let of = effect(group.leader).filter(|e| e.parameters().len() == means.len());
+        said.extend(of.and_then(|e| e.constants_are(&means)).map(|s| s + "."));
     }
     if let Some(group) = wanted {
         said.push(format!(
@@ -367,27 +393,21 @@ fn words(rounds: &[Round], added: &[&Named], wanted: Option<&Named>, structure: 
             consistent(rounds, group)
         ));
     }
-    if structure {
-        said.push("Structure is left that no effect of the dictionary explains; the averaged posterior counts it as a smooth discrepancy.".into());
-    }
-    let patterns = pattern_words(&rounds[rounds.len() - 1], structure);
-    let nothing = !structure && patterns.is_empty() && wanted.is_none();
+    let patterns = pattern_words(&rounds[rounds.len() - 1], facts.structure);
+    let has_patches = rounds[rounds.len() - 1].patches().found().next().is_some();
+    let only_there = has_patches && !(facts.wanted || facts.structure || facts.patterns);
+    let whole = match only_there {
+        true => Some(
+            "As a whole the residual is what the measured noise explains, but not in one place.",
+        ),
+        false => facts.words(),
+    };
+    said.extend(whole.map(String::from));
     // what an effect makes that was not added is no pattern of its own
     said.extend(patterns.into_iter().filter(|_| wanted.is_none()));
     let undecided = &rounds[rounds.len() - 1].tracing.undecided;
-    if nothing && added.is_empty() && undecided.is_empty() {
-        said.push(
-            "The residual is what the measured noise explains: nothing asks for another effect."
-                .into(),
-        );
-    } else if nothing && added.is_empty() {
-        said.push(
-            "The measured noise nearly explains the residual: no effect is called for.".into(),
-        );
-    } else if nothing {
-        said.push("What is left is what the measured noise explains.".into());
-    }
-    said.push("A scale of the load or of the thickness cannot be told from a common factor of all moduli: every percent of the one is a percent of the other, and only a calibrated load cell and a micrometer separate them.".into());
+    said.push("A force or a thickness that is wrong by 1 % makes all moduli wrong by 1 %, and no field shows it.".into());
+    said.extend(rounds[rounds.len() - 1].tracing.leaning.iter().cloned());
     if !undecided.is_empty() {
         let names: Vec<String> = undecided.iter().map(|g| g.join(" or ")).collect();
         said.push(format!("Undecided: {}.", names.join("; ")));
@@ -405,7 +425,7 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
     let place = |[x, y]: [f64; 2]| format!("({x:.1}, {y:.1}) mm of the data");
     let exceedance = exceedance.map(|b| {
         let begin = format!(
-            "In {} the residual breaks out of the noise: {} of {} averages over {:.2} mm lie more than 4 sd away from what noise that is the same everywhere allows ({:.1} expected)",
+            "In {} the residual is larger than uniform noise in places: {} of {} averages over {:.2} mm are beyond 4 sd ({:.1} expected)",
             b.component, b.blocks, b.of, size_mm, b.expected
         );
         if b.blocks > b.of / 10 {
@@ -428,7 +448,7 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
             format!("clearest about {}, in {share:.0} % of the parts looked at", place(w.place_in_data_mm))
         };
         format!(
-            "In {} a fine wave is left (about {:.2} mm long, {:.2} to {:.2}, running at {angle:.0} deg from x, {:.0} nm in amplitude, {}), such as a phase-shift error, the interpolation of image correlation or the raster of a camera leaves. It is counted as noise.",
+            "In {} a fine wave is left: about {:.2} mm long ({:.2} to {:.2}), at {angle:.0} deg from x, {:.0} nm in amplitude, {}. A phase-shift error, the interpolation of image correlation or the raster of a camera leaves such a wave. It is counted as noise.",
             w.component, w.length_mm, w.length_range_mm[0], w.length_range_mm[1], w.amplitude_nm, extent
         )
     });

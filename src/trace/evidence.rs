@@ -7,7 +7,7 @@ use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
 use super::subsets::{Subset, SubsetPosterior};
-use super::suspect::suspect;
+use super::suspect::{PriorInDoubt, suspect};
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use super::weighing::Weighing;
 use crate::effect::amplitude_name;
@@ -15,6 +15,7 @@ use crate::effect::force_scale;
 use crate::error::Result;
 use crate::experiment::series::Law;
 use crate::linearise::{Column, Measured, Sensitivities};
+use crate::parameter::is_modulus;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
 /// unseen fields and silent in 3 of 3 without an effect; the program as built in 30 of 33, without a false alarm.
@@ -44,27 +45,24 @@ pub struct Evidence {
     pub subsets: SubsetPosterior,
 }
 
-/// Weigh every subset of the candidates, and every choice of the noise's hyperparameters, against the data. `step` is called
-/// [`Weighing::steps`] times.
-///
-/// # Errors
-/// Of the input: too few blocks for the dictionary. Of the program, for columns that are not finite.
-pub fn evidence(
-    sensitivities: Sensitivities,
-    measured: &Arc<Measured>,
-    step: &(dyn Fn() + Sync),
-) -> Result<Evidence> {
-    let weighing = Weighing::new(measured, &sensitivities, step)?;
-    let subsets = SubsetPosterior::new(&weighing, &sensitivities.candidates)?;
-    Ok(Evidence {
-        measured: Arc::clone(measured),
-        sensitivities,
-        weighing,
-        subsets,
-    })
-}
-
 impl Evidence {
+    /// Weigh every subset of the candidates, under every choice of the noise's hyperparameters, against the data.
+    ///
+    /// # Errors
+    /// Of the program, for columns that are not finite.
+    pub fn new(
+        weighing: Weighing,
+        sensitivities: Sensitivities,
+        measured: &Arc<Measured>,
+    ) -> Result<Self> {
+        Ok(Self {
+            subsets: SubsetPosterior::new(&weighing, &sensitivities.candidates)?,
+            measured: Arc::clone(measured),
+            sensitivities,
+            weighing,
+        })
+    }
+
     fn name(&self, k: usize) -> &'static str {
         self.sensitivities.candidates[k].effect.name()
     }
@@ -77,30 +75,9 @@ impl Evidence {
     pub fn tracing(&self, constants: &[f64], apart: FoundApart<'_>) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
         let blocks = &self.measured.blocks;
-        let holdout = Holdout::new(
-            &self.measured,
-            &self.sensitivities,
-            &self.subsets.layout.ranges,
-            self.weighing.noise.variances(pair, blocks),
-            HeldOutSteps::new(
-                &self.measured,
-                &self.sensitivities,
-                &self.weighing,
-                &self.subsets,
-            ),
-        );
-        let best = self.subsets.best().clone();
-        let with = holdout.scores(&best);
+        let holdout = self.held_out();
         let found = groups(&self.subsets);
-        let named: Vec<Named> = found
-            .iter()
-            .map(|g| {
-                let rest: Subset = best.iter().copied().filter(|&k| k != g.leader).collect();
-                let law = self.sensitivities.candidates[g.leader].law;
-                let tell = law != Some(Law::Free);
-                self.named(g, gains(&with, &holdout.scores(&rest), tell))
-            })
-            .collect();
+        let named = self.all_named(&found, &holdout)?;
         let mut spots = blind_spots(
             &self.weighing,
             &self.sensitivities,
@@ -112,16 +89,23 @@ impl Evidence {
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
         let prior_sd = apart.series.as_ref().map(|(_, prior_sd)| *prior_sd);
-        let accepted = named.iter().position(|g| self.acceptable(g, &candidates));
+        let doubts = self.priors_in_doubt();
+        let stands =
+            |g: &Named| g.probability > ACCEPT && self.objection(g, &candidates, &doubts).is_none();
+        let accepted = named.iter().position(stands);
         let accepted = accepted.map(|k| self.accepted(found[k].leader, &candidates, prior_sd));
         let undecided = named
             .iter()
-            .filter(|g| g.probability > MENTION && !self.acceptable(g, &candidates))
+            .filter(|g| g.probability > MENTION && !stands(g))
             .map(|g| g.members.clone())
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
-        let mut suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?;
-        suspect.reasons.extend(self.objections(&named, &candidates));
+        let rivals = named.iter().flat_map(|g| &g.rivals);
+        let answers = rivals.chain(doubts.iter().map(|d| &d.answer)).cloned();
+        let suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?.with(
+            self.objections(&named, &candidates, &doubts),
+            answers.collect(),
+        );
         let ranking = Ranking {
             candidates,
             groups: named,
@@ -146,6 +130,8 @@ impl Evidence {
             structure: self.weighing.noise.structure(pair, blocks),
             averaged,
             suspect,
+            priors_in_doubt: doubts,
+            leaning: self.leaning(),
             blind_spots: self
                 .load_scale()
                 .into_iter()
@@ -154,7 +140,25 @@ impl Evidence {
                 .collect(),
             holdout_rms_nm: holdout.rms_nm(&Vec::new()),
             left_out: apart.left_out,
+            patches: apart.patches,
         })
+    }
+
+    /// Parts of the data, each predicted from the others.
+    fn held_out(&self) -> Holdout<'_> {
+        let pair = &self.weighing.pairs[self.subsets.best_pair];
+        Holdout::new(
+            &self.measured,
+            &self.sensitivities,
+            &self.subsets.layout.ranges,
+            self.weighing.noise.variances(pair, &self.measured.blocks),
+            HeldOutSteps::new(
+                &self.measured,
+                &self.sensitivities,
+                &self.weighing,
+                &self.subsets,
+            ),
+        )
     }
 
     /// A candidate as the effect that is called for.
@@ -203,7 +207,7 @@ impl Evidence {
             plausible: column.sd,
             shift_percent: constants
                 .map(|c| {
-                    let modulus = c.name.ends_with("_GPa");
+                    let modulus = is_modulus(&c.name);
                     (c.name.clone(), if modulus { -column.sd } else { 0.0 })
                 })
                 .collect(),
@@ -212,8 +216,29 @@ impl Evidence {
         })
     }
 
+    /// All groups by name, each with what speaks against it.
+    fn all_named(&self, found: &[AliasGroup], holdout: &Holdout<'_>) -> Result<Vec<Named>> {
+        let best = self.subsets.best().clone();
+        let with = holdout.scores(&best);
+        let one = |g: &AliasGroup| {
+            let rest: Subset = best.iter().copied().filter(|&k| k != g.leader).collect();
+            let law = self.sensitivities.candidates[g.leader].law;
+            let tell = law != Some(Law::Free);
+            let without = holdout.scores(&rest);
+            let spoiled = with.spoiled(&without).filter(|_| tell);
+            Ok(Named {
+                spoiled,
+                rivals: self.load_rivals(g)?,
+                ..self.named(g, gains(&with, &without, tell))
+            })
+        };
+        found.iter().map(one).collect()
+    }
+
     fn named(&self, group: &AliasGroup, predicts: bool) -> Named {
         Named {
+            spoiled: None,
+            rivals: Vec::new(),
             leader: self.name(group.leader),
             laws: self.laws(group),
             members: self.names(&group.members),
@@ -284,15 +309,16 @@ impl Evidence {
             .find(|f| f.effect.name() == name && f.law == law)
     }
 
-    fn acceptable(&self, group: &Named, candidates: &[Finding]) -> bool {
-        group.probability > ACCEPT && self.objection(group, candidates).is_none()
-    }
-
     /// Why groups that are called for are not accepted, in words.
-    fn objections(&self, groups: &[Named], candidates: &[Finding]) -> Vec<String> {
+    fn objections(
+        &self,
+        groups: &[Named],
+        candidates: &[Finding],
+        doubts: &[PriorInDoubt],
+    ) -> Vec<String> {
         let called = groups.iter().filter(|g| g.probability > ACCEPT);
         let words = |group: &Named| {
-            let why = self.objection(group, candidates)?;
+            let why = self.objection(group, candidates, doubts)?;
             let members = group.members.join(" or ");
             Some(format!(
                 "{members} is called for and cannot be accepted: {why}"
@@ -302,7 +328,12 @@ impl Evidence {
     }
 
     /// What forbids to accept a group that is probable enough, in words.
-    fn objection(&self, group: &Named, candidates: &[Finding]) -> Option<String> {
+    fn objection(
+        &self,
+        group: &Named,
+        candidates: &[Finding],
+        doubts: &[PriorInDoubt],
+    ) -> Option<String> {
         let found = self.of(candidates, group.leader, group.laws.first().copied());
         let Some(found) = found.filter(|f| f.multiple.is_finite()) else {
             return Some("its size is not determined".into());
@@ -319,6 +350,20 @@ impl Evidence {
         }
         if found.is_impossible() {
             return Some(format!("{leader} would have a sign that it cannot have"));
+        }
+        if let Some(step) = group.spoiled {
+            let number = step + 1;
+            return Some(format!(
+                "with {leader} the other steps predict step {number} worse"
+            ));
+        }
+        if !group.rivals.is_empty() {
+            return Some(
+                "an error of the load and something else explain the residual equally well, and the constants depend on which of them acts".into(),
+            );
+        }
+        if !doubts.is_empty() {
+            return Some("a prior that is wrong would explain the residual as well".into());
         }
         let doubtful = self.subsets.discrepancy > DOUBT;
         (doubtful && group.log_bayes_factor <= DOUBT_LOG_BAYES_FACTOR)

@@ -6,6 +6,7 @@ use super::averaged::detectable;
 
 use super::sought::candidates;
 use super::subsets::SIZES;
+use crate::effect::Scope;
 use crate::error::{Error, Result};
 use crate::experiment::predict;
 use crate::experiment::series::SeriesState;
@@ -70,7 +71,9 @@ pub fn field_information(model: &Model, points: &[[f64; 2]], sd_mm: f64) -> Resu
         }),
         step: &|| (),
     };
-    let (effects, _) = candidates(model);
+    let (mut effects, _) = candidates(model);
+    // of one field to be measured the force is that of the load's scale
+    effects.retain(|e| e.scope() != Scope::Force);
     let sought = EffectUnderLaw::without_laws(&effects);
     let state = SeriesState::of_one_step(state);
     let found = forward.sensitivities(&state, &forward.declared(), &sought)?;

@@ -34,7 +34,17 @@ impl Evidence {
             linearity: linearity(self),
             misfit: self.misfit(pair),
             stiffness,
+            noise: self.noise_words(),
         }
+    }
+
+    /// Columns of the base model and of the best subset, among all.
+    pub(super) fn taking_part(&self) -> Vec<usize> {
+        let base = self.sensitivities.base.len();
+        let best = self.subsets.layout.columns(self.subsets.best());
+        (0..base)
+            .chain(best.into_iter().map(|k| base + k))
+            .collect()
     }
 
     /// What the base model, and with the best subset what is explained, leave of every step of a series: root mean squares of the block

@@ -35,7 +35,23 @@ pub struct Holdout<'a> {
 /// Log probabilities of what was held out, each given all else.
 pub struct Scores {
     regions: [f64; DIVISIONS],
-    steps: Option<f64>,
+    /// Of each step.
+    steps: Option<Vec<f64>>,
+}
+
+/// Log probability of one step that an account may cost and still stand: less is within what noise does to a right one.
+const SPOILED: f64 = 5.0;
+
+impl Scores {
+    /// The step, counted from 0, that loses most by an account against one `without` an effect, if it loses too much: a wrong effect may
+    /// describe all steps together and none of them better.
+    pub fn spoiled(&self, without: &Self) -> Option<usize> {
+        let (with, without) = (self.steps.as_ref()?, without.steps.as_ref()?);
+        let lost = without.iter().zip(with).map(|(a, b)| a - b).enumerate();
+        let most = lost.max_by(|a, b| a.1.total_cmp(&b.1));
+        most.filter(|(_, lost)| *lost > SPOILED)
+            .map(|(step, _)| step)
+    }
 }
 
 /// RegionEquations equations of some blocks: X' V^-1 X and X' V^-1 y.
@@ -67,7 +83,7 @@ impl<'a> Holdout<'a> {
     pub fn scores(&self, subset: &Subset) -> Scores {
         Scores {
             regions: self.regions(subset),
-            steps: self.steps.as_ref().map(|steps| steps.score(subset)),
+            steps: self.steps.as_ref().map(|steps| steps.scores(subset)),
         }
     }
 
@@ -182,7 +198,8 @@ fn divisions(centroids: &[[f64; 2]]) -> [Vec<usize>; DIVISIONS] {
 pub fn gains(with: &Scores, without: &Scores, tell: bool) -> bool {
     let pairs = with.regions.iter().zip(&without.regions);
     let mut all: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
-    let steps = with.steps.zip(without.steps).filter(|_| tell);
+    let sum = |scores: &Scores| scores.steps.as_ref().map(|s| s.iter().sum::<f64>());
+    let steps = sum(with).zip(sum(without)).filter(|_| tell);
     all.extend(steps.map(|(a, b)| a - b));
     let better = all.iter().filter(|gain| **gain > 0.0).count();
     all.iter().sum::<f64>() > 0.0 && better + 1 >= all.len()

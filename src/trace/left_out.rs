@@ -10,7 +10,7 @@ use super::layout::columns;
 use super::subsets::{Subset, SubsetPosterior};
 use super::weighing::Weighing;
 use crate::linearise::{Column, Measured, Sensitivities};
-use crate::noise::series::{InFrames, Known};
+use crate::noise::series::{FramesInformation, InFrames};
 use crate::noise::{NormalEquations, solve};
 use crate::quantity::NM_PER_MM;
 
@@ -23,15 +23,15 @@ pub struct HeldOutSteps<'a> {
     measured: &'a Measured,
     ranges: &'a [Vec<usize>],
     in_frames: &'a InFrames,
-    all: Known,
-    without: Vec<Known>,
+    all: FramesInformation,
+    without: Vec<FramesInformation>,
     /// Share of the reference picture's noise.
     reference: f64,
     residual: [DVector<f64>; 2],
 }
 
 impl<'a> HeldOutSteps<'a> {
-    /// Of a series of at least three steps that know their noise, under its likeliest noise without a discrepancy: the account is held
+    /// Of a series of at least three steps that know their noise, new in each, under its likeliest noise without a discrepancy: the account is held
     /// against the noise alone.
     pub fn new(
         measured: &'a Measured,
@@ -41,7 +41,7 @@ impl<'a> HeldOutSteps<'a> {
     ) -> Option<Self> {
         let series = weighing.noise.by_frames()?;
         let noise = &series.noise;
-        if !noise.by_contrasts || noise.scales.len() < FEWEST {
+        if !noise.by_contrasts || noise.walks || noise.scales.len() < FEWEST {
             return None;
         }
         let log = |k: usize| {
@@ -78,7 +78,11 @@ impl<'a> HeldOutSteps<'a> {
     }
 
     /// The fit of some steps, with the data's square under their noise and its log determinant.
-    fn fit(&self, known: &Known, columns: &[usize]) -> Option<(NormalEquations, f64, f64)> {
+    fn fit(
+        &self,
+        known: &FramesInformation,
+        columns: &[usize],
+    ) -> Option<(NormalEquations, f64, f64)> {
         let (gram, log_det) = known.equations(columns, self.reference);
         let p = columns.len();
         let mut right = gram.view((0, p), (p, 1)).column(0).into_owned();
@@ -88,30 +92,33 @@ impl<'a> HeldOutSteps<'a> {
         Some((fit, gram[(p, p)], log_det))
     }
 
-    /// Log probability of the steps, each given all others, by a model with a subset of the candidates; up to a constant.
-    pub fn score(&self, subset: &Subset) -> f64 {
+    /// Log probability of each step, given all others, by a model with a subset of the candidates; up to a constant.
+    pub fn scores(&self, subset: &Subset) -> Vec<f64> {
         let columns = self.columns(subset);
-        let log = |known: &Known| {
+        let log = |known: &FramesInformation| {
             let fit = self.fit(known, &columns);
             fit.map_or(0.0, |(fit, square, log_det)| {
                 fit.log_evidence() - 0.5 * (square + log_det)
             })
         };
         let all = log(&self.all);
-        self.without.iter().map(|without| all - log(without)).sum()
+        self.without
+            .iter()
+            .map(|without| all - log(without))
+            .collect()
     }
 
     /// By how many sds the misfit of each step, given the others, is larger than the declared model expects: its square has the mean
     /// of the number of values, less those of the step's own motion and force, which have no plausible size.
     pub fn z(&self) -> Vec<f64> {
         let columns = self.columns(&Vec::new());
-        let square = |known: &Known| {
+        let square = |known: &FramesInformation| {
             let fit = self.fit(known, &columns);
             fit.map(|(fit, square, _)| square - fit.quadratic())
         };
         let all = square(&self.all);
         let values = 2 * self.measured.blocks.len();
-        let one = |(step, without): (usize, &Known)| {
+        let one = |(step, without): (usize, &FramesInformation)| {
             let own = self.own(step, &columns).into_iter();
             let unbounded = own.filter(|c| c.is_rigid() || c.is_force() || c.is_load());
             let freedom = (values - unbounded.count()) as f64;
@@ -133,11 +140,16 @@ impl<'a> HeldOutSteps<'a> {
         !forces.is_empty() && !has(step) && others.all(|(s, _)| has(s))
     }
 
-    /// The columns of what is a step's own: they do nothing in the others; and the force to which those of the others are relative.
+    /// The columns of what is a step's own and has no plausible size: they do nothing in the others; and the force to which those of the
+    /// others are relative. The error of a declared force has a size: a step whose force is another is not predicted.
     fn own(&self, step: usize, columns: &[usize]) -> Vec<&Column> {
         let without = &self.without[step];
         let nominal = self.is_nominal(step);
-        let of_step = |k: &usize| without.lacks(*k) || (nominal && self.column(*k).is_load());
+        let of_step = |k: &usize| {
+            let column = self.column(*k);
+            let own = without.lacks(*k) && !column.is_force_error();
+            own || (nominal && column.is_load())
+        };
         let own = columns.iter().copied().filter(of_step);
         own.map(|k| self.column(k)).collect()
     }
@@ -152,7 +164,7 @@ impl<'a> HeldOutSteps<'a> {
             .collect()
     }
 
-    fn predicted(&self, step: usize, without: &Known, columns: &[usize]) -> [f64; 2] {
+    fn predicted(&self, step: usize, without: &FramesInformation, columns: &[usize]) -> [f64; 2] {
         let n = self.measured.blocks.len();
         let x = self
             .fit(without, columns)

@@ -6,14 +6,13 @@ use super::evidence::Evidence;
 use crate::effect::{EFFECTS, Scope};
 use crate::experiment::series::Law;
 use crate::field::bounds;
+use crate::field::step::CLASS_1_SD_PERCENT;
 use crate::linearise::Column;
 use crate::noise::series::{Linearity, Role};
+use crate::parameter::Parameter;
 
 /// Below this probability a response is said not to be proportional to the load.
 pub const NOT_LINEAR: f64 = 1e-3;
-
-/// Sd of the error of a force, percent: a machine of class 1.
-const FORCE_PERCENT: f64 = 0.5;
 
 /// Motion of a step of its own, plausible sizes: as good as free.
 const FREE: f64 = 10.0;
@@ -25,9 +24,21 @@ const HALF_WAVES: usize = 3;
 pub(super) fn linearity(evidence: &Evidence) -> Option<Linearity> {
     let series = evidence.weighing.noise.by_frames()?;
     let all = &evidence.sensitivities;
+    let errors = all.base.iter().filter(|c| c.is_force_error());
+    let force_percent = errors.map(|c| c.sd).reduce(f64::max);
+    let force_percent = force_percent.unwrap_or(CLASS_1_SD_PERCENT);
+    let role = |column: &Column, law| match column.is_load() {
+        true => Role::InEach(force_percent / column.sd),
+        false => role(column, law),
+    };
     let base = all.base.iter().map(|c| role(c, None));
     let sought = all.candidates.iter();
-    let sought = sought.flat_map(|k| k.columns.iter().map(|c| role(c, k.law)));
+    let sought = sought.flat_map(|k| {
+        // what an error of the load adds that is not declared is what the test looks for
+        let of_load = k.effect.scope() == Scope::Force;
+        let of = move |c| if of_load { Role::None } else { role(c, k.law) };
+        k.columns.iter().map(of)
+    });
     let near_edge = all.near_edge.iter().map(|_| Role::Pattern);
     let roles: Vec<Role> = base.chain(sought).chain(near_edge).collect();
     let smooth = smooth(&evidence.measured.blocks.centroid);
@@ -50,9 +61,10 @@ fn smooth(places: &[[f64; 2]]) -> DMatrix<f64> {
 
 /// How a column takes part, of a candidate with its law.
 fn role(column: &Column, law: Option<Law>) -> Role {
-    let name = column.name.split('.').next().unwrap_or_default();
-    if column.is_load() {
-        return Role::InEach(FORCE_PERCENT / column.sd);
+    let name = Parameter::read(&column.name).effect.unwrap_or_default();
+    if column.is_force_error() {
+        // that of the load stands for all
+        return Role::None;
     }
     let Some(effect) = EFFECTS.iter().find(|e| e.name() == name) else {
         return Role::Together;

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::files::stored;
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::Hyperparameters;
 use crate::noise::series::SeriesNoise;
@@ -20,6 +21,12 @@ pub struct NoisePair {
     /// Whether either is a discrepancy.
     pub discrepancy: bool,
 }
+
+stored!(NoisePair {
+    of,
+    log_prior,
+    discrepancy
+});
 
 /// The choices that are worth weighing, with the data and all columns under each. Whether one field has them for each component or the
 /// frames of a series have measured them, nobody else knows.

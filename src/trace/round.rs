@@ -1,7 +1,8 @@
 //! One turn of the loop.
 
+use super::patches::Patches;
 use super::traced::Traced;
-use super::tracing::{MISFIT, Tracing};
+use super::tracing::Tracing;
 use crate::identify::{Identification, Patterns};
 use crate::infer::Model;
 
@@ -17,12 +18,45 @@ pub struct Round {
 }
 
 impl Round {
+    /// An attempt's identification with its tracing, by whose noise it is judged where the frames of a series have measured that.
+    pub fn new(
+        attempt: usize,
+        model: Model,
+        identification: Identification,
+        (tracing, traced): (Tracing, Traced),
+    ) -> Self {
+        let of_series = tracing.series.as_ref().and_then(|s| s.misfit);
+        Self {
+            attempt,
+            model,
+            identification: match of_series {
+                Some(p) => identification.held_against(p),
+                None => identification,
+            },
+            tracing,
+            traced,
+        }
+    }
+
+    /// Patches that the residual holds.
+    pub fn patches(&self) -> &Patches {
+        &self.tracing.patches
+    }
+
+    /// What the noise is and what a mask of its patches would do, as sentences.
+    pub fn noise_and_patches(&self) -> String {
+        let noise = self.tracing.series.as_ref().map(|s| s.noise.clone());
+        let noise = noise.filter(|s| !s.is_empty());
+        let all = noise.into_iter().chain(self.patches().words());
+        all.map(|sentence| format!(" {sentence}")).collect()
+    }
+
     /// What of the residual stationary noise does not do. The one field of a series is held against noise of short lengths: where the
     /// series' own noise, which may be smooth, explains its misfit, a place where that breaks out is none.
     pub fn patterns(&self) -> Patterns {
         let mut found = self.identification.patterns.clone();
-        let misfit = self.tracing.series.as_ref().and_then(|s| s.misfit);
-        if misfit.is_some_and(|p| p >= MISFIT) {
+        let of_series = self.tracing.series.is_some();
+        if of_series && !self.identification.misfit.is_too_large() {
             found.exceedance = None;
         }
         found

@@ -10,7 +10,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
     let mut left_out = Vec::new();
     for effect in EFFECTS {
         let name = effect.name();
-        if model.effects.iter().any(|e| e.name() == name) {
+        if model.effects.iter().any(|e| e.name() == name) || !effect.concerns(&scene) {
             continue;
         }
         let listed = model
@@ -22,6 +22,9 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             left_out.push((name, "not among the model's candidates".to_string()));
         } else if let Some(reason) = obstacle(*effect, &scene) {
             left_out.push((name, reason.to_string()));
+        } else if effect.is_manufacturing() && !model.declares_scatter(*effect) {
+            let why = "how much of it specimens have is not declared in plausible";
+            left_out.push((name, why.to_string()));
         } else if effect.is_force_scale() {
             left_out.push((
                 name,

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::averaged::{Interval, mixtures, part};
+use super::averaged::{Interval, NORMAL_95, mixtures, part};
 use super::noise_choices::NoisePair;
 use super::subsets::SubsetPosterior;
 use super::weighing::{Projected, Weighing};
@@ -18,6 +18,7 @@ use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::noise::reml::orthonormal;
 use crate::numeric::log_sum_exp;
+use crate::parameter::Parameter;
 
 /// Whether an account of the residual is not unique, and what the constants are under others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,6 +37,16 @@ pub struct ConditionalAnswer {
     pub constants: Keyed<Interval>,
 }
 
+/// A constant whose prior the data contradict.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriorInDoubt {
+    pub constant: String,
+    /// What the data ask for and what the prior says.
+    pub words: String,
+    /// The constants with a wider prior and no effect beside what is declared.
+    pub answer: ConditionalAnswer,
+}
+
 /// Above this probability the structure left is called unexplained. Of 38 fields whose effect had been left out of the dictionary 28
 /// were, and 10 were given a neighbouring effect alone (measured on the program as built): named effects are consistent with the data,
 /// never proved by them.
@@ -47,6 +58,9 @@ pub const RIVAL: [f64; 6] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
 /// Two parts of a field whose cosine is larger, either way, do each other's work: 90 % of true pairs lay below 0.47 and 90 % of
 /// impostors above 0.63 (prototype study).
 const ALIKE: f64 = 0.5;
+
+/// Answers of every account: with effects as small as the data say, with all at full size, without any. Others follow them.
+pub(super) const ANSWERS: usize = 3;
 
 /// SubsetPosterior with which the rival is weighed, and noise settings of each class.
 const SUBSETS: usize = 10;
@@ -117,13 +131,31 @@ pub fn suspect(
 }
 
 impl Suspect {
+    /// The same with further reasons and answers.
+    #[must_use]
+    pub fn with(mut self, reasons: Vec<String>, answers: Vec<ConditionalAnswer>) -> Self {
+        self.reasons.extend(reasons);
+        self.answers.extend(answers);
+        self
+    }
+
     /// This first round's answers without the effects that were added since, beside the last round's own: where a culprit that no
     /// dictionary has was given neighbours' names, everything that is linearised about those is as wrong as they are.
     #[must_use]
     pub fn beside(&self, last: &Self) -> Self {
-        let mut answers = last.answers.clone();
-        answers.truncate(1);
-        answers.extend(self.answers.iter().skip(1).cloned());
+        let (first, further) = (
+            last.answers.iter().take(1),
+            last.answers.iter().skip(ANSWERS),
+        );
+        let mut answers: Vec<ConditionalAnswer> = first
+            .chain(self.answers.iter().skip(1).take(ANSWERS - 1))
+            .cloned()
+            .collect();
+        for answer in further.chain(self.answers.iter().skip(ANSWERS)) {
+            if !answers.iter().any(|a| a.supposing == answer.supposing) {
+                answers.push(answer.clone());
+            }
+        }
         Self {
             reasons: last.reasons.clone(),
             answers,
@@ -160,9 +192,6 @@ pub fn hull(answers: &[&Keyed<Interval>]) -> Keyed<Interval> {
     };
     names.map(one).collect()
 }
-
-/// Half-width of a normal distribution's 95 % interval, sds.
-const NORMAL_95: f64 = 1.959_964;
 
 /// The likeliest settings of noise and of discrepancy with the rival at a tenth of the nominal stress, with their normal equations.
 pub fn settings(
@@ -270,10 +299,10 @@ fn alike(
         None => parts.push((name.into(), field)),
     };
     for column in &sensitivities.base[sensitivities.constants..] {
-        let named = column.name.split_once('.');
-        if let Some((effect, _)) = named.filter(|_| !column.is_rigid()) {
+        let effect = Parameter::read(&column.name).effect;
+        if let Some(effect) = effect.filter(|_| !column.is_rigid()) {
             add(
-                effect,
+                &effect,
                 stacked(column) * ((column.at - column.mean) / column.sd),
             );
         }

@@ -12,18 +12,19 @@ const UNSEEN: f64 = 0.1;
 pub fn tension(round: &Round) -> Option<Tension> {
     let known = round.model.known.as_ref()?;
     let priors = round.model.marginals();
-    let field = field_alone(&round.traced.evidence)?;
+    let field = field_alone(round)?;
     Tension::between(&field, &known.moments()?, &priors)
 }
 
-/// Constants by the field alone, under its likeliest noise.
-fn field_alone(evidence: &Evidence) -> Option<Moments> {
+/// Mean and covariance of the constants by the field of a round alone under its likeliest noise, with the effects that were found and a
+/// little of all others.
+pub fn field_alone(round: &Round) -> Option<Moments> {
     let Evidence {
         sensitivities,
         weighing,
         subsets,
         ..
-    } = evidence;
+    } = &round.traced.evidence;
     let gram = weighing.noise.gram(&weighing.pairs[subsets.best_pair]);
     let data = gram.nrows() - 1;
     let base = sensitivities.base.len();

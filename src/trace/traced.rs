@@ -2,6 +2,7 @@
 
 use super::evidence::Evidence;
 use crate::experiment::series::SeriesState;
+use crate::files::{Stored, stored};
 use crate::identify::Prepared;
 use crate::infer::{EffectUnderLaw, Model};
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
@@ -20,6 +21,32 @@ pub struct LinearisationPoint {
     /// Effects of the model and candidates, each by a law where it has one.
     pub declared: Vec<EffectUnderLaw>,
     pub sought: Vec<EffectUnderLaw>,
+}
+
+stored!(LinearisationPoint {
+    state,
+    declared,
+    sought
+});
+
+impl Traced {
+    /// The bytes of all that a stage is made of which goes on from here.
+    pub fn bytes(&self, model: &Model) -> Vec<u8> {
+        let mut of = bytes_of(model, &self.evidence.measured);
+        self.point.put(&mut of);
+        self.evidence.sensitivities.put(&mut of);
+        of
+    }
+}
+
+/// The bytes of a model and of what was measured of it.
+pub fn bytes_of(model: &Model, measured: &Measured) -> Vec<u8> {
+    let mut of = Vec::new();
+    let file = model.file.to_json().unwrap_or_default();
+    file.to_string().put(&mut of);
+    model.known.put(&mut of);
+    measured.averages.put(&mut of);
+    of
 }
 
 /// The forward model of what was measured.

@@ -3,16 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::averaged::{BlindSpot, Interval};
-use super::suspect::{Suspect, UNEXPLAINED};
+use super::patches::Patches;
+use super::suspect::{ConditionalAnswer, PriorInDoubt, Suspect, UNEXPLAINED};
 use crate::effect::Effect;
 use crate::experiment::series::{Law, SeriesState};
-use crate::files::Keyed;
+use crate::files::{Keyed, stored};
 use crate::infer::TracedSeries;
 use crate::noise::Hyperparameters;
 use crate::noise::series::Linearity;
-
-/// Smallest probability of a misfit as large as the one found.
-pub const MISFIT: f64 = 1e-3;
 
 /// An effect weighed against the data.
 #[derive(Clone)]
@@ -79,12 +77,18 @@ pub struct Tracing {
     pub averaged: Keyed<Interval>,
     /// Whether the account of the residual is suspect, and what else the constants could be.
     pub suspect: Suspect,
+    /// Constants whose prior the data contradict.
+    pub priors_in_doubt: Vec<PriorInDoubt>,
+    /// What the data alone say of constants that are their priors' more than the data's, in sentences.
+    pub leaning: Vec<String>,
     /// What could hide in the residual.
     pub blind_spots: Vec<(&'static str, BlindSpot)>,
     /// RMS error of held-out block averages by the model as it is, nm.
     pub holdout_rms_nm: f64,
     /// Effects left out, with the reason.
     pub left_out: Vec<(&'static str, String)>,
+    /// Places where the residual is not noise.
+    pub patches: Patches,
 }
 
 impl Tracing {
@@ -118,6 +122,8 @@ pub struct TracedSteps {
     pub misfit: Option<f64>,
     /// Where structure grows with the load: the stiffness that would make it.
     pub stiffness: Option<StiffnessField>,
+    /// What the noise of a frame is, in a sentence.
+    pub noise: String,
 }
 
 /// What is left of one step of a series: root mean squares of the block averages of (u1, u2), nm.
@@ -177,6 +183,15 @@ pub struct StiffnessAt {
     pub sd: f64,
 }
 
+stored!(StiffnessField {
+    probability,
+    size,
+    map,
+    surest,
+    constants
+});
+stored!(StiffnessAt { at_mm, change, sd });
+
 impl StiffnessField {
     /// What is suspect with this beside it: the constants that it leaves are the averaged ones.
     pub fn explaining(&self, mut suspect: Suspect) -> Suspect {
@@ -224,6 +239,10 @@ pub struct Named {
     pub predicts: bool,
     /// Effects outside the group that leave almost the same field.
     pub resembling: Vec<Resembling>,
+    /// A step that the others predict worse with it, counted from 0.
+    pub spoiled: Option<usize>,
+    /// The constants by accounts with and without the leader, where an error of the load is among them and they differ.
+    pub rivals: Vec<ConditionalAnswer>,
 }
 
 /// An effect that leaves almost the same field as the leader of a group does: only the finer shape of the field, or the
@@ -251,6 +270,8 @@ pub struct FoundApart<'a> {
     pub phase: Option<(Finding, bool)>,
     /// The stiffness that explains structure which grows with the load.
     pub stiffness: Option<StiffnessField>,
+    /// Patches that the residual holds.
+    pub patches: Patches,
     /// Of a series: where it was linearised, and the prior sd of a parameter of an effect there.
     pub series: Option<(SeriesState, PriorSd<'a>)>,
     /// Effects left out, with the reason.
@@ -329,6 +350,8 @@ impl Named {
             log_bayes_factor: found.log_bayes_factor,
             predicts: true,
             resembling: Vec::new(),
+            spoiled: None,
+            rivals: Vec::new(),
         }
     }
 }

@@ -4,9 +4,8 @@ use super::averaged::Interval;
 use super::evidence::LARGEST_MULTIPLE;
 use super::round::Round;
 use super::together::tension;
-use super::tracing::MISFIT;
 use crate::effect::{Effect, Kind, amplitude_name};
-use crate::identify::Identification;
+use crate::identify::{Identification, MISFIT};
 use crate::infer::Model;
 use crate::quantity::plus_minus;
 
@@ -47,7 +46,13 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     }
     said.extend(quoted(last));
     said.extend(steps_apart(last));
+    said.extend(last.patches().objections());
     said.extend(in_tension(last));
+    for doubt in rounds.iter().flat_map(|r| &r.tracing.priors_in_doubt) {
+        if !said.contains(&doubt.words) {
+            said.push(doubt.words.clone());
+        }
+    }
     said
 }
 
@@ -76,12 +81,11 @@ pub fn surrogate(found: &Identification) -> Option<String> {
 
 /// 2. The misfit of modes and of block averages.
 fn misfit(last: &Round) -> Option<String> {
-    let found = &last.identification;
-    let of_one_field = found.misfit_p.min(found.residual.p_chi2);
-    // noise of a series may be smooth, which that of one field cannot know
-    let of_series = last.tracing.series.as_ref().and_then(|s| s.misfit);
-    let p = of_series.unwrap_or(of_one_field);
-    (p < MISFIT).then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
+    let misfit = &last.identification.misfit;
+    let p = misfit.p;
+    misfit
+        .is_too_large()
+        .then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
 }
 
 /// 3. The refit of what a round called for against its tracing.

@@ -39,9 +39,8 @@ fn choices(
             step,
         )?));
     };
-    let columns = [0, 1].map(|c| with_data(measured, sensitivities, c));
-    let noise = settings(&frames, [&columns[0], &columns[1]], step)?;
-    Ok(Arc::new(noise))
+    let [first, second] = [0, 1].map(|c| with_data(measured, sensitivities, c));
+    Ok(Arc::new(settings(&frames, [&first, &second], step)?))
 }
 
 /// Normal equations of the candidates and the near-edge rival under one pair, with the base columns eliminated.
@@ -72,12 +71,17 @@ impl Weighing {
         step: &(dyn Fn() + Sync),
     ) -> Result<Self> {
         let noise = choices(measured, sensitivities, step)?;
-        Ok(Self {
+        Ok(Self::by(noise, sensitivities))
+    }
+
+    /// By choices that are known for the sensitivities' columns.
+    pub(super) fn by(noise: Arc<dyn NoiseChoices>, sensitivities: &Sensitivities) -> Self {
+        Self {
             pairs: noise.pairs(),
             noise,
             base: sensitivities.base.len(),
             known: sensitivities.known.clone(),
-        })
+        }
     }
 
     /// The same with noise of the scale that the near-edge rival leaves.

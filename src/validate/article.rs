@@ -30,11 +30,11 @@ pub const PRIOR_SD: [f64; 4] = [16.0, 0.75, 0.03, 0.5];
 pub fn caveats() -> Vec<String> {
     vec![
         format!(
-            "The published sd of nu12, {:.3}, exceeds that of its own prior, {:.2}: no data can widen a prior so, a truncated one least of all.",
+            "The published sd of nu12, {:.3}, exceeds that of its own prior, {:.2}. No data can widen a prior so, least of all a truncated one.",
             MEAN[2] * COV_PERCENT[2] / 100.0,
             PRIOR_SD[2]
         ),
         "The published grid was converged to 1 % in the means, 8 % in the sd and 10 % in the correlations.".into(),
-        "The published sd are of measured fields whose noise and gauge are not stated, and of a specimen whose drawing is missing: length, width and hole are assumed here.".into(),
+        "The published sd are of measured fields. Their noise and gauge are not stated, and the specimen's drawing is missing. Length, width and hole are assumed here.".into(),
     ]
 }

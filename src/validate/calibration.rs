@@ -17,11 +17,11 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
 use super::record::{Record, Share};
-use super::twin::{Truth, Twin};
+use super::twin::{Twin, TwinTruth};
 use crate::chain::Draws;
 use crate::diagnose::Rule;
 use crate::error::Result;
-use crate::identify;
+use crate::identify::{self};
 use crate::infer::{Marginal, Model, Statistics};
 use crate::noise::Noise;
 use crate::progress::Progress;
@@ -38,7 +38,7 @@ pub const RANK_DRAWS: usize = 99;
 pub const LEVELS: [f64; 3] = [0.5, 0.9, 0.95];
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
+pub struct ReplicatePlan {
     pub replicates: usize,
     /// Correlation length of the noise, mm; 0 for white noise.
     pub correlation_mm: f64,
@@ -71,7 +71,7 @@ pub struct Replicate {
 
 /// How one parameter fared.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
+pub struct ParameterRanks {
     pub name: String,
     /// p-value of the Kolmogorov-Smirnov test of the shares below the truth against uniformity.
     pub p_ks: f64,
@@ -87,10 +87,10 @@ pub struct Parameter {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    pub plan: Plan,
+    pub plan: ReplicatePlan,
     /// Replicates done, and those whose chains converged.
     pub done: [usize; 2],
-    pub parameters: Vec<Parameter>,
+    pub parameters: Vec<ParameterRanks>,
     /// For each of [`LEVELS`] the counts between which a calibrated posterior lies in 99 % of cases.
     pub bands: [[usize; 2]; 3],
 }
@@ -110,12 +110,12 @@ pub fn model_of(model: &Model) -> Model {
 pub fn calibrate(
     model: &Model,
     twin: &Twin,
-    plan: &Plan,
+    plan: &ReplicatePlan,
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<Replicate>> {
     // a longer or shorter record of the same plan is the same record
-    let of = Plan {
+    let of = ReplicatePlan {
         replicates: 0,
         ..plan.clone()
     };
@@ -129,7 +129,7 @@ pub fn calibrate(
     };
     progress.begin(&format!("calibration, {noise}"), Some(todo.len() as u64));
     for some in todo.chunks(2 * rayon::current_num_threads()) {
-        let truths: Vec<Truth> = some.iter().map(|&k| draw(model, plan, k)).collect();
+        let truths: Vec<TwinTruth> = some.iter().map(|&k| draw(model, plan, k)).collect();
         let clean = if plan.reduced {
             truths.iter().map(|t| twin.reduced(t)).collect()
         } else {
@@ -158,7 +158,7 @@ pub fn calibrate(
     Ok(done)
 }
 
-impl Plan {
+impl ReplicatePlan {
     /// Replicates of the share that are not done.
     pub fn todo(&self, is_done: impl Fn(usize) -> bool) -> Vec<usize> {
         let own = (0..self.replicates).filter(|&k| self.share.is_none_or(|s| s.has(k)));
@@ -227,7 +227,7 @@ pub fn of_draws(
 }
 
 /// A draw from the prior.
-fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
+fn draw(model: &Model, plan: &ReplicatePlan, replicate: usize) -> TwinTruth {
     let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 1));
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     let inside = |m: &Marginal, x: f64| {
@@ -255,7 +255,7 @@ fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
         .collect();
     let thickness_mm = thickness.mean + thickness.sd * normal();
     let [low, high] = NOISE_NM;
-    Truth {
+    TwinTruth {
         theta,
         additive,
         thickness_mm,
@@ -266,9 +266,9 @@ fn draw(model: &Model, plan: &Plan, replicate: usize) -> Truth {
 fn identify(
     model: &Model,
     twin: &Twin,
-    plan: &Plan,
+    plan: &ReplicatePlan,
     replicate: usize,
-    truth: &Truth,
+    truth: &TwinTruth,
     mut u: Vec<[f64; 2]>,
 ) -> Result<Replicate> {
     let noise = twin.noise(
@@ -318,7 +318,7 @@ fn identify(
 }
 
 /// Rank statistics, uniformity and coverage of replicates.
-pub fn summarise(plan: &Plan, names: &[String], replicates: &[Replicate]) -> Summary {
+pub fn summarise(plan: &ReplicatePlan, names: &[String], replicates: &[Replicate]) -> Summary {
     let n = replicates.len();
     let parameter = |(k, name): (usize, &String)| {
         let mut bins = [0; 10];
@@ -335,7 +335,7 @@ pub fn summarise(plan: &Plan, names: &[String], replicates: &[Replicate]) -> Sum
                 .map(|r| (r.mean[k] - r.truth[k]) / r.sd[k])
         };
         let count = n.max(1) as f64;
-        Parameter {
+        ParameterRanks {
             name: name.clone(),
             p_ks: kolmogorov(replicates.iter().map(|r| r.below[k]).collect()),
             p_ranks: chi_square(&bins),

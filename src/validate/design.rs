@@ -1,27 +1,23 @@
 //! What to measure next: experiments that were not made yet, each with what it would say of the constants, alone and beside one that
 //! was, and what the two would show of effects that neither shows by itself.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::error::Result;
 use crate::experiment::frequencies::{EdgeSpec, FrequenciesSpec, PlateSpec, SupportSpec};
-use crate::experiment::simulate::HALF_WINDOW;
-use crate::infer::{FrequenciesModel, Marginal, Model, plate_information};
-use crate::laminate::{Material, MeanSd, abd};
-use crate::quantity::NM_PER_MM;
-use crate::trace::{Hidden, Information, field_information};
+use crate::infer::Model;
+use crate::laminate::{MeanSd, abd};
+use crate::study::frequencies::PlateTest;
+use crate::study::{Experiment, MeasuredField, Measuring, SharedConstants, Study};
+use crate::trace::{Hidden, Information};
 
 /// An experiment that could be made.
-pub struct Candidate {
+#[derive(Clone)]
+pub struct ProposedExperiment {
     pub name: String,
-    pub test: Test,
-}
-
-/// What kind it is of.
-pub enum Test {
-    Field(Box<Model>),
-    Plate(Box<FrequenciesSpec>),
+    pub test: Arc<dyn Experiment>,
 }
 
 /// A candidate with what it would say.
@@ -30,21 +26,6 @@ pub struct Assessed {
     pub is_field: bool,
     pub information: Information,
 }
-
-/// How a field would be measured.
-#[derive(Debug, Clone, Copy)]
-pub struct Measuring {
-    /// Noise sd of a point, nm.
-    pub noise_nm: f64,
-    /// Points along each side of the window, a square about the hole.
-    pub grid: usize,
-}
-
-/// Points along each side of the window at which a field is looked at: each stands for all of its tile.
-const TILES: usize = 25;
-
-/// Factor on the mesh of a candidate: a sensitivity need not be as good as a prediction.
-const COARSER: f64 = 0.5;
 
 /// Turns of the layup, degrees.
 const TURNS: [f64; 7] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0];
@@ -61,31 +42,18 @@ const DENSITY: MeanSd = MeanSd {
     sd: 5.0,
 };
 
-/// What a model file declares, its field first.
-pub fn declared(model: &Model) -> Vec<Candidate> {
-    let field = Candidate {
-        name: model.experiment().name.clone(),
-        test: Test::Field(Box::new(model.clone())),
+/// The experiments of a study.
+pub fn declared(study: &Study) -> Vec<ProposedExperiment> {
+    let candidate = |test: &Arc<dyn Experiment>| ProposedExperiment {
+        name: test.name().into(),
+        test: Arc::clone(test),
     };
-    let plates = model.file.frequencies.iter().map(of_plate);
-    std::iter::once(field).chain(plates).collect()
-}
-
-/// The experiments of a model of plates.
-pub fn declared_plates(model: &FrequenciesModel) -> Vec<Candidate> {
-    model.file.experiments.iter().map(of_plate).collect()
-}
-
-fn of_plate(spec: &FrequenciesSpec) -> Candidate {
-    Candidate {
-        name: spec.name.clone(),
-        test: Test::Plate(Box::new(spec.clone())),
-    }
+    study.experiments.iter().map(candidate).collect()
 }
 
 /// Other coupons of a model's laminate and of one ply direction, with the hole of the model, one of twice its size and none, under the force
 /// that strains them as much.
-pub fn coupons(model: &Model) -> Vec<Candidate> {
+pub fn coupons(model: &Model) -> Vec<ProposedExperiment> {
     let Some(layup) = model.experiment().specimen.layup_deg.clone() else {
         return Vec::new();
     };
@@ -103,9 +71,9 @@ pub fn coupons(model: &Model) -> Vec<Candidate> {
                     continue;
                 }
                 let turned: Vec<f64> = angles.iter().map(|a| a + turn).collect();
-                let candidate = coupon(model, turned, times).map(|model| Candidate {
+                let candidate = coupon(model, turned, times).map(|model| ProposedExperiment {
                     name: format!("coupon, {what} at {turn} deg{hole}"),
-                    test: Test::Field(Box::new(model)),
+                    test: Arc::new(MeasuredField { model }),
                 });
                 all.extend(candidate);
             }
@@ -117,7 +85,6 @@ pub fn coupons(model: &Model) -> Vec<Candidate> {
 /// The model with another layup and hole; none where that is no specimen.
 fn coupon(model: &Model, layup: Vec<f64>, times: f64) -> Option<Model> {
     let mut other = model.clone();
-    other.file.frequencies.clear();
     let before = longitudinal(model)?;
     let spec = other.experiment_mut();
     spec.specimen.layup_deg = Some(layup);
@@ -149,7 +116,7 @@ fn longitudinal(model: &Model) -> Option<f64> {
 }
 
 /// Free plates of a layup and of one ply direction, turned and of several sides, all of one area.
-pub fn plates(layup: &[f64], thickness_mm: MeanSd) -> Vec<Candidate> {
+pub fn plates(layup: &[f64], thickness_mm: MeanSd) -> Vec<ProposedExperiment> {
     let single = vec![0.0; layup.len()];
     let mut all = Vec::new();
     for (what, angles) in [("layup", layup), ("one direction", &single)] {
@@ -158,9 +125,11 @@ pub fn plates(layup: &[f64], thickness_mm: MeanSd) -> Vec<Candidate> {
                 let turned = angles.iter().map(|a| a + turn).collect();
                 let sides = [SIDE_MM * aspect.sqrt(), SIDE_MM / aspect.sqrt()];
                 let [a, b] = sides;
-                all.push(Candidate {
+                all.push(ProposedExperiment {
                     name: format!("plate, {what} at {turn} deg, {a:.0} x {b:.0} mm"),
-                    test: Test::Plate(Box::new(plate(turned, sides, thickness_mm))),
+                    test: Arc::new(PlateTest {
+                        spec: plate(turned, sides, thickness_mm),
+                    }),
                 });
             }
         }
@@ -168,7 +137,8 @@ pub fn plates(layup: &[f64], thickness_mm: MeanSd) -> Vec<Candidate> {
     all
 }
 
-fn plate(layup_deg: Vec<f64>, sides: [f64; 2], thickness_mm: MeanSd) -> FrequenciesSpec {
+/// A free plate that was not made yet.
+pub fn plate(layup_deg: Vec<f64>, sides: [f64; 2], thickness_mm: MeanSd) -> FrequenciesSpec {
     let [length_mm, width_mm] = sides.map(|mean| MeanSd { mean, sd: 0.1 });
     FrequenciesSpec {
         name: "plate".into(),
@@ -203,55 +173,21 @@ fn plate(layup_deg: Vec<f64>, sides: [f64; 2], thickness_mm: MeanSd) -> Frequenc
 /// What each candidate would say, in their order. Those that cannot be made (a laminate that couples bending with stretching does not
 /// vibrate in plates of this theory) are left out. `step` is called after each.
 pub fn assess(
-    candidates: &[Candidate],
-    material: Material,
-    constants: &[(String, Marginal)],
+    candidates: &[ProposedExperiment],
+    shared: &SharedConstants,
     measuring: Measuring,
     step: &(dyn Fn() + Sync),
 ) -> Vec<Assessed> {
-    let of = |candidate: &Candidate| {
-        let found = information(&candidate.test, material, constants, measuring);
+    let assessed = |candidate: &ProposedExperiment| {
+        let found = candidate.test.information(shared, measuring);
         step();
         Some(Assessed {
             name: candidate.name.clone(),
-            is_field: matches!(candidate.test, Test::Field(_)),
+            is_field: candidate.test.field().is_some(),
             information: found.ok()?,
         })
     };
-    candidates.par_iter().filter_map(of).collect()
-}
-
-/// What one test would say.
-///
-/// # Errors
-/// A specimen that cannot be computed.
-pub fn information(
-    test: &Test,
-    material: Material,
-    constants: &[(String, Marginal)],
-    measuring: Measuring,
-) -> Result<Information> {
-    match test {
-        Test::Plate(spec) => plate_information(spec, material, constants).map(Information::plain),
-        Test::Field(model) => {
-            let mut model = (**model).clone();
-            model.experiment_mut().mesh_density *= COARSER;
-            let half = HALF_WINDOW * model.experiment().specimen.width_mm;
-            let at = |k: usize| half * ((2 * k + 1) as f64 / TILES as f64 - 1.0);
-            let rows = (0..TILES).flat_map(|i| (0..TILES).map(move |j| [i, j]));
-            let points: Vec<[f64; 2]> = rows.map(|[i, j]| [at(i), at(j)]).collect();
-            // of the points of a tile those count that lie in subsets of their own
-            let tile = 2.0 * half / TILES as f64;
-            let side = model.subsets().map_or(0.0, |s| s.side_mm);
-            let points_in_tile = (measuring.grid as f64 / TILES as f64).powi(2);
-            let worth = points_in_tile.min((tile / side).powi(2));
-            field_information(
-                &model,
-                &points,
-                measuring.noise_nm / NM_PER_MM / worth.sqrt(),
-            )
-        }
-    }
+    candidates.par_iter().filter_map(assessed).collect()
 }
 
 /// Posterior sds of the constants over their prior sds, by some information.

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use super::calibration::{NOISE_NM, Plan};
+use super::calibration::{NOISE_NM, ReplicatePlan};
 use crate::effect::{Acting, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::Gauge;
@@ -15,6 +15,7 @@ use crate::experiment::simulate::Truth;
 use crate::experiment::simulate::series::SeriesTruth;
 use crate::field::{READERS, Source};
 use crate::infer::{EffectUnderLaw, Model};
+use crate::parameter::Parameter;
 use crate::trace::{SIZES, acting_in, candidates};
 
 /// The true noise sd of a point of image correlation is drawn from this interval, evenly in its logarithm, nm.
@@ -29,21 +30,44 @@ pub fn noise_nm(model: &Model) -> [f64; 2] {
     images.map_or(NOISE_NM, |_| IMAGES_NM)
 }
 
+/// How many effects act, and how strongly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Acts {
+    /// As many as the loop expects, with amplitudes from their priors.
+    Expected,
+    /// The same, but one at least.
+    AtLeastOne,
+    /// Any number up to this one, equally often, each amplitude of one to two plausible sizes.
+    UpTo(usize),
+}
+
 /// A draw from the priors.
 pub struct Drawn {
-    /// All but what moves the specimen from step to step.
+    /// All but what is another from step to step.
     truth: Truth,
-    /// What moves it, with the stated amplitude.
+    /// What moves the specimen or changes the force, with the stated amplitude.
     moving: Vec<(EffectUnderLaw, Vec<f64>)>,
+    /// True force of every step of a series over the nominal one, with the error that it has of its own.
+    loads: Option<Vec<f64>>,
     pub acted: Vec<EffectUnderLaw>,
 }
 
 impl Drawn {
-    /// By the seed of the replicate and of the attempt; with an effect at least if one is to be `withheld`.
-    pub fn new(model: &Model, plan: &Plan, withheld: bool, replicate: usize, attempt: u64) -> Self {
+    /// By the seed of the replicate and of the attempt.
+    pub fn new(
+        model: &Model,
+        plan: &ReplicatePlan,
+        acts: Acts,
+        replicate: usize,
+        attempt: u64,
+    ) -> Self {
         let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 4 + attempt));
         let constants = constants(model, &mut rng);
-        let acted = acted(model, withheld, &mut rng);
+        let acted = acted(model, acts, &mut rng);
+        let size = match acts {
+            Acts::UpTo(_) => AmplitudeSize::Plain,
+            Acts::Expected | Acts::AtLeastOne => AmplitudeSize::Prior,
+        };
         let mut truth = Truth {
             constants,
             thickness_mm: 0.0,
@@ -55,8 +79,8 @@ impl Drawn {
         };
         let mut moving = Vec::new();
         for acts in &acted {
-            let amplitude = amplitude(model, acts, &mut rng);
-            if acts.law.is_some() {
+            let amplitude = amplitude(model, acts, size, &mut rng);
+            if acts.varies() {
                 moving.push((*acts, amplitude));
             } else {
                 let effect = acts.effect;
@@ -69,7 +93,7 @@ impl Drawn {
         };
         truth.effects.push(Acting {
             effect: force_scale(),
-            amplitude: amplitude(model, &load, &mut rng),
+            amplitude: amplitude(model, &load, AmplitudeSize::Prior, &mut rng),
         });
         // the load scale has its own draw above
         let thickness = model.experiment().specimen.thickness_mm;
@@ -78,9 +102,16 @@ impl Drawn {
         truth.thickness_mm = thickness.mean + thickness.sd * z;
         truth.noise_nm = low * (high / low).powf(rng.random());
         truth.seed = rng.random();
+        let share = 0.01 * model.experiment().forces().sd_percent;
+        let mut in_error = |f: f64| {
+            let z: f64 = StandardNormal.sample(&mut rng);
+            f * (1.0 + share * z)
+        };
+        let loads = loads(model).map(|all| all.into_iter().map(&mut in_error).collect());
         Self {
             truth,
             moving,
+            loads,
             acted,
         }
     }
@@ -88,6 +119,20 @@ impl Drawn {
     /// True constants.
     pub fn constants(&self) -> &[f64] {
         &self.truth.constants
+    }
+
+    /// Amplitudes of what acts in the model, as the loop weighs them.
+    pub fn amplitude(&self, acts: &EffectUnderLaw) -> &[f64] {
+        let moving = self.moving.iter().find(|(m, _)| m.is(acts)).map(|(_, a)| a);
+        let fixed = || {
+            self.truth
+                .effects
+                .iter()
+                .find(|a| a.effect.name() == acts.effect.name())
+        };
+        moving
+            .or_else(|| fixed().map(|a| &a.amplitude))
+            .map_or(&[], Vec::as_slice)
     }
 
     /// What is true, by the names of the quoted draws: the constants first.
@@ -102,11 +147,10 @@ impl Drawn {
             }
         }
         for (acts, amplitude) in &self.moving {
-            let law = acts
-                .law
-                .map_or(String::new(), |law| format!("@{}", law.key()));
+            let law = acts.law.map(|law| law.key());
             for (p, x) in acts.effect.parameters().iter().zip(amplitude) {
-                known.push((format!("{}{law}", amplitude_name(acts.effect, p)), *x));
+                let amplitude = Parameter::amplitude(acts.effect.name(), p.name).under(law.clone());
+                known.push((amplitude.name(), *x));
             }
         }
         known
@@ -125,8 +169,8 @@ impl Drawn {
             path: None,
             columns: None,
         };
-        if let Some(loads) = loads(model) {
-            let simulated = model.simulate_series(&self.series(model, loads))?;
+        if let (Some(loads), Some(declared)) = (&self.loads, loads(model)) {
+            let simulated = model.simulate_series(&self.series(model, loads, &declared))?;
             let experiment = measured.experiment_mut();
             // no point of a specimen that moves stands still
             experiment.gauge = Gauge::Window;
@@ -143,9 +187,9 @@ impl Drawn {
         Ok(measured)
     }
 
-    fn series(&self, model: &Model, loads: Vec<f64>) -> SeriesTruth {
-        let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-        let relative: Vec<f64> = loads.iter().map(|f| f / largest).collect();
+    fn series(&self, model: &Model, loads: &[f64], declared: &[f64]) -> SeriesTruth {
+        let largest = declared.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        let relative: Vec<f64> = declared.iter().map(|f| f / largest).collect();
         let moving = self.moving.iter().flat_map(|(acts, amplitude)| {
             let of = |weights| Moving {
                 effect: acts.effect,
@@ -157,7 +201,7 @@ impl Drawn {
         SeriesTruth {
             shared: self.truth.clone(),
             moving: moving.collect(),
-            loads,
+            loads: loads.to_vec(),
             motion_mm: MOTION_MM,
             subsets: model.subsets(),
         }
@@ -188,19 +232,24 @@ fn constants(model: &Model, rng: &mut Pcg64Dxsm) -> Vec<f64> {
     }
 }
 
-/// As many effects as the loop expects, each by one law.
-fn acted(model: &Model, withheld: bool, rng: &mut Pcg64Dxsm) -> Vec<EffectUnderLaw> {
+/// Effects that act, each by one law.
+fn acted(model: &Model, acts: Acts, rng: &mut Pcg64Dxsm) -> Vec<EffectUnderLaw> {
     let (effects, _) = candidates(model);
     let mut open: Vec<EffectUnderLaw> = match loads(model) {
         Some(loads) => acting_in(&effects, &loads),
         None => EffectUnderLaw::without_laws(&effects),
     };
     let mut left: f64 = rng.random();
-    let number = SIZES.iter().take_while(|p| {
+    let expected = SIZES.iter().take_while(|p| {
         left -= *p;
         left > 0.0
     });
-    let number = number.count().max(usize::from(withheld));
+    let expected = expected.count();
+    let number = match acts {
+        Acts::Expected => expected,
+        Acts::AtLeastOne => expected.max(1),
+        Acts::UpTo(most) => rng.random_range(0..=most),
+    };
     let mut acted: Vec<EffectUnderLaw> = Vec::new();
     while acted.len() < number && !open.is_empty() {
         let one = open.swap_remove(rng.random_range(0..open.len()));
@@ -210,17 +259,35 @@ fn acted(model: &Model, withheld: bool, rng: &mut Pcg64Dxsm) -> Vec<EffectUnderL
     acted
 }
 
-/// An amplitude from the prior with which the loop weighs it.
-fn amplitude(model: &Model, acts: &EffectUnderLaw, rng: &mut Pcg64Dxsm) -> Vec<f64> {
+/// How large an amplitude is drawn.
+#[derive(Clone, Copy)]
+enum AmplitudeSize {
+    /// From the prior with which the loop weighs it.
+    Prior,
+    /// One to two sds of that prior, of either sign.
+    Plain,
+}
+
+/// Amplitudes of an effect.
+fn amplitude(
+    model: &Model,
+    acts: &EffectUnderLaw,
+    size: AmplitudeSize,
+    rng: &mut Pcg64Dxsm,
+) -> Vec<f64> {
     let is_series = model.experiment().steps.is_some();
     let parameters = acts.effect.parameters().iter().enumerate();
-    let one = |(k, p): (usize, &crate::effect::Parameter)| {
+    let one = |(k, p): (usize, &crate::effect::EffectParameter)| {
         let sd = if is_series {
             model.prior_sd_in_series(acts.effect, k)
         } else {
             model.prior_sd(acts.effect, k).unwrap_or(0.0)
         };
         let z: f64 = StandardNormal.sample(rng);
+        let z = match size {
+            AmplitudeSize::Prior => z,
+            AmplitudeSize::Plain => rng.random_range(1.0..2.0_f64).copysign(z),
+        };
         let z = if p.positive { z.abs() } else { z };
         (sd * z).clamp(-p.bound, p.bound)
     };

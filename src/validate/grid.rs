@@ -2,11 +2,12 @@
 
 use nalgebra::DMatrix;
 
-use super::quadrature::{Marginalised, Moments, Node};
+use super::quadrature::{GridMoments, Marginalised, Node};
 use crate::chain::Draws;
 use crate::error::{Error, Result};
 use crate::infer::Posterior;
 use crate::numeric::shares;
+use crate::parameter::is_modulus;
 use crate::sample::Laplace;
 
 /// Nodes along a side by default, as in the article.
@@ -19,12 +20,12 @@ pub const REACH_SDS: f64 = 5.0;
 const MOST: usize = 4_000_000;
 
 /// A posterior on a grid, noise integrated.
-pub struct Grid {
+pub struct PosteriorGrid {
     /// Bounds of each structural parameter.
     pub bounds: Vec<[f64; 2]>,
     /// Nodes along each side.
     pub side: usize,
-    pub moments: Moments,
+    pub moments: GridMoments,
     /// Coordinates of each side's nodes, and the share of the probability at each.
     pub marginals: Vec<Vec<(f64, f64)>>,
     /// Sentences about a grid that is too coarse or too narrow.
@@ -48,7 +49,7 @@ pub fn check_bounds(posterior: &Posterior, bounds: &[[f64; 2]]) -> Result<()> {
             )
             .found(format!("{low}:{high}")));
         }
-        if name.ends_with("_GPa") && *low <= 0.0 {
+        if is_modulus(name) && *low <= 0.0 {
             return Err(Error::input(
                 format!("--bounds {name}"),
                 "moduli above 0, which an admissible ply has",
@@ -83,7 +84,7 @@ pub fn automatic(posterior: &Posterior, mean: &[f64], sd: &[f64]) -> Vec<[f64; 2
         .zip(posterior.parameter_names())
         .map(|((m, (mean, sd)), name)| {
             let [low, high] = m.bounds();
-            let floor = if name.ends_with("_GPa") {
+            let floor = if is_modulus(name) {
                 1e-3 * mean.abs()
             } else {
                 f64::NEG_INFINITY
@@ -96,7 +97,7 @@ pub fn automatic(posterior: &Posterior, mean: &[f64], sd: &[f64]) -> Vec<[f64; 2
         .collect()
 }
 
-impl Grid {
+impl PosteriorGrid {
     /// Evaluate at `side` nodes a parameter over `bounds`.
     ///
     /// # Errors
@@ -136,7 +137,7 @@ impl Grid {
                 (0..d).filter(|&k| matches!(index(node, k), i if i == 0 || i + 1 == side));
             cell - borders.count() as f64 * 2_f64.ln()
         };
-        let moments = Moments::of(posterior, &thetas, &nodes, log_weight);
+        let moments = GridMoments::of(posterior, &thetas, &nodes, log_weight);
         if !moments.log_evidence.is_finite() {
             return Err(
                 Error::input("--bounds", "bounds that hold some of the posterior")

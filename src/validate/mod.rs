@@ -10,4 +10,5 @@ pub mod quadrature;
 pub mod record;
 pub mod thickness;
 pub mod twin;
+pub mod verdicts;
 pub mod whole_loop;

@@ -1,17 +1,17 @@
 //! How far the posterior depends on the prior's cuts and means.
 
 use super::article;
-use super::grid::{Grid, automatic};
-use super::quadrature::Moments;
+use super::grid::{PosteriorGrid, automatic};
+use super::quadrature::GridMoments;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::infer::{Marginal, Posterior};
 use crate::sample::{LogDensity, laplace};
 
 /// One choice of prior.
-pub struct Row {
+pub struct PriorRow {
     pub prior: String,
-    pub moments: Moments,
+    pub moments: GridMoments,
     /// Warnings of its grid.
     pub warnings: Vec<String>,
 }
@@ -19,7 +19,7 @@ pub struct Row {
 /// Priors beside each other, and what a cut would cut off.
 pub struct PriorTable {
     /// The declared prior first.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PriorRow>,
     /// The box of the cut, its name, and the share of the chain's draws outside of it, if there are draws.
     pub outside: Option<(String, Vec<[f64; 2]>, f64)>,
 }
@@ -85,7 +85,12 @@ pub fn compare(
     Ok(PriorTable { rows, outside })
 }
 
-fn row(posterior: &Posterior, prior: String, marginals: Vec<Marginal>, side: usize) -> Result<Row> {
+fn row(
+    posterior: &Posterior,
+    prior: String,
+    marginals: Vec<Marginal>,
+    side: usize,
+) -> Result<PriorRow> {
     let d = posterior.structural();
     let other = posterior.with_marginals(marginals);
     let (centre, sd) = other.start();
@@ -94,8 +99,8 @@ fn row(posterior: &Posterior, prior: String, marginals: Vec<Marginal>, side: usi
         .map(|k| mode.covariance[k * other.dim() + k].sqrt())
         .collect();
     let bounds = automatic(&other, &mode.mode[..d], &sd);
-    let grid = Grid::new(&other, &mode, &bounds, side)?;
-    Ok(Row {
+    let grid = PosteriorGrid::new(&other, &mode, &bounds, side)?;
+    Ok(PriorRow {
         prior,
         moments: grid.moments,
         warnings: grid.warnings,

@@ -114,7 +114,7 @@ impl<'a> Marginalised<'a> {
 
 /// Mean, sd and correlation of weighted points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moments {
+pub struct GridMoments {
     /// Names of the parameters; the noise last, unless it is declared.
     pub names: Vec<String>,
     pub mean: Vec<f64>,
@@ -125,7 +125,7 @@ pub struct Moments {
     pub log_evidence: f64,
 }
 
-impl Moments {
+impl GridMoments {
     /// Moments of points (points x structural parameters) with their integrals over the noise and the log of the weight
     /// of each point.
     pub fn of(
@@ -178,7 +178,7 @@ impl Moments {
 }
 
 /// The quick second opinion: five nodes a direction, about the mode and scaled by its curvature, noise integrated.
-pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<Moments> {
+pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<GridMoments> {
     let (d, dim) = (posterior.structural(), posterior.dim());
     if d > MOST_DIRECTIONS {
         return None;
@@ -199,7 +199,7 @@ pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<Moments> {
     let volume = lower.diagonal().iter().map(|l| l.ln()).sum::<f64>()
         + 0.5 * d as f64 * std::f64::consts::TAU.ln();
     let nodes = Marginalised::new(posterior, mode).evaluate(&thetas).ok()?;
-    Some(Moments::of(posterior, &thetas, &nodes, |i| {
+    Some(GridMoments::of(posterior, &thetas, &nodes, |i| {
         logs[i] + volume
     }))
 }

@@ -9,14 +9,14 @@ use crate::error::{Error, Result};
 use crate::experiment::load_response;
 use crate::field::{Field, Rejected};
 use crate::identify::Prepared;
-use crate::infer::{Columns, Model, Observation};
+use crate::infer::{Model, Observation, UnitColumns};
 use crate::noise::matern_pair;
 use crate::numeric::add_scaled;
 use crate::quantity::NM_PER_MM;
 
 /// What is true of one simulated measurement.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Truth {
+pub struct TwinTruth {
     /// Constants, then mechanical amplitudes, border units.
     pub theta: Vec<f64>,
     pub thickness_mm: f64,
@@ -31,7 +31,7 @@ pub struct Twin {
     /// Problem, reduced model; the observation has the lattice's points and no displacement.
     pub prepared: Prepared,
     /// Columns at the points.
-    pub columns: Columns,
+    pub columns: UnitColumns,
     nominal_mm: f64,
     shape: [usize; 2],
     spacing: [f64; 2],
@@ -97,7 +97,7 @@ impl Twin {
     }
 
     /// Noise-free fields (mm) of the response surfaces and modes.
-    pub fn reduced(&self, truth: &Truth) -> Vec<[f64; 2]> {
+    pub fn reduced(&self, truth: &TwinTruth) -> Vec<[f64; 2]> {
         let point = self.point(truth);
         let mut alpha = self.prepared.reduced.surface.evaluate(&point);
         if !self.prepared.problem.varies_thickness() {
@@ -114,10 +114,10 @@ impl Twin {
     /// Those of a finite-element solution.
     pub fn finite_elements(
         &self,
-        truths: &[Truth],
+        truths: &[TwinTruth],
         step: &(dyn Fn() + Sync),
     ) -> Result<Vec<Vec<[f64; 2]>>> {
-        let field = |truth: &Truth| {
+        let field = |truth: &TwinTruth| {
             let state = self.prepared.problem.state(&self.point(truth));
             let mut u = self.prepared.predict(&state)?.field;
             for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
@@ -130,13 +130,13 @@ impl Twin {
     }
 
     /// A point of the reduced model's parameters.
-    fn point(&self, truth: &Truth) -> Vec<f64> {
+    fn point(&self, truth: &TwinTruth) -> Vec<f64> {
         self.prepared
             .problem
             .point(&truth.theta, truth.thickness_mm)
     }
 
-    fn combine(&self, alpha: &[f64], truth: &Truth) -> Vec<[f64; 2]> {
+    fn combine(&self, alpha: &[f64], truth: &TwinTruth) -> Vec<[f64; 2]> {
         let mut u = vec![[0.0; 2]; self.points()];
         let columns = self.columns.modes.iter().chain(&self.columns.effects);
         for (column, a) in columns.zip(alpha.iter().chain(&truth.additive)) {

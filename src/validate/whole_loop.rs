@@ -6,17 +6,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::calibration::{Parameter, Plan, Replicate, model_of, of_draws, summarise};
-use super::drawn::{Drawn, noise_nm};
+use super::calibration::{ParameterRanks, Replicate, ReplicatePlan, model_of, of_draws, summarise};
+use super::drawn::{Acts, Drawn, noise_nm};
 use super::record::Record;
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::identify::Options;
+use crate::identify::doubts::Doubting;
 use crate::infer::Model;
 use crate::progress::{Progress, Silent};
-use crate::sample::{SAMPLERS, Schedule};
+use crate::sample::{SAMPLERS, Sampler, Schedule};
 use crate::trace::{LoopStage, ToQuote, candidates, close, quoted_rule};
 
 /// One line of the record.
@@ -36,7 +38,7 @@ pub struct LoopReplicate {
 }
 
 /// Rounds after which a loop ends.
-const ROUNDS: usize = 5;
+pub(super) const ROUNDS: usize = 5;
 /// A replicate whose effects cannot act together is drawn anew, so often.
 const ATTEMPTS: u64 = 20;
 
@@ -46,32 +48,63 @@ const ATTEMPTS: u64 = 20;
 /// A record of another plan; what simulation and the loop may fail with.
 pub fn calibrate_loop(
     model: &Model,
-    plan: &Plan,
+    plan: &ReplicatePlan,
     withheld: bool,
     cache: &Path,
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<LoopReplicate>> {
-    let model = model_of(model);
-    refuse_unknown_forces(&model)?;
+    let model = &model_of(model);
+    refuse_unknown_forces(model)?;
+    let one = |k: usize| {
+        let acts = if withheld {
+            Acts::AtLeastOne
+        } else {
+            Acts::Expected
+        };
+        let found = |model: &Model, drawn: &Drawn| closed(model, plan, withheld, k, drawn, cache);
+        measured(model, plan, (acts, k), path, &found)
+    };
+    replicates((path, &(withheld, &model.file)), plan, &one, progress)
+}
+
+/// What is one of a plan's replicates.
+pub(super) trait Numbered: Serialize + DeserializeOwned + Send {
+    /// Which it is.
+    fn replicate(&self) -> usize;
+}
+
+impl Numbered for LoopReplicate {
+    fn replicate(&self) -> usize {
+        self.ranked.replicate
+    }
+}
+
+/// Do what the record at a path lacks of a plan's replicates, as many at a time as there are threads. `of` is what else the record is of.
+///
+/// # Errors
+/// A record of something else; those of `one`.
+pub(super) fn replicates<T: Numbered>(
+    (path, of): (&Path, &impl Serialize),
+    plan: &ReplicatePlan,
+    one: &(dyn Fn(usize) -> Result<T> + Sync),
+    progress: &dyn Progress,
+) -> Result<Vec<T>> {
     // a longer or shorter record of the same plan is the same record
-    let of = Plan {
+    let any_length = ReplicatePlan {
         replicates: 0,
         ..plan.clone()
     };
-    let of = (of, withheld, &model.file);
-    let (mut record, mut done) = Record::open_among::<LoopReplicate>(path, &of, plan.share)?;
-    let todo = plan.todo(|k| done.iter().any(|r| r.ranked.replicate == k));
+    let (mut record, mut done) = Record::open_among::<T>(path, &(any_length, of), plan.share)?;
+    let todo = plan.todo(|k| done.iter().any(|r| r.replicate() == k));
     progress.begin("calibration of the loop", Some(todo.len() as u64));
     for some in todo.chunks(rayon::current_num_threads()) {
-        let found: Vec<Result<LoopReplicate>> = some
-            .par_iter()
-            .map(|&k| {
-                let found = replicate(&model, plan, withheld, k, cache, path);
-                progress.step();
-                found
-            })
-            .collect();
+        let of = |k: &usize| {
+            let found = one(*k);
+            progress.step();
+            found
+        };
+        let found: Vec<Result<T>> = some.par_iter().map(of).collect();
         for found in found {
             let found = found?;
             record.add(&found)?;
@@ -79,14 +112,14 @@ pub fn calibrate_loop(
         }
     }
     progress.end();
-    done.retain(|r| r.ranked.replicate < plan.replicates);
-    done.sort_by_key(|r| r.ranked.replicate);
-    done.dedup_by_key(|r| r.ranked.replicate);
+    done.retain(|r| r.replicate() < plan.replicates);
+    done.sort_by_key(Numbered::replicate);
+    done.dedup_by_key(|r| r.replicate());
     Ok(done)
 }
 
 /// Forces cannot be drawn about values that nobody declares.
-fn refuse_unknown_forces(model: &Model) -> Result<()> {
+pub(super) fn refuse_unknown_forces(model: &Model) -> Result<()> {
     let steps = model.experiment().steps.as_deref().unwrap_or_default();
     let Some(k) = steps.iter().position(|s| s.force_n.is_none()) else {
         return Ok(());
@@ -99,24 +132,23 @@ fn refuse_unknown_forces(model: &Model) -> Result<()> {
     )
 }
 
-/// Simulate, close the loop, and look for the truth.
-fn replicate(
+/// Simulate a replicate, and what is `found` in its measurement.
+pub(super) fn measured<T>(
     model: &Model,
-    plan: &Plan,
-    withheld: bool,
-    replicate: usize,
-    cache: &Path,
+    plan: &ReplicatePlan,
+    (acts, replicate): (Acts, usize),
     record: &Path,
-) -> Result<LoopReplicate> {
+    found: &dyn Fn(&Model, &Drawn) -> Result<T>,
+) -> Result<T> {
     let mut last = None;
     for attempt in 0..ATTEMPTS {
-        let drawn = Drawn::new(model, plan, withheld, replicate, attempt);
+        let drawn = Drawn::new(model, plan, acts, replicate, attempt);
         // each thread has a place of its own for the measurement
         let place = record.with_extension(format!("field-{replicate}"));
         match drawn.simulated(model, &place) {
             Err(e) => last = Some(e),
             Ok(measured) => {
-                let found = closed(&measured, plan, withheld, replicate, &drawn, cache);
+                let found = found(&measured, &drawn);
                 // a field that cannot be removed does no harm
                 let _ = std::fs::remove_dir_all(&place);
                 return found.map_err(|e| e.within(format!("replicate {replicate}")));
@@ -131,7 +163,7 @@ fn replicate(
 
 fn closed(
     model: &Model,
-    plan: &Plan,
+    plan: &ReplicatePlan,
     withheld: bool,
     replicate: usize,
     drawn: &Drawn,
@@ -145,23 +177,7 @@ fn closed(
         model.experiment_mut().candidates = Some(names.map(String::from).collect());
     }
     let sampler = (SAMPLERS[0].build)();
-    let stream = |stage: LoopStage| match stage {
-        LoopStage::Attempt(attempt) => 100 + attempt as u64,
-        LoopStage::Answer(_) => 199,
-    };
-    let options = |stage: LoopStage| Options {
-        sampler: &*sampler,
-        schedule: Schedule {
-            seed: plan.seed_of(replicate, stream(stage)),
-            ..Schedule::default()
-        },
-        rule: quoted_rule(&Rule::default()),
-        cache: cache.to_path_buf(),
-        refinements: 0,
-        keeping: None,
-        discrepancy: [None, None],
-        deadline: None,
-    };
+    let options = |stage: LoopStage| options(&*sampler, plan, (replicate, stage), cache);
     let found = close(&model, ROUNDS, &options, &Silent)?;
     let intervals = found.quoted();
     let constants = model.constants();
@@ -193,9 +209,36 @@ fn closed(
     })
 }
 
+/// How a stage of a replicate's loop is run.
+pub(super) fn options<'a>(
+    sampler: &'a dyn Sampler,
+    plan: &ReplicatePlan,
+    (replicate, stage): (usize, LoopStage),
+    cache: &Path,
+) -> Options<'a> {
+    let stream = match stage {
+        LoopStage::Attempt(attempt) => 100 + attempt as u64,
+        LoopStage::Answer(_) => 199,
+    };
+    Options {
+        sampler,
+        schedule: Schedule {
+            seed: plan.seed_of(replicate, stream),
+            ..Schedule::default()
+        },
+        rule: quoted_rule(&Rule::default()),
+        cache: cache.to_path_buf(),
+        refinements: 0,
+        keeping: None,
+        discrepancy: [None, None],
+        deadline: None,
+        doubting: Doubting::Unasked,
+    }
+}
+
 /// How the loop fared.
 pub struct LoopSummary {
-    pub plan: Plan,
+    pub plan: ReplicatePlan,
     /// Between which the noise of a point was drawn, nm.
     pub noise_nm: [f64; 2],
     /// Steps of the load series, 0 of a single field.
@@ -203,8 +246,8 @@ pub struct LoopSummary {
     pub withheld: bool,
     pub replicates: usize,
     /// Constants, and amplitudes of effects, each over the replicates that quote it.
-    pub constants: Vec<Parameter>,
-    pub amplitudes: Vec<Parameter>,
+    pub constants: Vec<ParameterRanks>,
+    pub amplitudes: Vec<ParameterRanks>,
     /// Quoted 95 % intervals that hold their constant, of all.
     pub held: [usize; 2],
     /// Replicates flagged, and those that name what did not act.
@@ -216,7 +259,7 @@ pub struct LoopSummary {
 }
 
 impl LoopSummary {
-    pub fn new(model: &Model, plan: &Plan, withheld: bool, all: &[LoopReplicate]) -> Self {
+    pub fn new(model: &Model, plan: &ReplicatePlan, withheld: bool, all: &[LoopReplicate]) -> Self {
         let mut of: BTreeMap<(bool, String), Vec<Replicate>> = BTreeMap::new();
         for r in all {
             for (k, name) in r.names.iter().enumerate() {

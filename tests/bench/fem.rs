@@ -47,6 +47,7 @@ fn setup() -> Setup {
             .map(f64::to_radians)
             .to_vec(),
         thickness: 0.78,
+        thicker: Vec::new(),
         regions: Vec::new(),
         profile: Profile::default(),
         shear_cubic: 0.0,

@@ -20,6 +20,7 @@ use hammer_and_sample as other;
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::Options;
+use plychain::identify::doubts::Doubting;
 use plychain::infer::{Model, Posterior, Tabulated};
 use plychain::progress::Silent;
 use plychain::sample::{
@@ -76,6 +77,7 @@ fn quoted() {
         keeping: None,
         discrepancy: [None, None],
         deadline: None,
+        doubting: Doubting::Unasked,
     };
     let closed = explain(&model, 3, &options, &Silent).unwrap();
     println!("the posterior to quote");

@@ -4,7 +4,9 @@ use std::f64::consts::PI;
 
 use super::support::*;
 use nalgebra::{DMatrix, DVector};
-use plychain::experiment::frequencies::{FrequenciesSpec, Plate, Ritz, Settings, Supports, Theory};
+use plychain::experiment::frequencies::{
+    FrequenciesSpec, PlateSupports, Ritz, Settings, Theory, VibratingPlate,
+};
 use plychain::fem::Vibrating;
 use plychain::geometry::{Density, Geometry, Outline, StripWithHole};
 use plychain::laminate::Ply;
@@ -50,12 +52,12 @@ fn centred(diameter_mm: f64) -> Value {
 #[test]
 fn finite_elements_of_a_plate_without_a_hole_agree_with_ritz() {
     for edge in [HELD, CLAMPED] {
-        let plate = Plate {
+        let plate = VibratingPlate {
             thickness: 4.0,
             ..carbon(&[0.0, 90.0, 90.0, 0.0])
         };
         let settings = Settings {
-            supports: Supports::all(edge),
+            supports: PlateSupports::all(edge),
             ..Settings::free(Theory::Sheared)
         };
         let ritz = Ritz::new(&settings).unwrap();
@@ -130,7 +132,7 @@ fn what_a_hole_does_falls_with_its_area() {
 
 /// Rayleigh-Ritz for a thin free plate with a hole, written for this test: products of Legendre polynomials, the energies those of the square less
 /// those of the circle by quadrature.
-fn by_polynomials(plate: &Plate, radius: f64, order: usize, count: usize) -> Vec<f64> {
+fn by_polynomials(plate: &VibratingPlate, radius: f64, order: usize, count: usize) -> Vec<f64> {
     let d = plate.stiffness().bending;
     let half = 0.5 * plate.length;
     let unknowns = order * order;

@@ -1,12 +1,13 @@
 //! Sensitivities, the air's mass, point masses.
 
 use plychain::experiment::frequencies::{
-    Edge, PARAMETERS, Parameter, Plate, Ritz, Settings, Supports, Theory, TransverseShear, Weight,
+    PARAMETERS, PlateEdge, PlateParameter, PlateSupports, Ritz, Settings, Theory, TransverseShear,
+    VibratingPlate, Weight,
 };
 use plychain::laminate::Ply;
 
-fn plate(weight: Weight, layup_deg: &[f64]) -> Plate {
-    Plate {
+fn plate(weight: Weight, layup_deg: &[f64]) -> VibratingPlate {
+    VibratingPlate {
         length: 200.0,
         width: 150.0,
         thickness: 3.0,
@@ -71,7 +72,7 @@ fn sensitivities_are_the_slopes_of_finite_differences() {
 #[test]
 fn a_pair_of_different_families_keeps_its_own_slopes() {
     // a square cross-ply plate with D11 = D22 has pairs (m, n), (n, m); E1 and the like act on both alike, the length does not
-    let square = Plate {
+    let square = VibratingPlate {
         length: 200.0,
         width: 200.0,
         ply: Ply::isotropic(70e3, 0.3),
@@ -83,14 +84,15 @@ fn a_pair_of_different_families_keeps_its_own_slopes() {
     let modes = ritz.modes(&square.coefficients(), 5).unwrap();
     let pair = [&modes[3], &modes[4]];
     assert!((pair[0].lambda / pair[1].lambda - 1.0).abs() < 1e-9);
-    let slopes =
-        pair.map(|m| ritz.sensitivities_hz(m, &square, &[Parameter::Length, Parameter::Width]));
+    let slopes = pair.map(|m| {
+        ritz.sensitivities_hz(m, &square, &[PlateParameter::Length, PlateParameter::Width])
+    });
     assert!(
         (slopes[0][0] / slopes[1][1] - 1.0).abs() < 1e-6
             && (slopes[0][1] / slopes[1][0] - 1.0).abs() < 1e-6
     );
     let longer = ritz
-        .frequencies_hz(&square.clone().with(Parameter::Length, 200.002), 5)
+        .frequencies_hz(&square.clone().with(PlateParameter::Length, 200.002), 5)
         .unwrap();
     let mut expected = slopes.map(|s| s[0] * 0.002 + pair[0].frequency_hz());
     expected.sort_by(f64::total_cmp);
@@ -133,13 +135,13 @@ fn air_about_a_moving_rectangle_has_the_published_mass() {
 fn air_moves_with_short_waves_as_with_an_infinite_plate() {
     // high modes of a simply supported plate: 2 rho / |k| a unit of area, less what flows about the edges
     let settings = Settings {
-        supports: Supports::all(Edge::SimplySupported),
+        supports: PlateSupports::all(PlateEdge::SimplySupported),
         air_aspect: Some(1.0),
         order: 14,
         ..Settings::free(Theory::Thin)
     };
     let ritz = Ritz::new(&settings).unwrap();
-    let still = Plate {
+    let still = VibratingPlate {
         length: 200.0,
         width: 200.0,
         point_mass: 0.0,
@@ -154,7 +156,7 @@ fn air_moves_with_short_waves_as_with_an_infinite_plate() {
     ]) {
         let k = std::f64::consts::PI * sum.sqrt() / still.length;
         let share = 2.0 * rho / k / still.mass_per_area();
-        let slope = ritz.sensitivities_hz(mode, &still, &[Parameter::AirDensity])[0];
+        let slope = ritz.sensitivities_hz(mode, &still, &[PlateParameter::AirDensity])[0];
         let found = -2.0 * slope * rho / mode.frequency_hz() / share;
         // the lowest modes displace volume, which reaches further than their wave
         let off = if sum < 6.0 { 0.3 } else { 0.15 };
@@ -165,19 +167,19 @@ fn air_moves_with_short_waves_as_with_an_infinite_plate() {
 #[test]
 fn a_point_mass_lowers_what_moves_there() {
     let settings = Settings {
-        supports: Supports::all(Edge::SimplySupported),
+        supports: PlateSupports::all(PlateEdge::SimplySupported),
         point: Some([0.5, 0.5]),
         rotary_inertia: false,
         ..Settings::free(Theory::Thin)
     };
     let ritz = Ritz::new(&settings).unwrap();
-    let bare = Plate {
+    let bare = VibratingPlate {
         point_mass: 0.0,
         air_density: 0.0,
         ..plate(Weight::Density(1.6e-9), &[0.0, 90.0, 90.0, 0.0])
     };
     let total = bare.mass_per_area() * bare.length * bare.width;
-    let loaded = Plate {
+    let loaded = VibratingPlate {
         point_mass: 1e-3 * total,
         ..bare.clone()
     };

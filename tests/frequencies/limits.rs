@@ -2,13 +2,13 @@
 
 use super::support::*;
 use plychain::experiment::frequencies::{
-    EdgeLayers, Plate, Ritz, Settings, Supports, Theory, Weight,
+    EdgeLayers, PlateSupports, Ritz, Settings, Theory, VibratingPlate, Weight,
 };
 use plychain::laminate::Ply;
 
 #[test]
 fn a_sheared_plate_tends_to_a_thin_one() {
-    for supports in [Supports::all(FREE), Supports::all(CLAMPED)] {
+    for supports in [PlateSupports::all(FREE), PlateSupports::all(CLAMPED)] {
         let sheared = Ritz::new(&Settings {
             supports,
             ..Settings::free(Theory::Sheared)
@@ -17,7 +17,7 @@ fn a_sheared_plate_tends_to_a_thin_one() {
         for layup in [&[0.0][..], &[45.0, -45.0, -45.0, 45.0]] {
             let mut last = f64::INFINITY;
             for thickness in [20.0, 2.0, 0.2, 0.02] {
-                let plate = Plate {
+                let plate = VibratingPlate {
                     thickness,
                     ..carbon(layup)
                 };
@@ -85,11 +85,11 @@ fn edge_layers_make_the_sheared_plate_converge() {
 fn frequencies_fall_with_the_order() {
     let plate = carbon(&[30.0, -60.0, -60.0, 30.0]);
     let mut last = vec![f64::INFINITY; 10];
-    let finest = thin(18, Supports::all(FREE))
+    let finest = thin(18, PlateSupports::all(FREE))
         .frequencies_hz(&plate, 10)
         .unwrap();
     for order in [6, 8, 10, 12, 14] {
-        let found = thin(order, Supports::all(FREE))
+        let found = thin(order, PlateSupports::all(FREE))
             .frequencies_hz(&plate, 10)
             .unwrap();
         assert!(
@@ -106,26 +106,26 @@ fn frequencies_fall_with_the_order() {
 #[test]
 fn turning_plate_and_layup_by_90_degrees_changes_nothing() {
     for theory in [Theory::Thin, Theory::Sheared] {
-        let supports = Supports {
+        let supports = PlateSupports {
             x: [CLAMPED, FREE],
             y: [HELD, FREE],
         };
-        let turned = Supports {
+        let turned = PlateSupports {
             x: [FREE, HELD],
             y: [CLAMPED, FREE],
         };
-        let plate = Plate {
+        let plate = VibratingPlate {
             width: 130.0,
             ..carbon(&[20.0, -50.0, -50.0, 20.0])
         };
         let quarter = std::f64::consts::FRAC_PI_2;
-        let other = Plate {
+        let other = VibratingPlate {
             length: plate.width,
             width: plate.length,
             angles: plate.angles.iter().map(|a| a + quarter).collect(),
             ..plate.clone()
         };
-        let of = |supports, plate: &Plate| {
+        let of = |supports, plate: &VibratingPlate| {
             let settings = Settings {
                 supports,
                 ..Settings::free(theory)
@@ -141,8 +141,8 @@ fn turning_plate_and_layup_by_90_degrees_changes_nothing() {
 
 #[test]
 fn shapes_are_sines_of_a_simply_supported_plate_and_have_their_parity() {
-    let ritz = thin(12, Supports::all(HELD));
-    let plate = Plate {
+    let ritz = thin(12, PlateSupports::all(HELD));
+    let plate = VibratingPlate {
         width: 700.0,
         ..isotropic(10.0)
     };
@@ -186,7 +186,7 @@ fn a_reduced_problem_is_exact_at_its_designs_and_close_between() {
             g12,
             ..plate.ply
         };
-        Plate {
+        VibratingPlate {
             ply,
             ..plate.clone()
         }
@@ -227,22 +227,22 @@ fn a_reduced_problem_is_exact_at_its_designs_and_close_between() {
 
 #[test]
 fn wrong_input_is_refused_with_its_place() {
-    let ritz = thin(4, Supports::all(FREE));
-    let refused = |plate: Plate, place: &str| {
+    let ritz = thin(4, PlateSupports::all(FREE));
+    let refused = |plate: VibratingPlate, place: &str| {
         let error = ritz.frequencies_hz(&plate, 3).unwrap_err();
         assert!(error.to_string().contains(place), "{error}");
         assert_eq!(error.exit_code(), 1);
     };
     refused(carbon(&[0.0, 90.0]), "layup_deg");
     refused(
-        Plate {
+        VibratingPlate {
             thickness: 0.0,
             ..carbon(&[0.0])
         },
         "thickness_mm",
     );
     refused(
-        Plate {
+        VibratingPlate {
             weight: Weight::Mass(f64::NAN),
             ..carbon(&[0.0])
         },
@@ -253,7 +253,7 @@ fn wrong_input_is_refused_with_its_place() {
         ..carbon(&[0.0]).ply
     };
     refused(
-        Plate {
+        VibratingPlate {
             ply,
             ..carbon(&[0.0])
         },
@@ -270,12 +270,12 @@ fn wrong_input_is_refused_with_its_place() {
 
 #[test]
 fn air_without_its_matrix_is_refused() {
-    let plate = Plate {
+    let plate = VibratingPlate {
         air_density: 1.2e-12,
         ..carbon(&[0.0])
     };
     assert!(
-        thin(6, Supports::all(FREE))
+        thin(6, PlateSupports::all(FREE))
             .frequencies_hz(&plate, 3)
             .is_err()
     );

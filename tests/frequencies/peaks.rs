@@ -1,6 +1,8 @@
 //! Assignment of peaks to modes whose frequencies are given.
 
-use plychain::experiment::frequencies::assignment::{Peak, PeakModel, Predicted, assign};
+use plychain::experiment::frequencies::assignment::{
+    FrequencyPeak, PeakModel, PredictedFrequency, assign,
+};
 
 const MODEL: PeakModel = PeakModel {
     model_error: 0.02,
@@ -10,23 +12,23 @@ const MODEL: PeakModel = PeakModel {
     band_hz: [80.0, 420.0],
 };
 
-fn peak(frequency_hz: f64, odd: Option<bool>) -> Peak {
-    Peak {
+fn peak(frequency_hz: f64, odd: Option<bool>) -> FrequencyPeak {
+    FrequencyPeak {
         frequency_hz,
         sd_hz: 0.1,
         odd,
     }
 }
 
-fn mode(frequency_hz: f64, odd: Option<bool>) -> Predicted {
-    Predicted { frequency_hz, odd }
+fn mode(frequency_hz: f64, odd: Option<bool>) -> PredictedFrequency {
+    PredictedFrequency { frequency_hz, odd }
 }
 
 /// Weight of every assignment, each mode to a peak or none, by enumeration and independent formulas.
 fn enumerate(
     model: &PeakModel,
-    peaks: &[Peak],
-    modes: &[Predicted],
+    peaks: &[FrequencyPeak],
+    modes: &[PredictedFrequency],
 ) -> Vec<(Vec<Option<usize>>, f64)> {
     let mut all = vec![(Vec::new(), 1.0)];
     let band = model.band_hz;
@@ -86,7 +88,7 @@ fn statistical_normal(z: f64) -> f64 {
         / std::f64::consts::TAU.sqrt()
 }
 
-fn example() -> (Vec<Peak>, Vec<Predicted>) {
+fn example() -> (Vec<FrequencyPeak>, Vec<PredictedFrequency>) {
     let peaks = vec![
         peak(100.0, Some(true)),
         peak(205.0, None),
@@ -147,12 +149,13 @@ fn the_likelihood_integrates_to_one() {
         ..MODEL
     };
     let modes = [mode(150.0, None)];
-    let sharp = |f: f64| Peak {
+    let sharp = |f: f64| FrequencyPeak {
         frequency_hz: f,
         sd_hz: 0.0,
         odd: None,
     };
-    let likelihood = |peaks: &[Peak]| assign(&model, peaks, &modes).unwrap().log_likelihood.exp();
+    let likelihood =
+        |peaks: &[FrequencyPeak]| assign(&model, peaks, &modes).unwrap().log_likelihood.exp();
     let n = 400;
     let h = 2.0_f64.ln() / n as f64;
     let at = |i: usize| sharp(100.0 * ((i as f64 + 0.5) * h).exp());
@@ -204,10 +207,10 @@ fn forty_crowded_peaks_are_summed_in_time() {
         band_hz: [90.0, 700.0],
         ..MODEL
     };
-    let peaks: Vec<Peak> = (0..40)
+    let peaks: Vec<FrequencyPeak> = (0..40)
         .map(|i| peak(100.0 + 15.0 * i as f64, None))
         .collect();
-    let modes: Vec<Predicted> = (0..42)
+    let modes: Vec<PredictedFrequency> = (0..42)
         .map(|i| mode(103.0 + 14.7 * i as f64, None))
         .collect();
     let start = std::time::Instant::now();
@@ -221,8 +224,9 @@ fn forty_crowded_peaks_are_summed_in_time() {
 
 #[test]
 fn wrong_input_is_refused() {
-    let refused =
-        |model: PeakModel, peaks: &[Peak]| assign(&model, peaks, &[mode(100.0, None)]).is_err();
+    let refused = |model: PeakModel, peaks: &[FrequencyPeak]| {
+        assign(&model, peaks, &[mode(100.0, None)]).is_err()
+    };
     assert!(refused(
         PeakModel {
             missing: 0.0,

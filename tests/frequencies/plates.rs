@@ -2,11 +2,11 @@
 
 use super::support::*;
 use nalgebra::{Matrix3, SymmetricEigen};
-use plychain::experiment::frequencies::{Plate, Ritz, Settings, Supports, Theory};
+use plychain::experiment::frequencies::{PlateSupports, Ritz, Settings, Theory, VibratingPlate};
 
 #[test]
 fn a_free_isotropic_square_has_the_known_frequencies() {
-    let ritz = thin(16, Supports::all(FREE));
+    let ritz = thin(16, PlateSupports::all(FREE));
     let found = factors(&ritz, &isotropic(10.0), 6);
     let known = [13.4682, 19.5961, 24.2702, 34.8009, 34.8009, 61.0932];
     for (f, k) in found.iter().zip(known) {
@@ -31,7 +31,10 @@ fn the_issues_laminates_have_the_known_frequencies() {
             [160.4210, 217.0472, 341.0662, 482.5552, 500.8136, 706.4914],
         ),
     ];
-    let (fine, usual) = (thin(20, Supports::all(FREE)), thin(12, Supports::all(FREE)));
+    let (fine, usual) = (
+        thin(20, PlateSupports::all(FREE)),
+        thin(12, PlateSupports::all(FREE)),
+    );
     for (layup, known) in cases {
         let found = fine.frequencies_hz(&carbon(layup), 6).unwrap();
         for (f, k) in found.iter().zip(known) {
@@ -47,11 +50,11 @@ fn the_issues_laminates_have_the_known_frequencies() {
 
 #[test]
 fn simply_supported_plates_have_their_closed_form() {
-    let ritz = thin(12, Supports::all(HELD));
+    let ritz = thin(12, PlateSupports::all(HELD));
     let pi2 = std::f64::consts::PI.powi(2);
     let known = [2.0, 5.0, 5.0, 8.0, 10.0, 10.0, 13.0].map(|s| pi2 * s);
     assert_close(&factors(&ritz, &isotropic(10.0), 7), &known, 1e-6);
-    let plate = Plate {
+    let plate = VibratingPlate {
         width: 140.0,
         ..carbon(&[0.0, 90.0, 90.0, 0.0])
     };
@@ -72,9 +75,9 @@ fn simply_supported_plates_have_their_closed_form() {
 #[test]
 fn held_and_clamped_edges_have_the_published_factors() {
     // Leissa, J. Sound Vib. 31 (1973) 257: the first five are his Levy solutions; the others converged values of the literature
-    let cases: [(Supports, &[f64], f64); 8] = [
+    let cases: [(PlateSupports, &[f64], f64); 8] = [
         (
-            Supports {
+            PlateSupports {
                 x: [HELD; 2],
                 y: [CLAMPED; 2],
             },
@@ -82,7 +85,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
             1e-5,
         ),
         (
-            Supports {
+            PlateSupports {
                 x: [HELD; 2],
                 y: [FREE; 2],
             },
@@ -90,7 +93,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
             1e-5,
         ),
         (
-            Supports {
+            PlateSupports {
                 x: [HELD; 2],
                 y: [CLAMPED, FREE],
             },
@@ -98,7 +101,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
             1e-5,
         ),
         (
-            Supports {
+            PlateSupports {
                 x: [HELD; 2],
                 y: [HELD, FREE],
             },
@@ -106,7 +109,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
             1e-5,
         ),
         (
-            Supports {
+            PlateSupports {
                 x: [HELD; 2],
                 y: [CLAMPED, HELD],
             },
@@ -114,12 +117,12 @@ fn held_and_clamped_edges_have_the_published_factors() {
             1e-5,
         ),
         (
-            Supports::all(CLAMPED),
+            PlateSupports::all(CLAMPED),
             &[35.9852, 73.3938, 73.3938, 108.217],
             1e-5,
         ),
         (
-            Supports {
+            PlateSupports {
                 x: [CLAMPED, FREE],
                 y: [FREE; 2],
             },
@@ -127,7 +130,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
             2e-4,
         ),
         (
-            Supports {
+            PlateSupports {
                 x: [HELD, FREE],
                 y: [HELD, FREE],
             },
@@ -139,7 +142,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
         let found = factors(&thin(16, supports), &isotropic(10.0), known.len());
         assert_close(&found, known, relative);
         // turned by 90 degrees, and mirrored
-        let turned = Supports {
+        let turned = PlateSupports {
             x: supports.y,
             y: supports.x,
         };
@@ -149,7 +152,7 @@ fn held_and_clamped_edges_have_the_published_factors() {
             1e-9,
         );
         let [[a, b], [c, d]] = [supports.x, supports.y];
-        let mirrored = Supports {
+        let mirrored = PlateSupports {
             x: [b, a],
             y: [d, c],
         };
@@ -163,11 +166,11 @@ fn held_and_clamped_edges_have_the_published_factors() {
 
 #[test]
 fn rigid_motions_are_left_out_by_their_supports() {
-    let one = Supports {
+    let one = PlateSupports {
         x: [FREE; 2],
         y: [FREE, HELD],
     };
-    for (supports, lowest) in [(Supports::all(FREE), 13.468), (one, 6.644)] {
+    for (supports, lowest) in [(PlateSupports::all(FREE), 13.468), (one, 6.644)] {
         for theory in [Theory::Thin, Theory::Sheared] {
             // in the thin limit every theory has the same lowest mode, and nothing below it
             let settings = Settings {
@@ -192,7 +195,7 @@ fn rigid_motions_are_left_out_by_their_supports() {
 }
 
 /// Frequencies (Hz) of a simply supported shear-deformable plate without D16, D26, S12 (Navier).
-fn navier(plate: &Plate) -> Vec<f64> {
+fn navier(plate: &VibratingPlate) -> Vec<f64> {
     let d = plychain::laminate::abd(&plate.ply, &plate.angles, plate.thickness).d;
     let s =
         plychain::laminate::transverse(plate.g13(), plate.g23(), &plate.angles, plate.thickness);
@@ -231,11 +234,11 @@ fn navier(plate: &Plate) -> Vec<f64> {
 #[test]
 fn shear_and_rotary_inertia_have_naviers_closed_form() {
     let settings = Settings {
-        supports: Supports::all(HELD),
+        supports: PlateSupports::all(HELD),
         ..Settings::free(Theory::Sheared)
     };
     let ritz = Ritz::new(&settings).unwrap();
-    let cross_ply = Plate {
+    let cross_ply = VibratingPlate {
         thickness: 12.0,
         width: 150.0,
         ..carbon(&[0.0, 90.0, 90.0, 0.0])
@@ -252,7 +255,7 @@ fn shear_and_rotary_inertia_have_naviers_closed_form() {
 #[test]
 fn torsion_of_a_long_strip_is_saint_venants() {
     // f_n = n / (2 L) sqrt(G J / I_p), J = b h^3 (1/3 - 0.21 h/b), to the strip's own bending of sections
-    let plate = Plate {
+    let plate = VibratingPlate {
         length: 4000.0,
         width: 100.0,
         thickness: 5.0,

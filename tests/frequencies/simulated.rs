@@ -1,18 +1,18 @@
 //! Constants and assignments of simulated plates of which a peak is missing and one is too many.
 
-use plychain::experiment::frequencies::assignment::{Peak, PeakModel};
-use plychain::experiment::frequencies::estimate::{Problem, Unknown, estimates};
+use plychain::experiment::frequencies::assignment::{FrequencyPeak, PeakModel};
+use plychain::experiment::frequencies::estimate::{AssignmentProblem, Unknown, estimates};
 use plychain::experiment::frequencies::weigh::weigh;
 use plychain::experiment::frequencies::{
-    Parameter, Plate, Ritz, Settings, Theory, TransverseShear, Weight,
+    PlateParameter, Ritz, Settings, Theory, TransverseShear, VibratingPlate, Weight,
 };
 use plychain::laminate::Ply;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-fn peak(frequency_hz: f64, odd: Option<bool>) -> Peak {
-    Peak {
+fn peak(frequency_hz: f64, odd: Option<bool>) -> FrequencyPeak {
+    FrequencyPeak {
         frequency_hz,
         sd_hz: 0.1,
         odd,
@@ -20,8 +20,8 @@ fn peak(frequency_hz: f64, odd: Option<bool>) -> Peak {
 }
 
 /// A plate of the article's layup.
-fn specimen(ply: Ply) -> Plate {
-    Plate {
+fn specimen(ply: Ply) -> VibratingPlate {
+    VibratingPlate {
         length: 200.0,
         width: 150.0,
         thickness: 0.78,
@@ -58,10 +58,10 @@ struct Tally {
 fn simulated(error: f64, with_parity: bool) -> Tally {
     let means = [160e3, 10e3, 0.3, 5e3];
     let parameters = [
-        Parameter::E1,
-        Parameter::E2,
-        Parameter::Nu12,
-        Parameter::G12,
+        PlateParameter::E1,
+        PlateParameter::E2,
+        PlateParameter::Nu12,
+        PlateParameter::G12,
     ];
     let unknowns: Vec<Unknown> = parameters
         .iter()
@@ -110,7 +110,7 @@ fn simulated(error: f64, with_parity: bool) -> Tally {
             0.5 * (modes[12].frequency_hz() + modes[11].frequency_hz()),
         ];
         let missing = rng.random_range(0..12);
-        let mut peaks: Vec<(Peak, Option<usize>)> = (0..12)
+        let mut peaks: Vec<(FrequencyPeak, Option<usize>)> = (0..12)
             .filter(|&j| j != missing)
             .map(|j| {
                 let f = modes[j].frequency_hz() * (error * gauss(&mut rng)).exp();
@@ -125,7 +125,7 @@ fn simulated(error: f64, with_parity: bool) -> Tally {
         let odd = with_parity.then(|| rng.random_bool(0.5));
         peaks.push((peak(rng.random_range(band_hz[0]..band_hz[1]), odd), None));
         peaks.sort_by(|a, b| a.0.frequency_hz.total_cmp(&b.0.frequency_hz));
-        let list: Vec<Peak> = peaks.iter().map(|p| p.0).collect();
+        let list: Vec<FrequencyPeak> = peaks.iter().map(|p| p.0).collect();
         let model = PeakModel {
             model_error: error,
             missing: 1.0 / 12.0,
@@ -133,7 +133,7 @@ fn simulated(error: f64, with_parity: bool) -> Tally {
             wrong_parity: 0.02,
             band_hz,
         };
-        let problem = Problem {
+        let problem = AssignmentProblem {
             ritz: &ritz,
             plate: &plate,
             unknowns: &unknowns,

@@ -2,15 +2,15 @@
 #![allow(dead_code)]
 
 use plychain::experiment::frequencies::{
-    Edge, Plate, Ritz, Settings, Supports, Theory, TransverseShear, Weight,
+    PlateEdge, PlateSupports, Ritz, Settings, Theory, TransverseShear, VibratingPlate, Weight,
 };
 use plychain::laminate::Ply;
 
-pub const FREE: Edge = Edge::Free;
-pub const HELD: Edge = Edge::SimplySupported;
-pub const CLAMPED: Edge = Edge::Clamped;
+pub const FREE: PlateEdge = PlateEdge::Free;
+pub const HELD: PlateEdge = PlateEdge::SimplySupported;
+pub const CLAMPED: PlateEdge = PlateEdge::Clamped;
 
-pub fn thin(order: usize, supports: Supports) -> Ritz {
+pub fn thin(order: usize, supports: PlateSupports) -> Ritz {
     let settings = Settings {
         supports,
         order,
@@ -20,8 +20,8 @@ pub fn thin(order: usize, supports: Supports) -> Ritz {
     Ritz::new(&settings).unwrap()
 }
 
-pub fn isotropic(thickness: f64) -> Plate {
-    Plate {
+pub fn isotropic(thickness: f64) -> VibratingPlate {
+    VibratingPlate {
         length: 1000.0,
         width: 1000.0,
         thickness,
@@ -34,8 +34,8 @@ pub fn isotropic(thickness: f64) -> Plate {
     }
 }
 
-pub fn carbon(layup_deg: &[f64]) -> Plate {
-    Plate {
+pub fn carbon(layup_deg: &[f64]) -> VibratingPlate {
+    VibratingPlate {
         length: 200.0,
         width: 200.0,
         thickness: 2.0,
@@ -52,7 +52,7 @@ pub fn carbon(layup_deg: &[f64]) -> Plate {
 }
 
 /// omega a^2 sqrt(rho h / D) of an isotropic plate's modes.
-pub fn factors(ritz: &Ritz, plate: &Plate, count: usize) -> Vec<f64> {
+pub fn factors(ritz: &Ritz, plate: &VibratingPlate, count: usize) -> Vec<f64> {
     let d = plate.ply.e1 * plate.thickness.powi(3) / (12.0 * (1.0 - plate.ply.nu12.powi(2)));
     let scale = plate.length.powi(2) * (plate.mass_per_area() / d).sqrt();
     let hz = ritz.frequencies_hz(plate, count).unwrap();

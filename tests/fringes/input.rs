@@ -152,6 +152,13 @@ fn what_cannot_be_right_is_said() {
         said(&pictured.file, name, says);
         std::fs::write(&path, before).unwrap();
     };
+    for source in ["U_final_1.png", "U_initial_2.png", "V_final_2.png"] {
+        image(
+            "U_final_2.png",
+            &|p| assert!(std::fs::copy(folder.join(source), p).unwrap() > 0),
+            "the same pixels as",
+        );
+    }
     image(
         "U_final_2.png",
         &|p| std::fs::remove_file(p).unwrap(),
@@ -160,7 +167,7 @@ fn what_cannot_be_right_is_said() {
     image(
         "V_initial_1.png",
         &|p| std::fs::write(p, b"no image").unwrap(),
-        "grey PNG or TIFF",
+        "PNG, TIFF, JPEG or BMP",
     );
     let other = |p: &Path| image::GrayImage::new(59, 60).save(p).unwrap();
     image("V_final_4.png", &other, "60 x 60");

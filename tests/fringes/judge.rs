@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use plychain::field::fringes::{Fringes, Steps};
+use plychain::field::fringes::{Fringes, PhaseSteps};
 use plychain::progress::Silent;
 
 use super::camera::{Camera, Pictured};
@@ -20,7 +20,7 @@ pub struct Judged {
     pub off: usize,
     pub kept: f64,
     pub claimed: f64,
-    pub steps: Steps,
+    pub steps: PhaseSteps,
 }
 
 /// Against the phase (rad) at each pixel, NaN where it cannot be measured.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use plychain::mesh_files::{ImportedMesh, Kind, abaqus};
+use plychain::mesh_files::{ElementKind, ImportedMesh, abaqus};
 
 use super::model::{KINDS, rectangle};
 use super::writers::{abaqus_type, elements, inp, nodes};
@@ -29,10 +29,10 @@ fn length(mesh: &ImportedMesh, name: &str) -> f64 {
 #[test]
 fn every_type_is_read_in_any_case() {
     let types = [
-        (Kind::T3, ["cps3", "S3", "M3D3"]),
-        (Kind::Q4, ["CPS4", "s4r", "M3D4R"]),
-        (Kind::T6, ["CPS6", "STRI65", "m3d6"]),
-        (Kind::Q8, ["CPS8R", "S8R", "M3D8"]),
+        (ElementKind::T3, ["cps3", "S3", "M3D3"]),
+        (ElementKind::Q4, ["CPS4", "s4r", "M3D4R"]),
+        (ElementKind::T6, ["CPS6", "STRI65", "m3d6"]),
+        (ElementKind::Q8, ["CPS8R", "S8R", "M3D8"]),
     ];
     for (kind, names) in types {
         for name in names {
@@ -63,7 +63,7 @@ fn sets_are_generated_nested_continued_and_added_to() {
 
 #[test]
 fn a_side_belongs_to_a_node_set_only_with_all_its_nodes() {
-    let mut text = inp(&rectangle(Kind::Q8, [2, 2]));
+    let mut text = inp(&rectangle(ElementKind::Q8, [2, 2]));
     let mesh = read(&text);
     let (_, middle, _) = mesh.edge_nodes(mesh.edges["v0"][0]);
     // the writer numbers nodes from 10 in steps of 3

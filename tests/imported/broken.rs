@@ -1,7 +1,7 @@
 //! Broken meshes of Gmsh: each is refused at a place, with what to do.
 
 use plychain::error::Blame;
-use plychain::mesh_files::Kind;
+use plychain::mesh_files::ElementKind;
 
 use super::gmsh::{PLATE, squares};
 use super::model::{Model, rectangle};
@@ -41,45 +41,18 @@ fn model(model: &Model, expected: &[&str]) {
 }
 
 #[test]
-fn without_groups() {
-    let mut plain = rectangle(Kind::Q4, [2, 2]);
-    plain.edges.clear();
-    plain.regions.clear();
-    model(
-        &plain,
-        &["found none, expected physical groups", "Physical Curve"],
-    );
+fn names_of_groups_that_hold_nothing() {
     let text = squares("2 3 2 0 1 1 2 5 4\n3 3 2 0 1 2 3 6 5\n");
     msh(&text, &["no elements in them", "Mesh.SaveAll = 0"]);
 }
 
 #[test]
-fn inverted_elements() {
-    let text = squares(&PLATE.replace("2 3 6 5", "2 5 6 3"));
-    msh(
-        &text,
-        &[
-            "plate.msh:22: element 3",
-            "inverted (",
-            "ReverseMesh",
-            "flip",
-        ],
-    );
-}
-
-#[test]
-fn elements_without_area_or_folded() {
-    msh(
-        &squares(PLATE)
-            .replace("5 10 10 0", "5 10 0 0")
-            .replace("4 0 10 0", "4 5 0 0"),
-        &["element 2", "without area"],
-    );
+fn folded_elements() {
     msh(
         &squares(&PLATE.replace("1 2 5 4", "1 5 2 4")),
         &["element 2", "folded", "corners go around"],
     );
-    let mut bulged = rectangle(Kind::Q8, [2, 2]);
+    let mut bulged = rectangle(ElementKind::Q8, [2, 2]);
     let middle = bulged.cells[0].1[4];
     bulged.nodes[middle][1] += 9.0;
     model(&bulged, &["element", "folded"]);
@@ -115,9 +88,9 @@ fn unknown_types_space_and_higher_orders() {
 
 #[test]
 fn mixed_orders() {
-    let mut mixed = rectangle(Kind::Q8, [2, 1]);
+    let mut mixed = rectangle(ElementKind::Q8, [2, 1]);
     let (kind, nodes) = &mut mixed.cells[1];
-    *kind = Kind::Q4;
+    *kind = ElementKind::Q4;
     nodes.truncate(4);
     model(
         &mixed,
@@ -131,7 +104,7 @@ fn mixed_orders() {
 
 #[test]
 fn coincident_nodes_along_a_seam() {
-    for kind in [Kind::T3, Kind::Q8] {
+    for kind in [ElementKind::T3, ElementKind::Q8] {
         let seam = rectangle(kind, [3, 2]).twice([30.0, 0.0]);
         model(
             &seam,
@@ -148,7 +121,7 @@ fn coincident_nodes_along_a_seam() {
 
 #[test]
 fn separate_parts() {
-    let apart = rectangle(Kind::T6, [3, 2]).twice([30.5, 0.0]);
+    let apart = rectangle(ElementKind::T6, [3, 2]).twice([30.5, 0.0]);
     model(
         &apart,
         &[
@@ -176,7 +149,7 @@ fn hanging_nodes() {
 
 #[test]
 fn a_midside_node_that_is_another_s_corner() {
-    let mut hanging = rectangle(Kind::Q8, [1, 1]);
+    let mut hanging = rectangle(ElementKind::Q8, [1, 1]);
     // along u1: corners 1 and 2, midside node 5; two elements beside it
     let at: Vec<usize> = hanging.cells[0].1.clone();
     let (low, high, middle) = (at[1], at[2], at[5]);
@@ -197,13 +170,13 @@ fn a_midside_node_that_is_another_s_corner() {
     .map(|[x, y]| add(x, y))
     .to_vec();
     hanging.cells.push((
-        Kind::Q8,
+        ElementKind::Q8,
         vec![
             low, corners[0], corners[1], middle, mids[0], mids[1], mids[2], mids[3],
         ],
     ));
     hanging.cells.push((
-        Kind::Q8,
+        ElementKind::Q8,
         vec![
             middle, corners[1], corners[2], high, mids[2], mids[4], mids[5], mids[6],
         ],
@@ -278,7 +251,7 @@ fn numbers_that_are_not_finite_or_not_numbers() {
         &squares(PLATE).replace("6 20 10 0", "6 1e300 10 0"),
         &["node 6", "below 1e9 mm"],
     );
-    let mut nan = rectangle(Kind::T3, [2, 2]);
+    let mut nan = rectangle(ElementKind::T3, [2, 2]);
     nan.nodes[3][0] = f64::NAN;
     says(
         "plate.msh",
@@ -289,7 +262,7 @@ fn numbers_that_are_not_finite_or_not_numbers() {
 
 #[test]
 fn files_cut_short_anywhere() {
-    let whole = rectangle(Kind::Q8, [2, 2]);
+    let whole = rectangle(ElementKind::Q8, [2, 2]);
     for bytes in [
         msh22(&whole, false),
         msh22(&whole, true),
@@ -338,8 +311,8 @@ fn foreign_versions_byte_orders_and_partitions() {
         );
     }
     for bytes in [
-        msh22(&rectangle(Kind::T3, [1, 1]), true),
-        msh41(&rectangle(Kind::T3, [1, 1]), true),
+        msh22(&rectangle(ElementKind::T3, [1, 1]), true),
+        msh41(&rectangle(ElementKind::T3, [1, 1]), true),
     ] {
         let mut foreign = bytes.clone();
         let at = foreign.windows(4).position(|w| w == [1, 0, 0, 0]).unwrap();

@@ -7,7 +7,7 @@ use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Locator, Plate, Setup};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
-use plychain::mesh_files::{ImportedPlate, Kind, Part};
+use plychain::mesh_files::{ElementKind, ImportedPlate, Part};
 use serde_json::json;
 
 use super::model::Model;
@@ -49,7 +49,7 @@ fn disc(radius: f64, rings: usize, sectors: usize, loaded: usize) -> Model {
             at(2, j + 1),
             at(1, j + 2),
         ];
-        model.cells.push((Kind::T6, first));
+        model.cells.push((ElementKind::T6, first));
         for i in (2..2 * rings).step_by(2) {
             let corners = [at(i, j), at(i + 2, j), at(i + 2, j + 2), at(i, j + 2)];
             let middles = [
@@ -58,7 +58,9 @@ fn disc(radius: f64, rings: usize, sectors: usize, loaded: usize) -> Model {
                 at(i + 1, j + 2),
                 at(i, j + 1),
             ];
-            model.cells.push((Kind::Q8, [corners, middles].concat()));
+            model
+                .cells
+                .push((ElementKind::Q8, [corners, middles].concat()));
         }
     }
     for (name, quarter) in [("top", 1), ("bottom", 3)] {
@@ -192,7 +194,7 @@ fn a_hole_in_a_wide_plate_opens_as_kirsch_has_it() {
 
 /// A rectangle of 30 by 10 mm, corner at (-10, 5), whose ends along x are the edges u0 and u1.
 pub fn rectangle(spec: serde_json::Value) -> Result<Part> {
-    let model = super::model::rectangle(Kind::Q8, [12, 4]);
+    let model = super::model::rectangle(ElementKind::Q8, [12, 4]);
     part("rectangle.inp", inp(&model).as_bytes(), spec)
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plychain::mesh_files::{ImportedMesh, Kind, gmsh};
+use plychain::mesh_files::{ElementKind, ImportedMesh, gmsh};
 
 use super::model::rectangle;
 use super::writers::{msh22, msh41};
@@ -46,14 +46,16 @@ fn elements_of_no_group_belong_to_the_mesh() {
 }
 
 #[test]
-fn a_mesh_without_a_named_edge_is_warned_of() {
-    let mesh = read(&squares("2 3 2 2 1 1 2 5 4\n3 3 2 2 1 2 3 6 5\n"));
+fn a_mesh_whose_only_named_line_lies_inside_has_no_edge() {
+    let mesh = read(&squares(
+        "1 1 2 1 1 2 5\n2 3 2 2 1 1 2 5 4\n3 3 2 2 1 2 3 6 5\n",
+    ));
     assert!(mesh.warnings()[0].contains("no named edge"));
 }
 
 #[test]
 fn nine_node_quadrilaterals_lose_their_middle() {
-    let eight = rectangle(Kind::Q8, [2, 2]);
+    let eight = rectangle(ElementKind::Q8, [2, 2]);
     for binary in [false, true] {
         let mesh = gmsh::parse(&msh41(&eight, binary), Path::new("plate.msh")).unwrap();
         assert_eq!(mesh.nodes.len(), 21);
@@ -62,7 +64,7 @@ fn nine_node_quadrilaterals_lose_their_middle() {
                 5 1 0 0\n6 2 1 0\n7 1 2 0\n8 0 1 0\n9 1 1 0\n$EndNodes\n\
                 $Elements\n1\n1 10 2 5 1 1 2 3 4 5 6 7 8 9\n$EndElements\n";
     let mesh = read(text);
-    assert_eq!(mesh.elements[0].kind, Kind::Q8);
+    assert_eq!(mesh.elements[0].kind, ElementKind::Q8);
     assert_eq!(mesh.nodes.len(), 8);
     assert!((mesh.area() - 4.0).abs() < 1e-12);
 }
@@ -102,7 +104,7 @@ fn sections_may_stand_in_any_order() {
 fn files_are_told_apart_by_their_first_line() {
     let dir = std::env::temp_dir().join(format!("plychain-meshes-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
-    let model = rectangle(Kind::T6, [3, 2]);
+    let model = rectangle(ElementKind::T6, [3, 2]);
     let files = [
         ("a.msh", msh22(&model, true)),
         ("b", msh41(&model, false)),
@@ -120,6 +122,10 @@ fn files_are_told_apart_by_their_first_line() {
     }
     std::fs::write(dir.join("d.vtk"), "# vtk DataFile\n").unwrap();
     let error = plychain::mesh_files::read(&dir.join("d.vtk")).unwrap_err();
-    assert!(error.to_string().contains("Gmsh (.msh) or Abaqus (.inp)"));
+    assert!(
+        error
+            .to_string()
+            .contains("Gmsh (.msh), Abaqus (.inp) or NASTRAN (.bdf)")
+    );
     std::fs::remove_dir_all(&dir).unwrap();
 }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use plychain::mesh_files::Kind;
+use plychain::mesh_files::ElementKind;
 use serde_json::{Value, json};
 
 use super::model::{Model, grid, rectangle, ring};
@@ -62,7 +62,7 @@ fn written(mesh: &Model) -> tempfile::TempDir {
 
 #[test]
 fn data_in_the_frame_of_the_mesh_lie_on_it_and_others_are_red() {
-    let folder = written(&rectangle(Kind::Q8, [6, 3]));
+    let folder = written(&rectangle(ElementKind::Q8, [6, 3]));
     let folder = folder.path();
     export(folder, [[-8.0, 6.0], [18.0, 14.0]], &|_, _| true);
     for mesh in ["plate.msh", "plate.inp"] {
@@ -91,7 +91,7 @@ fn data_in_the_frame_of_the_mesh_lie_on_it_and_others_are_red() {
 #[test]
 fn a_hole_in_the_points_is_that_of_the_mesh_though_it_is_in_metres() {
     let metres = |scale: f64| {
-        let mut mesh = ring(Kind::T6, [3, 24]);
+        let mut mesh = ring(ElementKind::T6, [3, 24]);
         mesh.nodes.iter_mut().flatten().for_each(|x| *x *= scale);
         let hole = mesh.edges.remove("u0").unwrap();
         mesh.edges.insert("hole".into(), hole);
@@ -125,7 +125,7 @@ fn a_hole_in_the_points_is_that_of_the_mesh_though_it_is_in_metres() {
 
 #[test]
 fn without_data_the_longer_side_is_pulled() {
-    let mesh = grid(Kind::Q4, [2, 8], false, &|u, v| [5.0 * u, 20.0 * v]);
+    let mesh = grid(ElementKind::Q4, [2, 8], false, &|u, v| [5.0 * u, 20.0 * v]);
     let folder = written(&mesh);
     let (experiment, _, picture) = proposed(folder.path(), "plate.inp", false);
     assert_eq!(experiment["measurement"]["loading_axis"], "y");

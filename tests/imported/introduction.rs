@@ -6,7 +6,7 @@ use plychain::effect;
 use plychain::fem::EndLoad;
 use plychain::geometry::Mesh;
 use plychain::infer::Model as ModelFile;
-use plychain::mesh_files::{Kind, MeshSpec};
+use plychain::mesh_files::{ElementKind, MeshSpec};
 use plychain::trace::Status;
 use serde_json::{Value, json};
 
@@ -45,7 +45,7 @@ fn tractions_that_are_not_known_have_no_resultant_on_any_edge() {
         |u, v| [60.0 * u + 30.0 * u * v * (1.0 - v), 25.0 * v],
     ];
     for shape in shapes {
-        let mesh = mesh_of(&grid(Kind::T6, [12, 6], false, &shape), both());
+        let mesh = mesh_of(&grid(ElementKind::T6, [12, 6], false, &shape), both());
         assert_eq!(mesh.load_parts(), 15);
         for part in 3..15 {
             let forces = mesh.end_forces(&EndLoad::unit(part));
@@ -66,7 +66,7 @@ fn tractions_that_are_not_known_have_no_resultant_on_any_edge() {
 
 #[test]
 fn they_are_legendre_polynomials_of_the_place_on_a_straight_edge() {
-    let mesh = mesh_of(&sheet(Kind::Q8, [24, 12], SIZE), both());
+    let mesh = mesh_of(&sheet(ElementKind::Q8, [24, 12], SIZE), both());
     // by Bonnet's recursion
     let legendre = |degree: usize, x: f64| {
         let mut pair = [1.0, x];
@@ -106,7 +106,7 @@ fn the_reduced_basis_answers_for_any_distribution() {
     use plychain::fem::Plate;
     use plychain::geometry::Density;
     let nominal = along_x(
-        &sheet(Kind::Q8, [24, 12], SIZE),
+        &sheet(ElementKind::Q8, [24, 12], SIZE),
         both(),
         &stack(&[30.0, -30.0, 0.0], 0.8),
     )
@@ -184,7 +184,7 @@ fn only_a_measured_edge_has_an_unknown_introduction() {
     assert!(read.file.reduced_model.count() > 400);
     let part = part(
         "swapped.msh",
-        &msh41(&sheet(Kind::Q8, [8, 4], SIZE), false),
+        &msh41(&sheet(ElementKind::Q8, [8, 4], SIZE), false),
         both(),
     );
     let plate = plychain::mesh_files::ImportedPlate::new(part.unwrap(), &swap);
@@ -196,7 +196,7 @@ fn only_a_measured_edge_has_an_unknown_introduction() {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn the_spread_of_a_force_over_a_cut_is_measured() {
-    let mut whole = sheet(Kind::Q8, [58, 20], [72.0, SIZE[1]]);
+    let mut whole = sheet(ElementKind::Q8, [58, 20], [72.0, SIZE[1]]);
     let is_half = |piece: &&Vec<usize>| {
         let off = |n: &usize| (whole.nodes[*n][1] - 0.5 * SIZE[1]).abs();
         piece.iter().all(|n| off(n) < 0.25 * SIZE[1] + 1e-9)
@@ -204,7 +204,7 @@ fn the_spread_of_a_force_over_a_cut_is_measured() {
     let half: Vec<_> = whole.edges["u1"].iter().filter(is_half).cloned().collect();
     assert_eq!(half.len(), 10);
     whole.edges.insert("half".into(), half);
-    let cut = sheet(Kind::Q8, [48, 20], SIZE);
+    let cut = sheet(ElementKind::Q8, [48, 20], SIZE);
     let files = [whole, cut].map(|model| {
         let mesh = fresh("sheet.msh");
         std::fs::write(&mesh, msh41(&model, true)).unwrap();
@@ -245,7 +245,7 @@ fn the_spread_of_a_force_over_a_cut_is_measured() {
 #[ignore = "slow: run by .ci/run"]
 fn a_prescribed_displacement_without_its_reaction_measures_ratios() {
     let mesh = fresh("sheet.msh");
-    std::fs::write(&mesh, msh41(&sheet(Kind::Q8, [48, 20], SIZE), true)).unwrap();
+    std::fs::write(&mesh, msh41(&sheet(ElementKind::Q8, [48, 20], SIZE), true)).unwrap();
     let model = |change: &dyn Fn(&mut Value)| {
         changed("two-holes.json", |m| {
             let experiment = &mut m["experiments"][0];

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use plychain::mesh_files::{Kind, raise};
+use plychain::mesh_files::{ElementKind, raise};
 
 use super::abaqus::strip;
 use super::model::{KINDS, rectangle};
@@ -184,7 +184,7 @@ fn in_bounds_when_mangled() {
 #[test]
 #[ignore = "run by the test above in a process of limited memory"]
 fn in_bounds_with_every_number_huge() {
-    let model = rectangle(Kind::T3, [1, 1]);
+    let model = rectangle(ElementKind::T3, [1, 1]);
     for bytes in [msh22(&model, true), msh41(&model, true)] {
         for at in 0..bytes.len() - 8 {
             for width in [4, 8] {

@@ -1,6 +1,7 @@
 //! Meshes of other programs: what is read is what was written, and what cannot be used is refused with what to do.
 
 mod abaqus;
+mod as_found;
 mod broken;
 mod broken_abaqus;
 mod exact;
@@ -9,6 +10,7 @@ mod init;
 mod introduction;
 mod mangled;
 mod model;
+mod nastran;
 mod plate;
 mod raised;
 mod region_models;

@@ -2,15 +2,20 @@
 
 use std::collections::BTreeMap;
 
-use plychain::mesh_files::Kind;
+use plychain::mesh_files::ElementKind;
 
-pub const KINDS: [Kind; 4] = [Kind::T3, Kind::T6, Kind::Q4, Kind::Q8];
+pub const KINDS: [ElementKind; 4] = [
+    ElementKind::T3,
+    ElementKind::T6,
+    ElementKind::Q4,
+    ElementKind::Q8,
+];
 
 /// A mesh to be written: indices from 0.
 #[derive(Debug, Clone, Default)]
 pub struct Model {
     pub nodes: Vec<[f64; 3]>,
-    pub cells: Vec<(Kind, Vec<usize>)>,
+    pub cells: Vec<(ElementKind, Vec<usize>)>,
     /// Lines along edges: corner, corner, midside if there is one.
     pub edges: BTreeMap<String, Vec<Vec<usize>>>,
     pub regions: BTreeMap<String, Vec<usize>>,
@@ -50,7 +55,7 @@ impl Lattice<'_> {
     }
 
     /// Nodes of an element by half steps of its corners.
-    fn cell(&mut self, kind: Kind, corners: &[(usize, usize)]) -> (Kind, Vec<usize>) {
+    fn cell(&mut self, kind: ElementKind, corners: &[(usize, usize)]) -> (ElementKind, Vec<usize>) {
         let mut nodes: Vec<usize> = corners.iter().map(|&(i, j)| self.node(i, j)).collect();
         if kind.is_quadratic() {
             for k in 0..corners.len() {
@@ -64,7 +69,7 @@ impl Lattice<'_> {
 
 /// The image of the unit square, `counts` elements each way; `closed` joins its second direction's ends. Edges `u0`, `u1` and,
 /// unless closed, `v0`, `v1`; regions `all` and `half` (the first half along u).
-pub fn grid(kind: Kind, counts: [usize; 2], closed: bool, map: Map<'_>) -> Model {
+pub fn grid(kind: ElementKind, counts: [usize; 2], closed: bool, map: Map<'_>) -> Model {
     let mut lattice = Lattice {
         map,
         counts,
@@ -118,7 +123,7 @@ pub fn grid(kind: Kind, counts: [usize; 2], closed: bool, map: Map<'_>) -> Model
 }
 
 /// A rectangle of 30 x 10 mm from (-10, 5).
-pub fn rectangle(kind: Kind, counts: [usize; 2]) -> Model {
+pub fn rectangle(kind: ElementKind, counts: [usize; 2]) -> Model {
     grid(kind, counts, false, &|u, v| {
         [-10.0 + 30.0 * u, 5.0 + 10.0 * v]
     })
@@ -128,7 +133,7 @@ pub const INNER: f64 = 3.0;
 pub const OUTER: f64 = 8.0;
 
 /// A ring; `u0` is its hole.
-pub fn ring(kind: Kind, counts: [usize; 2]) -> Model {
+pub fn ring(kind: ElementKind, counts: [usize; 2]) -> Model {
     grid(kind, counts, true, &|u, v| {
         let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
         let r = INNER + (OUTER - INNER) * u;

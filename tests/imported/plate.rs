@@ -8,7 +8,7 @@ use plychain::fem::{Locator, Plate, Setup};
 use plychain::geometry::{Density, Mesh};
 use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
-use plychain::mesh_files::{ImportedPlate, Kind, MeshSpec, Part};
+use plychain::mesh_files::{ElementKind, ImportedPlate, MeshSpec, Part};
 use serde_json::json;
 
 use super::exact::{rectangle, sheet};
@@ -51,7 +51,7 @@ pub fn exported(mesh: &Mesh, triangles: bool) -> Model {
     for element in &mesh.elements {
         let nodes: Vec<usize> = element.iter().map(|n| *n as usize).collect();
         if !triangles {
-            model.cells.push((Kind::Q8, nodes));
+            model.cells.push((ElementKind::Q8, nodes));
             continue;
         }
         // the diagonal's middle is that of the element
@@ -64,8 +64,12 @@ pub fn exported(mesh: &Mesh, triangles: bool) -> Model {
         model.nodes.push(middle);
         let m = model.nodes.len() - 1;
         let [a, b, c, d, ab, bc, cd, da] = std::array::from_fn(|k| nodes[k]);
-        model.cells.push((Kind::T6, vec![a, b, c, ab, bc, m]));
-        model.cells.push((Kind::T6, vec![a, c, d, m, cd, da]));
+        model
+            .cells
+            .push((ElementKind::T6, vec![a, b, c, ab, bc, m]));
+        model
+            .cells
+            .push((ElementKind::T6, vec![a, c, d, m, cd, da]));
     }
     for (name, edges) in &mesh.edges {
         let lines = edges

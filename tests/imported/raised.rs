@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use plychain::mesh_files::{Kind, raise};
+use plychain::mesh_files::{ElementKind, raise};
 
 use super::model::{rectangle, ring};
 use super::round_trips::parse;
@@ -14,7 +14,10 @@ fn read(model: &super::model::Model) -> plychain::mesh_files::ImportedMesh {
 
 #[test]
 fn a_raised_rectangle_is_the_quadratic_rectangle() {
-    for (linear, quadratic) in [(Kind::T3, Kind::T6), (Kind::Q4, Kind::Q8)] {
+    for (linear, quadratic) in [
+        (ElementKind::T3, ElementKind::T6),
+        (ElementKind::Q4, ElementKind::Q8),
+    ] {
         let raised = raise(read(&rectangle(linear, [5, 3])));
         let other = read(&rectangle(quadratic, [5, 3]));
         assert!(raised.elements.iter().all(|e| e.kind == quadratic));
@@ -35,7 +38,7 @@ fn a_raised_rectangle_is_the_quadratic_rectangle() {
 
 #[test]
 fn raising_keeps_area_edges_and_regions() {
-    for kind in [Kind::T3, Kind::Q4] {
+    for kind in [ElementKind::T3, ElementKind::Q4] {
         let mesh = read(&ring(kind, [2, 12]));
         let raised = raise(mesh.clone());
         assert!((raised.area() - mesh.area()).abs() < 1e-9);
@@ -57,7 +60,7 @@ fn raising_keeps_area_edges_and_regions() {
 
 #[test]
 fn raising_leaves_a_quadratic_mesh_as_it_is() {
-    let mesh = read(&ring(Kind::T6, [2, 12]));
+    let mesh = read(&ring(ElementKind::T6, [2, 12]));
     let raised = raise(mesh.clone());
     assert_eq!((raised.nodes, raised.elements), (mesh.nodes, mesh.elements));
 }

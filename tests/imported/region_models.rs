@@ -7,7 +7,7 @@ use plychain::fem::{Locator, Plate, Setup, TOLERANCE, View};
 use plychain::geometry::Density;
 use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Material, Ply};
-use plychain::mesh_files::{ImportedPlate, Kind, MeshSpec};
+use plychain::mesh_files::{ElementKind, ImportedPlate, MeshSpec};
 use plychain::trace::Status;
 use serde_json::{Value, json};
 
@@ -202,7 +202,7 @@ fn joints_stay_where_they_are_when_the_hole_moves() {
 
 #[test]
 fn regions_that_cannot_be_are_refused() {
-    let model = sheet(Kind::Q8, [8, 4], [30.0, 10.0]);
+    let model = sheet(ElementKind::Q8, [8, 4], [30.0, 10.0]);
     let own = stack(&[0.0, 90.0], 0.8);
     let refused = |regions: Value, words: &[&str]| {
         let error = along_x(&model, tension(regions), &own).err().unwrap();
@@ -326,7 +326,7 @@ fn a_model_file_tells_its_regions() {
 #[ignore = "slow: run by .ci/run"]
 fn the_loop_of_a_specimen_with_two_regions_closes() {
     let mesh = fresh("sheet.msh");
-    let model = sheet(Kind::Q8, [72, 30], [60.0, 25.0]);
+    let model = sheet(ElementKind::Q8, [72, 30], [60.0, 25.0]);
     std::fs::write(&mesh, msh41(&model, true)).unwrap();
     let mut spec = tension(json!({
         "left": { "layup_deg": [0, 90, 90, 0], "thickness_mm": 1.2 }, "right": { "rotation_deg": 30 } }));

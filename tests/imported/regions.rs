@@ -9,7 +9,7 @@ use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Bump, Locator, Plate, Setup, Yield};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec, abd};
-use plychain::mesh_files::{ImportedPlate, Kind};
+use plychain::mesh_files::{ElementKind, ImportedPlate};
 use serde_json::{Value, json};
 
 use super::exact::strains;
@@ -28,7 +28,7 @@ const LENGTH: f64 = 60.0;
 const WIDTH: f64 = 4.0;
 
 /// A slender strip along x from the origin.
-fn strip(kind: Kind, counts: [usize; 2]) -> Model {
+fn strip(kind: ElementKind, counts: [usize; 2]) -> Model {
     sheet(kind, counts, [LENGTH, WIDTH])
 }
 
@@ -37,7 +37,7 @@ type Place<'a> = &'a dyn Fn([f64; 2]) -> bool;
 
 /// A sheet along x from the origin, in halves along it (`left`, `right`) and across it (`lower`, `upper`); `core` is the half about its
 /// centreline.
-pub fn sheet(kind: Kind, counts: [usize; 2], size: [f64; 2]) -> Model {
+pub fn sheet(kind: ElementKind, counts: [usize; 2], size: [f64; 2]) -> Model {
     let mut model = grid(kind, counts, false, &|u, v| [size[0] * u, size[1] * v]);
     let parts: [(&str, Place<'_>); 5] = [
         ("left", &|[u, _]| u < 0.5),
@@ -148,7 +148,7 @@ fn two_strips_in_series_stretch_by_their_own_compliances() {
     let regions =
         json!({ "right": { "layup_deg": [45, -45, 10], "thickness_mm": 1.1, "rotation_deg": 5 } });
     let own = stack(&[30.0, -45.0, 0.0, 90.0], 0.8);
-    let setup = along_x(&strip(Kind::Q8, [90, 6]), tension(regions), &own).unwrap();
+    let setup = along_x(&strip(ElementKind::Q8, [90, 6]), tension(regions), &own).unwrap();
     let found = strains(
         &setup,
         &PLY,
@@ -209,7 +209,7 @@ fn two_strips_side_by_side_share_the_load_by_their_stiffness() {
     assert!((balanced(low)[1] / wanted - 1.0).abs() < 1e-9);
     let regions = json!({ "core": { "layup_deg": [low, -low], "thickness_mm": 2.0 } });
     let setup = along_x(
-        &strip(Kind::Q8, [90, 8]),
+        &strip(ElementKind::Q8, [90, 8]),
         gripped(regions),
         &stack(&[10.0, -10.0], 0.8),
     )
@@ -243,7 +243,7 @@ fn quarter(mut model: Model) -> Model {
 /// loading axis.
 #[test]
 fn a_region_turns_counter_clockwise_in_the_data_s_plane() {
-    let model = sheet(Kind::T6, [12, 8], [30.0, 20.0]);
+    let model = sheet(ElementKind::T6, [12, 8], [30.0, 20.0]);
     let all = json!({ "all": { "rotation_deg": 20 } });
     let turned = along_x(&model, tension(all), &stack(&[0.0, 30.0], 0.8)).unwrap();
     let declared = along_x(&model, tension(json!({})), &stack(&[20.0, 50.0], 0.8)).unwrap();
@@ -285,7 +285,7 @@ fn a_region_turns_counter_clockwise_in_the_data_s_plane() {
 /// Every law and effect that a region takes part in: a mesh that is all one region is the specimen of its stack.
 #[test]
 fn a_mesh_that_is_all_one_region_is_a_specimen_of_its_stack() {
-    let model = strip(Kind::Q8, [24, 4]);
+    let model = strip(ElementKind::Q8, [24, 4]);
     let all =
         json!({ "all": { "layup_deg": [45, -45, 20], "rotation_deg": 10, "thickness_mm": 1.2 } });
     let region = along_x(&model, tension(all), &stack(&[0.0, 90.0], 0.8)).unwrap();
@@ -353,7 +353,7 @@ fn a_thin_region_yields_first() {
         ..setup
     };
     let spec = tension(json!({ "right": { "thickness_mm": 3.0 } }));
-    let model = strip(Kind::Q8, [12, 2]);
+    let model = strip(ElementKind::Q8, [12, 2]);
     let setup = yields(along_x(&model, spec, &stack(&[0.0], 1.0)).unwrap());
     let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
     let frames = plate.yielding(&setup, &metal, &[1.0], 1.0).unwrap();

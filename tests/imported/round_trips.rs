@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use plychain::error::Result;
-use plychain::mesh_files::{BoundaryEdge, ImportedMesh, Kind, abaqus, gmsh};
+use plychain::mesh_files::{BoundaryEdge, ElementKind, ImportedMesh, abaqus, gmsh};
 
 use super::model::{INNER, KINDS, Model, OUTER, rectangle, ring};
 use super::writers::WRITERS;
@@ -125,7 +125,7 @@ fn the_boundary_has_the_material_on_its_left() {
 }
 
 /// Errors of area and of the hole's length for n elements around.
-fn errors(kind: Kind, around: usize) -> [f64; 2] {
+fn errors(kind: ElementKind, around: usize) -> [f64; 2] {
     let (_, mesh) = all(&ring(kind, [around / 6, around])).swap_remove(2);
     let area = PI * (OUTER * OUTER - INNER * INNER);
     [
@@ -160,11 +160,14 @@ fn clockwise_elements_are_turned_with_their_midside_nodes_and_edges() {
 
 #[test]
 fn triangles_and_quadrilaterals_of_one_order_go_together() {
-    for [a, b] in [[Kind::Q4, Kind::T3], [Kind::Q8, Kind::T6]] {
+    for [a, b] in [
+        [ElementKind::Q4, ElementKind::T3],
+        [ElementKind::Q8, ElementKind::T6],
+    ] {
         let mut model = rectangle(a, [4, 3]);
         let (_, nodes) = model.cells[0].clone();
         // a corner of the element is cut off by a third of its nodes: split along a diagonal, with a new midside node
-        let split = if b == Kind::T3 {
+        let split = if b == ElementKind::T3 {
             [
                 vec![nodes[0], nodes[1], nodes[2]],
                 vec![nodes[0], nodes[2], nodes[3]],
@@ -183,7 +186,7 @@ fn triangles_and_quadrilaterals_of_one_order_go_together() {
         model.cells.push((b, second));
         for (name, mesh) in all(&model) {
             assert!((mesh.area() - 300.0).abs() < 1e-9, "{name}");
-            let kinds: BTreeSet<Kind> = mesh.elements.iter().map(|e| e.kind).collect();
+            let kinds: BTreeSet<ElementKind> = mesh.elements.iter().map(|e| e.kind).collect();
             assert_eq!(kinds.len(), 2);
         }
     }
@@ -191,7 +194,7 @@ fn triangles_and_quadrilaterals_of_one_order_go_together() {
 
 #[test]
 fn a_mesh_may_lie_at_any_constant_z_and_nodes_of_no_element_are_dropped() {
-    let mut model = rectangle(Kind::Q8, [2, 2]);
+    let mut model = rectangle(ElementKind::Q8, [2, 2]);
     model.nodes.iter_mut().for_each(|p| p[2] = 7.5);
     let used = model.nodes.len();
     model.nodes.push([500.0, 500.0, 80.0]);
@@ -203,7 +206,7 @@ fn a_mesh_may_lie_at_any_constant_z_and_nodes_of_no_element_are_dropped() {
 
 #[test]
 fn a_mesh_in_metres_is_warned_of() {
-    let mut model = rectangle(Kind::T6, [2, 2]);
+    let mut model = rectangle(ElementKind::T6, [2, 2]);
     model.nodes.iter_mut().flatten().for_each(|x| *x *= 1e-3);
     for (name, mesh) in all(&model) {
         let warnings = mesh.warnings();

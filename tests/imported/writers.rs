@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use plychain::mesh_files::Kind;
+use plychain::mesh_files::ElementKind;
 
 use super::model::Model;
 
@@ -12,12 +12,12 @@ pub fn number(index: usize) -> usize {
     3 * index + 10
 }
 
-fn gmsh_type(kind: Kind) -> i32 {
+fn gmsh_type(kind: ElementKind) -> i32 {
     match kind {
-        Kind::T3 => 2,
-        Kind::Q4 => 3,
-        Kind::T6 => 9,
-        Kind::Q8 => 16,
+        ElementKind::T3 => 2,
+        ElementKind::Q4 => 3,
+        ElementKind::T6 => 9,
+        ElementKind::Q8 => 16,
     }
 }
 
@@ -241,12 +241,12 @@ fn nodes41(sink: &mut Sink, model: &Model) {
     }
 }
 
-pub fn abaqus_type(kind: Kind) -> &'static str {
+pub fn abaqus_type(kind: ElementKind) -> &'static str {
     match kind {
-        Kind::T3 => "CPS3",
-        Kind::Q4 => "CPS4R",
-        Kind::T6 => "STRI65",
-        Kind::Q8 => "S8R",
+        ElementKind::T3 => "CPS3",
+        ElementKind::Q4 => "CPS4R",
+        ElementKind::T6 => "STRI65",
+        ElementKind::Q8 => "S8R",
     }
 }
 

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::Rule;
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
+use plychain::identify::doubts::Doubting;
 use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics};
 use plychain::laminate::Material;
@@ -172,6 +173,7 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
         keeping: None,
         discrepancy: [None, None],
         deadline: None,
+        doubting: Doubting::Unasked,
     };
     let round = identify(&model, &options, &Silent).unwrap();
     let steps = &round.refinements;

@@ -5,6 +5,7 @@ fn part(log_weight: f64, mean: f64, sd: f64) -> AveragedPart {
         log_weight,
         mean: vec![mean],
         sd: vec![sd],
+        covariance: vec![sd * sd],
     }
 }
 

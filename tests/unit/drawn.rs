@@ -8,7 +8,7 @@ use super::*;
 fn the_scale_of_the_response_is_drawn_with_its_prior() {
     const DRAWS: usize = 4000;
     let model = Model::load(std::path::Path::new("models/openhole.json")).unwrap();
-    let plan = Plan {
+    let plan = ReplicatePlan {
         replicates: DRAWS,
         correlation_mm: 0.0,
         reduced: false,
@@ -18,7 +18,7 @@ fn the_scale_of_the_response_is_drawn_with_its_prior() {
     };
     let thickness = model.experiment().specimen.thickness_mm;
     let scale = |k: usize| {
-        let truth = Drawn::new(&model, &plan, false, k, 0).truth;
+        let truth = Drawn::new(&model, &plan, Acts::Expected, k, 0).truth;
         let load = truth.effects.iter().find(|a| a.effect.is_force_scale());
         (1.0 + 0.01 * load.unwrap().amplitude[0]) * thickness.mean / truth.thickness_mm
     };

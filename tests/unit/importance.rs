@@ -99,3 +99,37 @@ fn weights_that_features_do_not_explain_do_no_harm() {
     };
     assert!(!is_sound(&one, &points, &flat, &flat.shifts));
 }
+
+/// Draws are taken evenly of all, whatever their number, and none twice.
+#[test]
+fn draws_are_spread_out() {
+    const ALL: usize = 960;
+    let taken: Vec<usize> = (0..96).map(|k| spread_out(k, ALL)).collect();
+    for count in [6, 12, 24, 96] {
+        let mut own = taken[..count].to_vec();
+        own.sort_unstable();
+        own.dedup();
+        assert_eq!(own.len(), count);
+        let gaps = own.windows(2).map(|pair| pair[1] - pair[0]);
+        let widest = gaps.chain([own[0], ALL - own[count - 1]]).max().unwrap();
+        assert!(widest * count < 3 * ALL, "{count}: {widest}");
+    }
+    assert!((0..200).all(|k| spread_out(k, 3) < 3));
+}
+
+/// Six draws end a hopeless case and no other, a dozen end a calm one, and after that a shift must be sure to be followed.
+#[test]
+fn draws_of_the_full_model_end_when_more_say_nothing_else() {
+    let share = |effective: f64| Weighed {
+        effective,
+        impossible: 0,
+        shifts: Vec::new(),
+    };
+    assert!(is_told(&share(0.2), &[[0.9, 0.3]], 6));
+    assert!(!is_told(&share(0.99), &[[0.0, 0.01]], 6));
+    assert!(is_told(&share(0.99), &[[0.04, 0.02]], 12));
+    assert!(!is_told(&share(0.99), &[[0.06, 0.02]], 12));
+    assert!(!is_told(&share(0.8), &[[0.0, 0.02]], 12));
+    assert!(is_told(&share(0.8), &[[0.06, 0.05]], 24));
+    assert!(!is_told(&share(0.8), &[[0.2, 0.05]], 24));
+}

@@ -1,5 +1,7 @@
 //! What all runs of a campaign found, gathered from their folders.
 
+use serde_json::{Value, json};
+
 use super::outlying::{MOST_Z, mark};
 use super::row::Row;
 use crate::campaign::manifest::{CampaignManifest, Entry};
@@ -51,5 +53,17 @@ impl Collected {
             far.filter(|(_, z)| z.abs() > MOST_Z)
                 .map(move |(name, z)| (row, name, z))
         })
+    }
+
+    /// What all runs found, for programs.
+    pub fn numbers(&self) -> Value {
+        let of = |row: &Row| {
+            json!({
+                "run": row.entry.run.name, "state": row.entry.status.state.words(), "verdict": row.verdict, "effects": row.effects,
+                "converged": row.converged, "warnings": row.warnings, "constants": row.constants,
+            })
+        };
+        let runs: Vec<Value> = self.rows.iter().map(of).collect();
+        json!({ "name": self.name, "runs": runs })
     }
 }

@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::campaign::manifest::Entry;
 use crate::campaign::status::{Places, State};
+use crate::chain::check_stores;
 use crate::error::Result;
 use crate::files::{Keyed, parse_json};
 use crate::report::Report;
-use crate::report::frequencies;
 use crate::report::json::{Versioned, read};
+use crate::report::learned::Learned;
+use crate::report::study;
 
 /// A run in the table.
 #[derive(Debug, Clone)]
@@ -21,20 +23,23 @@ pub struct Row {
     pub effects: Vec<String>,
     /// None of a run that is not done.
     pub converged: Option<bool>,
-    pub warnings: usize,
+    pub warnings: Vec<String>,
     pub constants: Keyed<Found>,
 }
 
 /// A constant, in the unit of its name, with its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     pub mean: f64,
     pub sd: f64,
     pub low: f64,
     pub high: f64,
     /// Distance from the other runs'; see [`super::robust_z`].
-    #[serde(skip)]
+    #[serde(skip_deserializing)]
     pub robust_z: Option<f64>,
+    /// What the data added to the prior, where the report says it.
+    #[serde(default)]
+    pub learned: Option<Learned>,
 }
 
 /// What is read of the report of a model of plates.
@@ -62,7 +67,7 @@ impl Row {
             verdict: String::new(),
             effects: Vec::new(),
             converged: None,
-            warnings: 0,
+            warnings: Vec::new(),
             constants: Keyed::new(),
         };
         if entry.status.state != State::Done || entry.run.share.is_some() {
@@ -71,15 +76,20 @@ impl Row {
         let folder = places.run(&entry.run);
         let (file, text) = read(&folder, "report.json")?;
         let Versioned { schema } = parse_json(&text, &file)?;
-        match schema == frequencies::SCHEMA {
+        let mut row = match schema == study::SCHEMA {
             true => row.of_plates(parse_json(&text, &file)?),
             false => row.of_a_field(&folder),
+        }?;
+        if let Err(changed) = check_stores(&folder) {
+            row.warnings.push(format!("chains: {changed}"));
+            row.verdict = format!("{} (chains: {changed})", row.verdict);
         }
+        Ok(row)
     }
 
     fn of_plates(mut self, plates: Plates) -> Result<Self> {
         self.converged = Some(plates.converged);
-        self.warnings = plates.warnings.len();
+        self.warnings = plates.warnings;
         let all = plates.posterior.into_iter();
         let constants = all.filter(|(_, f)| f.variance_left.is_some());
         self.constants = constants.map(|(name, f)| (name, f.found)).collect();
@@ -93,7 +103,8 @@ impl Row {
             return Ok(self);
         };
         self.converged = Some(report.rounds.iter().all(|r| r.convergence.converged));
-        self.warnings = last.warnings.len();
+        let doubts = report.rounds.first().into_iter().flat_map(|r| &r.doubts);
+        self.warnings = doubts.chain(&last.warnings).cloned().collect();
         if let Some(closing) = &report.closing {
             self.verdict = closing.verdict.status.words().into();
             self.effects = closing.verdict.effects.clone();
@@ -110,6 +121,7 @@ impl Row {
                 low,
                 high,
                 robust_z: None,
+                learned: report.learned.get(name).copied(),
             };
             Some((name.to_string(), found))
         };

@@ -8,16 +8,21 @@ use super::row::{Found, Row};
 use crate::chain::write_table;
 use crate::error::Result;
 use crate::files;
-use crate::report::section::{Digits, Document, Piece, Section, Table, TableCell, csv, html, row};
+use crate::report::html;
+use crate::report::learned::Learned;
+use crate::section::{Digits, Document, Piece, Section, Table, TableCell, csv, row};
 
 /// Columns of a constant, with its number.
 type NumberOfConstant = (&'static str, fn(&Found) -> Option<f64>);
-const COLUMNS: [NumberOfConstant; 5] = [
+const COLUMNS: [NumberOfConstant; 8] = [
     ("mean", |f| Some(f.mean)),
     ("sd", |f| Some(f.sd)),
     ("q2.5", |f| Some(f.low)),
     ("q97.5", |f| Some(f.high)),
     ("robust_z", |f| f.robust_z),
+    ("prior_mean", |f| Some(f.learned?.prior.mean)),
+    ("prior_sd", |f| Some(f.learned?.prior.sd)),
+    ("from_data", |f| Some(f.learned?.from_data)),
 ];
 
 /// Write all of them into a folder, and return the paths.
@@ -86,6 +91,7 @@ fn whole(collected: &Collected, columns: &[(String, Vec<f64>)]) -> Table {
         "verdict",
         "effects",
         "converged",
+        "warnings",
     ];
     let header = header.into_iter().chain(keys.iter().copied());
     let header = header.chain(columns.iter().map(|(name, _)| name.as_str()));
@@ -100,6 +106,7 @@ fn whole(collected: &Collected, columns: &[(String, Vec<f64>)]) -> Table {
             TableCell::from(&line.verdict),
             line.effects.join(" ").into(),
             converged(line),
+            line.warnings.join(" | ").into(),
         ];
         let numbers = columns
             .iter()
@@ -138,6 +145,11 @@ fn page(collected: &Collected) -> Document {
         header.chain(keys.iter().copied()),
         rows,
     );
+    let warned = collected.rows.iter().flat_map(|line| {
+        let name = &line.entry.run.name;
+        line.warnings.iter().map(move |w| (name.clone(), w.clone()))
+    });
+    let warnings = Piece::List(warned.collect());
     let outlying = collected
         .outlying()
         .map(|(line, name, z)| row(&line.entry.run.name, [name.into(), TableCell::fixed(z, 1)]));
@@ -154,11 +166,38 @@ fn page(collected: &Collected) -> Document {
         sections: vec![
             Section::new("Runs").with(runs.sortable()),
             Section::new("Outlying specimens").with(outlying),
+            Section::new("Priors").with(priors(collected)),
+            Section::new("Warnings of the runs").with(warnings),
         ],
+        folded: false,
         footer: format!(
-            "A specimen is outlying if a constant lies more than {MOST_Z} sds from the median of the others: of their spread beyond their own uncertainty, and of its own uncertainty."
+            "A specimen is outlying if a constant lies more than {MOST_Z} sds from the median of the others. This sd includes the spread of the others and the specimen's own sd."
         ),
     }
+}
+
+/// The prior of each constant, and the share of its variance that the data of the runs took away: the least and the most.
+fn priors(collected: &Collected) -> Table {
+    let rows = collected.constants.iter().filter_map(|name| {
+        let all = collected
+            .rows
+            .iter()
+            .filter_map(|r| r.constants.get(name)?.learned);
+        let all: Vec<Learned> = all.collect();
+        let prior = all.first()?.prior;
+        let shares = all.iter().map(|l| 100.0 * l.from_data.max(0.0));
+        let [least, most] = [f64::min, f64::max].map(|of| shares.clone().reduce(of));
+        let prior = TableCell::mean_sd(Some((prior.mean, prior.sd)));
+        let share = [least, most].map(|s| TableCell::with_unit(s, Digits::Fixed(0), "%"));
+        Some(row(name, std::iter::once(prior).chain(share)))
+    });
+    let header = ["constant", "prior", "from the data, least", "most"];
+    Table::new("", header, rows)
+}
+
+/// What stands on a terminal of priors.
+pub fn priors_section(collected: &Collected) -> Section {
+    Section::default().with(priors(collected))
 }
 
 fn constant(found: Option<&Found>) -> TableCell {
@@ -166,6 +205,10 @@ fn constant(found: Option<&Found>) -> TableCell {
         return TableCell::Missing;
     };
     let interval = TableCell::interval([f.mean, f.sd, f.low, f.high]);
+    let interval = match f.learned {
+        Some(learned) if learned.is_mostly_prior() => interval.and("mostly the prior"),
+        _ => interval,
+    };
     match f.robust_z {
         Some(z) if z.abs() > MOST_Z => interval.and("*"),
         _ => interval,

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::density::common;
 use super::sampled::Sampled;
 use super::specimen::{LEAST_LEFT, Specimen};
+use super::unlike::Unlike;
 use crate::diagnose::{Row, mcse_quantile, mean, sd, sorted};
 use crate::error::{Error, Result};
 use crate::files::Keyed;
@@ -46,6 +47,12 @@ pub struct Estimate {
 /// A constant over the population.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OfConstant {
+    /// Prior of the runs, mean and sd.
+    #[serde(default)]
+    pub prior: [f64; 2],
+    /// 1 - sd^2 / prior sd^2 of a specimen's own posterior, the median over specimens: 0 where the data said nothing.
+    #[serde(default)]
+    pub from_data: f64,
     pub mean: Estimate,
     /// Between specimens.
     pub sd: Estimate,
@@ -110,7 +117,10 @@ impl PopulationReport {
         sampled: &Sampled,
         specimens: &[Specimen],
     ) -> Result<Self> {
-        let of = |constant: &String| Ok((constant.clone(), of_constant(sampled, constant)?));
+        let of = |constant: &String| {
+            let found = of_constant((sampled, specimens), constant)?;
+            Ok((constant.clone(), found))
+        };
         let correlations = sampled.verdict.rows.iter();
         let correlations = correlations.filter(|r| r.name.starts_with("correlation_"));
         let pairs = specimens.iter().zip(&sampled.shrunken);
@@ -135,7 +145,53 @@ impl PopulationReport {
     }
 }
 
-fn of_constant(sampled: &Sampled, constant: &str) -> Result<OfConstant> {
+impl PopulationReport {
+    /// Say of specimens that are unlike the others that they are counted, and what the basis values are `without` them, where enough others are
+    /// left.
+    pub fn say_unlike(&mut self, unlike: &[Unlike], without: Option<&Self>) {
+        let names: Vec<&str> = unlike.iter().map(|u| u.specimen.as_str()).collect();
+        let options: Vec<String> = names.iter().map(|n| format!("--leave-out {n}")).collect();
+        for found in unlike {
+            let constant = &found.constant;
+            let of = |report: &Self| {
+                let c = report.constants.get(constant)?;
+                let (b, a) = (c.b_basis.value, c.a_basis.value);
+                Some(format!("B {b:.4}, A {a:.4}"))
+            };
+            let with = of(self).unwrap_or_default();
+            let without = without.and_then(of).map_or_else(
+                || "too few specimens are left without it to give others".into(),
+                |values| format!("without {}: {values}", names.join(", ")),
+            );
+            self.warnings.push(format!(
+                "{}. It is counted in all values. Basis values of {constant} with it: {with}; {without}. If it was damaged or is of another material: {}",
+                found.words(),
+                options.join(" ")
+            ));
+        }
+    }
+}
+
+/// Prior of a constant in the first run, and the median over specimens of what their data added to theirs. A specimen's likelihood has no prior:
+/// with it the variances add as precisions.
+fn learned(specimens: &[Specimen], constant: &str) -> ([f64; 2], f64) {
+    let own = specimens.iter().filter_map(|s| {
+        let k = s.constants.iter().position(|c| c == constant)?;
+        let prior = s.priors[k];
+        let variance = s.covariance[(k, k)];
+        Some((prior, prior[1].powi(2) / (prior[1].powi(2) + variance)))
+    });
+    let own: Vec<([f64; 2], f64)> = own.collect();
+    let shares: Vec<f64> = own.iter().map(|o| o.1).collect();
+    let prior = own.first().map_or([f64::NAN; 2], |o| o.0);
+    (prior, quantile(&sorted(&shares), 0.5))
+}
+
+fn of_constant(
+    (sampled, specimens): (&Sampled, &[Specimen]),
+    constant: &str,
+) -> Result<OfConstant> {
+    let (prior, from_data) = learned(specimens, constant);
     let missing = || Error::program("population", format!("a column of {constant}"));
     let row = |what: &str| {
         let name = format!("{what}_{constant}");
@@ -153,6 +209,8 @@ fn of_constant(sampled: &Sampled, constant: &str) -> Result<OfConstant> {
         })
     };
     Ok(OfConstant {
+        prior,
+        from_data,
         mean: Estimate::of_row(row("mean")?),
         sd: Estimate::of_row(row("sd")?),
         a_basis: basis("percentile_1")?,
@@ -192,7 +250,7 @@ fn warnings(specimens: &[Specimen], shared: f64) -> Vec<String> {
     }
     if shared == 0.0 {
         all.push(
-            "what all specimens share (a load cell, a camera, a thickness gauge, the batch) is not between them: it moves the population's mean as a whole; --shared-percent counts a scale of all moduli"
+            "an error that all specimens share (load cell, camera, thickness gauge, batch) does not show between them: it moves the population's mean; --shared-percent counts a scale of all moduli"
                 .into(),
         );
     }

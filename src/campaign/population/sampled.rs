@@ -3,11 +3,12 @@
 use nalgebra::DVector;
 
 use super::density::{Place, Population};
-use super::specimen::{Specimen, is_modulus};
+use super::specimen::Specimen;
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::Reporting;
+use crate::parameter::is_modulus;
 use crate::progress::Progress;
 use crate::sample::LogDensity;
 use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream};

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::files::{Keyed, parse_json};
 use crate::infer::PriorSpec;
 use crate::numeric::relative_weights;
+use crate::parameter::is_modulus;
 use crate::report::json::read;
 
 /// Draws of a chain that are read.
@@ -173,11 +174,6 @@ impl Specimen {
             left,
         })
     }
-}
-
-/// Whether a scale of all moduli scales a constant, by its unit.
-pub fn is_modulus(name: &str) -> bool {
-    name.ends_with("_GPa")
 }
 
 /// Mean and covariance of a normal likelihood: the precision of the draws less that of the priors, and in directions of which the data say next

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::report::{Basis, Estimate, PopulationReport};
+use super::report::{Basis, Estimate, OfConstant, PopulationReport};
 use super::sampled::Sampled;
 use crate::chain::{write_csv, write_zarr};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files;
-use crate::report::section::{Digits, Document, Piece, Section, Table, TableCell, html, row};
+use crate::report::html;
+use crate::report::learned::{self, Learned};
+use crate::report::round::MeanAndSd;
+use crate::section::{Digits, Document, Piece, Section, Table, TableCell, row};
 
 /// Write chains, `population.json` and `population.html` into a folder, in place of what was written there before, and return the page's path.
 ///
@@ -15,12 +18,9 @@ use crate::report::section::{Digits, Document, Piece, Section, Table, TableCell,
 /// Of the input: a folder that cannot be written.
 pub fn write(report: &PopulationReport, sampled: &Sampled, folder: &Path) -> Result<PathBuf> {
     files::make_folder(folder)?;
-    let store = folder.join("chain.zarr");
-    if store.exists() {
-        std::fs::remove_dir_all(&store)
-            .map_err(|e| Error::input(store.display(), "a writable folder").found(e))?;
-    }
-    write_zarr(&sampled.draws, &store)?;
+    files::replace_folder(&folder.join("chain.zarr"), |store| {
+        write_zarr(&sampled.draws, store)
+    })?;
     write_csv(&sampled.draws, &folder.join("chain.csv"))?;
     files::write_json(&folder.join("population.json"), report)?;
     let page = folder.join("population.html");
@@ -40,6 +40,18 @@ impl Basis {
     }
 }
 
+impl OfConstant {
+    /// The prior of a run, and what the data of a typical specimen added to it.
+    fn learned_cells(&self) -> [TableCell; 2] {
+        let [mean, sd] = self.prior;
+        Learned::cells(Some(&Learned {
+            prior: MeanAndSd { mean, sd },
+            from_data: self.from_data,
+            shift_prior_sd: (self.mean.mean - mean) / sd,
+        }))
+    }
+}
+
 impl PopulationReport {
     /// For the terminal.
     pub fn section(&self) -> Section {
@@ -54,12 +66,15 @@ impl PopulationReport {
     }
 
     fn constants_table(&self) -> Table {
+        let [prior, data] = learned::HEADERS;
         let header = [
             "constant",
             "mean of the population",
             "sd between specimens",
             "B-basis",
             "A-basis",
+            prior,
+            data,
         ];
         let rows = self.constants.iter().map(|(name, c)| {
             let cells = [
@@ -68,7 +83,7 @@ impl PopulationReport {
                 c.b_basis.cell(),
                 c.a_basis.cell(),
             ];
-            row(name, cells)
+            row(name, cells.into_iter().chain(c.learned_cells()))
         });
         let caption = "Mean +- sd [95 % interval] of the population's mean and of the sd between specimens; basis values";
         Table::new(caption, header, rows)
@@ -118,6 +133,7 @@ impl PopulationReport {
                 Section::new("Specimens").with(self.specimens_table()),
                 Section::new("Notes").with(Piece::list(left.chain(self.warnings.iter().cloned()))),
             ],
+            folded: false,
             footer: "Chains: chain.zarr and chain.csv; numbers: population.json.".into(),
         }
     }

@@ -1,13 +1,12 @@
 //! `plychain simulate` of a load series.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::super::folder::Folder;
-use super::super::print;
 use super::{
-    SimulateArguments, amplitudes, frequencies, not_negative, ordered, plan, reader, truth_json,
+    FieldTarget, SimulateArguments, Simulated, amplitudes, not_negative, ordered, plan, reader,
+    truth_json, without_experiment,
 };
 use crate::effect::{Acting, Scope};
 use crate::error::{Error, Result};
@@ -16,15 +15,17 @@ use crate::experiment::series::{Law, Moving};
 use crate::experiment::simulate::series::{SeriesTruth, SimulatedSeries};
 use crate::field::{ColumnMap, Frame, Grid, Reader, Source, StepSpec};
 use crate::files;
-use crate::infer::Model;
+use crate::infer::{EffectUnderLaw, Model};
 
-/// An effect with the law of its amplitude: one amplitude, of a free one as many as there are steps.
+/// An effect whose amplitude varies over the steps, by a law where it moves the specimen: one amplitude, of a free one as many as there are
+/// steps.
 struct ByLaw {
-    law: Law,
+    law: Option<Law>,
     acting: Vec<Acting>,
 }
 
-pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result<()> {
+pub fn simulated(target: &FieldTarget<'_>, mut model: Model) -> Result<Simulated> {
+    let arguments = target.arguments;
     let reader = reader(arguments.format.as_deref().unwrap_or("csv"))?;
     if arguments.fringes.is_some() || reader.format() == "fringes" {
         return Err(Error::input(
@@ -33,9 +34,9 @@ pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result
         ));
     }
     let forces = forces(arguments, &model)?;
-    let declared = declare(&mut model, &forces, reader);
-    let mut shared = plan(arguments, &model, seed)?;
-    let (own, by_law) = effects(arguments, forces.len())?;
+    let declared = declare(&mut model, (&forces, &target.within), reader);
+    let mut shared = plan(arguments, &model, target.seed)?;
+    let (own, by_law) = effects(&target.effects, forces.len())?;
     shared.effects = ordered(own, &model.scene())?;
     let largest = forces.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
     let relative: Vec<f64> = forces.iter().map(|f| f / largest).collect();
@@ -47,37 +48,36 @@ pub fn run(arguments: &SimulateArguments, mut model: Model, seed: u64) -> Result
         motion_mm: not_negative("--motion-mm", arguments.motion_mm)?,
         subsets: model.subsets(),
     };
-    frequencies::beside(&mut model, &truth.shared.constants, seed)?;
-    let folder = Folder::create(Some(&arguments.out), &model.file.name)?;
     let simulated = model.simulate_series(&truth)?;
     let frame = model.scene().frame;
     let steps = model.experiment().steps.clone().unwrap_or_default();
+    let folder = target.folder.path();
+    files::make_folder(&folder.join(&target.within))?;
     let mut columns = None;
     for (k, (step, grid)) in steps.iter().zip(&simulated.grids).enumerate() {
-        columns = write(
-            reader,
-            &folder.path().join(&step.file),
-            grid,
-            frame,
-            declared[k],
-        )?;
+        columns = write(reader, &folder.join(&step.file), (grid, frame), declared[k])?;
     }
     let mut of_shared = truth_json(&model, &truth.shared);
     add(&mut of_shared, (&truth, &by_law), &steps, &simulated);
-    folder.write_json("truth.json", &of_shared)?;
-    folder.write_json(
-        "model.json",
-        &model_json(model, &declared, reader, columns)?,
-    )?;
-    print(&format!(
-        "{} steps of {} x {} points, model.json and truth.json written to {}\n",
-        steps.len(),
-        truth.shared.grid,
-        truth.shared.grid,
-        folder.path().display()
-    ))?;
-    folder.keep();
-    Ok(())
+    let experiment = model.experiment_mut();
+    experiment.measurement.source = Source {
+        reader,
+        path: None,
+        columns,
+    };
+    for (step, force) in experiment.steps.iter_mut().flatten().zip(&declared) {
+        step.force_n = *force;
+    }
+    Ok(Simulated {
+        said: format!(
+            "{} steps of {} x {} points",
+            steps.len(),
+            truth.shared.grid,
+            truth.shared.grid
+        ),
+        model,
+        truth: of_shared,
+    })
 }
 
 /// True forces of the steps, N.
@@ -107,7 +107,11 @@ fn forces(arguments: &SimulateArguments, model: &Model) -> Result<Vec<f64>> {
 }
 
 /// Make the model that of a series of true forces; returns the forces as they are declared, `None` where the model does not know one.
-fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option<f64>> {
+fn declare(
+    model: &mut Model,
+    (forces, within): (&[f64], &Path),
+    reader: &dyn Reader,
+) -> Vec<Option<f64>> {
     let old = model.experiment().steps.clone().unwrap_or_default();
     let is_unknown = |k: usize| {
         let step = old.get(k).filter(|_| old.len() == forces.len());
@@ -119,7 +123,7 @@ fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option
     let ending = if reader.is_directory() { "" } else { ".csv" };
     let digits = 2.max((forces.len() - 1).to_string().len());
     let steps = forces.iter().enumerate().map(|(k, f)| StepSpec {
-        file: PathBuf::from(format!("step-{k:0digits$}{ending}")),
+        file: within.join(format!("step-{k:0digits$}{ending}")),
         force_n: Some(*f),
     });
     let experiment = model.experiment_mut();
@@ -132,17 +136,17 @@ fn declare(model: &mut Model, forces: &[f64], reader: &dyn Reader) -> Vec<Option
 }
 
 /// Effects that all steps share, and those that move the specimen by a law.
-fn effects(arguments: &SimulateArguments, steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
+fn effects(texts: &[&String], steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)> {
     let (mut shared, mut by_law) = (Vec::new(), Vec::new());
-    for text in &arguments.effects {
+    for text in texts.iter().map(|text| without_experiment(text)) {
         let (values, law) = match text.rsplit_once(':') {
             Some((values, law)) => (values, Some(parse_law(law)?)),
-            None => (&text[..], None),
+            None => (text, None),
         };
         if law == Some(Law::Free) {
             let acting = free(values, steps)?;
             by_law.push(ByLaw {
-                law: Law::Free,
+                law: Some(Law::Free),
                 acting,
             });
             continue;
@@ -150,17 +154,22 @@ fn effects(arguments: &SimulateArguments, steps: usize) -> Result<(Vec<Acting>, 
         let acting = Acting::parse("--effect", values)?;
         if acting.effect.scope() == Scope::Motion {
             by_law.push(ByLaw {
-                law: law.unwrap_or(Law::Load),
+                law: Some(law.unwrap_or(Law::Load)),
                 acting: vec![acting],
             });
         } else if law.is_some() {
             return Err(no_law(text));
+        } else if acting.effect.scope() == Scope::Force {
+            by_law.push(ByLaw {
+                law: None,
+                acting: vec![acting],
+            });
         } else {
             shared.push(acting);
         }
     }
-    if let Some(odd) = by_law
-        .iter()
+    let under_laws = by_law.iter().filter(|e| e.law.is_some());
+    if let Some(odd) = under_laws
         .flat_map(|e| &e.acting)
         .find(|a| a.effect.scope() != Scope::Motion)
     {
@@ -210,7 +219,16 @@ fn free(text: &str, steps: usize) -> Result<Vec<Acting>> {
 impl ByLaw {
     /// The effect over steps whose forces are over the largest.
     fn over(&self, loads: &[f64]) -> Vec<Moving> {
-        let sets = self.law.weights(loads).into_iter().zip(&self.acting);
+        let acts = |acting: &Acting| EffectUnderLaw {
+            effect: acting.effect,
+            law: self.law,
+        };
+        let sets = self
+            .acting
+            .iter()
+            .take(1)
+            .flat_map(|a| acts(a).weights(loads));
+        let sets = sets.zip(&self.acting);
         let one = |(weights, acting): (Vec<f64>, &Acting)| Moving {
             effect: acting.effect,
             weights,
@@ -226,13 +244,15 @@ impl ByLaw {
             for (name, value) in amplitudes(acting) {
                 let stem = step.file.file_stem().unwrap_or_default().to_string_lossy();
                 let key = match self.law {
-                    Law::Free => format!("{name} in {stem}"),
+                    Some(Law::Free) => format!("{name} in {stem}"),
                     _ => name,
                 };
                 all.insert(key, value);
             }
         }
-        all.insert("law".into(), json!(self.law));
+        if let Some(law) = self.law {
+            all.insert("law".into(), json!(law));
+        }
         Value::Object(all)
     }
 }
@@ -241,8 +261,7 @@ impl ByLaw {
 fn write(
     reader: &dyn Reader,
     path: &Path,
-    grid: &Grid,
-    frame: Frame,
+    (grid, frame): (&Grid, Frame),
     force_n: Option<f64>,
 ) -> Result<Option<ColumnMap>> {
     if reader.is_directory() {
@@ -279,23 +298,4 @@ fn add(
     });
     of_shared["steps"] = Value::Array(motions.collect());
     of_shared["motion_mm"] = json!(truth.motion_mm);
-}
-
-/// The model with the simulated steps: `plychain loop DIR/model.json`.
-fn model_json(
-    mut model: Model,
-    declared: &[Option<f64>],
-    reader: &'static dyn Reader,
-    columns: Option<ColumnMap>,
-) -> Result<Value> {
-    let experiment = model.experiment_mut();
-    experiment.measurement.source = Source {
-        reader,
-        path: None,
-        columns,
-    };
-    for (step, force) in experiment.steps.iter_mut().flatten().zip(declared) {
-        step.force_n = *force;
-    }
-    model.file.to_json()
 }

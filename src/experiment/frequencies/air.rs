@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::assembly::{Functions, Triangle};
-use super::basis::Basis;
+use super::basis::LegendreBasis;
 use crate::error::{Error, Result};
 
 /// Wavenumbers times half a side at which the integrals stop, and their step: the tail left out is below 1 % of the added mass.
@@ -70,7 +70,7 @@ fn second_kind(p: usize, angle: f64) -> f64 {
 }
 
 /// Integrals of sqrt(1 - x^2) U_p times the polynomials of a basis (order x count).
-fn couplings(basis: &Basis, order: usize) -> DMatrix<f64> {
+fn couplings(basis: &LegendreBasis, order: usize) -> DMatrix<f64> {
     let mut sum = DMatrix::zeros(order, basis.count());
     /// Resolves edge layers down to 1e-3 of a side, and is exact for polynomials.
     const NODES: usize = 400;

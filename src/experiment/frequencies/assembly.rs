@@ -2,16 +2,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::basis::{Basis, Integrals};
-use super::plate::{Coefficients, INERTIAS, STIFFNESSES};
-use super::theory::{Derivative, EdgeLayers, PAIRS, Supports, Theory};
+use super::basis::{Integrals, LegendreBasis};
+use super::plate::{INERTIAS, PlateCoefficients, STIFFNESSES};
+use super::theory::{Derivative, EdgeLayers, PAIRS, PlateSupports, Theory};
 
 /// Lower triangle of a symmetric matrix: (row, column, value), row >= column.
 pub type Triangle = Vec<(u32, u32, f64)>;
 
 /// Functions, and thereby modes, that couple with no others.
 #[derive(Debug, Clone)]
-pub struct Family {
+pub struct IntegralFamily {
     /// Whether the deflection changes its sign with the turn of the plate by 180 degrees; none where the supports have no such symmetry.
     pub odd: Option<bool>,
     /// Global numbers of the family's functions.
@@ -35,7 +35,7 @@ pub struct Function {
 /// Polynomials of every field along both axes, with their integrals.
 #[derive(Debug, Clone)]
 pub struct Functions {
-    pub bases: Vec<[Basis; 2]>,
+    pub bases: Vec<[LegendreBasis; 2]>,
     /// Integrals along an axis between the bases of two fields: `[axis][field][field]`.
     integrals: [Vec<Vec<Integrals>>; 2],
     pub list: Vec<Function>,
@@ -45,12 +45,12 @@ impl Functions {
     /// `order` polynomials along each axis for every field, and the functions of `layers`.
     pub fn new(
         theory: Theory,
-        supports: &Supports,
+        supports: &PlateSupports,
         order: usize,
         layers: Option<EdgeLayers>,
     ) -> Self {
         let fields = theory.fields();
-        let bases: Vec<[Basis; 2]> = (0..fields)
+        let bases: Vec<[LegendreBasis; 2]> = (0..fields)
             .map(|field| [0, 1].map(|axis| theory.basis(supports, [field, axis], order, layers)))
             .collect();
         let integrals = [0, 1].map(|axis| {
@@ -113,7 +113,7 @@ impl Functions {
 
     /// Amplitudes of the functions in a rigid motion with deflection r0 + r1 xi + r2 eta.
     fn rigid(&self, [r0, r1, r2]: [f64; 3]) -> DVector<f64> {
-        let linear = Basis::new([0, 0], 2, None);
+        let linear = LegendreBasis::new([0, 0], 2, None);
         // integrals of 1 and of the coordinate times a polynomial
         let moments: Vec<[Integrals; 2]> = self
             .bases
@@ -150,7 +150,7 @@ pub struct Whole {
 
 impl Whole {
     /// All but air and point mass, whose triangles are empty.
-    pub fn new(theory: Theory, supports: &Supports, functions: &Functions) -> Self {
+    pub fn new(theory: Theory, supports: &PlateSupports, functions: &Functions) -> Self {
         let (strains, motions) = (theory.strains(), theory.motions());
         let stiffness = PAIRS.map(|[i, j]| functions.form(&strains[i], &strains[j], i == j));
         let mut inertia: Vec<Triangle> =
@@ -165,7 +165,12 @@ impl Whole {
     }
 
     /// The families of functions, for laminates whose bending and twisting couple (`twisting`) or do not.
-    pub fn families(&self, functions: &Functions, twisting: bool, whole: bool) -> Vec<Family> {
+    pub fn families(
+        &self,
+        functions: &Functions,
+        twisting: bool,
+        whole: bool,
+    ) -> Vec<IntegralFamily> {
         let parity = [0, 1].map(|axis| functions.bases.iter().all(|b| b[axis].has_parity()));
         let both = parity[0] && parity[1];
         let key = |f: &Function| {
@@ -193,7 +198,7 @@ impl Whole {
         members.collect()
     }
 
-    fn family(&self, odd: Option<bool>, functions: Vec<usize>) -> Family {
+    fn family(&self, odd: Option<bool>, functions: Vec<usize>) -> IntegralFamily {
         let mut local = vec![None; functions.last().map_or(0, |last| last + 1)];
         for (i, &global) in functions.iter().enumerate() {
             local[global] = Some(i as u32);
@@ -206,7 +211,7 @@ impl Whole {
                 .collect()
         };
         let rigid = self.rigid.iter().map(|r| r.select_rows(&functions));
-        Family {
+        IntegralFamily {
             odd,
             stiffness: self.stiffness.iter().map(restrict).collect(),
             inertia: self.inertia.iter().map(restrict).collect(),
@@ -218,7 +223,7 @@ impl Whole {
     }
 }
 
-impl Family {
+impl IntegralFamily {
     /// Number of unknowns.
     pub fn unknowns(&self) -> usize {
         self.lift
@@ -232,7 +237,7 @@ impl Family {
     }
 
     /// Full symmetric stiffness and mass matrices.
-    pub fn matrices(&self, of: &Coefficients) -> [DMatrix<f64>; 2] {
+    pub fn matrices(&self, of: &PlateCoefficients) -> [DMatrix<f64>; 2] {
         let sum = |triangles: &[Triangle], factors: &[f64]| {
             let mut m = DMatrix::zeros(self.unknowns(), self.unknowns());
             for (triangle, &factor) in triangles.iter().zip(factors) {

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 
 /// A measured peak.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Peak {
+pub struct FrequencyPeak {
     pub frequency_hz: f64,
     /// Standard deviation of the reading, Hz; the model's error comes on top.
     pub sd_hz: f64,
@@ -21,9 +21,9 @@ pub struct Peak {
 
 /// A predicted mode.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Predicted {
+pub struct PredictedFrequency {
     pub frequency_hz: f64,
-    /// As [`super::Mode::odd`].
+    /// As [`super::VibrationMode::odd`].
     pub odd: Option<bool>,
 }
 
@@ -100,19 +100,19 @@ impl PeakModel {
     }
 
     /// Sd of ln y of a peak about ln f of its mode.
-    pub fn spread(&self, peak: &Peak) -> f64 {
+    pub fn spread(&self, peak: &FrequencyPeak) -> f64 {
         self.model_error.hypot(peak.sd_hz / peak.frequency_hz)
     }
 
     /// Log density of ln y of an additional peak: uniform in Hz, either parity.
-    fn log_additional(&self, peak: &Peak) -> f64 {
+    fn log_additional(&self, peak: &FrequencyPeak) -> f64 {
         let [low, high] = self.band_hz;
         let parity: f64 = if peak.odd.is_some() { 0.5 } else { 1.0 };
         (self.additional * parity * peak.frequency_hz / (high - low)).ln()
     }
 
     /// Log density of ln y of a peak that is the mode; none beyond the reach of 8 sd, where it is 1e-14 of that at the mode.
-    fn log_match(&self, peak: &Peak, mode: &Predicted) -> Option<f64> {
+    fn log_match(&self, peak: &FrequencyPeak, mode: &PredictedFrequency) -> Option<f64> {
         const REACH: f64 = 8.0;
         let s = self.spread(peak);
         let z = (peak.frequency_hz / mode.frequency_hz).ln() / s;
@@ -127,7 +127,7 @@ impl PeakModel {
     }
 
     /// Log probability that a mode leaves no peak in the band, and its derivative by ln f.
-    fn log_missing(&self, mode: &Predicted) -> (f64, f64) {
+    fn log_missing(&self, mode: &PredictedFrequency) -> (f64, f64) {
         /// A band's edge sharper than this gains nothing.
         const SHARPEST: f64 = 1e-4;
         let s = self.model_error.max(SHARPEST);
@@ -153,7 +153,11 @@ struct Links {
 }
 
 impl Links {
-    fn new(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<Self> {
+    fn new(
+        model: &PeakModel,
+        peaks: &[FrequencyPeak],
+        modes: &[PredictedFrequency],
+    ) -> Result<Self> {
         model.validate()?;
         validate(model, peaks, modes)?;
         let mut order: Vec<usize> = (0..modes.len()).collect();
@@ -188,7 +192,11 @@ impl Links {
 ///
 /// # Errors
 /// Those of [`assign`].
-pub fn log_likelihood(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<f64> {
+pub fn log_likelihood(
+    model: &PeakModel,
+    peaks: &[FrequencyPeak],
+    modes: &[PredictedFrequency],
+) -> Result<f64> {
     let links = Links::new(model, peaks, modes)?;
     Ok(lattice::log_total(&links.choices) + links.log_empty(model))
 }
@@ -197,7 +205,11 @@ pub fn log_likelihood(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) ->
 ///
 /// # Errors
 /// The input's fault: more peaks than 128, frequencies that are not above 0, [`PeakModel::validate`].
-pub fn assign(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<Assigned> {
+pub fn assign(
+    model: &PeakModel,
+    peaks: &[FrequencyPeak],
+    modes: &[PredictedFrequency],
+) -> Result<Assigned> {
     let links = Links::new(model, peaks, modes)?;
     let sum = lattice::sum(&links.choices, peaks.len());
     let mut assigned = sorted_back(&sum, &links.order);
@@ -214,7 +226,11 @@ pub fn assign(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<
     Ok(assigned)
 }
 
-fn validate(model: &PeakModel, peaks: &[Peak], modes: &[Predicted]) -> Result<()> {
+fn validate(
+    model: &PeakModel,
+    peaks: &[FrequencyPeak],
+    modes: &[PredictedFrequency],
+) -> Result<()> {
     if peaks.len() > MOST_PEAKS {
         let expected = format!("at most {MOST_PEAKS} peaks");
         return Err(Error::input("frequencies_Hz", expected).found(peaks.len()));

@@ -6,7 +6,7 @@ use crate::numeric;
 
 /// How an edge is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Edge {
+pub enum PlateEdge {
     Free,
     /// No deflection; with transverse shear no rotation along the edge either ("hard").
     SimplySupported,
@@ -26,7 +26,7 @@ const JET: usize = 3;
 /// Behind them may stand [`LAYERED`] functions that decay from the free ends as e^-t and t e^-t, t the distance over `layer`, made
 /// orthonormal to all before them.
 #[derive(Debug, Clone)]
-pub struct Basis {
+pub struct LegendreBasis {
     /// Order of the zero at -1 (p) and at 1 (q).
     zeros: [usize; 2],
     polynomials: usize,
@@ -39,7 +39,7 @@ pub struct Basis {
 /// Layer functions behind the polynomials: two kinds, even and odd.
 const LAYERED: usize = 4;
 
-impl Basis {
+impl LegendreBasis {
     /// `polynomials` polynomials with zeros of order `zeros` at -1 and 1; with a `layer`, its functions at the free ends.
     ///
     /// Without a free end there is no layer, and one longer than a tenth of the side needs no functions of its own.
@@ -223,7 +223,7 @@ pub struct Integrals([[DMatrix<f64>; JET]; JET]);
 
 impl Integrals {
     /// For f of basis `f` and g of basis `g`.
-    pub fn of(f: &Basis, g: &Basis) -> Self {
+    pub fn of(f: &LegendreBasis, g: &LegendreBasis) -> Self {
         /// What is smaller beside its Cauchy-Schwarz bound is rounding of a zero.
         const ROUNDING: f64 = 1e-12;
         let nodes = f.degree().max(g.degree()) + 1;

@@ -1,6 +1,6 @@
 //! What may act in a vibration test that its model lacks: by how much it moves each frequency, to first order (Rayleigh's quotient).
 
-use super::ritz::{Mode, Ritz};
+use super::ritz::{Ritz, VibrationMode};
 
 /// Something that may act.
 pub struct Disturbance {
@@ -13,7 +13,7 @@ pub struct Disturbance {
     pub about: &'static str,
     /// The experiment that would confirm it.
     pub confirm: &'static str,
-    kind: Kind,
+    kind: DisturbanceKind,
 }
 
 /// A plausible amplitude: sd of its normal prior.
@@ -26,7 +26,7 @@ pub enum Size {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum DisturbanceKind {
     /// A percent of the plate's mass at places, as shares of length and width.
     Mass(&'static [[f64; 2]]),
     /// Soft springs all over the plate, by the frequency at which it bounces on them.
@@ -45,7 +45,7 @@ pub static DISTURBANCES: [Disturbance; 4] = [
         power: 1,
         about: "A body sits at the middle of the plate: it lowers the modes that move there.",
         confirm: "Weigh the accelerometer with its wax, or take the peaks with a laser or a microphone; move the body, and see whether the peaks follow. Declare it as specimen.added_mass.",
-        kind: Kind::Mass(&[[0.5, 0.5]]),
+        kind: DisturbanceKind::Mass(&[[0.5, 0.5]]),
     },
     Disturbance {
         name: "added_mass_at_a_corner",
@@ -54,7 +54,7 @@ pub static DISTURBANCES: [Disturbance; 4] = [
         power: 1,
         about: "A body sits at a corner of the plate.",
         confirm: "Weigh the accelerometer with its wax, or take the peaks with a laser or a microphone; move the body, and see whether the peaks follow. Declare it as specimen.added_mass.",
-        kind: Kind::Mass(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]),
+        kind: DisturbanceKind::Mass(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]),
     },
     Disturbance {
         name: "suspension",
@@ -63,7 +63,7 @@ pub static DISTURBANCES: [Disturbance; 4] = [
         power: 2,
         about: "Foam or threads hold the plate with some stiffness: it raises the lowest modes most, in proportion to 1 / f^2.",
         confirm: "Look for the bounce of the whole plate, below its modes; hang it by longer threads at nodes of the lowest mode, and see whether that falls.",
-        kind: Kind::Springs,
+        kind: DisturbanceKind::Springs,
     },
     Disturbance {
         name: "damping",
@@ -72,7 +72,7 @@ pub static DISTURBANCES: [Disturbance; 4] = [
         power: 2,
         about: "Damped modes ring below their natural frequency, all alike: a common factor of all moduli by the square of the damping.",
         confirm: "Measure the width of the peaks at half power, or the decay: 1 % of critical damping lowers a frequency by 0.005 %.",
-        kind: Kind::Damping,
+        kind: DisturbanceKind::Damping,
     },
 ];
 
@@ -86,15 +86,15 @@ impl Disturbance {
     }
 
     /// Relative change of a mode's frequency by an amplitude, on a plate of mass `mass_t`.
-    pub fn shift(&self, ritz: &Ritz, mode: &Mode, mass_t: f64, amplitude: f64) -> f64 {
+    pub fn shift(&self, ritz: &Ritz, mode: &VibrationMode, mass_t: f64, amplitude: f64) -> f64 {
         match self.kind {
-            Kind::Mass(places) => {
+            DisturbanceKind::Mass(places) => {
                 // the deflection has unit modal mass, 1 t
                 let square: f64 = ritz.deflection(mode, places).iter().map(|w| w * w).sum();
                 -0.5 * 0.01 * amplitude * mass_t * square / places.len() as f64
             }
-            Kind::Springs => 0.5 * (amplitude / mode.frequency_hz()).powi(2),
-            Kind::Damping => -0.5 * (0.01 * amplitude).powi(2),
+            DisturbanceKind::Springs => 0.5 * (amplitude / mode.frequency_hz()).powi(2),
+            DisturbanceKind::Damping => -0.5 * (0.01 * amplitude).powi(2),
         }
     }
 }

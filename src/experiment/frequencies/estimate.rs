@@ -3,31 +3,31 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::assignment::{Assigned, Peak, PeakModel, Predicted, assign};
-use super::plate::{Parameter, Plate};
-use super::ritz::{Mode, Ritz};
+use super::assignment::{Assigned, FrequencyPeak, PeakModel, PredictedFrequency, assign};
+use super::plate::{PlateParameter, VibratingPlate};
+use super::ritz::{Ritz, VibrationMode};
 use crate::error::{Error, Result};
 
 /// Scale of the logistic distribution of sd 1: sqrt(3) / pi.
 pub(super) const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
 
-/// A parameter that is not known, with its normal prior; units as in [`Plate`].
+/// A parameter that is not known, with its normal prior; units as in [`VibratingPlate`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unknown {
-    pub parameter: Parameter,
+    pub parameter: PlateParameter,
     pub mean: f64,
     pub sd: f64,
 }
 
 /// Peaks of a plate some parameters of which are unknown.
 #[derive(Debug, Clone, Copy)]
-pub struct Problem<'a> {
+pub struct AssignmentProblem<'a> {
     /// With matrices for what the plate has (air, point mass); a reduced one is fast.
     pub ritz: &'a Ritz,
     /// What is known; values of the unknown parameters do not matter.
-    pub plate: &'a Plate,
+    pub plate: &'a VibratingPlate,
     pub unknowns: &'a [Unknown],
-    pub peaks: &'a [Peak],
+    pub peaks: &'a [FrequencyPeak],
     pub model: &'a PeakModel,
     /// Number of modes to predict: enough to pass the band's upper end.
     pub modes: usize,
@@ -35,7 +35,7 @@ pub struct Problem<'a> {
 
 /// The best constants.
 #[derive(Debug, Clone)]
-pub struct Estimate {
+pub struct LikeliestPlate {
     /// In the order of the unknowns.
     pub values: DVector<f64>,
     /// The same in prior standard deviations from the prior means.
@@ -45,12 +45,12 @@ pub struct Estimate {
     pub log_posterior: f64,
     /// Log of the evidence by Laplace: the posterior's integral.
     pub log_evidence: f64,
-    pub plate: Plate,
-    pub modes: Vec<Mode>,
+    pub plate: VibratingPlate,
+    pub modes: Vec<VibrationMode>,
     pub assigned: Assigned,
 }
 
-impl Estimate {
+impl LikeliestPlate {
     /// Standard deviation of an unknown.
     pub fn sd(&self, unknown: usize) -> f64 {
         self.covariance[(unknown, unknown)].sqrt()
@@ -58,31 +58,31 @@ impl Estimate {
 }
 
 /// The log posterior about a point, in prior standard deviations.
-pub(super) struct Local {
+pub(super) struct LocalPosterior {
     pub log_posterior: f64,
     gradient: DVector<f64>,
     /// Expected information: of the peaks under the posterior assignment, and the prior's.
     information: DMatrix<f64>,
-    pub modes: Vec<Mode>,
+    pub modes: Vec<VibrationMode>,
     pub assigned: Assigned,
 }
 
-impl Problem<'_> {
+impl AssignmentProblem<'_> {
     /// The plate at `z` prior standard deviations from the prior means.
-    fn plate_at(&self, z: &DVector<f64>) -> Plate {
+    fn plate_at(&self, z: &DVector<f64>) -> VibratingPlate {
         let each = self.unknowns.iter().zip(z.iter());
         each.fold(self.plate.clone(), |plate, (u, z)| {
             plate.with(u.parameter, u.mean + z * u.sd)
         })
     }
 
-    pub(super) fn at(&self, z: &DVector<f64>, model: &PeakModel) -> Result<Local> {
+    pub(super) fn at(&self, z: &DVector<f64>, model: &PeakModel) -> Result<LocalPosterior> {
         let plate = self.plate_at(z);
         plate.validate()?;
         let modes = self.ritz.modes(&plate.coefficients(), self.modes)?;
-        let predicted: Vec<Predicted> = modes.iter().map(predicted).collect();
+        let predicted: Vec<PredictedFrequency> = modes.iter().map(predicted).collect();
         let assigned = assign(model, self.peaks, &predicted)?;
-        let parameters: Vec<Parameter> = self.unknowns.iter().map(|u| u.parameter).collect();
+        let parameters: Vec<PlateParameter> = self.unknowns.iter().map(|u| u.parameter).collect();
         let mut gradient = -z.clone();
         let mut information = DMatrix::identity(z.len(), z.len());
         for (j, mode) in modes.iter().enumerate() {
@@ -97,7 +97,7 @@ impl Problem<'_> {
                 .sum();
             information.ger(weight, &relative, &relative, 1.0);
         }
-        Ok(Local {
+        Ok(LocalPosterior {
             log_posterior: assigned.log_likelihood - 0.5 * z.norm_squared(),
             gradient,
             information,
@@ -112,7 +112,7 @@ impl Problem<'_> {
         mut z: DVector<f64>,
         model: &PeakModel,
         steps: usize,
-    ) -> Result<(DVector<f64>, Local)> {
+    ) -> Result<(DVector<f64>, LocalPosterior)> {
         /// Gain below which the top is reached.
         const LEAST_GAIN: f64 = 1e-7;
         let mut here = self.at(&z, model)?;
@@ -142,7 +142,7 @@ impl Problem<'_> {
     }
 
     /// Climb with a model error that shrinks to the stated one: far peaks pull first.
-    fn anneal(&self, z: DVector<f64>) -> Result<(DVector<f64>, Local)> {
+    fn anneal(&self, z: DVector<f64>) -> Result<(DVector<f64>, LocalPosterior)> {
         /// First model error, and the factor between two.
         const FIRST: f64 = 0.06;
         const FACTOR: f64 = 0.6;
@@ -182,8 +182,8 @@ impl Problem<'_> {
 }
 
 /// Frequency and parity of a mode.
-pub fn predicted(mode: &Mode) -> Predicted {
-    Predicted {
+pub fn predicted(mode: &VibrationMode) -> PredictedFrequency {
+    PredictedFrequency {
         frequency_hz: mode.frequency_hz(),
         odd: mode.odd,
     }
@@ -194,7 +194,7 @@ pub fn predicted(mode: &Mode) -> Predicted {
 ///
 /// # Errors
 /// The input's fault: prior means that no plate has; no start that leads anywhere.
-pub fn estimates(problem: &Problem<'_>, starts: usize) -> Result<Vec<Estimate>> {
+pub fn estimates(problem: &AssignmentProblem<'_>, starts: usize) -> Result<Vec<LikeliestPlate>> {
     /// Tops nearer to each other than this, in log posterior and prior standard deviations, are one.
     const SAME: f64 = 1e-3;
     let n = problem.unknowns.len();
@@ -207,7 +207,7 @@ pub fn estimates(problem: &Problem<'_>, starts: usize) -> Result<Vec<Estimate>> 
         .filter_map(|z| problem.anneal(z).ok())
         .collect();
     tops.sort_by(|a, b| b.1.log_posterior.total_cmp(&a.1.log_posterior));
-    let mut distinct: Vec<Estimate> = Vec::new();
+    let mut distinct: Vec<LikeliestPlate> = Vec::new();
     for (z, top) in tops {
         let is_known = distinct.iter().any(|d| {
             (d.log_posterior - top.log_posterior).abs() < SAME && (&d.place - &z).amax() < SAME
@@ -223,9 +223,9 @@ pub fn estimates(problem: &Problem<'_>, starts: usize) -> Result<Vec<Estimate>> 
     Ok(distinct)
 }
 
-impl Problem<'_> {
+impl AssignmentProblem<'_> {
     /// A top with its curvature.
-    fn completed(&self, z: DVector<f64>, top: Local) -> Result<Estimate> {
+    fn completed(&self, z: DVector<f64>, top: LocalPosterior) -> Result<LikeliestPlate> {
         // where the curvature is not that of a top (a kink, a flank at the edge of what is admissible) the expected information stands in
         let exact = self.curvature(&z, &top.information).ok();
         let factor = exact
@@ -237,7 +237,7 @@ impl Problem<'_> {
         let sd = self.unknowns.iter().map(|u| u.sd);
         let scales = DMatrix::from_diagonal(&DVector::from_iterator(z.len(), sd));
         let values = self.unknowns.iter().zip(z.iter());
-        Ok(Estimate {
+        Ok(LikeliestPlate {
             values: DVector::from_iterator(z.len(), values.map(|(u, z)| u.mean + z * u.sd)),
             covariance: &scales * factor.inverse() * &scales,
             log_posterior: top.log_posterior,

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::assignment::Predicted;
-use super::plate::{Parameter, Plate};
-use super::ritz::{Mode, Ritz};
+use super::assignment::PredictedFrequency;
+use super::plate::{PlateParameter, VibratingPlate};
+use super::ritz::{Ritz, VibrationMode};
 use crate::error::{Error, Result};
 
 /// ln f of some modes about a plate, each followed by family and rank, so that those of different families may cross.
@@ -30,11 +30,16 @@ impl Expansion {
     ///
     /// # Errors
     /// Those of [`Ritz::modes`]; of the program if a mode is not found beside the plate.
-    pub fn new(ritz: &Ritz, plate: &Plate, count: usize, to: &[(Parameter, f64)]) -> Result<Self> {
+    pub fn new(
+        ritz: &Ritz,
+        plate: &VibratingPlate,
+        count: usize,
+        to: &[(PlateParameter, f64)],
+    ) -> Result<Self> {
         /// Modes beyond those that are followed: one of these may lie lower beside the plate.
         const BEYOND: usize = 8;
-        let parameters: Vec<Parameter> = to.iter().map(|(p, _)| *p).collect();
-        let slopes = |mode: &Mode, plate: &Plate| -> Vec<f64> {
+        let parameters: Vec<PlateParameter> = to.iter().map(|(p, _)| *p).collect();
+        let slopes = |mode: &VibrationMode, plate: &VibratingPlate| -> Vec<f64> {
             let slopes = ritz.sensitivities_hz(mode, plate, &parameters);
             let scaled = slopes.iter().zip(to);
             scaled
@@ -60,7 +65,7 @@ impl Expansion {
                 }
             }
         }
-        let expanded = |(mode, curvature): (&Mode, DMatrix<f64>)| {
+        let expanded = |(mode, curvature): (&VibrationMode, DMatrix<f64>)| {
             let whole = 0.5 * (&curvature + curvature.transpose());
             let below = (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));
             let half = |(i, j): (usize, usize)| whole[(i, j)] * if i == j { 0.5 } else { 1.0 };
@@ -79,7 +84,7 @@ impl Expansion {
     }
 
     /// The modes of a plate with other values of the parameters.
-    pub fn predicted(&self, values: &[f64]) -> Vec<Predicted> {
+    pub fn predicted(&self, values: &[f64]) -> Vec<PredictedFrequency> {
         let each = values.iter().zip(&self.at).zip(&self.steps);
         let d: Vec<f64> = each.map(|((x, at), step)| (x - at) / step).collect();
         let products: Vec<f64> = (0..d.len())
@@ -89,7 +94,7 @@ impl Expansion {
         let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let modes = self.modes.iter();
         modes
-            .map(|m| Predicted {
+            .map(|m| PredictedFrequency {
                 frequency_hz: (m.ln_hz + dot(&m.slope, &d) + dot(&m.curvature, &products)).exp(),
                 odd: m.odd,
             })

@@ -7,11 +7,11 @@
 use crate::numeric::log_sum_exp;
 use nalgebra::DMatrix;
 
-/// Set of peaks, one bit each.
-type Set = u128;
+/// A set of peaks, one bit each.
+type LatticeSet = u128;
 
 /// Most peaks that a set can hold.
-pub const MOST_PEAKS: usize = Set::BITS as usize;
+pub const MOST_PEAKS: usize = LatticeSet::BITS as usize;
 
 /// States kept after a mode, the likeliest: enough for ten peaks within reach of one mode without loss.
 const MOST_STATES: usize = 1024;
@@ -39,8 +39,8 @@ pub struct Sum {
 
 /// States before a mode: set, log of the summed weights, log of the largest weight, and where that came from (state, peak).
 #[derive(Debug, Clone, Copy)]
-struct State {
-    set: Set,
+struct LatticeState {
+    set: LatticeSet,
     sum: f64,
     best: f64,
     from: (usize, Option<usize>),
@@ -49,7 +49,7 @@ struct State {
 /// Sum over the assignments of modes to at most one of `peaks` peaks each, no peak twice.
 pub fn sum(modes: &[Choices], peaks: usize) -> Sum {
     let reach = reachable(modes);
-    let start = State {
+    let start = LatticeState {
         set: 0,
         sum: 0.0,
         best: 0.0,
@@ -61,7 +61,7 @@ pub fn sum(modes: &[Choices], peaks: usize) -> Sum {
         let mut after = Vec::with_capacity(before.len() * (1 + mode.links.len()));
         for (index, state) in before.iter().enumerate() {
             for (peak, set, weight) in steps(mode, state.set, reach[j + 1]) {
-                after.push(State {
+                after.push(LatticeState {
                     set,
                     sum: state.sum + weight,
                     best: state.best + weight,
@@ -88,9 +88,9 @@ pub fn log_total(modes: &[Choices]) -> f64 {
     const LEAST: f64 = 1e-13;
     let reach = reachable(modes);
     let mut log_scale = 0.0;
-    let mut states: Vec<(Set, f64)> = vec![(0, 1.0)];
-    let mut after: Vec<(Set, f64)> = Vec::new();
-    let mut weights: Vec<(Set, f64)> = Vec::new();
+    let mut states: Vec<(LatticeSet, f64)> = vec![(0, 1.0)];
+    let mut after: Vec<(LatticeSet, f64)> = Vec::new();
+    let mut weights: Vec<(LatticeSet, f64)> = Vec::new();
     for (j, mode) in modes.iter().enumerate() {
         let links = mode.links.iter();
         weights.clear();
@@ -120,7 +120,7 @@ pub fn log_total(modes: &[Choices]) -> f64 {
 }
 
 /// Peaks that mode j and later ones can be, for every j and behind the last.
-fn reachable(modes: &[Choices]) -> Vec<Set> {
+fn reachable(modes: &[Choices]) -> Vec<LatticeSet> {
     let mut reach = vec![0; modes.len() + 1];
     for (j, mode) in modes.iter().enumerate().rev() {
         let own = mode.links.iter().fold(0, |set, (i, _)| set | (1 << i));
@@ -132,18 +132,18 @@ fn reachable(modes: &[Choices]) -> Vec<Set> {
 /// What a mode can do from a set: the peak it takes, the set it leaves for later modes, the log weight.
 fn steps(
     mode: &Choices,
-    set: Set,
-    later: Set,
-) -> impl Iterator<Item = (Option<usize>, Set, f64)> + '_ {
+    set: LatticeSet,
+    later: LatticeSet,
+) -> impl Iterator<Item = (Option<usize>, LatticeSet, f64)> + '_ {
     let free = mode.links.iter().filter(move |(i, _)| set & (1 << i) == 0);
     let taken = free.map(move |&(i, weight)| (Some(i), (set | (1 << i)) & later, weight));
     std::iter::once((None, set & later, mode.missing)).chain(taken)
 }
 
 /// One state a set, ordered by set; beyond [`MOST_STATES`] the likeliest.
-fn merged(mut states: Vec<State>) -> Vec<State> {
+fn merged(mut states: Vec<LatticeState>) -> Vec<LatticeState> {
     states.sort_by_key(|s| s.set);
-    let mut unique: Vec<State> = Vec::with_capacity(states.len());
+    let mut unique: Vec<LatticeState> = Vec::with_capacity(states.len());
     for group in states.chunk_by(|a, b| a.set == b.set) {
         // the first of equals, so that ties do not depend on rounding elsewhere
         let best = group[1..].iter().fold(
@@ -152,7 +152,7 @@ fn merged(mut states: Vec<State>) -> Vec<State> {
                 if s.best > best.best { *s } else { best }
             },
         );
-        unique.push(State {
+        unique.push(LatticeState {
             sum: log_sum_exp(group.iter().map(|s| s.sum)),
             ..best
         });
@@ -169,8 +169,8 @@ fn merged(mut states: Vec<State>) -> Vec<State> {
 fn posterior(
     modes: &[Choices],
     peaks: usize,
-    layers: &[Vec<State>],
-    reach: &[Set],
+    layers: &[Vec<LatticeState>],
+    reach: &[LatticeSet],
     log_total: f64,
 ) -> DMatrix<f64> {
     let mut matched = DMatrix::zeros(modes.len(), peaks);
@@ -198,7 +198,7 @@ fn posterior(
 }
 
 /// The likeliest assignment, traced back.
-fn likeliest(layers: &[Vec<State>]) -> (f64, Vec<Option<usize>>) {
+fn likeliest(layers: &[Vec<LatticeState>]) -> (f64, Vec<Option<usize>>) {
     let mut best = vec![None; layers.len() - 1];
     let ends = layers.last().map_or(&[][..], Vec::as_slice);
     let mut at = 0;

@@ -18,14 +18,14 @@ mod spec;
 mod theory;
 pub mod weigh;
 
-pub use basis::Edge;
+pub use basis::PlateEdge;
 pub use expansion::Expansion;
 pub use plate::{
-    Coefficients, HZ_LAMBDA, INERTIAS, PARAMETERS, Parameter, Plate, STIFFNESSES, TransverseShear,
-    Weight,
+    HZ_LAMBDA, INERTIAS, PARAMETERS, PlateCoefficients, PlateParameter, STIFFNESSES,
+    TransverseShear, VibratingPlate, Weight,
 };
-pub use ritz::{Mode, Ritz, Settings};
+pub use ritz::{Ritz, Settings, VibrationMode};
 pub use spec::{
     AddedMassSpec, EdgeSpec, FrequenciesSpec, Nuisance, Parity, PlateSpec, SupportSpec,
 };
-pub use theory::{EdgeLayers, Supports, Theory};
+pub use theory::{EdgeLayers, PlateSupports, Theory};

@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::basis::Edge;
-use super::plate::{Plate, Weight};
-use super::ritz::{Mode, Ritz};
-use super::theory::{Supports, Theory};
+use super::basis::PlateEdge;
+use super::plate::{VibratingPlate, Weight};
+use super::ritz::{Ritz, VibrationMode};
+use super::theory::{PlateSupports, Theory};
 use crate::error::{Error, Result};
 use crate::fem::Vibrating;
 use crate::fem::plate_element::PER_NODE;
@@ -32,10 +32,10 @@ const GUARD: usize = 6;
 /// # Errors
 /// The input's fault: a hole that is no hole of this plate, or too large; those of the finite elements.
 pub fn factors(
-    plate: &Plate,
+    plate: &VibratingPlate,
     hole: &HoleSpec,
-    supports: &Supports,
-    (ritz, modes): (&Ritz, &[Mode]),
+    supports: &PlateSupports,
+    (ritz, modes): (&Ritz, &[VibrationMode]),
 ) -> Result<Vec<f64>> {
     let Some(first) = modes.first() else {
         return Ok(Vec::new());
@@ -91,7 +91,7 @@ pub fn factors(
 }
 
 /// Unknowns that supports hold.
-fn pinned(mesh: &Mesh, supports: &Supports) -> Vec<usize> {
+fn pinned(mesh: &Mesh, supports: &PlateSupports) -> Vec<usize> {
     let mut pinned = Vec::new();
     for (node, point) in mesh.nodes.iter().enumerate() {
         for (axis, edges) in [supports.x, supports.y].iter().enumerate() {
@@ -100,13 +100,13 @@ fn pinned(mesh: &Mesh, supports: &Supports) -> Vec<usize> {
             let edge = match () {
                 () if near(low) => edges[0],
                 () if near(high) => edges[1],
-                () => Edge::Free,
+                () => PlateEdge::Free,
             };
             // the rotation about a simply supported edge is free, the one along it is not
             let held: &[usize] = match edge {
-                Edge::Free => &[],
-                Edge::SimplySupported => &[0, 2 - axis],
-                Edge::Clamped => &[0, 1, 2],
+                PlateEdge::Free => &[],
+                PlateEdge::SimplySupported => &[0, 2 - axis],
+                PlateEdge::Clamped => &[0, 1, 2],
             };
             pinned.extend(held.iter().map(|c| PER_NODE * node + c));
         }
@@ -119,8 +119,8 @@ fn pinned(mesh: &Mesh, supports: &Supports) -> Vec<usize> {
 /// Deflections of the modes at a mesh's nodes, then of rigid motions, then of some waves for a guard; rotations follow with the first solution.
 fn start(
     mesh: &Mesh,
-    (ritz, modes): (&Ritz, &[Mode]),
-    supports: &Supports,
+    (ritz, modes): (&Ritz, &[VibrationMode]),
+    supports: &PlateSupports,
     (sides, center): ([f64; 2], [f64; 2]),
 ) -> DMatrix<f64> {
     let share = |p: &[f64; 2]| [0, 1].map(|k| (p[k] + center[k]) / sides[k] + 0.5);

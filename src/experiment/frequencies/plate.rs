@@ -17,7 +17,7 @@ pub const HZ_LAMBDA: f64 = 4.0 * std::f64::consts::PI * std::f64::consts::PI;
 
 /// Factors of the stored matrices: K = sum of `stiffness` times stiffness matrices, M alike. Consistent units of N, mm, t, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Coefficients {
+pub struct PlateCoefficients {
     pub stiffness: [f64; STIFFNESSES],
     pub inertia: [f64; INERTIAS],
 }
@@ -25,7 +25,7 @@ pub struct Coefficients {
 /// The plate's weight, as it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Weight {
-    /// Weighed: mass, t. Frequencies then do not depend on the thickness but through the stiffness.
+    /// WeighedPlates: mass, t. Frequencies then do not depend on the thickness but through the stiffness.
     Mass(f64),
     /// Density, t/mm^3 (1600 kg/m^3 = 1.6e-9).
     Density(f64),
@@ -44,7 +44,7 @@ pub struct TransverseShear {
 
 /// A rectangular laminate of equal plies; lengths in mm, moduli in MPa, angles in rad from the direction of `length`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plate {
+pub struct VibratingPlate {
     pub length: f64,
     pub width: f64,
     pub thickness: f64,
@@ -58,9 +58,9 @@ pub struct Plate {
     pub point_mass: f64,
 }
 
-/// What a frequency depends on; units as in [`Plate`].
+/// What a frequency depends on; units as in [`VibratingPlate`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parameter {
+pub enum PlateParameter {
     E1,
     E2,
     Nu12,
@@ -81,22 +81,22 @@ pub enum Parameter {
 }
 
 /// All parameters of a laminate.
-pub const PARAMETERS: [Parameter; 12] = [
-    Parameter::E1,
-    Parameter::E2,
-    Parameter::Nu12,
-    Parameter::G12,
-    Parameter::G13,
-    Parameter::G23,
-    Parameter::Thickness,
-    Parameter::Length,
-    Parameter::Width,
-    Parameter::Weight,
-    Parameter::AirDensity,
-    Parameter::PointMass,
+pub const PARAMETERS: [PlateParameter; 12] = [
+    PlateParameter::E1,
+    PlateParameter::E2,
+    PlateParameter::Nu12,
+    PlateParameter::G12,
+    PlateParameter::G13,
+    PlateParameter::G23,
+    PlateParameter::Thickness,
+    PlateParameter::Length,
+    PlateParameter::Width,
+    PlateParameter::Weight,
+    PlateParameter::AirDensity,
+    PlateParameter::PointMass,
 ];
 
-impl Plate {
+impl VibratingPlate {
     /// Refuse dimensions, masses and constants that no plate has, and stacks that couple bending with stretching.
     ///
     /// # Errors
@@ -190,48 +190,48 @@ impl Plate {
     }
 
     /// The value of a parameter.
-    pub fn get(&self, parameter: Parameter) -> f64 {
+    pub fn get(&self, parameter: PlateParameter) -> f64 {
         match parameter {
-            Parameter::E1 => self.ply.e1,
-            Parameter::E2 => self.ply.e2,
-            Parameter::Nu12 => self.ply.nu12,
-            Parameter::G12 => self.ply.g12,
-            Parameter::G13 => self.g13(),
-            Parameter::G23 => self.g23(),
-            Parameter::Thickness => self.thickness,
-            Parameter::Length => self.length,
-            Parameter::Width => self.width,
-            Parameter::Weight => match self.weight {
+            PlateParameter::E1 => self.ply.e1,
+            PlateParameter::E2 => self.ply.e2,
+            PlateParameter::Nu12 => self.ply.nu12,
+            PlateParameter::G12 => self.ply.g12,
+            PlateParameter::G13 => self.g13(),
+            PlateParameter::G23 => self.g23(),
+            PlateParameter::Thickness => self.thickness,
+            PlateParameter::Length => self.length,
+            PlateParameter::Width => self.width,
+            PlateParameter::Weight => match self.weight {
                 Weight::Mass(value) | Weight::Density(value) => value,
             },
-            Parameter::AirDensity => self.air_density,
-            Parameter::PointMass => self.point_mass,
-            Parameter::E => self.ply.e1,
-            Parameter::Nu => self.ply.nu12,
+            PlateParameter::AirDensity => self.air_density,
+            PlateParameter::PointMass => self.point_mass,
+            PlateParameter::E => self.ply.e1,
+            PlateParameter::Nu => self.ply.nu12,
         }
     }
 
     /// The plate with another value of a parameter; a transverse modulus is declared from then on.
     #[must_use]
-    pub fn with(mut self, parameter: Parameter, value: f64) -> Self {
+    pub fn with(mut self, parameter: PlateParameter, value: f64) -> Self {
         let place = match parameter {
-            Parameter::E1 => &mut self.ply.e1,
-            Parameter::E2 => &mut self.ply.e2,
-            Parameter::Nu12 => &mut self.ply.nu12,
-            Parameter::G12 => &mut self.ply.g12,
-            Parameter::G13 => self.transverse.g13.insert(value),
-            Parameter::G23 => self.transverse.g23.insert(value),
-            Parameter::Thickness => &mut self.thickness,
-            Parameter::Length => &mut self.length,
-            Parameter::Width => &mut self.width,
-            Parameter::Weight => match &mut self.weight {
+            PlateParameter::E1 => &mut self.ply.e1,
+            PlateParameter::E2 => &mut self.ply.e2,
+            PlateParameter::Nu12 => &mut self.ply.nu12,
+            PlateParameter::G12 => &mut self.ply.g12,
+            PlateParameter::G13 => self.transverse.g13.insert(value),
+            PlateParameter::G23 => self.transverse.g23.insert(value),
+            PlateParameter::Thickness => &mut self.thickness,
+            PlateParameter::Length => &mut self.length,
+            PlateParameter::Width => &mut self.width,
+            PlateParameter::Weight => match &mut self.weight {
                 Weight::Mass(place) | Weight::Density(place) => place,
             },
-            Parameter::AirDensity => &mut self.air_density,
-            Parameter::PointMass => &mut self.point_mass,
-            Parameter::E | Parameter::Nu => {
+            PlateParameter::AirDensity => &mut self.air_density,
+            PlateParameter::PointMass => &mut self.point_mass,
+            PlateParameter::E | PlateParameter::Nu => {
                 let [e, nu] = match parameter {
-                    Parameter::E => [value, self.ply.nu12],
+                    PlateParameter::E => [value, self.ply.nu12],
                     _ => [self.ply.e1, value],
                 };
                 self.ply = Ply::isotropic(e, nu);
@@ -250,19 +250,19 @@ impl Plate {
     }
 
     /// Factors of the stored matrices.
-    pub fn coefficients(&self) -> Coefficients {
+    pub fn coefficients(&self) -> PlateCoefficients {
         let PlateStiffness { bending, shear } = self.stiffness();
         self.assembled(&bending, &shear)
     }
 
     /// With bending stiffness `d` (N mm) and transverse shear stiffness `s` (N/mm).
-    fn assembled(&self, d: &Matrix3<f64>, s: &Matrix2<f64>) -> Coefficients {
+    fn assembled(&self, d: &Matrix3<f64>, s: &Matrix2<f64>) -> PlateCoefficients {
         let (a, b) = (self.length, self.width);
         let quarter = 0.25 * a * b;
         let scale = strain_scale(a, b);
         let translation = quarter * self.mass_per_area();
         let rotation = translation * self.thickness * self.thickness / 12.0;
-        Coefficients {
+        PlateCoefficients {
             stiffness: PAIRS.map(|[i, j]| {
                 let law = if i < 3 { d[(i, j)] } else { s[(i - 3, j - 3)] };
                 law * scale[i] * scale[j] * quarter
@@ -277,42 +277,43 @@ impl Plate {
         }
     }
 
-    /// Derivative of [`Plate::coefficients`] by a parameter. Of the air, whose matrix knows one ratio of the sides only, lengths change the
+    /// Derivative of [`VibratingPlate::coefficients`] by a parameter. Of the air, whose matrix knows one ratio of the sides only, lengths change the
     /// scale alone.
-    pub fn slope(&self, parameter: Parameter) -> Coefficients {
+    pub fn slope(&self, parameter: PlateParameter) -> PlateCoefficients {
         let constant = |which| self.constant_slope(which);
-        let zero = Coefficients {
+        let zero = PlateCoefficients {
             stiffness: [0.0; STIFFNESSES],
             inertia: [0.0; INERTIAS],
         };
         match parameter {
-            Parameter::E1 => constant(Constant::E1),
-            Parameter::E2 => constant(Constant::E2),
-            Parameter::Nu12 => constant(Constant::Nu12),
-            Parameter::G12 => constant(Constant::G12),
-            Parameter::G13 => self.stiffness_only(&Matrix3::zeros(), [1.0, 0.0]),
-            Parameter::G23 => self.stiffness_only(&Matrix3::zeros(), [0.0, 1.0]),
-            Parameter::Thickness | Parameter::Length | Parameter::Width | Parameter::Weight => {
-                self.power_slope(parameter)
-            }
-            Parameter::AirDensity => {
+            PlateParameter::E1 => constant(Constant::E1),
+            PlateParameter::E2 => constant(Constant::E2),
+            PlateParameter::Nu12 => constant(Constant::Nu12),
+            PlateParameter::G12 => constant(Constant::G12),
+            PlateParameter::G13 => self.stiffness_only(&Matrix3::zeros(), [1.0, 0.0]),
+            PlateParameter::G23 => self.stiffness_only(&Matrix3::zeros(), [0.0, 1.0]),
+            PlateParameter::Thickness
+            | PlateParameter::Length
+            | PlateParameter::Width
+            | PlateParameter::Weight => self.power_slope(parameter),
+            PlateParameter::AirDensity => {
                 let quarter = 0.25 * self.length * self.width;
                 let air = quarter * (self.length * self.width).sqrt();
-                Coefficients {
+                PlateCoefficients {
                     inertia: [0.0, 0.0, 0.0, air, 0.0],
                     ..zero
                 }
             }
-            Parameter::PointMass => Coefficients {
+            PlateParameter::PointMass => PlateCoefficients {
                 inertia: [0.0, 0.0, 0.0, 0.0, 1.0],
                 ..zero
             },
-            Parameter::E => sum(&[
+            PlateParameter::E => sum(&[
                 (1.0, constant(Constant::E1)),
                 (1.0, constant(Constant::E2)),
                 (self.ply.g12 / self.ply.e1, constant(Constant::G12)),
             ]),
-            Parameter::Nu => sum(&[
+            PlateParameter::Nu => sum(&[
                 (1.0, constant(Constant::Nu12)),
                 (
                     -self.ply.g12 / (1.0 + self.ply.nu12),
@@ -323,7 +324,7 @@ impl Plate {
     }
 
     /// By an elastic constant, through Q and through the transverse moduli that follow from it.
-    fn constant_slope(&self, constant: Constant) -> Coefficients {
+    fn constant_slope(&self, constant: Constant) -> PlateCoefficients {
         let q = stiffness_slope(&self.ply, constant);
         let g13 = match (constant, self.transverse.g13) {
             (Constant::G12, None) => 1.0,
@@ -340,16 +341,16 @@ impl Plate {
         self.stiffness_only(&d, [g13, g23])
     }
 
-    fn stiffness_only(&self, d: &Matrix3<f64>, [g13, g23]: [f64; 2]) -> Coefficients {
+    fn stiffness_only(&self, d: &Matrix3<f64>, [g13, g23]: [f64; 2]) -> PlateCoefficients {
         let s = transverse(g13, g23, &self.angles, self.thickness);
-        Coefficients {
+        PlateCoefficients {
             inertia: [0.0; INERTIAS],
             ..self.assembled(d, &s)
         }
     }
 
     /// By a parameter of which every coefficient is a power: the exponents over the value.
-    fn power_slope(&self, parameter: Parameter) -> Coefficients {
+    fn power_slope(&self, parameter: PlateParameter) -> PlateCoefficients {
         let weighed = matches!(self.weight, Weight::Mass(_));
         // exponents of a strain's scale are -orders, of the quarter 1
         let orders = [[2.0, 0.0], [0.0, 2.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
@@ -360,9 +361,9 @@ impl Plate {
             (stiffness, [mass, rotation[0], rotation[1], 1.5, 0.0])
         };
         let (stiffness, inertia) = match parameter {
-            Parameter::Length => along(0),
-            Parameter::Width => along(1),
-            Parameter::Thickness => {
+            PlateParameter::Length => along(0),
+            PlateParameter::Width => along(1),
+            PlateParameter::Thickness => {
                 let mass = if weighed { 0.0 } else { 1.0 };
                 let stiffness = PAIRS.map(|[i, _]| if i < 3 { 3.0 } else { 1.0 });
                 (stiffness, [mass, mass + 2.0, mass + 2.0, 0.0, 0.0])
@@ -370,22 +371,22 @@ impl Plate {
             _ => ([0.0; STIFFNESSES], [1.0, 1.0, 1.0, 0.0, 0.0]),
         };
         let (value, all) = (self.get(parameter), self.coefficients());
-        Coefficients {
+        PlateCoefficients {
             stiffness: std::array::from_fn(|k| all.stiffness[k] * stiffness[k] / value),
             inertia: std::array::from_fn(|k| all.inertia[k] * inertia[k] / value),
         }
     }
 }
 
-fn sum(terms: &[(f64, Coefficients)]) -> Coefficients {
-    Coefficients {
+fn sum(terms: &[(f64, PlateCoefficients)]) -> PlateCoefficients {
+    PlateCoefficients {
         stiffness: std::array::from_fn(|k| terms.iter().map(|(w, c)| w * c.stiffness[k]).sum()),
         inertia: std::array::from_fn(|k| terms.iter().map(|(w, c)| w * c.inertia[k]).sum()),
     }
 }
 
 /// Whether bending and twisting couple: beyond rounding, which rotating a ply by 90 degrees leaves.
-pub fn is_twisting(of: &Coefficients) -> bool {
+pub fn is_twisting(of: &PlateCoefficients) -> bool {
     /// Effects on a frequency are of second order in it.
     const ROUNDING: f64 = 1e-11;
     let largest = of.stiffness.iter().fold(0.0_f64, |l, v| l.max(v.abs()));

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::assembly::{Family, Triangle};
-use super::plate::Coefficients;
-use super::ritz::{Mode, Ritz};
+use super::assembly::{IntegralFamily, Triangle};
+use super::plate::PlateCoefficients;
+use super::ritz::{Ritz, VibrationMode};
 use crate::error::{Error, Result};
 
 impl Ritz {
@@ -15,7 +15,7 @@ impl Ritz {
     ///
     /// # Errors
     /// Those of [`Ritz::modes`]; the input's fault without designs.
-    pub fn reduced(&self, designs: &[Coefficients], count: usize) -> Result<Self> {
+    pub fn reduced(&self, designs: &[PlateCoefficients], count: usize) -> Result<Self> {
         /// Norm of a vector beyond those before it, as a share, below which it adds nothing but rounding.
         const NEW: f64 = 1e-6;
         self.in_span(designs, NEW, &|_| count)
@@ -26,20 +26,21 @@ impl Ritz {
     ///
     /// # Errors
     /// Those of [`Ritz::reduced`].
-    pub fn reduced_below(&self, designs: &[Coefficients], end_hz: f64) -> Result<Self> {
+    pub fn reduced_below(&self, designs: &[PlateCoefficients], end_hz: f64) -> Result<Self> {
         const NEW: f64 = 1e-3;
         /// Modes of a family beyond the end.
         const BEYOND: usize = 1;
-        let below = |modes: &[Mode]| modes.iter().filter(|m| m.frequency_hz() < end_hz).count();
+        let below =
+            |modes: &[VibrationMode]| modes.iter().filter(|m| m.frequency_hz() < end_hz).count();
         self.in_span(designs, NEW, &|modes| below(modes) + BEYOND)
     }
 
     /// In the span of the first of each family's modes at the designs, as many as `count` says of them.
     fn in_span(
         &self,
-        designs: &[Coefficients],
+        designs: &[PlateCoefficients],
         new: f64,
-        count: &dyn Fn(&[Mode]) -> usize,
+        count: &dyn Fn(&[VibrationMode]) -> usize,
     ) -> Result<Self> {
         /// Modes of a family that are found.
         const MOST: usize = 64;
@@ -64,9 +65,9 @@ impl Ritz {
     }
 }
 
-impl Family {
+impl IntegralFamily {
     /// The family in the span of some vectors, orthonormal in the mass of `of`, without those that are new by a share less than `new`.
-    fn spanned(&self, columns: &[DVector<f64>], of: &Coefficients, new: f64) -> Self {
+    fn spanned(&self, columns: &[DVector<f64>], of: &PlateCoefficients, new: f64) -> Self {
         let [_, mass] = self.matrices(of);
         let mut basis: Vec<[DVector<f64>; 2]> = Vec::new();
         for column in columns {

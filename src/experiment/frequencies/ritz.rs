@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 
 use super::air;
-use super::assembly::{Family, Functions, Triangle, Whole};
+use super::assembly::{Functions, IntegralFamily, Triangle, Whole};
 use super::dense;
-use super::plate::{Coefficients, HZ_LAMBDA, Parameter, Plate, is_twisting};
-use super::theory::{EdgeLayers, Supports, Theory};
+use super::plate::{HZ_LAMBDA, PlateCoefficients, PlateParameter, VibratingPlate, is_twisting};
+use super::theory::{EdgeLayers, PlateSupports, Theory};
 use crate::error::{Error, Result};
 
 /// Places among the inertias.
@@ -25,12 +25,12 @@ const POINT: usize = 4;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     pub theory: Theory,
-    pub supports: Supports,
+    pub supports: PlateSupports,
     /// Polynomials along each side; 12 is good to 1e-5 of the lowest ten frequencies with free edges.
     pub order: usize,
     /// Whether the plate's thickness has inertia against rotation.
     pub rotary_inertia: bool,
-    /// Layers at the free edges of a sheared plate, [`Plate::edge_layers`].
+    /// Layers at the free edges of a sheared plate, [`VibratingPlate::edge_layers`].
     pub edge_layers: Option<EdgeLayers>,
     /// Length over width of the plate about which air moves; none leaves the air's matrix out.
     pub air_aspect: Option<f64>,
@@ -43,7 +43,7 @@ impl Settings {
     pub fn free(theory: Theory) -> Self {
         Self {
             theory,
-            supports: Supports::all(super::Edge::Free),
+            supports: PlateSupports::all(super::PlateEdge::Free),
             order: 12,
             rotary_inertia: true,
             edge_layers: None,
@@ -58,14 +58,14 @@ impl Settings {
 pub struct Ritz {
     functions: Functions,
     /// Families of laminates without and with coupling of bending and twisting.
-    pub(super) partitions: [Vec<Family>; 2],
+    pub(super) partitions: [Vec<IntegralFamily>; 2],
     /// Factors of lambda by partition, family and rank, where a hole has any.
     factors: BTreeMap<([usize; 2], usize), f64>,
 }
 
 /// A natural mode.
 #[derive(Debug, Clone)]
-pub struct Mode {
+pub struct VibrationMode {
     /// Square of the angular frequency, 1/s^2.
     pub lambda: f64,
     /// Whether the deflection changes its sign when the plate is turned by 180 degrees (m + n odd for half-waves m, n): the sign between
@@ -81,9 +81,9 @@ pub struct Mode {
     pub(super) amplitudes: DVector<f64>,
 }
 
-impl Mode {
+impl VibrationMode {
     /// Whether this is the same mode as one of another solution of the same problem.
-    pub fn is(&self, other: &Mode) -> bool {
+    pub fn is(&self, other: &VibrationMode) -> bool {
         (self.place, self.rank) == (other.place, other.rank)
     }
 
@@ -135,7 +135,7 @@ impl Ritz {
     }
 
     /// The same with factors of the lambdas of some modes; a mode beyond them has that of the one below it in its family.
-    pub fn with_factors(mut self, modes: &[Mode], factors: &[f64]) -> Self {
+    pub fn with_factors(mut self, modes: &[VibrationMode], factors: &[f64]) -> Self {
         let places = modes.iter().map(|m| (m.place, m.rank));
         self.factors = places.zip(factors.iter().copied()).collect();
         self
@@ -154,7 +154,7 @@ impl Ritz {
     ///
     /// # Errors
     /// The input's fault if the stiffness is not positive definite; the program's if there is air or a point mass whose matrix was not made.
-    pub fn modes(&self, of: &Coefficients, count: usize) -> Result<Vec<Mode>> {
+    pub fn modes(&self, of: &PlateCoefficients, count: usize) -> Result<Vec<VibrationMode>> {
         let partition = usize::from(is_twisting(of));
         for (index, expected) in [
             (AIR, "a ratio of sides for the air"),
@@ -177,33 +177,36 @@ impl Ritz {
     /// The lowest modes of the family at a place.
     pub(super) fn family_modes(
         &self,
-        of: &Coefficients,
+        of: &PlateCoefficients,
         count: usize,
         place: [usize; 2],
-    ) -> Result<Vec<Mode>> {
+    ) -> Result<Vec<VibrationMode>> {
         let family = &self.partitions[place[0]][place[1]];
         let [mut k, m] = family.matrices(of);
         hold(&mut k, &m, &family.rigid);
         let (lambda, vectors) = dense::lowest(k, m, count.min(family.elastic()))?;
-        let modes = lambda.into_iter().enumerate().map(|(i, lambda)| Mode {
-            lambda: lambda * self.factor(place, i),
-            odd: family.odd,
-            rank: i,
-            factor: self.factor(place, i),
-            place,
-            amplitudes: vectors.column(i).into_owned(),
-        });
+        let modes = lambda
+            .into_iter()
+            .enumerate()
+            .map(|(i, lambda)| VibrationMode {
+                lambda: lambda * self.factor(place, i),
+                odd: family.odd,
+                rank: i,
+                factor: self.factor(place, i),
+                place,
+                amplitudes: vectors.column(i).into_owned(),
+            });
         Ok(modes.collect())
     }
 
     /// The `count` lowest frequencies of a plate, Hz.
     ///
     /// # Errors
-    /// Those of [`Plate::validate`] and [`Ritz::modes`].
-    pub fn frequencies_hz(&self, plate: &Plate, count: usize) -> Result<Vec<f64>> {
+    /// Those of [`VibratingPlate::validate`] and [`Ritz::modes`].
+    pub fn frequencies_hz(&self, plate: &VibratingPlate, count: usize) -> Result<Vec<f64>> {
         plate.validate()?;
         let modes = self.modes(&plate.coefficients(), count)?;
-        Ok(modes.iter().map(Mode::frequency_hz).collect())
+        Ok(modes.iter().map(VibrationMode::frequency_hz).collect())
     }
 
     /// Derivatives of a mode's lambda (1/s^2) by the coefficients of which it is the mode: Rayleigh's quotient,
@@ -212,25 +215,30 @@ impl Ritz {
     /// Where two modes *of one family* coincide, the derivative of each is not defined: what is returned is that of one shape among many,
     /// and only the sum over both is the derivative of the sum. Modes of different families (all pairs of an isotropic or cross-ply
     /// square plate are of this kind) keep their own derivative and simply cross.
-    pub fn slope(&self, mode: &Mode) -> Coefficients {
+    pub fn slope(&self, mode: &VibrationMode) -> PlateCoefficients {
         let family = &self.partitions[mode.place[0]][mode.place[1]];
         let (stiffness, inertia) = family.energies(&mode.amplitudes);
-        Coefficients {
+        PlateCoefficients {
             stiffness: stiffness.map(|energy| mode.factor * energy),
             inertia: inertia.map(|energy| -mode.lambda * energy),
         }
     }
 
     /// Derivatives of a mode's frequency (Hz) by parameters of the plate of which it is the mode; see [`Ritz::slope`].
-    pub fn sensitivities_hz(&self, mode: &Mode, plate: &Plate, to: &[Parameter]) -> Vec<f64> {
+    pub fn sensitivities_hz(
+        &self,
+        mode: &VibrationMode,
+        plate: &VibratingPlate,
+        to: &[PlateParameter],
+    ) -> Vec<f64> {
         let slope = self.slope(mode);
         let scale = 0.5 / (HZ_LAMBDA * mode.frequency_hz());
-        let along = |parameter: &Parameter| scale * slope.dot(&plate.slope(*parameter));
+        let along = |parameter: &PlateParameter| scale * slope.dot(&plate.slope(*parameter));
         to.iter().map(along).collect()
     }
 
     /// Amplitudes of all functions in a mode.
-    fn amplitudes(&self, mode: &Mode) -> Vec<f64> {
+    fn amplitudes(&self, mode: &VibrationMode) -> Vec<f64> {
         let family = &self.partitions[mode.place[0]][mode.place[1]];
         let own = match &family.lift {
             Some(lift) => lift * &mode.amplitudes,
@@ -244,7 +252,7 @@ impl Ritz {
     }
 
     /// Deflection of a mode at points given as shares of length and width in [0, 1], in any one unit.
-    pub fn deflection(&self, mode: &Mode, points: &[[f64; 2]]) -> Vec<f64> {
+    pub fn deflection(&self, mode: &VibrationMode, points: &[[f64; 2]]) -> Vec<f64> {
         let amplitudes = self.amplitudes(mode);
         let [along, across] = &self.functions.bases[0];
         let at = |&[s, t]: &[f64; 2]| {
@@ -258,7 +266,7 @@ impl Ritz {
     }
 
     /// The polynomials (m, n) of the largest amplitude in a mode's deflection: with free edges its half-waves along and across.
-    pub fn label(&self, mode: &Mode) -> [usize; 2] {
+    pub fn label(&self, mode: &VibrationMode) -> [usize; 2] {
         let amplitudes = self.amplitudes(mode);
         let own = self.functions.list.iter().zip(&amplitudes);
         let largest = own
@@ -280,13 +288,16 @@ impl Ritz {
 
     /// The functions' own matrices without reduction: number of unknowns.
     pub fn unknowns(&self) -> usize {
-        self.partitions[1].iter().map(Family::unknowns).sum()
+        self.partitions[1]
+            .iter()
+            .map(IntegralFamily::unknowns)
+            .sum()
     }
 }
 
-impl Coefficients {
+impl PlateCoefficients {
     /// Sum of products, of a derivative with a change.
-    pub fn dot(&self, change: &Coefficients) -> f64 {
+    pub fn dot(&self, change: &PlateCoefficients) -> f64 {
         let sum = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         sum(&self.stiffness, &change.stiffness) + sum(&self.inertia, &change.inertia)
     }

@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::assignment::{Peak, PeakModel};
-use super::basis::Edge;
+use super::assignment::{FrequencyPeak, PeakModel};
+use super::basis::PlateEdge;
 use super::perforated;
-use super::plate::{Coefficients, Parameter, Plate, TransverseShear, Weight};
-use super::ritz::{Mode, Ritz, Settings};
-use super::theory::{Supports, Theory};
+use super::plate::{PlateCoefficients, PlateParameter, TransverseShear, VibratingPlate, Weight};
+use super::ritz::{Ritz, Settings, VibrationMode};
+use super::theory::{PlateSupports, Theory};
 use crate::error::{Error, Result};
 use crate::experiment::check_name;
 use crate::laminate::{HoleSpec, MeanSd, Ply};
@@ -132,33 +132,33 @@ fn air() -> MeanSd {
     }
 }
 
-impl From<EdgeSpec> for Edge {
+impl From<EdgeSpec> for PlateEdge {
     fn from(edge: EdgeSpec) -> Self {
         match edge {
-            EdgeSpec::Free => Edge::Free,
-            EdgeSpec::SimplySupported => Edge::SimplySupported,
-            EdgeSpec::Clamped => Edge::Clamped,
+            EdgeSpec::Free => PlateEdge::Free,
+            EdgeSpec::SimplySupported => PlateEdge::SimplySupported,
+            EdgeSpec::Clamped => PlateEdge::Clamped,
         }
     }
 }
 
 impl SupportSpec {
-    fn supports(self) -> Supports {
+    fn supports(self) -> PlateSupports {
         match self {
-            Self::All(edge) => Supports::all(edge.into()),
-            Self::Each { x, y } => Supports {
-                x: x.map(Edge::from),
-                y: y.map(Edge::from),
+            Self::All(edge) => PlateSupports::all(edge.into()),
+            Self::Each { x, y } => PlateSupports {
+                x: x.map(PlateEdge::from),
+                y: y.map(PlateEdge::from),
             },
         }
     }
 }
 
-/// A quantity of the plate that is known with an sd: its name in files, its unit in those of [`Plate`].
+/// A quantity of the plate that is known with an sd: its name in files, its unit in those of [`VibratingPlate`].
 #[derive(Debug, Clone, Copy)]
 pub struct Nuisance {
     pub name: &'static str,
-    pub parameter: Parameter,
+    pub parameter: PlateParameter,
     pub known: MeanSd,
     /// Value in the plate's unit for 1 in the file's.
     pub unit: f64,
@@ -269,24 +269,33 @@ impl FrequenciesSpec {
             unit,
         };
         let mut all = vec![
-            of("length_mm", Parameter::Length, s.length_mm, 1.0),
-            of("width_mm", Parameter::Width, s.width_mm, 1.0),
-            of("thickness_mm", Parameter::Thickness, s.thickness_mm, 1.0),
+            of("length_mm", PlateParameter::Length, s.length_mm, 1.0),
+            of("width_mm", PlateParameter::Width, s.width_mm, 1.0),
+            of(
+                "thickness_mm",
+                PlateParameter::Thickness,
+                s.thickness_mm,
+                1.0,
+            ),
         ];
-        all.extend(weight.map(|(name, known, unit)| of(name, Parameter::Weight, known, unit)));
-        all.extend(
-            s.added_mass
-                .map(|body| of("added_mass_g", Parameter::PointMass, body.mass_g, T_PER_G)),
-        );
+        all.extend(weight.map(|(name, known, unit)| of(name, PlateParameter::Weight, known, unit)));
+        all.extend(s.added_mass.map(|body| {
+            of(
+                "added_mass_g",
+                PlateParameter::PointMass,
+                body.mass_g,
+                T_PER_G,
+            )
+        }));
         all.push(of(
             AIR,
-            Parameter::AirDensity,
+            PlateParameter::AirDensity,
             self.air_kg_m3,
             T_MM3_PER_KG_M3,
         ));
         let moduli = [
-            ("G13_GPa", Parameter::G13, s.g13_gpa),
-            ("G23_GPa", Parameter::G23, s.g23_gpa),
+            ("G13_GPa", PlateParameter::G13, s.g13_gpa),
+            ("G23_GPa", PlateParameter::G23, s.g23_gpa),
         ];
         all.extend(
             moduli
@@ -297,7 +306,7 @@ impl FrequenciesSpec {
     }
 
     /// The plate at the means of what is known of it.
-    pub fn plate(&self, ply: Ply) -> Plate {
+    pub fn plate(&self, ply: Ply) -> VibratingPlate {
         let angles = match &self.specimen.layup_deg[..] {
             [] => vec![0.0],
             layup => layup.iter().map(|a| a.to_radians()).collect(),
@@ -306,7 +315,7 @@ impl FrequenciesSpec {
             Some(_) => Weight::Mass(0.0),
             None => Weight::Density(0.0),
         };
-        let bare = Plate {
+        let bare = VibratingPlate {
             length: 0.0,
             width: 0.0,
             thickness: 0.0,
@@ -323,10 +332,10 @@ impl FrequenciesSpec {
         })
     }
 
-    pub fn peaks(&self) -> Vec<Peak> {
+    pub fn peaks(&self) -> Vec<FrequencyPeak> {
         let parity = |k: usize| self.parity.as_ref().and_then(|p| p[k]);
         let all = self.frequencies_hz.iter().enumerate();
-        all.map(|(k, &f)| Peak {
+        all.map(|(k, &f)| FrequencyPeak {
             frequency_hz: f,
             sd_hz: f * self.sd_percent / 100.0,
             odd: parity(k).map(|p| p == Parity::Odd),
@@ -361,10 +370,10 @@ impl FrequenciesSpec {
     ///
     /// # Errors
     /// The input's fault: a plate that cannot be.
-    pub fn ritz(&self, plate: &Plate) -> Result<Ritz> {
+    pub fn ritz(&self, plate: &VibratingPlate) -> Result<Ritz> {
         plate.validate()?;
         let supports = self.support.supports();
-        let is_free = supports == Supports::all(Edge::Free);
+        let is_free = supports == PlateSupports::all(PlateEdge::Free);
         let settings = Settings {
             supports,
             edge_layers: is_free.then(|| plate.edge_layers()),
@@ -382,7 +391,7 @@ impl FrequenciesSpec {
     }
 
     /// The modes that a hole's factors are computed for: those of the band, and some beyond.
-    fn modes_of(&self, ritz: &Ritz, plate: &Plate) -> Result<Vec<Mode>> {
+    fn modes_of(&self, ritz: &Ritz, plate: &VibratingPlate) -> Result<Vec<VibrationMode>> {
         /// How far beyond the band, for other constants than the plate's.
         const BEYOND: f64 = 1.3;
         const MOST: usize = 40;
@@ -398,7 +407,7 @@ impl FrequenciesSpec {
     ///
     /// # Errors
     /// Those of [`Ritz::modes`].
-    pub fn small(&self, ritz: &Ritz, plates: &[Plate]) -> Result<(Ritz, usize)> {
+    pub fn small(&self, ritz: &Ritz, plates: &[VibratingPlate]) -> Result<(Ritz, usize)> {
         /// Modes beyond the band that are predicted.
         const MORE: usize = 2;
         /// Modes that are looked through for the band's end, and most of them within it.
@@ -407,7 +416,8 @@ impl FrequenciesSpec {
         /// How far beyond the band modes span the small problem.
         const SPAN: f64 = 1.15;
         let end = self.peak_model(0.01).band_hz[1];
-        let designs: Vec<Coefficients> = plates.iter().map(Plate::coefficients).collect();
+        let designs: Vec<PlateCoefficients> =
+            plates.iter().map(VibratingPlate::coefficients).collect();
         let small = ritz.reduced_below(&designs, SPAN * end)?;
         let mut count = 0;
         for design in &designs {

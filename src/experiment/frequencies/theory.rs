@@ -1,9 +1,9 @@
-//! Plate theories as data: which unknown fields there are, and which of their derivatives make strains and velocities.
+//! VibratingPlate theories as data: which unknown fields there are, and which of their derivatives make strains and velocities.
 //!
 //! Coordinates are (xi, eta) in [-1, 1]^2 with x = a xi / 2, y = b eta / 2. The rotations of the sheared plate are 2 t1 / a and 2 t2 / b, so
 //! that every strain is one factor of the dimensions ([`strain_scale`]) times derivatives that do not know them.
 
-use super::basis::{Basis, Edge};
+use super::basis::{LegendreBasis, PlateEdge};
 
 /// Which plate theory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,14 +16,14 @@ pub enum Theory {
 
 /// How the four edges are held: at x = 0 and x = a, at y = 0 and y = b.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Supports {
-    pub x: [Edge; 2],
-    pub y: [Edge; 2],
+pub struct PlateSupports {
+    pub x: [PlateEdge; 2],
+    pub y: [PlateEdge; 2],
 }
 
-impl Supports {
+impl PlateSupports {
     /// All four edges alike.
-    pub fn all(edge: Edge) -> Self {
+    pub fn all(edge: PlateEdge) -> Self {
         Self {
             x: [edge; 2],
             y: [edge; 2],
@@ -119,25 +119,25 @@ impl Theory {
     /// Functions of `field` along an axis (0: xi, 1: eta) with `count` polynomials, and those of the layers at its free edges.
     pub fn basis(
         self,
-        supports: &Supports,
+        supports: &PlateSupports,
         [field, axis]: [usize; 2],
         count: usize,
         layers: Option<EdgeLayers>,
-    ) -> Basis {
+    ) -> LegendreBasis {
         let edges = [supports.x, supports.y][axis];
         let zeros = edges.map(|edge| match (edge, self, field) {
-            (Edge::Free, ..) => 0,
-            (Edge::SimplySupported, _, 0) => 1,
+            (PlateEdge::Free, ..) => 0,
+            (PlateEdge::SimplySupported, _, 0) => 1,
             // the rotation about the edge is free, the one along it is not
-            (Edge::SimplySupported, ..) => usize::from(field != axis + 1),
-            (Edge::Clamped, Theory::Thin, _) => 2,
-            (Edge::Clamped, Theory::Sheared, _) => 1,
+            (PlateEdge::SimplySupported, ..) => usize::from(field != axis + 1),
+            (PlateEdge::Clamped, Theory::Thin, _) => 2,
+            (PlateEdge::Clamped, Theory::Sheared, _) => 1,
         });
         let layers = layers.filter(|layers| {
             let is_along_edge = field > 0 && field != axis + 1;
             self == Theory::Sheared && (layers.coupled || is_along_edge)
         });
-        Basis::new(zeros, count, layers.map(|layers| layers.lengths[axis]))
+        LegendreBasis::new(zeros, count, layers.map(|layers| layers.lengths[axis]))
     }
 
     /// Whether a function of degree parity `degree` of `field` along `axis` belongs to deflections that are odd there.
@@ -149,12 +149,12 @@ impl Theory {
     /// polynomials 1, xi, eta of the deflection with the rotations that go with them.
     ///
     /// Three without supports; one where a single edge is simply supported (about that edge); none otherwise.
-    pub fn rigid_motions(self, supports: &Supports) -> Vec<[f64; 3]> {
+    pub fn rigid_motions(self, supports: &PlateSupports) -> Vec<[f64; 3]> {
         let edges = [supports.x[0], supports.x[1], supports.y[0], supports.y[1]];
-        let mut held = (0..4).filter(|&i| edges[i] != Edge::Free);
+        let mut held = (0..4).filter(|&i| edges[i] != PlateEdge::Free);
         match (held.next(), held.next()) {
             (None, _) => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            (Some(i), None) if edges[i] == Edge::SimplySupported => {
+            (Some(i), None) if edges[i] == PlateEdge::SimplySupported => {
                 let away = if i % 2 == 0 { 1.0 } else { -1.0 };
                 vec![if i < 2 {
                     [1.0, away, 0.0]

@@ -3,13 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::estimate::{Estimate, LOGISTIC_SCALE, Problem, quasi_normal};
+use super::estimate::{AssignmentProblem, LOGISTIC_SCALE, LikeliestPlate, quasi_normal};
 use crate::error::{Error, Result};
 use crate::numeric::shares;
 
 /// Means over the posterior.
 #[derive(Debug, Clone)]
-pub struct Weighed {
+pub struct WeighedPlates {
     /// Mean and covariance of the unknowns, in their units.
     pub mean: DVector<f64>,
     pub covariance: DMatrix<f64>,
@@ -19,7 +19,7 @@ pub struct Weighed {
     pub effective: f64,
 }
 
-impl Weighed {
+impl WeighedPlates {
     /// Probability that a peak is no mode.
     pub fn additional(&self, peak: usize) -> f64 {
         (1.0 - self.matched.column(peak).sum()).clamp(0.0, 1.0)
@@ -27,7 +27,7 @@ impl Weighed {
 }
 
 /// A top's Laplace approximation with the tails of a logistic distribution.
-struct Proposal {
+struct PlateProposal {
     place: DVector<f64>,
     /// Whitened to prior standard deviations.
     spread: DMatrix<f64>,
@@ -35,8 +35,8 @@ struct Proposal {
     log_norm: f64,
 }
 
-impl Proposal {
-    fn of(problem: &Problem<'_>, top: &Estimate) -> Result<Self> {
+impl PlateProposal {
+    fn of(problem: &AssignmentProblem<'_>, top: &LikeliestPlate) -> Result<Self> {
         let n = top.place.len();
         let covariance = DMatrix::from_fn(n, n, |i, j| {
             top.covariance[(i, j)] / (problem.unknowns[i].sd * problem.unknowns[j].sd)
@@ -77,7 +77,11 @@ impl Proposal {
 ///
 /// # Errors
 /// The input's fault without tops; the program's if a covariance is not positive definite.
-pub fn weigh(problem: &Problem<'_>, tops: &[Estimate], draws: usize) -> Result<Weighed> {
+pub fn weigh(
+    problem: &AssignmentProblem<'_>,
+    tops: &[LikeliestPlate],
+    draws: usize,
+) -> Result<WeighedPlates> {
     /// Least share of the draws that a top is given: Laplace's evidence may be wrong by as much.
     const LEAST: f64 = 0.05;
     let Some(first) = tops.first() else {
@@ -92,7 +96,7 @@ pub fn weigh(problem: &Problem<'_>, tops: &[Estimate], draws: usize) -> Result<W
     let mut proposals = Vec::new();
     for (top, share) in tops.iter().zip(evidence) {
         let count = ((share / sum).max(LEAST) * draws as f64).ceil() as usize;
-        proposals.push((Proposal::of(problem, top)?, count));
+        proposals.push((PlateProposal::of(problem, top)?, count));
     }
     let total: usize = proposals.iter().map(|(_, count)| count).sum();
     let points: Vec<DVector<f64>> = proposals
@@ -124,11 +128,11 @@ pub fn weigh(problem: &Problem<'_>, tops: &[Estimate], draws: usize) -> Result<W
 }
 
 fn averaged(
-    problem: &Problem<'_>,
-    first: &Estimate,
+    problem: &AssignmentProblem<'_>,
+    first: &LikeliestPlate,
     points: &[DVector<f64>],
     drawn: &[(f64, DMatrix<f64>)],
-) -> Result<Weighed> {
+) -> Result<WeighedPlates> {
     let n = first.place.len();
     let logs: Vec<f64> = drawn.iter().map(|d| d.0).collect();
     let weights = shares(&logs);
@@ -155,7 +159,7 @@ fn averaged(
         let off = units(z) - &mean;
         covariance.ger(*weight, &off, &off, 1.0);
     }
-    Ok(Weighed {
+    Ok(WeighedPlates {
         mean,
         covariance,
         matched,

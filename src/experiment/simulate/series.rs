@@ -99,7 +99,6 @@ fn observed(
         sight: &experiment.sight(points),
         average: &|u| u[..points.len()].to_vec(),
     };
-    let loaded = solver.loaded(None, &shared, &truth.loads)?;
     let moving = truth.moving.iter().filter(|m| !is_in_the_plane(m));
     let state = SeriesState {
         shared,
@@ -107,6 +106,8 @@ fn observed(
         rigid: rigid.to_vec(),
         moving: moving.cloned().collect(),
     };
+    let loads = state.acting_loads(scene);
+    let loaded = solver.loaded(None, &state.shared, &loads)?;
     let mut steps = reported(&state, &state.shared, &loaded, scene, points);
     for (step, motion) in steps.iter_mut().zip(rigid) {
         if scene.fringe_frequency_per_mm.is_some() {

@@ -14,7 +14,7 @@ use super::parameters::ShiftParameters;
 use super::residuals::{Camera, Evaluated, Intensities, ResidualScales, ShiftEquations, shared};
 use super::response::Response;
 use super::shifts::{Fringe, Shifts};
-use super::spec::{FringeImages, Steps};
+use super::spec::{FringeImages, PhaseSteps};
 
 /// Intensities that are fitted, of all frames together: the more frames, the fewer pixels are needed.
 const INTENSITIES: usize = 60_000;
@@ -47,7 +47,7 @@ pub struct Calibration {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChosenSteps {
     /// Nominal or estimated.
-    pub steps: Steps,
+    pub steps: PhaseSteps,
     /// Log likelihood of the estimated frames over that of the nominal ones, less the BIC's price of their parameters; `None` where
     /// the file says which to take.
     pub log_ratio: Option<f64>,
@@ -74,9 +74,9 @@ pub fn calibrate(
     let noise = first_noise(&pixels, &nominal.shifts[0], camera.level())?;
     let fit = |only_ratios| Fitted::new(&nominal, &pixels, &camera, noise, only_ratios);
     let (fitted, chosen) = match spec.steps {
-        Steps::Nominal => (fit(true)?, None),
-        Steps::Estimated => (fit(false)?, None),
-        Steps::Auto => {
+        PhaseSteps::Nominal => (fit(true)?, None),
+        PhaseSteps::Estimated => (fit(false)?, None),
+        PhaseSteps::Auto => {
             let (plain, free) = (fit(true)?, fit(false)?);
             let gain = free.log_ratio(&plain, &pixels, &camera)?;
             (if gain > 0.0 { free } else { plain }, Some(gain))
@@ -84,9 +84,9 @@ pub fn calibrate(
     };
     let chosen = ChosenSteps {
         steps: if fitted.only_ratios {
-            Steps::Nominal
+            PhaseSteps::Nominal
         } else {
-            Steps::Estimated
+            PhaseSteps::Estimated
         },
         log_ratio: chosen,
     };

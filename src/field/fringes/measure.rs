@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::component::{DisplacementMap, component};
+use super::copies;
 use super::images::ImageStack;
 use super::spec::{COMPONENTS, FringeImages};
 use super::warnings;
@@ -35,6 +36,7 @@ impl Fringes {
         let paths = spec.paths(base);
         progress.begin("reading images", None);
         let stack = ImageStack::read(&paths)?;
+        copies::check(&paths, &stack, spec.step_deg)?;
         progress.end();
         progress.begin("phases", Some(2));
         let found: Vec<Result<DisplacementMap>> = stack
@@ -56,8 +58,15 @@ impl Fringes {
         let components = [u, v];
         let mut files = vec![path.to_path_buf()];
         files.extend(paths.into_iter().flatten().flatten());
+        let of_colour = |colour: &str| {
+            format!(
+                "pictures of a colour camera: {colour} is used, which varies most; if the light has another colour, save that one as grey"
+            )
+        };
+        let mut warnings: Vec<String> = stack.colour.map(of_colour).into_iter().collect();
+        warnings.extend(warnings::of(&spec, &components));
         Ok(Self {
-            warnings: warnings::of(&spec, &components),
+            warnings,
             spec,
             files,
             rows: stack.rows,

@@ -3,14 +3,14 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use image::{ImageBuffer, Luma};
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::spec::{FirstRow, FringeImages, Images, SCHEMA, Steps};
+use super::picture::write_png;
+use super::spec::{FirstRow, FringeImages, Images, PhaseSteps, SCHEMA};
 use crate::error::{Error, Result};
 use crate::field::frame::Frame;
 use crate::field::grid::Grid;
@@ -165,22 +165,10 @@ impl Shots<'_> {
             let noise: f64 = StandardNormal.sample(&mut rng);
             ((light + self.plan.noise * noise) * unit)
                 .round()
-                .clamp(0.0, full)
+                .clamp(0.0, full) as u16
         });
-        let (cols, rows) = (self.cols as u32, self.rows as u32);
-        let failed = || Error::program(path.display(), "an image of the grid's size");
-        let saved = if self.plan.bits == 8 {
-            let values: Vec<u8> = values.map(|v| v as u8).collect();
-            ImageBuffer::<Luma<u8>, _>::from_raw(cols, rows, values)
-                .ok_or_else(failed)?
-                .save(path)
-        } else {
-            let values: Vec<u16> = values.map(|v| v as u16).collect();
-            ImageBuffer::<Luma<u16>, _>::from_raw(cols, rows, values)
-                .ok_or_else(failed)?
-                .save(path)
-        };
-        saved.map_err(|e| unwritable(path, &std::io::Error::other(e)))
+        let values: Vec<u16> = values.collect();
+        write_png(path, [self.cols, self.rows], &values, self.plan.bits != 8)
     }
 }
 
@@ -261,7 +249,7 @@ fn described(grid: &Grid, frame: Frame, plan: &RenderPlan) -> Result<FringeImage
         images: Images::Pattern("{component}_{state}_{n}.png".into()),
         frames: plan.frames,
         step_deg: plan.nominal_step_deg(),
-        steps: Steps::Auto,
+        steps: PhaseSteps::Auto,
         fringe_frequency_per_mm: plan.fringe_frequency_per_mm,
         pixel_mm: pixel,
         first_row: FirstRow::LowY,

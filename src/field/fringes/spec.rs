@@ -39,7 +39,7 @@ pub struct FringeImages {
     /// Nominal phase from a frame to the next, degrees; frame n of 1 to N is at n times as much.
     pub step_deg: f64,
     #[serde(default)]
-    pub steps: Steps,
+    pub steps: PhaseSteps,
     /// Frequency f_s of the virtual grating, lines per mm of displacement: twice that of the specimen's grating.
     pub fringe_frequency_per_mm: f64,
     /// Size of a pixel on the specimen, mm.
@@ -83,7 +83,7 @@ pub struct States {
 /// Whether the frames are at their nominal steps.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Steps {
+pub enum PhaseSteps {
     /// As the images say.
     #[default]
     Auto,

@@ -39,7 +39,7 @@ fn of_one(spec: &FringeImages, own: &DisplacementMap, name: &str) -> Vec<String>
     let mut said = Vec::new();
     if percent(counts.clipped + own.partly_clipped) > 100.0 * CLIPPED {
         said.push(format!(
-            "{name}: the detector saturates so many frames of {:.1} % of the picture that it is left out, and clips some frames, at the top or at black, of {:.1} %, which is measured by the others: adjust exposure and black level",
+            "{name}: the detector saturates. {:.1} % of the picture are left out. {:.1} % are clipped in some frames, at the top or at black, and measured by the others. Adjust exposure and black level",
             percent(counts.clipped), percent(own.partly_clipped)
         ));
     }
@@ -51,7 +51,7 @@ fn of_one(spec: &FringeImages, own: &DisplacementMap, name: &str) -> Vec<String>
     }
     let noise_rad = own.sd_nm() / NM_PER_MM / spec.mm_per_rad();
     if own.frames.left_rad > STEPS * noise_rad {
-        said.push(format!("{name}: the steps are known no better than {:.3} rad of phase, a good part of the noise, and their errors are smooth over the picture: take more frames, or some ten fringes in the initial state", own.frames.left_rad));
+        said.push(format!("{name}: the phase steps are known to {:.3} rad only, a good part of the noise. Their errors are smooth over the picture. Take more frames, or some ten fringes in the initial state", own.frames.left_rad));
     }
     said
 }

@@ -1,7 +1,7 @@
 //! What keywords open, and what their data lines add.
 
 use super::super::draft::{Cell, DraftLine, DraftNode};
-use super::super::kind::Kind;
+use super::super::kind::ElementKind;
 use super::deck::{Deck, DeckPatch, DeckSurface, ElementBlock, Open, SetLines};
 use super::elements::{self, Type};
 use super::keyword::{Keyword, fields, key, number, real, unquoted};
@@ -109,8 +109,17 @@ impl Deck {
     }
 
     fn open_elements(&mut self, keyword: &Keyword) -> Result<()> {
-        let kind = elements::of(keyword.need("TYPE", || self.place())?, || self.place())?;
+        let name = keyword.need("TYPE", || self.place())?.to_ascii_uppercase();
+        let kind = elements::of(&name, || self.place())?;
         let scope = self.scope();
+        if kind == Type::LeftOut {
+            if let Some(set) = keyword.get("ELSET") {
+                self.element_sets.entry(set, scope, false);
+            }
+            self.block = ElementBlock::LeftOut(scope == SetScope::Part);
+            self.left_out = Some(name);
+            return Ok(());
+        }
         if scope == SetScope::Assembly {
             let error = self.error("elements of the part");
             return Err(error
@@ -175,6 +184,10 @@ impl Deck {
             ElementBlock::Other => Ok(()),
             ElementBlock::Nodes(set) => self.node(&fields, set),
             ElementBlock::Elements(kind, set) => self.element(line, &fields, kind, set),
+            ElementBlock::LeftOut(is_of_part) => {
+                self.leave_out(line, &fields, is_of_part);
+                Ok(())
+            }
             ElementBlock::Set(lines) => self.set(&fields, lines),
             ElementBlock::Surface(index) => {
                 let target = fields
@@ -256,6 +269,26 @@ impl Deck {
         Ok(())
     }
 
+    /// An element without area: only its number is kept, for the sets that have it.
+    fn leave_out(&mut self, line: &str, fields: &[&str], is_of_part: bool) {
+        let first = self.element.is_empty();
+        if let Some(number) = fields.first().and_then(|f| number(f)).filter(|_| first) {
+            if let Some(name) = self.left_out.take() {
+                let place = self.place();
+                self.draft.remarks.push(format!(
+                    "{place}: elements {name} are left out: they have no area"
+                ));
+            }
+            if is_of_part {
+                self.draft.left_out.insert(number);
+            }
+            self.element.push(number);
+        }
+        if !line.ends_with(',') {
+            self.element.clear();
+        }
+    }
+
     fn add_element(&mut self, kind: Type, set: Option<usize>) {
         let spot = self.spot;
         let number = self.element[0];
@@ -276,7 +309,8 @@ impl Deck {
                 None
             }
             Type::Plane(kind) | Type::Shell(kind) => Some(kind),
-            Type::Nine => Some(Kind::Q8),
+            Type::Nine => Some(ElementKind::Q8),
+            Type::LeftOut => None,
         };
         if let Some(kind) = kind {
             self.draft.cells.push(Cell {

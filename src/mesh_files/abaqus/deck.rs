@@ -39,6 +39,8 @@ pub(super) enum ElementBlock {
     Nodes(Option<usize>),
     /// Elements, which a set has.
     Elements(Type, Option<usize>),
+    /// Elements without area, of the part or not.
+    LeftOut(bool),
     Set(SetLines),
     Surface(usize),
     /// To the instance, with the number of its data lines so far.
@@ -81,6 +83,8 @@ pub(super) struct Deck {
     keyword: String,
     /// Numbers of an element that goes on.
     pub element: Vec<u64>,
+    /// The type of elements without area, until it is said that they are left out.
+    pub left_out: Option<String>,
     pub translation: [f64; 3],
     /// The present file and line.
     pub spot: FileSpot,
@@ -92,7 +96,6 @@ impl Deck {
         let outer = self.spot;
         self.draft.files.push(path.to_path_buf());
         self.spot.file = (self.draft.files.len() - 1) as u32;
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         for (at, line) in (1..).zip(bytes.split(|b| *b == b'\n')) {
             self.spot.line = at;
             let line = String::from_utf8_lossy(line.trim_ascii());
@@ -188,6 +191,7 @@ impl Deck {
                 .found(found)
                 .hint("the line above is cut short: write the file again"));
         }
+        self.element.clear();
         self.block = ElementBlock::Other;
         Ok(())
     }

@@ -1,18 +1,20 @@
 //! Element types of Abaqus and CalculiX.
 
-use super::super::kind::Kind;
+use super::super::kind::ElementKind;
 use crate::error::{Error, Result};
 
 /// What an element type is here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Type {
-    Plane(Kind),
+    Plane(ElementKind),
     /// A shell or membrane, whose edges go by other names than those of plane elements.
-    Shell(Kind),
+    Shell(ElementKind),
     /// Nine nodes, of which the last, in the middle, is dropped.
     Nine,
     /// Of two or three nodes; its sets name edges.
     Line(usize),
+    /// A mass, a spring or what else has no area: left out.
+    LeftOut,
 }
 
 impl Type {
@@ -22,6 +24,7 @@ impl Type {
             Type::Plane(kind) | Type::Shell(kind) => kind.nodes(),
             Type::Nine => 9,
             Type::Line(nodes) => nodes,
+            Type::LeftOut => 0,
         }
     }
 }
@@ -32,21 +35,36 @@ impl Type {
 /// The input's fault, at `place`: elements in space, of plane strain or about an axis, or unknown.
 pub(super) fn of(name: &str, place: impl Fn() -> String) -> Result<Type> {
     let upper = name.to_ascii_uppercase();
+    let is = |prefixes: &[&str]| prefixes.iter().any(|p| upper.starts_with(p));
     Ok(match upper.as_str() {
-        "CPS3" => Type::Plane(Kind::T3),
-        "CPS4" | "CPS4R" | "CPS4I" => Type::Plane(Kind::Q4),
-        "CPS6" | "CPS6M" => Type::Plane(Kind::T6),
-        "CPS8" | "CPS8R" => Type::Plane(Kind::Q8),
-        "S3" | "S3R" | "M3D3" => Type::Shell(Kind::T3),
-        "S4" | "S4R" | "S4R5" | "M3D4" | "M3D4R" => Type::Shell(Kind::Q4),
-        "STRI65" | "S6" | "M3D6" => Type::Shell(Kind::T6),
-        "S8" | "S8R" | "S8R5" | "M3D8" | "M3D8R" => Type::Shell(Kind::Q8),
+        "CPS3" | "CPS3T" => Type::Plane(ElementKind::T3),
+        "CPS4" | "CPS4R" | "CPS4I" | "CPS4T" | "CPS4RT" => Type::Plane(ElementKind::Q4),
+        "CPS6" | "CPS6M" | "CPS6MT" => Type::Plane(ElementKind::T6),
+        "CPS8" | "CPS8R" | "CPS8T" | "CPS8RT" => Type::Plane(ElementKind::Q8),
+        "S3" | "S3R" | "S3RS" | "S3T" | "S3RT" | "STRI3" | "M3D3" => Type::Shell(ElementKind::T3),
+        "S4" | "S4R" | "S4R5" | "S4RS" | "S4RSW" | "S4T" | "S4RT" | "M3D4" | "M3D4R" => {
+            Type::Shell(ElementKind::Q4)
+        }
+        "STRI65" | "S6" | "M3D6" => Type::Shell(ElementKind::T6),
+        "S8" | "S8R" | "S8R5" | "S8RT" | "M3D8" | "M3D8R" => Type::Shell(ElementKind::Q8),
         "M3D9" | "M3D9R" | "S9R5" => Type::Nine,
-        "T2D2" | "T3D2" | "B21" | "B23" | "B31" | "B33" => Type::Line(2),
-        "T2D3" | "T3D3" | "B22" | "B32" => Type::Line(3),
+        _ if is(&WITHOUT_AREA) => Type::LeftOut,
+        _ if is(&["T2D3", "T3D3", "B22", "B32", "PIPE22", "PIPE32"]) => Type::Line(3),
+        _ if is(&[
+            "T2D2", "T3D2", "B21", "B23", "B31", "B33", "PIPE21", "PIPE31",
+        ]) =>
+        {
+            Type::Line(2)
+        }
         _ => return Err(refused(name, &upper, place())),
     })
 }
+
+/// What types begin with that stand at points or between two of them: masses, springs, dashpots, connectors, gaps, couplings, rigid links.
+const WITHOUT_AREA: [&str; 18] = [
+    "MASS", "ROTARY", "HEATCAP", "CAP", "SPRING", "DASHPOT", "CONN", "JOINT", "GAP", "DGAP", "ITS",
+    "ITT", "DCOUP", "RB2D2", "RB3D2", "R2D2", "FRAME", "DRAG",
+];
 
 fn refused(name: &str, upper: &str, place: String) -> Error {
     let is = |prefixes: &[&str]| prefixes.iter().any(|p| upper.starts_with(p));

@@ -1,8 +1,9 @@
 //! The mesh of an input file, with edges and regions named by its surfaces and sets.
 
+use super::super::check::leave_out_flat;
 use super::super::draft::{Allowance, Draft, FileSpot, Index};
 use super::super::mesh::{BoundaryEdge, ImportedMesh};
-use super::super::shape::Shape;
+use super::super::shape::NamelessMesh;
 use super::super::sides::Owners;
 use super::deck::{Deck, DeckPatch, DeckSurface};
 use super::keyword::number;
@@ -11,7 +12,7 @@ use crate::error::{Error, Result};
 
 /// A file's mesh and groups.
 struct FinishedDeck {
-    shape: Shape,
+    shape: NamelessMesh,
     node_sets: Sets,
     element_sets: Sets,
     /// Members of each node set: the draft's indices.
@@ -26,10 +27,11 @@ struct FinishedDeck {
 /// Check and name.
 ///
 /// # Errors
-/// The input's fault: an unfit mesh, no sets, sets and surfaces of what is not there.
-pub(super) fn mesh(deck: Deck) -> Result<ImportedMesh> {
+/// The input's fault: an unfit mesh, sets and surfaces of what is not there.
+pub(super) fn mesh(mut deck: Deck) -> Result<ImportedMesh> {
+    leave_out_flat(&mut deck.draft);
     let numbers = numbers(&deck.draft)?;
-    let shape = Shape::of(deck.draft)?;
+    let shape = NamelessMesh::of(deck.draft)?;
     let draft = shape.draft();
     let mut allowance = Allowance::default();
     let nodes = resolve(
@@ -56,13 +58,19 @@ pub(super) fn mesh(deck: Deck) -> Result<ImportedMesh> {
         instance: deck.instance,
         allowance,
     };
-    model.check_groups(&deck.surfaces)?;
     for surface in deck.surfaces.iter().filter(|s| !s.is_internal) {
         model.name_surface(surface)?;
     }
     model.name_element_sets()?;
     model.name_node_sets()?;
-    Ok(model.shape.into_mesh())
+    model.shape.check_whole()?;
+    let names_lines = |lines: &Vec<u32>| {
+        let cells = model.shape.elements().len();
+        lines.iter().any(|i| *i as usize >= cells)
+    };
+    let names_edges =
+        deck.surfaces.iter().any(|s| !s.is_internal) || model.elements.iter().any(names_lines);
+    Ok(model.shape.into_mesh(names_edges))
 }
 
 /// Numbers of elements and line elements, which count together.
@@ -80,20 +88,6 @@ fn numbers(draft: &Draft) -> Result<Index> {
 }
 
 impl FinishedDeck {
-    fn check_groups(&self, surfaces: &[DeckSurface]) -> Result<()> {
-        let sets = self.node_sets.all.iter().chain(&self.element_sets.all);
-        let mut names = sets
-            .map(|s| s.is_internal)
-            .chain(surfaces.iter().map(|s| s.is_internal));
-        if names.any(|is_internal| !is_internal) {
-            return Ok(());
-        }
-        let file = self.shape.draft().file(0);
-        Err(Error::input(file, "sets or surfaces that name edges and regions")
-            .found("none, or only internal ones")
-            .hint("Abaqus: Tools > Set > Create for each edge (nodes) and region (elements), then write the input file again"))
-    }
-
     /// A name as written, or behind the instance's where it would mean two things.
     fn name(&self, sets: &Sets, set: &DeckSet) -> String {
         match &self.instance {
@@ -155,6 +149,11 @@ impl FinishedDeck {
             (&self.element_sets, &self.elements, &self.numbers, "element")
         };
         let found = match number(&patch.target) {
+            Some(number)
+                if !surface.is_of_nodes && self.shape.draft().left_out.contains(&number) =>
+            {
+                Some(Vec::new())
+            }
             Some(number) => index.get(number).map(|i| vec![i]),
             None => {
                 let at = sets.find(&patch.target, surface.scope);
@@ -255,7 +254,12 @@ impl FinishedDeck {
 }
 
 /// Name an edge, unless what takes precedence has the name.
-fn add_edge(shape: &mut Shape, name: &str, edges: Vec<BoundaryEdge>, what: &str) -> Result<()> {
+fn add_edge(
+    shape: &mut NamelessMesh,
+    name: &str,
+    edges: Vec<BoundaryEdge>,
+    what: &str,
+) -> Result<()> {
     if !shape.has_edge(name) {
         return shape.name_edge(name, edges);
     }

@@ -6,7 +6,8 @@
 //! Where a part's set has the name of one of the assembly, it goes by `instance.name`.
 //!
 //! One part is read, in at most one instance, moved by its translation. Names are found in any case and kept as first written.
-//! Sections, materials, steps and all other keywords are passed over.
+//! Sections, materials, steps and all other keywords are passed over. Elements without area (masses, springs, connectors) are left out
+//! with a remark. A file that names no edge gets names for the sides of its box.
 
 mod blocks;
 mod deck;
@@ -33,7 +34,7 @@ pub fn read(path: &Path) -> Result<ImportedMesh> {
 /// # Errors
 /// The input's fault, with file and line: element types that are not plane-stress or shell elements, keywords that make nodes
 /// or elements, more than one part or instance, a rotated instance, sets of what is not there, files that include each
-/// other, a file that is cut short, no sets, and a mesh that is unfit.
+/// other, a file that is cut short, and a mesh that is unfit.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<ImportedMesh> {
     let mut deck = deck::Deck::default();
     deck.read(bytes, path, 0)?;

@@ -126,6 +126,7 @@ pub(super) fn resolve(
             let place = || format!("{}: {what} set {}", draft.place(*spot), set.name);
             let before = own.len();
             let scanned = match member {
+                SetMember::One(n) if what == "element" && draft.left_out.contains(n) => 1,
                 SetMember::One(n) => {
                     own.push(index.get(*n).ok_or_else(|| {
                         Error::input(place(), format!("{what}s that the file defines"))

@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Display;
 
+use super::super::check::leave_out_flat;
 use super::super::draft::{Allowance, Cell, Draft, DraftLine, FileSpot};
-use super::super::kind::Kind;
+use super::super::kind::ElementKind;
 use super::super::mesh::ImportedMesh;
-use super::super::shape::Shape as Checked;
+use super::super::shape::NamelessMesh as Checked;
 use super::source::MeshText;
 use crate::error::{Error, Result};
 
@@ -16,7 +17,7 @@ pub(super) enum EntityShape {
     Point,
     /// Of two or three nodes.
     Line(usize),
-    Plane(Kind),
+    Plane(ElementKind),
     /// Nine nodes, of which the last, in the middle, is dropped.
     Nine,
 }
@@ -53,10 +54,10 @@ pub(super) fn shape(
         15 => return Ok(EntityShape::Point),
         1 => return Ok(EntityShape::Line(2)),
         8 => return Ok(EntityShape::Line(3)),
-        2 => return Ok(EntityShape::Plane(Kind::T3)),
-        3 => return Ok(EntityShape::Plane(Kind::Q4)),
-        9 => return Ok(EntityShape::Plane(Kind::T6)),
-        16 => return Ok(EntityShape::Plane(Kind::Q8)),
+        2 => return Ok(EntityShape::Plane(ElementKind::T3)),
+        3 => return Ok(EntityShape::Plane(ElementKind::Q4)),
+        9 => return Ok(EntityShape::Plane(ElementKind::T6)),
+        16 => return Ok(EntityShape::Plane(ElementKind::Q8)),
         10 => return Ok(EntityShape::Nine),
         4..=7 | 11..=14 | 17..=19 | 29..=33 | 71..=75 | 79..=83 | 90..=123 => (
             "three-dimensional",
@@ -167,7 +168,7 @@ impl Collector {
             EntityShape::Plane(_) | EntityShape::Nine => {
                 let kind = match shape {
                     EntityShape::Plane(kind) => kind,
-                    _ => Kind::Q8,
+                    _ => ElementKind::Q8,
                 };
                 let mut eight = [Cell::NONE; 8];
                 eight.copy_from_slice(&nodes[..8]);
@@ -204,10 +205,16 @@ impl Collector {
     /// The mesh with its names.
     ///
     /// # Errors
-    /// The input's fault: an unfit mesh, element numbers that are there twice, no physical groups.
+    /// The input's fault: an unfit mesh, element numbers that are there twice, physical groups without elements.
     pub fn finish(mut self) -> Result<ImportedMesh> {
         self.check_numbers()?;
-        let groups = std::mem::take(&mut self.groups);
+        let kept = leave_out_flat(&mut self.draft);
+        let mut groups = std::mem::take(&mut self.groups);
+        for (group, members) in &mut groups {
+            if group.0 == 2 {
+                *members = members.iter().filter_map(|i| kept[*i as usize]).collect();
+            }
+        }
         let labels: Vec<String> = groups.keys().map(|g| self.label(*g)).collect();
         let empty = self.names.iter().filter(|(g, _)| (1..=2).contains(&g.0));
         let empty = empty.filter(|(g, _)| !groups.contains_key(g));
@@ -216,9 +223,10 @@ impl Collector {
         let remark = |name: &String| format!("the physical group {name:?} holds no elements");
         self.draft.remarks.extend(empty.into_iter().map(remark));
         let mut shape = Checked::of(self.draft)?;
-        if groups.is_empty() {
-            return Err(no_groups(&shape.draft().file(0), !self.names.is_empty()));
+        if groups.is_empty() && !self.names.is_empty() {
+            return Err(lost_groups(&shape.draft().file(0)));
         }
+        let names_edges = groups.keys().any(|group| group.0 == 1);
         for ((group, members), label) in groups.iter().zip(labels) {
             if group.0 == 2 {
                 shape.name_region(&label, members.iter().map(|i| *i as usize).collect())?;
@@ -233,7 +241,7 @@ impl Collector {
             }
             shape.name_edge(&label, edges)?;
         }
-        Ok(shape.into_mesh())
+        Ok(shape.into_mesh(names_edges))
     }
 
     /// Two elements of one number but other nodes.
@@ -251,14 +259,8 @@ impl Collector {
     }
 }
 
-fn no_groups(file: &str, has_names: bool) -> Error {
-    let error = Error::input(file, "physical groups that name edges and regions");
-    if has_names {
-        return error.found("names of groups, but no elements in them").hint(
-            "Gmsh: version 2.2 loses the groups if all elements are saved: set Mesh.SaveAll = 0 or save as version 4.1",
-        );
-    }
-    error.found("none").hint(
-        "Gmsh: Physical Curve(\"low\") = {..}; Physical Surface(\"plate\") = {..}; then mesh and save again",
-    )
+fn lost_groups(file: &str) -> Error {
+    Error::input(file, "physical groups that name edges and regions")
+        .found("names of groups, but no elements in them")
+        .hint("Gmsh: version 2.2 loses the groups if all elements are saved: set Mesh.SaveAll = 0 or save as version 4.1")
 }

@@ -2,7 +2,7 @@
 //!
 //! Physical groups of curves name edges, those of surfaces name regions; a group without a name goes by its number. An
 //! entity may be in several groups. A group of points names nothing. Lines inside the mesh are left out of their edge, with
-//! a remark. Nine-node quadrilaterals lose their middle node and become Q8.
+//! a remark. A file without groups of lines gets names for the sides of its box. Nine-node quadrilaterals lose their middle node and become Q8.
 
 mod collect;
 mod source;
@@ -29,7 +29,7 @@ pub fn read(path: &Path) -> Result<ImportedMesh> {
 ///
 /// # Errors
 /// The input's fault, with file and line (or byte): another version or byte order, a section that is cut short, elements
-/// that are not plane or of another order than 1 or 2, no physical groups, and a mesh that is unfit.
+/// that are not plane or of another order than 1 or 2, and a mesh that is unfit.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<ImportedMesh> {
     let mut source = MeshText::new(bytes, path.display().to_string());
     let version = format(&mut source)?;
@@ -49,12 +49,32 @@ enum Version {
 
 const SAVE_AS: &str = "Gmsh: save with Mesh.MshFileVersion = 4.1 (or 2.2)";
 
-/// The first section: version, ASCII or binary, byte order.
+/// Sections that cannot be read before the format is known.
+const OF_A_MESH: [&str; 6] = [
+    "PhysicalNames",
+    "Entities",
+    "PartitionedEntities",
+    "Nodes",
+    "ParametricNodes",
+    "Elements",
+];
+
+/// The first section that is no comment: version, ASCII or binary, byte order.
 fn format(source: &mut MeshText<'_>) -> Result<Version> {
-    let first = source.text_line()?.unwrap_or_default();
-    if first != "$MeshFormat" {
-        let error = source.error("$MeshFormat, the first line of an MSH file");
-        return Err(error.found(first).hint(SAVE_AS));
+    loop {
+        let first = source.text_line()?;
+        let line = first.as_deref().unwrap_or_default();
+        match line.strip_prefix('$') {
+            Some("MeshFormat") => break,
+            Some(name) if !OF_A_MESH.contains(&name) && !name.is_empty() => {
+                source.skip_section(name)?;
+            }
+            None if first.is_some() && line.is_empty() => {}
+            _ => {
+                let error = source.error("$MeshFormat before the sections of an MSH file");
+                return Err(error.found(line).hint(SAVE_AS));
+            }
+        }
     }
     let line = source.text_line()?.unwrap_or_default();
     let words: Vec<&str> = line.split_whitespace().collect();

@@ -105,3 +105,9 @@ impl Metric {
 pub(super) fn covariance_of_frames(d: &[f64], r: f64) -> DMatrix<f64> {
     DMatrix::from_fn(d.len(), d.len(), |s, t| r + if s == t { d[s] } else { 0.0 })
 }
+
+/// That of a random walk: the noise of every frame is that of the frame before and its own.
+pub(super) fn covariance_of_walk(d: &[f64]) -> DMatrix<f64> {
+    let until = |s: usize| d[..=s].iter().sum();
+    DMatrix::from_fn(d.len(), d.len(), |s, t| until(s.min(t)))
+}

@@ -1,4 +1,6 @@
-//! The covariance family of one frame's noise: N = s^2 (K + rho Matern(l)) on blocks.
+//! The covariance family of one frame's noise: N = s^2 (K + rho M(l)) on blocks, M of one of two kernels.
+
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -6,6 +8,7 @@ use super::frames::Frames;
 use super::subset_kernel::subset_covariance;
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::files::{Stored, stored};
 use crate::noise::covariance::{discrepancy_lengths_mm, noise_lengths_mm};
 use crate::noise::{BlockCovariance, Matern};
 
@@ -38,14 +41,56 @@ pub(super) struct ShapeFamily<'a> {
     discrepancy_mm: f64,
 }
 
+/// How the correlation of smooth patterns falls with the distance d.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SmoothKernel {
+    /// Matern-3/2: patterns with a slope and no curvature.
+    Matern,
+    /// exp(-d^2 / 2 l^2): patterns with all derivatives, as warm air leaves them.
+    SquaredExponential,
+}
+
+impl SmoothKernel {
+    /// Averaged over blocks.
+    pub(super) fn correlation(self, blocks: &Blocks, length_mm: f64) -> Matern {
+        match self {
+            Self::Matern => Matern::new(blocks, length_mm),
+            Self::SquaredExponential => Matern::squared_exponential(blocks, length_mm),
+        }
+    }
+}
+
+impl Stored for SmoothKernel {
+    fn put(&self, out: &mut Vec<u8>) {
+        (*self == Self::Matern).put(out);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let is_matern = bool::take(from)?;
+        Some(if is_matern {
+            Self::Matern
+        } else {
+            Self::SquaredExponential
+        })
+    }
+}
+
 /// Covariance hyperparameters of one frame's noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CorrelationShape {
+    pub kernel: SmoothKernel,
     pub length_mm: f64,
     pub ratio: f64,
     /// Part of the noise that no subset correlates.
     pub nugget: f64,
 }
+
+stored!(CorrelationShape {
+    kernel,
+    length_mm,
+    ratio,
+    nugget
+});
 
 impl<'a> ShapeFamily<'a> {
     /// Of frames whose noise contrasts know (`any_length`), or of one field, in which long correlation is a discrepancy.
@@ -98,22 +143,23 @@ impl<'a> ShapeFamily<'a> {
     /// Noise without smooth patterns.
     pub fn white(&self) -> CorrelationShape {
         CorrelationShape {
+            kernel: SmoothKernel::Matern,
             length_mm: self.lengths_mm[0],
             ratio: 0.0,
             nugget: self.nuggets()[0],
         }
     }
 
-    /// The covariance at s = 1 of a shape whose correlation is `matern`.
+    /// The covariance at s = 1 of a shape whose correlation is `smooth`.
     ///
     /// # Errors
     /// Of the program, if it is not positive definite.
     pub fn with(
         &self,
-        matern: Option<&Matern>,
+        smooth: Option<&Matern>,
         shape: CorrelationShape,
     ) -> Result<BlockCovariance> {
-        let parts: Vec<_> = matern.map(|m| (m, shape.ratio)).into_iter().collect();
+        let parts: Vec<_> = smooth.map(|m| (m, shape.ratio)).into_iter().collect();
         // a point has the nugget of its block many times
         let count = self.blocks.mean_count();
         match &self.subset {
@@ -137,6 +183,21 @@ impl<'a> ShapeFamily<'a> {
         if shape.ratio == 0.0 {
             return self.with(None, shape);
         }
-        self.with(Some(&Matern::new(self.blocks, shape.length_mm)), shape)
+        let smooth = shape.kernel.correlation(self.blocks, shape.length_mm);
+        self.with(Some(&smooth), shape)
+    }
+
+    /// Those of u1 and u2; where they have one shape, one for both.
+    ///
+    /// # Errors
+    /// Those of [`ShapeFamily::at`].
+    pub fn of_both(&self, shapes: [CorrelationShape; 2]) -> Result<[Arc<BlockCovariance>; 2]> {
+        let first = Arc::new(self.at(shapes[0])?);
+        let second = if shapes[0] == shapes[1] {
+            Arc::clone(&first)
+        } else {
+            Arc::new(self.at(shapes[1])?)
+        };
+        Ok([first, second])
     }
 }

@@ -20,6 +20,8 @@ pub struct InFrames {
     pub(super) scales: Vec<f64>,
     /// Force over the largest of each frame.
     pub loads: Vec<f64>,
+    /// Whether frames stand for what they have more than the one before.
+    pub(super) walks: bool,
 }
 
 /// One component's columns and, last, the data.
@@ -35,7 +37,7 @@ pub(super) struct FrameColumns {
 
 /// What some frames know of all columns, both components together.
 #[derive(Debug)]
-pub struct Known {
+pub struct FramesInformation {
     /// X' (diag(d)^-1 (x) N^-1) X of the columns and, last, the data.
     own: DMatrix<f64>,
     /// X' (D^-1 1 1' D^-1 (x) N^-1) X.
@@ -47,7 +49,7 @@ pub struct Known {
     values: f64,
 }
 
-impl Known {
+impl FramesInformation {
     /// X' C^-1 X of some `columns` and, last, the data, and log det C, under a share r of the reference's noise.
     pub fn equations(&self, columns: &[usize], reference: f64) -> (DMatrix<f64>, f64) {
         let last = self.own.nrows() - 1;
@@ -73,6 +75,7 @@ impl InFrames {
     pub(super) fn new(frames: &Frames<'_>, noise: &FrameNoise, slices: [Slices; 2]) -> Self {
         let mut spatial = noise.spatial.iter();
         let parts = slices.map(|slices| {
+            let slices = noise.slices(slices);
             let white = spatial.next().map_or_else(
                 || slices.basis.clone(),
                 |n| n.covariance.whiten(&slices.basis) / n.scale2.sqrt(),
@@ -92,6 +95,7 @@ impl InFrames {
             noise: [whitening(0), whitening(1)],
             scales: noise.scales.clone(),
             loads: frames.loads.clone(),
+            walks: noise.walks,
         }
     }
 
@@ -116,7 +120,7 @@ impl InFrames {
     }
 
     /// What all frames know, and what all but each of them do.
-    pub fn known(&self) -> (Known, Vec<Known>) {
+    pub fn known(&self) -> (FramesInformation, Vec<FramesInformation>) {
         let one = |frame: usize| {
             let of = |part: &FrameColumns| {
                 let t = &part.slices.frames[frame];
@@ -132,7 +136,7 @@ impl InFrames {
 
     /// What all frames but one know. Sums over the others, not differences: a motion of ten millimetres in the one leaves rounding of a
     /// prior sd in a difference.
-    fn of(&self, own: &[DMatrix<f64>], but: Option<usize>) -> Known {
+    fn of(&self, own: &[DMatrix<f64>], but: Option<usize>) -> FramesInformation {
         let used: Vec<usize> = (0..self.len()).filter(|s| Some(*s) != but).collect();
         let weights = DVector::from_fn(self.len(), |s, _| {
             if Some(s) == but {
@@ -153,7 +157,7 @@ impl InFrames {
             let scales: f64 = used.iter().map(|&s| self.scales[s].ln()).sum();
             log_det += used.len() as f64 * frame + n * scales;
         }
-        Known {
+        FramesInformation {
             own: sum,
             common,
             square: weights.sum(),

@@ -5,13 +5,14 @@
 //! C_c = (diag(d) + r 1 1') (x) N_c [+ delta s2_c w w' (x) M_l],   N_c = s2_c (K + rho M_l'),
 //!
 //! K that of white pixel noise through the correlation subset (or diag(nbar / n_b) without one), M_l a Matern-3/2 of length l averaged
-//! over blocks. d_s is the noise scale of frame s (geometric mean 1), r the share of the reference picture, which is common to all
+//! over blocks, M_l' that or a squared exponential, whichever is likelier. d_s is the noise scale of frame s (geometric mean 1), r the share
+//! of the reference picture, which is common to all
 //! frames; the bracket is a smooth discrepancy of the model that is the same in all frames (w = 1) or grows with the load (w = f), the
 //! rival of every named effect.
 //!
 //! N and d are estimated where nothing constant and nothing proportional to the load, known or unknown, can enter: by restricted
 //! likelihood on the frame contrasts orthogonal to 1 and f ([`FrameNoise`]). Therefore N may have any length there. r and the rivals
-//! are left to the evidence ([`settings`]). A recipe of which a prototype gave the figures: without the reference's share all of 25
+//! are left to the evidence (`settings`). A recipe of which a prototype gave the figures: without the reference's share all of 25
 //! series of known effects were called unexplained; it is its single most important part.
 
 mod contrasts;
@@ -28,10 +29,14 @@ mod shapes;
 mod slices;
 mod subset_kernel;
 
-pub use frame_noise::{FrameNoise, SpatialNoise};
+pub use family::SmoothKernel;
+pub use frame_noise::{FoundNoise, FrameNoise, SpatialNoise};
 pub use frames::{Frames, Growth};
-pub use in_frames::{InFrames, Known};
+pub use in_frames::{FramesInformation, InFrames};
 pub use proportion::{Linearity, Role};
 pub use rivals::Rival;
-pub use settings::{At, DISCREPANCY, REFERENCES, SeriesNoise, Setting, grams, settings, steps};
+pub use settings::{
+    At, DISCREPANCY, REFERENCES, SeriesNoise, Setting, found_noise, grams, settings,
+    settings_under, steps,
+};
 pub use subset_kernel::subset_covariance;

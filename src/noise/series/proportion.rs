@@ -52,10 +52,10 @@ const DISTINCT: f64 = 1e-6;
 
 impl InFrames {
     /// Test the data by all columns, each of a role, with `smooth` fields (blocks x any) for either component. None where the loads leave
-    /// no contrast to compare with: below four frames, or of two loads only.
+    /// no contrast to compare with: below four frames, or of two loads only; nor where noise adds up from frame to frame.
     pub fn linearity(&self, roles: &[Role], smooth: &DMatrix<f64>) -> Option<Linearity> {
         let contrasts = weighted(&self.loads, &self.scales)?;
-        if contrasts.ncols() < 2 {
+        if contrasts.ncols() < 2 || self.walks {
             return None;
         }
         let parts = [0, 1].map(|c: usize| Patterned::new(self, c, roles, smooth));

@@ -33,6 +33,7 @@ pub struct Rival {
 }
 
 /// The eigenvectors of rivals of one length, whitened by one noise.
+#[derive(Debug)]
 pub(super) struct RivalModes {
     /// Decreasing.
     values: DVector<f64>,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::frame_noise::{FrameNoise, Search, SpatialNoise, steps as steps_of_noise};
+use super::frame_noise::{FoundNoise, FrameNoise, Search, SpatialNoise, steps as steps_of_noise};
 use super::frames::{Frames, Growth};
 use super::in_frames::{FrameColumns, InFrames};
 use super::rivals::{LENGTHS, RATIOS, Rival, RivalModes};
@@ -63,33 +63,68 @@ pub struct SeriesNoise {
     pub settings: Vec<Setting>,
     /// What every column does in each frame.
     pub in_frames: Arc<InFrames>,
+    /// Eigenvectors of the rivals under this noise.
+    modes: Arc<ModesByLength>,
 }
+
+/// Eigenvectors of the rivals of every length under each component's noise; one for both where that is shared.
+type ModesByLength = Vec<Vec<RivalModes>>;
 
 /// How often [`settings`] calls its `step`.
 pub fn steps(frames: &Frames<'_>) -> usize {
     steps_of_noise(frames) + LENGTHS.len()
 }
 
-/// Estimate the noise and weigh all settings; kept are those within 60 nats of the best of their class (no rival, constant, with the
-/// load), by the evidence of all columns. `columns` of u1 and of u2: (frames x blocks) x (p + 1), row = frame * blocks + block, the p
-/// columns of everything that may act, each for one prior sd, and last the data minus the prediction, mm. `step` is called on the way.
+/// Search for the noise. `columns` of u1 and of u2: (frames x blocks) x (p + 1), row = frame * blocks + block, the p columns of everything
+/// that may act, each for one prior sd, and last the data minus the prediction, mm. `step` is called on the way.
 ///
 /// # Errors
 /// Of the input: too few blocks or frames for the columns. Of the program: columns of another size or not finite, a factorisation
 /// that fails.
+pub fn found_noise(
+    frames: &Frames<'_>,
+    columns: [&DMatrix<f64>; 2],
+    step: &(dyn Fn() + Sync),
+) -> Result<FoundNoise> {
+    frames.check()?;
+    check(frames, columns)?;
+    let [first, second] = slices(frames, columns);
+    Search::new(frames, [&first, &second], step)?.best(&references(frames))
+}
+
+/// Search for the noise and weigh all settings under it: [`found_noise`], then [`settings_under`].
+///
+/// # Errors
+/// Those of [`found_noise`].
 pub fn settings(
     frames: &Frames<'_>,
     columns: [&DMatrix<f64>; 2],
     step: &(dyn Fn() + Sync),
 ) -> Result<SeriesNoise> {
-    frames.check()?;
-    check(frames, columns)?;
-    let n = frames.blocks.len();
-    let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
+    let found = found_noise(frames, columns, step)?;
+    settings_under(frames, columns, &found, step)
+}
+
+/// Weigh all settings under the noise that was found with the same `columns`; kept are those within 60 nats of the best of their class
+/// (no rival, constant, with the load), by the evidence of all columns. `step` is called on the way.
+///
+/// # Errors
+/// Those of [`found_noise`].
+pub fn settings_under(
+    frames: &Frames<'_>,
+    columns: [&DMatrix<f64>; 2],
+    found: &FoundNoise,
+    step: &(dyn Fn() + Sync),
+) -> Result<SeriesNoise> {
+    let noise = found.over(frames)?;
     let references = references(frames);
-    let noise = Search::new(frames, [&first, &second], step)?.best(&references)?;
-    let in_frames = InFrames::new(frames, &noise, [first, second]);
-    let weighed = WeighedSetting::new(frames, &noise, &in_frames, step)?;
+    let references = match noise.walks {
+        true => vec![(0.0, 0.0)],
+        false => references,
+    };
+    let in_frames = InFrames::new(frames, &noise, slices(frames, columns));
+    let modes = Arc::new(modes(frames, &noise, &lengths_mm(frames), step)?);
+    let weighed = WeighedSetting::new(frames, &noise, &in_frames, &modes);
     let choices = choices(frames, &references, &weighed.lengths_mm);
     let all = choices
         .into_par_iter()
@@ -100,14 +135,15 @@ pub fn settings(
         noise,
         settings: worth_weighing(all),
         in_frames: Arc::new(in_frames),
+        modes,
     })
 }
 
 /// X' C^-1 X of other columns than those of the settings, both components summed, for some of the settings; `columns` of u1 and of u2
-/// as those of [`settings`].
+/// as those of [`found_noise`].
 ///
 /// # Errors
-/// Those of [`settings`].
+/// Those of [`found_noise`].
 pub fn grams(
     frames: &Frames<'_>,
     noise: &SeriesNoise,
@@ -115,12 +151,17 @@ pub fn grams(
     which: &[usize],
 ) -> Result<Vec<DMatrix<f64>>> {
     check(frames, columns)?;
-    let n = frames.blocks.len();
-    let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
-    let in_frames = InFrames::new(frames, &noise.noise, [first, second]);
-    let weighed = WeighedSetting::new(frames, &noise.noise, &in_frames, &|| ())?;
+    let in_frames = InFrames::new(frames, &noise.noise, slices(frames, columns));
+    let weighed = WeighedSetting::new(frames, &noise.noise, &in_frames, &noise.modes);
     let of = |k: &usize| weighed.equations(noise.settings[*k].at).0;
     Ok(which.par_iter().map(of).collect())
+}
+
+/// The columns of both components, frame by frame.
+fn slices(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> [Slices; 2] {
+    let n = frames.blocks.len();
+    let (first, second) = rayon::join(|| Slices::new(columns[0], n), || Slices::new(columns[1], n));
+    [first, second]
 }
 
 fn check(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> Result<()> {
@@ -200,42 +241,48 @@ struct WhitenedColumns {
 }
 
 /// Everything that settings differ in is a few numbers from here on.
-struct WeighedSetting {
+struct WeighedSetting<'a> {
     components: [WhitenedColumns; 2],
-    /// Eigenvectors by length, of each component's noise; one for both where that is shared.
-    modes: Vec<Vec<RivalModes>>,
+    modes: &'a ModesByLength,
     lengths_mm: Vec<f64>,
-    /// 1' D^-1 1, 1' D^-1 f, f' D^-1 f of D = diag(d).
+    /// 1' D^-1 1, 1' D^-1 f, f' D^-1 f of D = diag(d); of a random walk of what 1 and f add in each frame.
     products: [f64; 3],
     blocks: usize,
 }
 
-impl WeighedSetting {
+/// Lengths of the rivals, mm.
+fn lengths_mm(frames: &Frames<'_>) -> Vec<f64> {
+    LENGTHS.map(|share| share * frames.window_mm()).to_vec()
+}
+
+impl<'a> WeighedSetting<'a> {
     fn new(
         frames: &Frames<'_>,
         noise: &FrameNoise,
         in_frames: &InFrames,
-        step: &(dyn Fn() + Sync),
-    ) -> Result<Self> {
-        let lengths_mm = LENGTHS.map(|share| share * frames.window_mm()).to_vec();
-        let modes = modes(frames, noise, &lengths_mm, step)?;
+        modes: &'a ModesByLength,
+    ) -> Self {
         let inverse = DVector::from_iterator(frames.len(), noise.scales.iter().map(|d| 1.0 / d));
-        let loaded = inverse.component_mul(&frames.direction(Growth::WithLoad));
+        let laws = [Growth::Constant, Growth::WithLoad].map(|l| noise.seen(&frames.direction(l)));
+        let weights = laws.each_ref().map(|law| inverse.component_mul(law));
         let component = |c: usize| {
             let modes: Vec<&RivalModes> = modes.iter().map(|m| &m[c.min(m.len() - 1)]).collect();
-            let log_scales = noise.scales.iter().map(|d| d.ln()).sum();
             let (spatial, part) = (&noise.spatial[c], &in_frames.parts[c]);
-            WhitenedColumns::new(spatial, part, [&inverse, &loaded], log_scales, &modes)
+            WhitenedColumns::new(spatial, part, &weights, &noise.scales, &modes)
         };
         let (first, second) = rayon::join(|| component(0), || component(1));
-        let f = frames.direction(Growth::WithLoad);
-        Ok(Self {
+        let [constant, loaded] = &weights;
+        Self {
             components: [first, second],
             modes,
-            lengths_mm,
-            products: [inverse.sum(), loaded.sum(), loaded.dot(&f)],
+            lengths_mm: lengths_mm(frames),
+            products: [
+                constant.dot(&laws[0]),
+                loaded.dot(&laws[0]),
+                loaded.dot(&laws[1]),
+            ],
             blocks: frames.blocks.len(),
-        })
+        }
     }
 
     fn setting(&self, at: At, log_prior: f64) -> Result<Setting> {
@@ -286,7 +333,7 @@ fn modes(
     noise: &FrameNoise,
     lengths_mm: &[f64],
     step: &(dyn Fn() + Sync),
-) -> Result<Vec<Vec<RivalModes>>> {
+) -> Result<ModesByLength> {
     let distinct = if noise.is_shared() { 1 } else { 2 };
     let pairs: Vec<(f64, usize)> = lengths_mm
         .iter()
@@ -309,8 +356,8 @@ impl WhitenedColumns {
     fn new(
         noise: &SpatialNoise,
         part: &FrameColumns,
-        weights: [&DVector<f64>; 2],
-        log_scales: f64,
+        weights: &[DVector<f64>; 2],
+        scales: &[f64],
         modes: &[&RivalModes],
     ) -> Self {
         let FrameColumns {
@@ -321,10 +368,11 @@ impl WhitenedColumns {
         let (count, n) = (slices.frames.len() as f64, white.nrows() as f64);
         let p = slices.frames.first().map_or(0, DMatrix::ncols);
         let mut own = DMatrix::zeros(p, p);
-        for (t, weight) in slices.frames.iter().zip(weights[0].iter()) {
-            own += *weight * tr_product(t, &product(inner, t));
+        for (t, scale) in slices.frames.iter().zip(scales) {
+            own += tr_product(t, &product(inner, t)) / *scale;
         }
-        let sums = weights.map(|w| slices.combined(w));
+        let sums = weights.each_ref().map(|w| slices.combined(w));
+        let log_scales: f64 = scales.iter().map(|d| d.ln()).sum();
         let rotated = modes.iter().map(|m| {
             let basis = m.rotate(white);
             [0, 1].map(|k: usize| product(&basis, &sums[k]))

@@ -54,6 +54,15 @@ impl Slices {
         Self { basis: all, frames }
     }
 
+    /// What every frame has more than the one before.
+    pub fn steps(mut self) -> Self {
+        for s in (1..self.frames.len()).rev() {
+            let (before, own) = self.frames.split_at_mut(s);
+            own[0] -= &before[s - 1];
+        }
+        self
+    }
+
     /// sum of weights times T_s.
     pub fn combined(&self, weights: &DVector<f64>) -> DMatrix<f64> {
         let (rows, columns) = self.frames.first().map_or((0, 0), DMatrix::shape);

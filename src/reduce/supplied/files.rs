@@ -8,6 +8,7 @@ use csv::{ReaderBuilder, Trim};
 
 use super::nodes::Nodes;
 use super::vtu;
+use crate::chain::read_npy;
 use crate::error::{Error, Result};
 
 /// Columns of a table and arrays of an archive.
@@ -134,22 +135,8 @@ fn archive(path: &Path) -> Result<Nodes> {
     let mut arrays = Vec::new();
     for name in NAMES {
         let lacks = |e: &dyn std::fmt::Display| wanted().found(format!("{name}: {e}"));
-        let member = zip.by_name(&format!("{name}.npy")).map_err(|e| lacks(&e))?;
-        let array = npyz::NpyFile::new(member).map_err(|e| lacks(&e))?;
-        if array.len() > MOST_POINTS {
-            return Err(lacks(&format!(
-                "{} numbers, more than {MOST_POINTS}",
-                array.len()
-            )));
-        }
-        let single = npyz::DType::Plain("<f4".parse().map_err(|e| lacks(&e))?);
-        let values = match array.dtype() == single {
-            true => array
-                .into_vec::<f32>()
-                .map(|all| all.into_iter().map(f64::from).collect()),
-            false => array.into_vec::<f64>(),
-        };
-        arrays.push(values.map_err(|e| lacks(&e))?);
+        let mut member = zip.by_name(&format!("{name}.npy")).map_err(|e| lacks(&e))?;
+        arrays.push(read_npy(&mut member, MOST_POINTS).map_err(|e| lacks(&e))?);
     }
     if arrays.iter().any(|a| a.len() != arrays[0].len()) {
         let lengths: Vec<String> = arrays.iter().map(|a| a.len().to_string()).collect();

@@ -57,7 +57,7 @@ pub fn breakdown(places: &[PlaceRms]) -> Result<Option<Figure>> {
     const NAMES: u32 = 140;
     const WIDE: u32 = PANEL + 60;
     let size = (NAMES + 2 * WIDE + 16, 34 + ROW * places.len() as u32);
-    let alt = "RMS of the block averages of the residual, nm: in rings about the hole, and in quadrants (direction 1 along the load, direction 2 across it)";
+    let alt = "RMS of the block averages of the residual, nm, in rings about the hole and in quadrants. Direction 1 is along the load";
     let of = |pick: fn(&PlaceRms) -> f64| places.iter().map(pick).collect::<Vec<f64>>();
     let panels = [of(|p| p.u1_nm), of(|p| p.u2_nm)];
     let largest = span(panels.iter().flatten().copied().chain([0.0]))[1];

@@ -29,7 +29,7 @@ pub fn mesh(points: &[MeshPoint]) -> Result<Option<Figure>> {
     let names = names(points);
     let least = 24 * (names.len() as u32 + 5);
     let size = (LEFT + width + NAMES, (height + BELOW + 10).max(least));
-    let alt = "The mesh in the data's frame: named edges in colour, where the force pulls, what is held, borders of regions, and the measured points, those off the mesh in red";
+    let alt = "The mesh in the data's frame: named edges in colour, forces, supports, borders of regions, and measured points, in red where they are off the mesh";
     let figure = draw("mesh", alt, size, |root, _| {
         let plot = root
             .clone()

@@ -37,9 +37,6 @@ pub fn png(figure: &Figure) -> Result<Vec<u8>> {
     Err(crate::error::Error::program(place, "the feature `png`"))
 }
 
-/// Below this share of the common residual scale a round's residual is shown on its own scale as well.
-const FAINT: f64 = 0.5;
-
 /// Draw all figures of a page.
 ///
 /// # Errors
@@ -107,16 +104,14 @@ fn maps_of_rounds(page: &Page) -> Result<Vec<Figure>> {
             figures.push(maps::side_by_side(field, component, scales, &name, &alt)?);
         }
     }
-    let Some(last) = fields.last().filter(|_| fields.len() > 1) else {
+    let Some(last) = fields.last() else {
         return Ok(figures);
     };
     let own = maps::residual_scale(&[last]);
-    if own.range[1] < FAINT * residual.range[1] {
-        for component in [1, 2] {
-            let name = format!("map-{}-u{component}-residual-closer", fields.len() - 1);
-            let closer = maps::one(last, component, Mapped::Residual, [own, own], &name)?;
-            figures.push(on_page(closer));
-        }
+    for component in [1, 2] {
+        let name = format!("map-{}-u{component}-residual-closer", fields.len() - 1);
+        let closer = maps::one(last, component, Mapped::Residual, [own, own], &name)?;
+        figures.push(on_page(closer));
     }
     Ok(figures)
 }

@@ -105,7 +105,7 @@ pub fn steps(cells: &[StepCell]) -> Result<Option<Figure>> {
     let of = |(k, name): (usize, &&str)| [1, 2].map(|component| small(k, name, component));
     let maps: Vec<Small> = names.iter().enumerate().flat_map(of).collect();
     let alt = format!(
-        "What the last round leaves of each of {} steps: block averages of u1 (along the load) and u2 (across) without the step's motion in the plane, nm, on one scale",
+        "Residual of each of {} steps after the last round, nm: block averages of u1 (along the load) and u2 (across), on one scale",
         names.len()
     );
     several("steps", alt, &maps, "nm")

@@ -64,7 +64,35 @@ const FIGURES: [(&str, &[&str]); 9] = [
     ("reduced-model", &["truncation", "surfaces"]),
 ];
 
+/// Significant digits of a figure's numbers: more than any figure shows, and less room than all.
+const DIGITS: usize = 9;
+
+/// A number with [`DIGITS`] significant digits.
+fn rounded(value: &mut Value) {
+    match value {
+        Value::Array(all) => all.iter_mut().for_each(rounded),
+        Value::Object(all) => all.values_mut().for_each(rounded),
+        Value::Number(number) if number.is_f64() => {
+            let digits = number.as_f64().map(|x| format!("{x:.*e}", DIGITS - 1));
+            let near = digits.and_then(|text| text.parse::<f64>().ok());
+            *value = near.map_or(Value::Null, Value::from);
+        }
+        _ => {}
+    }
+}
+
 impl FigureData {
+    /// The same with rounded numbers, as files have them: a report made again from its files has the same figures.
+    #[must_use]
+    pub fn rounded(self) -> Self {
+        let again = || {
+            let mut all = serde_json::to_value(&self).ok()?;
+            rounded(&mut all);
+            serde_json::from_value(all).ok()
+        };
+        again().unwrap_or(self)
+    }
+
     /// Write the tables of round `k`, or of another name, into the folder of figures.
     ///
     /// # Errors

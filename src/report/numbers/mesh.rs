@@ -20,7 +20,7 @@ pub fn lines(mesh: &Mesh, frame: &Frame, points: &[[f64; 2]]) -> Vec<MeshPoint> 
         count: 0,
     };
     let at = |n: &u32| frame.data_point(mesh.nodes[*n as usize]);
-    let ElementSides {
+    let SideNumbers {
         inner,
         joint,
         boundary,
@@ -120,7 +120,7 @@ fn middle(mesh: &Mesh, name: &str) -> Option<[f64; 2]> {
 
 /// Sides of elements.
 #[derive(Default)]
-struct ElementSides {
+struct SideNumbers {
     /// Those that two of one stack share.
     inner: Vec<Edge>,
     /// Those between two stacks.
@@ -129,7 +129,7 @@ struct ElementSides {
     boundary: Vec<Edge>,
 }
 
-fn sides(mesh: &Mesh) -> ElementSides {
+fn sides(mesh: &Mesh) -> SideNumbers {
     let mut seen: BTreeMap<[u32; 2], (Edge, Vec<usize>)> = BTreeMap::new();
     for (e, element) in mesh.elements.iter().enumerate() {
         for k in 0..4 {
@@ -139,7 +139,7 @@ fn sides(mesh: &Mesh) -> ElementSides {
             of.or_insert((side, Vec::new())).1.push(mesh.region_of(e));
         }
     }
-    let mut sides = ElementSides::default();
+    let mut sides = SideNumbers::default();
     for (side, stacks) in seen.into_values() {
         let kind = match &stacks[..] {
             [_] => &mut sides.boundary,

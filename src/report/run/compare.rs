@@ -3,7 +3,7 @@
 use super::rounds::{NumberOfRound, RESIDUAL};
 use crate::report::page::Page;
 use crate::report::round::RoundReport;
-use crate::report::section::{Document, Piece, Section, Table, TableCell, row};
+use crate::section::{Document, Piece, Section, Table, TableCell, row};
 
 /// What of a round's chains is shown.
 const CHAINS: [NumberOfRound; 2] = [
@@ -61,6 +61,7 @@ pub fn comparison(runs: &[(String, Page)]) -> Document {
             Section::new("Residual and chains").with(numbers),
             said,
         ],
+        folded: false,
         footer: "Intervals hold 95 % of the posterior. The same data and model with another seed differ by the Monte Carlo error only.".into(),
     }
 }
@@ -102,7 +103,7 @@ fn about(pages: &[&Page]) -> Vec<Vec<TableCell>> {
         }),
         line("verdict", &|p| {
             let closing = p.report.closing.as_ref();
-            closing.map_or(String::new(), |c| c.verdict.status.words().into())
+            closing.map_or(String::new(), |c| c.verdict.words())
         }),
         line("rounds", &|p| p.report.rounds.len().to_string()),
         line("seed", &|p| p.report.seed.to_string()),

@@ -1,16 +1,18 @@
 //! What the residual was traced to, what could hide in it, and the intervals to quote.
 
 use super::rounds::names;
+use crate::parameter::Parameter;
 use crate::report::document::Closing;
 use crate::report::figures::SMALLEST_BAR;
 use crate::report::json::Keyed;
+use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
 use crate::report::round::MeanAndSd;
-use crate::report::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::report::tracing::{AliasGroupReport, BlindSpotReport, CandidateReport, TracingReport};
 use crate::report::words::{
-    ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, unit, widening,
+    ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, widening,
 };
+use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::trace::{Interval, Suspect};
 
 /// Effects that a terminal lists.
@@ -34,6 +36,8 @@ pub fn ranking(page: &Page) -> Section {
             continue;
         };
         let all = &tracing.candidates;
+        let is_shown = |c: &CandidateReport| c.inclusion_probability >= NAUGHT;
+        let (shown, naught): (Vec<_>, Vec<_>) = all.iter().cloned().partition(is_shown);
         let small = all
             .iter()
             .filter(|c| c.inclusion_probability < SMALLEST_BAR);
@@ -50,7 +54,7 @@ pub fn ranking(page: &Page) -> Section {
         };
         let left = tracing.left_out.iter();
         let left: Vec<String> = left
-            .map(|l| format!("{} ({})", l.effect, l.reason))
+            .map(|l| format!("{}: {}", l.effect, l.reason))
             .collect();
         section = section
             .with(Piece::Heading(format!(
@@ -62,12 +66,26 @@ pub fn ranking(page: &Page) -> Section {
             ))
             .with(Piece::figure(format!("candidates-{k}")))
             .with(Piece::Note(small))
-            .with(candidates(all));
+            .with(candidates(&shown))
+            .say(improbable(&naught));
         if !left.is_empty() {
-            section.push(Piece::Note(format!("Not weighed: {}.", left.join("; "))));
+            section.push(Piece::Note("Not weighed, and why:".into()));
+            section.push(Piece::list(left));
         }
     }
     section
+}
+
+/// Effects of a smaller probability are one line: with three decimals it is 0.
+const NAUGHT: f64 = 5e-4;
+
+/// Effects that are as good as excluded, in a sentence.
+fn improbable(candidates: &[CandidateReport]) -> String {
+    let names: Vec<String> = candidates.iter().map(CandidateReport::name).collect();
+    match names.is_empty() {
+        true => String::new(),
+        false => format!("Probability 0.000: {}.", names.join(", ")),
+    }
 }
 
 fn discrepancy(tracing: &TracingReport) -> Option<String> {
@@ -101,7 +119,7 @@ fn candidate(found: &CandidateReport) -> Vec<TableCell> {
         .map(|a| TableCell::MeanSd {
             mean: a.mean,
             sd: a.sd,
-            unit: unit(&a.parameter),
+            unit: Parameter::read(&a.parameter).unit(),
         })
         .collect();
     if found.implausible {
@@ -187,19 +205,33 @@ pub fn quoted(
     quoted: &Keyed<Interval>,
     suspect: Option<&Suspect>,
     alone: &Keyed<MeanAndSd>,
+    learned: &Keyed<Learned>,
 ) -> Section {
     let title = match suspect {
         Some(_) => {
-            "constants: the intervals to quote span three answers, because the account is not unique"
+            "constants: the intervals to quote span all answers, because the account is not unique"
         }
         None => "constants averaged over what may act unseen: the intervals to quote",
     };
     let rows = quoted.iter().map(|(name, a)| {
         let numbers = TableCell::as_precise_as(a.sd, [a.mean, a.sd, a.low, a.median, a.high]);
         let alone = alone.get(name).map(|m| (m.mean, m.sd));
-        row(name, numbers.into_iter().chain([TableCell::mean_sd(alone)]))
+        let prior = Learned::cells(learned.get(name));
+        let cells = numbers.into_iter().chain(prior);
+        row(name, cells.chain([TableCell::mean_sd(alone)]))
     });
-    let header = ["", "mean", "sd", "2.5 %", "median", "97.5 %", "model alone"];
+    let [prior, data] = learned::HEADERS;
+    let header = [
+        "",
+        "mean",
+        "sd",
+        "2.5 %",
+        "median",
+        "97.5 %",
+        prior,
+        data,
+        "model alone",
+    ];
     let section = Section::new(title).with(Table::new("", header, rows));
     section.with_all(suspect.map(answers).into_iter().flatten())
 }
@@ -210,10 +242,10 @@ pub fn averaged(
     to_quote: &Keyed<Interval>,
     suspect: Option<&Suspect>,
     spots: &[BlindSpotReport],
-    alone: &Keyed<MeanAndSd>,
+    (alone, learned): (&Keyed<MeanAndSd>, &Keyed<Learned>),
 ) -> [Section; 2] {
     let names: Vec<&str> = to_quote.keys().map(String::as_str).collect();
-    let mut section = quoted(to_quote, suspect, alone);
+    let mut section = quoted(to_quote, suspect, alone, learned);
     if suspect.is_none() {
         section = section.say(widening(alone, tracing, spots).unwrap_or_default());
     }

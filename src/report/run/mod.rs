@@ -1,28 +1,35 @@
 //! What a run found, as sections for the terminal and for the page.
 
+mod brief;
 mod compare;
 mod effects;
 mod posterior;
 mod rounds;
 mod surrogate;
 
+pub use brief::brief;
 pub use compare::comparison;
 pub use effects::{averaged, tracing};
+pub use surrogate::timings;
 
-use super::document::Closing;
+use super::document::{Closing, Report};
+use super::learned::not_measured;
 use super::page::Page;
 use super::round::RoundReport;
-use super::section::{Document, Piece, Section};
+use super::told::{in_short, told};
+use crate::section::{Document, Piece, Section};
 use crate::trace::{Conclusion, Status};
 
 /// One identification: the constants, their uncertainty and correlation, and the residual against the noise.
-pub fn identification(model: &str, round: &RoundReport) -> Section {
+pub fn identification(report: &Report, round: &RoundReport) -> Section {
+    let model = &report.model;
     let c = &round.convergence;
     let mut section = Section::new(format!(
         "{model}: posterior of {} draws",
         c.chains * c.draws
     ))
-    .with(posterior::table("", round))
+    .with(posterior::table("", round, &report.learned))
+    .say(not_measured(&report.learned).unwrap_or_default())
     .with(posterior::correlation(round))
     .with(posterior::closed_amplitudes(round))
     .with(rounds::residual(std::slice::from_ref(round), &["".into()]))
@@ -48,26 +55,33 @@ pub fn closed(page: &Page, closing: &Closing) -> Vec<Section> {
             &page.constants(),
         ));
         let suspect = closing.verdict.suspect.as_ref();
-        let quoted = effects::quoted(&closing.averaged_posterior, suspect, &last.alone());
+        let quoted = effects::quoted(
+            &closing.averaged_posterior,
+            suspect,
+            &last.alone(),
+            &page.report.learned,
+        );
         sections.push(quoted.with_all(effects::remarks(closing)));
     }
-    let mut verdict = Section::default().with(verdict(&closing.verdict));
+    let mut verdict = Section::default().with(verdict(&page.report, &closing.verdict));
     verdict.extend(confirming(&closing.verdict));
     sections.push(verdict);
     sections
 }
 
-/// The page of a run.
+/// The page of a run: a first screen, and all else below it, folded, in the order in which one asks.
 pub fn document(page: &Page) -> Document {
     let report = &page.report;
     let manifest = &page.manifest;
-    let together = report.together.as_ref();
-    let mut sections = vec![rounds::before_and_after(page).with_all(rounds::only_on_page(page))];
-    sections.extend(together.map(|t| t.section(&report.both())));
+    let mut sections = vec![
+        Section::new("The verdict in full").with_all(in_full(page)),
+        told(&report.told),
+        rounds::maps(page),
+        effects::ranking(page),
+        rounds::before_and_after(page).with_all(rounds::only_on_page(page)),
+    ];
     sections.extend(rounds::steps(page));
-    sections.push(Section::new("Mesh").with(Piece::figure("mesh")));
-    sections.push(rounds::maps(page));
-    sections.push(effects::ranking(page));
+    sections.extend(report.together_section());
     if !report.blind_spots().is_empty() {
         sections.push(effects::blind_spots(
             report.blind_spots(),
@@ -77,6 +91,7 @@ pub fn document(page: &Page) -> Document {
     sections.push(posterior::section(page));
     sections.push(posterior::convergence(page));
     sections.extend(surrogate::section(page));
+    sections.push(Section::new("Mesh").with(Piece::figure("mesh")));
     sections.push(surrogate::provenance(page));
     let about = format!(
         "plychain {}, seed {}, {} input files",
@@ -84,6 +99,8 @@ pub fn document(page: &Page) -> Document {
         report.seed,
         manifest.inputs_sha256.len()
     );
+    let note = report.told["run"]["note"].as_str();
+    let about = note.map_or_else(|| about.clone(), |note| format!("{note}. {about}"));
     Document {
         title: format!("{}: plychain report", report.model),
         heading: format!("Identification of {}", report.model),
@@ -91,40 +108,69 @@ pub fn document(page: &Page) -> Document {
             .chain(lead(page))
             .collect(),
         sections,
+        folded: true,
         footer:
             "Units stand in the names: GPa, mm, \u{b5}m, nm. Intervals hold 95 % of the posterior."
                 .into(),
     }
 }
 
-/// The verdict in a sentence, and what should be known before the numbers are used.
+/// Warnings on the first screen.
+const FIRST: usize = 2;
+
+/// The first screen: verdict, constants, effects and warnings; what went in, and what is left.
 fn lead(page: &Page) -> Vec<Piece> {
     let Some(last) = page.report.last() else {
         return Vec::new();
     };
-    let sentence = rounds::sentence(page, last);
-    let mut pieces = match page.report.closing.as_ref().map(|c| &c.verdict) {
-        Some(said) => vec![verdict(said), Piece::Paragraph(sentence)],
-        None => vec![Piece::Verdict {
-            word: String::new(),
-            text: sentence,
-            open: !last.warnings.is_empty(),
-        }],
+    let mut left = vec![
+        Piece::Heading("Constants".into()),
+        brief::constants(page).into(),
+    ];
+    if has_effects(page) {
+        left.push(Piece::Heading("Effects found".into()));
+        left.push(brief::found(&page.report, last));
+    }
+    left.push(brief::checks(&page.report, last, FIRST));
+    let right = vec![
+        Piece::Heading("What you told the program".into()),
+        in_short(&page.report.told).into(),
+        Piece::Gallery {
+            heading: "What is left of the data".into(),
+            names: rounds::closer(page),
+        },
+    ];
+    vec![brief::verdict(page, last), Piece::Columns(left, right)]
+}
+
+/// Whether anything stands in the list of effects.
+fn has_effects(page: &Page) -> bool {
+    let verdict = page.report.closing.as_ref().map(|c| &c.verdict);
+    verdict.is_some_and(|v| !v.effects.is_empty() || !v.undecided.is_empty())
+}
+
+/// The verdict with its reasons, and what should be known before the numbers are used.
+fn in_full(page: &Page) -> Vec<Piece> {
+    let Some(last) = page.report.last() else {
+        return Vec::new();
     };
-    let closing = page.report.closing.iter();
-    pieces.extend(closing.flat_map(|c| confirming(&c.verdict)));
-    pieces.push(Piece::Warnings(last.warnings.clone()));
+    let closing = page.report.closing.as_ref();
+    let mut pieces: Vec<Piece> = closing
+        .map(|c| verdict(&page.report, &c.verdict))
+        .into_iter()
+        .collect();
+    pieces.push(Piece::Paragraph(rounds::sentence(page, last)));
+    pieces.extend(closing.into_iter().flat_map(|c| confirming(&c.verdict)));
+    pieces.push(brief::checks(&page.report, last, usize::MAX));
     pieces
 }
 
-fn verdict(verdict: &Conclusion) -> Piece {
+fn verdict(report: &Report, verdict: &Conclusion) -> Piece {
+    let not_measured = not_measured(&report.learned).map_or(String::new(), |s| format!(" {s}"));
     let open = verdict.status == Status::Unexplained;
     Piece::Verdict {
-        word: match open {
-            true => "unexplained structure remains".into(),
-            false => verdict.status.words().into(),
-        },
-        text: verdict.text.clone(),
+        word: verdict.words(),
+        text: format!("{}{not_measured}", verdict.text),
         open,
     }
 }

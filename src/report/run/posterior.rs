@@ -2,12 +2,16 @@
 
 use super::effects;
 use super::rounds::names;
+use crate::parameter::Parameter;
+use crate::report::json::Keyed;
+use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
-use crate::report::round::RoundReport;
-use crate::report::section::{Piece, Section, Table, TableCell, row};
+use crate::report::round::{MeanAndSd, RoundReport};
+use crate::section::{Piece, Section, Table, TableCell, row};
 
 /// The marginal posteriors of a round.
-pub fn table(caption: &str, round: &RoundReport) -> Table {
+pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Table {
+    let [prior, data] = learned::HEADERS;
     let header = [
         "",
         "mean",
@@ -18,12 +22,20 @@ pub fn table(caption: &str, round: &RoundReport) -> Table {
         "97.5 %",
         "R-hat",
         "ESS",
+        prior,
+        data,
         "published",
     ];
     let rows = round.posterior.iter().map(|(name, r)| {
         let [mean, sd, low, median, high] =
             TableCell::as_precise_as(r.sd, [r.mean, r.sd, r.low, r.median, r.high]);
-        let cov = (!name.contains('.')).then(|| 100.0 * r.sd / r.mean.abs());
+        let found = MeanAndSd {
+            mean: r.mean,
+            sd: r.sd,
+        };
+        let own = learned.get(name).map(|l| Learned::new(l.prior, found));
+        let [prior, data] = Learned::cells(own.as_ref());
+        let cov = (!Parameter::read(name).is_amplitude()).then(|| 100.0 * r.sd / r.mean.abs());
         let cells = [
             mean,
             sd,
@@ -33,6 +45,8 @@ pub fn table(caption: &str, round: &RoundReport) -> Table {
             high,
             TableCell::fixed(r.rhat, 4),
             TableCell::fixed(r.ess_bulk, 0),
+            prior,
+            data,
             TableCell::published(r.published.map(|p| (p.mean, p.sd))),
         ];
         row(name, cells)
@@ -70,11 +84,20 @@ pub fn section(page: &Page) -> Section {
     let names = names(page);
     let mut section = Section::new("Posterior").with(Piece::figure("intervals"));
     for (round, name) in rounds.iter().zip(&names) {
-        section.push(table(&format!("Posterior: {name}"), round));
+        section.push(table(
+            &format!("Posterior: {name}"),
+            round,
+            &page.report.learned,
+        ));
     }
     if let (Some(closing), Some(last)) = (&page.report.closing, rounds.last()) {
         let suspect = closing.verdict.suspect.as_ref();
-        let quoted = effects::quoted(&closing.averaged_posterior, suspect, &last.alone());
+        let quoted = effects::quoted(
+            &closing.averaged_posterior,
+            suspect,
+            &last.alone(),
+            &page.report.learned,
+        );
         section.push(Piece::Heading(quoted.title));
         section.extend(quoted.pieces);
         section.extend(effects::remarks(closing));

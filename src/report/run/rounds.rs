@@ -2,9 +2,9 @@
 
 use crate::report::page::Page;
 use crate::report::round::RoundReport;
-use crate::report::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::report::steps;
 use crate::report::words::contradiction;
+use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 
 /// Names of the rounds: what each added to the model.
 pub fn names(page: &Page) -> Vec<String> {
@@ -72,7 +72,7 @@ fn header(first: &str, names: &[String]) -> Vec<String> {
 pub fn points(round: &RoundReport) -> String {
     let (r, dropped) = (&round.residual, round.noise.points_dropped);
     format!(
-        "{} values of {} points count as {:.0} independent ones; points dropped: {} not measured, not correlated or repeated, {} outliers, {} off the plate, {} outside the window",
+        "{} values of {} points count as {:.0} independent ones; points dropped: {} not measured, not correlated or repeated, {} outliers, {} off the plate, {} outside the window, {} masked",
         2 * r.n,
         r.n,
         r.n_eff,
@@ -80,6 +80,7 @@ pub fn points(round: &RoundReport) -> String {
         dropped.outliers,
         dropped.outside_plate,
         dropped.outside_window,
+        dropped.masked,
     )
 }
 
@@ -225,11 +226,18 @@ pub fn steps(page: &Page) -> Option<Section> {
     })
 }
 
+/// The last residual on a scale of its own, which is on the first screen.
+pub fn closer(page: &Page) -> Vec<String> {
+    let last = page.report.rounds.len().saturating_sub(1);
+    [1, 2]
+        .map(|c| format!("map-{last}-u{c}-residual-closer"))
+        .to_vec()
+}
+
 /// Maps of every round.
 pub fn maps(page: &Page) -> Section {
     let names = names(page);
     let mut section = Section::new("Maps");
-    let panel = |k: usize, what: &str| [1, 2].map(|c| format!("map-{k}-u{c}-{what}"));
     for (k, name) in names.iter().enumerate() {
         let [first, second] = [1, 2].map(|c| {
             ["measured", "predicted", "residual"].map(|what| format!("map-{k}-u{c}-{what}"))
@@ -239,10 +247,6 @@ pub fn maps(page: &Page) -> Section {
             names: first.into_iter().chain(second).collect(),
         });
     }
-    section.push(Piece::Gallery {
-        heading: "the last residual on a scale of its own".into(),
-        names: panel(names.len().saturating_sub(1), "residual-closer").to_vec(),
-    });
     if page.figures.iter().any(|f| !f.maps.is_empty()) {
         section.push(Piece::Note("Cells are means of the points in them; grey where nothing was measured. Measured and predicted share a scale; residuals share one over components and rounds, white at zero, which covers 99.5 % of them. Point at a map for the value of a cell.".into()));
     }

@@ -1,8 +1,9 @@
 //! The reduced model's own error, and how a run can be made again.
 
+use crate::progress::StageCost;
 use crate::report::page::Page;
 use crate::report::round::RoundReport;
-use crate::report::section::{Digits, Piece, Section, Table, TableCell, row};
+use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 
 /// What the finite elements say of the reduced model, and how refinement went.
 pub fn errors(round: &RoundReport) -> Vec<Piece> {
@@ -105,6 +106,17 @@ fn error(value: Option<f64>) -> TableCell {
     }
 }
 
+/// What the stages of a run cost.
+pub fn timings(stages: &[StageCost]) -> Table {
+    let line = |cost: &StageCost| {
+        let seconds = [Some(cost.wall_s), cost.processor_s].map(|s| TableCell::fixed(s, 2));
+        let times = TableCell::count(cost.times);
+        row(&*cost.stage, std::iter::once(times).chain(seconds))
+    };
+    let header = ["stage", "times", "wall_s", "processor_s"];
+    Table::new("What each stage cost", header, stages.iter().map(line))
+}
+
 /// How the run can be made again.
 pub fn provenance(page: &Page) -> Section {
     let manifest = &page.manifest;
@@ -124,5 +136,6 @@ pub fn provenance(page: &Page) -> Section {
     let hashes = hashes.map(|(path, hash)| (format!("SHA-256 of {path}"), hash.clone()));
     Section::new("Provenance")
         .with(Piece::List(about.chain(hashes).collect()))
-        .with(Piece::Note("Draws: chain.zarr and chain.csv; of a loop those to quote in averaged/. Numbers: report.json. Figures with their numbers as JSON: figures/.".into()))
+        .with(timings(&manifest.stages))
+        .with(Piece::Note("Draws: chain.zarr; of a loop those to quote in averaged/. Numbers: report.json. Figures with their numbers as JSON: figures/.".into()))
 }

@@ -121,9 +121,11 @@ impl AnswerDensity {
         weights
     }
 
-    /// Log weight of every part at a point.
-    pub(super) fn weights(&self, x: &[f64]) -> Vec<f64> {
-        self.weights_at(&[x.to_vec()])
+    /// Log weights of all parts at each of some points.
+    pub(super) fn weights(&self, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let all = self.weights_at(points);
+        let own = |k: usize| all.iter().skip(k).step_by(points.len()).copied().collect();
+        (0..points.len()).map(own).collect()
     }
 
     /// How much a density has to do.

@@ -4,6 +4,7 @@ use super::Supposing;
 use super::answer::MixtureChoice;
 use crate::error::Result;
 use crate::numeric::log_sum_exp;
+use crate::sample::NormalPart;
 use crate::trace::averaged::{choices, part};
 use crate::trace::evidence::Evidence;
 use crate::trace::noise_choices::NoisePair;
@@ -14,11 +15,21 @@ use crate::trace::weighing::Weighing;
 const MOST_OF_IT: f64 = 0.99;
 const PARTS: usize = 32;
 
+/// What an answer sums over.
+#[derive(Default)]
+pub(super) struct AnswerChoices {
+    /// Choices of the noise.
+    pub pairs: Vec<NoisePair>,
+    pub parts: Vec<MixtureChoice>,
+    /// The constants by each part in closed form, with what the data make of it.
+    pub closed: Vec<NormalPart>,
+}
+
+/// A part with its noise, before it is known whether it counts.
+type Weighable = (MixtureChoice, NoisePair, NormalPart);
+
 /// The likeliest subsets with the likeliest noise and sizes of all other effects.
-pub(super) fn likeliest(
-    evidence: &Evidence,
-    weighing: &Weighing,
-) -> Result<(Vec<NoisePair>, Vec<MixtureChoice>)> {
+pub(super) fn likeliest(evidence: &Evidence, weighing: &Weighing) -> Result<AnswerChoices> {
     let (sensitivities, subsets) = (&evidence.sensitivities, &evidence.subsets);
     let mut all = Vec::new();
     for chosen in choices(weighing, sensitivities, subsets)? {
@@ -30,26 +41,27 @@ pub(super) fn likeliest(
             rival: 0.0,
             log_weight: chosen.log_prior + weighing.log_norm(&pair),
         };
-        all.push((chosen.part.log_weight, choice, pair));
+        all.push((choice, pair, chosen.part.normal()));
     }
     Ok(worth(all))
 }
 
 /// Those of some weighed choices that hold most of the probability, with their noise.
-fn worth(mut all: Vec<(f64, MixtureChoice, NoisePair)>) -> (Vec<NoisePair>, Vec<MixtureChoice>) {
-    all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let total = log_sum_exp(all.iter().map(|a| a.0));
+fn worth(mut all: Vec<Weighable>) -> AnswerChoices {
+    all.sort_by(|a, b| b.2.log_weight.total_cmp(&a.2.log_weight));
+    let total = log_sum_exp(all.iter().map(|a| a.2.log_weight));
     let mut held = 0.0;
-    let (mut pairs, mut choices) = (Vec::new(), Vec::new());
-    for (log, choice, pair) in all.into_iter().take(PARTS) {
+    let mut found = AnswerChoices::default();
+    for (choice, pair, closed) in all.into_iter().take(PARTS) {
         if held > MOST_OF_IT {
             break;
         }
-        held += (log - total).exp();
-        let noise = place(&mut pairs, pair);
-        choices.push(MixtureChoice { noise, ..choice });
+        held += (closed.log_weight - total).exp();
+        let noise = place(&mut found.pairs, pair);
+        found.parts.push(MixtureChoice { noise, ..choice });
+        found.closed.push(closed);
     }
-    (pairs, choices)
+    found
 }
 
 /// Where something stands in a list, in which it is put if it is not there.
@@ -65,7 +77,7 @@ pub(super) fn with_rival(
     evidence: &Evidence,
     wide: &Weighing,
     supposing: Supposing,
-) -> Result<(Vec<NoisePair>, Vec<MixtureChoice>)> {
+) -> Result<AnswerChoices> {
     let sensitivities = &evidence.sensitivities;
     let effects = if supposing == Supposing::All {
         1.0
@@ -80,7 +92,7 @@ pub(super) fn with_rival(
     let mut all = Vec::new();
     for (pair, _) in settings(wide, sensitivities)? {
         for &rival in sizes {
-            let log = part(wide, sensitivities, &pair, [effects, rival])?.log_weight;
+            let closed = part(wide, sensitivities, &pair, [effects, rival])?;
             let choice = MixtureChoice {
                 noise: 0,
                 own: Vec::new(),
@@ -88,7 +100,7 @@ pub(super) fn with_rival(
                 rival,
                 log_weight: wide.log_norm(&pair),
             };
-            all.push((log, choice, pair));
+            all.push((choice, pair, closed.normal()));
         }
     }
     Ok(worth(all))

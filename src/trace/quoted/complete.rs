@@ -38,18 +38,26 @@ pub(super) fn complete(
     inclusion: &Inclusion<'_>,
     stream: &(dyn Fn(usize) -> Stream + Sync),
 ) -> Vec<CompletedDraw> {
-    let at = |(k, x): (usize, &Vec<f64>)| drawn(answer, x, inclusion, &mut stream(k));
-    points.par_iter().enumerate().map(at).collect()
+    let batches = points.par_chunks(BATCH);
+    let weights: Vec<Vec<f64>> = batches.flat_map_iter(|x| answer.weights(x)).collect();
+    let at = |(k, (x, weights)): (usize, (&Vec<f64>, &Vec<f64>))| {
+        drawn(answer, (x, weights), inclusion, &mut stream(k))
+    };
+    let all = points.par_iter().zip(&weights).enumerate();
+    all.map(at).collect()
 }
+
+/// Points whose weights are asked for at once: a single one costs as much as a vector of them.
+const BATCH: usize = 500;
 
 fn drawn(
     answer: &AnswerDensity,
-    x: &[f64],
+    (x, weights): (&[f64], &[f64]),
     inclusion: &Inclusion<'_>,
     rng: &mut Stream,
 ) -> CompletedDraw {
     let place = answer.distances(x);
-    let mut choice = choose(answer, x, rng);
+    let mut choice = choose(answer, weights, rng);
     let (gram, right) = answer.noise[choice.noise].at(&place);
     let mut given = GivenChoice::new(answer, (&gram, &right), &choice);
     for _ in 0..SWEEPS * inclusion.candidates {
@@ -64,9 +72,8 @@ fn drawn(
 }
 
 /// A part of the mixture by its weight.
-fn choose(answer: &AnswerDensity, x: &[f64], rng: &mut Stream) -> MixtureChoice {
-    let weights = answer.weights(x);
-    let shares = relative_weights(&weights);
+fn choose(answer: &AnswerDensity, weights: &[f64], rng: &mut Stream) -> MixtureChoice {
+    let shares = relative_weights(weights);
     let mut left = rng.uniform() * shares.iter().sum::<f64>();
     let place = shares.iter().position(|s| {
         left -= s;

@@ -2,23 +2,35 @@
 
 use nalgebra::DVector;
 
-use super::expanded::TestExpansion;
-use crate::effect::{Effect, amplitude_name, force_scale};
+use crate::effect::{Acting, Effect, amplitude_name, force_scale};
 use crate::error::{Error, Result};
-use crate::identify::Prepared;
-use crate::infer::{EffectUnderLaw, Model};
-use crate::linearise::{Column, Forward, StepStack};
+use crate::experiment::State;
+use crate::experiment::series::SeriesState;
+use crate::infer::EffectUnderLaw;
+use crate::linearise::{Column, Forward, Sensitivities, StepStack};
 use crate::reduce::THICKNESS;
-use crate::trace::traced::{LinearisationPoint, Traced, forward};
+use crate::trace::traced::LinearisationPoint;
 
-/// A test that can be solved at any draw.
+/// A test that can be solved at any draw, on one mesh.
 pub(super) struct Full<'a> {
-    forward: Forward<'a>,
-    point: &'a LinearisationPoint,
-    expanded: &'a TestExpansion,
-    /// What it shows where it was linearised, mm.
-    here: StepStack,
+    pub forward: &'a Forward<'a>,
+    pub point: &'a LinearisationPoint,
+    /// The test linearised about the point on this mesh.
+    pub here: &'a Sensitivities,
 }
+
+/// A draw as the full model takes it.
+pub(super) struct DrawnState<'a> {
+    state: SeriesState,
+    /// Columns that enter linearly all the same, and how far from where the test was linearised, prior sds.
+    left: Vec<(&'a Column, f64)>,
+    /// A ring about the hole that the state has and the point of linearisation has not: its mesh is another, and both sides of a difference
+    /// are to have the same.
+    ring: Option<Acting>,
+}
+
+/// Amplitude over that of a draw with which a ring changes the mesh and nothing else.
+const NOTHING: f64 = 1e-9;
 
 /// What a column's parameter is of the state.
 enum ColumnPlace {
@@ -31,40 +43,17 @@ enum ColumnPlace {
 }
 
 impl<'a> Full<'a> {
-    /// Of a test as it was linearised.
-    ///
-    /// # Errors
-    /// Those of a finite-element solution.
-    pub fn new(
-        model: &'a Model,
-        prepared: &'a Prepared,
-        traced: &'a Traced,
-        expanded: &'a TestExpansion,
-    ) -> Result<Self> {
-        let forward = forward(model, prepared, &traced.evidence.measured, &|| ());
-        let here = forward.shown(&traced.point.state)?;
-        Ok(Self {
-            forward,
-            point: &traced.point,
-            expanded,
-            here,
-        })
-    }
-
-    /// Draws at which it is solved at first, and at most: of a series fewer, all of whose steps are solved at each.
-    pub fn draws(&self) -> [usize; 2] {
+    /// Draws at which it is solved, one number after the other until enough is known: a dozen show that nothing is wrong, twice as many
+    /// that something is, and four times as many how all others weigh. Of a series fewer, all of whose steps are solved at each.
+    pub fn draws(&self) -> &'static [usize] {
         match self.point.state.loads.len() {
-            1 => [48, 192],
-            _ => [12, 12],
+            1 => &[6, 12, 24, 96],
+            _ => &[6, 12, 24],
         }
     }
 
-    /// By how much block averages differ, mm, from those where the test was linearised: at some constants (border units), with amplitudes
-    /// of the linear columns in prior sds from their means.
-    ///
-    /// # Errors
-    /// Those of a finite-element solution: of amplitudes that cannot be, too; displacements that are not finite.
-    pub fn change(&self, constants: &[f64], amplitudes: &[f64]) -> Result<StepStack> {
+    /// The state of some constants (border units) and of amplitudes of the linear columns in prior sds from their means.
+    pub fn drawn(&self, constants: &[f64], amplitudes: &[f64]) -> DrawnState<'a> {
         let mut left: Vec<(&Column, f64)> = Vec::new();
         let mut values = Vec::new();
         for ((column, place), a) in self.columns().into_iter().zip(amplitudes) {
@@ -90,13 +79,60 @@ impl<'a> Full<'a> {
                 ColumnPlace::None => {}
             }
         }
-        let mut change = self.forward.shown(&state)?;
-        for (u, here) in change.iter_mut().zip(&self.here) {
+        let ring = match self.ring(&self.point.state.shared) {
+            Some(_) => None,
+            None => self.ring(&state.shared),
+        };
+        DrawnState { state, left, ring }
+    }
+
+    /// The effect of a state that lays a ring about the hole.
+    fn ring(&self, state: &State) -> Option<Acting> {
+        let scene = self.forward.observing.experiment().scene();
+        let lays = |a: &&Acting| {
+            let mut setup = scene.setup.clone();
+            a.effect.alter(&a.amplitude, &mut setup);
+            setup.profile.annulus.is_some()
+        };
+        state.acting().iter().find(lays).cloned()
+    }
+
+    /// What is shown where the test was linearised, mm: by the nominal mesh, and by that with the ring that some of the draws have.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn origins(&self, drawn: &[DrawnState<'_>]) -> Result<[Option<StepStack>; 2]> {
+        let plain = drawn.iter().any(|d| d.ring.is_none());
+        let ring = drawn.iter().find_map(|d| d.ring.as_ref());
+        let ringed = ring.map(|ring| {
+            let mut state = self.point.state.clone();
+            let amplitude = ring.amplitude.iter().map(|a| NOTHING * a).collect();
+            state.shared.set(ring.effect, amplitude);
+            state
+        });
+        let own = plain.then(|| self.point.state.clone());
+        let shown = |state: Option<SeriesState>| state.map(|s| self.forward.shown(&s)).transpose();
+        let (own, ringed) = rayon::join(|| shown(own), || shown(ringed));
+        Ok([own?, ringed?])
+    }
+
+    /// By how much block averages differ at a draw from those of its origin, mm.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution: of amplitudes that cannot be, too; displacements that are not finite.
+    pub fn change(
+        &self,
+        drawn: &DrawnState<'_>,
+        origins: &[Option<StepStack>; 2],
+    ) -> Result<StepStack> {
+        let mut change = self.forward.shown(&drawn.state)?;
+        let origin = origins[usize::from(drawn.ring.is_some())].iter();
+        for (u, here) in change.iter_mut().zip(origin.flatten()) {
             *u -= here;
         }
-        for (column, by) in left {
+        for (column, by) in &drawn.left {
             for (u, values) in change.iter_mut().zip(&column.values) {
-                u.axpy(by, values, 1.0);
+                u.axpy(*by, values, 1.0);
             }
         }
         let is_finite = |u: &DVector<f64>| u.iter().all(|v| v.is_finite());
@@ -108,8 +144,8 @@ impl<'a> Full<'a> {
     }
 
     /// The linear columns in their order, with what they are.
-    fn columns(&self) -> Vec<(&Column, ColumnPlace)> {
-        let here = &self.expanded.here;
+    fn columns(&self) -> Vec<(&'a Column, ColumnPlace)> {
+        let here = self.here;
         let LinearisationPoint {
             declared, sought, ..
         } = self.point;

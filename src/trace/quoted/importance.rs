@@ -1,17 +1,20 @@
 //! The answer, which is linear in the amplitudes and follows the constants to second order, held against the full model at its draws
 //! (importance sampling: a draw weighs as much as the full model's density over the answer's).
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::complete::CompletedDraw;
-use super::full::Full;
+use super::full::{DrawnState, Full};
 use super::pose::PosedAnswer;
-use super::space::{Whose, linear, monomials, values};
+use super::space::{Whose, linear, monomials, stacked, values};
 use crate::diagnose::{Weighed, weigh};
 use crate::error::Result;
-use crate::files::Keyed;
+use crate::files::{Keyed, stored};
+use crate::linearise::{Sensitivities, StepStack};
 use crate::numeric::relative_weights;
 use crate::sample::LogDensity;
 use crate::sample::{Key, Stream};
@@ -31,10 +34,50 @@ pub struct Importance {
     pub shift_error_sd: Keyed<f64>,
     /// Whether the draws were reweighted for it.
     pub reweighted: bool,
+    /// By how much the fine mesh changes the log weight of one draw, where what the full model adds to the answer is taken from a coarse mesh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh_error: Option<f64>,
 }
 
-/// Effective share of the first draws below which more are asked.
-const FEW: f64 = 0.5;
+stored!(Importance {
+    draws,
+    impossible,
+    effective,
+    shift_sd,
+    shift_error_sd,
+    reweighted,
+    mesh_error
+});
+
+/// The full model on the fine mesh, and on a coarse one where there is one.
+#[derive(Clone, Copy)]
+pub(super) struct FullModels<'a> {
+    pub fine: &'a Full<'a>,
+    pub coarse: Option<&'a Full<'a>>,
+}
+
+/// The full model on a mesh with the answer's own columns there, and with what these leave where the test was linearised.
+struct AnswerOnMesh<'a> {
+    full: &'a Full<'a>,
+    columns: Cow<'a, [DMatrix<f64>; 2]>,
+    base: StepStack,
+}
+
+/// Draws to be solved.
+#[derive(Clone, Copy)]
+struct PosteriorDraws<'a> {
+    points: &'a [Vec<f64>],
+    drawn: &'a [CompletedDraw],
+}
+
+/// Effective shares of some draws: above the first, a dozen say that the full model moves nothing; below the second, six say that no number
+/// of them will do.
+const CALM: f64 = 0.9;
+const HOPELESS: f64 = 0.3;
+const DOZEN: usize = 12;
+
+/// Change of a log weight from the coarse mesh to the fine one with which draws are solved on the fine one.
+const TOO_COARSE: f64 = 0.1;
 
 /// Fewest effective draws that say how all others weigh.
 const ENOUGH: f64 = 40.0;
@@ -53,82 +96,134 @@ impl PosedAnswer<'_> {
     /// Of the program: a factorisation that fails.
     pub(super) fn importance(
         &self,
-        full: &Full<'_>,
+        models: FullModels<'_>,
         points: &[Vec<f64>],
         drawn: &[CompletedDraw],
         seed: u64,
     ) -> Result<(Importance, Option<Vec<usize>>)> {
-        let [first, most] = full.draws().map(|n| n.min(points.len()));
-        let mut count = first;
-        loop {
-            let chosen: Vec<usize> = (0..count)
-                .map(|k| (2 * k + 1) * points.len() / (2 * count))
+        let draws = PosteriorDraws { points, drawn };
+        let (test, mesh_error) = self.on_a_mesh(models, draws)?;
+        let (mut chosen, mut logs) = (Vec::new(), Vec::new());
+        let mut weighed = weigh(&[], &[]);
+        let mut shifts = Vec::new();
+        for &count in test.full.draws() {
+            let more: Vec<usize> = (chosen.len()..count.min(points.len()))
+                .map(|k| spread_out(k, points.len()))
                 .collect();
-            let logs = self.log_weights(full, points, drawn, &chosen)?;
+            logs.extend(self.log_weights(&test, draws, &more)?);
+            chosen.extend(more);
             let own: Vec<&[f64]> = chosen.iter().map(|&k| &*points[k]).collect();
-            let weighed = weigh(&own, &logs);
-            let shifts = in_sds(&weighed, points);
-            let beyond = |by: f64| move |s: &[f64; 2]| s[0].abs() > WORTH.max(by * s[1]);
-            let unsure = shifts.iter().any(beyond(1.0)) || weighed.effective < FEW;
-            if unsure && count < most {
-                count = most;
-                continue;
+            weighed = weigh(&own, &logs);
+            shifts = in_sds(&weighed, points);
+            if is_told(&weighed, &shifts, chosen.len()) {
+                break;
             }
-            let known = weighed.effective * count as f64 > ENOUGH;
-            let wanted = known && shifts.iter().any(beyond(2.0));
-            let fitted = wanted.then(|| {
-                let logs = regressed(&self.features(points, drawn), &chosen, &logs);
-                relative_weights(&logs)
-            });
-            let fitted = fitted.filter(|weights| is_sound(weights, points, &weighed, &shifts));
-            let reweighted = fitted.is_some();
-            let of = |which: usize| {
-                let named = self.answer.names().iter().cloned().zip(&shifts);
-                named.map(|(name, shift)| (name, shift[which])).collect()
-            };
-            let found = Importance {
-                draws: count,
-                impossible: weighed.impossible,
-                effective: weighed.effective,
-                shift_sd: of(0),
-                shift_error_sd: of(1),
-                reweighted,
-            };
-            let Some(fitted) = fitted else {
-                return Ok((found, None));
-            };
-            let key = Key {
-                seed,
-                ensemble: RESAMPLING,
-            };
-            let order = resampled(&fitted, Stream::at(key, 0, 0).uniform());
-            return Ok((found, Some(order)));
         }
+        let known = weighed.effective * chosen.len() as f64 > ENOUGH;
+        let wanted = known && shifts.iter().any(beyond(2.0));
+        let fitted = wanted.then(|| {
+            let logs = regressed(&self.features(points, drawn), &chosen, &logs);
+            relative_weights(&logs)
+        });
+        let fitted = fitted.filter(|weights| is_sound(weights, points, &weighed, &shifts));
+        let of = |which: usize| {
+            let named = self.answer.names().iter().cloned().zip(&shifts);
+            named.map(|(name, shift)| (name, shift[which])).collect()
+        };
+        let found = Importance {
+            draws: chosen.len(),
+            impossible: weighed.impossible,
+            effective: weighed.effective,
+            shift_sd: of(0),
+            shift_error_sd: of(1),
+            reweighted: fitted.is_some(),
+            mesh_error,
+        };
+        let key = Key {
+            seed,
+            ensemble: RESAMPLING,
+        };
+        let start = || Stream::at(key, 0, 0).uniform();
+        let order = fitted.map(|weights| resampled(&weights, start()));
+        Ok((found, order))
     }
 
-    /// Log density of the full model over the answer's at some draws; -inf where the full model cannot be.
+    /// The coarse mesh, if the fine one makes the same of the first draw, and how far the log weights of that are apart.
+    fn on_a_mesh<'a>(
+        &'a self,
+        models: FullModels<'a>,
+        draws: PosteriorDraws<'_>,
+    ) -> Result<(AnswerOnMesh<'a>, Option<f64>)> {
+        let fine = AnswerOnMesh {
+            full: models.fine,
+            columns: Cow::Borrowed(&self.columns),
+            base: self.left_at_linearisation(&self.columns),
+        };
+        let Some(full) = models.coarse.filter(|_| !draws.points.is_empty()) else {
+            return Ok((fine, None));
+        };
+        let columns = [0, 1].map(|c| {
+            let measured = &self.traced.evidence.measured;
+            stacked(
+                full.here,
+                self.expanded,
+                measured,
+                &self.answer.space,
+                &self.kept,
+                c,
+            )
+        });
+        let coarse = AnswerOnMesh {
+            full,
+            base: self.left_at_linearisation(&columns),
+            columns: Cow::Owned(columns),
+        };
+        let first = [spread_out(0, draws.points.len())];
+        let (a, b) = rayon::join(
+            || self.log_weights(&coarse, draws, &first),
+            || self.log_weights(&fine, draws, &first),
+        );
+        let error = (a?[0] - b?[0]).abs();
+        // a draw that neither can have has no difference
+        Ok(match error < TOO_COARSE {
+            true => (coarse, Some(error)),
+            false => (fine, None),
+        })
+    }
+
+    /// Log density of the full model over the answer's at some draws; -inf where the full model cannot be. What the full model differs by
+    /// from the answer's columns is a difference on one mesh, whichever that is.
     fn log_weights(
         &self,
-        full: &Full<'_>,
-        points: &[Vec<f64>],
-        drawn: &[CompletedDraw],
+        test: &AnswerOnMesh<'_>,
+        PosteriorDraws { points, drawn }: PosteriorDraws<'_>,
         chosen: &[usize],
     ) -> Result<Vec<f64>> {
         let evidence = &self.traced.evidence;
-        let base = self.left_at_linearisation();
-        let residuals: Vec<Option<[[DVector<f64>; 2]; 2]>> = chosen
+        let states: Vec<DrawnState<'_>> = chosen
+            .iter()
+            .map(|&k| test.full.drawn(&points[k], &self.amplitudes(&drawn[k])))
+            .collect();
+        let origins = test.full.origins(&states)?;
+        let residuals: Vec<Option<[StepStack; 2]>> = chosen
             .par_iter()
-            .map(|&k| {
-                let amplitudes = self.amplitudes(&drawn[k]);
-                let change = full.change(&points[k], &amplitudes).ok()?;
-                let linear = self.left(&points[k], &drawn[k]);
-                let own = [0, 1].map(|c| &base[c] - &change[c] - self.rival(&drawn[k], c));
+            .zip(&states)
+            .map(|(&k, state)| {
+                let change = test.full.change(state, &origins).ok()?;
+                let linear = self.left(&self.columns, &points[k], &drawn[k]);
+                let there = self.left(&test.columns, &points[k], &drawn[k]);
+                let own = [0, 1].map(|c| {
+                    let beyond = &change[c] + self.rival(test.full.here, &drawn[k], c)
+                        - &test.base[c]
+                        + &there[c];
+                    &linear[c] - beyond
+                });
                 Some([linear, own])
             })
             .collect();
         let mut logs = vec![f64::NEG_INFINITY; chosen.len()];
         for (noise, pair) in self.pairs.iter().enumerate() {
-            let own: Vec<(usize, &[[DVector<f64>; 2]; 2])> = residuals
+            let own: Vec<(usize, &[StepStack; 2])> = residuals
                 .iter()
                 .enumerate()
                 .filter(|(i, _)| drawn[chosen[*i]].noise == noise)
@@ -157,40 +252,29 @@ impl PosedAnswer<'_> {
         Ok(logs)
     }
 
-    /// What the answer leaves of the data at a draw.
-    fn left(&self, x: &[f64], drawn: &CompletedDraw) -> [DVector<f64>; 2] {
+    /// What the answer, by its columns on a mesh, leaves of the data at a draw.
+    fn left(&self, columns: &[DMatrix<f64>; 2], x: &[f64], drawn: &CompletedDraw) -> StepStack {
         let space = &self.answer.space;
         let gamma = space
             .seen
             .tr_mul(&drawn.amplitudes.component_div(&space.largest));
-        self.residual(&self.answer.distances(x), &gamma)
+        residual(columns, &self.answer.distances(x), &gamma)
     }
 
     /// The same where the test was linearised, with the amplitudes that it had there.
-    fn left_at_linearisation(&self) -> [DVector<f64>; 2] {
+    fn left_at_linearisation(&self, columns: &[DMatrix<f64>; 2]) -> StepStack {
         let space = &self.answer.space;
         let all = linear(&self.expanded.here);
         let at = self.kept.iter().zip(space.largest.iter());
         let at =
             at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
         let at = DVector::from_iterator(self.kept.len(), at);
-        self.residual(&vec![0.0; self.answer.constants()], &space.seen.tr_mul(&at))
-    }
-
-    fn residual(&self, distances: &[f64], gamma: &DVector<f64>) -> [DVector<f64>; 2] {
-        let d: Vec<f64> = std::iter::once(1.0)
-            .chain(distances.iter().copied())
-            .collect();
-        let left = values(&monomials(distances.len()), &d);
-        let directions = d.iter().flat_map(|d| gamma.iter().map(move |g| -d * g));
-        let coefficients: Vec<f64> = directions.chain(left).collect();
-        let coefficients = DVector::from_vec(coefficients);
-        [0, 1].map(|c| &self.columns[c] * &coefficients)
+        let nowhere = vec![0.0; self.answer.constants()];
+        residual(columns, &nowhere, &space.seen.tr_mul(&at))
     }
 
     /// What the near-edge rival does at a draw, which enters linearly in the full model too.
-    fn rival(&self, drawn: &CompletedDraw, c: usize) -> DVector<f64> {
-        let here = &self.expanded.here;
+    fn rival(&self, here: &Sensitivities, drawn: &CompletedDraw, c: usize) -> DVector<f64> {
         let before = linear(here).len();
         let mut sum = DVector::zeros(here.predicted[c].len());
         for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
@@ -214,6 +298,38 @@ impl PosedAnswer<'_> {
             })
             .collect();
         standardised(raw)
+    }
+}
+
+/// What columns of [`stacked`] leave at distances of the constants and amplitudes in the directions.
+fn residual(columns: &[DMatrix<f64>; 2], distances: &[f64], gamma: &DVector<f64>) -> StepStack {
+    let d: Vec<f64> = std::iter::once(1.0)
+        .chain(distances.iter().copied())
+        .collect();
+    let left = values(&monomials(distances.len()), &d);
+    let directions = d.iter().flat_map(|d| gamma.iter().map(move |g| -d * g));
+    let coefficients = DVector::from_vec(directions.chain(left).collect());
+    [0, 1].map(|c| &columns[c] * &coefficients)
+}
+
+/// The k-th of draws that lie evenly over all `count` of them, however many of them are taken (multiples of the golden ratio).
+fn spread_out(k: usize, count: usize) -> usize {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let place = ((k as f64 + 0.5) * GOLDEN).fract() * count as f64;
+    (place as usize).min(count - 1)
+}
+
+/// Whether a shift and its error, sds, are worth a correction: beyond a twentieth of an sd, and beyond so many errors.
+fn beyond(errors: f64) -> impl Fn(&[f64; 2]) -> bool {
+    move |s| s[0].abs() > WORTH.max(errors * s[1])
+}
+
+/// Whether more draws than so many would say nothing else.
+fn is_told(weighed: &Weighed, shifts: &[[f64; 2]], draws: usize) -> bool {
+    match draws {
+        0..DOZEN => weighed.effective < HOPELESS,
+        DOZEN => weighed.effective > CALM && !shifts.iter().any(beyond(1.0)),
+        _ => !shifts.iter().any(beyond(2.0)),
     }
 }
 

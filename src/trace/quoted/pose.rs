@@ -4,14 +4,14 @@ use nalgebra::{DMatrix, DVector};
 
 use super::Supposing;
 use super::answer::AnswerDensity;
-use super::choices::{likeliest, with_rival};
+use super::choices::{AnswerChoices, likeliest, with_rival};
 use super::expanded::TestExpansion;
 use super::quadratic::Equations;
 use super::space::{Space, Whose, shown, stacked};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::infer::{Marginal, Model};
-use crate::sample::LogDensity;
+use crate::sample::{LogDensity, NormalPart};
 use crate::trace::averaged::{Interval, MULTIPLES, unseen};
 use crate::trace::noise_choices::NoisePair;
 use crate::trace::traced::Traced;
@@ -28,6 +28,8 @@ pub(super) struct PosedAnswer<'a> {
     pub supposing: Supposing,
     /// Columns of [`stacked`], (u1, u2).
     pub columns: [DMatrix<f64>; 2],
+    /// The constants by each of its parts in closed form: the first proposal.
+    pub closed: Vec<NormalPart>,
     /// Choices of the noise, where they are not the account's.
     wide: Option<Weighing>,
 }
@@ -66,7 +68,11 @@ impl<'a> PosedAnswer<'a> {
             &evidence.subsets,
         )?;
         let (kept, whose) = kept(traced, expanded, supposing, &unseen);
-        let (pairs, choices) = match supposing {
+        let AnswerChoices {
+            pairs,
+            parts,
+            closed,
+        } = match supposing {
             Supposing::Small => likeliest(evidence, weighing)?,
             _ => with_rival(evidence, weighing, supposing)?,
         };
@@ -86,7 +92,7 @@ impl<'a> PosedAnswer<'a> {
             gram += of_pair;
         }
         let space = Space::new(whose, largest, &gram);
-        let columns = [0, 1].map(|c| stacked(expanded, measured, &space, &kept, c));
+        let columns = [0, 1].map(|c| stacked(here, expanded, measured, &space, &kept, c));
         let grams = weighing
             .noise
             .grams(&measured.blocks, [&columns[0], &columns[1]], &pairs)?;
@@ -103,7 +109,7 @@ impl<'a> PosedAnswer<'a> {
             (model.material(), constants.collect()),
             space,
             noise,
-            choices,
+            parts,
             model.known.clone(),
         );
         Ok(Self {
@@ -114,6 +120,7 @@ impl<'a> PosedAnswer<'a> {
             pairs,
             supposing,
             columns,
+            closed,
             wide,
         })
     }

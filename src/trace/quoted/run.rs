@@ -2,23 +2,29 @@
 
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::Supposing;
-use super::expanded::TestExpansion;
+use super::expanded::{CoarseForwards, TestExpansion};
 use super::full::Full;
-use super::importance::Importance;
+use super::importance::{FullModels, Importance};
 use super::pose::{PosedAnswer, steps};
 use super::variables::Completed;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
-use crate::files::Keyed;
+use crate::files::{KeptStages, Keyed, Stored, stored};
 use crate::identify::{Options, Reporting};
+use crate::parameter::Parameter;
 use crate::progress::Progress;
-use crate::sample::LogDensity;
-use crate::sample::{self, Ensemble, Sampler, Schedule, Start};
+use crate::sample::{
+    self, Ensemble, Key, LogDensity, Outcome, POOR, Sampler, Schedule, Start, Stream, adapted,
+};
 use crate::trace::averaged::Interval;
+use crate::trace::coarse::CoarseTest;
 use crate::trace::round::Round;
 use crate::trace::suspect::hull;
+use crate::trace::traced::forward;
 
 /// The posterior to quote.
 pub struct Quoted {
@@ -35,13 +41,48 @@ pub struct AnswerDraws {
     pub draws: Draws,
     /// Of what the samplers drew.
     pub verdict: Verdict,
+    /// How independent proposals fared; none where another sampler than the ensemble was asked for.
+    pub proposals: Option<Proposals>,
     /// How the draws fare under the full model.
     pub importance: Importance,
 }
 
+/// How proposals from the closed form, fitted to the density, fared.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Proposals {
+    /// Effective share of them as importance samples.
+    pub effective: f64,
+    /// Share that the chains accepted; none where they were poor and the ensemble sampled in their place.
+    pub accepted: Option<f64>,
+}
+
+stored!(Proposals {
+    effective,
+    accepted
+});
+
+/// What is kept of an answer.
+type SampledAnswer = ((Draws, Verdict), (Option<Proposals>, Importance));
+
+impl Proposals {
+    /// What there is to say of them.
+    pub fn words(&self) -> String {
+        match self.accepted {
+            Some(accepted) => format!(
+                "{:.0} % of independent proposals accepted",
+                100.0 * accepted
+            ),
+            None => format!(
+                "sampled by the ensemble, because independent proposals have an effective share of {:.2}, below {POOR}",
+                self.effective
+            ),
+        }
+    }
+}
+
 impl Quoted {
     /// The constants to quote: of the one answer, or what spans those of all three; of an answer whose chains have not converged those of
-    /// its `closed` form.
+    /// its `closed` form. Answers that the closed forms have beside those that were sampled are spanned as they are.
     pub fn intervals(&self, closed: &[Keyed<Interval>]) -> Keyed<Interval> {
         let pairs = self.answers.iter().zip(closed);
         let one = |(sampled, closed): (&AnswerDraws, &Keyed<Interval>)| {
@@ -51,7 +92,8 @@ impl Quoted {
                 closed.clone()
             }
         };
-        let answers: Vec<Keyed<Interval>> = pairs.map(one).collect();
+        let further = closed.iter().skip(self.answers.len()).cloned();
+        let answers: Vec<Keyed<Interval>> = pairs.map(one).chain(further).collect();
         match &answers[..] {
             [only] => only.clone(),
             all => hull(&all.iter().collect::<Vec<_>>()),
@@ -97,10 +139,15 @@ pub fn quote(
         ));
     }
     let last = &rounds[rounds.len() - 1];
-    let mut answers = sampled(last, &[Supposing::Small], options, progress)?;
-    if suspect {
-        let others = [Supposing::All, Supposing::None];
-        answers.extend(sampled(&rounds[0], &others, options, progress)?);
+    let all = [Supposing::Small, Supposing::All, Supposing::None];
+    let (own, others) = all.split_at(match rounds.len() {
+        // all about the same round, of which one expansion serves
+        1 if suspect => all.len(),
+        _ => 1,
+    });
+    let mut answers = sampled(last, own, options, progress)?;
+    if suspect && !others.is_empty() {
+        answers.extend(sampled(&rounds[0], others, options, progress)?);
     }
     let draws = match &answers[..] {
         [only] => only.draws.clone(),
@@ -120,11 +167,26 @@ type Showing<'a> = &'a mut dyn FnMut(&dyn LogDensity, &[f64], &[f64]);
 pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let (model, averaged) = (&round.model, &round.tracing.averaged);
     let prepared = &round.identification.inverse.prepared;
-    let expanded = TestExpansion::new(&round.traced, model, prepared, steps(model, averaged))?;
+    let measured = &round.traced.evidence.measured;
+    let fine = forward(model, prepared, measured, &|| ());
+    let coarse = CoarseTest::new(model, prepared, measured)?;
+    let coarse = coarse.as_ref().map(|c| on_coarse(c, round));
+    let steps = steps(model, averaged);
+    let expanded = TestExpansion::new(&round.traced.point, &fine, coarse.as_ref(), steps)?;
     let sampled = PosedAnswer::new(model, &round.traced, &expanded, Supposing::Small)?;
     let (centre, sd) = sampled.start(averaged);
     act(&sampled.answer, &centre, &sd);
     Ok(())
+}
+
+/// The forward models of a round's test on a coarse mesh.
+fn on_coarse<'a>(test: &'a CoarseTest, round: &'a Round) -> CoarseForwards<'a> {
+    let prepared = &round.identification.inverse.prepared;
+    let measured = &round.traced.evidence.measured;
+    CoarseForwards {
+        everywhere: test.everywhere(&round.model, prepared, measured),
+        at_few_points: test.at_few_points(&round.model, prepared, measured),
+    }
 }
 
 /// Some answers of a round.
@@ -137,21 +199,99 @@ fn sampled(
     let traced = &round.traced;
     let (model, averaged) = (&round.model, &round.tracing.averaged);
     let prepared = &round.identification.inverse.prepared;
-    progress.begin(
-        "quoted posterior: sensitivities that follow the constants",
-        None,
-    );
-    let expanded = TestExpansion::new(traced, model, prepared, steps(model, averaged))?;
-    let full = Full::new(model, prepared, traced, &expanded)?;
-    progress.end();
+    let measured = &traced.evidence.measured;
+    let fine = forward(model, prepared, measured, &|| ());
+    let coarse = CoarseTest::new(model, prepared, measured)?;
+    let coarse = coarse.as_ref().map(|c| on_coarse(c, round));
+    let expand = || {
+        let what = "quoted posterior: sensitivities that follow the constants";
+        progress.begin(what, None);
+        let steps = steps(model, averaged);
+        let expanded = TestExpansion::new(&traced.point, &fine, coarse.as_ref(), steps);
+        progress.end();
+        expanded
+    };
+    let mut of = traced.bytes(model);
+    averaged.put(&mut of);
+    let Some(kept) = which.first().map(|first| options(*first).stages()) else {
+        return Ok(Vec::new());
+    };
+    let expanded = kept.stage("slopes", &of, expand, progress)?;
+    let full = |forward, here| Full {
+        forward,
+        point: &traced.point,
+        here,
+    };
+    let at_few_points = coarse.as_ref().map(|c| &c.at_few_points);
+    let rough = at_few_points.map(|forward| full(forward, &expanded.about));
+    let test = AnsweredTest {
+        round,
+        expanded: &expanded,
+        models: FullModels {
+            fine: &full(&fine, &expanded.here),
+            coarse: rough.as_ref(),
+        },
+    };
     let mut answers = Vec::new();
     for &supposing in which {
+        let options = options(supposing);
+        answers.push(test.answer(supposing, &options, &of, progress)?);
+    }
+    prepared.problem.experiment.rest();
+    Ok(answers)
+}
+
+/// A round's test with its expansion, of which answers are sampled.
+struct AnsweredTest<'a> {
+    round: &'a Round,
+    expanded: &'a TestExpansion,
+    models: FullModels<'a>,
+}
+
+impl AnsweredTest<'_> {
+    /// One answer; `of` are the bytes of the round.
+    fn answer(
+        &self,
+        supposing: Supposing,
+        options: &Options<'_>,
+        of: &[u8],
+        progress: &dyn Progress,
+    ) -> Result<AnswerDraws> {
+        let mut own = of.to_vec();
+        let Schedule {
+            max_draws, thin, ..
+        } = options.schedule;
+        own.extend(format!("{:?} {max_draws} {thin:?}", options.rule).bytes());
+        let make = || self.sampled(supposing, options, progress);
+        // what a deadline cuts off is no finished stage
+        let kept = match options.deadline {
+            Some(_) => KeptStages::default(),
+            None => options.stages(),
+        };
+        let found = kept.stage("answer", &own, make, progress)?;
+        let ((draws, verdict), (proposals, importance)) = found;
+        Ok(AnswerDraws {
+            name: supposing.key(),
+            draws,
+            verdict,
+            proposals,
+            importance,
+        })
+    }
+
+    fn sampled(
+        &self,
+        supposing: Supposing,
+        options: &Options<'_>,
+        progress: &dyn Progress,
+    ) -> Result<SampledAnswer> {
+        let (model, traced) = (&self.round.model, &self.round.traced);
+        let averaged = &self.round.tracing.averaged;
         let what = format!("quoted posterior: {}", supposing.words());
         progress.begin(&what, None);
-        let sampled = PosedAnswer::new(model, traced, &expanded, supposing)?;
+        let sampled = PosedAnswer::new(model, traced, self.expanded, supposing)?;
         progress.say(&sampled.answer.size_in_words());
-        let options = &options(supposing);
-        let draws = draw(&sampled, averaged, options, progress)?;
+        let (draws, proposals) = draw(&sampled, averaged, options, progress)?;
         let mut verdict = diagnose(&draws, &rule(&options.rule));
         progress.end();
         progress.begin(
@@ -159,34 +299,16 @@ fn sampled(
             None,
         );
         let Completed { draws, importance } =
-            sampled.completed(&draws, &full, options.schedule.seed)?;
+            sampled.completed(&draws, self.models, options.schedule.seed)?;
         if importance.reweighted {
             // convergence is that of what was drawn, moments are those of what is quoted
-            let constants = expanded.here.constants;
-            verdict.rows = diagnose(&first(&draws, constants)?, &rule(&options.rule)).rows;
+            let constants = self.expanded.here.constants;
+            let constants = draws.only(&draws.names()[..constants])?;
+            verdict.rows = diagnose(&constants, &rule(&options.rule)).rows;
         }
-        answers.push(AnswerDraws {
-            name: supposing.key(),
-            draws,
-            verdict,
-            importance,
-        });
         progress.end();
+        Ok(((draws, verdict), (proposals, importance)))
     }
-    prepared.problem.experiment.rest();
-    Ok(answers)
-}
-
-/// The first variables of draws alone.
-fn first(draws: &Draws, count: usize) -> Result<Draws> {
-    let values = draws.points().flat_map(|x| x[..count].iter().copied());
-    let names = draws.names()[..count].to_vec();
-    Draws::new(
-        names,
-        draws.ensemble().to_vec(),
-        values.collect(),
-        draws.lp().to_vec(),
-    )
 }
 
 /// Spread of the start about the mode, in units of its normal approximation.
@@ -215,16 +337,74 @@ pub fn rule(given: &Rule) -> Rule {
     }
 }
 
-/// What the samplers draw of an answer.
+/// Steps of warm-up of independent proposals, whose chains start at weighed draws of the density itself.
+const SETTLING: usize = 4;
+
+/// Streams with which proposals are fitted, apart from those of any ensemble.
+const FITTING: u64 = u64::MAX - 3;
+
+/// What the samplers draw of an answer: by independent proposals in the place of the ensemble, unless they are poor.
 fn draw(
     sampled: &PosedAnswer<'_>,
     averaged: &Keyed<Interval>,
     options: &Options<'_>,
     progress: &dyn Progress,
-) -> Result<Draws> {
+) -> Result<(Draws, Option<Proposals>)> {
+    let given = options.sampler;
+    if given.name() != Ensemble::default().name() {
+        let draws = by_walkers(sampled, averaged, (options, given), progress)?;
+        return Ok((draws, None));
+    }
     let target = &sampled.answer;
+    let key = Key {
+        seed: options.schedule.seed,
+        ensemble: FITTING,
+    };
+    let (effective, fitted) = adapted(target, &sampled.closed, key)?;
+    let Some(sampler) = fitted else {
+        let ensemble = Ensemble {
+            walkers: Some(WALKERS.max(4 * target.dim())),
+            ..Ensemble::default()
+        };
+        let proposals = Proposals {
+            effective,
+            accepted: None,
+        };
+        let draws = by_walkers(sampled, averaged, (options, &ensemble), progress)?;
+        return Ok((draws, Some(proposals)));
+    };
+    let place = |_: usize, _: usize, rng: &mut Stream| sampler.place(rng);
+    let start = Start::Walkers {
+        place: &place,
+        covariance: sampler.covariance(),
+    };
+    let schedule = Schedule {
+        warmup: options.schedule.warmup.or(Some(SETTLING)),
+        thin: options.schedule.thin.or(Some(1)),
+        ..options.schedule.clone()
+    };
+    let draws = run(target, (&sampler, &start), &schedule, options, progress)?;
+    let moves = &draws.info.moves;
+    let [proposed, accepted] = [
+        moves.iter().map(|m| m.proposed).sum::<u64>(),
+        moves.iter().map(|m| m.accepted).sum(),
+    ];
+    let proposals = Proposals {
+        effective,
+        accepted: Some(accepted as f64 / proposed.max(1) as f64),
+    };
+    Ok((draws, Some(proposals)))
+}
+
+/// What a sampler draws whose walkers start about the closed form.
+fn by_walkers(
+    sampled: &PosedAnswer<'_>,
+    averaged: &Keyed<Interval>,
+    (options, sampler): (&Options<'_>, &dyn Sampler),
+    progress: &dyn Progress,
+) -> Result<Draws> {
     let (centre, sd) = sampled.start(averaged);
-    let dim = target.dim();
+    let dim = centre.len();
     let mut covariance = vec![0.0; dim * dim];
     for (k, sd) in sd.iter().enumerate() {
         covariance[k * (dim + 1)] = sd * sd;
@@ -234,41 +414,51 @@ fn draw(
         covariance: &covariance,
         spread: SPREAD,
     };
+    let given = &options.schedule;
+    let schedule = Schedule {
+        warmup_windows: given.warmup_windows.min(WARMUP),
+        thin: given.thin.or(Some(THIN)),
+        ..given.clone()
+    };
+    run(
+        &sampled.answer,
+        (sampler, &start),
+        &schedule,
+        options,
+        progress,
+    )
+}
+
+/// Draws by a schedule, until they are enough.
+fn run(
+    target: &dyn LogDensity,
+    (sampler, start): (&dyn Sampler, &Start<'_>),
+    schedule: &Schedule,
+    options: &Options<'_>,
+    progress: &dyn Progress,
+) -> Result<Draws> {
     let monitor = Reporting {
         progress,
         deadline: options.deadline,
     };
-    let given = &options.schedule;
     let schedule = Schedule {
-        warmup_windows: given.warmup_windows.min(WARMUP),
-        max_draws: given.max_draws.min(MOST_DRAWS),
-        thin: given.thin.or(Some(THIN)),
-        ..given.clone()
+        max_draws: schedule.max_draws.min(MOST_DRAWS),
+        ..schedule.clone()
     };
-    let small = Ensemble {
-        walkers: Some(WALKERS.max(4 * dim)),
-        ..Ensemble::default()
-    };
-    let given = options.sampler;
-    let sampler: &dyn Sampler = if given.name() == small.name() {
-        &small
-    } else {
-        given
-    };
-    let outcome = sample::run_kept(
+    let Outcome { draws, .. } = sample::run_kept(
         target,
         sampler,
-        &start,
+        start,
         &schedule,
         &rule(&options.rule),
         &monitor,
         options.keeping.as_ref(),
     )?;
-    if outcome.draws.draws() < FEWEST {
+    if draws.draws() < FEWEST {
         let expected = format!("time for at least {FEWEST} draws of each chain");
-        return Err(Error::limit("--time-limit", expected).found(outcome.draws.draws()));
+        return Err(Error::limit("--time-limit", expected).found(draws.draws()));
     }
-    Ok(outcome.draws)
+    Ok(draws)
 }
 
 /// The draws of the answers whose chains have converged, of all if none has: in equal parts, one after the other in every chain, with
@@ -309,6 +499,6 @@ fn together(answers: &[AnswerDraws]) -> Result<Draws> {
             }
         }
     }
-    let names = std::iter::once("answer".to_string()).chain(names);
+    let names = std::iter::once(Parameter::answer().name()).chain(names);
     Draws::new(names.collect(), ensemble, values, lp)
 }

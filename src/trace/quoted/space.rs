@@ -103,17 +103,19 @@ pub(super) fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64
     DMatrix::from_columns(&kept.iter().map(column).collect::<Vec<DVector<f64>>>())
 }
 
-/// One component's columns for an account: those of `space` in its directions, at the point and then their changes for a prior sd of
-/// each constant; and what the data leave where all amplitudes in the directions are zero, a column for each of [`monomials`].
+/// One component's columns for an account, from the test as it is linearised `here` on one of the meshes: those of `space` in its
+/// directions, at the point and then their changes for a prior sd of each constant; and what the data leave where all amplitudes in the
+/// directions are zero, a column for each of [`monomials`].
 pub(super) fn stacked(
+    here: &Sensitivities,
     expanded: &TestExpansion,
     measured: &Measured,
     space: &Space,
     kept: &[usize],
     c: usize,
 ) -> DMatrix<f64> {
-    let here = &expanded.here;
     let all = linear(here);
+    let about = linear(&expanded.about);
     let rows = here.predicted[c].len();
     let matrix = |of: &Sensitivities| shown(of, kept, c);
     let mut scaled = space.seen.clone();
@@ -121,20 +123,21 @@ pub(super) fn stacked(
         row *= *sd;
     }
     let first = matrix(here);
+    let before = matrix(&expanded.about);
     let mut parts = vec![&first * &scaled];
     // an amplitude that is not zero where the test was linearised: its column bends with the constants from there
     let at: DVector<f64> =
         DVector::from_iterator(all.len(), all.iter().map(|k| (k.at - k.mean) / k.sd));
     let mut bent = vec![DVector::zeros(rows); expanded.raised.len()];
     for ((raised, by), bent) in expanded.raised.iter().zip(&expanded.by).zip(&mut bent) {
-        parts.push((matrix(raised) - &first) * &scaled / *by);
-        for (k, (a, b)) in linear(raised).into_iter().zip(&all).enumerate() {
+        parts.push((matrix(raised) - &before) * &scaled / *by);
+        for (k, (a, b)) in linear(raised).into_iter().zip(&about).enumerate() {
             if at[k] != 0.0 {
                 bent.axpy(at[k] / by, &(&a.values[c] - &b.values[c]), 1.0);
             }
         }
     }
-    parts.push(left(expanded, measured, &bent, c));
+    parts.push(left((here, expanded), measured, &bent, c));
     let width = parts.iter().map(DMatrix::ncols).sum();
     let mut together = DMatrix::zeros(rows, width);
     let mut next = 0;
@@ -148,12 +151,11 @@ pub(super) fn stacked(
 /// What the data leave, by [`monomials`]: the difference to the prediction at the point, with amplitudes taken back to their prior
 /// means, the constants' columns and half their changes.
 fn left(
-    expanded: &TestExpansion,
+    (here, expanded): (&Sensitivities, &TestExpansion),
     measured: &Measured,
     bent: &[DVector<f64>],
     c: usize,
 ) -> DMatrix<f64> {
-    let here = &expanded.here;
     let constants = here.constants;
     let mut there = measured.averages[c].clone() - &here.predicted[c];
     // the prediction is that at the prior means: carry it to where the constants were
@@ -167,7 +169,8 @@ fn left(
     let slope = |k: usize| -&here.base[k].values[c] + &bent[k];
     let curve = |i: usize, j: usize| -> DVector<f64> {
         let of = |i: usize, j: usize| {
-            (&expanded.raised[i].base[j].values[c] - &here.base[j].values[c]) / expanded.by[i]
+            let change = &expanded.raised[i].base[j].values[c] - &expanded.about.base[j].values[c];
+            change / expanded.by[i]
         };
         if i == j {
             -0.5 * of(i, i)

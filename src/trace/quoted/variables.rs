@@ -2,17 +2,18 @@
 
 use super::Supposing;
 use super::complete::{CompletedDraw, Inclusion, complete};
-use super::full::Full;
-use super::importance::Importance;
+use super::importance::{FullModels, Importance};
 use super::pose::PosedAnswer;
 use super::space::linear;
 use crate::chain::Draws;
 use crate::error::Result;
+use crate::linearise::Column;
+use crate::parameter::{HYPER, Parameter};
 use crate::sample::{Key, Stream};
 use crate::trace::subsets::SIZES;
 
-/// Most draws that are completed and kept: each has some sixty variables.
-const MOST_COMPLETED: usize = 1 << 14;
+/// Most draws that are completed and kept: each has some sixty variables, of which correlations and intervals are taken.
+const MOST_COMPLETED: usize = 1 << 10;
 
 /// Streams with which draws are completed, apart from those of any ensemble.
 const COMPLETION: u64 = u64::MAX - 1;
@@ -41,25 +42,15 @@ impl PosedAnswer<'_> {
             .iter()
             .map(|c| c.name.clone())
             .collect();
-        names.extend(
-            [
-                "effect_size",
-                "discrepancy",
-                "noise_length_1_mm",
-                "noise_length_2_mm",
-            ]
-            .map(String::from),
-        );
+        names.extend(HYPER.map(String::from));
         names.extend(here.base[here.constants..].iter().map(|c| c.name.clone()));
-        let candidates = || {
-            here.candidates
-                .iter()
-                .map(|c| (c, c.law.map_or(String::new(), |l| format!("@{}", l.key()))))
-        };
+        let candidates = || here.candidates.iter().map(|c| (c, c.law.map(|l| l.key())));
         for (candidate, law) in candidates() {
-            names.extend(candidate.columns.iter().map(|c| format!("{}{law}", c.name)));
+            let under = |c: &Column| Parameter::read(&c.name).under(law.clone()).name();
+            names.extend(candidate.columns.iter().map(under));
         }
-        names.extend(candidates().map(|(c, law)| format!("acts.{}{law}", c.effect.name())));
+        let acts = candidates().map(|(c, law)| Parameter::acts(c.effect.name()).under(law));
+        names.extend(acts.map(|p| p.name()));
         distinct(&names)
     }
 
@@ -68,7 +59,7 @@ impl PosedAnswer<'_> {
     ///
     /// # Errors
     /// Of the program, for draws of another density.
-    pub fn completed(&self, draws: &Draws, full: &Full<'_>, seed: u64) -> Result<Completed> {
+    pub fn completed(&self, draws: &Draws, full: FullModels<'_>, seed: u64) -> Result<Completed> {
         let subsets = &self.traced.evidence.subsets;
         let draws = &draws.every(draws.len().div_ceil(MOST_COMPLETED))?;
         let points: Vec<Vec<f64>> = draws.points().map(<[f64]>::to_vec).collect();

@@ -1,0 +1,358 @@
+//! What `init` reads from a table of displacements, and what it asks for where the table does not say it.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::proposed_units::Unsettled;
+use super::table_options::TableOptions;
+use crate::error::{Error, Result};
+use crate::field::programs::{self, FoundUnit, MatchedColumns, PROGRAMS, Program, stated_number};
+use crate::field::table::{self, TableHeader};
+use crate::field::{ColumnMap, Columns, DATA_AXES, Field, LEAST_CORRELATION, PIXEL, Units};
+
+/// A table as it is read.
+pub struct Export {
+    pub label: String,
+    pub map: ColumnMap,
+    pub field: Field,
+    /// Side of the subsets, pixels, as the table says.
+    pub subset_px: Option<f64>,
+    /// Whether its program gives places in the deformed state.
+    pub usually_deformed: bool,
+    /// What was assumed of its columns.
+    pub said: String,
+}
+
+/// Names, without their unit, of columns that hold the standard deviation of a displacement and the coefficient of the
+/// correlation.
+const SIGMA: &str = "sigma";
+const CORRELATION: &[&str] = &[
+    "zncc",
+    "r1t1 zncc",
+    "correlation",
+    "correlation coefficient",
+    "correlation value",
+    "samecamera.correlation value",
+];
+
+/// Columns of a displacement out of the plane.
+const OUT_OF_PLANE: &[&str] = &[
+    "w",
+    "uz",
+    "dz",
+    "w_c",
+    "displacement_z",
+    "displacement_w",
+    "model_displacement_z",
+    "z disp",
+    "disp.out-of-plane: w",
+    "disp.out-of-plane displacement w",
+];
+
+/// A calibrated coordinate this close to pixels, in its extent, was never calibrated.
+const SAME_SCALE: f64 = 1e-6;
+
+impl Export {
+    /// Read the table `csv`.
+    ///
+    /// # Errors
+    /// Of the input: a table that is none, columns that are not known, a unit that nothing states, an option that is not used.
+    pub fn read(csv: &Path, user: &TableOptions) -> Result<Self> {
+        let named = user
+            .columns
+            .as_ref()
+            .map(Columns::named)
+            .unwrap_or_default();
+        let bare = |name: &'_ str| name.trim().trim_start_matches('-').to_string();
+        let names: Vec<String> = named.iter().map(|(_, name)| bare(name)).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let header = table::described(csv, &names)?;
+        if let Some(uz) = user.uz.as_ref().filter(|uz| !header.names.contains(uz)) {
+            let expected = format!("a column of {}: {}", csv.display(), header.names.join(", "));
+            return Err(Error::input("--columns uz", expected).found(uz));
+        }
+        let found = match &user.columns {
+            Some(columns) => given(&header, columns),
+            None => of_a_program(csv, &header, user)?,
+        };
+        let program = found.program.filter(|_| user.columns.is_none());
+        let mut said = String::new();
+        let (sigma, correlation) = quality(&header.names, program, user);
+        let sigma_in_pixels = sigma.as_ref().is_some_and(|(_, unit)| *unit == Some(PIXEL));
+        let unsettled = Unsettled {
+            csv,
+            line: header.line,
+            label: &found.label,
+            columns: &found.columns,
+            found: found.units,
+            sigma_in_pixels,
+        };
+        let units = unsettled.units(user, &mut said)?;
+        let mut map = ColumnMap {
+            columns: found.columns.clone(),
+            units: Units::new(units[0], units[1]),
+        };
+        map.columns.correlation.clone_from(&correlation);
+        if let Some((name, unit)) = sigma {
+            let _ = writeln!(
+                said,
+                "  sigma \"{name}\": points where it is not above 0 are dropped"
+            );
+            if unit == Some(PIXEL) && user.mm_per_pixel.is_none() && found.scale.is_none() {
+                said += "    taken to be in pixels; with units.mm_per_pixel it is each point's standard deviation too\n";
+            }
+            map.units.sigma = unit.map(String::from);
+            map.columns.sigma = Some(name);
+        }
+        let in_pixels = units.contains(&PIXEL) || sigma_in_pixels;
+        map.units.mm_per_pixel = user.mm_per_pixel.filter(|_| in_pixels);
+        if let (Some(scale), None, true) = (found.scale, user.mm_per_pixel, sigma_in_pixels) {
+            let size = scale * map.units.in_mm()?[0];
+            let _ = writeln!(
+                said,
+                "    a pixel is {size:.6} mm, by the coordinates in both units: the scale of sigma"
+            );
+            map.units.mm_per_pixel = Some(size);
+        }
+        if units[0] == PIXEL && program.is_none_or(|p| p.y_downwards) {
+            said += "  pixels: where y counts downwards in the picture, angles in the data's x-y plane turn clockwise in it\n";
+        }
+        let field = read(csv, &mut map, &mut said)?;
+        said += &counted(&field);
+        said += &stated(&header, program, user);
+        Ok(Self {
+            label: found.label,
+            subset_px: program.and_then(|p| stated_number(&header.preamble, p.subset_px?)),
+            usually_deformed: user.columns.is_none()
+                && header.found.as_ref().is_some_and(|f| f.deformed),
+            map,
+            field,
+            said,
+        })
+    }
+}
+
+/// The field, without the coefficient of the correlation where that is none.
+fn read(csv: &Path, map: &mut ColumnMap, said: &mut String) -> Result<Field> {
+    let mut read = table::read_said(csv, map, DATA_AXES);
+    if let Some(name) = map.columns.correlation.clone() {
+        if let Err(error) = &read {
+            let _ = writeln!(said, "  \"{name}\" is not used: {error}");
+            map.columns.correlation = None;
+            read = table::read_said(csv, map, DATA_AXES);
+        } else {
+            let _ = writeln!(
+                said,
+                "  correlation \"{name}\": points below {LEAST_CORRELATION} are dropped"
+            );
+        }
+    }
+    let (field, remarks) = read?;
+    for remark in remarks {
+        let _ = writeln!(said, "  {remark}");
+    }
+    Ok(field)
+}
+
+/// Columns before their units are settled.
+struct Chosen {
+    label: String,
+    program: Option<&'static Program>,
+    columns: Columns,
+    units: [FoundUnit; 2],
+    /// Units of a coordinate in a pixel, if the table has both.
+    scale: Option<f64>,
+}
+
+/// The columns that the user names.
+fn given(header: &TableHeader, columns: &Columns) -> Chosen {
+    let unit = |name: &str| {
+        let name = name.trim().trim_start_matches('-');
+        let below = header
+            .units
+            .as_ref()
+            .zip(header.names.iter().position(|n| n == name));
+        programs::split(name)
+            .1
+            .or_else(|| below.and_then(|(units, k)| units.get(k).copied().flatten()))
+    };
+    let both = |a: &str, b: &str| match (unit(a), unit(b)) {
+        (Some(a), Some(b)) if a == b => FoundUnit::Stated(a),
+        _ => FoundUnit::Unknown,
+    };
+    Chosen {
+        label: "your choice".into(),
+        program: None,
+        columns: columns.clone(),
+        units: [both(&columns.x, &columns.y), both(&columns.ux, &columns.uy)],
+        scale: None,
+    }
+}
+
+/// The columns of a program that is known.
+fn of_a_program(csv: &Path, header: &TableHeader, user: &TableOptions) -> Result<Chosen> {
+    let Some(MatchedColumns {
+        program,
+        label,
+        columns,
+        units,
+        ..
+    }) = &header.found
+    else {
+        return Err(unknown(csv, header));
+    };
+    let (columns, mut units) = (columns.clone(), *units);
+    let mut label = label.to_string();
+    let scale = scale(csv, &columns, &header.names);
+    if scale.is_some_and(|mm| (mm - 1.0).abs() < SAME_SCALE) && user.units.is_none() {
+        label = format!(
+            "{}, not calibrated (x_c is x moved)",
+            label.split(" (").next().unwrap_or(&label)
+        );
+        units = [FoundUnit::Usual(PIXEL); 2];
+    }
+    Ok(Chosen {
+        label,
+        program: Some(program),
+        columns: Columns::new(columns),
+        units,
+        scale,
+    })
+}
+
+/// Units of a calibrated coordinate in a pixel, where the table has both: `x_c` and `x`.
+fn scale(csv: &Path, [x, y, ux, uy]: &[String; 4], names: &[String]) -> Option<f64> {
+    let raw = |name: &String| {
+        name.strip_suffix("_c")
+            .map(String::from)
+            .filter(|raw| names.contains(raw))
+    };
+    let width = |x: &str, y: &str| {
+        let columns = Columns::new([x, y, ux, uy].map(|s: &str| s.to_string()));
+        let map = ColumnMap {
+            columns,
+            units: Units::new("um", "um"),
+        };
+        let [low, high] = table::read(csv, &map, DATA_AXES).ok()?.bounds();
+        Some(high[0] - low[0]).filter(|width| *width > 0.0)
+    };
+    Some(width(x, y)? / width(&raw(x)?, &raw(y)?)?)
+}
+
+/// No columns that are known.
+fn unknown(csv: &Path, header: &TableHeader) -> Error {
+    let mut known: Vec<&str> = Vec::new();
+    for export in PROGRAMS.iter().flat_map(|p| p.exports) {
+        let name = export.label.split(" (").next().unwrap_or(export.label);
+        if !known.contains(&name) {
+            known.push(name);
+        }
+    }
+    let units = header.names.iter().map(|n| programs::split(n).1.is_some());
+    let mixed = if units.filter(|u| *u).count() > 1 {
+        "one unit for both coordinates and one for both displacements; or "
+    } else {
+        ""
+    };
+    Error::input(
+        format!("--csv {}:{}", csv.display(), header.line),
+        format!("columns as one of these writes them: {}", known.join(", ")),
+    )
+    .found(header.names.join(", "))
+    .hint(format!(
+        "{mixed}say which columns they are: --columns x=NAME,y=NAME,ux=NAME,uy=NAME; they go into measurement.columns"
+    ))
+}
+
+/// A column of standard deviations with its unit, if that is not the displacements', and one of correlation coefficients.
+fn quality(
+    header: &[String],
+    program: Option<&Program>,
+    user: &TableOptions,
+) -> (Option<(String, Option<&'static str>)>, Option<String>) {
+    if let Some(columns) = &user.columns {
+        let unit = |name: &String| programs::split(name).1;
+        return (
+            columns
+                .sigma
+                .clone()
+                .map(|name| (name.clone(), unit(&name))),
+            columns.correlation.clone(),
+        );
+    }
+    let stem = |name: &str| programs::split(name).0.to_lowercase();
+    let find = |word: &str| {
+        header
+            .iter()
+            .find(|h| stem(h) == word.to_lowercase())
+            .cloned()
+    };
+    let in_pixels = program.and_then(|p| p.sigma_in_pixels.iter().find_map(|word| find(word)));
+    let sigma = match (in_pixels, find(SIGMA)) {
+        (Some(name), _) => Some((
+            name.clone(),
+            Some(programs::split(&name).1.unwrap_or(PIXEL)),
+        )),
+        (None, Some(name)) => Some((name.clone(), programs::split(&name).1)),
+        (None, None) => None,
+    };
+    (sigma, CORRELATION.iter().find_map(|word| find(word)))
+}
+
+/// Points that are not used, by reason.
+fn counted(field: &Field) -> String {
+    let rejected = &field.rejected;
+    let all = [
+        (rejected.missing, "without a value"),
+        (rejected.uncorrelated, "that did not correlate"),
+        (rejected.repeated, "that stand in the file again"),
+    ];
+    let parts: Vec<String> = all
+        .iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, why)| format!("{n} {why}"))
+        .collect();
+    if parts.is_empty() {
+        String::new()
+    } else {
+        format!("  points not used: {}\n", parts.join(", "))
+    }
+}
+
+/// What the lines before the table say, and its column out of the plane.
+fn stated(header: &TableHeader, program: Option<&Program>, user: &TableOptions) -> String {
+    let mut said = String::new();
+    if let Some(program) = program {
+        if let Some(step) = program
+            .step_px
+            .and_then(|words| stated_number(&header.preamble, words))
+        {
+            let _ = writeln!(said, "  step of the grid {step} px, as the file says");
+        }
+        if let Some(picture) = program
+            .picture
+            .and_then(|words| programs::stated(&header.preamble, words))
+        {
+            let _ = writeln!(said, "  picture {picture}, as the file says");
+        }
+    }
+    if programs::stated(&header.preamble, "incremental correlation")
+        .is_some_and(|text| text.to_lowercase().starts_with("true"))
+    {
+        said += "  the file says \"incremental correlation: true\": displacements from picture to picture; correlate all pictures with one reference\n";
+    }
+    let stem = |name: &String| programs::split(name).0.to_lowercase();
+    let uz = user.uz.as_ref().or_else(|| {
+        header
+            .names
+            .iter()
+            .find(|name| OUT_OF_PLANE.contains(&stem(name).as_str()))
+    });
+    if let Some(name) = uz {
+        let _ = writeln!(
+            said,
+            "  out of the plane \"{name}\": not used; if it changes from step to step, declare the effects out_of_plane_translation and out_of_plane_rotation"
+        );
+    }
+    said
+}

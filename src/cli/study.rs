@@ -1,0 +1,295 @@
+//! `identify` and `loop` of several experiments, and of those of which none is a field.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::closing;
+use super::console::Console;
+use super::identify::truth;
+use super::running::RunPlan;
+use super::{cache, print, results};
+use crate::chain::{Draws, read_zarr, write_csv};
+use crate::diagnose::{Rule, Verdict};
+use crate::error::Result;
+use crate::files;
+use crate::identify::doubts::Doubting;
+use crate::identify::{Identification, Options};
+use crate::infer::{Known, Model, Moments};
+use crate::progress::{Progress, StageCost};
+use crate::report::manifest::{KnownTruth, Manifest};
+use crate::report::run::{brief, identification};
+use crate::report::study::{StudyReport, page};
+use crate::report::together::TogetherReport;
+use crate::report::{Page, gather};
+use crate::sample::{Ensemble, Schedule};
+use crate::section::terminal;
+use crate::study::{
+    self, Alone, ClosedStudy, Disagreement, Observed, SampledStudy, Study, StudyStage, alone,
+    sections,
+};
+
+/// Where the chains of experiments without the others are kept.
+const ALONE: &str = "alone";
+
+/// The experiments by themselves, kept in a folder of the run.
+fn each_alone(plan: &RunPlan, console: &Console) -> Result<Vec<Alone>> {
+    let place = |name: &str| plan.folder.path().join(ALONE).join(name);
+    let options = |name: &str| plan.doubting(&place(name));
+    let found = alone(&plan.study, &options, console)?;
+    for one in &found {
+        write_csv(one.draws()?, &place(&one.name).join("chain.csv"))?;
+        let Some(sampled) = &one.sampled else {
+            continue;
+        };
+        let report = StudyReport::new(&plan.study, sampled, None);
+        write_study(&place(&one.name), &report, &sampled.draws, &plan.study)?;
+    }
+    Ok(found)
+}
+
+/// `identify` of a study that is not one field alone.
+pub fn identify(plan: RunPlan, console: &Console) -> Result<()> {
+    let options = plan.options(plan.folder.path());
+    let study = &plan.study;
+    let shared = study.shared();
+    if let [experiment] = &study.experiments[..] {
+        let observed = experiment
+            .observed(&shared, &options, console)
+            .map_err(|e| e.within(study.path.display()))?;
+        let found = study::sampled(&[&*observed], None, (&shared, &options), console)?;
+        let report = StudyReport::new(study, &found, None);
+        return finish(plan, (&report, &found), console);
+    }
+    let each = each_alone(&plan, console)?;
+    let priors = shared.priors();
+    let said: Vec<&Known> = each.iter().map(|a| &a.said).collect();
+    let moments = each.iter().map(|a| (a.name.clone(), a.moments.clone()));
+    let together = Disagreement::new(moments.collect(), &said, &priors);
+    let about = study::others(&said, None).and_then(|known| known.moments());
+    let observed: Vec<&dyn Observed> = each.iter().map(|a| &*a.observed).collect();
+    let found = study::sampled(&observed, about.as_ref(), (&shared, &options), console)?;
+    let together = together.with_sections(&found);
+    let summary = TogetherReport::new(&together, shared.material.constants());
+    if study.fields().next().is_none() {
+        let report = StudyReport::new(study, &found, Some(summary));
+        return finish(plan, (&report, &found), console);
+    }
+    let rounds = study::identified(study, each, &found, (&options, console))?;
+    let pages = written(&plan, rounds, summary)?;
+    for (_, page) in &pages {
+        let report = &page.report;
+        results(report)?;
+        let own = match (plan.verbose, report.last()) {
+            (true, Some(round)) => identification(report, round),
+            _ => brief(page),
+        };
+        let sections: Vec<_> = std::iter::once(own)
+            .chain(report.together_section())
+            .collect();
+        print(&terminal(&sections))?;
+    }
+    let manifest = manifest(&plan, Vec::new())?;
+    end((plan, manifest), pages, [&found.verdict], console)
+}
+
+/// Write the reports of fields, the first in the run's own folder, each other in one of its name.
+fn written(
+    plan: &RunPlan,
+    rounds: Vec<(usize, Identification)>,
+    summary: TogetherReport,
+) -> Result<Vec<(PathBuf, Page)>> {
+    let seed = plan.seed();
+    let mut summary = Some(summary);
+    let mut pages = Vec::new();
+    for (k, round) in rounds {
+        let experiment = &plan.study.experiments[k];
+        let Some(model) = experiment.field() else {
+            continue;
+        };
+        let place = field_folder(plan.folder.path(), &plan.study, k);
+        files::make_folder(&place)?;
+        let rounds = [round];
+        let mut report = gather::identified(model, &rounds, seed);
+        report.together = summary.take();
+        let files = rounds[0].files().to_vec();
+        write_csv(&rounds[0].draws, &place.join("chain.csv"))?;
+        files::write_json(&place.join("report.json"), &report)?;
+        let manifest = plan
+            .folder
+            .manifest(&model.path, &files, seed, Vec::new())?;
+        let [round] = &rounds;
+        pages.push((
+            place,
+            Page::gather(&[round], report, manifest, truth(&files)?),
+        ));
+    }
+    plan.folder
+        .write_json("model.json", &plan.study.json(true)?)?;
+    Ok(pages)
+}
+
+/// The manifest over all files of all experiments.
+fn manifest(plan: &RunPlan, costs: Vec<StageCost>) -> Result<Manifest> {
+    let files = plan.study.files()?;
+    plan.folder
+        .manifest(&plan.study.path, &files, plan.seed(), costs)
+}
+
+/// The folder of a field: the run's own of the first, one of its name within that of another.
+pub fn field_folder(run: &Path, study: &Study, k: usize) -> PathBuf {
+    match study.fields().next() {
+        Some((first, _)) if first == k => run.to_path_buf(),
+        _ => run.join(study.experiments[k].name()),
+    }
+}
+
+fn end<'a>(
+    (plan, manifest): (RunPlan, Manifest),
+    pages: Vec<(PathBuf, Page)>,
+    verdicts: impl IntoIterator<Item = &'a Verdict>,
+    console: &Console,
+) -> Result<()> {
+    console.begin("report and figures", None);
+    for (place, page) in &pages {
+        if place != plan.folder.path() {
+            files::write_json(&place.join("run.json"), &page.manifest)?;
+        }
+        page.write(place, plan.png())?;
+    }
+    console.end();
+    for (place, _) in &pages {
+        let path = place.display();
+        print(&format!("written to {path}; open {path}/report.html\n"))?;
+    }
+    plan.complete(&manifest, verdicts)
+}
+
+/// Write and print what a study without a field says.
+fn finish(
+    plan: RunPlan,
+    (report, found): (&StudyReport, &SampledStudy),
+    console: &Console,
+) -> Result<()> {
+    console.begin("report and figures", None);
+    let place = plan.folder.path();
+    write_study(place, report, &found.draws, &plan.study)?;
+    write_csv(&found.draws, &place.join("chain.csv"))?;
+    let manifest = (plan.folder).manifest(&plan.study.path, &[], plan.seed(), console.costs())?;
+    console.end();
+    results(report)?;
+    print(&terminal(&report.sections()))?;
+    let path = place.display();
+    print(&format!("written to {path}; open {path}/report.html\n"))?;
+    plan.complete(&manifest, [&found.verdict])
+}
+
+fn write_study(place: &Path, report: &StudyReport, draws: &Draws, study: &Study) -> Result<()> {
+    files::write_json(&place.join("model.json"), &study.json(true)?)?;
+    files::write_json(&place.join("report.json"), report)?;
+    let truth = study.path.parent().map_or(Ok(None), KnownTruth::load)?;
+    files::replace(
+        &place.join("report.html"),
+        page(report, draws, truth.as_ref())?,
+    )
+}
+
+/// `report` of a finished run without a field.
+pub fn report_again(folder: &Path) -> Result<()> {
+    let mut report = StudyReport::load(folder)?;
+    let study = Study::load(&folder.join("model.json"))?;
+    let draws = read_zarr(&folder.join("chain.zarr"), None)?;
+    let options = Options {
+        sampler: &Ensemble::default(),
+        schedule: Schedule::default(),
+        rule: Rule::default(),
+        cache: cache(),
+        refinements: 0,
+        keeping: None,
+        discrepancy: [None, None],
+        deadline: None,
+        doubting: Doubting::Unasked,
+    };
+    report.sections = sections(&study, &draws, &options)?;
+    let truth = KnownTruth::load(folder)?;
+    files::replace(
+        &folder.join("report.html"),
+        page(&report, &draws, truth.as_ref())?,
+    )
+}
+
+/// `loop` of a study that is not one field alone.
+pub fn close(plan: RunPlan, most: usize, console: &Console) -> Result<()> {
+    let each = each_alone(&plan, console)?;
+    let run = plan.folder.path().to_path_buf();
+    let place = |name: &str, stage: StudyStage| {
+        let mut experiments = plan.study.experiments.iter();
+        let k = experiments.position(|e| e.name() == name).unwrap_or(0);
+        match stage {
+            StudyStage::Ordering => run.join(ALONE).join(format!("{name}.traced")),
+            StudyStage::Extended => run.join(ALONE).join(format!("{name}.extended")),
+            StudyStage::Field(stage) => closing::place(&field_folder(&run, &plan.study, k), stage),
+        }
+    };
+    let options = |name: &str, stage: StudyStage| plan.options(&place(name, stage));
+    let closed = study::close(&plan.study, each, (most, &options), console)?;
+    if closed.fields.is_empty() {
+        return close_without_fields(plan, closed, console);
+    }
+    let names = closed.study.shared().material.constants();
+    let mut summary = Some(TogetherReport::closed(&closed, names));
+    let mut pages = Vec::new();
+    for field in &closed.fields {
+        let folder = field_folder(&run, &plan.study, field.place);
+        let whole = |model: &Model| plan.study.with_field(field.place, model.clone()).json(true);
+        let page = closing::write(
+            (&plan, &folder, console),
+            &whole,
+            (&field.closed, summary.take()),
+        )?;
+        closing::say((&field.closed, &page), &plan, console)?;
+        pages.push((folder, page));
+    }
+    plan.folder
+        .write_json("model.extended.json", &closed.study.json(true)?)?;
+    let manifest = manifest(&plan, console.costs())?;
+    let rounds = closed.fields.iter().flat_map(|f| &f.closed.rounds);
+    let verdicts = rounds.map(|r| &r.identification.verdict);
+    end((plan, manifest), pages, verdicts, console)
+}
+
+/// The posterior of the experiments with what was declared on the way.
+fn close_without_fields(plan: RunPlan, closed: ClosedStudy, console: &Console) -> Result<()> {
+    let options: Options<'_> = plan.options(plan.folder.path());
+    let shared = closed.study.shared();
+    let observed = closed.study.experiments.iter();
+    let observed = observed.map(|e| e.observed(&shared, &options, console));
+    let observed = observed.collect::<Result<Vec<_>>>()?;
+    let each: Vec<&dyn Observed> = observed.iter().map(|o| &**o).collect();
+    let found = study::sampled(&each, None, (&shared, &options), console)?;
+    let summary = TogetherReport::closed(&closed, shared.material.constants());
+    let report = StudyReport::new(&closed.study, &found, Some(summary));
+    plan.folder
+        .write_json("model.extended.json", &closed.study.json(true)?)?;
+    finish(plan, (&report, &found), console)
+}
+
+/// Let the model of a finished run's field know what the other experiments said in it.
+///
+/// # Errors
+/// Of the input: a folder without their chains.
+pub fn know(run: &Path, study: &Study, model: &mut Model) -> Result<()> {
+    let priors = study.shared().priors();
+    let mut said = Vec::new();
+    for experiment in &study.experiments {
+        if experiment.name() == model.experiment().name {
+            continue;
+        }
+        let place = run.join(ALONE).join(experiment.name());
+        let draws = read_zarr(&place.join("chain.zarr"), None)?;
+        let moments = Moments::of(draws.points(), priors.len());
+        said.push(study::said(&moments, &priors)?);
+    }
+    let all: Vec<&Known> = said.iter().collect();
+    model.known = study::others(&all, None).map(Arc::new);
+    Ok(())
+}

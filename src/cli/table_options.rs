@@ -1,0 +1,126 @@
+//! What the user says of tables: `--columns`, `--units`, `--mm-per-pixel`.
+
+use clap::Args;
+
+use crate::error::{Error, Result};
+use crate::field::{Columns, programs};
+
+/// Arguments of verbs that read tables.
+#[derive(Debug, Args)]
+pub struct TableArguments {
+    /// Size of a pixel on the specimen, mm, for exports in pixels
+    #[arg(long, value_name = "MM", requires = "csv")]
+    pub mm_per_pixel: Option<f64>,
+    /// Columns of a table of any program: x=NAME,y=NAME,ux=NAME,uy=NAME[,uz=NAME,sigma=NAME,correlation=NAME]
+    #[arg(long, value_name = "KEY=NAME,..", requires = "csv")]
+    pub columns: Option<String>,
+    /// Unit of a table that states none: mm, m, um, nm or in. Two units, as in mm,um, are those of coordinates and displacements
+    #[arg(long, value_name = "UNIT", requires = "csv")]
+    pub units: Option<String>,
+    /// Side of a subset of the image correlation, mm
+    #[arg(long, value_name = "MM")]
+    pub subset_mm: Option<f64>,
+    /// Distance of the camera from the specimen, mm
+    #[arg(long, value_name = "MM", requires = "subset_mm")]
+    pub camera_distance_mm: Option<f64>,
+}
+
+/// What the user says of the tables.
+pub struct TableOptions {
+    pub columns: Option<Columns>,
+    /// Column of the displacement out of the plane.
+    pub uz: Option<String>,
+    /// Units of the coordinates and of the displacements.
+    pub units: Option<[&'static str; 2]>,
+    pub mm_per_pixel: Option<f64>,
+}
+
+impl TableOptions {
+    /// What the arguments say.
+    ///
+    /// # Errors
+    /// Those of [`TableOptions::new`].
+    pub fn of(arguments: &TableArguments) -> Result<Self> {
+        let TableArguments { columns, units, .. } = arguments;
+        Self::new(columns.as_deref(), units.as_deref(), arguments.mm_per_pixel)
+    }
+
+    /// Columns as `--columns x=A,y=B,ux=C,uy=D` names them, with units as `--units mm` or `mm,um` does.
+    ///
+    /// # Errors
+    /// Of the input: an unknown or repeated key, a key that is missing, an unknown unit.
+    pub fn new(
+        columns: Option<&str>,
+        units: Option<&str>,
+        mm_per_pixel: Option<f64>,
+    ) -> Result<Self> {
+        let (columns, uz) = match columns {
+            Some(text) => {
+                let (columns, uz) = parsed(text)?;
+                (Some(columns), uz)
+            }
+            None => (None, None),
+        };
+        if let Some(size) = mm_per_pixel.filter(|s| !(s.is_finite() && *s > 0.0)) {
+            return Err(Error::input("--mm-per-pixel", "a length in mm above 0").found(size));
+        }
+        let units = units.map(|text| {
+            let parts: Vec<_> = text.split(',').map(programs::unit_of).collect();
+            match parts[..] {
+                [Some(both)] => Ok([both; 2]),
+                [Some(a), Some(b)] => Ok([a, b]),
+                _ => Err(Error::input("--units", "one of m, mm, um, nm, in, px, or two with a comma between: coordinates,displacements").found(text)),
+            }
+        });
+        Ok(Self {
+            columns,
+            uz,
+            units: units.transpose()?,
+            mm_per_pixel,
+        })
+    }
+}
+
+fn parsed(text: &str) -> Result<(Columns, Option<String>)> {
+    const KEYS: [&str; 7] = ["x", "y", "ux", "uy", "uz", "sigma", "correlation"];
+    let wrong = |found: &str| {
+        Error::input(
+            "--columns",
+            "x=NAME,y=NAME,ux=NAME,uy=NAME, and if need be uz=, sigma=, correlation=, each once",
+        )
+        .found(found)
+    };
+    let mut values: [Option<String>; 7] = Default::default();
+    let mut last: Option<usize> = None;
+    // a comma belongs to a name if no key follows
+    for part in text.split(',') {
+        let key = part
+            .split_once('=')
+            .and_then(|(key, name)| Some((KEYS.iter().position(|k| *k == key.trim())?, name)));
+        match (key, last) {
+            (Some((k, name)), _) => {
+                if values[k].replace(name.trim().to_string()).is_some() {
+                    return Err(wrong(part));
+                }
+                last = Some(k);
+            }
+            (None, Some(k)) => {
+                let name = values[k].take().unwrap_or_default();
+                values[k] = Some(format!("{name},{part}"));
+            }
+            (None, None) => return Err(wrong(part)),
+        }
+    }
+    let [x, y, ux, uy, uz, sigma, correlation] = values;
+    let (Some(x), Some(y), Some(ux), Some(uy)) = (x, y, ux, uy) else {
+        return Err(wrong(text));
+    };
+    Ok((
+        Columns {
+            sigma,
+            correlation,
+            ..Columns::new([x, y, ux, uy])
+        },
+        uz,
+    ))
+}

@@ -1,0 +1,10 @@
+//! DaVis: units in the line that begins with its name.
+
+use super::program::Habit::Asked;
+use super::program::{COLUMNS_ONLY, Program, columns};
+
+pub const PROGRAM: Program = Program {
+    exports: &[columns("DaVis", ["x", "y", "Vx", "Vy"], Asked)],
+    mark: Some("davis"),
+    ..COLUMNS_ONLY
+};

@@ -1,0 +1,28 @@
+//! GOM and ZEISS (Correlate, INSPECT, ARAMIS). The tables of GOM hold deformed places, x + displacement; node maps hold both apart.
+
+use super::program::Habit::Of;
+use super::program::{COLUMNS_ONLY, ExportColumns, Program, columns};
+
+const fn deformed(names: [&'static str; 4]) -> ExportColumns {
+    ExportColumns {
+        deformed: true,
+        ..columns("ARAMIS / GOM", names, Of("mm"))
+    }
+}
+
+pub const PROGRAM: Program = Program {
+    exports: &[
+        columns(
+            "ARAMIS / GOM (nodemap export)",
+            ["x_undef", "y_undef", "u", "v"],
+            Of("mm"),
+        ),
+        deformed(["x", "y", "displacement_x", "displacement_y"]),
+        deformed(["x", "y", "dx", "dy"]),
+    ],
+    // # Units: length:mm angle:deg time:s
+    length: Some("units: length"),
+    subset_px: Some("facet_size"),
+    step_px: Some("facet_distance"),
+    ..COLUMNS_ONLY
+};

@@ -1,0 +1,92 @@
+//! Stages of a run that are finished, each in a file of its own: a run that goes on takes them up instead of doing them again.
+//!
+//! A file belongs to what the stage was made of. Its name has the stage and the digest of the run's identity (model, data, version, seed)
+//! and of everything that went into it. Its first line has the digest of what follows, so that a damaged file is known as one.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::{Stored, hex, make_folder, replace};
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// The folder of a run's finished stages, beside its chains.
+pub const STAGES: &str = "stages";
+
+/// Begins every file.
+const FORMAT: &str = "plychain-stage/1";
+
+/// Where finished stages are kept; nowhere by default.
+#[derive(Debug, Clone, Default)]
+pub struct KeptStages {
+    place: Option<(PathBuf, String)>,
+    resume: bool,
+}
+
+impl KeptStages {
+    /// In a folder, for runs of one `identity`; what is there already is taken up where a run is to `resume`.
+    pub fn within(folder: PathBuf, identity: &Value, resume: bool) -> Self {
+        Self {
+            place: Some((folder, identity.to_string())),
+            resume,
+        }
+    }
+
+    /// A stage that was finished before, or `make` it and keep it. The name says which stage it is, `of` are the bytes of what goes into it.
+    ///
+    /// # Errors
+    /// Those of `make`; a folder that cannot be written.
+    pub fn stage<T: Stored>(
+        &self,
+        name: &str,
+        of: &[u8],
+        make: impl FnOnce() -> Result<T>,
+        progress: &dyn Progress,
+    ) -> Result<T> {
+        let Some((folder, identity)) = &self.place else {
+            return make();
+        };
+        let mut sum = Sha256::new();
+        for part in [FORMAT.as_bytes(), identity.as_bytes(), name.as_bytes(), of] {
+            sum.update(Sha256::digest(part));
+        }
+        let of = hex(&sum.finalize());
+        let path = folder.join(format!("{name}-{}", &of[..16]));
+        if let Some(bytes) = std::fs::read(&path).ok().filter(|_| self.resume) {
+            if let Some(value) = whole(&bytes, &of) {
+                return Ok(value);
+            }
+            let damaged = format!("{} is damaged: this stage is done again", path.display());
+            progress.begin(&damaged, None);
+            progress.end();
+        }
+        let value = make()?;
+        make_folder(folder)?;
+        replace(&path, file(&value, &of))?;
+        Ok(value)
+    }
+}
+
+/// The bytes of a stage's file.
+fn file(value: &impl Stored, of: &str) -> Vec<u8> {
+    let mut content = Vec::new();
+    value.put(&mut content);
+    let sum = hex(&Sha256::digest(&content));
+    let mut bytes = format!("{FORMAT} {of} {sum}\n").into_bytes();
+    bytes.append(&mut content);
+    bytes
+}
+
+/// What a stage's file holds, if it is whole and was made of the same.
+fn whole<T: Stored>(bytes: &[u8], of: &str) -> Option<T> {
+    let end = bytes.iter().position(|b| *b == b'\n')?;
+    let mut content = &bytes[end + 1..];
+    let sum = hex(&Sha256::digest(content));
+    if bytes[..end] != *format!("{FORMAT} {of} {sum}").as_bytes() {
+        return None;
+    }
+    let value = T::take(&mut content);
+    value.filter(|_| content.is_empty())
+}

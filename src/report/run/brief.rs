@@ -1,0 +1,163 @@
+//! What a person reads first of a run: a screen of a terminal, and the head of the page.
+
+use crate::parameter::Parameter;
+use crate::quantity::significant;
+use crate::report::document::Report;
+use crate::report::learned::{self, Learned, not_measured};
+use crate::report::page::Page;
+use crate::report::round::{MeanAndSd, RoundReport};
+use crate::section::{Digits, Piece, Section, Table, TableCell, row};
+use crate::trace::{Conclusion, Status};
+
+/// Warnings that are shown.
+const SHOWN: usize = 3;
+
+/// The verdict, the constants, the effects found and what to check before use.
+pub fn brief(page: &Page) -> Section {
+    let report = &page.report;
+    let Some(last) = report.last() else {
+        return Section::default();
+    };
+    let section = Section::default()
+        .with(verdict(page, last))
+        .with(constants(page))
+        .with(found(report, last));
+    section.with(checks(report, last, SHOWN))
+}
+
+/// The verdict in few words.
+pub fn verdict(page: &Page, last: &RoundReport) -> Piece {
+    let report = &page.report;
+    let said = report.closing.as_ref().map(|c| &c.verdict);
+    let residual = residual(page, last);
+    let why = said.map(why).unwrap_or_default();
+    let text = [Some(residual), Some(why), not_measured(&report.learned)];
+    let text: Vec<String> = text
+        .into_iter()
+        .flatten()
+        .filter(|t| !t.is_empty())
+        .collect();
+    Piece::Verdict {
+        word: said.map_or_else(
+            || "identified, causes not looked for".into(),
+            Conclusion::words,
+        ),
+        text: text.join(" "),
+        open: said.is_some_and(|v| v.status == Status::Unexplained),
+    }
+}
+
+/// What is left of the data, before and after.
+fn residual(page: &Page, last: &RoundReport) -> String {
+    let nm = |r: &RoundReport| Digits::Three.write(r.residual.rms_nm.all);
+    let noise = &last.residual.noise_nm;
+    let noise = (0.5 * (noise.u1.powi(2) + noise.u2.powi(2))).sqrt();
+    let noise = Digits::Three.write(noise);
+    match &page.report.rounds[..] {
+        [first, .., last] => format!(
+            "Residual: {} nm before, {} nm after; the noise is {noise} nm.",
+            nm(first),
+            nm(last)
+        ),
+        _ => format!("Residual: {} nm; the noise is {noise} nm.", nm(last)),
+    }
+}
+
+/// Why a verdict is open.
+fn why(verdict: &Conclusion) -> String {
+    let mut said = Vec::new();
+    if let Some(veto) = verdict.vetoes.first() {
+        let more = match verdict.vetoes.len() {
+            1 => String::new(),
+            n => format!(" ({} more in the report)", n - 1),
+        };
+        said.push(format!("A check failed: {veto}{more}."));
+    }
+    if verdict.suspect.is_some() {
+        said.push("Several explanations fit, and the intervals contain all of them.".to_string());
+    } else if verdict.status == Status::Unexplained && verdict.vetoes.is_empty() {
+        said.push("Structure remains. Look at the map of the residual.".into());
+    }
+    said.join(" ")
+}
+
+/// The constants to use, with 95 % interval, prior and what the data added.
+pub fn constants(page: &Page) -> Table {
+    let report = &page.report;
+    let number = |name: &&str| {
+        if let Some(i) = report.averaged(name) {
+            return Some([i.mean, i.sd, i.low, i.high]);
+        }
+        let p = report.last()?.posterior.get(*name)?;
+        Some([p.mean, p.sd, p.low, p.high])
+    };
+    let rows = page.constants().into_iter().filter_map(|name| {
+        let [mean, sd, low, high] = number(&name)?;
+        let [low, high] = [low, high].map(|end| significant(end, sd));
+        let learned = report
+            .learned
+            .get(name)
+            .map(|l| Learned::new(l.prior, MeanAndSd { mean, sd }));
+        let [prior, data] = Learned::cells(learned.as_ref());
+        let truth = page.true_value(name);
+        let truth = truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole));
+        let interval = TableCell::from(format!("{low} to {high}"));
+        let result = TableCell::mean_sd(Some((mean, sd)));
+        let published = report.last().and_then(|r| r.posterior.get(name)?.published);
+        let published = TableCell::published(published.map(|p| (p.mean, p.sd)));
+        Some(row(name, [result, interval, prior, data, published, truth]))
+    });
+    let [prior, data] = learned::HEADERS;
+    Table::new(
+        "",
+        ["", "result", "95 %", prior, data, "published", "truth"],
+        rows,
+    )
+}
+
+/// The effects that were found, each with its size and the test that settles it.
+pub fn found(report: &Report, last: &RoundReport) -> Piece {
+    let Some(verdict) = report.closing.as_ref().map(|c| &c.verdict) else {
+        return Piece::List(Vec::new());
+    };
+    let item = |effect: &String| {
+        let amplitudes = last.effect_amplitudes.iter();
+        let own =
+            amplitudes.filter(|(name, _)| Parameter::read(name).effect.as_deref() == Some(effect));
+        let sizes: Vec<String> = own.map(|(name, a)| size(name, a)).collect();
+        let tests = verdict.confirm.iter().flat_map(|group| &group.tests);
+        let test = tests.clone().find(|t| t.effect == *effect);
+        let test = test.map_or_else(String::new, |t| format!(". Test: {}", t.test));
+        (effect.clone(), format!("{}{test}", sizes.join(", ")))
+    };
+    let mut items: Vec<(String, String)> = verdict.effects.iter().map(item).collect();
+    if !verdict.undecided.is_empty() {
+        let names: Vec<String> = verdict.undecided.iter().map(|g| g.join(" or ")).collect();
+        items.push(("undecided".into(), names.join("; ")));
+    }
+    Piece::List(items)
+}
+
+fn size(name: &str, amplitude: &MeanAndSd) -> String {
+    let parameter = Parameter::read(name);
+    let value = TableCell::mean_sd(Some((amplitude.mean, amplitude.sd))).plain();
+    format!("{} = {value}", parameter.own)
+}
+
+/// What to check before the numbers are used, at most so many; the others are in the report.
+pub fn checks(report: &Report, last: &RoundReport, most: usize) -> Piece {
+    let doubts = report.rounds.first().into_iter().flat_map(|r| &r.doubts);
+    let mut all: Vec<String> = doubts.chain(&last.warnings).cloned().collect();
+    if !last.convergence.converged {
+        all.insert(
+            0,
+            "The chains have not converged. Run longer: --min-ess.".into(),
+        );
+    }
+    let more = all.len().saturating_sub(most);
+    all.truncate(most);
+    if more > 0 {
+        all.push(format!("{more} more in the report"));
+    }
+    Piece::Warnings(all)
+}

@@ -1,0 +1,311 @@
+//! Verdicts as a whole: constants, forces, motion, noise and up to three effects are drawn, a measurement is simulated, the loop is closed on
+//! it, and its names and intervals are compared with what acted. The oracle is the same identification with the true effects declared.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::calibration::{ReplicatePlan, model_of};
+use super::drawn::{Acts, Drawn};
+use super::whole_loop::{Numbered, ROUNDS, measured, options, refuse_unknown_forces, replicates};
+use crate::error::Result;
+use crate::files::Keyed;
+use crate::identify::{Identification, identify};
+use crate::infer::{EffectUnderLaw, Model};
+use crate::numeric::quantile;
+use crate::progress::{Progress, Silent};
+use crate::sample::SAMPLERS;
+use crate::trace::{Finding, Interval, LoopStage, Status, close, explain, extended};
+
+/// Effects that act, at most.
+pub const MOST: usize = 3;
+
+/// What the verdicts of a loop are asked of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct VerdictPlan {
+    /// Effects that act, at most; any number up to this one, equally often.
+    pub effects: usize,
+    /// Whether the posterior to quote is sampled; else its closed form is judged.
+    pub whole: bool,
+}
+
+/// One line of the record.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct VerdictReplicate {
+    pub replicate: usize,
+    /// What acted, each with whether the first round would have shown it.
+    pub acted: Vec<(String, bool)>,
+    /// What the loop named, each with its alias group.
+    pub named: Vec<(String, Vec<String>)>,
+    pub status: String,
+    /// Whether the 95 % interval to quote holds each constant.
+    pub held: Vec<bool>,
+    /// Root mean square distance of the constants from the oracle's, oracle's sds: by the model as it was given, and by the last round.
+    pub bias: [f64; 2],
+}
+
+impl Numbered for VerdictReplicate {
+    fn replicate(&self) -> usize {
+        self.replicate
+    }
+}
+
+impl VerdictReplicate {
+    fn acts(&self, name: &str) -> bool {
+        self.acted.iter().any(|(acted, _)| acted == name)
+    }
+
+    fn is_null(&self) -> bool {
+        self.acted.is_empty()
+    }
+
+    /// Whether the names are those of what acted, no more and no fewer.
+    fn is_exact(&self) -> bool {
+        self.named.len() == self.acted.len() && self.named.iter().all(|(name, _)| self.acts(name))
+    }
+
+    /// Names of which no member of the alias group acted.
+    fn false_names(&self) -> usize {
+        let outside = |group: &Vec<String>| !group.iter().any(|name| self.acts(name));
+        self.named
+            .iter()
+            .filter(|(_, group)| outside(group))
+            .count()
+    }
+
+    fn is_explained(&self) -> bool {
+        self.status != Status::Unexplained.words()
+    }
+}
+
+/// Run or go on with a record at `path`, and return all replicates.
+///
+/// # Errors
+/// A record of another plan; what simulation and the loop may fail with.
+pub fn verdicts(
+    model: &Model,
+    plan: &ReplicatePlan,
+    asked: VerdictPlan,
+    (cache, path): (&Path, &Path),
+    progress: &dyn Progress,
+) -> Result<Vec<VerdictReplicate>> {
+    let model = &model_of(model);
+    refuse_unknown_forces(model)?;
+    let one = |k: usize| {
+        let found = |model: &Model, drawn: &Drawn| judged(model, (plan, asked), k, drawn, cache);
+        measured(model, plan, (Acts::UpTo(asked.effects), k), path, &found)
+    };
+    replicates((path, &(asked, &model.file)), plan, &one, progress)
+}
+
+/// Close the loop on a measurement, and compare with what is true.
+fn judged(
+    model: &Model,
+    (plan, asked): (&ReplicatePlan, VerdictPlan),
+    replicate: usize,
+    drawn: &Drawn,
+    cache: &Path,
+) -> Result<VerdictReplicate> {
+    let sampler = (SAMPLERS[0].build)();
+    let options = |stage: LoopStage| options(&*sampler, plan, (replicate, stage), cache);
+    let (rounds, conclusion, intervals) = if asked.whole {
+        let closed = close(model, ROUNDS, &options, &Silent)?;
+        let intervals = closed.quoted();
+        (closed.rounds, closed.conclusion, intervals)
+    } else {
+        let explained = explain(model, ROUNDS, &options, &Silent)?;
+        let intervals = explained.closed_form();
+        (explained.rounds, explained.conclusion, intervals)
+    };
+    let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
+    let shows = |acts: &EffectUnderLaw| {
+        let same = |f: &&Finding| f.effect.name() == acts.effect.name();
+        let mut own = first
+            .tracing
+            .candidates
+            .iter()
+            .filter(same)
+            .map(|f| f.detectable);
+        let size = drawn.amplitude(acts).first().map_or(0.0, |a| a.abs());
+        own.any(|detectable| size > detectable)
+    };
+    let acted = drawn
+        .acted
+        .iter()
+        .map(|a| (a.effect.name().to_string(), shows(a)));
+    let group = |name: &String| {
+        let mut groups = conclusion.alias_groups.iter();
+        let own = groups.find(|g| g.contains(name)).cloned();
+        (name.clone(), own.unwrap_or_else(|| vec![name.clone()]))
+    };
+    let held = model
+        .constants()
+        .iter()
+        .zip(drawn.constants())
+        .map(|(name, x)| {
+            let interval = &intervals[*name];
+            (interval.low..=interval.high).contains(x)
+        });
+    let bias = match drawn.acted.is_empty() {
+        true => [0.0; 2],
+        false => {
+            let oracle = oracle(model, drawn, &first.tracing.averaged);
+            let oracle = identify(&oracle, &options(LoopStage::Attempt(ROUNDS + 1)), &Silent)?;
+            [&first.identification, &last.identification]
+                .map(|found| distance(model, found, &oracle))
+        }
+    };
+    Ok(VerdictReplicate {
+        replicate,
+        acted: acted.collect(),
+        named: conclusion.effects.iter().map(group).collect(),
+        status: conclusion.status.words().to_string(),
+        held: held.collect(),
+        bias,
+    })
+}
+
+/// The model with everything declared that acts.
+fn oracle(model: &Model, drawn: &Drawn, averaged: &Keyed<Interval>) -> Model {
+    let marginals = model.marginals().into_iter().zip(averaged);
+    let wide = marginals.map(|(prior, (name, found))| {
+        let interval = Interval {
+            mean: prior.mean,
+            sd: prior.sd,
+            ..*found
+        };
+        (name.clone(), interval)
+    });
+    let wide: Keyed<Interval> = wide.collect();
+    let mut declared = model.clone();
+    for acts in &drawn.acted {
+        let amplitude: Vec<(f64, f64)> = drawn.amplitude(acts).iter().map(|a| (*a, 0.0)).collect();
+        declared = extended(&declared, acts.effect, &amplitude, &wide);
+        let law = acts.law.map(|law| (acts.effect.name().to_string(), law));
+        declared.experiment_mut().laws.extend(law);
+    }
+    declared
+}
+
+/// Root mean square distance of the constants of two identifications, sds of the second.
+fn distance(model: &Model, found: &Identification, oracle: &Identification) -> f64 {
+    let of = |name: &&str| {
+        let ((a, _), (b, sd)) = (found.moments(name)?, oracle.moments(name)?);
+        Some(((a - b) / sd).powi(2))
+    };
+    let squares: Vec<f64> = model.constants().iter().filter_map(of).collect();
+    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+}
+
+/// How often of how many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct HowOften {
+    pub found: usize,
+    pub of: usize,
+}
+
+impl HowOften {
+    fn new<T>(all: impl IntoIterator<Item = T>, is: impl Fn(&T) -> bool) -> Self {
+        let (mut found, mut of) = (0, 0);
+        for one in all {
+            found += usize::from(is(&one));
+            of += 1;
+        }
+        Self { found, of }
+    }
+
+    pub fn share(self) -> f64 {
+        self.found as f64 / self.of.max(1) as f64
+    }
+
+    /// The 95 % interval of the share (Wilson 1927, J. Am. Stat. Assoc. 22, 209).
+    pub fn interval(self) -> [f64; 2] {
+        const Z: f64 = 1.959_964;
+        let (n, p) = (self.of.max(1) as f64, self.share());
+        let middle = p + Z * Z / (2.0 * n);
+        let half = Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+        [middle - half, middle + half].map(|x| (x / (1.0 + Z * Z / n)).clamp(0.0, 1.0))
+    }
+}
+
+/// How the verdicts fared.
+#[derive(Debug, Clone, Serialize)]
+pub struct VerdictSummary {
+    pub plan: ReplicatePlan,
+    pub asked: VerdictPlan,
+    pub replicates: usize,
+    /// Nulls in which something was named, and in which structure was called unexplained.
+    pub named_in_nulls: HowOften,
+    pub unexplained_nulls: HowOften,
+    /// Measurements with effects whose names are exactly those.
+    pub exact: HowOften,
+    /// Effects that acted and were named: of all, and of those that the measurement would show.
+    pub recalled: HowOften,
+    pub recalled_of_shown: HowOften,
+    /// Names of effects that acted, of all names.
+    pub right_names: HowOften,
+    /// Alias groups in which something acted, of all that were named.
+    pub right_groups: HowOften,
+    /// Measurements that end explained, with a name in whose group nothing acts.
+    pub sure_and_wrong: HowOften,
+    /// 95 % intervals that hold their constant.
+    pub held: HowOften,
+    /// Median of the distance from the oracle after closing over that before, where effects acted and the residual is explained.
+    pub bias_left: f64,
+}
+
+impl VerdictSummary {
+    pub fn new(plan: &ReplicatePlan, asked: VerdictPlan, all: &[VerdictReplicate]) -> Self {
+        let nulls = || all.iter().filter(|r| r.is_null());
+        let acted = || all.iter().filter(|r| !r.is_null());
+        let effects = || {
+            let of = |r: &'_ VerdictReplicate| {
+                let named = |name: &str| r.named.iter().any(|(n, _)| n == name);
+                r.acted
+                    .iter()
+                    .map(|(name, shows)| (named(name), *shows))
+                    .collect::<Vec<_>>()
+            };
+            all.iter().flat_map(of)
+        };
+        let names = all
+            .iter()
+            .flat_map(|r| r.named.iter().map(|(name, _)| r.acts(name)));
+        let groups = all.iter().map(|r| (r.false_names(), r.named.len()));
+        let (wrong, of) = groups.fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+        let closed = acted().filter(|r| r.is_explained() && r.bias[0] > 0.0);
+        Self {
+            plan: plan.clone(),
+            asked,
+            replicates: all.len(),
+            named_in_nulls: HowOften::new(nulls(), |r| !r.named.is_empty()),
+            unexplained_nulls: HowOften::new(nulls(), |r| !r.is_explained()),
+            exact: HowOften::new(acted(), |r| r.is_exact()),
+            recalled: HowOften::new(effects(), |(named, _)| *named),
+            recalled_of_shown: HowOften::new(effects().filter(|e| e.1), |(named, _)| *named),
+            right_names: HowOften::new(names, |acts| *acts),
+            right_groups: HowOften {
+                found: of - wrong,
+                of,
+            },
+            sure_and_wrong: HowOften::new(all, |r| r.is_explained() && r.false_names() > 0),
+            held: HowOften::new(all.iter().flat_map(|r| &r.held), |held| **held),
+            bias_left: quantile(&sorted(closed.map(|r| r.bias[1] / r.bias[0])), 0.5),
+        }
+    }
+
+    /// Harmonic mean of the share of names that are right and of the share of effects that are named.
+    pub fn f1(&self) -> f64 {
+        let (precision, recall) = (self.right_names.share(), self.recalled.share());
+        match precision + recall > 0.0 {
+            true => 2.0 * precision * recall / (precision + recall),
+            false => f64::NAN,
+        }
+    }
+}
+
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values
+}

@@ -1,0 +1,259 @@
+//! Results that README.md and models/README.md print, compared with what their commands give today.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::program::{fresh, plychain_in, root, shared, succeed};
+use crate::prose::{is_short, paragraphs_of_html};
+use crate::report::{json, read};
+
+/// A page may differ from a run by this share of the sd: another processor rounds otherwise, and chains are finite.
+const SHARE: f64 = 0.35;
+
+/// The cells of the rows of a page's table that has `heading` in its first line, by their first cell.
+fn table(page: &str, heading: &str) -> Vec<Vec<String>> {
+    let lines = page.lines().skip_while(|line| !line.contains(heading));
+    let rows: Vec<Vec<String>> = lines
+        .take_while(|line| line.starts_with('|'))
+        .skip(2)
+        .map(|line| {
+            line.trim_matches('|')
+                .split('|')
+                .map(|c| c.replace("**", "").trim().to_string())
+                .collect()
+        })
+        .collect();
+    assert!(!rows.is_empty(), "no table with {heading}");
+    rows
+}
+
+/// `139.9 +- 1.1 (95 %: ...)` as mean and sd.
+fn mean_and_sd(cell: &str) -> (f64, f64) {
+    let (mean, sd) = cell.split_once(" +- ").unwrap_or_else(|| panic!("{cell}"));
+    let number = |text: &str| -> f64 {
+        let digits = text.split([' ', ',', ')']).next().unwrap_or_default();
+        digits.parse().unwrap_or_else(|e| panic!("{text}: {e}"))
+    };
+    (number(mean), number(sd))
+}
+
+/// Half a unit of the last digit that a number is printed with.
+fn rounding(number: &str) -> f64 {
+    let decimals = number.split_once('.').map_or(0, |(_, d)| d.len());
+    0.5 * 10_f64.powi(-i32::try_from(decimals).unwrap())
+}
+
+/// That a cell says what a run found.
+fn is_printed(what: &str, cell: &str, found: &Value) {
+    let (mean, sd) = mean_and_sd(cell);
+    let of = |key: &str| {
+        found[key]
+            .as_f64()
+            .unwrap_or_else(|| panic!("{what}: {found}"))
+    };
+    let last = cell
+        .split(" +- ")
+        .nth(1)
+        .unwrap()
+        .split([' ', ','])
+        .next()
+        .unwrap();
+    let near = (mean - of("mean")).abs() < SHARE * of("sd") + rounding(last);
+    let as_wide = (sd - of("sd")).abs() < 0.15 * of("sd") + rounding(last);
+    assert!(
+        near && as_wide,
+        "{what}: the page says {cell}, the run {} +- {}",
+        of("mean"),
+        of("sd")
+    );
+}
+
+/// Name of a row's constant in reports: `E1, GPa` is `E1_GPa`.
+fn constant(cell: &str) -> String {
+    let cell = cell.split(" (").next().unwrap();
+    cell.replace(", ", "_")
+}
+
+fn priors(model: &Value, name: &str) -> Value {
+    let prior = &model["material"]["parameters"][name]["prior"]["normal"];
+    assert!(prior.is_object(), "{name}");
+    prior.clone()
+}
+
+/// The same numbers, to the last digit.
+fn same(a: &str, found: &Value) {
+    let (mean, sd) = mean_and_sd(a);
+    assert_eq!(
+        [mean, sd],
+        ["mean", "sd"].map(|k| found[k].as_f64().unwrap()),
+        "{a}"
+    );
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_readme_prints_what_the_first_command_finds() {
+    let out = fresh("printed");
+    succeed(&["loop", "--quiet", "--out", &out.display().to_string()]);
+    let report = json(&out.join("report.json"));
+    is_short(
+        "report",
+        &paragraphs_of_html(&read(&out.join("report.html"))),
+    );
+    let page = read(&root().join("README.md"));
+    let model = json(&root().join("models/openhole.json"));
+    let truth = json(&root().join("models/openhole/truth.json"));
+    let rows = table(&page, "| simulated with |");
+    assert_eq!(rows.len(), 4);
+    for row in &rows {
+        let name = constant(&row[0]);
+        same(&row[1], &priors(&model, &name));
+        is_printed(&name, &row[2], &report["averaged_posterior"][&name]);
+        assert_eq!(
+            row[3].parse::<f64>().unwrap(),
+            truth["constants"][&name].as_f64().unwrap()
+        );
+    }
+    let (mean, sd) = mean_and_sd(page.split("`load_misalignment`, ").nth(1).unwrap());
+    let found = &report["rounds"][1]["posterior"]["load_misalignment.angle_deg"];
+    let [m, s] = ["mean", "sd"].map(|k| found[k].as_f64().unwrap());
+    assert!((mean - m).abs() < 1e-3 && (sd - s).abs() < 5e-4, "{found}");
+    let left = page.split("The first fit leaves ").nth(1).unwrap();
+    let left: f64 = left.split(' ').next().unwrap().parse().unwrap();
+    let said = &report["rounds"][0]["residual"]["rms_nm"]["all"];
+    assert!(
+        (left / said.as_f64().unwrap() - 1.0).abs() < 0.05,
+        "{left} {said}"
+    );
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_manual_prints_what_field_and_frequencies_find() {
+    let page = read(&root().join("models/README.md"));
+    let model = root()
+        .join("models/openhole-and-plate.json")
+        .display()
+        .to_string();
+    let out = fresh("printed-both");
+    succeed(&[
+        "loop",
+        &model,
+        "--quiet",
+        "--out",
+        &out.display().to_string(),
+    ]);
+    let report = json(&out.join("report.json"));
+    let declared = json(Path::new(&model));
+    let rows = table(&page, "| (simulated with) |");
+    assert_eq!(rows.len(), 4);
+    for row in &rows {
+        let name = constant(&row[0]);
+        same(&row[1], &priors(&declared, &name));
+        is_printed(&name, &row[5], &report["averaged_posterior"][&name]);
+    }
+    let (mean, sd) = mean_and_sd(
+        page.split("The loop names `magnification`, ")
+            .nth(1)
+            .unwrap(),
+    );
+    let found = &report["rounds"][1]["posterior"]["magnification.percent"];
+    let [m, s] = ["mean", "sd"].map(|k| found[k].as_f64().unwrap());
+    assert!(
+        (mean - m).abs() < SHARE * s + 0.005 && (sd - s).abs() < 0.15 * s + 0.005,
+        "{found}"
+    );
+}
+
+/// The four commands of the manual's load series, with the hole's diameter set as it says.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_manual_prints_what_its_series_gives() {
+    let page = read(&root().join("models/README.md"));
+    let block = page
+        .split("```sh\n")
+        .find(|b| b.starts_with("plychain init rig"))
+        .unwrap();
+    let block = block.split("```").next().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for line in block.lines().filter(|line| line.starts_with("plychain")) {
+        let line = line.split(" #").next().unwrap();
+        let words: Vec<String> = line
+            .split_whitespace()
+            .skip(1)
+            .map(|w| w.trim_matches('\'').to_string())
+            .collect();
+        let mut words: Vec<&str> = words.iter().map(String::as_str).collect();
+        if words[0] == "loop" {
+            let file = folder.path().join("coupon.json");
+            let mut model = json(&file);
+            model["experiments"][0]["specimen"]["hole"]["diameter_mm"] = 4.into();
+            std::fs::write(&file, model.to_string()).unwrap();
+            words.extend(["--out", "run"]);
+        }
+        let end = plychain_in(folder.path(), &words);
+        assert!(
+            end.status.success(),
+            "{line}\n{}",
+            String::from_utf8_lossy(&end.stderr)
+        );
+    }
+    let report = json(&folder.path().join("run/report.json"));
+    let rows = table(&page, "| | prior | result | simulated |");
+    let e1 = rows.iter().find(|r| r[0] == "E1, GPa").unwrap();
+    is_printed("E1", &e1[2], &report["averaged_posterior"]["E1_GPa"]);
+    assert_eq!(
+        report["verdict"]["effects"],
+        serde_json::json!(["out_of_plane_rotation"])
+    );
+    let tilt = rows.iter().find(|r| r[0] == "tilt, mrad").unwrap();
+    let (mean, sd) = mean_and_sd(&tilt[2]);
+    assert!((mean - 3.0).abs() < 2.0 * sd, "{tilt:?}");
+}
+
+/// README's worked example, with the lines that it sets.
+#[test]
+#[ignore = "needs ../shared, 3 minutes"]
+fn the_readme_prints_what_the_measured_strip_gives() {
+    let page = read(&root().join("README.md"));
+    let folder = tempfile::tempdir().unwrap();
+    let name = "20231116_displacements_raw.csv";
+    std::fs::copy(
+        shared("steel-s235/displacements_raw.csv"),
+        folder.path().join(name),
+    )
+    .unwrap();
+    let run = |words: &[&str]| {
+        let end = plychain_in(folder.path(), words);
+        assert!(
+            end.status.success(),
+            "{words:?}\n{}",
+            String::from_utf8_lossy(&end.stderr)
+        );
+    };
+    run(&["init", "strip", "--like", "steel", "--csv", name]);
+    let file = folder.path().join("strip.json");
+    let mut model = json(&file);
+    let set: Value = {
+        let block = page
+            .split("```json\n")
+            .find(|b| b.contains("\"hole\""))
+            .unwrap();
+        serde_json::from_str(&format!("{{{}}}", block.split("```").next().unwrap())).unwrap()
+    };
+    let experiment = &mut model["experiments"][0];
+    for key in ["width_mm", "hole", "thickness_mm"] {
+        experiment["specimen"][key] = set[key].clone();
+    }
+    experiment["load"] = set["load"].clone();
+    std::fs::write(&file, model.to_string()).unwrap();
+    run(&["loop", "strip.json", "--quiet", "--out", "run"]);
+    let report = json(&folder.path().join("run/report.json"));
+    for row in table(&page, "| handbook |") {
+        let name = constant(&row[0]);
+        same(&row[1], &priors(&model, &name));
+        is_printed(&name, &row[2], &report["averaged_posterior"][&name]);
+    }
+    assert_eq!(report["verdict"]["status"], "unexplained");
+}
