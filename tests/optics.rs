@@ -65,6 +65,7 @@ fn scene(loading_axis: Axis, layup: &[f64], fringes: Option<f64>) -> Scene {
         material: Material::Ply,
         camera_distance_mm: None,
         pixel_mm: None,
+        subset_mm: None,
         solved_elsewhere: false,
         middle: [0.0; 2],
         declared_loads: Vec::new(),

@@ -55,6 +55,7 @@ pub fn scene(test: &FieldTest) -> Scene {
         material: Material::Ply,
         camera_distance_mm: None,
         pixel_mm: None,
+        subset_mm: None,
         solved_elsewhere: false,
         middle: [0.0; 2],
         declared_loads: Vec::new(),

@@ -39,6 +39,7 @@ mod shear_nonlinearity;
 mod single_ply_misorientation;
 mod softening;
 mod step_force;
+mod subset_size;
 mod thermal_gradient;
 mod thermal_strain;
 mod thickness_taper;
@@ -74,6 +75,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &out_of_plane_translation::OutOfPlaneTranslation,
     &out_of_plane_rotation::OutOfPlaneRotation,
     &interpolation_bias::InterpolationBias,
+    &subset_size::SubsetSize,
     &phase_shift_error::PhaseShiftError,
     &fringe_order_jump::FringeOrderJump,
     &load_introduction::LoadIntroduction(0),
@@ -246,6 +248,8 @@ pub struct Scene {
     pub camera_distance_mm: Option<f64>,
     /// Size of a pixel on the specimen, mm, where images are correlated and it is declared.
     pub pixel_mm: Option<f64>,
+    /// Side of the declared subset, mm, where images are correlated.
+    pub subset_mm: Option<f64>,
     /// Whether another program solved the fields, so that only what is added to them or done to their picture can be predicted.
     pub solved_elsewhere: bool,
     /// Middle of the picture, (s, t) mm: the camera's axis and the centre of its lens are near it.
@@ -366,8 +370,14 @@ pub trait Effect: Sync {
         self.scope() != Scope::Force || self.obstacle(scene).is_none()
     }
 
-    /// What the constants are where it acts with an amplitude, in a sentence; none where they are what they always are.
-    fn constants_are(&self, _amplitude: &[f64]) -> Option<String> {
+    /// By how much more than a declared subset does it displacements are averaged, over what that does to them.
+    fn smoothing(&self, _amplitude: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// What amplitudes with means and sds mean for who reads the constants or the fields, in a sentence; none where they speak for
+    /// themselves.
+    fn meaning(&self, _amplitude: &[[f64; 2]], _scene: &Scene) -> Option<String> {
         None
     }
 

@@ -22,8 +22,8 @@ impl Effect for SofteningWithLoad {
         loads.iter().map(|f| f * f.abs()).collect()
     }
 
-    fn constants_are(&self, amplitude: &[f64]) -> Option<String> {
-        let percent = amplitude[0];
+    fn meaning(&self, amplitude: &[[f64; 2]], _scene: &Scene) -> Option<String> {
+        let [percent, _] = *amplitude.first()?;
         let secant = 100.0 * (1.0 - 1.0 / (1.0 + 0.01 * percent));
         let lower = if secant > 0.0 { "lower" } else { "higher" };
         let secant = significant(secant.abs(), 0.1 * secant.abs());

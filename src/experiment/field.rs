@@ -150,7 +150,8 @@ impl FieldExperiment {
                 &located
             }
         };
-        let loaded = observer.displacement(&solution.nodal);
+        let mut loaded = observer.displacement(&solution.nodal);
+        self.smooth(state, sight, &solution.nodal, &mut loaded);
         let displacement = if camera.is_plain() {
             loaded.clone()
         } else {
@@ -167,6 +168,25 @@ impl FieldExperiment {
             loaded,
             gradient,
         })
+    }
+
+    /// Average displacements by as much more than the declared subset does it as effects say. Taken where a plain camera sees the nominal
+    /// mesh: what another shape or picture does to so small a difference is of second order.
+    fn smooth(&self, state: &State, sight: &Sight, nodal: &[f64], loaded: &mut [[f64; 2]]) {
+        let share = smoothing(state);
+        let Some(subsets) = self.subsets().filter(|_| share != 0.0) else {
+            return;
+        };
+        let [averages, middles] = sight.smoothed(|| {
+            let locator = Locator::new(&self.plate.mesh);
+            let averages = subsets.observe(sight.all(), &locator);
+            [averages, locator.observe_extended(sight.all())]
+        });
+        let averages = averages.displacement(nodal).into_iter();
+        let pairs = averages.zip(middles.displacement(nodal));
+        for (u, (average, middle)) in loaded.iter_mut().zip(pairs) {
+            *u = [0, 1].map(|c| u[c] + share * (average[c] - middle[c]));
+        }
     }
 
     /// Where a sight's points lie on a mesh, as a camera shows them. Where an effect moves points into the hole or past an edge, the
@@ -443,7 +463,7 @@ impl Spanning for FieldExperiment {
     }
 
     fn coordinates(&self, state: &State) -> Option<Answer> {
-        if !Seen::new(state.acting(), &self.scene).is_plain() {
+        if !Seen::new(state.acting(), &self.scene).is_plain() || smoothing(state) != 0.0 {
             return None;
         }
         let (setup, ply) = self.tested(state).ok()?;
@@ -453,6 +473,12 @@ impl Spanning for FieldExperiment {
     fn rest(&self) {
         self.plate.rest();
     }
+}
+
+/// By how much more than the declared subset does it displacements are averaged.
+fn smoothing(state: &State) -> f64 {
+    let acting = state.acting().iter();
+    acting.map(|a| a.effect.smoothing(&a.amplitude)).sum()
 }
 
 /// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.

@@ -1,5 +1,7 @@
 //! Where a field is looked at.
 
+use std::sync::OnceLock;
+
 use crate::fem::Observer;
 
 /// Reported points, and further ones that only the gauge counts: places of outliers, which were measured all the same.
@@ -10,6 +12,8 @@ pub struct Sight {
     seen: usize,
     /// Where all of them lie on the nominal specimen's mesh, if that is known.
     observer: Option<Observer>,
+    /// What averages over subsets about them read on that mesh, and what the points themselves do, once it was asked for.
+    smoothed: OnceLock<[Observer; 2]>,
     /// Whether a point stands for the subset about it, where images are correlated.
     correlated: bool,
 }
@@ -21,6 +25,7 @@ impl Sight {
             all: [points, further].concat(),
             seen: points.len(),
             observer: None,
+            smoothed: OnceLock::new(),
             correlated: false,
         }
     }
@@ -50,6 +55,16 @@ impl Sight {
         self.observer.as_ref()
     }
 
+    /// Averages over subsets and their middles on the nominal mesh, located when they are first asked for. Threads that ask at once each
+    /// locate them: one that waited could hold up the other's parallel loops.
+    pub(super) fn smoothed(&self, locate: impl FnOnce() -> [Observer; 2]) -> &[Observer; 2] {
+        if let Some(smoothed) = self.smoothed.get() {
+            return smoothed;
+        }
+        let located = locate();
+        self.smoothed.get_or_init(|| located)
+    }
+
     /// The points that are looked at, mm.
     pub fn points(&self) -> &[[f64; 2]] {
         &self.all[..self.seen]
@@ -73,6 +88,7 @@ impl Sight {
             .chain(gone)
             .collect();
         self.all = order.iter().map(|&i| self.all[i]).collect();
+        self.smoothed = OnceLock::new();
         if let Some(observer) = &mut self.observer {
             observer.reorder(&order);
         }

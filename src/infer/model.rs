@@ -338,6 +338,7 @@ impl Model {
             material: material.kind,
             camera_distance_mm: images.and_then(|c| c.camera_distance_mm),
             pixel_mm: images.and_then(|c| c.pixel_mm),
+            subset_mm: images.map(|c| c.subset_mm),
             solved_elsewhere: self.file.reduced_model.supplied().is_some(),
             middle: [0.0; 2],
             declared_loads: experiment.declared_loads(),

@@ -5,6 +5,7 @@
 
 pub mod abaqus;
 mod check;
+mod curved;
 mod draft;
 mod file;
 pub mod gmsh;

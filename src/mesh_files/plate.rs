@@ -84,7 +84,7 @@ impl Part {
         }
         let mut warnings = mesh.warnings();
         if mesh.elements.iter().any(|e| !e.kind.is_quadratic()) {
-            warnings.push("the mesh is linear: nodes were put in the middle of its sides, which stay straight; curved edges are polygons".to_string());
+            warnings.push("the mesh is linear: nodes were put in the middle of its sides, and on smooth curved edges, such as a circle of at least 12 sides, onto the curve".to_string());
         }
         if spec.origin_mm.is_none() && mesh.edges.contains_key(HOLE) && mesh.circle(HOLE).is_none()
         {

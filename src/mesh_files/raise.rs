@@ -2,12 +2,17 @@
 
 use std::collections::HashMap;
 
+use super::curved::bend;
 use super::mesh::{Element, ImportedMesh};
 
-/// The same mesh of quadratic elements (T3 to T6, Q4 to Q8): sides stay straight, and elements share the node in the
-/// middle of a shared side. Edges and regions are kept; a mesh that is quadratic already is returned as it is.
+/// The same mesh of quadratic elements (T3 to T6, Q4 to Q8). Elements share the node in the middle of a shared side. Sides stay straight, but
+/// for those on a smooth curved edge, which are bent to it. Edges and regions are kept; a mesh that is quadratic already is returned as it
+/// is.
 #[must_use]
 pub fn raise(mut mesh: ImportedMesh) -> ImportedMesh {
+    if mesh.elements.iter().all(|e| e.kind.is_quadratic()) {
+        return mesh;
+    }
     let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
     for element in &mut mesh.elements {
         if element.kind.is_quadratic() {
@@ -29,5 +34,6 @@ pub fn raise(mut mesh: ImportedMesh) -> ImportedMesh {
             all,
         };
     }
+    bend(&mut mesh);
     mesh
 }

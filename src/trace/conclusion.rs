@@ -379,12 +379,11 @@ fn words(
             "With that in the model it is consistent with"
         };
         said.push(format!("{begin} {}.", consistent(rounds, group)));
-        let means: Vec<f64> = amplitudes(rounds, group.leader)
-            .iter()
-            .map(|(_, m, _)| *m)
-            .collect();
-        let of = effect(group.leader).filter(|e| e.parameters().len() == means.len());
-        said.extend(of.and_then(|e| e.constants_are(&means)).map(|s| s + "."));
+        let found = amplitudes(rounds, group.leader).into_iter();
+        let found: Vec<[f64; 2]> = found.map(|(_, mean, sd)| [mean, sd]).collect();
+        let of = effect(group.leader).filter(|e| e.parameters().len() == found.len());
+        let scene = rounds[rounds.len() - 1].model.scene();
+        said.extend(of.and_then(|e| e.meaning(&found, &scene)).map(|s| s + "."));
     }
     if let Some(group) = wanted {
         said.push(format!(

@@ -1,0 +1,54 @@
+//! The subsets that were correlated are larger or smaller than declared.
+
+use super::optics::displacements_are_imaged;
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
+use crate::quantity::plus_minus;
+
+pub struct SubsetSize;
+
+impl Effect for SubsetSize {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "subset_size",
+            kind: Kind::Mechanical,
+            parameters: const { &[EffectParameter::new("area_percent", 50.0, 200.0)] },
+            about: "The fields are smoothed more or less than the declared subset does it. The amplitude is by how much the area of the subset is larger. A filter of strains or displacements, or another subset than the declared one, does that.",
+            confirm: "Read the size of the subset, and of any filter, from the project of the correlation. Correlate again with half the subset.",
+        }
+    }
+
+    fn smoothing(&self, amplitude: &[f64]) -> f64 {
+        0.01 * amplitude[0]
+    }
+
+    fn meaning(&self, amplitude: &[[f64; 2]], scene: &Scene) -> Option<String> {
+        let declared = scene.subset_mm?;
+        let [percent, sd] = *amplitude.first()?;
+        let factor = (1.0 + 0.01 * percent).max(0.0).sqrt();
+        let side = declared * factor;
+        if factor < SMALLEST {
+            return Some("The fields are hardly smoothed at all: they were not correlated by subsets, or the declared subset is far too large".into());
+        }
+        let side_sd = 0.5 * declared * 0.01 * sd / factor;
+        let words = |side: f64, sd: f64, unit: &str, declared: f64| {
+            let side = plus_minus(side, sd);
+            format!(
+                "The fields are smoothed as by a subset of {side} {unit}; {declared:.4} {unit} are declared"
+            )
+        };
+        Some(match scene.pixel_mm {
+            Some(pixel) => words(side / pixel, side_sd / pixel, "px", declared / pixel),
+            None => words(side, side_sd, "mm", declared),
+        })
+    }
+
+    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        if !displacements_are_imaged(scene) || scene.subset_mm.is_none() {
+            return Some("no images are correlated: measurement.image_correlation is not given");
+        }
+        None
+    }
+}
+
+/// Share of the declared side below which nothing is said of the size.
+const SMALLEST: f64 = 0.2;
