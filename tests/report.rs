@@ -299,6 +299,25 @@ pub fn looped(report: &mut Value) {
     });
 }
 
+/// Half of what would be found is 0.23 degrees; they move nu12 by 13 %, which is four of its sds, and by 2 % where 0.08 would be found.
+#[test]
+fn what_would_not_show_and_leaves_an_interval_is_said_first() {
+    let first_screen = |detectable: f64| {
+        let folder = changed(|report| {
+            looped(report);
+            report["blind_spots"][1] = json!(
+                { "effect": "balanced_misorientation", "parameter": "angle_deg", "plausible": 1.0, "unit": "deg",
+                  "shift_in_percent": { "nu12": -57.0 }, "detectable": detectable, "would_be_seen": true });
+        });
+        succeed(&["report", &folder.display().to_string()]);
+        let html = read(&folder.join("report.html"));
+        html.split_once("</header>").unwrap().0.to_string()
+    };
+    let said = "balanced_misorientation of 0.23 deg would not show, and it moves nu12 by 13.1 %. The intervals take it for absent.";
+    assert!(first_screen(0.46).contains(said));
+    assert!(!first_screen(0.08).contains("would not show"));
+}
+
 #[test]
 fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
     let folder = changed(looped);

@@ -38,6 +38,10 @@ impl Effect for BalancedMisorientation {
         }
     }
 
+    fn is_manufacturing(&self) -> bool {
+        true
+    }
+
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
         if scene.material == Material::Isotropic {
             return Some("an isotropic plate has no ply angles");

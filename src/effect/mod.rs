@@ -396,9 +396,14 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Whether it is a scatter of the making that specimens have or have not: where `plausible` declares how much, it widens the quoted
-    /// constants however little the data ask for, and elsewhere it is not weighed.
+    /// Whether it is a scatter of the making that every specimen has: where `plausible` declares how much, it widens the quoted constants
+    /// however little the data ask for.
     fn is_manufacturing(&self) -> bool {
+        false
+    }
+
+    /// Whether it is weighed only where `plausible` declares how much of it specimens have.
+    fn needs_declared_scatter(&self) -> bool {
         false
     }
 

@@ -65,6 +65,10 @@ impl Effect for PlyShare {
         true
     }
 
+    fn needs_declared_scatter(&self) -> bool {
+        true
+    }
+
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
         if scene.material == Material::Isotropic {
             return Some("an isotropic plate has no plies");

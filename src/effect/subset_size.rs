@@ -2,7 +2,7 @@
 
 use super::optics::displacements_are_imaged;
 use super::{Effect, EffectParameter, Entry, Kind, Scene};
-use crate::quantity::plus_minus;
+use crate::quantity::{plus_minus, significant};
 
 pub struct SubsetSize;
 
@@ -32,8 +32,9 @@ impl Effect for SubsetSize {
         let side_sd = 0.5 * declared * 0.01 * sd / factor;
         let words = |side: f64, sd: f64, unit: &str, declared: f64| {
             let side = plus_minus(side, sd);
+            let declared = significant(declared, 0.001 * declared);
             format!(
-                "The fields are smoothed as by a subset of {side} {unit}; {declared:.4} {unit} are declared"
+                "The fields are smoothed as by a subset of {side} {unit}; {declared} {unit} are declared"
             )
         };
         Some(match scene.pixel_mm {

@@ -52,10 +52,10 @@ fn raising_keeps_edges_and_regions_and_bends_circles() {
                 assert!((radius(raised.nodes[middle]) - radius_mm).abs() < 1e-9);
             }
         }
-        // parabolas through three points of a circle: a part in a thousand of what twelve chords miss
+        // twelve parabolas through three points of a circle each miss 1.6e-4 of it, twelve chords 4.5 %
         let circles = std::f64::consts::PI * (OUTER * OUTER - INNER * INNER);
         let missed = |area: f64| (area / circles - 1.0).abs();
-        assert!(missed(mesh.area()) > 0.04 && missed(raised.area()) < 5e-5);
+        assert!(missed(mesh.area()) > 0.04 && missed(raised.area()) < 2e-4);
         let on_a_circle = raised.nodes.iter().filter(|p| {
             let r = radius(**p);
             (r - INNER).abs() < 1e-9 || (r - OUTER).abs() < 1e-9

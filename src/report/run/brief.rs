@@ -6,6 +6,7 @@ use crate::report::document::Report;
 use crate::report::learned::{self, Learned, not_measured};
 use crate::report::page::Page;
 use crate::report::round::{MeanAndSd, RoundReport};
+use crate::report::tracing::BlindSpotReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::trace::{Conclusion, Status};
 
@@ -144,10 +145,51 @@ fn size(name: &str, amplitude: &MeanAndSd) -> String {
     format!("{} = {value}", parameter.own)
 }
 
+/// An effect at this share of what would be found is not found.
+const UNSEEN: f64 = 0.5;
+
+/// Shifts beyond so many sds are not in an interval.
+const OUTSIDE: f64 = 3.0;
+
+/// The effect that would not show and take a constant farthest out of its interval, with what to declare.
+fn unseen(report: &Report) -> Option<String> {
+    let both = report.both();
+    let shifts = report.blind_spots().iter().flat_map(|spot| {
+        let size = UNSEEN * spot.detectable.unwrap_or(0.0);
+        let size = size.min(spot.plausible);
+        let both = &both;
+        let shifted = spot
+            .shift_in_percent
+            .iter()
+            .filter_map(move |(name, percent)| {
+                let found = both.get(name)?;
+                let percent = percent.unwrap_or(0.0) * size / spot.plausible;
+                let sds = (0.01 * percent * found.mean / found.sd).abs();
+                Some((sds, size, percent.abs(), name))
+            });
+        shifted.map(move |shift| (spot, shift))
+    });
+    let (spot, (_, size, percent, name)) = shifts
+        .filter(|(_, (sds, ..))| *sds > OUTSIDE)
+        .max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0))?;
+    let BlindSpotReport {
+        effect,
+        parameter,
+        unit,
+        ..
+    } = spot;
+    let [size, percent] = [size, percent].map(|x| significant(x, 0.5 * x));
+    Some(format!(
+        "{effect} of {size} {unit} would not show, and it moves {} by {percent} %. The intervals take it for absent. If your specimen may have it, declare its sd in plausible: \"{effect}.{parameter}\".",
+        Parameter::read(name).symbol()
+    ))
+}
+
 /// What to check before the numbers are used, at most so many; the others are in the report.
 pub fn checks(report: &Report, last: &RoundReport, most: usize) -> Piece {
     let doubts = report.rounds.first().into_iter().flat_map(|r| &r.doubts);
     let mut all: Vec<String> = doubts.chain(&last.warnings).cloned().collect();
+    all.extend(unseen(report));
     if !last.convergence.converged {
         all.insert(
             0,
