@@ -32,7 +32,7 @@ impl Effect for SubsetSize {
         let side_sd = 0.5 * declared * 0.01 * sd / factor;
         let words = |side: f64, sd: f64, unit: &str, declared: f64| {
             let side = plus_minus(side, sd);
-            let declared = significant(declared, 0.001 * declared);
+            let declared = significant(declared, 0.1 * declared);
             format!(
                 "The fields are smoothed as by a subset of {side} {unit}; {declared} {unit} are declared"
             )
