@@ -28,6 +28,7 @@ pub struct Export {
 const SIGMA: &str = "sigma";
 const CORRELATION: &[&str] = &[
     "zncc",
+    "cost_zncc",
     "r1t1 zncc",
     "correlation",
     "correlation coefficient",

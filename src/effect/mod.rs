@@ -370,8 +370,9 @@ pub trait Effect: Sync {
         self.scope() != Scope::Force || self.obstacle(scene).is_none()
     }
 
-    /// By how much more than a declared subset does it displacements are averaged, over what that does to them.
-    fn smoothing(&self, _amplitude: &[f64]) -> f64 {
+    /// By how much more than a declared subset does it displacements are averaged, over what that does to them: for a shape function whose
+    /// error goes with this power of the subset's side.
+    fn smoothing(&self, _amplitude: &[f64], _power: i32) -> f64 {
         0.0
     }
 

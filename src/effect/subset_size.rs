@@ -11,25 +11,25 @@ impl Effect for SubsetSize {
         Entry {
             name: "subset_size",
             kind: Kind::Mechanical,
-            parameters: const { &[EffectParameter::new("area_percent", 50.0, 200.0)] },
-            about: "The fields are smoothed more or less than the declared subset does it. The amplitude is by how much the area of the subset is larger. A filter of strains or displacements, or another subset than the declared one, does that.",
+            parameters: const { &[EffectParameter::new("side_percent", 25.0, 95.0)] },
+            about: "The fields are smoothed more or less than the declared subset does it, as by one whose side is larger by this percentage. Another subset than the declared one does that, or a filter of the displacements.",
             confirm: "Read the size of the subset, and of any filter, from the project of the correlation. Correlate again with half the subset.",
         }
     }
 
-    fn smoothing(&self, amplitude: &[f64]) -> f64 {
-        0.01 * amplitude[0]
+    fn smoothing(&self, amplitude: &[f64], power: i32) -> f64 {
+        (1.0 + 0.01 * amplitude[0]).powi(power) - 1.0
     }
 
     fn meaning(&self, amplitude: &[[f64; 2]], scene: &Scene) -> Option<String> {
         let declared = scene.subset_mm?;
         let [percent, sd] = *amplitude.first()?;
-        let factor = (1.0 + 0.01 * percent).max(0.0).sqrt();
+        let factor = 1.0 + 0.01 * percent;
         let side = declared * factor;
         if factor < SMALLEST {
             return Some("The fields are hardly smoothed at all: they were not correlated by subsets, or the declared subset is far too large".into());
         }
-        let side_sd = 0.5 * declared * 0.01 * sd / factor;
+        let side_sd = declared * 0.01 * sd;
         let words = |side: f64, sd: f64, unit: &str, declared: f64| {
             let side = plus_minus(side, sd);
             let declared = significant(declared, 0.1 * declared);

@@ -170,10 +170,19 @@ impl FieldExperiment {
         })
     }
 
+    /// By how much more than the declared subset does it displacements are averaged.
+    fn smoothing(&self, state: &State) -> f64 {
+        let power = self.subsets().map_or(0, |s| s.power());
+        let acting = state.acting().iter();
+        acting
+            .map(|a| a.effect.smoothing(&a.amplitude, power))
+            .sum()
+    }
+
     /// Average displacements by as much more than the declared subset does it as effects say. Taken where a plain camera sees the nominal
     /// mesh: what another shape or picture does to so small a difference is of second order.
     fn smooth(&self, state: &State, sight: &Sight, nodal: &[f64], loaded: &mut [[f64; 2]]) {
-        let share = smoothing(state);
+        let share = self.smoothing(state);
         let Some(subsets) = self.subsets().filter(|_| share != 0.0) else {
             return;
         };
@@ -463,7 +472,7 @@ impl Spanning for FieldExperiment {
     }
 
     fn coordinates(&self, state: &State) -> Option<Answer> {
-        if !Seen::new(state.acting(), &self.scene).is_plain() || smoothing(state) != 0.0 {
+        if !Seen::new(state.acting(), &self.scene).is_plain() || self.smoothing(state) != 0.0 {
             return None;
         }
         let (setup, ply) = self.tested(state).ok()?;
@@ -473,12 +482,6 @@ impl Spanning for FieldExperiment {
     fn rest(&self) {
         self.plate.rest();
     }
-}
-
-/// By how much more than the declared subset does it displacements are averaged.
-fn smoothing(state: &State) -> f64 {
-    let acting = state.acting().iter();
-    acting.map(|a| a.effect.smoothing(&a.amplitude)).sum()
 }
 
 /// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.

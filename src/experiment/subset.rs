@@ -84,6 +84,15 @@ impl Subsets {
         enough.then(|| self.weighted(center, &left))
     }
 
+    /// The power of the side with which the error of a whole subset goes: derivatives of second order are what a plane misses, of fourth
+    /// order what a quadratic surface does.
+    pub(super) fn power(&self) -> i32 {
+        match self.shape {
+            SubsetShape::Full | SubsetShape::Affine => 2,
+            SubsetShape::Quadratic => 4,
+        }
+    }
+
     /// Terms of the shape function at local coordinates, the constant first.
     fn terms(&self, [x, y]: [f64; 2]) -> Vec<f64> {
         match self.shape {

@@ -257,6 +257,14 @@ fn of_programs() -> Vec<Form> {
             "pyvale",
         ),
         in_pixels(
+            "pyvale-2026.csv",
+            format!(
+                "\"subset_x\",\"subset_y\",\"disp_u\",\"disp_v\",\"converged\",\n{}",
+                pixels(",", ",1")
+            ),
+            "pyvale",
+        ),
+        in_pixels(
             "davis8.txt",
             format!(
                 "#DaVis 8.4.0 2D-vector 12 41 31 \"\" \"pixel\" \"\" \"pixel\" \"displacement\" \"pixel\"\n{}",
