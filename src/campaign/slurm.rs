@@ -1,7 +1,7 @@
 //! Runs on a cluster: one job array of Slurm, a share of the runs a task. What is queued is asked of `squeue`, which knows it with and
 //! without accounting; what became of a run is in the run's own files. `sacct`, where accounting is on, adds how tasks ended.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::process::Command;
 use std::time::Duration;
@@ -50,19 +50,23 @@ impl Engine for Slurm {
         }
         progress.begin(&submitted(campaign)?, None);
         progress.end();
-        if campaign.resources.cluster.wait {
-            watch(campaign, progress)?;
-        }
+        let wait = campaign.resources.cluster.wait;
+        let held = match wait {
+            true => watch(campaign, progress)?,
+            false => None,
+        };
         let manifest = manifest::write(campaign)?;
         let left = manifest.count(State::ToBeResumed) + manifest.count(State::Waiting);
-        match campaign.resources.cluster.wait && left > 0 {
-            true => Err(
-                Error::stopped(campaign.places.0.display(), "runs that come to their end")
-                    .found(format!("{left} to be resumed{}", ends(campaign)))
-                    .hint("the same command with --resume submits them again"),
-            ),
-            false => Ok(()),
+        if !wait || left == 0 {
+            return Ok(());
         }
+        let what = format!("{left} to be resumed{}", ends(campaign));
+        let again = || "the same command with --resume submits them again".into();
+        Err(
+            Error::stopped(campaign.places.0.display(), "runs that come to their end")
+                .found(what)
+                .hint(held.unwrap_or_else(again)),
+        )
     }
 }
 
@@ -95,7 +99,7 @@ fn name(places: &Places, campaign: &str) -> String {
 /// Of the input: a scheduler that does not answer.
 pub fn in_queue(places: &Places, campaign: &str) -> Result<Option<usize>> {
     match places.0.join("slurm").is_dir() {
-        true => queued(&name(places, campaign)).map(|tasks| Some(tasks.len())),
+        true => queued(&name(places, campaign)).map(|queue| Some(queue.0.len())),
         false => Ok(None),
     }
 }
@@ -191,10 +195,14 @@ fn submitted(campaign: &Campaign) -> Result<String> {
     let queued = queued(&name(&campaign.places, &campaign.plan.name))?;
     let missing: BTreeSet<usize> = tasks(campaign)
         .into_iter()
-        .filter(|k| !queued.contains(k) && is_missing(campaign, *k))
+        .filter(|k| !queued.0.contains_key(k) && is_missing(campaign, *k))
         .collect();
     if missing.is_empty() {
-        return Ok(format!("nothing to submit, {} tasks queued", queued.len()));
+        let held = queued.held().map_or_else(String::new, |h| format!("; {h}"));
+        return Ok(format!(
+            "nothing to submit, {} tasks queued{held}",
+            queued.0.len()
+        ));
     }
     let job = submit(campaign, &missing)?;
     Ok(format!("job {job}: {} tasks submitted", missing.len()))
@@ -260,8 +268,31 @@ const REMEDIES: [(&str, &str); 7] = [
     ),
 ];
 
-/// Tasks of the campaign's jobs that wait or run.
-fn queued(name: &str) -> Result<BTreeSet<usize>> {
+/// Parts of the reasons for which a task waits until somebody does something about it.
+const HELD: [&str; 2] = ["held", "neversatisfied"];
+
+/// Tasks of the campaign's jobs that wait or run, by number; of those that Slurm holds back until somebody releases them, why.
+#[derive(Default)]
+struct Queue(BTreeMap<usize, Option<String>>);
+
+impl Queue {
+    /// Whether there are tasks, and none that would run.
+    fn is_held(&self) -> bool {
+        !self.0.is_empty() && self.0.values().all(Option::is_some)
+    }
+
+    /// What is said of tasks that are held back.
+    fn held(&self) -> Option<String> {
+        let reason = self.0.values().flatten().next()?;
+        let count = self.0.values().flatten().count();
+        Some(format!(
+            "{count} tasks are held by Slurm ({reason}): find them with squeue --me, and let them run with scontrol release JOB, or scancel JOB and give the same command with --resume"
+        ))
+    }
+}
+
+/// Tasks that are queued.
+fn queued(name: &str) -> Result<Queue> {
     let said = answer(
         "squeue",
         &[
@@ -270,17 +301,20 @@ fn queued(name: &str) -> Result<BTreeSet<usize>> {
             "--me",
             "--name",
             name,
-            "--format=%K %T",
+            "--format=%K %T %r",
         ],
     )?;
     // a banner's lines are no tasks
     let task = |line: &str| {
-        let (task, state) = line.trim().split_once(' ')?;
+        let mut words = line.trim().splitn(3, ' ');
+        let (task, state) = (words.next()?, words.next()?);
+        let reason = words.next().unwrap_or_default().trim();
         let is_state = |b: u8| b.is_ascii_uppercase() || b == b'_';
-        let task = task.parse().ok();
-        task.filter(|_| state.trim().bytes().all(is_state))
+        let task = task.parse().ok().filter(|_| state.bytes().all(is_state))?;
+        let is_held = HELD.iter().any(|h| reason.to_lowercase().contains(h));
+        Some((task, is_held.then(|| reason.to_string())))
     };
-    Ok(said.lines().filter_map(task).collect())
+    Ok(Queue(said.lines().filter_map(task).collect()))
 }
 
 /// How tasks ended that did not end well, as far as accounting knows.
@@ -303,12 +337,13 @@ fn ends(campaign: &Campaign) -> String {
     said.lines().filter_map(ended).collect()
 }
 
-/// Look at the runs until none of the campaign's tasks is queued.
-fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<()> {
+/// Look at the runs until none of the campaign's tasks is queued, or those that are would never run; what is said then.
+fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<Option<String>> {
     let all = campaign.plan.runs.len();
     progress.begin("runs", Some(all as u64));
     let mut stepped = 0;
     let mut silences = 0;
+    let mut held = None;
     let name = name(&campaign.places, &campaign.plan.name);
     loop {
         let queue = queued(&name);
@@ -319,7 +354,11 @@ fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<()> {
         }
         stepped = stepped.max(done);
         match queue {
-            Ok(tasks) if tasks.is_empty() => break,
+            Ok(queue) if queue.0.is_empty() => break,
+            Ok(queue) if queue.is_held() => {
+                held = queue.held();
+                break;
+            }
             Ok(_) => silences = 0,
             Err(e) if silences >= SILENCES => return Err(e),
             Err(_) => silences += 1,
@@ -327,7 +366,7 @@ fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<()> {
         std::thread::sleep(PATIENCE);
     }
     progress.end();
-    Ok(())
+    Ok(held)
 }
 
 /// What a command of Slurm prints.

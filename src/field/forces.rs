@@ -115,7 +115,7 @@ impl Forces {
             let place = format!("steps[{}].force_N", more.step);
             return Err(Error::input(place, "forces that go with the fields")
                 .found(format!("a larger force with a smaller strain{}: {} and {}", if self.sign < 0.0 { ", both as compression" } else { "" }, said(more), said(less)))
-                .hint("forces or files in another order, or one file in another unit? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
+                .hint("forces or files in another order, one file in another unit, or uy that counts against y (\"uy\": \"-NAME\")? Strain here is along the load less across it; it grows with a tensile force if loading_axis is right and displacements are deformed minus reference"));
         }
         let mut warnings = Vec::new();
         if let Some((less, more)) = self.contradiction(DOUBT, |_, _| 0.0) {

@@ -72,6 +72,15 @@ impl Model {
             .collect()
     }
 
+    /// Whether the DoE box may have a side of this name.
+    pub fn may_have_side(&self, name: &str) -> bool {
+        let mut amplitudes = self.sampled().into_iter().flat_map(|effect| {
+            let parameters = effect.parameters().iter();
+            parameters.map(|p| amplitude_name(effect, p))
+        });
+        name == THICKNESS || self.constants().contains(&name) || amplitudes.any(|n| n == name)
+    }
+
     /// The DoE box: declared bounds, or those of [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
     pub(super) fn dimensions(&self) -> Result<Vec<Dimension>> {
         let mut dimensions = self.wide_box();

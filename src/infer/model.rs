@@ -337,7 +337,10 @@ impl Model {
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
             material: material.kind,
             camera_distance_mm: images.and_then(|c| c.camera_distance_mm),
-            pixel_mm: images.and_then(|c| c.pixel_mm),
+            pixel_mm: images.and_then(|c| {
+                c.pixel_mm
+                    .or_else(|| experiment.measurement.mm_per_coordinate())
+            }),
             subset_mm: images.map(|c| c.subset_mm),
             solved_elsewhere: self.file.reduced_model.supplied().is_some(),
             middle: [0.0; 2],

@@ -190,7 +190,11 @@ impl Study {
             true => model.resolved_file(),
             false => Ok(model.file.clone()),
         });
-        let file = file.transpose()?;
+        let mut file = file.transpose()?;
+        // one box serves all fields: sides of what acts in one of them alone are not written
+        if let Some(doe) = file.as_mut().and_then(|f| f.reduced_model.doe.as_mut()) {
+            doe.retain(|name, _| self.fields().all(|(_, field)| field.may_have_side(name)));
+        }
         let experiments = self.experiments.iter().map(|e| e.json(absolute));
         let written = Written {
             schema: SCHEMA,

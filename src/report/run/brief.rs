@@ -1,5 +1,6 @@
 //! What a person reads first of a run: a screen of a terminal, and the head of the page.
 
+use crate::effect;
 use crate::parameter::Parameter;
 use crate::quantity::significant;
 use crate::report::document::Report;
@@ -151,10 +152,14 @@ const UNSEEN: f64 = 0.5;
 /// Shifts beyond so many sds are not in an interval.
 const OUTSIDE: f64 = 3.0;
 
-/// The effect that would not show and take a constant farthest out of its interval, with what to declare.
+/// The error of the making that would not show and take a constant farthest out of its interval, with what to declare.
 fn unseen(report: &Report) -> Option<String> {
     let both = report.both();
-    let shifts = report.blind_spots().iter().flat_map(|spot| {
+    let of_the_making = |spot: &&BlindSpotReport| {
+        effect::find("blind_spots", &spot.effect).is_ok_and(|e| e.is_manufacturing())
+    };
+    let spots = report.blind_spots().iter().filter(of_the_making);
+    let shifts = spots.flat_map(|spot| {
         let size = UNSEEN * spot.detectable.unwrap_or(0.0);
         let size = size.min(spot.plausible);
         let both = &both;
