@@ -326,17 +326,17 @@ fn a_nonlinearity_of_no_size_leaves_a_series_as_it_is() {
 }
 
 /// A subset that is a third larger than declared, as the finite elements average over it and as the declared one with the effect: what is
-/// missed is of fourth order, where all that the larger subset does is of second.
+/// missed is of fourth order, where all that the larger subset does is of second. (A quadratic shape function leaves the fourth order alone,
+/// which elements of this size do not have.)
 #[test]
 fn a_larger_subset_is_the_declared_one_with_its_effect() {
     let declared = 1.5;
-    for (shape, missed) in [(SubsetShape::Affine, 0.1), (SubsetShape::Quadratic, 0.35)] {
-        let seen = |side_mm: f64, percent: f64| -> Field {
+    let seen = |side_mm: f64, percent: f64| -> Field {
             let mut test = small_test();
             test.images = Some(Images {
                 subsets: Subsets {
                     side_mm,
-                    shape,
+                    shape: SubsetShape::Affine,
                     kept: false,
                 },
                 camera_distance_mm: None,
