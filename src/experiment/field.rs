@@ -38,6 +38,8 @@ pub struct FieldExperiment {
     support: Sight,
     /// The nominal specimen bent out of its plane, once it was asked for.
     bending: OnceLock<Bending>,
+    /// What averages over subsets about the nodes read, and what the nodes themselves do, once it was asked for.
+    of_nodes: OnceLock<[Observer; 2]>,
 }
 
 impl FieldExperiment {
@@ -69,6 +71,7 @@ impl FieldExperiment {
             zero,
             nodes,
             bending: OnceLock::new(),
+            of_nodes: OnceLock::new(),
         })
     }
 
@@ -151,7 +154,7 @@ impl FieldExperiment {
             }
         };
         let mut loaded = observer.displacement(&solution.nodal);
-        self.smooth(state, sight, &solution.nodal, &mut loaded);
+        self.smooth(state, (sight, observer), &solution.nodal, &mut loaded);
         let displacement = if camera.is_plain() {
             loaded.clone()
         } else {
@@ -181,21 +184,47 @@ impl FieldExperiment {
 
     /// Average displacements by as much more than the declared subset does it as effects say. Taken where a plain camera sees the nominal
     /// mesh: what another shape or picture does to so small a difference is of second order.
-    fn smooth(&self, state: &State, sight: &Sight, nodal: &[f64], loaded: &mut [[f64; 2]]) {
+    fn smooth(
+        &self,
+        state: &State,
+        (sight, observer): (&Sight, &Observer),
+        nodal: &[f64],
+        loaded: &mut [[f64; 2]],
+    ) {
         let share = self.smoothing(state);
         let Some(subsets) = self.subsets().filter(|_| share != 0.0) else {
             return;
         };
-        let [averages, middles] = sight.smoothed(|| {
-            let locator = Locator::new(&self.plate.mesh);
-            let averages = subsets.observe(sight.all(), &locator);
-            [averages, locator.observe_extended(sight.all())]
-        });
-        let averages = averages.displacement(nodal).into_iter();
-        let pairs = averages.zip(middles.displacement(nodal));
-        for (u, (average, middle)) in loaded.iter_mut().zip(pairs) {
-            *u = [0, 1].map(|c| u[c] + share * (average[c] - middle[c]));
+        let added = if sight.is_correlated() {
+            let both = sight.smoothed(|| self.averages_and_middles(sight.all(), subsets));
+            averages_less_middles(both, nodal)
+        } else {
+            // subsets S will average over this field: for (S - 1) u in what they report add (1 - 1/S) u here
+            let nodes = &self.plate.mesh.nodes;
+            let both = match self.of_nodes.get() {
+                Some(both) => both,
+                None => {
+                    let both = self.averages_and_middles(nodes, subsets);
+                    self.of_nodes.get_or_init(|| both)
+                }
+            };
+            let once = averages_less_middles(both, nodal);
+            let flat: Vec<f64> = once.iter().flatten().copied().collect();
+            let twice = averages_less_middles(both, &flat);
+            let left = once.iter().zip(&twice);
+            let left: Vec<f64> = left.flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect();
+            observer.displacement(&left)
+        };
+        for (u, added) in loaded.iter_mut().zip(added) {
+            *u = [0, 1].map(|c| u[c] + share * added[c]);
         }
+    }
+
+    /// What averages over subsets about places read, and what the places themselves do.
+    fn averages_and_middles(&self, places: &[[f64; 2]], subsets: Subsets) -> [Observer; 2] {
+        let locator = Locator::new(&self.plate.mesh);
+        let averages = subsets.observe(places, &locator);
+        [averages, locator.observe_extended(places)]
     }
 
     /// Where a sight's points lie on a mesh, as a camera shows them. Where an effect moves points into the hole or past an edge, the
@@ -482,6 +511,13 @@ impl Spanning for FieldExperiment {
     fn rest(&self) {
         self.plate.rest();
     }
+}
+
+/// By how much averages differ from the values in their middles.
+fn averages_less_middles([averages, middles]: &[Observer; 2], nodal: &[f64]) -> Vec<[f64; 2]> {
+    let averages = averages.displacement(nodal).into_iter();
+    let pairs = averages.zip(middles.displacement(nodal));
+    pairs.map(|(a, m)| [a[0] - m[0], a[1] - m[1]]).collect()
 }
 
 /// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.
