@@ -174,6 +174,36 @@ fn image_correlation() -> String {
     })
 }
 
+/// The fields are averaged over 1.6 mm, and 1.2 are declared.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_subset_that_is_larger_than_declared_is_named_with_its_size() {
+    let file = changed("openhole.json", |m| {
+        let measurement = m["experiments"][0]["measurement"].as_object_mut().unwrap();
+        measurement.remove("fringe_frequency_per_mm");
+        measurement.insert(
+            "image_correlation".into(),
+            serde_json::json!({ "subset_mm": 1.6 }),
+        );
+    });
+    let mut model = measured_with(&file, 81, &[], Noise::Of(60.0), 5);
+    let images = model
+        .experiment_mut()
+        .measurement
+        .image_correlation
+        .as_mut();
+    images.unwrap().subset_mm = 1.2;
+    let ended = looped("wide", &model, &TRUTH);
+    assert_eq!(ended.effects, ["subset_size"], "{}", ended.line());
+    assert_eq!(ended.held(), 4, "{}", ended.line());
+    let (_, said) = ended
+        .text
+        .split_once("smoothed as by a subset of ")
+        .unwrap();
+    let side: f64 = said.split(' ').next().unwrap().parse().unwrap();
+    assert!((side - 1.6).abs() < 0.25, "{}", ended.text);
+}
+
 fn simulated(case: String, file: String, noise: Noise, effects: Vec<String>, seed: u64) -> Case {
     Box::new(move || {
         let effects: Vec<&str> = effects.iter().map(String::as_str).collect();
