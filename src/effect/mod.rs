@@ -174,6 +174,8 @@ pub enum Kind {
     Recorded,
     /// The test itself is another one: the finite elements are solved anew.
     Mechanical,
+    /// The field is averaged over other subsets than the declared ones.
+    Averaged,
     /// In some steps of a series the whole field is that of another force than the declared one.
     Load,
 }
@@ -185,6 +187,7 @@ impl Kind {
             Kind::Optical => "the field seen at other points or along other axes",
             Kind::Recorded => "what the instrument records of the displacement",
             Kind::Mechanical => "another test, solved by finite elements",
+            Kind::Averaged => "the field averaged over other subsets",
             Kind::Load => "the whole field of a step, as of another force",
         }
     }
@@ -347,7 +350,7 @@ pub trait Effect: Sync {
     /// What an effect's amplitude has to do with the steps of a load series.
     fn scope(&self) -> Scope {
         match self.kind() {
-            Kind::Mechanical => Scope::Mechanical,
+            Kind::Mechanical | Kind::Averaged => Scope::Mechanical,
             Kind::Optical => Scope::Picture,
             Kind::Additive => Scope::Motion,
             Kind::Recorded => Scope::Recording,
@@ -468,8 +471,8 @@ pub trait Effect: Sync {
 
 /// Why an effect cannot act in a test; nothing if it can.
 pub fn obstacle(effect: &dyn Effect, scene: &Scene) -> Option<&'static str> {
-    let is_mechanics = effect.kind() == Kind::Mechanical && !effect.is_force_scale();
-    if scene.solved_elsewhere && is_mechanics {
+    let needs_a_solution = matches!(effect.kind(), Kind::Mechanical | Kind::Averaged);
+    if scene.solved_elsewhere && needs_a_solution && !effect.is_force_scale() {
         return Some("the snapshots are another program's, which would have to solve it");
     }
     effect.obstacle(scene)

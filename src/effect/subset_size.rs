@@ -10,7 +10,7 @@ impl Effect for SubsetSize {
     fn entry(&self) -> Entry {
         Entry {
             name: "subset_size",
-            kind: Kind::Mechanical,
+            kind: Kind::Averaged,
             parameters: const { &[EffectParameter::new("side_percent", 25.0, 95.0)] },
             about: "The fields are smoothed more or less than the declared subset does it, as by one whose side is larger by this percentage. Another subset than the declared one does that, or a filter of the displacements.",
             confirm: "Read the size of the subset, and of any filter, from the project of the correlation. Correlate again with half the subset.",

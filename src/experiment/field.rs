@@ -9,6 +9,7 @@ use super::bending::Bending;
 use super::field_test::FieldTest;
 use super::gauge::{Gauge, ZeroAt, hold_window, window_motions};
 use super::mesh_error::{MeshError, mesh_error};
+use super::smoothing::Smoothing;
 use super::solver::in_closed_form;
 use super::subset::Subsets;
 use super::window::{off_the_plate, widened, window_nodes};
@@ -26,6 +27,7 @@ use crate::fem::{
 use crate::field::rigid::RigidMotion;
 use crate::geometry::Mesh;
 use crate::laminate::Ply;
+use crate::numeric::add_scaled;
 
 /// A meshed specimen, ready to be solved.
 pub struct FieldExperiment {
@@ -154,7 +156,10 @@ impl FieldExperiment {
             }
         };
         let mut loaded = observer.displacement(&solution.nodal);
-        self.smooth(state, (sight, observer), &solution.nodal, &mut loaded);
+        if let Some((smoothing, share)) = self.smoothing(state) {
+            let added = smoothing.added(&solution.nodal, (sight, observer));
+            add_scaled(&mut loaded, &added, share);
+        }
         let displacement = if camera.is_plain() {
             loaded.clone()
         } else {
@@ -173,58 +178,17 @@ impl FieldExperiment {
         })
     }
 
-    /// By how much more than the declared subset does it displacements are averaged.
-    fn smoothing(&self, state: &State) -> f64 {
-        let power = self.subsets().map_or(0, |s| s.power());
+    /// How subsets average, and by how much more than the declared ones do they do so, where effects say so.
+    fn smoothing(&self, state: &State) -> Option<(Smoothing<'_>, f64)> {
+        let subsets = self.subsets()?;
         let acting = state.acting().iter();
-        acting
-            .map(|a| a.effect.smoothing(&a.amplitude, power))
-            .sum()
-    }
-
-    /// Average displacements by as much more than the declared subset does it as effects say. Taken where a plain camera sees the nominal
-    /// mesh: what another shape or picture does to so small a difference is of second order.
-    fn smooth(
-        &self,
-        state: &State,
-        (sight, observer): (&Sight, &Observer),
-        nodal: &[f64],
-        loaded: &mut [[f64; 2]],
-    ) {
-        let share = self.smoothing(state);
-        let Some(subsets) = self.subsets().filter(|_| share != 0.0) else {
-            return;
+        let share = acting.map(|a| a.effect.smoothing(&a.amplitude, subsets.power()));
+        let smoothing = Smoothing {
+            subsets,
+            mesh: &self.plate.mesh,
+            of_nodes: &self.of_nodes,
         };
-        let added = if sight.is_correlated() {
-            let both = sight.smoothed(|| self.averages_and_middles(sight.all(), subsets));
-            averages_less_middles(both, nodal)
-        } else {
-            // subsets S will average over this field: for (S - 1) u in what they report add (1 - 1/S) u here
-            let nodes = &self.plate.mesh.nodes;
-            let both = match self.of_nodes.get() {
-                Some(both) => both,
-                None => {
-                    let both = self.averages_and_middles(nodes, subsets);
-                    self.of_nodes.get_or_init(|| both)
-                }
-            };
-            let once = averages_less_middles(both, nodal);
-            let flat: Vec<f64> = once.iter().flatten().copied().collect();
-            let twice = averages_less_middles(both, &flat);
-            let left = once.iter().zip(&twice);
-            let left: Vec<f64> = left.flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect();
-            observer.displacement(&left)
-        };
-        for (u, added) in loaded.iter_mut().zip(added) {
-            *u = [0, 1].map(|c| u[c] + share * added[c]);
-        }
-    }
-
-    /// What averages over subsets about places read, and what the places themselves do.
-    fn averages_and_middles(&self, places: &[[f64; 2]], subsets: Subsets) -> [Observer; 2] {
-        let locator = Locator::new(&self.plate.mesh);
-        let averages = subsets.observe(places, &locator);
-        [averages, locator.observe_extended(places)]
+        Some((smoothing, share.sum())).filter(|(_, share)| *share != 0.0)
     }
 
     /// Where a sight's points lie on a mesh, as a camera shows them. Where an effect moves points into the hole or past an edge, the
@@ -501,7 +465,7 @@ impl Spanning for FieldExperiment {
     }
 
     fn coordinates(&self, state: &State) -> Option<Answer> {
-        if !Seen::new(state.acting(), &self.scene).is_plain() || self.smoothing(state) != 0.0 {
+        if !Seen::new(state.acting(), &self.scene).is_plain() || self.smoothing(state).is_some() {
             return None;
         }
         let (setup, ply) = self.tested(state).ok()?;
@@ -511,13 +475,6 @@ impl Spanning for FieldExperiment {
     fn rest(&self) {
         self.plate.rest();
     }
-}
-
-/// By how much averages differ from the values in their middles.
-fn averages_less_middles([averages, middles]: &[Observer; 2], nodal: &[f64]) -> Vec<[f64; 2]> {
-    let averages = averages.displacement(nodal).into_iter();
-    let pairs = averages.zip(middles.displacement(nodal));
-    pairs.map(|(a, m)| [a[0] - m[0], a[1] - m[1]]).collect()
 }
 
 /// Predictions for a uniform plate from which a basis is worth it: it takes some fifteen solutions, and as long again for their bound.

@@ -15,6 +15,7 @@ mod sensitivity;
 pub mod series;
 mod sight;
 pub mod simulate;
+mod smoothing;
 mod solver;
 mod spec;
 mod state;

@@ -76,7 +76,7 @@ impl SnapshotExperiment {
         for a in state.acting() {
             if a.effect.is_force_scale() {
                 load += 0.01 * a.amplitude[0];
-            } else if a.effect.kind() == Kind::Mechanical {
+            } else if matches!(a.effect.kind(), Kind::Mechanical | Kind::Averaged) {
                 let expected = "effects that act on the fields of another program";
                 return Err(Error::input("effects", expected).found(a.effect.name()));
             }

@@ -7,6 +7,32 @@ use super::*;
 /// Held by tests of the real Slurm: one of them kills its controller.
 static ONE_SLURM: Mutex<()> = Mutex::new(());
 
+/// The campaign as an array that is waited for.
+fn waited(out: &str) -> [&str; 10] {
+    let [campaign, file] = ["campaign", "campaign.json"];
+    [
+        campaign,
+        file,
+        "--engine",
+        "slurm",
+        "--runs-a-task",
+        "2",
+        "--out",
+        out,
+        "--resume",
+        "--wait",
+    ]
+}
+
+/// The name of the array's jobs.
+fn job_name(bench: &Bench, out: &str) -> String {
+    let script = bench.place.join(out).join("slurm/script.sh");
+    let script = std::fs::read_to_string(script).unwrap();
+    let mut lines = script.lines();
+    let name = lines.find_map(|l| l.strip_prefix("#SBATCH --job-name="));
+    name.unwrap().to_string()
+}
+
 /// A calibration in shares gives the record of one that was run in one process, and the same table.
 #[test]
 fn shares_of_a_calibration_make_the_same_table() {
@@ -142,26 +168,13 @@ fn a_cancelled_task_of_a_real_array_is_run_again() {
     let _alone = ONE_SLURM.lock().unwrap_or_else(PoisonError::into_inner);
     let bench = Bench::new(4);
     bench.coupons(1_000_000);
-    let slurm = [
-        "campaign",
-        "campaign.json",
-        "--engine",
-        "slurm",
-        "--runs-a-task",
-        "2",
-        "--out",
-        "array",
-    ];
-    let all = [&slurm[..], &["--resume", "--wait"]].concat();
+    let all = waited("array");
     let child = bench.command(&all).spawn().unwrap();
     let begun = bench.place.join("array/runs/mock-coupon-1/checkpoint");
     wait("the first task runs", || begun.exists());
-    let name = std::fs::read_to_string(bench.place.join("array/slurm/script.sh")).unwrap();
-    let name = name
-        .lines()
-        .find_map(|l| l.strip_prefix("#SBATCH --job-name="));
+    let name = job_name(&bench, "array");
     let queue = Command::new("squeue")
-        .args(["--noheader", "--me", "--format=%F", "--name", name.unwrap()])
+        .args(["--noheader", "--me", "--format=%F", "--name", &name])
         .output()
         .unwrap();
     let job = String::from_utf8(queue.stdout).unwrap();
@@ -204,18 +217,7 @@ fn an_array_outlives_its_controller() {
     let _alone = ONE_SLURM.lock().unwrap_or_else(PoisonError::into_inner);
     let bench = Bench::new(4);
     bench.coupons(1_000_000);
-    let all = [
-        "campaign",
-        "campaign.json",
-        "--engine",
-        "slurm",
-        "--runs-a-task",
-        "2",
-        "--out",
-        "outlived",
-        "--resume",
-        "--wait",
-    ];
+    let all = waited("outlived");
     let child = bench.command(&all).spawn().unwrap();
     let begun = bench.place.join("outlived/runs/mock-coupon-1/checkpoint");
     wait("the first task runs", || begun.exists());
@@ -253,15 +255,11 @@ fn an_array_outlives_its_controller() {
         let again = String::from_utf8_lossy(&again.stderr).into_owned();
         assert!(again.contains("held by Slurm"), "{again}");
         command(&["scontrol", "update", "NodeName=localhost", "State=RESUME"]);
-        let script = std::fs::read_to_string(bench.place.join("outlived/slurm/script.sh")).unwrap();
-        let mut lines = script.lines();
-        let name = lines
-            .find_map(|l| l.strip_prefix("#SBATCH --job-name="))
-            .unwrap();
-        command(&["scancel", "--name", name]);
+        let name = job_name(&bench, "outlived");
+        command(&["scancel", "--name", &name]);
         let is_empty = || {
             let asked = Command::new("squeue")
-                .args(["--noheader", "--name", name])
+                .args(["--noheader", "--name", &name])
                 .output();
             asked.unwrap().stdout.is_empty()
         };
