@@ -25,12 +25,16 @@ impl Effect for InterpolationBias {
         _reported: [f64; 2],
         u: [f64; 2],
     ) -> [f64; 2] {
-        let Some(pixel) = scene.pixel_mm else {
+        let Some(wave) = self.exported(scene, u) else {
             return u;
         };
-        in_data_axes(scene, u, |u| {
-            u.map(|u| u + amplitude[0] * pixel * (TAU * u / pixel).sin())
-        })
+        [0, 1].map(|c| u[c] + amplitude[0] * wave[c])
+    }
+
+    fn exported(&self, scene: &Scene, exported: [f64; 2]) -> Option<[f64; 2]> {
+        let pixel = scene.pixel_mm?;
+        let wave = |u: [f64; 2]| u.map(|u| pixel * (TAU * u / pixel).sin());
+        Some(in_data_axes(scene, exported, wave))
     }
 
     fn scope(&self) -> Scope {

@@ -336,6 +336,12 @@ pub trait Effect: Sync {
         u
     }
 
+    /// Of an effect that acts through the displacement as it is exported, what an amplitude of 1 adds where that is `_exported` (model's axes,
+    /// rigid motion included). It is in proportion to its only amplitude; [`Effect::components`] is the same for what happened.
+    fn exported(&self, _scene: &Scene, _exported: [f64; 2]) -> Option<[f64; 2]> {
+        None
+    }
+
     /// What the instrument records of the displacement `u` (rigid motion included) at a point.
     fn recorded(
         &self,

@@ -431,20 +431,6 @@ pub fn reported(
     steps.map(one).collect()
 }
 
-/// The same free of the least-squares rigid motion over the places, each place counting with its weight.
-pub fn report(
-    state: &SeriesState,
-    linearised: &State,
-    loaded: &Loaded,
-    scene: &Scene,
-    places: &[[f64; 2]],
-    weights: &[usize],
-) -> Vec<Vec<[f64; 2]>> {
-    let seen = reported(state, linearised, loaded, scene, places);
-    let free = |seen: &Vec<[f64; 2]>| rigid_free(places, weights, seen);
-    seen.iter().map(free).collect()
-}
-
 /// A field without its least-squares rigid motion, each place counting with its weight.
 pub fn rigid_free(places: &[[f64; 2]], weights: &[usize], field: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let motion = rigid::fit_weighted(places, weights, field);

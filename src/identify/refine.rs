@@ -42,6 +42,7 @@ pub fn enrich(
         cached,
         observation: prepared.observation.clone(),
         discrepancy: prepared.discrepancy,
+        seeks_edge_error: prepared.seeks_edge_error,
         traced: prepared.traced.clone(),
     })
 }

@@ -7,11 +7,12 @@
 use nalgebra::DVector;
 
 use super::column::{Column, StepStack};
+use super::exported::{self, AsExported};
 use super::observing::{ObservedAbout, Observing, quotient};
 use super::slopes::averages;
 use crate::effect::{Effect, Scene, Scope};
 use crate::error::Result;
-use crate::experiment::series::{Loaded, SeriesState, Solver, report, rigid_free};
+use crate::experiment::series::{Loaded, SeriesState, Solver, reported, rigid_free};
 use crate::experiment::{Direction, FieldSolver, Sight, Softening, State};
 use crate::fem::Anchor;
 use crate::field::Blocks;
@@ -28,6 +29,8 @@ pub struct AtPlaces<'a> {
     pub counts: &'a [usize],
     /// Averages over these, or the points themselves.
     pub blocks: Option<&'a Blocks>,
+    /// What acts through the displacements as they were exported.
+    pub exported: AsExported<'a>,
 }
 
 /// Step of the central difference of a load, over the nominal one.
@@ -53,6 +56,7 @@ impl<'a> AtPlaces<'a> {
             places: &blocks.centroid,
             counts: &blocks.count,
             blocks: Some(blocks),
+            exported: AsExported::new(steps, Some(blocks)),
         }
     }
 
@@ -88,8 +92,14 @@ impl<'a> AtPlaces<'a> {
         (solved, loaded): (&State, &Loaded),
         scene: &Scene,
     ) -> StepStack {
-        let steps = report(state, solved, loaded, scene, self.places, self.counts);
-        stacked(&steps)
+        let split = self.exported.split(state, scene);
+        let plain = split.as_ref().map_or(state, |(without, _)| without);
+        let mut steps = reported(plain, solved, loaded, scene, self.places);
+        if let Some((_, added)) = split {
+            exported::add(&mut steps, added);
+        }
+        let free = |u: &Vec<[f64; 2]>| rigid_free(self.places, self.counts, u);
+        stacked(&steps.iter().map(free).collect::<Vec<_>>())
     }
 
     /// Whether no force is declared and that of a step is the largest: the one that all constants are relative to.

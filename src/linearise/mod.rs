@@ -6,6 +6,7 @@
 mod at_places;
 mod at_points;
 mod column;
+mod exported;
 mod forward;
 mod insoluble;
 mod linearisation;
@@ -19,6 +20,7 @@ mod unknown_places;
 pub use at_places::AtPlaces;
 pub use at_points::AtPoints;
 pub use column::{Column, StepStack, divide};
+pub use exported::AsExported;
 pub use forward::{CandidateColumns, Forward};
 pub use insoluble::{Insoluble, insoluble, without_insoluble};
 pub use linearisation::Linearisation;

@@ -12,7 +12,7 @@ use super::converged::PointSearch;
 use super::patched::PatchedData;
 use super::patches::Patches;
 use super::recording;
-use super::sought::{acting_in, candidates};
+use super::sought::{acting_in, candidates, is_of_a_rotation};
 use super::stiffness::stiffness_field;
 use super::traced::{LinearisationPoint, Traced, forward};
 use super::tracing::{FoundApart, Tracing, leaves_structure};
@@ -70,7 +70,7 @@ pub(super) fn attribute_kept(
         None => tracer.forward.beginning(start),
     };
     without_insoluble(
-        tracer.sought(&effects),
+        tracer.sought(&effects, &begun),
         &|sought| insoluble(tracer.forward, &begun, sought),
         &|sought, left| {
             let left_out = left_out.iter().cloned().chain(left).collect();
@@ -104,11 +104,17 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     /// How effects may act.
-    fn sought(&self, effects: &[&'static dyn Effect]) -> Vec<EffectUnderLaw> {
-        match &self.prepared.observation.steps {
-            Some(steps) => acting_in(effects, &steps.loads),
-            None => EffectUnderLaw::without_laws(effects),
-        }
+    fn sought(&self, effects: &[&'static dyn Effect], begun: &SeriesState) -> Vec<EffectUnderLaw> {
+        let Some(steps) = &self.prepared.observation.steps else {
+            return EffectUnderLaw::without_laws(effects);
+        };
+        let declared = self.forward.declared();
+        let mut sought = acting_in(effects, &steps.loads);
+        sought.retain(|acts| {
+            let prior_sd = self.forward.prior_sd(acts, 0);
+            !is_of_a_rotation(acts, &declared, begun, prior_sd)
+        });
+        sought
     }
 
     fn trace(

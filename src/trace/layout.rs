@@ -2,6 +2,7 @@
 
 use nalgebra::DVector;
 
+use super::sought::lift_of;
 use super::weighing::Projected;
 use crate::linearise::Candidate;
 use crate::noise::NormalEquations;
@@ -17,6 +18,8 @@ pub struct CandidateLayout {
     positive: Vec<bool>,
     /// Names of the candidates' effects: no subset holds one twice, by two laws.
     names: Vec<&'static str>,
+    /// Pairs that are one motion: a rotation, and the lift by its law of an axis off the hole.
+    one_motion: Vec<[usize; 2]>,
 }
 
 /// Two parts of a field whose cosine is below minus this are one effect taken twice with opposite signs: a hole size and an edge
@@ -36,6 +39,7 @@ impl CandidateLayout {
             ranges: ranges.collect(),
             positive: columns.map(|c| c.positive).collect(),
             names: candidates.iter().map(|c| c.effect.name()).collect(),
+            one_motion: one_motion(candidates),
         }
     }
 
@@ -84,8 +88,12 @@ impl CandidateLayout {
         self.names[a] == self.names[b]
     }
 
-    /// Whether a subset holds an effect twice.
+    /// Whether a subset holds an effect or a motion twice.
     fn repeats(&self, subset: &Subset) -> bool {
+        let whole = |pair: &[usize; 2]| pair.iter().all(|k| subset.contains(k));
+        if self.one_motion.iter().any(whole) {
+            return true;
+        }
         let names = subset.iter().map(|&k| self.names[k]);
         names
             .enumerate()
@@ -118,6 +126,19 @@ impl CandidateLayout {
             })
         })
     }
+}
+
+fn one_motion(candidates: &[Candidate]) -> Vec<[usize; 2]> {
+    let mut pairs = Vec::new();
+    for (i, rotation) in candidates.iter().enumerate() {
+        let Some(lift) = lift_of(rotation.effect) else {
+            continue;
+        };
+        let lifts = |c: &Candidate| c.effect.name() == lift && c.law == rotation.law;
+        let own = candidates.iter().enumerate().filter(|(_, c)| lifts(c));
+        pairs.extend(own.map(|(j, _)| [i, j]));
+    }
+    pairs
 }
 
 /// log (2 Phi(z)): what a half-normal prior makes of evidence under a normal one, for an amplitude `z` sds from zero.

@@ -1,6 +1,7 @@
 //! Which effects are sought.
 
-use crate::effect::{EFFECTS, Effect, Kind, obstacle};
+use crate::effect::{Companions, EFFECTS, Effect, Kind, obstacle};
+use crate::experiment::series::{Law, SeriesState};
 use crate::infer::{EffectUnderLaw, Model};
 
 /// Effects that may be weighed in a model, and those that may not, with the reason.
@@ -51,6 +52,40 @@ pub fn acting_in(effects: &[&'static dyn Effect], loads: &[f64]) -> Vec<EffectUn
     }
     kept
 }
+
+/// Whether a motion towards the camera is how far the axis of a rotation lies off the hole, where that rotation acts in the state `at`: by the
+/// rotation's own law both are one motion, whose axis has a column. `prior_sd` is the motion's own, mm.
+pub fn is_of_a_rotation(
+    acts: &EffectUnderLaw,
+    declared: &[EffectUnderLaw],
+    at: &SeriesState,
+    prior_sd: f64,
+) -> bool {
+    let lifts = |other: &EffectUnderLaw| lift_of(other.effect) == Some(acts.effect.name());
+    let weights = acts.weights(&at.loads);
+    declared.iter().filter(|d| lifts(d)).any(|rotation| {
+        let sets = rotation.weights(&at.loads);
+        let same = rotation.law == Some(Law::Free) || sets.iter().any(|w| weights.contains(w));
+        let mrad = |w: &Vec<f64>| {
+            let amplitude = at.amplitude(rotation.effect, w);
+            amplitude.iter().fold(0.0, |m: f64, a| m.hypot(*a))
+        };
+        let largest = sets.iter().map(mrad).fold(0.0, f64::max);
+        same && 1e-3 * largest * FARTHEST_AXIS_MM > prior_sd
+    })
+}
+
+/// What a rotation about an axis off the hole lifts the specimen by, by name.
+pub fn lift_of(effect: &dyn Effect) -> Option<&'static str> {
+    match effect.companions() {
+        Companions::AxisAndPivot { lift } => Some(lift.name()),
+        _ => None,
+    }
+}
+
+/// An axis farther off than this is a motion of its own, mm (prototype study: up to 100 mm it is known to 0.001 mm of the motion inside the
+/// rotation, and can never be named apart).
+const FARTHEST_AXIS_MM: f64 = 100.0;
 
 /// Whether two laws of one effect have weights over these steps in common.
 pub(super) fn shares(a: &EffectUnderLaw, b: &EffectUnderLaw, loads: &[f64]) -> bool {
