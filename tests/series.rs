@@ -16,8 +16,10 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::dic::cases::{Kind, campaign, case};
+use crate::dic::causes::{self, Cause};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
 use crate::dic::ordinary::{ORDINARY, Ordinary, ordinary};
+use crate::dic::series::Series;
 use crate::loops::{Ended, looped};
 use crate::program::{
     changed, fresh, identify, posterior, set_coarse, shared, simulated, workplace,
@@ -223,7 +225,10 @@ struct Simulated {
 
 impl Simulated {
     fn new(kind: &Kind, laminate: bool, seed: u64) -> Self {
-        let series = case(kind, laminate, seed);
+        Self::of(case(kind, laminate, seed), kind, seed)
+    }
+
+    fn of(series: Series, kind: &Kind, seed: u64) -> Self {
         let folder = fresh(&format!("series-{seed}"));
         let truth = series.write(&series.observed(), &folder);
         Self {
@@ -246,6 +251,22 @@ impl Simulated {
             foreign,
             many: matches!(self.kind, Kind::Many),
         }
+    }
+}
+
+/// A specimen that turns about an axis 50 mm off the hole is lifted by the law of its rotation: one motion, which has one name.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_far_axis_of_a_rotation_is_no_translation() {
+    for (seed, law) in [(4500, causes::Law::Constant), (4501, causes::Law::Load)] {
+        let mut series = case(&Kind::Null, true, seed);
+        series.causes = vec![Cause::Turn([3.0, -2.0], [40.0, 30.0], law)];
+        let kind = Kind::Single("out_of_plane_rotation");
+        let judged = Simulated::of(series, &kind, seed).judged(SERIES);
+        let line = judged.ended.line();
+        assert!(judged.ended.names_alone("out_of_plane_rotation"), "{line}");
+        assert!(!judged.is_wrong(), "{line}");
+        assert_eq!(judged.ended.held(), 4, "{line}");
     }
 }
 
