@@ -270,6 +270,20 @@ fn a_far_axis_of_a_rotation_is_no_translation() {
     }
 }
 
+/// The wave of an interpolation is that of the displacement as it was exported, whatever the model makes of that.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn an_interpolation_wave_is_named_alone() {
+    let kind = Kind::Single("interpolation_bias");
+    for (laminate, seed) in [(true, 4600), (false, 4601)] {
+        let judged = Simulated::new(&kind, laminate, seed).judged(SERIES);
+        let line = judged.ended.line();
+        assert!(judged.ended.names_alone("interpolation_bias"), "{line}");
+        assert!(!judged.is_wrong(), "{line}");
+        assert_eq!(judged.ended.held(), judged.ended.truth.len(), "{line}");
+    }
+}
+
 /// 57 series; `PLYCHAIN_ONLY=4005..4009` runs those of some seeds alone.
 #[test]
 #[ignore = "by hand: 57 series, an hour"]

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::files::stored;
 use crate::infer::{Posterior, Whitened};
 use crate::numeric::{add_scaled, shares};
+use crate::parameter::{Parameter, ParameterKind};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::spread_over;
@@ -84,7 +85,14 @@ stored!(Reweighted {
 });
 
 impl SurrogateError {
-    /// The largest shift of any constant, in posterior standard deviations.
+    /// The largest shift of any elastic constant, in posterior standard deviations.
+    pub fn max_sd_of_constants(&self) -> f64 {
+        let of = |name: &str| Parameter::read(name).kind == ParameterKind::Constant;
+        let constants = self.shift_sd.iter().filter(|(name, _)| of(name));
+        constants.fold(0.0, |a, (_, s)| a.max(*s))
+    }
+
+    /// The largest shift of any parameter, in posterior standard deviations.
     pub fn max_sd(&self) -> f64 {
         self.shift_sd.iter().fold(0.0, |a, (_, s)| a.max(*s))
     }

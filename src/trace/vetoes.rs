@@ -62,9 +62,9 @@ fn determined(found: &Identification) -> Option<String> {
         .then(|| "the constants are not determined: the data drive them beyond 6 prior sd".into())
 }
 
-/// 1. The reduced model at draws of the posterior.
+/// 1. The reduced model at draws of the posterior: what it does to the constants. Amplitudes of effects are quoted from elsewhere.
 pub fn surrogate(found: &Identification) -> Option<String> {
-    let error = found.surrogate.max_sd();
+    let error = found.surrogate.max_sd_of_constants();
     if error > SURROGATE_SDS {
         let percent = 100.0 * error;
         return Some(format!(

@@ -115,6 +115,10 @@ fn the_interpolation_of_grey_values_misreads_parts_of_pixels() {
                 .report([3.0, 4.0], u);
             let expected = [0, 1].map(|k| parts[k] * pixel + 0.02 * pixel * misread[k]);
             close(scene.frame.vector(seen), expected, 1e-12, "interpolation");
+            // the same wave of a displacement that was exported as that
+            let wave = bias.exported(&scene, whole).unwrap();
+            let expected = misread.map(|share| share * pixel);
+            close(scene.frame.vector(wave), expected, 1e-12, "wave");
         }
     }
 }
