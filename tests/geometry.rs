@@ -144,27 +144,6 @@ fn named_edges_are_the_boundary_in_order() {
 }
 
 #[test]
-fn a_mesh_knows_how_far_points_lie_from_its_boundary() {
-    for specimen in specimens() {
-        let geometry = declared(&specimen);
-        let mesh = geometry.mesh(&geometry.counts(Density::DEFAULT));
-        let points: Vec<[f64; 2]> = mesh.nodes.iter().step_by(97).copied().collect();
-        for (p, found) in points.iter().zip(mesh.from_boundary(&points)) {
-            let of_edges = mesh
-                .edges
-                .keys()
-                .map(|name| geometry.distance(name, *p).unwrap());
-            let nearest = of_edges.fold(f64::INFINITY, f64::min);
-            // arcs are made of straight halves of edges
-            assert!(
-                (found - nearest).abs() < 0.02,
-                "{geometry:?}, {p:?}: {found} {nearest}"
-            );
-        }
-    }
-}
-
-#[test]
 fn distances_are_those_of_the_nearest_nodes_of_the_edge() {
     for specimen in specimens() {
         let geometry = declared(&specimen);

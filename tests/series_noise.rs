@@ -78,8 +78,6 @@ impl Window {
             centroid,
             of_point: Vec::new(),
             noise_length_mm: 2.0 * SUBSET,
-            near_edges: None,
-            beside_noise: None,
             places: Places::of_few(points),
         };
         Self {

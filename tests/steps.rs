@@ -42,8 +42,6 @@ fn lattice(side: usize) -> Blocks {
         spread: vec![[0.0; 2]; places.len()],
         of_point: Vec::new(),
         noise_length_mm: 2.0,
-        near_edges: None,
-        beside_noise: None,
         places: Places::of_few(places.iter().map(|p| vec![*p]).collect()),
         centroid: places,
     }

@@ -401,10 +401,6 @@ impl Places for FieldExperiment {
         sight.with_observer(observer)
     }
 
-    fn from_edges(&self, points: &[[f64; 2]]) -> Option<Vec<f64>> {
-        Some(self.plate.mesh.from_boundary(points))
-    }
-
     fn sight(&self, points: &[[f64; 2]]) -> Sight {
         let sight = Sight::anywhere(points, &[]);
         match self.subsets() {

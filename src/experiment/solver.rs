@@ -132,11 +132,6 @@ pub trait Places: Send + Sync {
         Sight::anywhere(points, further)
     }
 
-    /// Distance of reported points from the nearest edge of the nominal specimen, mm; none without its outline.
-    fn from_edges(&self, _points: &[[f64; 2]]) -> Option<Vec<f64>> {
-        None
-    }
-
     /// Reported points whose place on the mesh is not known yet; each stands for its subset where images are correlated.
     fn sight(&self, points: &[[f64; 2]]) -> Sight {
         Sight::anywhere(points, &[])

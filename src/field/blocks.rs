@@ -1,13 +1,11 @@
 //! Block averages: square tiles over the field, means over the same points for data and model columns.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::measured::{Field, bounds};
-use super::near_edges::{DECAYS, NearEdges};
 use super::places::Places;
 
 /// Square blocks and the points in them.
@@ -32,11 +30,6 @@ pub struct Blocks {
     /// Longest correlation length that counts as noise, mm: two subsets where they are declared, or a tenth of the
     /// window's shorter side. In a single field nothing tells longer noise from an error of the model.
     pub noise_length_mm: f64,
-    /// How near to edges they lie, where subsets are correlated on a specimen whose edges are known.
-    pub near_edges: Option<NearEdges>,
-    /// Covariance of an error that averages have beside the noise of their points, of a scale at which a point's white variance is
-    /// [`Blocks::mean_count`].
-    pub beside_noise: Option<Arc<DMatrix<f64>>>,
 }
 
 /// Noise is correlated over at most so many subsets, or so much of the window.
@@ -133,26 +126,6 @@ impl Blocks {
             count: members.values().map(Vec::len).collect(),
             centroid,
             of_point,
-            near_edges: None,
-            beside_noise: None,
-        }
-    }
-
-    /// The same with the distance (mm) of every point of the field from the nearest edge of the specimen, where it is known and the points
-    /// stand for subsets.
-    #[must_use]
-    pub fn with_edges(self, from_edge_mm: Option<&[f64]>, subset_mm: Option<f64>) -> Self {
-        let (Some(from_edge), Some(subset_mm)) = (from_edge_mm, subset_mm) else {
-            return self;
-        };
-        let weight = DECAYS.map(|decay| {
-            let at = |d: &f64| ((0.5 - d / subset_mm) / decay).exp();
-            let of_points: Vec<f64> = from_edge.iter().map(at).collect();
-            self.average(&of_points).as_slice().to_vec()
-        });
-        Self {
-            near_edges: Some(NearEdges { subset_mm, weight }),
-            ..self
         }
     }
 

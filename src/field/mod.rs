@@ -21,7 +21,6 @@ pub mod mask;
 mod matlab;
 pub mod matrices;
 pub mod measured;
-pub mod near_edges;
 pub mod outliers;
 pub mod places;
 pub mod programs;

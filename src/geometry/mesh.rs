@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 /// An element's edge on the boundary: corner, midside, corner, with the material on its left.
 pub type Edge = [u32; 3];
 
@@ -80,29 +78,6 @@ impl Mesh {
         self.edges.get(name).map_or(&[], Vec::as_slice)
     }
 
-    /// Distance of points from the boundary, named or not, mm; each half of an edge counts as straight.
-    pub fn from_boundary(&self, points: &[[f64; 2]]) -> Vec<f64> {
-        let node = |n: u32| self.nodes[n as usize];
-        let halves = |[a, m, b]: &Edge| [[node(*a), node(*m)], [node(*m), node(*b)]];
-        let mut of_one: BTreeMap<u32, Option<Edge>> = BTreeMap::new();
-        for e in &self.elements {
-            for k in 0..4 {
-                let edge = [e[k], e[k + 4], e[(k + 1) % 4]];
-                let is_shared = |known: &mut Option<Edge>| *known = None;
-                of_one
-                    .entry(edge[1])
-                    .and_modify(is_shared)
-                    .or_insert(Some(edge));
-            }
-        }
-        let sides: Vec<[[f64; 2]; 2]> = of_one.values().flatten().flat_map(halves).collect();
-        let nearest = |p: &[f64; 2]| {
-            let all = sides.iter().map(|side| square_of_distance(*p, *side));
-            all.fold(f64::INFINITY, f64::min).sqrt()
-        };
-        points.par_iter().map(nearest).collect()
-    }
-
     /// Name the edges along chains of nodes (corner, midside, corner, ...).
     pub(super) fn name_edges(&mut self, name: &str, chains: &[Vec<u32>]) {
         let edges = chains.iter().flat_map(|chain| {
@@ -137,15 +112,4 @@ impl Mesh {
         let [a, b, c] = [a, b, c].map(|n| self.nodes[n as usize]);
         (b[0] - a[0]) * (c[1] - b[1]) > (b[1] - a[1]) * (c[0] - b[0])
     }
-}
-
-/// Square of the distance of a point from a straight side.
-fn square_of_distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
-    let along = [b[0] - a[0], b[1] - a[1]];
-    let from = [p[0] - a[0], p[1] - a[1]];
-    let length2 = along[0] * along[0] + along[1] * along[1];
-    let share = (from[0] * along[0] + from[1] * along[1]) / length2.max(f64::MIN_POSITIVE);
-    let share = share.clamp(0.0, 1.0);
-    let off = [0, 1].map(|k| from[k] - share * along[k]);
-    off[0] * off[0] + off[1] * off[1]
 }

@@ -32,8 +32,6 @@ pub struct Prepared {
     pub observation: Observation,
     /// Structure that is to be counted as a discrepancy of the model.
     pub discrepancy: [Option<Hyperparameters>; 2],
-    /// Whether an error near edges is looked for in the noise.
-    pub seeks_edge_error: bool,
     /// What tracing found of a series before: about that it is linear in the declared effects.
     pub traced: Option<TracedSeries>,
 }
@@ -106,7 +104,6 @@ pub fn prepare_traced(
         cached,
         observation,
         discrepancy: [None, None],
-        seeks_edge_error: false,
         traced,
     })
 }
@@ -239,12 +236,7 @@ pub(super) fn inverse_problem_kept(
     )?;
     progress.begin("noise of the measurement", None);
     let of = (&*columns.modes, &*columns.effects);
-    let (field, experiment) = (&prepared.observation.field, &*prepared.problem.experiment);
-    let seeks = prepared.seeks_edge_error;
-    let from_edge = seeks
-        .then(|| experiment.from_edges(&field.points))
-        .flatten();
-    let noise = Noise::estimate_kept(field, of, from_edge.as_deref(), (kept, progress))?;
+    let noise = Noise::estimate_kept(&prepared.observation.field, of, kept, progress)?;
     let noise = noise.with(&prepared.discrepancy)?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",

@@ -39,7 +39,7 @@ impl AgainstNoise {
             warnings.extend(structure(inverse, residual));
             if p_of_modes < MISFIT {
                 warnings.push(format!(
-                    "No constants within the priors fit the measured modes: their misfit is {modes:.1} with {freedom} degrees of freedom."
+                    "No constants within the priors fit the shape of the field: the misfit of its modes is {modes:.1}, with {freedom} degrees of freedom."
                 ));
             }
             let scale = inverse.posterior.scale(mean);

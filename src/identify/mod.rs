@@ -30,9 +30,7 @@ pub use misfit::{AgainstNoise, MISFIT};
 pub use patterns::{Exceedance, Patterns};
 pub use refine::refined;
 pub use residual::Residual;
-pub use solve::{
-    Options, Reporting, identify, identify_beside_edges, identify_traced, redrawn, refine,
-};
+pub use solve::{Options, Reporting, identify, identify_traced, redrawn, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;

@@ -42,7 +42,6 @@ pub fn enrich(
         cached,
         observation: prepared.observation.clone(),
         discrepancy: prepared.discrepancy,
-        seeks_edge_error: prepared.seeks_edge_error,
         traced: prepared.traced.clone(),
     })
 }

@@ -96,44 +96,6 @@ pub fn identify_traced(
         discrepancy: options.discrepancy,
         ..prepare_traced(model, traced, &options.cache, progress)?
     };
-    identify_doubting(model, prepared, options, progress)
-}
-
-/// The same field again with an error near edges in its noise, as programs that correlate images leave it where subsets end; none where the
-/// specimen's edges are not known, no subsets were correlated, or the data do not ask for it.
-///
-/// # Errors
-/// Those of [`identify`].
-pub fn identify_beside_edges(
-    model: &Model,
-    found: &Identification,
-    options: &Options<'_>,
-    progress: &dyn Progress,
-) -> Result<Option<Identification>> {
-    let Prepared {
-        observation,
-        traced,
-        ..
-    } = &found.inverse.prepared;
-    // the frames of a series measure their noise
-    if observation.steps.is_some() || observation.field.subset_mm.is_none() {
-        return Ok(None);
-    }
-    let prepared = Prepared {
-        seeks_edge_error: true,
-        ..prepare_traced(model, traced.clone(), &options.cache, progress)?
-    };
-    let again = identify_doubting(model, prepared, options, progress)?;
-    let edges = again.inverse.noise.edges;
-    Ok(edges.iter().any(Option::is_some).then_some(again))
-}
-
-fn identify_doubting(
-    model: &Model,
-    prepared: Prepared,
-    options: &Options<'_>,
-    progress: &dyn Progress,
-) -> Result<Identification> {
     let doubts = doubted(model, &prepared, (options.doubting, progress))?;
     let hint = |e: Error| match doubts.first() {
         Some(doubt) if e.blame() == Blame::Input => e.hint(doubt),

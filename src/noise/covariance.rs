@@ -240,7 +240,7 @@ impl BlockCovariance {
         Self::of_several(blocks, &[(matern, ratio)])
     }
 
-    /// Factorise diag(nbar / n_b) + sum of ratios times K, and what blocks have beside noise: noise whose length is not known for certain. `length_mm` is
+    /// Factorise diag(nbar / n_b) + sum of ratios times K: noise whose length is not known for certain. `length_mm` is
     /// that of the largest ratio, `ratio` the sum. K is exact to a few parts in a thousand: where that leaves it without
     /// a factor, it gains the smallest of some parts of the identity that gives it one.
     ///
@@ -249,10 +249,7 @@ impl BlockCovariance {
     pub fn of_several(blocks: &Blocks, parts: &[(&Matern, f64)]) -> Result<Self> {
         let mean_count = blocks.mean_count();
         let shares = blocks.worth.iter().map(|n| mean_count / n);
-        let mut white = DMatrix::from_diagonal(&DVector::from_iterator(blocks.len(), shares));
-        if let Some(beside) = &blocks.beside_noise {
-            white += &**beside;
-        }
+        let white = DMatrix::from_diagonal(&DVector::from_iterator(blocks.len(), shares));
         Self::over(&white, mean_count, parts)
     }
 

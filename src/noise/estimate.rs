@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::edge_error::EdgeError;
 use super::hyperparameters::{LocalVariance, OneComponent, tables};
 use super::normal::solve;
 use super::reml::{Contrasts, Hyperparameters, Reml};
@@ -37,8 +36,6 @@ pub struct Noise {
     pub white_mm: [f64; 2],
     /// Effective number of independent points of both components.
     pub effective_points: f64,
-    /// The error of each component near edges, where it was asked for and found.
-    pub edges: [Option<EdgeError>; 2],
 }
 
 /// Columns (u1, u2) at the points, mm.
@@ -52,7 +49,6 @@ struct EstimatedParts {
     white_mm: [f64; 2],
     log_variance: [(f64, f64); 2],
     effective_points: f64,
-    edges: [Option<EdgeError>; 2],
 }
 
 stored!(EstimatedParts {
@@ -61,8 +57,7 @@ stored!(EstimatedParts {
     scale2,
     white_mm,
     log_variance,
-    effective_points,
-    edges
+    effective_points
 });
 
 impl Noise {
@@ -78,15 +73,6 @@ impl Noise {
         effects: &[Vec<[f64; 2]>],
     ) -> Result<Self> {
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-        Self::over_blocks(blocks, field, (modes, effects))
-    }
-
-    /// The same over some blocks of the field; with an error near edges where these are known.
-    fn over_blocks(
-        blocks: Blocks,
-        field: &Field,
-        (modes, effects): (ColumnsAtPoints<'_>, ColumnsAtPoints<'_>),
-    ) -> Result<Self> {
         let fitted = modes.len() + effects.len();
         if blocks.len() < fitted + FEWEST_CONTRASTS {
             let place = field
@@ -112,25 +98,16 @@ impl Noise {
             .into_iter()
             .map(|(field, stride)| (white(field), Leftover::new(field), stride))
             .collect();
-        let contrasts = |blocks, c: usize| {
-            let explained = component(modes.iter().chain(effects), c, blocks);
+        let contrasts = |c: usize| {
+            let explained = component(modes.iter().chain(effects), c, &blocks);
             let mut all = DMatrix::zeros(blocks.len(), explained.ncols() + smooth.ncols());
             all.columns_mut(0, explained.ncols()).copy_from(&explained);
             all.columns_mut(explained.ncols(), smooth.ncols())
                 .copy_from(&smooth);
-            Contrasts::new(blocks, blocks.average(&field.component(c)), &all)
+            Contrasts::new(&blocks, blocks.average(&field.component(c)), &all)
         };
-        let of_both = [contrasts(&blocks, 0)?, contrasts(&blocks, 1)?];
-        let [mut first, mut second] = tables(&blocks, [&of_both[0], &of_both[1]])?;
-        let edges = [
-            EdgeError::find(&blocks, &of_both[0], &first)?,
-            EdgeError::find(&blocks, &of_both[1], &second)?,
-        ];
-        let beside = edges.map(|e| e.map_or_else(|| blocks.clone(), |e| e.beside(&blocks)));
-        let contrasts = [contrasts(&beside[0], 0)?, contrasts(&beside[1], 1)?];
-        if edges.iter().any(Option::is_some) {
-            [first, second] = tables(&blocks, [&contrasts[0], &contrasts[1]])?;
-        }
+        let contrasts = [contrasts(0)?, contrasts(1)?];
+        let [first, second] = tables(&blocks, [&contrasts[0], &contrasts[1]])?;
         let estimate = |c: usize, reml: Reml| -> Result<OneComponent> {
             let locals = differences
                 .iter()
@@ -143,7 +120,7 @@ impl Noise {
                     leftover,
                 });
             let locals: Vec<LocalVariance<'_>> = locals.collect();
-            OneComponent::new(&beside[c], &contrasts[c], reml, &locals)
+            OneComponent::new(&blocks, &contrasts[c], reml, &locals)
         };
         let (a, b) = (estimate(0, first)?, estimate(1, second)?);
         let effective_points = a.covariance.effective_points() + b.covariance.effective_points();
@@ -154,32 +131,25 @@ impl Noise {
             reml: [a.reml, b.reml],
             covariance: [a.covariance, b.covariance],
             effective_points,
-            edges,
             blocks,
         })
     }
 
-    /// The same as a stage of a run that is kept, but for the blocks, which are made anew; with an error near edges where it is told
-    /// how far the points lie from them, mm.
+    /// The same as a stage of a run that is kept, but for the blocks, which are made anew.
     ///
     /// # Errors
     /// Those of [`Noise::estimate`]; a folder that cannot be written.
     pub fn estimate_kept(
         field: &Field,
         (modes, effects): (ColumnsAtPoints<'_>, ColumnsAtPoints<'_>),
-        from_edge_mm: Option<&[f64]>,
-        (kept, progress): (&KeptStages, &dyn Progress),
+        kept: &KeptStages,
+        progress: &dyn Progress,
     ) -> Result<Self> {
-        let blocks = || {
-            Blocks::new(field, Blocks::size_for(field), |_| true)
-                .with_edges(from_edge_mm, field.subset_mm)
-        };
         let mut of = Vec::new();
         (field.points.clone(), field.displacement.clone()).put(&mut of);
         (modes.to_vec(), effects.to_vec()).put(&mut of);
-        from_edge_mm.is_some().put(&mut of);
         let estimate = || {
-            let found = Self::over_blocks(blocks(), field, (modes, effects))?;
+            let found = Self::estimate(field, modes, effects)?;
             Ok(EstimatedParts {
                 reml: found.reml,
                 covariance: found.covariance,
@@ -187,19 +157,17 @@ impl Noise {
                 white_mm: found.white_mm,
                 log_variance: found.log_variance,
                 effective_points: found.effective_points,
-                edges: found.edges,
             })
         };
         let found = kept.stage("noise", &of, estimate, progress)?;
         Ok(Self {
-            blocks: blocks(),
+            blocks: Blocks::new(field, Blocks::size_for(field), |_| true),
             reml: found.reml,
             covariance: found.covariance,
             scale2: found.scale2,
             log_variance: found.log_variance,
             white_mm: found.white_mm,
             effective_points: found.effective_points,
-            edges: found.edges,
         })
     }
 
@@ -211,9 +179,7 @@ impl Noise {
         for (c, found) in discrepancy.iter().enumerate() {
             let Some(d) = found else { continue };
             let matern = Matern::new(&self.blocks, d.length_mm);
-            let beside = self.edges[c].map(|e| e.beside(&self.blocks));
-            let blocks = beside.as_ref().unwrap_or(&self.blocks);
-            self.covariance[c] = BlockCovariance::new(blocks, &matern, d.ratio)?;
+            self.covariance[c] = BlockCovariance::new(&self.blocks, &matern, d.ratio)?;
             self.scale2[c] = d.scale2;
         }
         let effective = |c: usize| self.covariance[c].effective_points();
@@ -229,13 +195,6 @@ impl Noise {
     /// Root mean square of the point sd over both components, nm: the noise parameter of the posterior at scale 1.
     pub fn reference_nm(&self) -> f64 {
         (0.5 * (self.point_sd_nm(0).powi(2) + self.point_sd_nm(1).powi(2))).sqrt()
-    }
-
-    /// Sd of the error of a component half a subset from an edge, nm; none where no such error was found.
-    pub fn edge_sd_nm(&self, c: usize) -> Option<f64> {
-        let reml = &self.reml[c];
-        let white = reml.best.scale2 * reml.mean_count;
-        self.edges[c].map(|e| (e.ratio * white).sqrt() * NM_PER_MM)
     }
 
     /// Degrees of freedom nu with which the noise's scale is known: the number of independent values of a known

@@ -1,7 +1,6 @@
 //! The noise of a measured field: white part, correlated part, restricted likelihood, hyperparameters.
 
 pub mod covariance;
-mod edge_error;
 mod estimate;
 mod hyperparameters;
 mod lattice;
@@ -12,7 +11,6 @@ pub mod series;
 pub mod white;
 
 pub use covariance::{BlockCovariance, Matern};
-pub use edge_error::EdgeError;
 pub use estimate::{Noise, component, residual_of_fit};
 pub use normal::NormalEquations;
 pub(crate) use normal::solve;

@@ -126,10 +126,6 @@ impl<'a> Contrasts<'a> {
     /// # Errors
     /// Those of [`Contrasts::table`].
     pub fn tables(both: [&Self; 2], lengths_mm: &[f64], ratios: &[f64]) -> Result<[Reml; 2]> {
-        if both.iter().any(|c| c.blocks.beside_noise.is_some()) {
-            let [first, second] = both.map(|c| c.table(lengths_mm, ratios));
-            return Ok([first?, second?]);
-        }
         let at = |c: &BlockCovariance| Ok((both[0].at(c)?, both[1].at(c)?));
         let found = over_grid(both[0].blocks, lengths_mm, ratios, at)?;
         let (first, second) = found.into_iter().unzip();

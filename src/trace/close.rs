@@ -28,9 +28,7 @@ use super::vetoes::{contradiction, surrogate};
 use crate::error::{Blame, Error, Result};
 use crate::experiment::State;
 use crate::files::Keyed;
-use crate::identify::{
-    Identification, Options, Prepared, identify_beside_edges, identify_traced, refine,
-};
+use crate::identify::{Identification, Options, Prepared, identify_traced, refine};
 use crate::infer::{Model, TracedSeries};
 use crate::progress::Progress;
 
@@ -321,7 +319,6 @@ impl Loop<'_, '_> {
         let Some(round) = course.rounds.pop() else {
             return Ok(course);
         };
-        let round = self.beside_edges(&mut course, round)?;
         let attempt = course.attempts;
         let round = match self.refined(&round, attempt)? {
             Some(identification) => {
@@ -333,23 +330,6 @@ impl Loop<'_, '_> {
         };
         course.rounds.push(round);
         Ok(course)
-    }
-
-    /// The last round with an error near edges, where its misfit is larger than noise alone makes it and the data ask for such an error.
-    fn beside_edges(&self, course: &mut Course, round: Round) -> Result<Round> {
-        let found = &round.identification;
-        let options = (self.options)(LoopStage::Attempt(course.attempts));
-        if !found.misfit.is_too_large() || is_over(&options) {
-            return Ok(round);
-        }
-        let again = identify_beside_edges(&round.model, found, &options, self.progress);
-        let Some(identification) = unless_ended(again)?.flatten() else {
-            return Ok(round);
-        };
-        let attempt = course.attempts;
-        course.attempts += 1;
-        let traced = (round.tracing, round.traced);
-        Ok(Round::new(attempt, round.model, identification, traced))
     }
 
     fn refined(&self, round: &Round, attempt: usize) -> Result<Option<Identification>> {

@@ -22,6 +22,9 @@ pub struct Conclusion {
     /// Effects added, in order.
     #[serde(default)]
     pub effects: Vec<String>,
+    /// What the sizes of added effects mean for the fields or the constants, where that is not plain: a sentence an effect.
+    #[serde(default, skip_serializing_if = "Keyed::is_empty")]
+    pub meanings: Keyed<String>,
     /// Effects that leave the same field as an added one, or almost: those that the evidence does not tell from it, and those of a cosine
     /// above 0.95.
     #[serde(default)]
@@ -140,6 +143,10 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     Conclusion {
         status,
         effects: groups.iter().map(|g| g.leader.into()).collect(),
+        meanings: groups
+            .iter()
+            .filter_map(|g| Some((g.leader.into(), meaning(rounds, g.leader)?)))
+            .collect(),
         alias_groups: groups
             .iter()
             .map(|g| alike(g))
@@ -280,6 +287,14 @@ fn amplitude(rounds: &[Round], name: &str) -> String {
     values.collect::<Vec<_>>().join(", ")
 }
 
+/// What the size of an added effect means, in a sentence without its stop.
+fn meaning(rounds: &[Round], name: &str) -> Option<String> {
+    let found = amplitudes(rounds, name).into_iter();
+    let found: Vec<[f64; 2]> = found.map(|(_, mean, sd)| [mean, sd]).collect();
+    let of = effect(name).filter(|e| e.parameters().len() == found.len())?;
+    of.meaning(&found, &rounds[rounds.len() - 1].model.scene())
+}
+
 /// An effect with its amplitude, and what could stand in for it.
 fn consistent(rounds: &[Round], group: &Named) -> String {
     let mut text = group.leader.to_string();
@@ -379,11 +394,7 @@ fn words(
             "With that in the model it is consistent with"
         };
         said.push(format!("{begin} {}.", consistent(rounds, group)));
-        let found = amplitudes(rounds, group.leader).into_iter();
-        let found: Vec<[f64; 2]> = found.map(|(_, mean, sd)| [mean, sd]).collect();
-        let of = effect(group.leader).filter(|e| e.parameters().len() == found.len());
-        let scene = rounds[rounds.len() - 1].model.scene();
-        said.extend(of.and_then(|e| e.meaning(&found, &scene)).map(|s| s + "."));
+        said.extend(meaning(rounds, group.leader).map(|s| s + "."));
     }
     if let Some(group) = wanted {
         said.push(format!(

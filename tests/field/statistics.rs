@@ -1,11 +1,9 @@
 use nalgebra::{DMatrix, DVector};
 use plychain::field::places::Places;
 use plychain::field::{Blocks, Field, MeasurementSpec, Reason, outliers};
-use plychain::files::KeptStages;
 use plychain::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use plychain::noise::reml::{Contrasts, Reml, orthonormal};
-use plychain::noise::{self, BlockCovariance, Matern, Noise};
-use plychain::progress::{Progress, Silent};
+use plychain::noise::{self, BlockCovariance, Matern};
 use rand::RngExt;
 
 use super::{STEEL, normal, open_hole, rng, simulated, spec};
@@ -64,48 +62,6 @@ fn reml(
     ratios: &[f64],
 ) -> plychain::error::Result<Reml> {
     Contrasts::new(blocks, y.clone(), columns)?.table(lengths_mm, ratios)
-}
-
-/// An error that subsets of 1.2 mm have near the hole's edge: found in each component that has it, of the right size, and in none of white
-/// noise alone. What it leaves is then no larger than the noise says.
-#[test]
-fn an_error_near_edges_is_found_where_there_is_one() {
-    const SUBSET: f64 = 1.2;
-    const SD: f64 = 1e-5;
-    let noise_of = |seed: u64, size: [f64; 2]| {
-        let mut field = simulated(121, SD, seed);
-        let keep: Vec<bool> = field
-            .points
-            .iter()
-            .map(|p| p[0].hypot(p[1]) > 2.3)
-            .collect();
-        field.retain(Reason::OutsideWindow, |i| keep[i]);
-        field.subset_mm = Some(SUBSET);
-        let from_edge: Vec<f64> = field
-            .points
-            .iter()
-            .map(|p| p[0].hypot(p[1]) - 2.0)
-            .collect();
-        let error = [0, 1].map(|c| correlated(&field, SUBSET, size[c] * SD, 7 * seed + c as u64));
-        for (i, u) in field.displacement.iter_mut().enumerate() {
-            let near = ((0.5 - from_edge[i] / SUBSET) / 0.5).exp();
-            let exact = open_hole(field.points[i]);
-            *u = [0, 1].map(|c| u[c] - exact[c] + near * error[c][i]);
-        }
-        let kept = (&KeptStages::default(), &Silent as &dyn Progress);
-        Noise::estimate_kept(&field, (&[], &[]), Some(&from_edge), kept).unwrap()
-    };
-    let mut false_ones = 0;
-    for seed in 0..10 {
-        let null = noise_of(seed, [0.0, 0.0]);
-        false_ones += null.edges.iter().flatten().count();
-        let found = noise_of(seed, [8.0, 0.0]);
-        assert!(found.edges[0].is_some(), "seed {seed}");
-        false_ones += usize::from(found.edges[1].is_some());
-        let sd = found.edge_sd_nm(0).unwrap();
-        assert!((40.0..160.0).contains(&sd), "seed {seed}: {sd} nm of 80");
-    }
-    assert!(false_ones <= 1, "{false_ones} of 30");
 }
 
 fn blocks_of(field: &Field) -> Blocks {

@@ -127,10 +127,12 @@ pub fn found(report: &Report, last: &RoundReport) -> Piece {
         let own =
             amplitudes.filter(|(name, _)| Parameter::read(name).effect.as_deref() == Some(effect));
         let sizes: Vec<String> = own.map(|(name, a)| size(name, a)).collect();
+        let means = verdict.meanings.get(effect);
+        let means = means.map_or_else(String::new, |m| format!(". {m}"));
         let tests = verdict.confirm.iter().flat_map(|group| &group.tests);
         let test = tests.clone().find(|t| t.effect == *effect);
         let test = test.map_or_else(String::new, |t| format!(". Test: {}", t.test));
-        (effect.clone(), format!("{}{test}", sizes.join(", ")))
+        (effect.clone(), format!("{}{means}{test}", sizes.join(", ")))
     };
     let mut items: Vec<(String, String)> = verdict.effects.iter().map(item).collect();
     if !verdict.undecided.is_empty() {
