@@ -203,7 +203,9 @@ fn verdict_rows(summary: &VerdictSummary) -> [(&'static str, HowOften); 9] {
 
 /// Right and wrong verdicts.
 pub fn verdicts_section(summary: &VerdictSummary) -> Section {
-    let rows = verdict_rows(summary).map(|(what, count)| {
+    // what nothing was asked of has no rate
+    let asked = verdict_rows(summary).into_iter().filter(|(_, count)| count.of > 0);
+    let rows = asked.map(|(what, count)| {
         let percent = |share: f64| TableCell::fixed(100.0 * share, 1);
         let [low, high] = count.interval();
         let cells = [
@@ -224,13 +226,16 @@ pub fn verdicts_section(summary: &VerdictSummary) -> Section {
         summary.replicates, summary.asked.effects, plan.correlation_mm, plan.grid, plan.grid
     ))
     .with(Table::new("", ["", "found", "of", "%", "95 % interval"], rows))
-    .with(Piece::list([
-        format!("F1 of the names: {:.2}", summary.f1()),
-        format!(
-            "The constants' distance from those with all true effects declared: {:.3} of that before (median, where the residual is explained)",
-            summary.bias_left
-        ),
-    ]))
+    .with(Piece::list(of_names(summary)))
+}
+
+/// What is said of the names and of the constants beside those with all true effects declared, where effects acted.
+fn of_names(summary: &VerdictSummary) -> Vec<String> {
+    let f1 = summary.f1();
+    let names = f1.is_finite().then(|| format!("F1 of the names: {f1:.2}"));
+    let left = summary.bias_left;
+    let left = left.is_finite().then(|| format!("The constants' distance from those with all true effects declared: {left:.3} of that before (median, where the residual is explained)"));
+    names.into_iter().chain(left).collect()
 }
 
 /// The same as numbers.
