@@ -72,17 +72,17 @@ impl<'a> Seen<'a> {
         let strained = [0, 1].map(|k| before[k] + u[k]);
         let rigid = self.motion.turned(strained);
         let plane = [0, 1].map(|k| strained[k] + rigid[k]);
-        let after = self.projected(before, plane);
+        let after = self.projected(plane);
         let place = self.place(after, [0, 1].map(|k| reported[k] + after[k] - before[k]));
         [0, 1].map(|k| place[k] - reported[k])
     }
 
-    /// Where a point at `place` in the plane is seen that has moved out of it, as effects move the material point `point`: by a pinhole
-    /// at the camera's distance, over the middle of the picture.
-    fn projected(&self, point: [f64; 2], place: [f64; 2]) -> [f64; 2] {
+    /// Where a point at `place` in the plane is seen that moves out of it from there, about axes that stand still: by a pinhole at the
+    /// camera's distance, over the middle of the picture.
+    fn projected(&self, place: [f64; 2]) -> [f64; 2] {
         let mut moved = [0.0; 3];
         for a in &self.effects {
-            let by = a.effect.motion(&a.amplitude, self.scene, point);
+            let by = a.effect.motion(&a.amplitude, self.scene, place);
             moved = [0, 1, 2].map(|k| moved[k] + by[k]);
         }
         let place = [place[0] + moved[0], place[1] + moved[1]];

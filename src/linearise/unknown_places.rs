@@ -123,7 +123,39 @@ impl Linearisation<'_> {
             };
             columns.push(Column::product(pivot.name(), slope));
         }
+        if is_declared {
+            for set in amplitudes.chunks(effect.effect.parameters().len()) {
+                columns.extend(self.with_the_specimen(effect, lift, set));
+            }
+        }
         Ok(columns)
+    }
+
+    /// What a rotation does where its axis moves in the plane with the specimen, in place of standing still: every step then lacks the rise of
+    /// its own motion in the plane. A specimen that moved by a millimetre and turned by 3 mrad was called tilted before the camera without it.
+    fn with_the_specimen(
+        &self,
+        effect: &EffectUnderLaw,
+        lift: &'static dyn Effect,
+        set: &[Amplitude],
+    ) -> Option<Column> {
+        let first = set.first()?;
+        let found = self.at.amplitude(effect.effect, &first.weights);
+        let rises = self.at.rigid.iter().zip(&first.weights).map(|(motion, w)| {
+            let turn: Vec<f64> = found.iter().map(|a| w * a).collect();
+            effect.effect.motion(&turn, self.scene(), motion.shift)[2]
+        });
+        let rises: Vec<f64> = rises.collect();
+        if rises.is_empty() {
+            return None;
+        }
+        let lifted = self.at.raised(lift, 0, -1.0, &rises);
+        let slope = self.pictured([&lifted, self.at], 1.0, self.scene());
+        let carried = Parameter {
+            own: "carried".into(),
+            ..Parameter::read(&first.name)
+        };
+        Some(Column::product(carried.name(), slope))
     }
 
     /// What a specimen that bends out of its plane shows in a series beside its curvature's own field: products of its curvatures with the

@@ -204,7 +204,9 @@ fn verdict_rows(summary: &VerdictSummary) -> [(&'static str, HowOften); 9] {
 /// Right and wrong verdicts.
 pub fn verdicts_section(summary: &VerdictSummary) -> Section {
     // what nothing was asked of has no rate
-    let asked = verdict_rows(summary).into_iter().filter(|(_, count)| count.of > 0);
+    let asked = verdict_rows(summary)
+        .into_iter()
+        .filter(|(_, count)| count.of > 0);
     let rows = asked.map(|(what, count)| {
         let percent = |share: f64| TableCell::fixed(100.0 * share, 1);
         let [low, high] = count.interval();

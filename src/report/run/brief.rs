@@ -124,8 +124,13 @@ pub fn found(report: &Report, last: &RoundReport) -> Piece {
     };
     let item = |effect: &String| {
         let amplitudes = last.effect_amplitudes.iter();
-        let own =
-            amplitudes.filter(|(name, _)| Parameter::read(name).effect.as_deref() == Some(effect));
+        // what was solved for beside them, as unknown places, has no size to read
+        let known = effect::find("verdict", effect).map_or(&[][..], |e| e.parameters());
+        let own = amplitudes.filter(|(name, _)| {
+            let read = Parameter::read(name);
+            let is_own = known.iter().any(|p| p.name == read.own);
+            read.effect.as_deref() == Some(effect) && is_own
+        });
         let sizes: Vec<String> = own.map(|(name, a)| size(name, a)).collect();
         let means = verdict.meanings.get(effect);
         let means = means.map_or_else(String::new, |m| format!(". {m}"));
