@@ -336,8 +336,8 @@ pub trait Effect: Sync {
         u
     }
 
-    /// Of an effect that acts through the displacement as it is exported, what an amplitude of 1 adds where that is `_exported` (model's axes,
-    /// rigid motion included). It is in proportion to its only amplitude; [`Effect::components`] is the same for what happened.
+    /// What an amplitude of 1 adds where the displacement is exported as `_exported` (mm, model's axes, rigid motion included), of an effect
+    /// that acts through that; it is in proportion to its only amplitude. None of all others.
     fn exported(&self, _scene: &Scene, _exported: [f64; 2]) -> Option<[f64; 2]> {
         None
     }

@@ -7,7 +7,7 @@ use crate::effect::Scope;
 use crate::error::Result;
 use crate::infer::{Observation, SteppedColumn, Steps};
 use crate::laminate::MeanSd;
-use crate::linearise::{AsExported, AtPlaces, Column, Forward};
+use crate::linearise::{AtPlaces, Column, Forward};
 
 /// The observation with its displacement replaced by what grows with the load over its steps, linear in the declared effects' amplitudes about
 /// what tracing found of them, and with their columns.
@@ -34,7 +34,6 @@ pub fn combined(with: &With<'_>, mut observation: Observation) -> Result<Observa
                 places: points,
                 counts: &ones,
                 blocks: None,
-                exported: AsExported::new(steps, None),
             }),
             step: &|| (),
         };

@@ -7,7 +7,7 @@
 use nalgebra::DVector;
 
 use super::column::{Column, StepStack};
-use super::exported::{self, AsExported};
+use super::exported::{self, Waves};
 use super::observing::{ObservedAbout, Observing, quotient};
 use super::slopes::averages;
 use crate::effect::{Effect, Scene, Scope};
@@ -29,8 +29,6 @@ pub struct AtPlaces<'a> {
     pub counts: &'a [usize],
     /// Averages over these, or the points themselves.
     pub blocks: Option<&'a Blocks>,
-    /// What acts through the displacements as they were exported.
-    pub exported: AsExported<'a>,
 }
 
 /// Step of the central difference of a load, over the nominal one.
@@ -56,7 +54,6 @@ impl<'a> AtPlaces<'a> {
             places: &blocks.centroid,
             counts: &blocks.count,
             blocks: Some(blocks),
-            exported: AsExported::new(steps, Some(blocks)),
         }
     }
 
@@ -85,18 +82,25 @@ impl<'a> AtPlaces<'a> {
         solver.loaded(about, &at.shared, &at.acting_loads(self.experiment.scene()))
     }
 
+    /// What acts through the displacements that are exported about a state that was solved for.
+    fn waves(&self, at: &SeriesState, loaded: &Loaded) -> Waves {
+        let scene = self.experiment.scene();
+        let plain = exported::without(at, scene);
+        let seen = reported(&plain, &at.shared, loaded, scene, self.places);
+        Waves::about(at, &seen, scene, (self.places, self.counts))
+    }
+
     /// All steps as the camera of a scene reports them, from what forces cause in the state `solved`.
     fn reported(
         &self,
         state: &SeriesState,
         (solved, loaded): (&State, &Loaded),
-        scene: &Scene,
+        (scene, waves): (&Scene, &Waves),
     ) -> StepStack {
-        let split = self.exported.split(state, scene);
-        let plain = split.as_ref().map_or(state, |(without, _)| without);
-        let mut steps = reported(plain, solved, loaded, scene, self.places);
-        if let Some((_, added)) = split {
-            exported::add(&mut steps, added);
+        let plain = exported::without(state, scene);
+        let mut steps = reported(&plain, solved, loaded, scene, self.places);
+        if let Some(added) = waves.added(state) {
+            exported::add(&mut steps, &added);
         }
         let free = |u: &Vec<[f64; 2]>| rigid_free(self.places, self.counts, u);
         stacked(&steps.iter().map(free).collect::<Vec<_>>())
@@ -139,13 +143,16 @@ impl Observing for AtPlaces<'_> {
 
     fn shown(&self, at: &SeriesState) -> Result<StepStack> {
         let loaded = self.loaded(None, at)?;
-        Ok(self.reported(at, (&at.shared, &loaded), self.experiment.scene()))
+        let about = (self.experiment.scene(), &self.waves(at, &loaded));
+        Ok(self.reported(at, (&at.shared, &loaded), about))
     }
 
     fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn ObservedAbout + 'a>> {
+        let loaded = self.loaded(None, at)?;
         Ok(Box::new(AboutPlaces {
             observing: self,
-            loaded: self.loaded(None, at)?,
+            waves: self.waves(at, &loaded),
+            loaded,
             anchor: self.experiment.anchor(&at.shared)?,
             at,
         }))
@@ -164,6 +171,7 @@ fn stacked(steps: &[Vec<[f64; 2]>]) -> StepStack {
 struct AboutPlaces<'a> {
     observing: &'a AtPlaces<'a>,
     loaded: Loaded,
+    waves: Waves,
     anchor: Option<Anchor>,
     at: &'a SeriesState,
 }
@@ -182,7 +190,7 @@ impl AboutPlaces<'_> {
             let loaded = self.observing.loaded(self.anchor.as_ref(), state)?;
             Ok(self
                 .observing
-                .reported(state, (&state.shared, &loaded), scene))
+                .reported(state, (&state.shared, &loaded), (scene, &self.waves)))
         };
         Ok(quotient([shown(&states[0])?, shown(&states[1])?], over))
     }
@@ -269,7 +277,7 @@ impl ObservedAbout for AboutPlaces<'_> {
 
     fn reported(&self, state: &SeriesState, scene: &Scene) -> StepStack {
         let solved = (&self.at.shared, &self.loaded);
-        self.observing.reported(state, solved, scene)
+        self.observing.reported(state, solved, (scene, &self.waves))
     }
 
     fn slope(&self, direction: Direction, weights: &[f64], step: f64) -> Result<StepStack> {

@@ -20,7 +20,6 @@ mod unknown_places;
 pub use at_places::AtPlaces;
 pub use at_points::AtPoints;
 pub use column::{Column, StepStack, divide};
-pub use exported::AsExported;
 pub use forward::{CandidateColumns, Forward};
 pub use insoluble::{Insoluble, insoluble, without_insoluble};
 pub use linearisation::Linearisation;

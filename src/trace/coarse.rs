@@ -12,7 +12,7 @@ use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
 use crate::identify::Prepared;
 use crate::infer::Model;
-use crate::linearise::{AsExported, AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
+use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
 
 /// A test that is solved on a coarse mesh.
 pub(super) struct CoarseTest {
@@ -98,7 +98,6 @@ impl CoarseTest {
                 places: &blocks.centroid,
                 counts: &blocks.count,
                 blocks: None,
-                exported: AsExported::new(steps, Some(blocks)),
             }),
             None => Box::new(AtPoints {
                 experiment,
