@@ -481,10 +481,6 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
     };
     let camera = Seen::new(&acting, &scene).moved(motion);
     for p in POINTS {
-        // rotation by the vector a = (3, -5, 0) mrad, exactly: Rodrigues
-        let a: Vector3<f64> = Vector3::new(3e-3, -5e-3, 0.0);
-        let x = Vector3::new(p[0], p[1], 0.0);
-        let turned = nalgebra::Rotation3::new(a) * x + Vector3::new(0.0, 0.0, 0.4);
         let (sin, cos) = motion.angle.sin_cos();
         let rigid = [
             0.3 + (cos - 1.0) * p[0] - sin * p[1],
@@ -493,10 +489,14 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
         let u = [1e-3, 2e-3];
         // the specimen is strained in its own axes, which turn with it
         let own = [cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]];
-        let place = [0, 1].map(|k| turned[k] + rigid[k] + own[k]);
+        let plane = [0, 1].map(|k| p[k] + rigid[k] + own[k]);
+        // then it is rotated by the vector a = (3, -5, 0) mrad about axes that stand still, exactly: Rodrigues
+        let a: Vector3<f64> = Vector3::new(3e-3, -5e-3, 0.0);
+        let x = Vector3::new(plane[0], plane[1], 0.0);
+        let turned = nalgebra::Rotation3::new(a) * x + Vector3::new(0.0, 0.0, 0.4);
         let scale = 500.0 / (500.0 - turned[2]);
         let expected =
-            [0, 1].map(|k| scene.middle[k] + (place[k] - scene.middle[k]) * scale - p[k]);
+            [0, 1].map(|k| scene.middle[k] + (turned[k] - scene.middle[k]) * scale - p[k]);
         // third order in the rotation is left out
         close(camera.report(p, u), expected, 1e-6, "perspective");
     }
