@@ -23,9 +23,9 @@ pub const AXIS_MM: f64 = 6.0;
 /// Prior sd of the distance between the origin and the axis about which a specimen turns, mm.
 pub const PIVOT_MM: f64 = 10.0;
 
-/// The same of a rotation that was found: a translation by its law is taken for a part of it then (prototype study: nothing is lost up to
-/// 0.1 mm of it).
-const FOUND_PIVOT_MM: f64 = 30.0;
+/// The same of a rotation that was found, over [`PIVOT_MM`]: a translation by its law is taken for a part of it then (prototype study: with
+/// 30 mm nothing is lost up to 0.1 mm of it).
+const FOUND_PIVOT: f64 = 3.0;
 
 /// Radians in a milliradian.
 const MILLI: f64 = 1e-3;
@@ -105,15 +105,10 @@ impl Linearisation<'_> {
         }
         let mut declared = self.forward.model.effects.iter();
         let is_declared = declared.any(|e| e.name() == effect.effect.name());
-        let pivot_mm = if is_declared {
-            FOUND_PIVOT_MM
-        } else {
-            PIVOT_MM
-        };
         for set in amplitudes.chunks(effect.effect.parameters().len()) {
             let angle = set.iter().map(size).fold(0.0, f64::hypot);
             let [high, low] = [1.0, -1.0].map(|sign| {
-                let rise = sign * MILLI * angle * pivot_mm;
+                let rise = sign * MILLI * angle * PIVOT_MM;
                 self.at.raised(lift, 0, rise, &set[0].weights)
             });
             let slope = self.pictured([&high, &low], 2.0, self.scene());
@@ -121,7 +116,12 @@ impl Linearisation<'_> {
                 own: "pivot".into(),
                 ..Parameter::read(&set[0].name)
             };
-            columns.push(Column::product(pivot.name(), slope));
+            // of one unit whether it was found or not: what one round says of it is the next one's prior
+            let sd = if is_declared { FOUND_PIVOT } else { 1.0 };
+            columns.push(Column {
+                product: true,
+                ..Column::new(pivot.name(), [0.0, sd], 0.0, slope)
+            });
         }
         if is_declared {
             for set in amplitudes.chunks(effect.effect.parameters().len()) {
