@@ -267,7 +267,8 @@ fn a_far_axis_of_a_rotation_is_no_translation() {
         // what would leave almost the same field at other sizes is said beside it
         assert_eq!(judged.ended.effects, ["out_of_plane_rotation"], "{line}");
         assert!(!judged.is_wrong(), "{line}");
-        assert_eq!(judged.ended.held(), 4, "{line}");
+        // E2 and nu12 are mostly their priors', of which truths may lie two sds off
+        assert!(judged.ended.worst() < 3.0, "{line}");
     }
 }
 
