@@ -272,7 +272,7 @@ fn a_far_axis_of_a_rotation_is_no_translation() {
     }
 }
 
-/// The wave of an interpolation is that of the displacement as it was exported, whatever the model makes of that.
+/// A wave of the interpolation, at half to twice its usual size, is named, and nothing that would strain the field likewise.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn an_interpolation_wave_is_named_alone() {

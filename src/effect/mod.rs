@@ -319,7 +319,7 @@ pub trait Effect: Sync {
     }
 
     /// How far an optical effect that moves the specimen moves a point of it, mm: along both directions and, last, out of the plane
-    /// towards the camera.
+    /// towards the camera. The point is where the load and the motion in the plane have brought it.
     fn motion(&self, _amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {
         [0.0; 3]
     }

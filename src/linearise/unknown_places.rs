@@ -132,7 +132,8 @@ impl Linearisation<'_> {
     }
 
     /// What a rotation does where its axis moves in the plane with the specimen, in place of standing still: every step then lacks the rise of
-    /// its own motion in the plane. A specimen that moved by a millimetre and turned by 3 mrad was called tilted before the camera without it.
+    /// its own motion in the plane, 6 microstrain for 1 mm and 3 mrad at 500 mm. With the axis in the wrong one of the two a tilt of the camera
+    /// was found that was not there (series of `tests/dic`).
     fn with_the_specimen(
         &self,
         effect: &EffectUnderLaw,

@@ -128,6 +128,7 @@ impl CandidateLayout {
     }
 }
 
+/// Pairs of a rotation and the lift of its axis by the same law, as indices of candidates.
 fn one_motion(candidates: &[Candidate]) -> Vec<[usize; 2]> {
     let mut pairs = Vec::new();
     for (i, rotation) in candidates.iter().enumerate() {
