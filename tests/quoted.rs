@@ -1,10 +1,15 @@
 //! The posterior to quote, sampled: against its closed form, by both samplers, to the same bits.
 
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::effect::Kind;
 use plychain::infer::Model;
 use plychain::progress::Silent;
+use plychain::report::sources::sources;
 use plychain::sample::SAMPLERS;
 use plychain::trace::{Explained, Quoted, explain, quote};
 
@@ -198,4 +203,58 @@ fn judged_as_the_loop_did(run: &str) {
     let all = read(&succeed(&["diagnose", run, "--all", "--json"]));
     assert!(of(&all).len() > 10 && of(&all).contains(&of(&constants)[0]));
     assert_eq!([&constants["converged"], &all["converged"]], [content; 2]);
+}
+
+/// Sums of independent normals have shares of the variance that are known; a twin of a source shares it; a variable of no influence has none.
+#[test]
+fn the_width_of_an_interval_is_shared_among_its_sources() {
+    let names = [
+        "E1_GPa",
+        "nu12",
+        "thickness_mm",
+        "hole_offset.dx_mm",
+        "hole_offset.dy_mm",
+        "hole_size.diameter_percent",
+        "noise_length_1_mm",
+    ];
+    let (chains, draws) = (4, 20_000);
+    let mut random = Pcg64::seed_from_u64(11);
+    let mut values = Vec::new();
+    for _ in 0..chains * draws {
+        let z: Vec<f64> = (0..6).map(|_| random.sample(StandardNormal)).collect();
+        // variances 25 = 9 + 4 + 4 + 8; and 4 = 3 + 1
+        let e1 = 140.0 + 3.0 * z[0] + 2.0 * z[1] + 2.0 * z[2] + 8f64.sqrt() * z[3];
+        let nu12 = 0.3 + 0.01 * (3f64.sqrt() * z[1] + z[4]);
+        values.extend([
+            e1,
+            nu12,
+            0.78 + 0.005 * z[0],
+            z[1],
+            -4.0 * z[2],
+            z[5],
+            1.0 + z[3].abs(),
+        ]);
+    }
+    let lp = vec![0.0; chains * draws];
+    let names: Vec<String> = names.iter().map(|n| n.to_string()).collect();
+    let constants = [&names[0], &names[1]];
+    let draws = Draws::new(names.clone(), (0..chains).collect(), values, lp).unwrap();
+    let found = sources(&draws, &constants);
+    let named: Vec<&str> = found.iter().map(|s| s.source.as_str()).collect();
+    assert_eq!(named, ["hole_offset", "thickness_mm", "rest"]);
+    let expected = [[8.0 / 25.0, 0.75], [9.0 / 25.0, 0.0], [8.0 / 25.0, 0.25]];
+    for (source, expected) in found.iter().zip(expected) {
+        for (share, expected) in source.of_variance.values().zip(expected) {
+            // a correlation's standard error is (1 - R2) / sqrt(n), a share's at most twice that
+            let error = 2.0 / (chains as f64 * 20_000.0).sqrt();
+            assert!(
+                (share - expected).abs() < 4.0 * error,
+                "{} {share}",
+                source.source
+            );
+        }
+    }
+    // too few draws say nothing
+    let few = draws.every(5000).unwrap();
+    assert!(sources(&few, &constants).is_empty());
 }

@@ -22,6 +22,7 @@ mod quoted;
 pub mod residual;
 pub mod round;
 pub mod run;
+pub mod sources;
 pub mod steps;
 pub mod study;
 pub mod surrogate;

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
+use super::sources::{Source, sources};
 use crate::chain::Draws;
 use crate::parameter::{Parameter, ParameterKind};
-use crate::trace::{Closed, Importance, Interval, Proposals, Quoted, ToQuote, closed_forms};
+use crate::trace::{Closed, Importance, Interval, Proposals, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,6 +17,9 @@ pub struct QuotedReport {
     pub apart: Vec<ClosedFormDifference>,
     /// Amplitudes that go with a constant over the draws, the strongest first.
     pub trades: Vec<Trade>,
+    /// What the widths of the intervals come from, the largest first.
+    #[serde(default)]
+    pub sources: Vec<Source>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,9 +82,16 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
         full_model: a.importance.clone(),
     });
     let answers: Vec<QuotedAnswer> = answers.collect();
+    let constants: Vec<&String> = sampled.answers[0]
+        .verdict
+        .rows
+        .iter()
+        .map(|r| &r.name)
+        .collect();
     Some(QuotedReport {
         apart: answers.iter().flat_map(apart).collect(),
-        trades: trades(sampled),
+        trades: trades(&sampled.draws, &constants),
+        sources: sources(&sampled.draws, &constants),
         answers,
     })
 }
@@ -100,14 +111,7 @@ fn apart(answer: &QuotedAnswer) -> Vec<ClosedFormDifference> {
 }
 
 /// Amplitudes that go with the constants.
-fn trades(sampled: &Quoted) -> Vec<Trade> {
-    let draws = &sampled.draws;
-    let constants: Vec<&String> = sampled.answers[0]
-        .verdict
-        .rows
-        .iter()
-        .map(|r| &r.name)
-        .collect();
+fn trades(draws: &Draws, constants: &[&String]) -> Vec<Trade> {
     let is_constant = |name: &String| constants.contains(&name);
     let own =
         |name: &&String| !is_constant(name) && !Parameter::read(name).is(ParameterKind::Choice);
@@ -228,13 +232,6 @@ impl QuotedReport {
                 _ => format!(" of the answer {}", answer.name),
             };
             said += &under_the_full_model(&answer.full_model, &of);
-        }
-        if !self.trades.is_empty() {
-            let trades = self.trades.iter().take(4);
-            let trades: Vec<String> = trades
-                .map(|t| format!("{} with {} ({:+.2})", t.constant, t.with, t.correlation))
-                .collect();
-            said += &format!(" What goes together over the draws: {}.", trades.join(", "));
         }
         said
     }

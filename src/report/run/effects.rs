@@ -8,6 +8,7 @@ use crate::report::json::Keyed;
 use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
 use crate::report::round::MeanAndSd;
+use crate::report::sources;
 use crate::report::tracing::{AliasGroupReport, BlindSpotReport, CandidateReport, TracingReport};
 use crate::report::words::{
     ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, widening,
@@ -281,9 +282,11 @@ fn answers(suspect: &Suspect) -> Vec<Piece> {
 pub fn remarks(closing: &Closing) -> Vec<Piece> {
     let note = closing.averaged_note.clone();
     let note = note.filter(|_| closing.verdict.suspect.is_none());
-    let sampled = closing.quoted.as_ref().map(|q| q.words());
+    let sampled = closing.quoted.as_ref();
+    let widths = sampled.map(|q| sources::pieces(&q.sources));
     note.into_iter()
-        .chain(sampled)
+        .chain(sampled.map(|q| q.words()))
         .map(Piece::Paragraph)
+        .chain(widths.into_iter().flatten())
         .collect()
 }
