@@ -121,7 +121,7 @@ fn sensitivities_are_the_differences_of_predictions() {
         };
         let mut checked: Vec<(String, Field, Field)> = Vec::new();
         let mut check = |name: &str, direction, step, expected| {
-            let anchor = experiment.anchor(&at).unwrap();
+            let anchor = experiment.anchor(&at, &[1.0]).unwrap();
             let found = sensitivity(
                 &*experiment,
                 &Neighbourhood {
@@ -252,7 +252,7 @@ fn bumps_of_the_stiffness_add_up_to_a_stiffer_plate() {
         .collect();
     let sight = &experiment.locate(&places, &[]).0;
     let at = State::new(&CONSTANTS, 0.78);
-    let anchor = experiment.anchor(&at).unwrap();
+    let anchor = experiment.anchor(&at, &[1.0]).unwrap();
     let apart = 5.0;
     let bumps: Vec<Bump> = (-12..=12)
         .flat_map(|i| (-9..=9).map(move |j| [i, j]))

@@ -103,6 +103,22 @@ fn a_fitted_proposal_has_the_moments_of_the_ensemble_and_of_the_target() {
     assert!((0.4..1.8).contains(&mean_square), "{mean_square}");
 }
 
+/// From a guess of which hardly a draw is of the target the proposals go there in several steps.
+#[test]
+fn a_guess_some_sds_away_leads_to_the_target() {
+    let target = targets::student(4, 30.0);
+    for (by, width) in [(4.0, 1.0), (-6.0, 1.5), (3.0, 0.5)] {
+        let sampler = fitted(&target, &[beside(&target, by, width)]);
+        let draws = sampled(&target, &sampler, 5);
+        let verdict = diagnose(&draws, &few());
+        assert!(verdict.converged, "{}", verdict.line());
+        for (k, row) in verdict.rows.iter().enumerate() {
+            let z = (row.mean - target.mean[k]) / row.mcse_mean;
+            assert!(z.abs() < 4.5, "{by} {k}: {z}");
+        }
+    }
+}
+
 /// Nothing of a guess far away is of the target, and a funnel is no Student-t's.
 #[test]
 fn poor_proposals_are_refused() {

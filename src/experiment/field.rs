@@ -133,12 +133,13 @@ impl FieldExperiment {
         Ok(solution)
     }
 
-    /// The camera's report, of a solution near an anchor's where there is one.
+    /// The camera's report, of a solution near an anchor's where there is one. Where the points lie on a mesh and in a picture that are not the
+    /// nominal ones is found once and left in `located`.
     fn seen(
         &self,
         about: Option<&Anchor>,
         state: &State,
-        sight: &Sight,
+        (sight, located): (&Sight, &mut Option<Observer>),
         gradient: bool,
     ) -> Result<Look> {
         let camera = Seen::new(state.acting(), &self.scene).moved(self.motion());
@@ -147,13 +148,9 @@ impl FieldExperiment {
         let own = sight
             .observer()
             .filter(|_| solution.is_nominal() && camera.is_plain());
-        let located;
         let observer = match own {
             Some(observer) => observer,
-            None => {
-                located = self.observer(&solution.mesh, &camera, sight);
-                &located
-            }
+            None => located.get_or_insert_with(|| self.observer(&solution.mesh, &camera, sight)),
         };
         let mut loaded = observer.displacement(&solution.nodal);
         if let Some((smoothing, share)) = self.smoothing(state) {
@@ -300,16 +297,29 @@ impl Mechanics for FieldExperiment {
     }
 
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
-        self.seen(None, state, sight, gradient)
+        self.seen(None, state, (sight, &mut None), gradient)
     }
 
-    fn anchor(&self, about: &State) -> Result<Option<Anchor>> {
+    fn anchor(&self, about: &State, times: &[f64]) -> Result<Option<Anchor>> {
         let (setup, ply) = self.tested(about)?;
-        Ok(Some(self.plate.anchor(&setup, &ply)?))
+        Ok(Some(self.plate.anchor(&setup, &ply, times)?))
     }
 
     fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
-        self.seen(about.filter(|_| !self.test.full_order), state, sight, false)
+        let about = about.filter(|_| !self.test.full_order);
+        self.seen(about, state, (sight, &mut None), false)
+    }
+
+    fn looks_near(
+        &self,
+        about: Option<&Anchor>,
+        states: &[State],
+        sight: &Sight,
+    ) -> Result<Vec<Look>> {
+        let about = about.filter(|_| !self.test.full_order);
+        let mut located = None;
+        let look = |state| self.seen(about, state, (sight, &mut located), false);
+        states.iter().map(look).collect()
     }
 
     fn softened(

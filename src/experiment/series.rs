@@ -285,25 +285,50 @@ pub struct Solver<'a> {
 }
 
 impl Solver<'_> {
-    /// Solve for what the forces of the steps cause, `loads` over the nominal one, near an anchor's state where one is given.
+    /// What a state's solutions are found from under the forces of the steps, `loads` over the nominal one.
+    ///
+    /// # Errors
+    /// Those of a prediction.
+    pub fn anchor(&self, state: &State, loads: &[f64]) -> Result<Option<Anchor>> {
+        self.experiment.anchor(state, &followed(state, loads))
+    }
+
+    /// Solve for what the forces of the steps cause, `loads` over the nominal one; what is not in proportion to them from the state's own
+    /// anchor, where it is known.
     ///
     /// # Errors
     /// Those of a prediction.
     pub fn loaded(&self, about: Option<&Anchor>, state: &State, loads: &[f64]) -> Result<Loaded> {
-        let nonlinear: Vec<&Acting> = state
-            .acting()
-            .iter()
-            .filter(|a| a.effect.kind() == Kind::Mechanical && !a.effect.scales())
-            .collect();
-        let mut plain = state.clone();
-        for a in &nonlinear {
-            plain.set(a.effect, vec![0.0; a.amplitude.len()]);
-        }
-        let look = match about {
-            Some(_) => self.experiment.look_near(about, &plain, self.sight)?,
-            None => self.experiment.look(&plain, self.sight, true)?,
+        let look = self.experiment.look(&plain(state), self.sight, true)?;
+        let follows = nonlinear(state).any(|a| !a.effect.remains());
+        let own = match about {
+            None if follows => self.anchor(state, loads)?,
+            _ => None,
         };
-        let solved = self.places(&look);
+        self.with_beyond(about.or(own.as_ref()), state, loads, &look)
+    }
+
+    /// The same, without the gradient, at a state so near to an anchor's that only differences matter.
+    ///
+    /// # Errors
+    /// Those of a prediction.
+    pub fn loaded_near(&self, about: &Anchor, state: &State, loads: &[f64]) -> Result<Loaded> {
+        let about = Some(about);
+        let look = self
+            .experiment
+            .look_near(about, &plain(state), self.sight)?;
+        self.with_beyond(about, state, loads, &look)
+    }
+
+    /// What a state causes that looks so without its nonlinear effects.
+    fn with_beyond(
+        &self,
+        about: Option<&Anchor>,
+        state: &State,
+        loads: &[f64],
+        look: &Look,
+    ) -> Result<Loaded> {
+        let solved = self.places(look);
         let mut linear = solved.clone();
         for a in state.acting().iter().filter(|a| is_added_by_the_load(a)) {
             let added = self.experiment.added(a.effect, &a.amplitude, self.sight)?;
@@ -311,44 +336,46 @@ impl Solver<'_> {
                 *u = [0, 1].map(|c| u[c] + added[c]);
             }
         }
-        let mut beyond = Vec::new();
-        if !nonlinear.is_empty() {
-            let remains = nonlinear.iter().any(|a| a.effect.remains());
-            let mut known: Vec<(f64, Vec<[f64; 2]>)> = Vec::new();
-            for &load in &acted(loads, remains) {
-                if !known.iter().any(|(f, _)| *f == load) {
-                    known.push((load, self.beyond(about, state, load, &solved)?));
-                }
-                let added = known.iter().find(|(f, _)| *f == load);
-                beyond.extend(added.map(|(_, added)| added.clone()));
-            }
-        }
+        let beyond = match nonlinear(state).next() {
+            Some(_) => self.beyond(about, state, loads, &solved)?,
+            None => Vec::new(),
+        };
         Ok(Loaded {
-            gradient: self.gradient(&look),
+            gradient: self.gradient(look),
             linear,
             beyond,
         })
     }
 
-    /// What a state's nonlinear effects add under a force to what is `solved` without them, mm.
+    /// What a state's nonlinear effects add in each step to what is `solved` without them, mm.
     fn beyond(
         &self,
         about: Option<&Anchor>,
         state: &State,
-        load: f64,
+        loads: &[f64],
         solved: &[[f64; 2]],
-    ) -> Result<Vec<[f64; 2]>> {
-        if load.abs() < LEAST_LOAD {
-            return Ok(vec![[0.0; 2]; solved.len()]);
-        }
-        let mut state = state.clone();
-        let percent = (1.0 + 0.01 * state.amplitude(force_scale())[0]) * load - 1.0;
-        state.set(force_scale(), vec![100.0 * percent]);
-        let look = self.experiment.look_near(about, &state, self.sight)?;
-        let whole = self.places(&look).into_iter().zip(solved);
-        Ok(whole
-            .map(|(u, solved)| [0, 1].map(|c| u[c] - load * solved[c]))
-            .collect())
+    ) -> Result<Vec<Vec<[f64; 2]>>> {
+        let forces = followed(state, loads);
+        let own = state.amplitude(force_scale())[0];
+        let under = |load: &f64| {
+            let mut state = state.clone();
+            let percent = (1.0 + 0.01 * own) * load - 1.0;
+            state.set(force_scale(), vec![100.0 * percent]);
+            state
+        };
+        let states: Vec<State> = forces.iter().map(under).collect();
+        let looks = self.experiment.looks_near(about, &states, self.sight)?;
+        let added = |(look, load): (&Look, &f64)| {
+            let whole = self.places(look).into_iter().zip(solved);
+            let added = whole.map(|(u, solved)| [0, 1].map(|c| u[c] - load * solved[c]));
+            added.collect()
+        };
+        let known: Vec<Vec<[f64; 2]>> = looks.iter().zip(&forces).map(added).collect();
+        let of_step = |load: f64| match forces.iter().position(|f| *f == load) {
+            Some(k) => known[k].clone(),
+            None => vec![[0.0; 2]; solved.len()],
+        };
+        Ok(acting(state, loads).into_iter().map(of_step).collect())
     }
 
     /// Displacements at the places, free of the rigid motion over the points.
@@ -371,6 +398,37 @@ impl Solver<'_> {
             .map(|(a, b)| [*a, *b])
             .collect()
     }
+}
+
+/// Effects of a state that are not in proportion to the force.
+fn nonlinear(state: &State) -> impl Iterator<Item = &Acting> {
+    let acting = state.acting().iter();
+    acting.filter(|a| a.effect.kind() == Kind::Mechanical && !a.effect.scales())
+}
+
+/// A state without them.
+fn plain(state: &State) -> State {
+    let mut plain = state.clone();
+    for a in nonlinear(state) {
+        plain.set(a.effect, vec![0.0; a.amplitude.len()]);
+    }
+    plain
+}
+
+/// The force that counts in each step for them.
+fn acting(state: &State, loads: &[f64]) -> Vec<f64> {
+    acted(loads, nonlinear(state).any(|a| a.effect.remains()))
+}
+
+/// The forces under which they are followed, each once.
+fn followed(state: &State, loads: &[f64]) -> Vec<f64> {
+    let mut known: Vec<f64> = Vec::new();
+    for load in acting(state, loads) {
+        if load.abs() >= LEAST_LOAD && !known.contains(&load) {
+            known.push(load);
+        }
+    }
+    known
 }
 
 /// Whether an effect adds a field that grows with the force.

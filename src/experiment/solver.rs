@@ -79,11 +79,11 @@ pub trait Mechanics: Send + Sync {
         Ok(Vec::new())
     }
 
-    /// What makes [`Mechanics::look_near`] cheap about a state; none where a look costs nothing.
+    /// What makes [`Mechanics::look_near`] cheap about a state under some times its load; none where a look costs nothing.
     ///
     /// # Errors
     /// Those of [`Mechanics::look`].
-    fn anchor(&self, _about: &State) -> Result<Option<Anchor>> {
+    fn anchor(&self, _about: &State, _times: &[f64]) -> Result<Option<Anchor>> {
         Ok(None)
     }
 
@@ -93,6 +93,20 @@ pub trait Mechanics: Send + Sync {
     /// Those of [`Mechanics::look`].
     fn look_near(&self, _about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
         self.look(state, sight, false)
+    }
+
+    /// The same at states that differ by their force alone.
+    ///
+    /// # Errors
+    /// Those of [`Mechanics::look`].
+    fn looks_near(
+        &self,
+        about: Option<&Anchor>,
+        states: &[State],
+        sight: &Sight,
+    ) -> Result<Vec<Look>> {
+        let look = |state| self.look_near(about, state, sight);
+        states.iter().map(look).collect()
     }
 
     /// The highest von Mises stress at an edge that carries no load, as if nothing yielded, for an isotropic material; none where the

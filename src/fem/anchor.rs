@@ -17,7 +17,26 @@ use crate::laminate::Ply;
 /// A test solved without yielding, with its factorised stiffness.
 pub struct Anchor {
     pub(super) factor: Kept,
-    nodal: Vec<f64>,
+    /// As if the plies were linear, under the axial force with it, N.
+    linear: (f64, Vec<f64>),
+    /// Under axial forces, N, where they are not.
+    followed: Vec<(f64, Vec<f64>)>,
+}
+
+impl Anchor {
+    /// Displacements near those of a test whose plies are linear or not, by the nearest axial force that is known.
+    fn start(&self, setup: &Setup, is_linear: bool) -> Vec<f64> {
+        let axial = setup.load.axial;
+        let off = |(force, _): &&(f64, Vec<f64>)| (force - axial).abs();
+        let followed = self.followed.iter().filter(|_| !is_linear);
+        let nearest = followed.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let (force, nodal) = nearest.unwrap_or(&self.linear);
+        let ratio = axial / force;
+        match ratio.is_finite() {
+            true => nodal.iter().map(|u| ratio * u).collect(),
+            false => nodal.clone(),
+        }
+    }
 }
 
 /// A Gaussian about a place, of height 1.
@@ -38,19 +57,42 @@ impl Bump {
 /// is left is some ten thousandth of what a central difference sees, or less.
 const SETTLED: f64 = 1e-3;
 
+/// A first correction below this share of the displacements: the anchor's own solution.
+const SAME: f64 = 1e-10;
+
 /// Most corrections.
 const MOST: usize = 12;
 
 impl Plate {
-    /// Solve a test and keep its factorisation.
+    /// Solve a test and keep its factorisation. What its plies do that is not linear is followed along the load, through some times the
+    /// test's own.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn anchor(&self, setup: &Setup, ply: &Ply) -> Result<Anchor> {
-        let (factor, solution) = self.factorised(setup, ply)?;
+    pub fn anchor(&self, setup: &Setup, ply: &Ply, times: &[f64]) -> Result<Anchor> {
+        let (mut factor, mut solution) = self.linear(setup, ply)?;
+        let axial = setup.load.axial;
+        let linear = (axial, solution.nodal.clone());
+        let mut followed = Vec::new();
+        if PlyLaw::new(setup, ply).is_some() {
+            let mut times = times.to_vec();
+            times.sort_by(f64::total_cmp);
+            let mut last = 1.0;
+            for by in times {
+                let own = Setup {
+                    load: setup.load.times(by),
+                    ..setup.clone()
+                };
+                solution.nodal.iter_mut().for_each(|u| *u *= by / last);
+                self.follow(&own, ply, &mut factor, &mut solution)?;
+                followed.push((by * axial, solution.nodal.clone()));
+                last = by;
+            }
+        }
         Ok(Anchor {
             factor: factor.keep(),
-            nodal: solution.nodal,
+            linear,
+            followed,
         })
     }
 
@@ -79,7 +121,8 @@ impl Plate {
         let membranes = setup.membranes(ply);
         let law = PlyLaw::new(setup, ply).map(|law| (law, gauss_points(&mesh)));
         let load = mesh.end_forces(&setup.load);
-        let mut nodal = anchor.nodal.clone();
+        let mut nodal = anchor.start(setup, law.is_none());
+        let largest = nodal.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
         let mut first = 0.0;
         let mut accelerated = Anderson::default();
         for k in 0..MOST {
@@ -100,7 +143,7 @@ impl Plate {
             if k == 0 {
                 first = size;
             }
-            if size <= SETTLED * first {
+            if size <= (SETTLED * first).max(SAME * largest) {
                 return Ok(Solution { mesh, nodal: image });
             }
             if size > first {
@@ -158,7 +201,7 @@ impl Plate {
     }
 
     /// Nodal displacements (mm) of an anchor's mesh, that of the test `setup`, that a relative change of the membrane stiffness by each of
-    /// some bumps adds to the anchor's, to first order and one unit each: K u' = -K_bump u.
+    /// some bumps adds to the anchor's, to first order and one unit each, its plies taken for linear: K u' = -K_bump u.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
@@ -177,7 +220,7 @@ impl Plate {
             let integrals = self.assembly.integrals(&mesh, &scale);
             let forces = self
                 .assembly
-                .multiply(&integrals, &membranes, &anchor.nodal);
+                .multiply(&integrals, &membranes, &anchor.linear.1);
             loads.extend(forces.into_iter().map(|f| -f));
         }
         self.solve_with(&anchor.factor, &mut loads);

@@ -125,6 +125,13 @@ impl Plate {
         setup: &Setup,
         ply: &Ply,
     ) -> Result<(Factor<'_>, Solution<'_>)> {
+        let (mut factor, mut solution) = self.linear(setup, ply)?;
+        self.follow(setup, ply, &mut factor, &mut solution)?;
+        Ok((factor, solution))
+    }
+
+    /// The same as if the plies were linear.
+    pub(super) fn linear(&self, setup: &Setup, ply: &Ply) -> Result<(Factor<'_>, Solution<'_>)> {
         let mesh = self.mesh_of(setup)?;
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
@@ -134,13 +141,27 @@ impl Plate {
             &self.integrals_of(setup, &mesh, &scale),
             &setup.membranes(ply),
         )?;
-        let load = mesh.end_forces(&setup.load);
-        let mut nodal = load.clone();
+        let mut nodal = mesh.end_forces(&setup.load);
         factor.solve(&mut nodal);
-        if let Some(law) = PlyLaw::new(setup, ply) {
-            law.iterate(&mesh, &scale, &load, &mut factor, &mut nodal)?;
-        }
         Ok((factor, Solution { mesh, nodal }))
+    }
+
+    /// From displacements near it to the solution with what plies do that are not linear, if any, on a stiffness that is factorised.
+    pub(super) fn follow(
+        &self,
+        setup: &Setup,
+        ply: &Ply,
+        factor: &mut Factor<'_>,
+        solution: &mut Solution<'_>,
+    ) -> Result<()> {
+        let Some(law) = PlyLaw::new(setup, ply) else {
+            return Ok(());
+        };
+        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
+        let Solution { mesh, nodal } = solution;
+        let load = mesh.end_forces(&setup.load);
+        law.iterate(mesh, &scale, &load, factor, nodal)
     }
 
     /// Geometry integrals of a test on its mesh, its stiffness times `scale`.

@@ -85,7 +85,7 @@ impl PlyLaw {
         add_forces(mesh, gauss, nodal, &lacking, force);
     }
 
-    /// From the linear solution in `nodal`, solve K u = load + (nodal forces of the deficit) until u stands still. K is
+    /// From displacements in `nodal` that are near, solve K u = load + (nodal forces of the deficit) until u stands still. K is
     /// factorised already.
     ///
     /// # Errors

@@ -73,13 +73,19 @@ impl<'a> AtPlaces<'a> {
         pairs.map(|(a, b)| [*a, *b]).collect()
     }
 
-    fn loaded(&self, about: Option<&Anchor>, at: &SeriesState) -> Result<Loaded> {
+    /// What solves a state under the forces of its steps.
+    fn solving<T>(
+        &self,
+        at: &SeriesState,
+        solve: impl FnOnce(&Solver<'_>, &State, &[f64]) -> Result<T>,
+    ) -> Result<T> {
         let solver = Solver {
             experiment: self.experiment,
             sight: self.sight,
             average: &|u| self.average(u),
         };
-        solver.loaded(about, &at.shared, &at.acting_loads(self.experiment.scene()))
+        let loads = at.acting_loads(self.experiment.scene());
+        solve(&solver, &at.shared, &loads)
     }
 
     /// What acts through the displacements that are exported about a state that was solved for.
@@ -142,18 +148,22 @@ impl Observing for AtPlaces<'_> {
     }
 
     fn shown(&self, at: &SeriesState) -> Result<StepStack> {
-        let loaded = self.loaded(None, at)?;
+        let loaded = self.solving(at, |solver, state, loads| solver.loaded(None, state, loads))?;
         let about = (self.experiment.scene(), &self.waves(at, &loaded));
         Ok(self.reported(at, (&at.shared, &loaded), about))
     }
 
     fn about<'a>(&'a self, at: &'a SeriesState) -> Result<Box<dyn ObservedAbout + 'a>> {
-        let loaded = self.loaded(None, at)?;
+        let (anchor, loaded) = self.solving(at, |solver, state, loads| {
+            let anchor = solver.anchor(state, loads)?;
+            let loaded = solver.loaded(anchor.as_ref(), state, loads)?;
+            Ok((anchor, loaded))
+        })?;
         Ok(Box::new(AboutPlaces {
             observing: self,
             waves: self.waves(at, &loaded),
             loaded,
-            anchor: self.experiment.anchor(&at.shared)?,
+            anchor,
             at,
         }))
     }
@@ -187,7 +197,12 @@ impl AboutPlaces<'_> {
     fn solved(&self, states: [SeriesState; 2], over: f64) -> Result<StepStack> {
         let scene = self.observing.experiment.scene();
         let shown = |state: &SeriesState| -> Result<StepStack> {
-            let loaded = self.observing.loaded(self.anchor.as_ref(), state)?;
+            let loaded =
+                self.observing
+                    .solving(state, |solver, state, loads| match &self.anchor {
+                        Some(anchor) => solver.loaded_near(anchor, state, loads),
+                        None => solver.loaded(None, state, loads),
+                    })?;
             Ok(self
                 .observing
                 .reported(state, (&state.shared, &loaded), (scene, &self.waves)))

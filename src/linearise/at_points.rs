@@ -60,7 +60,7 @@ impl Observing for AtPoints<'_> {
         Ok(Box::new(AboutPoints {
             observing: self,
             here: predict_with_gradient(self.experiment, &at.shared, self.slopes.sight())?,
-            anchor: self.experiment.anchor(&at.shared)?,
+            anchor: self.experiment.anchor(&at.shared, &[1.0])?,
             at,
         }))
     }

@@ -82,6 +82,11 @@ impl Matern {
     }
 }
 
+/// Of an offset. Nothing here is so large or small that `hypot` would be needed, which takes as long as all else.
+fn length([x, y]: [f64; 2]) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
 /// The kernel (1 + a d) exp(-a d), a = sqrt(3) / l.
 pub(super) fn matern(length_mm: f64, distance: f64) -> f64 {
     let ad = 3_f64.sqrt() / length_mm * distance;
@@ -126,7 +131,7 @@ impl<'a> BlockKernel<'a> {
         let (a, b) = (blocks.centroid[i], blocks.centroid[j]);
         let offset = [a[0] - b[0], a[1] - b[1]];
         let variance = [0, 1].map(|k| blocks.spread[i][k] + blocks.spread[j][k]);
-        let distance = offset[0].hypot(offset[1]);
+        let distance = length(offset);
         // blocks of scattered points have higher moments, which the expansion leaves out
         let reach = match &blocks.places {
             Places::Anywhere(_) => 10.0,
@@ -138,8 +143,7 @@ impl<'a> BlockKernel<'a> {
         match &blocks.places {
             Places::Many => self.near(offset, variance),
             Places::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
-                let [s, t] = [p[0] - q[0], p[1] - q[1]];
-                matern(self.length_mm, (s * s + t * t).sqrt())
+                matern(self.length_mm, length([p[0] - q[0], p[1] - q[1]]))
             }),
             Places::OnLattice(lattice) => {
                 let sites = &lattice.sites;
@@ -170,8 +174,8 @@ impl<'a> BlockKernel<'a> {
         let mut sum = 0.0;
         for (dx, wx) in self.offsets {
             for (dy, wy) in self.offsets {
-                let place = (offset[0] + side[0] * dx).hypot(offset[1] + side[1] * dy);
-                sum += wx * wy * matern(self.length_mm, place);
+                let place = [offset[0] + side[0] * dx, offset[1] + side[1] * dy];
+                sum += wx * wy * matern(self.length_mm, length(place));
             }
         }
         sum

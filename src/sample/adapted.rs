@@ -34,14 +34,20 @@ pub struct Adapted {
 const GUESSED: usize = 2000;
 const TRIED: usize = 500;
 
-/// Student-t distributions that are tried, each fitted to the draws of the one before.
-const ROUNDS: u64 = 3;
+/// Student-t distributions that are tried, each fitted to the draws of the one before: far from the target each goes a part of the way.
+const ROUNDS: usize = 12;
 
-/// Effective draws below which no covariance is taken from them.
+/// Effective draws that a covariance is taken from, at least: where there are fewer, of weights to a power below 1.
 const ENOUGH: f64 = 50.0;
+
+/// Halvings of the range in which that power is sought.
+const HALVINGS: usize = 40;
 
 /// Effective share of its draws below which a proposal is poor.
 pub const POOR: f64 = 0.3;
+
+/// The share at which no better one is sought.
+const GOOD: f64 = 0.7;
 
 /// Degrees of freedom: its tails are heavier than the target's, at a loss of a twelfth of the draws.
 const DOF: usize = 8;
@@ -67,23 +73,27 @@ pub fn adapted(
     let stream = |k: usize| Stream::at(key, k as u64, 0);
     let drawn = (0..GUESSED).map(|k| guess.draw(&mut stream(k)));
     let mut found = WeighedDraws::new(target, drawn.collect())?;
+    let mut best: (f64, Option<Adapted>) = (0.0, None);
     for round in 0..ROUNDS {
-        if found.share() * (found.points.len() as f64) < ENOUGH {
-            break;
-        }
-        let Some(student) = found.student() else {
+        let Some(student) = found.tempered().student() else {
             break;
         };
-        let first = GUESSED + round as usize * TRIED;
+        let first = GUESSED + round * TRIED;
         let drawn = (first..first + TRIED).map(|k| student.draw(&mut stream(k)));
         found = WeighedDraws::new(target, drawn.collect())?;
         let share = found.share();
-        if share >= POOR {
-            let starts = found;
-            return Ok((share, Some(Adapted { student, starts })));
+        if share > best.0 {
+            let starts = found.clone();
+            best = (share, Some(Adapted { student, starts }));
+        } else if best.0 >= POOR {
+            break;
+        }
+        if share >= GOOD {
+            break;
         }
     }
-    Ok((found.share(), None))
+    let (share, sampler) = best;
+    Ok((share, sampler.filter(|_| share >= POOR)))
 }
 
 /// Draws with what they weigh under the target.
@@ -127,6 +137,31 @@ impl WeighedDraws {
         match squares > 0.0 {
             true => sum * sum / squares / self.weights.len() as f64,
             false => 0.0,
+        }
+    }
+
+    /// The draws with their weights to the largest power up to 1 at which they are [`ENOUGH`] (nonlinear importance weights: Koblents and Miguez
+    /// 2015, Stat. Comput. 25, 407).
+    fn tempered(&self) -> Self {
+        let to = |power: f64| Self {
+            points: Vec::new(),
+            weights: self.weights.iter().map(|w| w.powf(power)).collect(),
+        };
+        let is_enough = |d: &Self| d.share() * d.weights.len() as f64 >= ENOUGH;
+        if is_enough(self) {
+            return self.clone();
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            match is_enough(&to(middle)) {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        Self {
+            points: self.points.clone(),
+            ..to(low)
         }
     }
 

@@ -329,7 +329,7 @@ fn a_mesh_that_is_all_one_region_is_a_specimen_of_its_stack() {
     };
     let fields = [&region, &own].map(|setup| {
         let plate = Plate::new(setup, Density::DEFAULT).unwrap();
-        let anchor = plate.anchor(setup, &PLY).unwrap();
+        let anchor = plate.anchor(setup, &PLY, &[1.0]).unwrap();
         let (_, soft) = plate.softened(&anchor, (setup, &PLY), &bumps).unwrap();
         let near = plate.solve_near(&anchor, setup, &stiffer).unwrap().nodal;
         [still(&plate, &soft[0]), still(&plate, &near)]

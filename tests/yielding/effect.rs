@@ -130,7 +130,7 @@ fn columns_are_those_of_an_amplitude_that_is_linear() {
             amplitude: vec![amplitude, 0.0, 0.0],
         }]);
         let here = predict_with_gradient(&*experiment, &at, sight).unwrap();
-        let anchor = experiment.anchor(&at).unwrap();
+        let anchor = experiment.anchor(&at, &[1.0]).unwrap();
         let column = |k: usize| {
             let direction = Direction::Amplitude(effect, k);
             let about = Neighbourhood {

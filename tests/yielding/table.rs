@@ -135,7 +135,7 @@ fn a_plate_answers_elastically_and_from_its_table() {
     );
     let size = largest(&part);
     let zero = plate.solve(&elastic, &steel()).unwrap().nodal;
-    let anchor = plate.anchor(&of_share(0.7), &steel()).unwrap();
+    let anchor = plate.anchor(&of_share(0.7), &steel(), &[1.0]).unwrap();
     for share in [1.0, 0.2, -0.1] {
         let expected: Vec<f64> = part.iter().map(|u| share * u).collect();
         let solved = plate.solve(&of_share(share), &steel()).unwrap().nodal;
