@@ -1,6 +1,7 @@
 //! What a plate of metal adds to its elastic displacements where it yields.
 
-use std::sync::Arc;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Vector3;
 
@@ -45,6 +46,41 @@ pub struct EdgeStress {
     pub place: [f64; 2],
 }
 
+/// Tables of the last meshes that were asked for: a loop makes its plates anew in every round, and a table takes as long as a round.
+static TABLES: Mutex<Vec<(TableKey, Arc<PlasticTable>)>> = Mutex::new(Vec::new());
+
+/// Tables that are kept: of a fine mesh and a coarse one.
+const KEPT: usize = 2;
+
+/// What a table is of.
+#[derive(Clone, Copy, PartialEq)]
+struct TableKey(u64);
+
+impl TableKey {
+    fn of(mesh: &Mesh, held: Option<&str>) -> Self {
+        let mut hash = DefaultHasher::new();
+        for place in mesh.nodes.iter().chain(&mesh.extents) {
+            place.map(f64::to_bits).hash(&mut hash);
+        }
+        mesh.elements.hash(&mut hash);
+        mesh.edges.hash(&mut hash);
+        format!("{held:?} {:?}", mesh.boundary).hash(&mut hash);
+        Self(hash.finish())
+    }
+
+    fn kept(self) -> Option<Arc<PlasticTable>> {
+        let tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let own = tables.iter().find(|(of, _)| *of == self);
+        own.map(|(_, table)| table.clone())
+    }
+
+    fn keep(self, table: &Arc<PlasticTable>) {
+        let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        tables.truncate(KEPT - 1);
+        tables.insert(0, (self, table.clone()));
+    }
+}
+
 impl Plate {
     /// The table of plastic parts of the declared shape under an axial force, made when it is first asked for.
     ///
@@ -57,8 +93,30 @@ impl Plate {
                     .found(format!("one of {}", self.assembly.stacks())),
             );
         }
-        let make = || PlasticTable::new(&self.mesh, &|| self.factor()).map(Arc::new);
+        let make = || {
+            let of = TableKey::of(&self.mesh, self.held);
+            if let Some(table) = of.kept() {
+                return Ok(table);
+            }
+            let table = Arc::new(PlasticTable::new(&self.mesh, &|| self.factor())?);
+            of.keep(&table);
+            Ok(table)
+        };
         self.plastic.get_or_init(make).clone()
+    }
+
+    /// Whether some of a test's metal yields. Threads that ask at once each find the onset, as each would solve for it.
+    fn begins_to_yield(&self, setup: &Setup, metal: &Metal) -> Result<bool> {
+        let onset = match self.onset.get() {
+            Some(onset) => *onset,
+            None => {
+                let found = PlasticTable::onset_of(&self.mesh, &|| self.factor())?;
+                *self.onset.get_or_init(|| found)
+            }
+        };
+        let [_, [low, high]] = self.mesh.extents;
+        let area = setup.thickness * (high - low);
+        Ok(setup.peak() > onset * metal.yield_stress * area)
     }
 
     /// Add the tabulated plastic part of a test that yields: that of the declared shape under the axial force alone. What a morph, a taper
@@ -70,6 +128,9 @@ impl Plate {
         let Some((share, metal)) = metal(setup, ply) else {
             return Ok(());
         };
+        if !self.begins_to_yield(setup, &metal)? {
+            return Ok(());
+        }
         let table = self.plastic_table()?;
         if !table.reaches(setup.peak(), setup.thickness, &metal)
             && self.add_plastic_solved(setup, ply, nodal).is_ok()

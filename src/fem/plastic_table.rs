@@ -67,9 +67,8 @@ impl PlasticTable {
     /// # Errors
     /// A stiffness that is not positive definite, a plate that does not come to rest.
     pub fn new<'f>(mesh: &Mesh, factor: &(dyn Fn() -> Factor<'f> + Sync)) -> Result<Self> {
-        let [_, [low, high]] = mesh.extents;
-        let width = high - low;
-        let row = |hardening: f64| of_hardening(mesh, width, factor, hardening);
+        let width = width(mesh);
+        let row = |hardening: f64| of_hardening(mesh, factor, hardening, LEVELS);
         let rows: Result<Vec<_>> = if rayon::current_num_threads() > 1 {
             // threads of their own: a worker of rayon that waits may take up a task that waits for this table
             thread::scope(|scope| {
@@ -95,6 +94,14 @@ impl PlasticTable {
             levels,
             fields,
         })
+    }
+
+    /// Level at which a mesh begins to yield, without its table.
+    ///
+    /// # Errors
+    /// A stiffness that is not positive definite.
+    pub fn onset_of<'f>(mesh: &Mesh, factor: &(dyn Fn() -> Factor<'f> + Sync)) -> Result<f64> {
+        Ok(of_hardening(mesh, factor, HARDENING[0], 0)?.0)
     }
 
     /// Level F / (sigma_y h W) at which yielding begins.
@@ -200,12 +207,17 @@ fn hardening_weights(ratio: f64) -> [f64; 3] {
     })
 }
 
-/// The onset, the levels above it, and the fields there, for one hardening.
+fn width(mesh: &Mesh) -> f64 {
+    let [_, [low, high]] = mesh.extents;
+    high - low
+}
+
+/// The onset, so many levels above it, and the fields there, for one hardening.
 fn of_hardening<'f>(
     mesh: &Mesh,
-    width: f64,
     factor: &(dyn Fn() -> Factor<'f> + Sync),
     hardening: f64,
+    count: usize,
 ) -> Result<(f64, Vec<f64>, Vec<UnitField>)> {
     let factorised = |poisson: f64| -> Result<Factor<'f>> {
         let mut made = factor();
@@ -222,7 +234,7 @@ fn of_hardening<'f>(
     let [mut first, mut second] = [factorised(POISSON[0])?, factorised(POISSON[1])?];
     let gauss = gauss_points(mesh);
     let mut elastic = mesh.end_forces(&EndLoad {
-        axial: width,
+        axial: width(mesh),
         ..EndLoad::default()
     });
     first.solve(&mut elastic);
@@ -237,8 +249,8 @@ fn of_hardening<'f>(
     let onset = walk.onset;
     let top = BEYOND * onset;
     let level = |k: usize| onset + (top - onset) * (k as f64 / LEVELS as f64).powf(CROWDED);
-    let levels: Vec<f64> = (1..=LEVELS).map(level).collect();
-    let mut fields = Vec::with_capacity(LEVELS);
+    let levels: Vec<f64> = (1..=count).map(level).collect();
+    let mut fields = Vec::with_capacity(count);
     for &level in &levels {
         let loaded = walk.to(level)?;
         let mut other = body.forces(&loaded.flow, &law(POISSON[1]));

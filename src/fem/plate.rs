@@ -38,14 +38,15 @@ pub struct Plate {
     /// The mesh.
     pub mesh: Mesh,
     counts: Vec<usize>,
-    held: Option<&'static str>,
+    pub(super) held: Option<&'static str>,
     /// The stiffness integrals.
     pub assembly: Assembly,
     symbolic: Symbolic,
     pool: Pool,
     /// Reduced bases and the radii of the ring about the hole in their meshes.
     pub(super) bases: RwLock<Vec<(Option<f64>, Arc<SpanBasis>)>>,
-    /// Plastic parts of the declared shape.
+    /// Load level at which the declared shape begins to yield, and its plastic parts beyond.
+    pub(super) onset: OnceLock<f64>,
     pub(super) plastic: OnceLock<Result<Arc<PlasticTable>>>,
 }
 
@@ -81,6 +82,7 @@ impl Plate {
             symbolic,
             pool: Pool::default(),
             bases: RwLock::default(),
+            onset: OnceLock::new(),
             plastic: OnceLock::new(),
         })
     }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 
 /// An increment ends when an iteration changes no displacement by more than this share of the largest elastic one.
-const TOLERANCE: f64 = 1e-10;
+const TOLERANCE: f64 = 1e-8;
 
 /// Most iterations of an increment.
 const MOST: usize = 600;
