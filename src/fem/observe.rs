@@ -52,7 +52,50 @@ pub struct Locator<'a> {
 
 struct Envelope {
     element: u32,
+    /// About the element, and some way further.
     bounds: AABB<[f64; 2]>,
+    /// What holds it, but for rounding.
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl Envelope {
+    fn of(element: usize, x: &[[f64; 2]; 8]) -> Self {
+        let [mut low, mut high] = [x[0], x[0]];
+        for p in x {
+            for k in 0..2 {
+                low[k] = low[k].min(p[k]);
+                high[k] = high[k].max(p[k]);
+            }
+        }
+        // A curved edge may bulge past its nodes by at most an eighth of its length.
+        let reach = high[0] - low[0] + high[1] - low[1];
+        let margin = 0.125 * reach;
+        let bounds = AABB::from_corners(low.map(|v| v - margin), high.map(|v| v + margin));
+        for (edge, middle) in x[4..].iter().enumerate() {
+            let (from, to) = (x[edge], x[(edge + 1) % 4]);
+            for k in 0..2 {
+                // m + b t + a t^2 over -1 <= t <= 1
+                let b = 0.5 * (to[k] - from[k]);
+                let a = 0.5 * (from[k] + to[k]) - middle[k];
+                if b.abs() < 2.0 * a.abs() {
+                    let turn = middle[k] - b * b / (4.0 * a);
+                    low[k] = low[k].min(turn);
+                    high[k] = high[k].max(turn);
+                }
+            }
+        }
+        Self {
+            element: element as u32,
+            bounds,
+            low: low.map(|v| v - ROUNDING * reach),
+            high: high.map(|v| v + ROUNDING * reach),
+        }
+    }
+
+    fn holds(&self, point: [f64; 2]) -> bool {
+        (0..2).all(|k| self.low[k] <= point[k] && point[k] <= self.high[k])
+    }
 }
 
 impl RTreeObject for Envelope {
@@ -66,26 +109,14 @@ impl RTreeObject for Envelope {
 /// How far outside [-1, 1] a local coordinate may lie: points on an element's edge, to rounding.
 const SLACK: f64 = 1e-9;
 
+/// How far outside its element a point may lie, over the element's size.
+const ROUNDING: f64 = 1e-6;
+
 impl<'a> Locator<'a> {
     /// Index the elements of a mesh.
     pub fn new(mesh: &'a Mesh) -> Self {
         let envelopes = (0..mesh.elements.len())
-            .map(|e| {
-                // A curved edge may bulge past its nodes by at most an eighth of its length.
-                let x = mesh.corners(e);
-                let [mut low, mut high] = [x[0], x[0]];
-                for p in &x {
-                    for k in 0..2 {
-                        low[k] = low[k].min(p[k]);
-                        high[k] = high[k].max(p[k]);
-                    }
-                }
-                let margin = 0.125 * (high[0] - low[0] + high[1] - low[1]);
-                Envelope {
-                    element: e as u32,
-                    bounds: AABB::from_corners(low.map(|v| v - margin), high.map(|v| v + margin)),
-                }
-            })
+            .map(|e| Envelope::of(e, &mesh.corners(e)))
             .collect();
         Self {
             mesh,
@@ -96,6 +127,7 @@ impl<'a> Locator<'a> {
     fn locate(&self, point: [f64; 2]) -> Option<ElementPoint> {
         self.tree
             .locate_in_envelope_intersecting(AABB::from_point(point))
+            .filter(|envelope| envelope.holds(point))
             .filter_map(|envelope| {
                 let local = invert(&self.mesh.corners(envelope.element as usize), point)?;
                 Some(ElementPoint {

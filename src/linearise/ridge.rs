@@ -6,6 +6,7 @@ use super::column::Column;
 use super::forward::{CandidateColumns, Forward};
 use super::measured::Measured;
 use super::sensitivities::Sensitivities;
+use crate::dense;
 use crate::effect::Kind;
 use crate::error::Result;
 use crate::experiment::State;
@@ -130,7 +131,7 @@ impl Sensitivities {
                 }
                 weighted[(b, p)] = root * residual[b];
             }
-            let all = weighted.tr_mul(&weighted);
+            let all = dense::gram(&weighted);
             gram += all.view((0, 0), (p, p));
             right += all.view((0, p), (p, 1)).column(0);
             total += all[(p, p)];

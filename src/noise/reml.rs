@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::covariance::{BlockCovariance, discrepancy_lengths_mm, over_grid};
 use super::normal::NormalEquations;
+use crate::dense::gram;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::files::stored;
@@ -160,7 +161,7 @@ impl<'a> Contrasts<'a> {
         let mut log_det = c.log_det();
         if self.basis.ncols() > 0 {
             let columns = c.whiten(&self.basis);
-            let explained = NormalEquations::new(columns.tr_mul(&columns), columns.tr_mul(&white))
+            let explained = NormalEquations::new(gram(&columns), columns.tr_mul(&white))
                 .ok_or_else(|| {
                     Error::program("noise::reml", "independent columns after whitening")
                         .found(format!("rho = {}", c.ratio))

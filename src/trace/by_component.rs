@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data};
+use crate::dense;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::files::stored;
@@ -121,7 +122,7 @@ impl NoiseChoices for ComponentNoise {
                 let matern = Matern::new(blocks, at.length_mm);
                 let covariance = BlockCovariance::new(blocks, &matern, at.ratio)?;
                 let white = covariance.whiten(columns[c]);
-                Ok(white.tr_mul(&white) / *scale2)
+                Ok(dense::gram(&white) / *scale2)
             })
             .collect();
         let found = found.into_iter().collect::<Result<Vec<_>>>()?;
