@@ -405,6 +405,7 @@ fn a_lens_sees_rigid_motion() {
     let motion = RigidMotion {
         shift: [3.0, 4.0],
         angle: 2e-3,
+        own: 0.0,
         center: [1.0, 1.0],
     };
     let camera = Seen::new(&acting, &scene).moved(motion);
@@ -477,6 +478,7 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
     let motion = RigidMotion {
         shift: [0.3, -0.2],
         angle: 1e-3,
+        own: 0.0,
         center: [0.0; 2],
     };
     let camera = Seen::new(&acting, &scene).moved(motion);

@@ -69,7 +69,8 @@ impl<'a> Seen<'a> {
     fn imaged(&self, reported: [f64; 2], u: [f64; 2]) -> [f64; 2] {
         let before = self.true_point(reported);
         // the specimen is strained in its own axes, and moves as it is then
-        let strained = [0, 1].map(|k| before[k] + u[k]);
+        let own = self.motion.own_at(before);
+        let strained = [0, 1].map(|k| before[k] + u[k] + own[k]);
         let rigid = self.motion.turned(strained);
         let plane = [0, 1].map(|k| strained[k] + rigid[k]);
         let after = self.projected(plane);

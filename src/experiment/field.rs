@@ -254,6 +254,10 @@ impl Mechanics for FieldExperiment {
         self.test.gauge
     }
 
+    fn is_held(&self) -> bool {
+        self.plate.is_held()
+    }
+
     fn motion(&self) -> RigidMotion {
         let images = self.test.images.as_ref();
         images.map_or(RigidMotion::NONE, |i| i.motion)

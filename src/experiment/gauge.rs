@@ -108,6 +108,7 @@ fn parts(forces: [Vec<f64>; 3], sight: &Sight, center: [f64; 2]) -> Vec<Motion> 
     let unit = |k: usize| rigid::RigidMotion {
         shift: [0, 1].map(|i| if i == k { 1.0 } else { 0.0 }),
         angle: if k == 2 { 1.0 } else { 0.0 },
+        own: 0.0,
         center,
     };
     let part = |(k, forces): (usize, Vec<f64>)| Motion {
@@ -158,6 +159,7 @@ fn still(observer: &Observer, point: [f64; 2], nodal: &[f64]) -> rigid::RigidMot
     rigid::RigidMotion {
         shift: observer.displacement(nodal)[0],
         angle: 0.5 * (g[1][0] - g[0][1]),
+        own: 0.0,
         center: point,
     }
 }

@@ -25,6 +25,11 @@ pub trait Mechanics: Send + Sync {
         RigidMotion::NONE
     }
 
+    /// Whether edges of the specimen are held, so that the load turns it as it strains it.
+    fn is_held(&self) -> bool {
+        false
+    }
+
     /// Which reported points show the specimen, as the effects of a state leave it.
     ///
     /// # Errors

@@ -271,6 +271,12 @@ impl Plate {
         Factor::new(&self.symbolic, &self.assembly, &self.pool)
     }
 
+    /// Whether edges are held that were declared to be.
+    pub fn is_held(&self) -> bool {
+        let boundary = self.mesh.boundary.as_ref();
+        self.held.is_some() || boundary.is_some_and(|b| !b.held.is_empty())
+    }
+
     /// Free the work spaces of factorisations that are over.
     pub fn rest(&self) {
         self.pool.clear();

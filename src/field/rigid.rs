@@ -11,6 +11,9 @@ pub struct RigidMotion {
     pub shift: [f64; 2],
     /// Rotation in the right-handed pair (direction 1, direction 2), rad.
     pub angle: f64,
+    /// The part of it that the load itself causes in a specimen that is held. It belongs to the solution, which is of first order: only the
+    /// rest turns the strained specimen.
+    pub own: f64,
     /// The centre of the points, mm.
     pub center: [f64; 2],
 }
@@ -18,6 +21,7 @@ pub struct RigidMotion {
 stored!(RigidMotion {
     shift,
     angle,
+    own,
     center
 });
 
@@ -26,12 +30,31 @@ impl RigidMotion {
     pub const NONE: Self = Self {
         shift: [0.0; 2],
         angle: 0.0,
+        own: 0.0,
         center: [0.0; 2],
     };
 
-    /// Displacement at a point by the finite rotation.
+    /// The same where the load alone would cause a rotation, rad: as much of it as there is is the load's.
+    #[must_use]
+    pub fn with_own(self, rotation: f64) -> Self {
+        let [least, most] = [self.angle.min(0.0), self.angle.max(0.0)];
+        Self {
+            own: rotation.clamp(least, most),
+            ..self
+        }
+    }
+
+    /// Displacement at a point by the part of the rotation that the load causes.
+    pub fn own_at(&self, [s, t]: [f64; 2]) -> [f64; 2] {
+        [
+            -self.own * (t - self.center[1]),
+            self.own * (s - self.center[0]),
+        ]
+    }
+
+    /// Displacement by the finite motion of a point of the specimen as the load left it.
     pub fn turned(&self, p: [f64; 2]) -> [f64; 2] {
-        let (sin, cos) = self.angle.sin_cos();
+        let (sin, cos) = (self.angle - self.own).sin_cos();
         let (s, t) = (p[0] - self.center[0], p[1] - self.center[1]);
         [
             self.shift[0] + (cos - 1.0) * s - sin * t,
@@ -42,10 +65,10 @@ impl RigidMotion {
     /// What a displacement `u` in a moved specimen, reported at `p`, is in the specimen's own axes without the motion: a strain of 0.2 %
     /// turned by 2 mrad is a shear of micrometres a metre otherwise.
     pub fn released(&self, p: [f64; 2], u: [f64; 2]) -> [f64; 2] {
-        let (sin, cos) = self.angle.sin_cos();
-        let rigid = self.turned(p);
+        let (sin, cos) = (self.angle - self.own).sin_cos();
+        let (rigid, own) = (self.turned(p), self.own_at(p));
         let [a, b] = [u[0] - rigid[0], u[1] - rigid[1]];
-        [cos * a + sin * b, cos * b - sin * a]
+        [cos * a + sin * b - own[0], cos * b - sin * a - own[1]]
     }
 
     /// Displacement at a point, of first order in the rotation.
@@ -86,6 +109,7 @@ fn fitted(points: &[[f64; 2]], values: &[[f64; 2]], weight: impl Fn(usize) -> f6
     RigidMotion {
         shift,
         angle,
+        own: 0.0,
         center,
     }
 }

@@ -17,6 +17,7 @@ use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
 
 use super::fringes::{without_jumps, without_phase_error};
+use super::own_rotation::own_rotation;
 use super::reduction::{Reduction, With};
 use super::series::combined;
 use super::size::check_size;
@@ -158,7 +159,15 @@ fn field_observed(
 ) -> Result<(Problem, Observation)> {
     progress.say(&format!("{} points", field.len()));
     progress.end();
-    let problem = model.problem_of(&field)?;
+    let problem = model.problem_of(&field, 0.0)?;
+    let experiment = &*problem.experiment;
+    let moved = turned_back(field.clone(), &experiment.motion());
+    let observation = Observation::new(moved, experiment)?;
+    let own = own_rotation(model, experiment, &observation, &observation.field)?;
+    if own == 0.0 {
+        return Ok((problem, observation));
+    }
+    let problem = model.problem_of(&field, own)?;
     let field = turned_back(field, &problem.experiment.motion());
     let observation = Observation::new(field, &*problem.experiment)?;
     Ok((problem, observation))
@@ -175,8 +184,19 @@ fn series_observed(
     let problem = model.problem(series.field.measured_bounds())?;
     let forces = model.experiment().forces();
     let mut observation = Observation::of_series(series, forces, &*problem.experiment)?;
-    if let Some(steps) = &observation.steps {
-        observation.field.displacement = steps.combined(&observation.field.points);
+    let growing = |observation: &Observation| {
+        let steps = observation.steps.as_ref();
+        steps.map(|steps| Field {
+            displacement: steps.combined(&observation.field.points),
+            ..observation.field.clone()
+        })
+    };
+    if let Some(field) = growing(&observation) {
+        let own = own_rotation(model, &*problem.experiment, &observation, &field)?;
+        if let Some(steps) = &mut observation.steps {
+            steps.turn_by_the_load(own);
+        }
+        observation.field = growing(&observation).unwrap_or(field);
     }
     Ok((problem, observation))
 }

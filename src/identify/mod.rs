@@ -7,6 +7,7 @@ mod identification;
 mod inverse;
 pub mod jumps;
 mod misfit;
+mod own_rotation;
 mod patterns;
 pub mod phase;
 mod reduction;

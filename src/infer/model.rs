@@ -419,14 +419,14 @@ impl Model {
         State::new(&constants, thickness).with(acting)
     }
 
-    /// The reduced model's problem for a measured field.
+    /// The reduced model's problem for a measured field of a specimen that the load turns by `own`, rad.
     ///
     /// # Errors
     /// Those of [`Problem::validate`]; a specimen that cannot be meshed.
-    pub fn problem_of(&self, field: &Field) -> Result<Problem> {
+    pub fn problem_of(&self, field: &Field, own: f64) -> Result<Problem> {
         let imaged = self.experiment().measurement.image_correlation.is_some();
         let motion = if imaged {
-            rigid::fit(&field.points, &field.displacement)
+            rigid::fit(&field.points, &field.displacement).with_own(own)
         } else {
             RigidMotion::NONE
         };

@@ -92,6 +92,13 @@ impl Steps {
         }
     }
 
+    /// Count a rotation, rad under the nominal force, for the load's.
+    pub fn turn_by_the_load(&mut self, own: f64) {
+        for (motion, load) in self.rigid.iter_mut().zip(&self.loads) {
+            *motion = motion.with_own(load * own);
+        }
+    }
+
     /// The displacement in a step without its rigid motion, turned back into the axes of the reference picture, mm.
     pub fn strained(&self, points: &[[f64; 2]], step: usize) -> Vec<[f64; 2]> {
         let motion = &self.rigid[step];
