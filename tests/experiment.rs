@@ -336,6 +336,7 @@ fn a_larger_subset_is_the_declared_one_with_its_effect() {
         test.images = Some(Images {
             subsets: Subsets {
                 side_mm,
+                declared_mm: side_mm,
                 shape: SubsetShape::Affine,
                 kept: false,
             },

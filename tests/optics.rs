@@ -503,3 +503,41 @@ fn motion_out_of_the_plane_is_seen_in_perspective() {
         close(camera.report(p, u), expected, 1e-6, "perspective");
     }
 }
+
+/// A specimen that the load strains and turns to first order, and that moves as a whole besides: what is its own comes back, to rounding, and
+/// a strain under its own rotation is no shear. Of a motion alone the strain turns with it.
+#[test]
+fn a_rotation_that_the_load_causes_turns_no_strain() {
+    let center = [1.0, -2.0];
+    let (strain, own, besides) = (0.01, 1.3e-3, 4e-3);
+    let motion = RigidMotion {
+        shift: [0.3, -0.1],
+        angle: own + besides,
+        own: 0.0,
+        center,
+    };
+    let (sin, cos) = f64::sin_cos(besides);
+    for p in [[3.0, 1.0], [-4.0, 5.0], [1.0, -2.0]] {
+        let from = [p[0] - center[0], p[1] - center[1]];
+        let strained = [strain * p[0], -0.3 * strain * p[1]];
+        let turned = [-own * from[1], own * from[0]];
+        let place = [0, 1].map(|k| from[k] + strained[k] + turned[k]);
+        let moved = [
+            cos * place[0] - sin * place[1],
+            sin * place[0] + cos * place[1],
+        ];
+        let u = [0, 1].map(|k| moved[k] - from[k] + motion.shift[k]);
+        close(
+            motion.with_own(own).released(p, u),
+            strained,
+            1e-15,
+            "released",
+        );
+        let turned = motion.released(p, u);
+        let shear = own * strain * p[0];
+        assert!(from == [0.0; 2] || (turned[1] - strained[1]).abs() > 0.1 * shear.abs());
+    }
+    // no more of a rotation is the load's than there is, and none of one the other way round
+    assert_eq!(motion.with_own(1.0).own, motion.angle);
+    assert_eq!(motion.with_own(-own).own, 0.0);
+}

@@ -185,7 +185,8 @@ impl FieldExperiment {
             mesh: &self.plate.mesh,
             of_nodes: &self.of_nodes,
         };
-        Some((smoothing, share.sum())).filter(|(_, share)| *share != 0.0)
+        let lacking = subsets.lacking(share.sum());
+        Some((smoothing, lacking)).filter(|(_, share)| *share != 0.0)
     }
 
     /// Where a sight's points lie on a mesh, as a camera shows them. Where an effect moves points into the hole or past an edge, the

@@ -25,6 +25,8 @@ pub struct Images {
 pub struct Subsets {
     /// Side of the square, mm.
     pub side_mm: f64,
+    /// The declared side, to which the effect of another size is relative, mm.
+    pub declared_mm: f64,
     /// Shape function.
     pub shape: SubsetShape,
     /// Whether points stay whose subset reaches over an edge: their fit rests on what is left of it.
@@ -91,6 +93,12 @@ impl Subsets {
             SubsetShape::Full | SubsetShape::Affine => 2,
             SubsetShape::Quadratic => 4,
         }
+    }
+
+    /// What these subsets lack of larger ones, over what they do themselves, where larger ones do `more` than the declared ones, over what those do.
+    pub(super) fn lacking(&self, more: f64) -> f64 {
+        let declared = (self.declared_mm / self.side_mm).powi(self.power());
+        (1.0 + more) * declared - 1.0
     }
 
     /// Terms of the shape function at local coordinates, the constant first.

@@ -384,7 +384,9 @@ impl MeasurementSpec {
         let declared = self.fringe_frequency_per_mm;
         field.fringe_frequency_per_mm = declared.or(field.fringe_frequency_per_mm);
         coincident::merge(&mut field);
-        field.subset_mm = self.image_correlation.map(|c| c.subset_mm);
+        field.subset_mm = self
+            .image_correlation
+            .map(|c| c.reach_mm.unwrap_or(c.subset_mm));
         if let Some(window) = window_mm {
             field.restrict_to(window);
         }

@@ -1,10 +1,13 @@
 //! Whether noise explains what a fit leaves. One probability a fit, computed once: verdict and warnings ask for it here, and agree.
 
+use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::inverse::InverseProblem;
 use super::residual::Residual;
+use super::surrogate::field_error;
 use crate::field::rigid;
+use crate::infer::Whitened;
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
 
 /// Smallest probability of a misfit that noise may have made.
@@ -32,7 +35,16 @@ impl AgainstNoise {
         mean: &[f64],
         noise_is_declared: bool,
     ) -> Self {
-        let (modes, freedom, p_of_modes) = modal_misfit(inverse, mean);
+        let mut of_modes = modal_misfit(inverse, mean, None);
+        if of_modes.2 < MISFIT {
+            // the surface's own error is no misfit of the model
+            let theta = &mean[..inverse.posterior.structural()];
+            let whitened = Whitened::new(&inverse.columns, &inverse.noise);
+            if let Ok(error) = field_error(inverse, &whitened, theta) {
+                of_modes = modal_misfit(inverse, mean, Some(&error.weighted));
+            }
+        }
+        let (modes, freedom, p_of_modes) = of_modes;
         let p = p_of_modes.min(residual.p_chi2);
         let mut warnings = Vec::new();
         if p < MISFIT {
@@ -74,11 +86,17 @@ impl AgainstNoise {
     }
 }
 
-/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one.
-fn modal_misfit(of: &InverseProblem, mean: &[f64]) -> (f64, usize, f64) {
+/// Misfit of the measured modes at a point of the posterior, with what the finite elements add to the surface there where that is given, its degrees of freedom, and the probability of a larger one.
+fn modal_misfit(
+    of: &InverseProblem,
+    mean: &[f64],
+    gained: Option<&DVector<f64>>,
+) -> (f64, usize, f64) {
     let posterior = &of.posterior;
     let theta = &mean[..posterior.structural()];
-    let (misfit, coordinates) = posterior.likelihood().misfit(theta, posterior.scale(mean));
+    let (misfit, coordinates) = posterior
+        .likelihood()
+        .misfit(theta, posterior.scale(mean), gained);
     let freedom = coordinates.saturating_sub(theta.len()).max(1);
     let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
     (misfit, freedom, p)

@@ -289,13 +289,13 @@ fn summary(errors: &[FieldError]) -> [f64; 2] {
 }
 
 /// Finite elements minus reduced model at the measured points.
-struct FieldError {
+pub(super) struct FieldError {
     /// Largest component at a point, mm.
     largest: f64,
     /// Mean square of the components, mm^2.
     mean_square: f64,
     /// What it adds to the data's weighted coefficients, 1/mm.
-    weighted: DVector<f64>,
+    pub weighted: DVector<f64>,
 }
 
 /// Errors at many points, whose fields are sums of few: the basis of the finite elements and the modes of the reduced model.
@@ -358,7 +358,15 @@ impl<'a> Spanned<'a> {
     }
 }
 
-fn field_error(run: &InverseProblem, whitened: &Whitened, theta: &[f64]) -> Result<FieldError> {
+/// The error at one point.
+///
+/// # Errors
+/// Those of a finite-element solution.
+pub(super) fn field_error(
+    run: &InverseProblem,
+    whitened: &Whitened,
+    theta: &[f64],
+) -> Result<FieldError> {
     let state = run.prepared.problem.state(theta);
     let mut error = run.prepared.predict(&state)?.loaded;
     let alpha = run.posterior.likelihood().surface_prediction(theta);

@@ -170,15 +170,22 @@ fn repeated(of: &Identification) -> Option<String> {
 /// Measured points off an imported mesh, as a share of all, that are more than a border: the frame may be wrong.
 const OFF_THE_MESH: f64 = 0.03;
 
+/// The same where points have subsets, of which a border of half a one reaches over the edges.
+const OVER_AN_EDGE: f64 = 0.1;
+
 /// Points in the window that the imported mesh does not reach.
 fn off_the_mesh(model: &Model, of: &Identification) -> Option<String> {
     model.experiment().meshed.as_ref()?;
+    let (share, how) = match model.experiment().measurement.image_correlation {
+        Some(_) => (OVER_AN_EDGE, ", or their subsets reach over an edge,"),
+        None => (OFF_THE_MESH, ""),
+    };
     let field = &of.inverse.prepared.observation.field;
     let off = field.rejected.outside_plate;
     let all = field.len() + off;
-    (off as f64 > OFF_THE_MESH * all as f64).then(|| {
+    (off as f64 > share * all as f64).then(|| {
         format!(
-            "{off} of {all} points ({:.0} %) lie off the mesh and were dropped: look at the picture of the mesh; hole_center_in_data_mm, mesh.origin_mm or mesh.mm_per_unit may be wrong.",
+            "{off} of {all} points ({:.0} %) lie off the mesh{how} and were dropped: look at the picture of the mesh; hole_center_in_data_mm, mesh.origin_mm or mesh.mm_per_unit may be wrong.",
             100.0 * off as f64 / all as f64
         )
     })

@@ -256,10 +256,14 @@ impl Likelihood {
         factor * (&self.polynomial * &m)
     }
 
-    /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are.
-    pub fn misfit(&self, theta: &[f64], s: f64) -> (f64, usize) {
+    /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are; of a prediction that gains an error
+    /// whose weighted projection is known ([`Statistics::weighted_of`]).
+    pub fn misfit(&self, theta: &[f64], s: f64, gained: Option<&DVector<f64>>) -> (f64, usize) {
         let (mean, response) = self.predict(theta);
-        let r = &self.measured - mean;
+        let mut r = &self.measured - mean;
+        if let Some(weighted) = gained {
+            r -= self.error(weighted);
+        }
         let variance = self.lambda.map(|l| (s * s + l) / l);
         let scaled = response.component_div(&variance);
         let quad = r.component_div(&variance).dot(&r)
@@ -267,10 +271,15 @@ impl Likelihood {
         (quad, r.len())
     }
 
+    /// What an error of the predicted field adds to the coefficients, by its weighted projection.
+    fn error(&self, weighted: &DVector<f64>) -> DVector<f64> {
+        self.backward.tr_mul(weighted).component_div(&self.lambda)
+    }
+
     /// Change of the log likelihood when the predicted field gains an error whose weighted projection on the modes
     /// is `weighted` (1/mm, [`Statistics::weighted_of`]).
     pub fn log_likelihood_change(&self, theta: &[f64], s: f64, weighted: &DVector<f64>) -> f64 {
-        let error = self.backward.tr_mul(weighted).component_div(&self.lambda);
+        let error = self.error(weighted);
         let (mean, response) = self.predict(theta);
         let variance = self.lambda.map(|l| (s * s + l) / l);
         let scaled = response.component_div(&variance);

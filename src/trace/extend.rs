@@ -18,6 +18,7 @@ pub fn extended(
 ) -> Model {
     let mut model = model.clone();
     narrow(&mut model, averaged);
+    reach(&mut model, effect, amplitude);
     model
         .experiment_mut()
         .effects
@@ -55,6 +56,17 @@ pub fn extended(
         model.ask_for_snapshots();
     }
     model
+}
+
+/// Average over the subset that was found, where the fields are smoothed as by a larger one than the declared: from there its size is what is
+/// left, and the points go whose subset reaches over an edge. How a correlation fits the rest of a subset is not known.
+fn reach(model: &mut Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) {
+    let means: Vec<f64> = amplitude.iter().map(|a| a.0).collect();
+    let larger = effect.smoothing(&means, 1);
+    let images = &mut model.experiment_mut().measurement.image_correlation;
+    if let Some(images) = images.as_mut().filter(|_| larger > 0.0) {
+        images.reach_mm = Some(images.subset_mm * (1.0 + larger));
+    }
 }
 
 /// Half-width of the constants' box about the averaged posterior: this many of its sds, and this share of the value at least.
