@@ -29,6 +29,9 @@ const CROWDED: f64 = 1.3;
 /// of the plastic part at a third of the nominal hardening (`tests/yielding/table.rs`).
 const HARDENING: [f64; 3] = [0.06, 0.01, 0.01 / 6.0];
 
+/// Share of the largest elastic displacement at which an increment ends: a thousandth of the noise of any camera.
+const TOLERANCE: f64 = 1e-8;
+
 /// Poisson's ratios between which the plastic part is linear.
 const POISSON: [f64; 2] = [0.3, 0.2];
 
@@ -245,7 +248,7 @@ fn of_hardening<'f>(
         gauss: &gauss,
         elastic,
     };
-    let mut walk = Walk::new(&body, &mut first, 1.0);
+    let mut walk = Walk::new(&body, &mut first, 1.0).within(TOLERANCE);
     let onset = walk.onset;
     let top = BEYOND * onset;
     let level = |k: usize| onset + (top - onset) * (k as f64 / LEVELS as f64).powf(CROWDED);

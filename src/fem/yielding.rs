@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Mesh;
 
 /// An increment ends when an iteration changes no displacement by more than this share of the largest elastic one.
-const TOLERANCE: f64 = 1e-8;
+const TOLERANCE: f64 = 1e-10;
 
 /// Most iterations of an increment.
 const MOST: usize = 600;
@@ -50,6 +50,7 @@ pub struct Walk<'a, 'f> {
     /// Load factor at which the first Gauss point yields.
     pub onset: f64,
     increment: f64,
+    tolerance: f64,
     at: YieldingPlate,
     /// The equilibrium before.
     before: Option<(f64, Vec<f64>)>,
@@ -72,12 +73,18 @@ impl<'a, 'f> Walk<'a, 'f> {
             },
             before: None,
             increment: INCREMENT * onset / finer,
+            tolerance: TOLERANCE,
             onset,
             elastic,
             body,
             factor,
             iterations: 0,
         }
+    }
+
+    /// The same, ending increments at a change of this share of the largest elastic displacement.
+    pub fn within(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
     }
 
     /// Load or unload to a factor. What yields again on the way down is found as well: every increment follows the flow rule.
@@ -113,7 +120,7 @@ impl<'a, 'f> Walk<'a, 'f> {
             self.iterations += 1;
             let pairs = image.iter().zip(&guess);
             let change = pairs.fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-            if change <= TOLERANCE * size {
+            if change <= self.tolerance * size {
                 let now = YieldingPlate {
                     factor,
                     plastic_part: image,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
-use super::sources::{Source, sources};
+use super::sources::{WidthSource, sources};
 use crate::chain::Draws;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::trace::{Closed, Importance, Interval, Proposals, ToQuote, closed_forms};
@@ -19,7 +19,7 @@ pub struct QuotedReport {
     pub trades: Vec<Trade>,
     /// What the widths of the intervals come from, the largest first.
     #[serde(default)]
-    pub sources: Vec<Source>,
+    pub sources: Vec<WidthSource>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -10,7 +10,7 @@ use crate::section::{Piece, Table, TableCell, row};
 
 /// Something that is not known, and what that costs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Source {
+pub struct WidthSource {
     /// An effect, `thickness_mm`, `forces`, `answer`; `rest`: the noise of the measurement, and all that goes with no variable.
     pub source: String,
     /// Share of each constant's variance that would go if this were known: the squared multiple correlation, corrected for its degrees of
@@ -29,7 +29,7 @@ const LEAST: f64 = 0.02;
 const DRAWS_EACH: usize = 4;
 
 /// The sources of the constants' variances, the largest first, the rest last; none of draws that are too few.
-pub fn sources(draws: &Draws, constants: &[&String]) -> Vec<Source> {
+pub fn sources(draws: &Draws, constants: &[&String]) -> Vec<WidthSource> {
     let mut groups: Vec<(String, Vec<DVector<f64>>)> = Vec::new();
     for name in draws.names() {
         let Some(label) = label(name, constants) else {
@@ -53,13 +53,13 @@ pub fn sources(draws: &Draws, constants: &[&String]) -> Vec<Source> {
     let source = |name: &str, columns: &[&DVector<f64>], of: &dyn Fn(f64) -> f64| {
         let shares = Shares::of(columns);
         let one = |(name, y): &(&String, DVector<f64>)| ((*name).clone(), of(shares.share(y)));
-        Source {
+        WidthSource {
             source: name.into(),
             of_variance: wanted.iter().map(one).collect(),
         }
     };
-    let largest = |s: &Source| s.of_variance.values().copied().fold(0.0, f64::max);
-    let mut found: Vec<Source> = groups
+    let largest = |s: &WidthSource| s.of_variance.values().copied().fold(0.0, f64::max);
+    let mut found: Vec<WidthSource> = groups
         .iter()
         .map(|(name, columns)| source(name, &columns.iter().collect::<Vec<_>>(), &|r| r))
         .filter(|s| largest(s) >= LEAST)
@@ -157,7 +157,7 @@ impl Shares {
 }
 
 /// The table: a row a source, a column a constant.
-pub fn pieces(sources: &[Source]) -> Vec<Piece> {
+pub fn pieces(sources: &[WidthSource]) -> Vec<Piece> {
     let Some(first) = sources.first() else {
         return Vec::new();
     };
