@@ -331,12 +331,12 @@ fn a_nonlinearity_of_no_size_leaves_a_series_as_it_is() {
 #[test]
 fn a_larger_subset_is_the_declared_one_with_its_effect() {
     let declared = 1.5;
-    let seen = |side_mm: f64, percent: f64| -> Field {
+    let seen = |[side_mm, declared_mm]: [f64; 2], percent: f64| -> Field {
         let mut test = small_test();
         test.images = Some(Images {
             subsets: Subsets {
                 side_mm,
-                declared_mm: side_mm,
+                declared_mm,
                 shape: SubsetShape::Affine,
                 kept: false,
             },
@@ -361,9 +361,15 @@ fn a_larger_subset_is_the_declared_one_with_its_effect() {
         let state = State::new(&CONSTANTS, 0.78).with([larger]);
         predict(&experiment, &state, &sight).unwrap().field
     };
-    let [as_declared, larger] = [declared, 2.0].map(|side| seen(side, 0.0));
-    let with_effect = seen(declared, 100.0 / 3.0);
+    let [as_declared, larger] = [declared, 2.0].map(|side| seen([side; 2], 0.0));
+    let with_effect = seen([declared; 2], 100.0 / 3.0);
     let error = largest_difference(&with_effect, &larger);
     let effect = largest_difference(&as_declared, &larger);
+    assert!(error < 0.1 * effect, "{error:e} of {effect:e}");
+    // averaged over the larger one, the effect that made it so adds nothing, and none makes it the declared one again
+    let found = seen([2.0, declared], 100.0 / 3.0);
+    let exact = largest_difference(&found, &larger);
+    assert!(exact < 1e-12 * effect, "{exact:e} of {effect:e}");
+    let error = largest_difference(&seen([2.0, declared], 0.0), &as_declared);
     assert!(error < 0.1 * effect, "{error:e} of {effect:e}");
 }

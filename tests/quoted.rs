@@ -205,7 +205,7 @@ fn judged_as_the_loop_did(run: &str) {
     assert_eq!([&constants["converged"], &all["converged"]], [content; 2]);
 }
 
-/// Sums of independent normals have shares of the variance that are known; a twin of a source shares it; a variable of no influence has none.
+/// Sums of independent normals have shares of the variance that are known. A variable of no influence has none.
 #[test]
 fn the_width_of_an_interval_is_shared_among_its_sources() {
     let names = [

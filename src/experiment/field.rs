@@ -310,11 +310,6 @@ impl Mechanics for FieldExperiment {
         Ok(Some(self.plate.anchor(&setup, &ply, times)?))
     }
 
-    fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
-        let about = about.filter(|_| !self.test.full_order);
-        self.seen(about, state, (sight, &mut None), false)
-    }
-
     fn looks_near(
         &self,
         about: Option<&Anchor>,

@@ -300,6 +300,7 @@ impl Solver<'_> {
     /// Those of a prediction.
     pub fn loaded(&self, about: Option<&Anchor>, state: &State, loads: &[f64]) -> Result<Loaded> {
         let look = self.experiment.look(&plain(state), self.sight, true)?;
+        // what remains is plastic, and tabulated
         let follows = nonlinear(state).any(|a| !a.effect.remains());
         let own = match about {
             None if follows => self.anchor(state, loads)?,

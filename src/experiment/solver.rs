@@ -7,7 +7,7 @@ use super::mesh_error::MeshError;
 use super::sight::Sight;
 use super::state::State;
 use crate::effect::{Effect, Scene};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fem::{Anchor, Answer, Bump, Certificate, EdgeStress, View};
 use crate::field::rigid::RigidMotion;
 
@@ -25,7 +25,8 @@ pub trait Mechanics: Send + Sync {
         RigidMotion::NONE
     }
 
-    /// Whether edges of the specimen are held, so that the load turns it as it strains it.
+    /// Whether edges of the specimen are held, so that the load turns it as it strains it, to first order. Fields of another solver may have that
+    /// rotation to any order, and are not taken for such.
     fn is_held(&self) -> bool {
         false
     }
@@ -96,8 +97,11 @@ pub trait Mechanics: Send + Sync {
     ///
     /// # Errors
     /// Those of [`Mechanics::look`].
-    fn look_near(&self, _about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
-        self.look(state, sight, false)
+    fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
+        let mut looks = self.looks_near(about, std::slice::from_ref(state), sight)?;
+        looks
+            .pop()
+            .ok_or_else(|| Error::program("Mechanics::looks_near", "a look at each state"))
     }
 
     /// The same at states that differ by their force alone.
@@ -106,11 +110,11 @@ pub trait Mechanics: Send + Sync {
     /// Those of [`Mechanics::look`].
     fn looks_near(
         &self,
-        about: Option<&Anchor>,
+        _about: Option<&Anchor>,
         states: &[State],
         sight: &Sight,
     ) -> Result<Vec<Look>> {
-        let look = |state| self.look_near(about, state, sight);
+        let look = |state| self.look(state, sight, false);
         states.iter().map(look).collect()
     }
 

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::element;
 use super::initial_stress::gauss_points;
 use super::load::EndLoad;
-use super::plastic_table::{Metal, PlasticTable};
+use super::plastic_table::{Metal, PlasticTable, width};
 use super::plasticity::{J2, von_mises};
 use super::plate::Plate;
 use super::setup::Setup;
@@ -114,9 +114,8 @@ impl Plate {
                 *self.onset.get_or_init(|| found)
             }
         };
-        let [_, [low, high]] = self.mesh.extents;
-        let area = setup.thickness * (high - low);
-        Ok(setup.peak() > onset * metal.yield_stress * area)
+        let level = metal.level(setup.peak(), setup.thickness, width(&self.mesh));
+        Ok(level > onset)
     }
 
     /// Add the tabulated plastic part of a test that yields: that of the declared shape under the axial force alone. What a morph, a taper

@@ -64,6 +64,13 @@ pub struct Metal {
     pub hardening: f64,
 }
 
+impl Metal {
+    /// Load level F / (sigma_y h W) of an axial force (N) on a plate of some thickness and width, mm.
+    pub fn level(&self, force: f64, thickness: f64, width: f64) -> f64 {
+        force / (self.yield_stress * thickness * width)
+    }
+}
+
 impl PlasticTable {
     /// Of a mesh under an axial force; `factor` makes factorisations of its stiffness.
     ///
@@ -114,7 +121,7 @@ impl PlasticTable {
 
     /// Whether the table knows so large a force.
     pub fn reaches(&self, force: f64, thickness: f64, metal: &Metal) -> bool {
-        let level = force / (metal.yield_stress * thickness * self.width);
+        let level = metal.level(force, thickness, self.width);
         self.levels.last().is_none_or(|last| level <= *last)
     }
 
@@ -122,7 +129,7 @@ impl PlasticTable {
     ///
     /// Unloading is taken as elastic: the plastic part stays what it was under the largest force.
     pub fn plastic(&self, force: f64, thickness: f64, metal: &Metal) -> Vec<f64> {
-        let level = force / (metal.yield_stress * thickness * self.width);
+        let level = metal.level(force, thickness, self.width);
         let scale = metal.yield_stress / metal.young;
         let turn = metal.poisson - POISSON[0];
         let along = hardening_weights(metal.hardening / metal.young);
@@ -210,7 +217,8 @@ fn hardening_weights(ratio: f64) -> [f64; 3] {
     })
 }
 
-fn width(mesh: &Mesh) -> f64 {
+/// Extent of a mesh across the load, mm.
+pub(super) fn width(mesh: &Mesh) -> f64 {
     let [_, [low, high]] = mesh.extents;
     high - low
 }

@@ -45,8 +45,9 @@ pub struct Plate {
     pool: Pool,
     /// Reduced bases and the radii of the ring about the hole in their meshes.
     pub(super) bases: RwLock<Vec<(Option<f64>, Arc<SpanBasis>)>>,
-    /// Load level at which the declared shape begins to yield, and its plastic parts beyond.
+    /// Load level at which the declared shape begins to yield.
     pub(super) onset: OnceLock<f64>,
+    /// Its plastic parts beyond.
     pub(super) plastic: OnceLock<Result<Arc<PlasticTable>>>,
 }
 

@@ -10,10 +10,10 @@ use crate::error::{Error, Result};
 pub struct ImageCorrelation {
     /// Side of a subset, mm: over about as much the noise is correlated.
     pub subset_mm: f64,
-    /// Side of the subset over which averages are taken, mm, where that is another than the declared one: as a loop found it. Points whose subset
-    /// of that size reaches over an edge are left out.
+    /// Side of the subset over which averages are taken and noise is correlated, mm, where a loop found another than the declared one. Points
+    /// go whose subset of that size reaches over an edge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reach_mm: Option<f64>,
+    pub effective_subset_mm: Option<f64>,
     /// Distance of neighbouring points, mm, where it is declared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_mm: Option<f64>,
@@ -63,7 +63,7 @@ impl ImageCorrelation {
     pub(super) fn check(&self) -> Result<()> {
         let given = [
             ("subset_mm", Some(self.subset_mm)),
-            ("reach_mm", self.reach_mm),
+            ("effective_subset_mm", self.effective_subset_mm),
             ("step_mm", self.step_mm),
             ("camera_distance_mm", self.camera_distance_mm),
             ("pixel_mm", self.pixel_mm),

@@ -34,7 +34,7 @@ impl RigidMotion {
         center: [0.0; 2],
     };
 
-    /// The same where the load alone would cause a rotation, rad: as much of it as there is is the load's.
+    /// The same, of which the load causes a rotation, rad. It is no larger than the whole angle, and zero if it has the other sign.
     #[must_use]
     pub fn with_own(self, rotation: f64) -> Self {
         let [least, most] = [self.angle.min(0.0), self.angle.max(0.0)];

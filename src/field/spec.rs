@@ -386,7 +386,7 @@ impl MeasurementSpec {
         coincident::merge(&mut field);
         field.subset_mm = self
             .image_correlation
-            .map(|c| c.reach_mm.unwrap_or(c.subset_mm));
+            .map(|c| c.effective_subset_mm.unwrap_or(c.subset_mm));
         if let Some(window) = window_mm {
             field.restrict_to(window);
         }

@@ -35,16 +35,15 @@ impl AgainstNoise {
         mean: &[f64],
         noise_is_declared: bool,
     ) -> Self {
-        let mut of_modes = modal_misfit(inverse, mean, None);
-        if of_modes.2 < MISFIT {
+        let (mut modes, freedom, mut p_of_modes) = modal_misfit(inverse, mean, None);
+        if p_of_modes < MISFIT {
             // the surface's own error is no misfit of the model
             let theta = &mean[..inverse.posterior.structural()];
             let whitened = Whitened::new(&inverse.columns, &inverse.noise);
             if let Ok(error) = field_error(inverse, &whitened, theta) {
-                of_modes = modal_misfit(inverse, mean, Some(&error.weighted));
+                (modes, _, p_of_modes) = modal_misfit(inverse, mean, Some(&error.weighted));
             }
         }
-        let (modes, freedom, p_of_modes) = of_modes;
         let p = p_of_modes.min(residual.p_chi2);
         let mut warnings = Vec::new();
         if p < MISFIT {
@@ -86,7 +85,8 @@ impl AgainstNoise {
     }
 }
 
-/// Misfit of the measured modes at a point of the posterior, with what the finite elements add to the surface there where that is given, its degrees of freedom, and the probability of a larger one.
+/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one. `gained` is what the
+/// finite elements add to the surface there, as a weighted projection (1/mm).
 fn modal_misfit(
     of: &InverseProblem,
     mean: &[f64],

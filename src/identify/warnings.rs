@@ -170,7 +170,7 @@ fn repeated(of: &Identification) -> Option<String> {
 /// Measured points off an imported mesh, as a share of all, that are more than a border: the frame may be wrong.
 const OFF_THE_MESH: f64 = 0.03;
 
-/// The same where points have subsets, of which a border of half a one reaches over the edges.
+/// The same of image correlation, where a border half a subset wide is dropped too.
 const OVER_AN_EDGE: f64 = 0.1;
 
 /// Points in the window that the imported mesh does not reach.

@@ -42,7 +42,7 @@ impl Model {
     pub fn subsets(&self) -> Option<Subsets> {
         let images = self.experiment().measurement.image_correlation?;
         Some(Subsets {
-            side_mm: images.reach_mm.unwrap_or(images.subset_mm),
+            side_mm: images.effective_subset_mm.unwrap_or(images.subset_mm),
             declared_mm: images.subset_mm,
             shape: images.shape.unwrap_or(SubsetShape::Affine),
             kept: images.partial_subsets == PartialSubsets::Kept,

@@ -159,10 +159,6 @@ impl Mechanics for SnapshotExperiment {
         self.own.gauge()
     }
 
-    fn is_held(&self) -> bool {
-        self.own.is_held()
-    }
-
     fn motion(&self) -> RigidMotion {
         self.own.motion()
     }

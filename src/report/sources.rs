@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
 use crate::chain::Draws;
+use crate::dense::gram;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::section::{Piece, Table, TableCell, row};
 
@@ -25,7 +26,7 @@ const REST: &str = "rest";
 /// Smallest share, of any constant, that is kept.
 const LEAST: f64 = 0.02;
 
-/// Draws a variable that a share takes at least: of fewer nothing can be said.
+/// Fewest draws for each variable: of fewer a share says nothing.
 const DRAWS_EACH: usize = 4;
 
 /// The sources of the constants' variances, the largest first, the rest last; none of draws that are too few.
@@ -134,7 +135,7 @@ impl Shares {
     fn of(columns: &[&DVector<f64>]) -> Self {
         let owned: Vec<DVector<f64>> = columns.iter().map(|c| (*c).clone()).collect();
         let columns = DMatrix::from_columns(&owned);
-        let mut normal = columns.tr_mul(&columns);
+        let mut normal = gram(&columns);
         for k in 0..normal.nrows() {
             normal[(k, k)] += Self::RIDGE;
         }
@@ -144,7 +145,7 @@ impl Shares {
         }
     }
 
-    /// Between 0 and 1, without what so many columns explain by chance.
+    /// The squared multiple correlation, less what so many columns explain by chance (adjusted R^2: Ezekiel 1930).
     fn share(&self, y: &DVector<f64>) -> f64 {
         let Some(normal) = &self.normal else {
             return 0.0;

@@ -75,7 +75,7 @@ pub fn adapted(
     let mut found = WeighedDraws::new(target, drawn.collect())?;
     let mut best: (f64, Option<Adapted>) = (0.0, None);
     for round in 0..ROUNDS {
-        let Some(student) = found.tempered().student() else {
+        let Some(student) = found.student(&found.tempered()) else {
             break;
         };
         let first = GUESSED + round * TRIED;
@@ -132,44 +132,32 @@ impl WeighedDraws {
 
     /// Effective share of the draws.
     fn share(&self) -> f64 {
-        let sum: f64 = self.weights.iter().sum();
-        let squares: f64 = self.weights.iter().map(|w| w * w).sum();
-        match squares > 0.0 {
-            true => sum * sum / squares / self.weights.len() as f64,
-            false => 0.0,
-        }
+        effective(&self.weights) / self.weights.len() as f64
     }
 
-    /// The draws with their weights to the largest power up to 1 at which they are [`ENOUGH`] (nonlinear importance weights: Koblents and Miguez
+    /// Their weights to the largest power up to 1 at which [`ENOUGH`] of them are effective (nonlinear importance weights: Koblents and Miguez
     /// 2015, Stat. Comput. 25, 407).
-    fn tempered(&self) -> Self {
-        let to = |power: f64| Self {
-            points: Vec::new(),
-            weights: self.weights.iter().map(|w| w.powf(power)).collect(),
-        };
-        let is_enough = |d: &Self| d.share() * d.weights.len() as f64 >= ENOUGH;
-        if is_enough(self) {
-            return self.clone();
+    fn tempered(&self) -> Vec<f64> {
+        let to = |power: f64| -> Vec<f64> { self.weights.iter().map(|w| w.powf(power)).collect() };
+        if effective(&self.weights) >= ENOUGH {
+            return self.weights.clone();
         }
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
-            match is_enough(&to(middle)) {
+            match effective(&to(middle)) >= ENOUGH {
                 true => low = middle,
                 false => high = middle,
             }
         }
-        Self {
-            points: self.points.clone(),
-            ..to(low)
-        }
+        to(low)
     }
 
-    /// The Student-t of their mean and covariance; none where that is not positive definite.
-    fn student(&self) -> Option<Student> {
+    /// The Student-t of their mean and covariance by some weights; none where that is not positive definite.
+    fn student(&self, weights: &[f64]) -> Option<Student> {
         let dim = self.points.first()?.len();
-        let sum: f64 = self.weights.iter().sum();
-        let weighed = || self.points.iter().zip(&self.weights);
+        let sum: f64 = weights.iter().sum();
+        let weighed = || self.points.iter().zip(weights);
         let mean: Vec<f64> = (0..dim)
             .map(|k| weighed().map(|(x, w)| w * x[k]).sum::<f64>() / sum)
             .collect();
@@ -190,6 +178,16 @@ impl WeighedDraws {
     /// One of the draws by its weight.
     fn pick(&self, rng: &mut Stream) -> Vec<f64> {
         self.points[picked(&self.weights, rng)].clone()
+    }
+}
+
+/// How many draws of equal weight say as much: (sum w)^2 / sum w^2.
+fn effective(weights: &[f64]) -> f64 {
+    let sum: f64 = weights.iter().sum();
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    match squares > 0.0 {
+        true => sum * sum / squares,
+        false => 0.0,
     }
 }
 

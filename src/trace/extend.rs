@@ -18,7 +18,7 @@ pub fn extended(
 ) -> Model {
     let mut model = model.clone();
     narrow(&mut model, averaged);
-    reach(&mut model, effect, amplitude);
+    take_effective_subset(&mut model, effect, amplitude);
     model
         .experiment_mut()
         .effects
@@ -58,14 +58,14 @@ pub fn extended(
     model
 }
 
-/// Average over the subset that was found, where the fields are smoothed as by a larger one than the declared: from there its size is what is
-/// left, and the points go whose subset reaches over an edge. How a correlation fits the rest of a subset is not known.
-fn reach(model: &mut Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) {
+/// Where the fields were found to be smoothed as by a larger subset than declared, the next model averages over that one. Points go whose
+/// subset then reaches over an edge, because it is not known how a correlation fits the rest of a subset.
+fn take_effective_subset(model: &mut Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) {
     let means: Vec<f64> = amplitude.iter().map(|a| a.0).collect();
     let larger = effect.smoothing(&means, 1);
     let images = &mut model.experiment_mut().measurement.image_correlation;
     if let Some(images) = images.as_mut().filter(|_| larger > 0.0) {
-        images.reach_mm = Some(images.subset_mm * (1.0 + larger));
+        images.effective_subset_mm = Some(images.subset_mm * (1.0 + larger));
     }
 }
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-/// One field, two experiments, another program's mesh, a field of metal beside a clamp.
+/// One field, two experiments, and two meshes of other programs: a plate with holes, an off-axis coupon in grips.
 const CASES: [&str; 4] = [
     "models/openhole.json",
     "models/openhole-and-plate.json",
     "models/two-holes.json",
-    "models/steel-s235.json",
+    "models/oblique.json",
 ];
 
 fn main() {
