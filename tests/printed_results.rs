@@ -12,7 +12,7 @@ use crate::report::{json, read};
 const SHARE: f64 = 0.35;
 
 /// The cells of the rows of a page's table that has `heading` in its first line, by their first cell.
-fn table(page: &str, heading: &str) -> Vec<Vec<String>> {
+pub fn table(page: &str, heading: &str) -> Vec<Vec<String>> {
     let lines = page.lines().skip_while(|line| !line.contains(heading));
     let rows: Vec<Vec<String>> = lines
         .take_while(|line| line.starts_with('|'))
@@ -256,4 +256,222 @@ fn the_readme_prints_what_the_measured_strip_gives() {
         is_printed(&name, &row[2], &report["averaged_posterior"][&name]);
     }
     assert_eq!(report["verdict"]["status"], "unexplained");
+}
+
+/// The lines of a table that are of one material test each, by the report's own numbers.
+fn moments<'a>(report: &'a Value, path: &str) -> &'a Value {
+    report
+        .pointer(path)
+        .unwrap_or_else(|| panic!("no {path} in the report"))
+}
+
+/// Both tables of the measured strip, and the sentence about the one with a camera.
+#[test]
+#[ignore = "needs ../shared, 3 minutes"]
+fn the_manual_prints_what_the_measured_strip_gives() {
+    let page = read(&root().join("models/README.md"));
+    let data = shared("steel-s235/displacements_raw.csv")
+        .display()
+        .to_string();
+    let looped = |file: &str| {
+        let out = fresh("printed-steel");
+        let path = out.display().to_string();
+        succeed(&["loop", file, "--data", &data, "--quiet", "--out", &path]);
+        json(&out.join("report.json"))
+    };
+    let model = root().join("models/steel-s235.json").display().to_string();
+    let report = looped(&model);
+    let last = report["rounds"].as_array().unwrap().len() - 1;
+    let rows = table(&page, "| model | E, GPa |");
+    for (row, at) in rows.iter().zip([
+        "/rounds/0/posterior".to_string(),
+        format!("/rounds/{last}/posterior"),
+        "/with_discrepancy/posterior".into(),
+        "/averaged_posterior".into(),
+    ]) {
+        for (cell, name) in row[1..].iter().zip(["E_GPa", "nu"]) {
+            if cell.contains(" +- ") {
+                is_printed(&at, cell, moments(&report, &format!("{at}/{name}")));
+            }
+        }
+    }
+    let named = ["small", "all", "none"];
+    let answers = report["quoted"]["answers"].as_array().unwrap();
+    let answer = |name: &str| answers.iter().find(|a| a["name"] == name).unwrap();
+    for (row, name) in table(&page, "| explanation of what is left |")
+        .iter()
+        .zip(named)
+    {
+        is_printed(name, &row[1], &answer(name)["constants"]["E_GPa"]);
+    }
+    assert_eq!(report["verdict"]["status"], "unexplained");
+
+    let seen = crate::program::changed("steel-s235.json", |m| {
+        m["experiments"][0]["measurement"]["image_correlation"] =
+            serde_json::json!({ "subset_mm": 0.8, "camera_distance_mm": 1000 });
+    });
+    let report = looped(&seen);
+    let said = page.split("The result is E = ").nth(1).unwrap();
+    is_printed("camera", said, &report["averaged_posterior"]["E_GPa"]);
+    let nu = said.split("and nu = ").nth(1).unwrap();
+    is_printed("camera", nu, &report["averaged_posterior"]["nu"]);
+}
+
+/// What a declared scatter of the plies does to the default test.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_manual_prints_what_declared_plies_do() {
+    let page = read(&root().join("models/README.md"));
+    let declared = [
+        serde_json::json!({}),
+        serde_json::json!({ "balanced_misorientation.angle_deg": 0.2 }),
+        serde_json::json!({ "ply_share_1.ply_percent": 2, "ply_share_2.ply_percent": 2 }),
+    ];
+    for (row, plausible) in table(&page, "| declared | E2, sd in GPa |")
+        .iter()
+        .zip(declared)
+    {
+        let file = crate::program::changed("openhole.json", |m| {
+            m["experiments"][0]["plausible"] = plausible.clone();
+        });
+        let out = fresh("printed-plies");
+        succeed(&[
+            "loop",
+            &file,
+            "--quiet",
+            "--out",
+            &out.display().to_string(),
+        ]);
+        let found = &json(&out.join("report.json"))["averaged_posterior"];
+        for (cell, name) in row[1..].iter().zip(["E2_GPa", "nu12", "G12_GPa"]) {
+            let sd = found[name]["sd"].as_f64().unwrap();
+            match cell.parse::<f64>() {
+                Ok(said) => assert!(
+                    (said / sd - 1.0).abs() < 0.15 || (said - sd).abs() < rounding(cell),
+                    "{plausible}: {name} {said} {sd}"
+                ),
+                // "near its prior", of .03
+                Err(_) => assert!(sd > 0.6 * 0.03, "{plausible}: {name} {sd}"),
+            }
+        }
+    }
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_manual_prints_what_the_plate_gives() {
+    let page = read(&root().join("models/README.md"));
+    let file = root().join("models/plate.json").display().to_string();
+    let out = fresh("printed-plate");
+    succeed(&[
+        "identify",
+        &file,
+        "--quiet",
+        "--out",
+        &out.display().to_string(),
+    ]);
+    let report = json(&out.join("report.json"));
+    let section = page.split("## Natural frequencies").nth(1).unwrap();
+    for row in table(section, "| | prior | result | simulated |") {
+        let name = constant(&row[0]);
+        same(&row[1], &priors(&json(Path::new(&file)), &name));
+        is_printed(&name, &row[2], &report["posterior"][&name]);
+    }
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_manual_prints_what_design_says() {
+    let page = read(&root().join("models/README.md"));
+    let out = fresh("design.json");
+    let model = root().join("models/openhole.json").display().to_string();
+    succeed(&["design", &model, "--out", &out.display().to_string()]);
+    let report = json(&out);
+    let candidate = |name: &str| {
+        let all = report["candidates"].as_array().unwrap().iter();
+        let mut of_kind = all.filter(|c| c["name"].as_str().unwrap().starts_with(name));
+        of_kind.next().unwrap()["together_percent"].clone()
+    };
+    let alone = &report["declared"][0];
+    let expected = [
+        alone["sd_percent"].clone(),
+        alone["sd_percent_with_effects"].clone(),
+        candidate("coupon"),
+        candidate("plate"),
+    ];
+    let rows = table(&page, "| experiments | E1 | E2 | nu12 | G12 |");
+    assert_eq!(rows.len(), expected.len());
+    for (row, expected) in rows.iter().zip(expected) {
+        for (cell, name) in row[1..].iter().zip(["E1_GPa", "E2_GPa", "nu12", "G12_GPa"]) {
+            let found = expected[name].as_f64().unwrap();
+            let off = (cell.parse::<f64>().unwrap() - found).abs();
+            assert!(
+                off < 0.01 + rounding(cell),
+                "{}: {name} {cell} {found}",
+                row[0]
+            );
+        }
+    }
+}
+
+/// The population of the five specimens that the manual describes.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_manual_prints_what_five_specimens_give() {
+    let page = read(&root().join("runs/README.md"));
+    let folder = tempfile::tempdir().unwrap();
+    let run = |words: &[&str]| {
+        let end = plychain_in(folder.path(), words);
+        let said = String::from_utf8_lossy(&end.stderr).into_owned();
+        assert!(end.status.success(), "{words:?}\n{said}");
+    };
+    let model = root().join("models/openhole.json");
+    std::fs::copy(&model, folder.path().join("openhole.json")).unwrap();
+    let rows = table(&page, "| specimen | E1, GPa | E2, GPa | nu12 | G12, GPa |");
+    for (row, seed) in rows.iter().zip(["1", "2", "3", "4", "5"]) {
+        let name = format!("specimen-{seed}");
+        let names = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
+        let sets: Vec<String> = names
+            .iter()
+            .zip(&row[1..])
+            .map(|(name, cell)| format!("{name}={cell}"))
+            .collect();
+        let mut words = vec!["simulate", "openhole.json", "--grid", "121"];
+        words.extend(["--seed", seed, "--out", &name]);
+        words.extend(sets.iter().flat_map(|set| ["--set", set.as_str()]));
+        if row[0].contains("pixels") {
+            words.extend(["--effect", "magnification=0.3"]);
+        }
+        run(&words);
+    }
+    let campaign = serde_json::json!({ "schema": "plychain-campaign/1", "name": "coupons", "verb": "loop",
+        "models": "openhole.json", "data": "specimen-*" });
+    std::fs::write(folder.path().join("coupons.json"), campaign.to_string()).unwrap();
+    run(&["campaign", "coupons.json"]);
+    run(&["campaign", "population", "runs/coupons"]);
+    let report = json(
+        &folder
+            .path()
+            .join("runs/coupons/population/population.json"),
+    );
+    for name in ["E1_GPa", "E2_GPa"] {
+        let found = &report["constants"][name];
+        let line = page.lines().find(|l| l.trim().starts_with(name)).unwrap();
+        let cells: Vec<&str> = line
+            .split("  ")
+            .map(str::trim)
+            .filter(|c| !c.is_empty())
+            .collect();
+        is_printed(name, cells[1], &found["mean"]);
+        is_printed(name, cells[2], &found["sd"]);
+        for (cell, basis) in cells[3..].iter().zip(["b_basis", "a_basis"]) {
+            let value = found[basis]["value"].as_f64().unwrap();
+            let allowed = 0.15 * (found["mean"]["mean"].as_f64().unwrap() - value);
+            let said: f64 = cell.parse().unwrap();
+            assert!(
+                (said - value).abs() < allowed,
+                "{name} {basis} {said} {value}"
+            );
+        }
+    }
 }

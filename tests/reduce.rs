@@ -71,6 +71,7 @@ pub fn problem_of(test: FieldTest) -> Problem {
     };
     let scene = scene(&test);
     Problem {
+        coarse: None,
         experiment: Arc::new(FieldExperiment::new(test, scene).unwrap()),
         effects: Vec::new(),
         dimensions: vec![

@@ -54,12 +54,12 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
     };
     if let (Some((constants, _)), false) = (&own, arguments.all) {
         draws = draws.only(constants)?;
-        let remark = "the constants (--all shows all that was sampled)";
+        let remark = "These are the constants; --all shows all that was sampled.";
         draws.info.remarks.push(remark.into());
     }
     let mut verdict = diagnose(&draws, &rule_of(&arguments.files));
     if let Some((_, reasons)) = own {
-        let remark = "the verdict is the loop's own, of all draws that it made: those that are stored are fewer";
+        let remark = "The verdict is the loop's own, of all draws that it made. Those that are stored are fewer.";
         draws.info.remarks.push(remark.into());
         verdict.converged = reasons.is_empty();
         verdict.reasons = reasons;

@@ -317,14 +317,14 @@ pub fn say_round(folder: &Path) {
     let stayed = |k: &usize| attempt(*k).join("model.json").is_file();
     if let Some(last) = (1..MOST_ATTEMPTS).rev().find(stayed) {
         line(&format!(
-            "  {} is of a loop; the draws of its last round are in {}",
+            "  {} is of a loop. The draws of its last round are in {}.",
             folder.display(),
             attempt(last).display()
         ));
     }
     if folder.join(AVERAGED).is_dir() {
         line(&format!(
-            "  these are the draws to quote, of the averaged posterior; those of the model as it was given are in {}",
+            "  These are the draws to quote, of the averaged posterior. Those of the model as it was given are in {}.",
             folder.join("chain.zarr").display()
         ));
     }

@@ -400,6 +400,20 @@ impl Model {
         self.with_snapshots(own)
     }
 
+    /// The experiment of the model on a mesh of half the density; none where the mesh cannot be that much coarser, or where there is none.
+    ///
+    /// # Errors
+    /// A specimen that cannot be meshed.
+    pub fn coarse(&self, fine: &dyn FieldSolver) -> Result<Option<Arc<dyn FieldSolver>>> {
+        const DENSITY: f64 = 0.5;
+        if fine.given().is_some() || fine.mesh_size()[0] == 0 {
+            return Ok(None);
+        }
+        let coarse = self.moved_experiment_over(fine.window(), fine.motion(), DENSITY)?;
+        let is_coarser = 2 * coarse.mesh_size()[0] <= fine.mesh_size()[0];
+        Ok(Some(coarse).filter(|_| is_coarser))
+    }
+
     /// The state in which everything has the values that `value` gives by name (`E1_GPa`, `load_misalignment.angle_deg`),
     /// border units; the prior's mean, or no amplitude, where it gives none.
     pub fn state(&self, value: &dyn Fn(&str) -> Option<f64>) -> State {
@@ -443,10 +457,17 @@ impl Model {
 
     fn problem_over(&self, window: [[f64; 2]; 2], motion: RigidMotion) -> Result<Problem> {
         let experiment = self.moved_experiment_over(window, motion, 1.0)?;
+        let effects = self.sampled();
+        let is_changed = effects.iter().any(|e| e.kind() == Kind::Mechanical);
+        let coarse = match is_changed && !self.file.reduced_model.full_order {
+            true => self.coarse(&*experiment)?,
+            false => None,
+        };
         let problem = Problem {
             dimensions: self.dimensions_of(&*experiment)?,
+            coarse,
             experiment,
-            effects: self.sampled(),
+            effects,
             spec: self.file.reduced_model.clone(),
         };
         problem

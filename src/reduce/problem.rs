@@ -121,6 +121,8 @@ impl ReducedSpec {
 pub struct Problem {
     /// What is predicted.
     pub experiment: Arc<dyn FieldSolver>,
+    /// The same on a coarse mesh, of which snapshots take what effects change that the reduced basis does not know; none without such effects.
+    pub coarse: Option<Arc<dyn FieldSolver>>,
     /// Effects whose amplitudes vary with the constants: mechanical and optical ones.
     pub effects: Vec<&'static dyn Effect>,
     /// The DoE box: elastic constants, the effects' amplitudes, and last the thickness if it is uncertain. What is sampled

@@ -70,14 +70,24 @@ impl Snapshots {
         let count = support.points().len();
         check_memory(count, points.len())?;
         let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
+        let changes = Changes::of(problem, &states)?;
         let spanning = experiment.spanning(support);
+        let spanned = |state: &State| {
+            let answer = experiment.coordinates(state)?;
+            Some(sum(&spanning, answer.coordinates.as_slice(), count))
+        };
         let solutions: Vec<Vec<[f64; 2]>> = states
             .par_iter()
             .map(|state| {
-                let known = experiment.coordinates(state);
-                let field = match known.filter(|_| state.acting().iter().all(is_in_the_plate)) {
-                    Some(answer) => sum(&spanning, answer.coordinates.as_slice(), count),
-                    None => predict(experiment, state, support)?.field,
+                let known = match state.acting().iter().all(is_in_the_plate) {
+                    true => spanned(state),
+                    false => None,
+                };
+                let changes = changes.as_ref().filter(|_| is_unknown(experiment, state));
+                let field = match (known, changes, spanned(&bare(state))) {
+                    (Some(field), ..) => field,
+                    (None, Some(changes), Some(field)) => changes.added_to(field, state)?,
+                    _ => predict(experiment, state, support)?.field,
                 };
                 step();
                 Ok(field)
@@ -119,6 +129,51 @@ impl Snapshots {
             points,
         }
     }
+}
+
+/// What effects change, by two solutions on a coarse mesh.
+struct Changes<'a> {
+    coarse: &'a dyn FieldSolver,
+    /// The fine mesh's support.
+    sight: Sight,
+}
+
+impl<'a> Changes<'a> {
+    /// None where the reduced basis knows all states, or there is no coarse mesh.
+    fn of(problem: &'a Problem, states: &[State]) -> Result<Option<Self>> {
+        let experiment = &*problem.experiment;
+        let coarse = problem.coarse.as_deref();
+        let Some(coarse) = coarse.filter(|_| states.iter().any(|s| is_unknown(experiment, s)))
+        else {
+            return Ok(None);
+        };
+        let plain: Vec<State> = states.iter().map(bare).collect();
+        experiment.span(&plain)?;
+        coarse.span(&plain)?;
+        let sight = coarse.extended(experiment.support().points(), &[]);
+        Ok(Some(Self { coarse, sight }))
+    }
+
+    /// What a specimen shows in a state, from the `field` that it shows where nothing acts.
+    fn added_to(&self, mut field: Vec<[f64; 2]>, state: &State) -> Result<Vec<[f64; 2]>> {
+        let with = predict(self.coarse, state, &self.sight)?.field;
+        let without = predict(self.coarse, &bare(state), &self.sight)?.field;
+        add_scaled(&mut field, &with, 1.0);
+        add_scaled(&mut field, &without, -1.0);
+        Ok(field)
+    }
+}
+
+/// Whether the reduced basis does not know the specimen and its load in a state.
+fn is_unknown(experiment: &dyn FieldSolver, state: &State) -> bool {
+    let in_the_plate = state.acting().iter().filter(|a| is_in_the_plate(a));
+    let plate = bare(state).with(in_the_plate.cloned());
+    experiment.coordinates(&plate).is_none()
+}
+
+/// A state without its effects.
+fn bare(state: &State) -> State {
+    State::new(&state.constants, state.thickness_mm)
 }
 
 /// Whether an effect changes the specimen or its load, and adds nothing to what that shows.

@@ -307,7 +307,7 @@ pub fn basis_section(certificates: &[Certificate]) -> Section {
         certificates.iter().map(of).sum::<f64>() / certificates.len() as f64
     };
     section.say(format!(
-        "reduced basis of the finite elements: {} solutions; at {} random points of the box its error is at most {:.1e} of the energy norm, its bound at most {:.1e}; at the measured points it is off by {:.1e} nm at most, by its bound {:.1e} nm; an answer takes {:.2} ms, a solution {:.1} ms",
+        "The reduced basis of the finite elements has {} solutions. At {} random points of the box its error is at most {:.1e} of the energy norm, its bound at most {:.1e}. At the measured points it is off by {:.1e} nm at most, by its bound {:.1e} nm. An answer takes {:.2} ms, a solution {:.1} ms.",
         first.solutions,
         certificates.len(),
         largest(|c| c.error),

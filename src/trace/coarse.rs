@@ -25,9 +25,6 @@ pub(super) struct CoarseTest {
     thinned: Option<Blocks>,
 }
 
-/// Density of the mesh over the fine one's.
-const DENSITY: f64 = 0.5;
-
 /// Along a side of a block, points that stand for the others: at the middle alone log weights of a field are off by 0.07.
 const ALONG: f64 = 2.0;
 
@@ -37,14 +34,9 @@ impl CoarseTest {
     /// # Errors
     /// A specimen that cannot be meshed.
     pub fn new(model: &Model, prepared: &Prepared, measured: &Measured) -> Result<Option<Self>> {
-        let fine = &*prepared.problem.experiment;
-        if fine.given().is_some() || fine.mesh_size()[0] == 0 {
+        let Some(experiment) = model.coarse(&*prepared.problem.experiment)? else {
             return Ok(None);
-        }
-        let experiment = model.moved_experiment_over(fine.window(), fine.motion(), DENSITY)?;
-        if 2 * experiment.mesh_size()[0] > fine.mesh_size()[0] {
-            return Ok(None);
-        }
+        };
         let (sight, blocks) = (&prepared.observation.sight, &measured.blocks);
         let (points, further) = sight.all().split_at(sight.points().len());
         let all = experiment.extended(points, further);

@@ -70,7 +70,7 @@ pub fn compare(
     }
     let rows = choices
         .into_iter()
-        .map(|(prior, marginals)| row(posterior, prior, marginals, side))
+        .filter_map(|(prior, marginals)| row(posterior, prior, marginals, side).transpose())
         .collect::<Result<Vec<_>>>()?;
     let outside = bounds.zip(draws).map(|((name, bounds), draws)| {
         let inside = |x: &[f64]| {
@@ -85,12 +85,13 @@ pub fn compare(
     Ok(PriorTable { rows, outside })
 }
 
+/// None where a cut leaves nothing of the posterior: `outside` says so.
 fn row(
     posterior: &Posterior,
     prior: String,
     marginals: Vec<Marginal>,
     side: usize,
-) -> Result<PriorRow> {
+) -> Result<Option<PriorRow>> {
     let d = posterior.structural();
     let other = posterior.with_marginals(marginals);
     let (centre, sd) = other.start();
@@ -99,10 +100,13 @@ fn row(
         .map(|k| mode.covariance[k * other.dim() + k].sqrt())
         .collect();
     let bounds = automatic(&other, &mode.mode[..d], &sd);
+    if bounds.iter().any(|[low, high]| low >= high) {
+        return Ok(None);
+    }
     let grid = PosteriorGrid::new(&other, &mode, &bounds, side)?;
-    Ok(PriorRow {
+    Ok(Some(PriorRow {
         prior,
         moments: grid.moments,
         warnings: grid.warnings,
-    })
+    }))
 }

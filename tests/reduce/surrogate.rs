@@ -4,6 +4,8 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 use plychain::diagnose::Rule;
+use plychain::effect::{EFFECTS, Kind};
+use plychain::experiment::State;
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::doubts::Doubting;
@@ -11,11 +13,14 @@ use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
 use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics};
 use plychain::laminate::Material;
 use plychain::progress::Silent;
-use plychain::reduce::{Problem, ReducedModel, Snapshots, SnapshotsSpec};
+use plychain::reduce::{Problem, ReducedModel, Snapshots, SnapshotsSpec, spread_over};
 use plychain::sample::laplace;
 use plychain::sample::{SAMPLERS, Schedule};
 
+use serde_json::json;
+
 use super::small_problem;
+use crate::program::changed;
 
 /// A reduced model on the coarse mesh.
 fn reduced_model() -> (Problem, ReducedModel) {
@@ -197,4 +202,56 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
         e1.mean,
         e1.sd
     );
+}
+
+/// What an effect changes that the reduced basis does not know comes from two solutions on a coarse mesh: snapshots are those of the fine one
+/// to far less than a measurement's noise.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn what_effects_change_is_taken_from_a_coarse_mesh() {
+    let names: Vec<&str> = EFFECTS
+        .iter()
+        .filter(|e| e.kind() == Kind::Mechanical)
+        .map(|e| e.name())
+        .collect();
+    let mut compared = 0;
+    for name in names {
+        let file = changed("openhole.json", |m| {
+            m["experiments"][0]["effects"] = json!([name])
+        });
+        let Ok(model) = Model::load(file.as_ref()) else {
+            continue;
+        };
+        let Ok(problem) = model.problem([[-12.0; 2], [12.0; 2]]) else {
+            continue;
+        };
+        let points = spread_over(&problem, 8, 3);
+        let many = spread_over(&problem, 60, 4);
+        let bare = many.iter().map(|p| State::new(&p[..4], p[p.len() - 1]));
+        problem.experiment.span(&bare.collect::<Vec<_>>()).unwrap();
+        let fine = Problem {
+            coarse: None,
+            ..problem.clone()
+        };
+        let solved = |problem: &Problem| Snapshots::at(problem, points.clone(), &|| ()).unwrap();
+        let [a, b] = [&problem, &fine].map(solved);
+        let off_nm: Vec<f64> = (0..2)
+            .flat_map(|c| {
+                let (a, b) = (&a.seen[c], &b.seen[c]);
+                let of = move |j| (0..a.nrows()).map(move |i| 1e6 * (a[(i, j)] - b[(i, j)]).abs());
+                (0..a.ncols()).flat_map(of)
+            })
+            .collect();
+        // in the void of a hole that moved, each mesh continues its field in its own way
+        let far = off_nm.iter().filter(|off| **off > 0.2).count();
+        let largest = off_nm.iter().fold(0.0_f64, |m, off| m.max(*off));
+        println!("{name}: {far} of {}, {largest:.3} nm at most", off_nm.len());
+        assert!(
+            500 * far < off_nm.len(),
+            "{name}: {far} of {}",
+            off_nm.len()
+        );
+        compared += 1;
+    }
+    assert!(compared > 5, "{compared}");
 }

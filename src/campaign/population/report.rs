@@ -234,7 +234,7 @@ fn warnings(specimens: &[Specimen], shared: f64) -> Vec<String> {
     let mut all = Vec::new();
     if specimens.len() < FEW {
         all.push(format!(
-            "{} specimens: the basis values rest on the normal form of the distribution; handbooks ask for {FEW} at least",
+            "{} specimens: the basis values rest on the normal form of the distribution. Handbooks ask for {FEW} at least.",
             specimens.len()
         ));
     }
@@ -250,7 +250,7 @@ fn warnings(specimens: &[Specimen], shared: f64) -> Vec<String> {
     }
     if shared == 0.0 {
         all.push(
-            "an error that all specimens share (load cell, camera, thickness gauge, batch) does not show between them: it moves the population's mean; --shared-percent counts a scale of all moduli"
+            "An error that all specimens share (load cell, camera, thickness gauge, batch) does not show between them. It moves the population's mean. --shared-percent counts a scale of all moduli."
                 .into(),
         );
     }

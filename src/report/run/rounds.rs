@@ -72,7 +72,7 @@ fn header(first: &str, names: &[String]) -> Vec<String> {
 pub fn points(round: &RoundReport) -> String {
     let (r, dropped) = (&round.residual, round.noise.points_dropped);
     format!(
-        "{} values of {} points count as {:.0} independent ones; points dropped: {} not measured, not correlated or repeated, {} outliers, {} off the plate, {} outside the window, {} masked",
+        "{} values of {} points count as {:.0} independent ones. Points dropped: {} not measured, not correlated or repeated, {} outliers, {} off the plate, {} outside the window, {} masked.",
         2 * r.n,
         r.n,
         r.n_eff,
