@@ -35,6 +35,7 @@ fn setup() -> Setup {
         profile: Profile::default(),
         shear_cubic: 0.0,
         fibre_quadratic: 0.0,
+        anisotropy: [0.0; 2],
         yield_stress: None,
         yielding: None,
         peak_before: 0.0,

@@ -1,5 +1,6 @@
 //! Every test of the crate, in one binary: known answers, convergence rates, invariants, samplers, the command line.
 
+mod attacks;
 mod bending;
 mod bridge;
 mod browser;
@@ -76,6 +77,7 @@ mod study;
 mod supplied;
 mod suspect;
 mod targets;
+mod terminal;
 mod together;
 mod tracing;
 mod unseen;

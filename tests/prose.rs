@@ -173,6 +173,24 @@ pub fn is_short(what: &str, text: &str) {
     assert!(mean <= MEAN, "{what}: mean {mean:.1} words");
 }
 
+/// Length of a line that was broken: the program fills up to 100 columns, and longer lines stand alone.
+const FILLED: std::ops::RangeInclusive<usize> = 79..=100;
+
+/// The paragraphs of what a verb prints to a terminal, without rows of tables: those have two blanks in a row.
+pub fn paragraphs_of_terminal(text: &str) -> String {
+    let mut paragraphs = String::new();
+    let mut before = "";
+    for line in text.lines() {
+        let words = line.trim();
+        let is_row = words.contains("  ");
+        let goes_on = FILLED.contains(&before.len()) && !words.starts_with("- ");
+        paragraphs += if goes_on { " " } else { "\n\n" };
+        paragraphs += if is_row { "" } else { words };
+        before = if is_row { "" } else { line };
+    }
+    paragraphs
+}
+
 /// The paragraphs and items of lists of a page, without its figures.
 pub fn paragraphs_of_html(page: &str) -> String {
     let mut text = String::new();

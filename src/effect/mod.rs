@@ -2,6 +2,7 @@
 //!
 //! A new effect is one new file here and one line in [`EFFECTS`].
 
+mod anisotropy;
 mod balanced_misorientation;
 mod camera_rotation;
 mod camera_tilt;
@@ -97,6 +98,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &shear_nonlinearity::ShearNonlinearity,
     &fibre_nonlinearity::FibreNonlinearity,
     &yielding::Yielding,
+    &anisotropy::Anisotropy,
     &load_scale::LoadScale,
     &force_offset::ForceOffset,
     &residual_load::ResidualLoad,

@@ -61,6 +61,8 @@ pub struct Setup {
     pub shear_cubic: f64,
     /// Relative growth k of the plies' E1 with the strain along their fibres.
     pub fibre_quadratic: f64,
+    /// By how much E2 and G12 of the material exceed what the constants say, over that.
+    pub anisotropy: [f64; 2],
     /// Declared yield stress of a metal, MPa.
     pub yield_stress: Option<f64>,
     /// How it yields; none where it stays elastic.
@@ -92,6 +94,7 @@ impl Setup {
             profile: Profile::default(),
             shear_cubic: 0.0,
             fibre_quadratic: 0.0,
+            anisotropy: [0.0; 2],
             yield_stress: None,
             yielding: None,
             peak_before: 0.0,

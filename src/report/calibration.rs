@@ -83,7 +83,7 @@ pub fn calibration_section(summary: &Summary) -> Section {
         .map(|[a, b]| format!("{:.1} to {:.1}", share(*a), share(*b)))
         .collect();
     Section::new(format!(
-        "calibration: {} replicates ({} converged), fields by the {fields}, {noise} of {} to {} nm, {} x {} points",
+        "calibration: {} replicates ({} converged). Fields are by the {fields}, with {noise} of {} to {} nm, {} x {} points.",
         summary.done[0], summary.done[1], NOISE_NM[0], NOISE_NM[1], plan.grid, plan.grid
     ))
     .with(parameters_table(&summary.parameters))
@@ -125,13 +125,13 @@ pub fn loop_section(summary: &LoopSummary) -> Section {
     let ([held, of], [acted, named]) = (summary.held, summary.acted);
     let share = 100.0 * held as f64 / of.max(1) as f64;
     let counts = format!(
-        "quoted 95 % intervals hold {held} of {of} constants ({share:.1} %); of {acted} effects that acted {named} named, {} replicates with a name of another, {} flagged",
+        "The quoted 95 % intervals hold {held} of {of} constants ({share:.1} %). Of {acted} effects that acted {named} are named. {} replicates have a name of another, {} are flagged.",
         summary.wrong, summary.flagged
     );
     let statuses = summary.statuses.iter();
     let statuses = statuses.map(|(status, n)| format!("{n} of {}: {status}", summary.replicates));
     Section::new(format!(
-        "calibration of the loop: {} replicates, {what} by finite elements, noise of {} to {} nm correlated over {} mm, {} x {} points{withheld}",
+        "calibration of the loop: {} replicates. The {what} are by finite elements, with noise of {} to {} nm correlated over {} mm, {} x {} points{withheld}.",
         summary.replicates,
         summary.noise_nm[0],
         summary.noise_nm[1],
@@ -224,7 +224,7 @@ pub fn verdicts_section(summary: &VerdictSummary) -> Section {
     };
     let plan = &summary.plan;
     Section::new(format!(
-        "verdicts on {} simulated measurements: up to {} effects, intervals {quoted}, noise correlated over {} mm, {} x {} points",
+        "verdicts on {} simulated measurements: up to {} effects, intervals {quoted}, noise correlated over {} mm, {} x {} points.",
         summary.replicates, summary.asked.effects, plan.correlation_mm, plan.grid, plan.grid
     ))
     .with(Table::new("", ["", "found", "of", "%", "95 % interval"], rows))

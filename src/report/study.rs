@@ -9,15 +9,16 @@ use serde_json::Value;
 use super::figures::{Figure, Palette, PixelPicture, Scale, posterior_corner};
 use super::html::html;
 use super::json::{Keyed, read};
-use super::learned::{self, Learned, not_measured};
+use super::learned::{Learned, not_measured};
 use super::manifest::KnownTruth;
 use super::numbers::FigureData;
 use super::round::MeanAndSd;
+use super::run::posterior::{MarginalRow, marginals};
 use super::together::{TogetherReport, experiment_section};
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::files;
-use crate::section::{Document, Piece, Section, Table, TableCell, row};
+use crate::section::{Document, Piece, Section, Table};
 use crate::study::{ExperimentSection, SampledStudy, SectionMap, Study};
 
 /// The schema of `report.json` of a study without a field.
@@ -61,6 +62,15 @@ pub struct ParameterFound {
     /// What the model says that others found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanAndSd>,
+}
+
+impl ParameterFound {
+    fn moments(&self) -> MeanAndSd {
+        MeanAndSd {
+            mean: self.mean,
+            sd: self.sd,
+        }
+    }
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -144,14 +154,7 @@ impl StudyReport {
             .posterior
             .iter()
             .filter(|p| p.1.variance_left.is_some());
-        let moments = |(name, p): (&String, &ParameterFound)| {
-            let found = MeanAndSd {
-                mean: p.mean,
-                sd: p.sd,
-            };
-            (name.clone(), found)
-        };
-        constants.map(moments).collect()
+        constants.map(|(n, p)| (n.clone(), p.moments())).collect()
     }
 
     /// For the terminal.
@@ -199,39 +202,16 @@ impl StudyReport {
     }
 
     fn posterior(&self) -> Table {
-        let [prior, data] = learned::HEADERS;
-        let header = [
-            "",
-            "mean",
-            "sd",
-            "COV %",
-            "2.5 %",
-            "97.5 %",
-            "R-hat",
-            "ESS",
-            prior,
-            data,
-            "published",
-        ];
-        let rows = self.posterior.iter().map(|(name, r)| {
-            let [mean, sd, low, high] =
-                TableCell::as_precise_as(r.sd, [r.mean, r.sd, r.low, r.high]);
-            let [prior, data] = Learned::cells(r.learned.as_ref());
-            let cells = [
-                mean,
-                sd,
-                TableCell::fixed(100.0 * r.sd / r.mean.abs(), 2),
-                low,
-                high,
-                TableCell::fixed(r.rhat, 4),
-                TableCell::fixed(r.ess_bulk, 0),
-                prior,
-                data,
-                TableCell::published(r.published.map(|p| (p.mean, p.sd))),
-            ];
-            row(name, cells)
+        let rows = self.posterior.iter().map(|(name, r)| MarginalRow {
+            name,
+            found: r.moments(),
+            quantiles: [r.low, r.median, r.high],
+            rhat: Some(r.rhat),
+            ess_bulk: Some(r.ess_bulk),
+            learned: r.learned,
+            published: r.published,
         });
-        Table::new("", header, rows)
+        marginals("", rows)
     }
 }
 

@@ -3,7 +3,7 @@
 mod brief;
 mod compare;
 mod effects;
-mod posterior;
+pub mod posterior;
 mod rounds;
 mod surrogate;
 

@@ -9,8 +9,20 @@ use crate::report::page::Page;
 use crate::report::round::{MeanAndSd, RoundReport};
 use crate::section::{Piece, Section, Table, TableCell, row};
 
-/// The marginal posteriors of a round.
-pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Table {
+/// What is printed of one parameter.
+pub struct MarginalRow<'a> {
+    pub name: &'a str,
+    pub found: MeanAndSd,
+    /// 2.5 %, 50 % and 97.5 %.
+    pub quantiles: [f64; 3],
+    pub rhat: Option<f64>,
+    pub ess_bulk: Option<f64>,
+    pub learned: Option<Learned>,
+    pub published: Option<MeanAndSd>,
+}
+
+/// Marginal posteriors.
+pub fn marginals<'a>(caption: &str, rows: impl Iterator<Item = MarginalRow<'a>>) -> Table {
     let [prior, data] = learned::HEADERS;
     let header = [
         "",
@@ -26,16 +38,13 @@ pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Ta
         data,
         "published",
     ];
-    let rows = round.posterior.iter().map(|(name, r)| {
+    let rows = rows.map(|r| {
+        let MeanAndSd { mean, sd } = r.found;
+        let cov = (!Parameter::read(r.name).is_amplitude()).then(|| 100.0 * sd / mean.abs());
+        let [low, median, high] = r.quantiles;
         let [mean, sd, low, median, high] =
-            TableCell::as_precise_as(r.sd, [r.mean, r.sd, r.low, r.median, r.high]);
-        let found = MeanAndSd {
-            mean: r.mean,
-            sd: r.sd,
-        };
-        let own = learned.get(name).map(|l| Learned::new(l.prior, found));
-        let [prior, data] = Learned::cells(own.as_ref());
-        let cov = (!Parameter::read(name).is_amplitude()).then(|| 100.0 * r.sd / r.mean.abs());
+            TableCell::as_precise_as(sd, [mean, sd, low, median, high]);
+        let [prior, data] = Learned::cells(r.learned.as_ref());
         let cells = [
             mean,
             sd,
@@ -49,9 +58,29 @@ pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Ta
             data,
             TableCell::published(r.published.map(|p| (p.mean, p.sd))),
         ];
-        row(name, cells)
+        row(r.name, cells)
     });
     Table::new(caption, header, rows)
+}
+
+/// The marginal posteriors of a round.
+pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Table {
+    let rows = round.posterior.iter().map(|(name, r)| {
+        let found = MeanAndSd {
+            mean: r.mean,
+            sd: r.sd,
+        };
+        MarginalRow {
+            name,
+            found,
+            quantiles: [r.low, r.median, r.high],
+            rhat: r.rhat,
+            ess_bulk: r.ess_bulk,
+            learned: learned.get(name).map(|l| Learned::new(l.prior, found)),
+            published: r.published,
+        }
+    });
+    marginals(caption, rows)
 }
 
 pub fn correlation(round: &RoundReport) -> Table {
