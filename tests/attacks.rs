@@ -274,7 +274,19 @@ fn words(ended: &Ended) -> String {
     match ended.status {
         Status::NothingMissing => "noise alone".into(),
         Status::Unexplained => "not explained".into(),
-        Status::Closed => ended.effects.join(", "),
+        Status::Closed => {
+            let group = |name: &String| {
+                let mut groups = ended.alias_groups.iter();
+                let own = groups.find(|g| g.contains(name));
+                own.map_or_else(|| name.clone(), |g| g.join(" or "))
+            };
+            ended
+                .effects
+                .iter()
+                .map(group)
+                .collect::<Vec<_>>()
+                .join(", ")
+        }
     }
 }
 

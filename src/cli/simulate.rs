@@ -119,7 +119,7 @@ pub fn run(arguments: &SimulateArguments, global: &Global) -> Result<()> {
                 name.into()
             },
         };
-        let simulated = target.simulated(model.clone())?;
+        let simulated = target.simulated(target.with_own_files(model.clone())?)?;
         study = study.with_field(*k, simulated.model);
         if fields.len() > 1 {
             folder.write_json(&format!("{name}/truth.json"), &simulated.truth)?;
@@ -237,6 +237,34 @@ fn without_experiment(text: &str) -> &str {
 }
 
 impl FieldTarget<'_> {
+    /// The model with the files beside its measurement that it reads: the mesh lies in the folder too, what other programs solved stays where
+    /// it is.
+    fn with_own_files(&self, mut model: Model) -> Result<Model> {
+        let resolved = model.resolved_file()?;
+        model.file.reduced_model = resolved.reduced_model;
+        let files = model.experiment().mesh_files().to_vec();
+        let own = match &files[..] {
+            [file] => file.file_name().map(|name| (file, self.within.join(name))),
+            _ => None,
+        };
+        if let Some((file, own)) = &own {
+            let place = self.folder.path().join(own);
+            files::make_folder(&self.folder.path().join(&self.within))?;
+            let failed = |e| Error::unwritable(place.display(), "a copy of the mesh").found(e);
+            std::fs::copy(file, &place).map_err(failed)?;
+        }
+        let base = model.base_dir().to_path_buf();
+        if let Some(mesh) = &mut model.experiment_mut().mesh {
+            mesh.file = match own {
+                Some((_, own)) => own,
+                // a mesh of several files, which name each other
+                None => std::path::absolute(base.join(&mesh.file))
+                    .map_err(|e| Error::input("mesh.file", "a path").found(e))?,
+            };
+        }
+        Ok(model)
+    }
+
     fn simulated(&self, model: Model) -> Result<Simulated> {
         let arguments = self.arguments;
         if !arguments.steps.is_empty() || model.experiment().steps.is_some() {

@@ -176,3 +176,16 @@ impl Model {
             .collect()
     }
 }
+
+/// What is simulated of a mesh runs from its folder, wherever that goes.
+#[test]
+fn a_simulated_mesh_has_its_mesh_beside_it() {
+    let own = crate::program::model("two-holes.json");
+    let out = crate::program::simulated(&own, "--grid 20");
+    let moved = crate::program::fresh("moved");
+    std::fs::rename(&out, &moved).unwrap();
+    let model = plychain::infer::Model::load(&moved.join("model.json")).unwrap();
+    let mesh = model.experiment().mesh.as_ref().unwrap();
+    assert_eq!(mesh.file, std::path::Path::new("two-holes.msh"));
+    assert!(model.read_field().unwrap().len() > 100);
+}
