@@ -174,7 +174,9 @@ pub(super) fn write(
     files::write_json(&folder.join("report.json"), &report)?;
     let files = closed.rounds[0].identification.files();
     let (path, seed) = (&last.model.path, run.seed());
-    let manifest = run.folder.manifest(path, files, seed, console.costs())?;
+    let manifest = run
+        .folder
+        .manifest(Some(path), files, seed, console.costs())?;
     Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 

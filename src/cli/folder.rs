@@ -216,10 +216,10 @@ impl Folder {
         files::write_json(&self.path.join(name), value)
     }
 
-    /// The manifest of a run over a model's file and the files it read, with what its stages cost. It is the last file that a run writes.
+    /// The manifest of a run over a model's file, if it has one, and the files it read, with what its stages cost. It is the last file that a run writes.
     pub fn manifest(
         &self,
-        model: &PathBuf,
+        model: Option<&PathBuf>,
         files: &[PathBuf],
         seed: u64,
         stages: Vec<StageCost>,
@@ -229,7 +229,7 @@ impl Folder {
             version: env!("CARGO_PKG_VERSION").into(),
             command: std::env::args().skip(1).collect(),
             seed,
-            inputs_sha256: hashes(std::iter::once(model).chain(files))?,
+            inputs_sha256: hashes(model.into_iter().chain(files))?,
             seconds: self.started.elapsed().as_secs_f64(),
             stages,
         })

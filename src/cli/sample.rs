@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ use crate::files::Keyed;
 use crate::identify::Reporting;
 use crate::progress::Progress;
 use crate::report::chains;
-use crate::report::manifest::{Manifest, hashes};
+use crate::report::manifest::Manifest;
 use crate::sample::{Keeping, Schedule, Start, Stream, run_kept};
 use crate::section::terminal;
 
@@ -209,7 +209,6 @@ fn identity(
 }
 
 pub fn run(arguments: &SampleArguments, global: &Global, console: &Console) -> Result<()> {
-    let began = Instant::now();
     let priors = arguments.priors()?;
     let config: Value = serde_json::from_str(&arguments.config)
         .map_err(|e| Error::input("--config", "JSON").found(e))?;
@@ -276,15 +275,7 @@ pub fn run(arguments: &SampleArguments, global: &Global, console: &Console) -> R
             .iter()
             .for_each(|said| line(said));
     }
-    let manifest = Manifest {
-        program: "plychain".into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        command: std::env::args().skip(1).collect(),
-        seed: global.seed,
-        inputs_sha256: hashes(arguments.prior.iter())?,
-        seconds: began.elapsed().as_secs_f64(),
-        stages: console.costs(),
-    };
+    let manifest = folder.manifest(arguments.prior.as_ref(), &[], global.seed, console.costs())?;
     finish(
         folder,
         &manifest,

@@ -116,7 +116,7 @@ fn written(
         files::write_json(&place.join("report.json"), &report)?;
         let manifest = plan
             .folder
-            .manifest(&model.path, &files, seed, Vec::new())?;
+            .manifest(Some(&model.path), &files, seed, Vec::new())?;
         let [round] = &rounds;
         pages.push((
             place,
@@ -132,7 +132,7 @@ fn written(
 fn manifest(plan: &RunPlan, costs: Vec<StageCost>) -> Result<Manifest> {
     let files = plan.study.files()?;
     plan.folder
-        .manifest(&plan.study.path, &files, plan.seed(), costs)
+        .manifest(Some(&plan.study.path), &files, plan.seed(), costs)
 }
 
 /// The folder of a field: the run's own of the first, one of its name within that of another.
@@ -174,7 +174,8 @@ fn finish(
     let place = plan.folder.path();
     write_study(place, report, &found.draws, &plan.study)?;
     write_csv(&found.draws, &place.join("chain.csv"))?;
-    let manifest = (plan.folder).manifest(&plan.study.path, &[], plan.seed(), console.costs())?;
+    let manifest =
+        (plan.folder).manifest(Some(&plan.study.path), &[], plan.seed(), console.costs())?;
     console.end();
     results(report)?;
     print(&terminal(&report.sections()))?;

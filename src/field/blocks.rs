@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::measured::{Field, bounds};
 use super::places::Places;
@@ -172,20 +171,6 @@ impl Blocks {
             *sum /= worth;
         }
         sums
-    }
-
-    /// Block means of every column of a matrix (points x p): blocks x p.
-    pub fn average_columns(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        let n = columns.nrows();
-        let means: Vec<DVector<f64>> = (0..columns.ncols())
-            .into_par_iter()
-            .map(|j| self.average(&columns.as_slice()[j * n..(j + 1) * n]))
-            .collect();
-        if means.is_empty() {
-            DMatrix::zeros(self.len(), 0)
-        } else {
-            DMatrix::from_columns(&means)
-        }
     }
 
     /// A polynomial of total degree 1 or 2 on every square of side `size_mm`: the columns indicator x {1, s', t'} or

@@ -83,11 +83,13 @@ impl Snapshots {
                     true => spanned(state),
                     false => None,
                 };
-                let changes = changes.as_ref().filter(|_| is_unknown(experiment, state));
-                let field = match (known, changes, spanned(&bare(state))) {
-                    (Some(field), ..) => field,
-                    (None, Some(changes), Some(field)) => changes.added_to(field, state)?,
-                    _ => predict(experiment, state, support)?.field,
+                let changed = || {
+                    let changes = changes.as_ref().filter(|_| is_unknown(experiment, state))?;
+                    Some(changes.added_to(spanned(&bare(state))?, state))
+                };
+                let field = match known.map(Ok).or_else(changed) {
+                    Some(field) => field?,
+                    None => predict(experiment, state, support)?.field,
                 };
                 step();
                 Ok(field)

@@ -87,19 +87,9 @@ impl StudyReport {
         let priors = study.shared().constants;
         let rows = sampled.verdict.rows.iter().map(|row| {
             let prior = priors.iter().find(|p| p.0 == row.name);
-            let own = MeanAndSd {
-                mean: row.mean,
-                sd: row.sd,
-            };
-            let learned = prior.map(|p| {
-                Learned::new(
-                    MeanAndSd {
-                        mean: p.1.mean,
-                        sd: p.1.sd,
-                    },
-                    own,
-                )
-            });
+            let moments = |mean, sd| MeanAndSd { mean, sd };
+            let own = moments(row.mean, row.sd);
+            let learned = prior.map(|p| Learned::new(moments(p.1.mean, p.1.sd), own));
             let found = ParameterFound {
                 mean: row.mean,
                 sd: row.sd,

@@ -7,7 +7,8 @@ use plychain::trace::{Status, explain};
 use serde_json::{Value, json};
 
 use crate::loops::options;
-use crate::program::{fresh, plychain, shared};
+use crate::printed_results::table;
+use crate::program::{fresh, plychain, root, shared};
 
 /// A real series of a coupon with an open hole (its README), forces unknown: constants are ratios, relative to a nominal force.
 fn real() -> Value {
@@ -85,11 +86,18 @@ fn steps_of_the_real_series_are_predicted_better_where_it_may_turn() {
     let [before, after] = [false, true].map(steps);
     assert_eq!(after.len(), 5);
     let size = |[a, b]: [f64; 2]| a.hypot(b);
-    for (before, after) in before.iter().zip(&after) {
+    let page = std::fs::read_to_string(root().join("models/README.md")).unwrap();
+    let rows = table(&page, "| root mean square, um | step 1 |");
+    for (k, (before, after)) in before.iter().zip(&after).enumerate() {
         let left = [before, after].map(|s| size(s.bare_nm));
         let held_out = [before, after].map(|s| size(s.predicted.unwrap().bare_nm));
         println!("left {left:.0?} nm, held out {held_out:.0?} nm");
         assert!(left[1] < left[0] && held_out[1] < 0.95 * held_out[0]);
+        for (row, found_nm) in rows.iter().zip(held_out) {
+            let said_um: f64 = row[1 + k].parse().unwrap();
+            let off = (said_um - 1e-3 * found_nm).abs();
+            assert!(off < 0.01 + 0.02 * said_um, "{row:?} {found_nm}");
+        }
     }
 }
 
