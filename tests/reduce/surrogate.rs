@@ -242,15 +242,12 @@ fn what_effects_change_is_taken_from_a_coarse_mesh() {
                 (0..a.ncols()).flat_map(of)
             })
             .collect();
-        // in the crescent that a moved hole leaves, a hundredth of the window, each mesh continues its field in its own way
         let far = off_nm.iter().filter(|off| **off > 0.2).count();
         let largest = off_nm.iter().fold(0.0_f64, |m, off| m.max(*off));
         println!("{name}: {far} of {}, {largest:.3} nm at most", off_nm.len());
-        assert!(
-            500 * far < off_nm.len(),
-            "{name}: {far} of {}",
-            off_nm.len()
-        );
+        // in the crescent that a moved hole leaves, a hundredth of the window, each mesh continues its field in its own way
+        let most = if name == "hole_offset" { 0.02 } else { 0.002 };
+        assert!((far as f64) < most * off_nm.len() as f64, "{name}: {far}");
         compared += 1;
     }
     assert!(compared > 5, "{compared}");
