@@ -253,6 +253,31 @@ fn rolled(percent: f64, arguments: &str) -> std::path::PathBuf {
     folder
 }
 
+/// A metal with the effect is a sheet of one ply with these moduli.
+#[test]
+fn an_anisotropic_metal_is_an_orthotropic_sheet() {
+    let arguments = "--steps 3000,6000 --grid 21 --noise-nm 0";
+    let sheet = rolled(8.0, &format!("{arguments} --set nu12={}", STEEL[1]));
+    let constants = format!("--set E_GPa={} --set nu={}", STEEL[0], STEEL[1]);
+    // the mean of both moduli, halved, is 4 % above that of one
+    let effect = "--effect anisotropy=8,4";
+    let metal = simulated(&steel(), &format!("{arguments} {constants} {effect}"));
+    let [a, b] = [sheet, metal].map(|folder| {
+        let mut points = Vec::new();
+        rewrite(&folder.join("step-01.csv"), |own| {
+            points = own.to_vec();
+            own.to_vec()
+        });
+        points
+    });
+    assert!(a.len() > 300 && a.len() == b.len());
+    for (a, b) in a.iter().zip(&b) {
+        for k in 0..4 {
+            assert!((a[k] - b[k]).abs() < 5e-6, "{a:?} {b:?}");
+        }
+    }
+}
+
 /// The closed form for an ellipse that is nearly a circle is that of Kirsch: at the edge of the hole across the load it moves by
 /// R S / E towards the middle, and along the load by 3 R S / E away from it.
 #[test]

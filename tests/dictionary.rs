@@ -128,6 +128,7 @@ fn the_dictionary_of_a_model_has_its_sizes_and_obstacles() {
         // plies of two different angles to the load have one share
         let elsewhere = [
             "yielding",
+            "anisotropy",
             "interpolation_bias",
             "subset_size",
             "ply_share_2",
