@@ -344,7 +344,9 @@ fn what_no_dictionary_has_is_never_sure_and_wrong() {
         return;
     }
     let page = fs::read_to_string(root().join("models/README.md")).unwrap();
-    for row in table(&page, "| what was wrong, at three sizes |") {
+    let rows = table(&page, "| what was wrong, at three sizes |");
+    assert_eq!(rows.len(), ATTACKS.len());
+    for row in rows {
         let (name, _, sizes) = ATTACKS.iter().find(|a| a.0 == row[0]).unwrap();
         for (cell, size) in row[1..].iter().zip(sizes) {
             let case = format!("{name}: {size}");

@@ -283,6 +283,7 @@ fn the_manual_prints_what_the_measured_strip_gives() {
     let report = looped(&model);
     let last = report["rounds"].as_array().unwrap().len() - 1;
     let rows = table(&page, "| model | E, GPa |");
+    assert_eq!(rows.len(), 4);
     for (row, at) in rows.iter().zip([
         "/rounds/0/posterior".to_string(),
         format!("/rounds/{last}/posterior"),

@@ -216,7 +216,7 @@ impl Folder {
         files::write_json(&self.path.join(name), value)
     }
 
-    /// The manifest of a run over a model's file, if it has one, and the files it read, with what its stages cost. It is the last file that a run writes.
+    /// The manifest of a run over a model's file, if it has one, and the files it read, with what its stages cost. A run writes it last.
     pub fn manifest(
         &self,
         model: Option<&PathBuf>,

@@ -241,6 +241,7 @@ impl FieldTarget<'_> {
     /// it is.
     fn with_own_files(&self, mut model: Model) -> Result<Model> {
         let resolved = model.resolved_file()?;
+        let resolved_mesh = resolved.experiments.into_iter().find_map(|e| e.mesh);
         model.file.reduced_model = resolved.reduced_model;
         let files = model.experiment().mesh_files().to_vec();
         let own = match &files[..] {
@@ -253,14 +254,9 @@ impl FieldTarget<'_> {
             let failed = |e| Error::unwritable(place.display(), "a copy of the mesh").found(e);
             std::fs::copy(file, &place).map_err(failed)?;
         }
-        let base = model.base_dir().to_path_buf();
-        if let Some(mesh) = &mut model.experiment_mut().mesh {
-            mesh.file = match own {
-                Some((_, own)) => own,
-                // a mesh of several files, which name each other
-                None => std::path::absolute(base.join(&mesh.file))
-                    .map_err(|e| Error::input("mesh.file", "a path").found(e))?,
-            };
+        if let (Some(mesh), Some(resolved)) = (&mut model.experiment_mut().mesh, resolved_mesh) {
+            // several files name each other, and stay together where they are
+            mesh.file = own.map_or(resolved.file, |(_, own)| own);
         }
         Ok(model)
     }

@@ -11,14 +11,14 @@ impl Effect for Anisotropy {
         Entry {
             name: "anisotropy",
             kind: Kind::Mechanical,
-            // Young's modulus of cold-rolled steel sheets varies by some five percent with the direction, that of aluminium by less
+            // an estimate, without a source: rolled sheets differ by a few percent between directions
             parameters: const {
                 &[
                     EffectParameter::new("across_percent", 4.0, 30.0),
                     EffectParameter::new("shear_percent", 4.0, 30.0),
                 ]
             },
-            about: "The sheet is not isotropic, as rolling leaves it. Young's modulus across the load is this percentage above that along it, and the shear modulus this percentage above E / (2 (1 + nu)). E and nu are those along the load.",
+            about: "The sheet is not isotropic, as rolling leaves it. Young's modulus across the load is the first percentage above that along it. The shear modulus is the second percentage above E / (2 (1 + nu)). E and nu are those along the load.",
             confirm: "Test a second strip that is cut across the first, and one at 45 degrees.",
         }
     }

@@ -114,13 +114,8 @@ impl FieldExperiment {
     fn tested(&self, state: &State) -> Result<(Setup, Ply)> {
         let setup = self.setup(state)?;
         let ply = self.scene.material.ply(&state.constants);
-        let [across, shear] = setup.anisotropy;
-        let ply = Ply {
-            e2: ply.e2 * (1.0 + across),
-            g12: ply.g12 * (1.0 + shear),
-            ..ply
-        };
-        Ok((setup, ply.admissible("elastic constants")?))
+        let ply = setup.of_ply(ply).admissible("elastic constants")?;
+        Ok((setup, ply))
     }
 
     /// Stages 1 and 2: the loaded specimen, `held` where its rigid motion matters before the gauge removes it.

@@ -61,7 +61,7 @@ pub struct Setup {
     pub shear_cubic: f64,
     /// Relative growth k of the plies' E1 with the strain along their fibres.
     pub fibre_quadratic: f64,
-    /// By how much E2 and G12 of the material exceed what the constants say, over that.
+    /// Relative excess of E2 and of G12 over those that the constants give.
     pub anisotropy: [f64; 2],
     /// Declared yield stress of a metal, MPa.
     pub yield_stress: Option<f64>,
@@ -77,6 +77,16 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// The ply of the test, from that which the constants give, MPa.
+    pub fn of_ply(&self, ply: Ply) -> Ply {
+        let [across, shear] = self.anisotropy;
+        Ply {
+            e2: ply.e2 * (1.0 + across),
+            g12: ply.g12 * (1.0 + shear),
+            ..ply
+        }
+    }
+
     /// The nominal test of a model file.
     pub fn nominal(specimen: &SpecimenSpec, load: &LoadSpec, handedness: f64) -> Self {
         Self {

@@ -250,5 +250,6 @@ fn what_effects_change_is_taken_from_a_coarse_mesh() {
         assert!((far as f64) < most * off_nm.len() as f64, "{name}: {far}");
         compared += 1;
     }
-    assert!(compared > 5, "{compared}");
+    // all but those of metals, of measured edges and of a third ply
+    assert!(compared > 12, "{compared}");
 }
