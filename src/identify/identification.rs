@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 use super::inverse::InverseProblem;
@@ -64,6 +65,16 @@ impl Identification {
     #[must_use]
     pub fn held_against(mut self, p: f64) -> Self {
         self.misfit = AgainstNoise::of_series(&self.inverse, &self.residual, p);
+        self
+    }
+
+    /// The same identification, its misfit held against effects that may act beside the model's too: of each, what one prior sd of every
+    /// amplitude does to the block averages of (u1, u2) at all measured points, mm.
+    #[must_use]
+    pub fn beside(mut self, columns: &[[DVector<f64>; 2]]) -> Self {
+        let mean: Vec<f64> = self.verdict.rows.iter().map(|row| row.mean).collect();
+        let of = (&self.inverse, &self.residual);
+        self.misfit = self.misfit.beside(of, &mean, columns);
         self
     }
 

@@ -23,6 +23,8 @@ pub struct AgainstNoise {
     pub p: f64,
     /// Whether the frames of a series have measured that noise.
     pub of_series: bool,
+    /// Whether noise is enough only beside effects on which the data do not decide.
+    pub beside_undecided: bool,
     /// What is said of it; nothing where noise explains it.
     pub warnings: Vec<String>,
 }
@@ -35,15 +37,7 @@ impl AgainstNoise {
         mean: &[f64],
         noise_is_declared: bool,
     ) -> Self {
-        let (mut modes, freedom, mut p_of_modes) = modal_misfit(inverse, mean, None);
-        if p_of_modes < MISFIT {
-            // the surface's own error is no misfit of the model
-            let theta = &mean[..inverse.posterior.structural()];
-            let whitened = Whitened::new(&inverse.columns, &inverse.noise);
-            if let Ok(error) = field_error(inverse, &whitened, theta) {
-                (modes, _, p_of_modes) = modal_misfit(inverse, mean, Some(&error.weighted));
-            }
-        }
+        let (modes, freedom, p_of_modes) = modal_misfit_of_elements(inverse, mean, &[]);
         let p = p_of_modes.min(residual.p_chi2);
         let mut warnings = Vec::new();
         if p < MISFIT {
@@ -61,6 +55,7 @@ impl AgainstNoise {
         Self {
             p,
             of_series: false,
+            beside_undecided: false,
             warnings,
         }
     }
@@ -75,7 +70,30 @@ impl AgainstNoise {
         Self {
             p,
             of_series: true,
+            beside_undecided: false,
             warnings,
+        }
+    }
+
+    /// A field's misfit, held against noise and effects on which the data do not decide: of each, what one prior sd of every amplitude does to
+    /// the block averages of (u1, u2), mm. Unchanged where these do not explain it either.
+    #[must_use]
+    pub(super) fn beside(
+        self,
+        (inverse, residual): (&InverseProblem, &Residual),
+        mean: &[f64],
+        columns: &[[DVector<f64>; 2]],
+    ) -> Self {
+        let (_, _, p_of_modes) = modal_misfit_of_elements(inverse, mean, columns);
+        let p = p_of_modes.min(residual.p_chi2);
+        if p < MISFIT {
+            return self;
+        }
+        Self {
+            p,
+            of_series: false,
+            beside_undecided: true,
+            warnings: Vec::new(),
         }
     }
 
@@ -85,21 +103,32 @@ impl AgainstNoise {
     }
 }
 
-/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one. `gained` is what the
-/// finite elements add to the surface there, as a weighted projection (1/mm).
-fn modal_misfit(
+/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one, with effects that may
+/// act beside it ([`AgainstNoise::beside`]). What the finite elements add to the surface is no misfit of the model; they are asked where it
+/// matters.
+fn modal_misfit_of_elements(
     of: &InverseProblem,
     mean: &[f64],
-    gained: Option<&DVector<f64>>,
+    columns: &[[DVector<f64>; 2]],
 ) -> (f64, usize, f64) {
     let posterior = &of.posterior;
-    let theta = &mean[..posterior.structural()];
-    let (misfit, coordinates) = posterior
-        .likelihood()
-        .misfit(theta, posterior.scale(mean), gained);
-    let freedom = coordinates.saturating_sub(theta.len()).max(1);
-    let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
-    (misfit, freedom, p)
+    let at = (&mean[..posterior.structural()], posterior.scale(mean));
+    let probability = |gained: Option<&DVector<f64>>, beside: &[DVector<f64>]| {
+        let (misfit, coordinates) = posterior.likelihood().misfit(at, gained, beside);
+        let freedom = coordinates.saturating_sub(at.0.len()).max(1);
+        let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
+        (misfit, freedom, p)
+    };
+    let of_surface = probability(None, &[]);
+    if of_surface.2 >= MISFIT {
+        return of_surface;
+    }
+    let whitened = Whitened::new(&of.columns, &of.noise);
+    let projected =
+        |c: &[DVector<f64>; 2]| of.statistics.weighted_of_averages(&whitened, &of.noise, c);
+    let beside: Vec<DVector<f64>> = columns.iter().map(projected).collect();
+    let error = field_error(of, &whitened, at.0).ok();
+    probability(error.as_ref().map(|e| &e.weighted), &beside)
 }
 
 /// What is said of structure that is left.

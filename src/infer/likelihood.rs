@@ -256,19 +256,33 @@ impl Likelihood {
         factor * (&self.polynomial * &m)
     }
 
-    /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are; of a prediction that gains an error
-    /// whose weighted projection is known ([`Statistics::weighted_of`]).
-    pub fn misfit(&self, theta: &[f64], s: f64, gained: Option<&DVector<f64>>) -> (f64, usize) {
+    /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are. The prediction gains an error
+    /// where one is given, and effects may act beside it, each by what one prior sd of it adds; all as weighted projections
+    /// ([`Statistics::weighted_of`]).
+    pub fn misfit(
+        &self,
+        (theta, s): (&[f64], f64),
+        gained: Option<&DVector<f64>>,
+        beside: &[DVector<f64>],
+    ) -> (f64, usize) {
         let (mean, response) = self.predict(theta);
         let mut r = &self.measured - mean;
         if let Some(weighted) = gained {
             r -= self.error(weighted);
         }
-        let variance = self.lambda.map(|l| (s * s + l) / l);
-        let scaled = response.component_div(&variance);
-        let quad = r.component_div(&variance).dot(&r)
-            - scaled.dot(&r).powi(2) / (1.0 + response.dot(&scaled));
-        (quad, r.len())
+        let mut directions = vec![response];
+        directions.extend(beside.iter().map(|weighted| self.error(weighted)));
+        let directions = DMatrix::from_columns(&directions);
+        let deviation = self.lambda.map(|l| ((s * s + l) / l).sqrt());
+        let r = r.component_div(&deviation);
+        let mut scaled = directions;
+        for mut column in scaled.column_iter_mut() {
+            column.component_div_assign(&deviation);
+        }
+        let along = scaled.tr_mul(&r);
+        let gram = DMatrix::identity(along.len(), along.len()) + scaled.tr_mul(&scaled);
+        let taken_up = gram.cholesky().map_or(0.0, |c| along.dot(&c.solve(&along)));
+        (r.norm_squared() - taken_up, r.len())
     }
 
     /// What an error of the predicted field adds to the coefficients, by its weighted projection.

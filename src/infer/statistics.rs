@@ -85,6 +85,22 @@ impl Statistics {
         field: &[[f64; 2]],
     ) -> DVector<f64> {
         let (all, _) = whitened.project(noise, field);
+        self.without_effects(&all)
+    }
+
+    /// The same of block averages, mm.
+    pub fn weighted_of_averages(
+        &self,
+        whitened: &Whitened,
+        noise: &Noise,
+        averages: &[DVector<f64>; 2],
+    ) -> DVector<f64> {
+        let (all, _) = whitened.project_averages(noise, averages);
+        self.without_effects(&all)
+    }
+
+    /// Products with modes, the effects marginalised, from those with all columns.
+    fn without_effects(&self, all: &DVector<f64>) -> DVector<f64> {
         let (p, q) = (self.weighted.len(), self.effect_offset.len());
         all.rows(0, p) - self.effect_slope.tr_mul(&all.rows(p, q))
     }
@@ -119,11 +135,18 @@ impl Whitened {
 
     /// Scalar products of a field (mm at the measured points) with every column, and with itself.
     fn project(&self, noise: &Noise, field: &[[f64; 2]]) -> (DVector<f64>, f64) {
+        let averages = [0, 1].map(|c| {
+            let values: Vec<f64> = field.iter().map(|u| u[c]).collect();
+            noise.blocks.average(&values)
+        });
+        self.project_averages(noise, &averages)
+    }
+
+    /// The same of block averages.
+    fn project_averages(&self, noise: &Noise, averages: &[DVector<f64>; 2]) -> (DVector<f64>, f64) {
         let mut products = DVector::zeros(self.columns[0].ncols());
         let mut total = 0.0;
-        for (c, x) in self.columns.iter().enumerate() {
-            let values: Vec<f64> = field.iter().map(|u| u[c]).collect();
-            let y = noise.blocks.average(&values);
+        for (c, (x, y)) in self.columns.iter().zip(averages).enumerate() {
             let y = noise.whiten(&DMatrix::from_column_slice(y.len(), 1, y.as_slice()), c);
             products += x.tr_mul(&y.column(0));
             total += y.norm_squared();

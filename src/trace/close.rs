@@ -172,7 +172,7 @@ pub fn explain<'a>(
     let course = loop {
         turn = match turn {
             Turn::Identify(course, next) => context.turn(course, *next)?,
-            Turn::Ended(course) => break context.followed(course)?,
+            Turn::Ended(course) => break context.followed(course)?.beside_undecided(),
         };
     };
     Ok(Explained {
@@ -212,6 +212,15 @@ impl Course {
             Some(next) => Turn::Identify(self, Box::new(next)),
             None => Turn::Ended(self),
         }
+    }
+
+    /// The same, once something was found, with the last round's misfit held against what is undecided too: that may be the rest of it.
+    fn beside_undecided(mut self) -> Self {
+        if self.rounds.len() > 1 {
+            let last = self.rounds.pop().map(Round::beside_undecided);
+            self.rounds.extend(last);
+        }
+        self
     }
 
     /// The round whose effect does not hold once all others are in the model, and why.

@@ -406,11 +406,15 @@ fn words(
     let patterns = pattern_words(&rounds[rounds.len() - 1], facts.structure);
     let has_patches = rounds[rounds.len() - 1].patches().found().next().is_some();
     let only_there = has_patches && !(facts.wanted || facts.structure || facts.patterns);
-    let whole = match only_there {
-        true => Some(
+    let misfit = &rounds[rounds.len() - 1].identification.misfit;
+    let whole = match (only_there, misfit.beside_undecided) {
+        (true, _) => Some(
             "As a whole the residual is what the measured noise explains, but not in one place.",
         ),
-        false => facts.words(),
+        (false, true) => Some(
+            "Noise alone does not explain what is left. Noise and an effect that is undecided do.",
+        ),
+        (false, false) => facts.words(),
     };
     said.extend(whole.map(String::from));
     // what an effect makes that was not added is no pattern of its own

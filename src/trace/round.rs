@@ -1,10 +1,11 @@
 //! One turn of the loop.
 
 use super::patches::Patches;
-use super::traced::Traced;
+use super::traced::{Traced, forward};
 use super::tracing::Tracing;
 use crate::identify::{Identification, Patterns};
 use crate::infer::Model;
+use crate::linearise::{Measured, StepStack};
 
 /// An identification and what tracing made of its residual.
 pub struct Round {
@@ -36,6 +37,42 @@ impl Round {
             tracing,
             traced,
         }
+    }
+
+    /// The same round, its misfit held against noise and the effects on which its tracing does not decide: of a field, and where noise alone
+    /// does not explain it.
+    #[must_use]
+    pub fn beside_undecided(mut self) -> Self {
+        let misfit = &self.identification.misfit;
+        if misfit.is_too_large() && !misfit.of_series {
+            let columns = self.undecided();
+            if !columns.is_empty() {
+                self.identification = self.identification.beside(&columns);
+            }
+        }
+        self
+    }
+
+    /// Columns of the effects on which tracing does not decide, the leader of each group, at all points of a field: tracing itself keeps off
+    /// edges. None of a group that does not predict what was held out, or whose field cannot be had.
+    fn undecided(&self) -> Vec<StepStack> {
+        let groups = self.tracing.groups.iter().filter(|g| g.predicts);
+        let groups = groups.filter(|g| self.tracing.undecided.contains(&g.members));
+        let leaders: Vec<&str> = groups.map(|g| g.leader).collect();
+        let prepared = &self.identification.inverse.prepared;
+        let observation = &prepared.observation;
+        let experiment = &*prepared.problem.experiment;
+        let sight = (&observation.sight, None);
+        let measured = Measured::new(&observation.field, experiment, sight, |_| true);
+        let forward = forward(&self.model, prepared, &measured, &|| ());
+        let point = &self.traced.point;
+        let Ok(here) = forward.about(&point.state) else {
+            return Vec::new();
+        };
+        let sought = point.sought.iter();
+        let sought = sought.filter(|e| leaders.contains(&e.effect.name()));
+        let columns = sought.filter_map(|effect| here.columns(effect).ok());
+        columns.flatten().map(|column| column.values).collect()
     }
 
     /// Patches that the residual holds.
