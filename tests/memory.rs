@@ -4,7 +4,7 @@ use std::process::Command;
 
 use plychain::chain::Reader;
 use plychain::diagnose::{Rule, diagnose};
-use plychain::sample::{Ensemble, Keeping, Quiet, Schedule, Start, run_kept};
+use plychain::sample::{Ensemble, Keeping, Quiet, Regime, Schedule, Start, run_kept};
 
 use crate::targets;
 
@@ -49,16 +49,12 @@ fn measured() {
         observed: Vec::new(),
     };
     let sampler = Ensemble::default();
-    let outcome = run_kept(
-        &target,
-        &sampler,
-        &start,
-        &schedule,
-        &never,
-        &Quiet,
-        Some(&keeping),
-    )
-    .unwrap();
+    let regime = Regime {
+        schedule: &schedule,
+        stop: &never,
+        monitor: &Quiet,
+    };
+    let outcome = run_kept(&target, &sampler, &start, &regime, Some(&keeping)).unwrap();
     let reader = Reader::open(&keeping.store).unwrap();
     assert_eq!(
         reader.draws() * reader.ensemble().len(),
@@ -74,16 +70,7 @@ fn measured() {
         resume: true,
         ..keeping
     };
-    run_kept(
-        &target,
-        &sampler,
-        &start,
-        &schedule,
-        &never,
-        &Quiet,
-        Some(&again),
-    )
-    .unwrap();
+    run_kept(&target, &sampler, &start, &regime, Some(&again)).unwrap();
     println!("peak {} MiB", peak());
 }
 

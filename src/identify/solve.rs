@@ -23,7 +23,7 @@ use crate::infer::{Model, Posterior, TracedSeries};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 use crate::sample::{
-    self, Keeping, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stopped,
+    self, Keeping, Monitor, Phase, PhaseReport, Regime, Sampler, Schedule, Start, Stopped,
 };
 use crate::sample::{Laplace, LogDensity};
 
@@ -348,11 +348,13 @@ fn draw(
         posterior,
         options.sampler,
         &start,
-        &options.schedule,
-        &options.rule,
-        &Reporting {
-            progress,
-            deadline: options.deadline,
+        &Regime {
+            schedule: &options.schedule,
+            stop: &options.rule,
+            monitor: &Reporting {
+                progress,
+                deadline: options.deadline,
+            },
         },
         keeping.as_ref(),
     )?;

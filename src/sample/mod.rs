@@ -38,7 +38,7 @@ pub use mixture::{MOVES, Mixture};
 pub use moves::{Fit, Move, Proposal, Walkers};
 pub use numbers::{Needs, Numbers};
 pub use run::{run, run_kept};
-pub use schedule::{Monitor, Outcome, Phase, PhaseReport, Quiet, Schedule, Stop, Stopped};
+pub use schedule::{Monitor, Outcome, Phase, PhaseReport, Quiet, Regime, Schedule, Stop, Stopped};
 pub use snooker::Snooker;
 pub use start::Start;
 pub use stream::{Key, Stream};

@@ -90,6 +90,14 @@ impl Default for Schedule {
     }
 }
 
+/// How much to run, when to stop, and who watches.
+#[derive(Clone, Copy)]
+pub struct Regime<'a> {
+    pub schedule: &'a Schedule,
+    pub stop: &'a dyn Stop,
+    pub monitor: &'a dyn Monitor,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stopped {
     /// The stopping rule was satisfied.

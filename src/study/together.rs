@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::identify::{Identification, Options, Reporting, redrawn};
 use crate::infer::{Joint, Known, Marginal, Member, Moments, Tension};
 use crate::progress::Progress;
-use crate::sample::{self, LogDensity, Schedule, Start, Stopped};
+use crate::sample::{self, LogDensity, Regime, Schedule, Start, Stopped};
 
 /// An experiment without the others.
 pub struct Alone {
@@ -296,9 +296,11 @@ fn drawn(
         &target,
         options.sampler,
         &start,
-        &schedule,
-        &patient_rule(&options.rule),
-        &monitor,
+        &Regime {
+            schedule: &schedule,
+            stop: &patient_rule(&options.rule),
+            monitor: &monitor,
+        },
         options.keeping.as_ref(),
     )?;
     progress.end();

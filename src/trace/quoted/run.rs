@@ -18,7 +18,8 @@ use crate::identify::{Options, Reporting};
 use crate::parameter::Parameter;
 use crate::progress::Progress;
 use crate::sample::{
-    self, Ensemble, Key, LogDensity, Outcome, POOR, Sampler, Schedule, Start, Stream, adapted,
+    self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
+    adapted,
 };
 use crate::trace::averaged::Interval;
 use crate::trace::coarse::CoarseTest;
@@ -449,9 +450,11 @@ fn run(
         target,
         sampler,
         start,
-        &schedule,
-        &rule(&options.rule),
-        &monitor,
+        &Regime {
+            schedule: &schedule,
+            stop: &rule(&options.rule),
+            monitor: &monitor,
+        },
         options.keeping.as_ref(),
     )?;
     if draws.draws() < FEWEST {
