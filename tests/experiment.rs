@@ -16,7 +16,7 @@ use plychain::field::SubsetShape;
 use plychain::field::matrices::write_matrices;
 use plychain::field::rigid::RigidMotion;
 use plychain::identify::{inverse_problem, prepare, start};
-use plychain::infer::Model;
+use plychain::infer::{Model, simulated_field};
 use plychain::progress::Silent;
 
 use crate::program::{fresh, root, workplace};
@@ -223,7 +223,7 @@ fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
     };
     let folder = fresh("mock");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &model.simulate(&truth).unwrap(), None).unwrap();
+    write_matrices(&folder, &simulated_field(&model, &truth).unwrap(), None).unwrap();
     let measurement = model.experiment().measurement.clone().with_path(folder);
     model.experiment_mut().measurement = measurement;
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();

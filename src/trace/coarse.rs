@@ -11,7 +11,7 @@ use crate::experiment::{FieldSolver, Sight};
 use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
 use crate::identify::Prepared;
-use crate::infer::Model;
+use crate::infer::{Model, coarse_experiment};
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
 
 /// A test that is solved on a coarse mesh.
@@ -34,7 +34,7 @@ impl CoarseTest {
     /// # Errors
     /// A specimen that cannot be meshed.
     pub fn new(model: &Model, prepared: &Prepared, measured: &Measured) -> Result<Option<Self>> {
-        let Some(experiment) = model.coarse(&*prepared.problem.experiment)? else {
+        let Some(experiment) = coarse_experiment(model, &*prepared.problem.experiment)? else {
             return Ok(None);
         };
         let (sight, blocks) = (&prepared.observation.sight, &measured.blocks);
