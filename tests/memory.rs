@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use plychain::chain::Reader;
+use plychain::chain::StoreReader;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::sample::{Ensemble, Keeping, Quiet, Regime, Schedule, Start, run_kept};
 
@@ -55,7 +55,7 @@ fn measured() {
         monitor: &Quiet,
     };
     let outcome = run_kept(&target, &sampler, &start, &regime, Some(&keeping)).unwrap();
-    let reader = Reader::open(&keeping.store).unwrap();
+    let reader = StoreReader::open(&keeping.store).unwrap();
     assert_eq!(
         reader.draws() * reader.ensemble().len(),
         schedule.max_draws / 256 * 256

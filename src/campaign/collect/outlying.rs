@@ -1,6 +1,6 @@
 //! Specimens unlike the others.
 
-use super::row::Row;
+use super::row::CampaignRow;
 use crate::numeric::median;
 
 /// Beyond this a specimen is called outlying (Iglewicz & Hoaglin 1993).
@@ -37,7 +37,7 @@ pub fn robust_z(values: &[[f64; 2]]) -> Vec<Option<f64>> {
 }
 
 /// Put the robust z of a constant into the rows that have it.
-pub fn mark(rows: &mut [Row], constant: &str) {
+pub fn mark(rows: &mut [CampaignRow], constant: &str) {
     let own: Vec<&mut super::row::Found> = rows
         .iter_mut()
         .filter_map(|r| r.constants.get_mut(constant))

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::density::{Place, Population};
+use super::density::{NormalPopulation, Population};
 use super::specimen::Specimen;
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
@@ -204,7 +204,7 @@ fn shrunken(
 }
 
 /// A specimen's constants given the population: one of its kernels, and a normal draw from its product with the population.
-fn draw(place: &Place, specimen: &Specimen, rng: &mut Stream) -> Option<DVector<f64>> {
+fn draw(place: &NormalPopulation, specimen: &Specimen, rng: &mut Stream) -> Option<DVector<f64>> {
     let around = place.around(specimen)?;
     let (each, all) = place.of_kernels(specimen, &around);
     let mut left = rng.uniform() * each.len() as f64;

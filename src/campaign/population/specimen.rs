@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 
-use crate::chain::{Draws, Reader};
+use crate::chain::{Draws, StoreReader};
 use crate::dense::eigen;
 use crate::error::{Error, Result};
 use crate::files::{Keyed, parse_json};
@@ -71,7 +71,7 @@ impl Specimen {
         let store = stores.iter().find(|s| s.is_dir()).ok_or_else(|| {
             Error::input(folder.display(), "the chains of a finished run").found("no chain.zarr")
         })?;
-        let draws = Reader::open(store)?.thinned(MOST_DRAWS)?;
+        let draws = StoreReader::open(store)?.thinned(MOST_DRAWS)?;
         let of = |(name, p): (&String, &WithPrior)| {
             let PriorSpec::Normal { mean, sd } = p.prior;
             draws.index(name).map(|k| (k, [mean, sd]))
