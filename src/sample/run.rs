@@ -12,7 +12,7 @@ use super::memory::{Count, Memory};
 use super::schedule::{Monitor, Outcome, Phase, PhaseReport, Regime, Schedule, Stop, Stopped};
 use super::start::Start;
 use super::stream::Key;
-use super::{Block, Sampler, Span, State};
+use super::{Block, EnsembleState, Sampler, Span};
 use crate::chain::{Draws, Layout};
 use crate::error::{Error, Result};
 
@@ -66,7 +66,7 @@ pub fn run_kept(
             .keys
             .iter()
             .map(begin)
-            .collect::<Result<Vec<State>>>()?;
+            .collect::<Result<Vec<EnsembleState>>>()?;
         crew.flush(warm, true)?;
     }
     let mut stopped = Stopped::Interrupted;
@@ -94,7 +94,7 @@ struct Crew<'a> {
     target: &'a dyn LogDensity,
     sampler: &'a dyn Sampler,
     keys: Vec<Key>,
-    states: Vec<State>,
+    states: Vec<EnsembleState>,
     memory: Memory,
     /// Most draws of a chain in memory.
     most: usize,

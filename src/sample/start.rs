@@ -3,7 +3,7 @@
 use super::density::{DensityError, LogDensity};
 use super::gaussian::{add_lower, cholesky};
 use super::stream::{Key, Stream};
-use super::{Sampler, State};
+use super::{EnsembleState, Sampler};
 use crate::error::{Error, Result};
 
 /// Times a walker of a ball is drawn again when it falls outside the support.
@@ -54,7 +54,7 @@ impl Start<'_> {
         target: &dyn LogDensity,
         sampler: &dyn Sampler,
         key: Key,
-    ) -> Result<State> {
+    ) -> Result<EnsembleState> {
         let (dim, group) = (target.dim(), key.ensemble as usize);
         let walkers = sampler.walkers(dim);
         let mut rng = Stream::at(key, LANE, 0);
