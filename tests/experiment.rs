@@ -7,7 +7,7 @@ use plychain::effect::{Acting, EFFECTS, Kind, Scene, force_scale};
 use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
-    Direction, FieldExperiment, FieldSolver, Gauge, Images, Mechanics, MockExperiment,
+    Direction, FieldExperiment, FieldSolver, Gauge, Imaging, Mechanics, MockExperiment,
     Neighbourhood, Places, Sight, Softening, State, Subsets, gauged, load_response, predict,
     predict_with_gradient, sensitivity,
 };
@@ -333,7 +333,7 @@ fn a_larger_subset_is_the_declared_one_with_its_effect() {
     let declared = 1.5;
     let seen = |[side_mm, declared_mm]: [f64; 2], percent: f64| -> Field {
         let mut test = small_test();
-        test.images = Some(Images {
+        test.images = Some(Imaging {
             subsets: Subsets {
                 side_mm,
                 declared_mm,

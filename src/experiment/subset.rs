@@ -12,7 +12,7 @@ use crate::numeric::legendre;
 
 /// How images of the specimen are correlated.
 #[derive(Debug, Clone, Serialize)]
-pub struct Images {
+pub struct Imaging {
     pub subsets: Subsets,
     /// Distance of the camera, mm, where it is declared.
     pub camera_distance_mm: Option<f64>,

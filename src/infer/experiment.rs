@@ -7,7 +7,7 @@ use super::supplied::{dimensions_of, with_snapshots};
 use crate::effect::{Kind, Scene};
 use crate::error::Result;
 use crate::experiment::{
-    ExperimentKind, FieldExperiment, FieldSolver, FieldTest, Images, MockExperiment,
+    ExperimentKind, FieldExperiment, FieldSolver, FieldTest, Imaging, MockExperiment,
 };
 use crate::field::Field;
 use crate::field::rigid::{self, RigidMotion};
@@ -51,7 +51,7 @@ pub fn moved_experiment_over(
         frame: scene.frame,
         gauge: spec.gauge,
         fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
-        images: model.subsets().map(|subsets| Images {
+        images: model.subsets().map(|subsets| Imaging {
             subsets,
             camera_distance_mm: scene.camera_distance_mm,
             motion,
