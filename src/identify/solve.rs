@@ -65,6 +65,14 @@ impl<'a> Options<'a> {
         }
     }
 
+    /// What tells `progress` of a sampler, and ends it in time.
+    pub fn reporting<'b>(&self, progress: &'b dyn Progress) -> Reporting<'b> {
+        Reporting {
+            progress,
+            deadline: self.deadline,
+        }
+    }
+
     /// Where finished stages beside the chains are kept.
     pub fn stages(&self) -> KeptStages {
         let keeping = self.keeping.as_ref();
@@ -351,10 +359,7 @@ fn draw(
         &Regime {
             schedule: &options.schedule,
             stop: &options.rule,
-            monitor: &Reporting {
-                progress,
-                deadline: options.deadline,
-            },
+            monitor: &options.reporting(progress),
         },
         keeping.as_ref(),
     )?;

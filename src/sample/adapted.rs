@@ -297,13 +297,7 @@ impl Sampler for Adapted {
         WINDOW
     }
 
-    fn begin(
-        &self,
-        _dim: usize,
-        x: Vec<f64>,
-        lp: Vec<f64>,
-        _covariance: &[f64],
-    ) -> Result<EnsembleState> {
+    fn begin(&self, _dim: usize, x: Vec<f64>, lp: Vec<f64>, _: &[f64]) -> Result<EnsembleState> {
         if lp.len() != WALKERS {
             let expected = format!("{WALKERS} walkers");
             return Err(Error::program("independence", expected).found(lp.len()));

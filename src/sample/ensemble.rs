@@ -46,13 +46,7 @@ impl Sampler for Ensemble {
         64.max(8 * dim)
     }
 
-    fn begin(
-        &self,
-        dim: usize,
-        x: Vec<f64>,
-        lp: Vec<f64>,
-        _covariance: &[f64],
-    ) -> Result<EnsembleState> {
+    fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, _: &[f64]) -> Result<EnsembleState> {
         let walkers = lp.len();
         let fewest = (2 * dim).max(2 * self.mixture.fewest(dim));
         if walkers < fewest || !walkers.is_multiple_of(2) {

@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use super::traced::over_blocks;
 use crate::error::Result;
 use crate::experiment::{FieldSolver, Sight};
 use crate::field::Blocks;
@@ -62,16 +63,8 @@ impl CoarseTest {
         prepared: &'a Prepared,
         measured: &'a Measured,
     ) -> Forward<'a> {
-        let (experiment, sight, blocks) = (&*self.experiment, &self.all, &measured.blocks);
-        let observing: Box<dyn Observing> = match &prepared.observation.steps {
-            Some(steps) => Box::new(AtPlaces::over_blocks(experiment, sight, steps, blocks)),
-            None => Box::new(AtPoints {
-                experiment,
-                slopes: Slopes::new(experiment, sight, blocks),
-                size_mm: measured.size_mm,
-            }),
-        };
-        silent(model, observing)
+        let test = (&*self.experiment, &self.all);
+        silent(model, over_blocks(test, prepared, measured))
     }
 
     /// The same at few points.
