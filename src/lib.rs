@@ -126,7 +126,7 @@ pub use error::{Error, Result};
 #[doc(inline)]
 pub use sample::{
     Adaptive, DensityError, Ensemble, Keeping, Laplace, LogDensity, Mixture, Outcome, Quiet,
-    Schedule, Start, density, laplace, run, run_kept,
+    Regime, Schedule, Start, density, laplace, run, run_kept,
 };
 
 #[cfg(feature = "identify")]

@@ -6,7 +6,9 @@ mod exact;
 use std::sync::Arc;
 
 use nalgebra::{Matrix2, Matrix3, Vector3};
-use plychain::fem::{BendingPattern, EndMoment, Locator, bend, plain_deflection, plain_rotation};
+use plychain::fem::{
+    BendingPattern, EndMoment, Locator, bend, edge_forces, plain_deflection, plain_rotation,
+};
 use plychain::geometry::{
     Density, Geometry, HIGH, HOLE, LOW, Mesh, Outline, PlainStrip, SIDES, StripWithHole,
 };
@@ -78,11 +80,11 @@ fn solved(mesh: &Mesh, plate: &PlateStiffness, exact: &dyn Thing) -> (Vec<f64>, 
         .into_iter()
         .filter(|name| !mesh.edge(name).is_empty())
         .collect();
-    let moments = mesh.edge_forces(&names, &|p, n| {
+    let moments = edge_forces(mesh, &names, &|p, n| {
         let m = plate.bending * exact.at(p).curvature;
         [m[0] * n[0] + m[2] * n[1], m[2] * n[0] + m[1] * n[1]]
     });
-    let shear = mesh.edge_forces(&names, &|p, n| {
+    let shear = edge_forces(mesh, &names, &|p, n| {
         let q = exact.at(p).shear;
         [q[0] * n[0] + q[1] * n[1], 0.0]
     });

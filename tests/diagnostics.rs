@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::Stdio;
 
 use crate::program::python;
-use plychain::chain::{Draws, Series};
+use plychain::chain::{Draws, ScalarDraws};
 use plychain::diagnose::{
     Rule, diagnose, ess_bulk, ess_mean, ess_quantile, ess_tail, mcse_mean, mcse_quantile, mcse_sd,
     rhat, tau, weigh,
@@ -12,7 +12,7 @@ use plychain::diagnose::{
 use plychain::sample::{Key, Stream};
 
 /// Stationary AR(1) chains x_t = a x_{t-1} + e_t of unit innovation variance.
-fn ar1(a: f64, chains: usize, draws: usize, seed: u64) -> Series {
+fn ar1(a: f64, chains: usize, draws: usize, seed: u64) -> ScalarDraws {
     let mut values = Vec::with_capacity(chains * draws);
     for chain in 0..chains {
         let mut rng = Stream::at(Key { seed, ensemble: 0 }, chain as u64, 0);
@@ -22,7 +22,7 @@ fn ar1(a: f64, chains: usize, draws: usize, seed: u64) -> Series {
             x = a * x + rng.normal();
         }
     }
-    Series::of_chains(values, draws)
+    ScalarDraws::of_chains(values, draws)
 }
 
 /// Draws of N(0, 1) weighed for N(0.5, 1): the mean moves by 0.5, 1 / E[w^2] = exp(-0.25) of the draws are effective, and over many sets
@@ -134,7 +134,7 @@ fn nan_and_constants_are_nan_and_not_converged() {
     let good = ar1(0.0, 4, 1000, 6);
     let mut holed = good.clone();
     holed.values[17] = f64::NAN;
-    let constant = Series::of_chains(vec![0.1; 4000], 1000);
+    let constant = ScalarDraws::of_chains(vec![0.1; 4000], 1000);
     let short = ar1(0.0, 4, 3, 7);
     for series in [&holed, &constant, &short] {
         let all = [rhat, ess_bulk, ess_tail, ess_mean, mcse_mean, mcse_sd, tau];

@@ -7,7 +7,7 @@ use plychain::effect::{Acting, EFFECTS, Kind, Scene, force_scale};
 use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
-    Direction, FieldExperiment, FieldSolver, Gauge, Images, Mechanics, MockExperiment,
+    Direction, FieldExperiment, FieldSolver, Gauge, Imaging, Mechanics, MockExperiment,
     Neighbourhood, Places, Sight, Softening, State, Subsets, gauged, load_response, predict,
     predict_with_gradient, sensitivity,
 };
@@ -16,7 +16,7 @@ use plychain::field::SubsetShape;
 use plychain::field::matrices::write_matrices;
 use plychain::field::rigid::RigidMotion;
 use plychain::identify::{inverse_problem, prepare, start};
-use plychain::infer::Model;
+use plychain::infer::{Model, simulated_field};
 use plychain::progress::Silent;
 
 use crate::program::{fresh, root, workplace};
@@ -223,7 +223,7 @@ fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
     };
     let folder = fresh("mock");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &model.simulate(&truth).unwrap(), None).unwrap();
+    write_matrices(&folder, &simulated_field(&model, &truth).unwrap(), None).unwrap();
     let measurement = model.experiment().measurement.clone().with_path(folder);
     model.experiment_mut().measurement = measurement;
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
@@ -333,7 +333,7 @@ fn a_larger_subset_is_the_declared_one_with_its_effect() {
     let declared = 1.5;
     let seen = |[side_mm, declared_mm]: [f64; 2], percent: f64| -> Field {
         let mut test = small_test();
-        test.images = Some(Images {
+        test.images = Some(Imaging {
             subsets: Subsets {
                 side_mm,
                 declared_mm,

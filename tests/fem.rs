@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use plychain::fem::verify::{self, Check};
-use plychain::fem::{EndLoad, Locator, Plate, Profile, Setup};
+use plychain::fem::{EndLoad, Locator, Plate, Profile, Setup, end_forces};
 use plychain::geometry::{Density, Geometry, Morph, Outline, StripWithHole};
 use plychain::laminate::{Membrane, Ply};
 
@@ -211,7 +211,7 @@ fn stiffness_times_solution_is_the_load() {
     let a = setup.membrane(&NOMINAL);
     let mut factor = plate.factor();
     factor.factorise(&a).unwrap();
-    let load = plate.mesh.end_forces(&setup.load);
+    let load = end_forces(&plate.mesh, &setup.load);
     let mut u = load.clone();
     factor.solve(&mut u);
     for (back, load) in plate

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use plychain::experiment::{Gauge, Sight, gauged};
-use plychain::fem::{Locator, Plate};
+use plychain::fem::{Locator, Plate, end_forces};
 use plychain::field::Grid;
 use plychain::field::matrices::write_matrices;
 use plychain::geometry::Density;
@@ -96,7 +96,7 @@ pub fn measured(culprit: &Culprit, seed: u64) -> Model {
             &scene.setup.membranes(&ply),
         )
         .unwrap();
-    let mut nodal = plate.mesh.end_forces(&scene.setup.load);
+    let mut nodal = end_forces(&plate.mesh, &scene.setup.load);
     factor.solve(&mut nodal);
     let mut grid = Grid::regular([[-HALF; 2], [HALF; 2]], POINTS, POINTS);
     let places: Vec<[f64; 2]> = grid.points.iter().map(|&p| scene.frame.point(p)).collect();

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use plychain::chain::{Draws, Series, read_groups, read_npz, write_npz};
+use plychain::chain::{Draws, ScalarDraws, read_groups, read_npz, write_npz};
 use plychain::diagnose::{Rule, diagnose};
 use serde_json::{Value, json};
 
@@ -156,7 +156,7 @@ fn assert_both_chains(found: Result<Value, String>, what: &str) {
         let half = |c: usize, h: usize| (0..5).map(move |d| value(c, 5 * h + d)[k]);
         [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(c, h)| half(c, h).collect::<Vec<f64>>())
     };
-    let series = Series::of_chains(halves(1).concat(), 10);
+    let series = ScalarDraws::of_chains(halves(1).concat(), 10);
     assert_eq!(
         found["parameters"]["b"]["rhat"].as_f64(),
         Some(plychain::diagnose::rhat(&series)),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::program::python;
 use plychain::chain::{
-    Chains, Draws, Layout, Reader, Store, read_csv, read_getdist, read_zarr, write_csv,
+    Chains, Draws, Layout, Store, StoreReader, read_csv, read_getdist, read_zarr, write_csv,
     write_getdist, write_npz, write_stan, write_zarr,
 };
 
@@ -176,7 +176,7 @@ fn raw_stores_are_read_and_gone_on_with() {
         "raw as before"
     );
     // chain by chain, in any order
-    let reader = Reader::open(&path).unwrap();
+    let reader = StoreReader::open(&path).unwrap();
     for chain in [2, 0, 3, 1] {
         let one = reader.chain(chain).unwrap();
         assert_eq!(one.values(), draws.chain(chain).unwrap().values());
@@ -277,7 +277,7 @@ fn the_scripts_of_the_readme_run() {
     let blocks: Vec<(&[f64], &[f64])> = blocks.iter().map(|(x, lp)| (&**x, &**lp)).collect();
     chains.record(&blocks).unwrap();
     chains.finalize(&[0.5; 96]).unwrap();
-    write_getdist(&Reader::open(&store).unwrap(), &run.join("export")).unwrap();
+    write_getdist(&StoreReader::open(&store).unwrap(), &run.join("export")).unwrap();
     for script in [script.to_string(), format!("import getdist\n{getdist}")] {
         let output = python()
             .args(["-c", &script])

@@ -3,8 +3,8 @@
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::sample::{
-    Adapted, Block, Ensemble, Key, LogDensity, NormalPart, POOR, Quiet, Sampler, Schedule, Span,
-    Start, State, Stream, adapted, run,
+    Adapted, Block, Ensemble, EnsembleState, Key, LogDensity, NormalPart, POOR, Quiet, Sampler,
+    Schedule, Span, Start, Stream, adapted, run,
 };
 
 use crate::targets::{self, Known};
@@ -159,7 +159,7 @@ fn independent_draws_depend_on_the_seed_alone() {
     assert_eq!(bits(&one), bits(&with(3, 3)));
     assert_ne!(bits(&one), bits(&with(1, 4)));
     let sampler = fitted(&target, &[beside(&target, 0.3, 1.1)]);
-    let after = |spans: &[usize]| -> State {
+    let after = |spans: &[usize]| -> EnsembleState {
         let mut rng = Stream::at(KEY, 0, 0);
         let walkers = sampler.walkers(3);
         let points: Vec<Vec<f64>> = (0..walkers).map(|_| sampler.place(&mut rng)).collect();

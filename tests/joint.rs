@@ -7,7 +7,7 @@ use plychain::diagnose::{Rule, diagnose};
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare};
-use plychain::infer::{Joint, Marginal, Member, Model, Posterior};
+use plychain::infer::{Joint, Marginal, Member, Model, Posterior, simulated_field};
 use plychain::progress::Silent;
 use plychain::sample::{DensityError, Ensemble, Quiet, Schedule, Start, run};
 use plychain::sample::{Laplace, LogDensity, laplace};
@@ -211,7 +211,7 @@ fn field(directory: &Path) -> Posterior {
         grid: 61,
         seed: 4,
     };
-    let grid = model.simulate(&truth).unwrap();
+    let grid = simulated_field(&model, &truth).unwrap();
     write_matrices(&directory.join("openhole"), &grid, None).unwrap();
     let prepared = prepare(&model, &directory.join("cache"), &Silent).unwrap();
     inverse_problem(&model, prepared, &Silent)

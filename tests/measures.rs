@@ -1,26 +1,26 @@
 //! What keeps the sources readable, measured: the length of functions, the values they take, types spread over files, names that stand twice,
-//! and the size of the whole. Limits are maxima. Those of functions and names may only fall; size and spread were raised with what was added.
+//! and the size of the whole. Limits are maxima, and may only fall; the size alone was raised with what was added.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
 /// Functions of more than [`LINES`] lines.
-const LONG_FUNCTIONS: usize = 2;
+const LONG_FUNCTIONS: usize = 0;
 const LINES: usize = 80;
 
 /// Functions of more than [`VALUES`] values in their parameters; members of tuples count.
-const WIDE_FUNCTIONS: usize = 2;
+const WIDE_FUNCTIONS: usize = 0;
 const VALUES: usize = 6;
 
 /// Types whose own `impl` blocks stand in more than two files.
-const SPREAD_TYPES: usize = 5;
+const SPREAD_TYPES: usize = 0;
 
 /// Type names that stand twice.
-const NAMES_TWICE: usize = 10;
+const NAMES_TWICE: usize = 1;
 
 /// Lines of `src`.
-const SIZE: usize = 96_000;
+const SIZE: usize = 95_800;
 
 /// A file of `src`: its path, and its text with comments, strings and characters blanked.
 struct Source {
@@ -248,17 +248,22 @@ fn functions_fit_on_a_screen() {
     at_most(WIDE_FUNCTIONS, "functions of more than 6 values", &wide);
 }
 
-/// Names of types by the files that define them.
+/// Names of types, those within functions among them, by the files that define them.
 fn types(sources: &[Source]) -> BTreeMap<String, Vec<&str>> {
     let mut found: BTreeMap<String, Vec<&str>> = BTreeMap::new();
     for source in sources {
-        for line in source.code.lines().filter(|l| !l.starts_with(' ')) {
-            let mut words = line.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '('));
+        for line in source.code.lines() {
+            // within a block, a `type` is a trait's
+            let is_inner = line.starts_with(' ');
+            let mut words = line
+                .trim_start()
+                .split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '('));
             let kind = words.find(|w| {
                 let before = ["", "pub", "(crate", "pub(crate", "pub(super", "pub(in"];
                 !before.contains(w)
             });
-            if kind.is_some_and(|k| ["struct", "enum", "trait", "type", "union"].contains(&k)) {
+            let is_type = |k| ["struct", "enum", "trait", "union"].contains(&k);
+            if kind.is_some_and(|k| is_type(k) || k == "type" && !is_inner) {
                 let name = words.find(|w| !w.is_empty()).unwrap_or_default();
                 let name = name
                     .trim_end_matches('(')

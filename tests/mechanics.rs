@@ -7,7 +7,7 @@ use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, EffectParameter, Entry, Kind, Scene};
 use plychain::experiment::{Gauge, Sight, gauged};
 use plychain::fem::verify::{difference, window_points, without_rigid_motion};
-use plychain::fem::{Locator, Plate, Setup};
+use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
 use plychain::geometry::{Density, PlainStrip};
@@ -211,7 +211,7 @@ fn damage_of_nothing_is_the_nominal_plate_and_loss_makes_it_compliant() {
     let work = |loss: f64| {
         let setup = with("hole_edge_damage", &[loss]);
         let solution = plate.solve(&setup, &PLY).unwrap();
-        let force = solution.mesh.end_forces(&setup.load);
+        let force = end_forces(&solution.mesh, &setup.load);
         force
             .iter()
             .zip(&solution.nodal)

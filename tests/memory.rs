@@ -2,9 +2,9 @@
 
 use std::process::Command;
 
-use plychain::chain::Reader;
+use plychain::chain::StoreReader;
 use plychain::diagnose::{Rule, diagnose};
-use plychain::sample::{Ensemble, Keeping, Quiet, Schedule, Start, run_kept};
+use plychain::sample::{Ensemble, Keeping, Quiet, Regime, Schedule, Start, run_kept};
 
 use crate::targets;
 
@@ -49,17 +49,13 @@ fn measured() {
         observed: Vec::new(),
     };
     let sampler = Ensemble::default();
-    let outcome = run_kept(
-        &target,
-        &sampler,
-        &start,
-        &schedule,
-        &never,
-        &Quiet,
-        Some(&keeping),
-    )
-    .unwrap();
-    let reader = Reader::open(&keeping.store).unwrap();
+    let regime = Regime {
+        schedule: &schedule,
+        stop: &never,
+        monitor: &Quiet,
+    };
+    let outcome = run_kept(&target, &sampler, &start, &regime, Some(&keeping)).unwrap();
+    let reader = StoreReader::open(&keeping.store).unwrap();
     assert_eq!(
         reader.draws() * reader.ensemble().len(),
         schedule.max_draws / 256 * 256
@@ -74,16 +70,7 @@ fn measured() {
         resume: true,
         ..keeping
     };
-    run_kept(
-        &target,
-        &sampler,
-        &start,
-        &schedule,
-        &never,
-        &Quiet,
-        Some(&again),
-    )
-    .unwrap();
+    run_kept(&target, &sampler, &start, &regime, Some(&again)).unwrap();
     println!("peak {} MiB", peak());
 }
 

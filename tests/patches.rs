@@ -1,7 +1,7 @@
 //! Patches in the residual of a series: found where they are, with what they are, and never in noise.
 
 use nalgebra::{DMatrix, DVector};
-use plychain::field::places::Places;
+use plychain::field::places::BlockPoints;
 use plychain::field::{Blocks, DATA_AXES, Field, MeasurementSpec};
 use plychain::noise::matern_pair;
 use plychain::noise::series::{Frames, SeriesNoise, settings};
@@ -64,7 +64,7 @@ impl Plate {
             files: Vec::new(),
         };
         let blocks = Blocks::new(&field, 2.0 * STEP, |_| true);
-        assert!(!matches!(blocks.places, Places::Many));
+        assert!(!matches!(blocks.places, BlockPoints::Many));
         Self {
             field,
             blocks,

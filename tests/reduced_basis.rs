@@ -4,10 +4,10 @@
 use nalgebra::Matrix3;
 use plychain::experiment::{State, predict};
 use plychain::fem::{
-    Annulus, Certificate, EndLoad, Locator, Motion, Plate, Profile, Setup, TOLERANCE, View,
+    Annulus, Certificate, EndLoad, Locator, Motion, Plate, Profile, Setup, TOLERANCE, View, span,
 };
 use plychain::geometry::Density;
-use plychain::infer::Model;
+use plychain::infer::{Model, problem_within};
 use plychain::laminate::{Membrane, Ply};
 use plychain::reduce::{Problem, spread_over};
 use serde_json::{Value, json};
@@ -16,7 +16,7 @@ use crate::program::{changed, coarse, fresh, identify, posterior, set_coarse, su
 
 fn problem(file: &str) -> Problem {
     let model = Model::load(file.as_ref()).unwrap();
-    model.problem([[-5.0; 2], [5.0; 2]]).unwrap()
+    problem_within(&model, [[-5.0; 2], [5.0; 2]]).unwrap()
 }
 
 fn states(problem: &Problem, count: usize, seed: u64) -> Vec<State> {
@@ -175,7 +175,7 @@ fn the_reach_of_a_bound_is_that_of_a_unit_force() {
             (nominal.clone(), ply)
         })
         .collect();
-    plate.span(&tests, 1).unwrap();
+    span(&plate, &tests, 1).unwrap();
     // the last one lies in the hole, where the field is continued
     let points: Vec<[f64; 2]> = lattice().into_iter().chain([[1.9, 0.3]]).collect();
     let observer = Locator::new(&plate.mesh).observe_extended(&points);
@@ -264,12 +264,12 @@ fn tapers_rings_and_skew_loads_are_spanned() {
         test.collect::<Vec<_>>()
     };
     for tapered in [true, false] {
-        plate.span(&at(300, 3, tapered), 1).unwrap();
+        span(&plate, &at(300, 3, tapered), 1).unwrap();
         let other = at(40, 4, tapered);
         let view = view(&plate, &other[0], &lattice(), Vec::new());
         let certificates: Vec<Certificate> = other
             .iter()
-            .map(|(setup, ply)| plate.certify(setup, ply, &view).unwrap().unwrap())
+            .map(|(setup, ply)| Certificate::of(&plate, setup, ply, &view).unwrap().unwrap())
             .collect();
         // more of them than pay are not added
         let name = if tapered { "tapers" } else { "rings" };
@@ -292,7 +292,7 @@ fn what_a_basis_cannot_answer_is_solved() {
             )
         })
         .collect();
-    plate.span(&tests, 1).unwrap();
+    span(&plate, &tests, 1).unwrap();
     let within = &tests[7];
     assert!(plate.coordinates(&within.0, &within.1).is_some());
     let far = Ply {

@@ -7,8 +7,8 @@ use plychain::chain::Draws;
 use plychain::diagnose::{Rule, Verdict, diagnose};
 use plychain::sample::LogDensity;
 use plychain::sample::{
-    Block, Ensemble, Key, MOVES, Mixture, Outcome, Quiet, SAMPLERS, Sampler, Schedule, Span, Start,
-    State, Stream, run,
+    Block, Ensemble, EnsembleState, Key, MOVES, Mixture, Outcome, Quiet, SAMPLERS, Sampler,
+    Schedule, Span, Start, Stream, run,
 };
 
 use crate::targets::{self, Known};
@@ -420,7 +420,7 @@ fn a_cut_span_continues_to_the_same_bits() {
             warmup,
         };
         let mut block = Block::default();
-        let mut advance = |span, state: &mut State| {
+        let mut advance = |span, state: &mut EnsembleState| {
             sampler
                 .advance(&target, key, span, state, &mut block)
                 .unwrap();

@@ -6,7 +6,7 @@ mod rivals;
 use nalgebra::{DMatrix, DVector};
 use plychain::error::Blame;
 use plychain::field::Blocks;
-use plychain::field::places::Places;
+use plychain::field::places::BlockPoints;
 use plychain::noise::series::{
     At, Frames, Growth, SeriesNoise, Setting, settings, steps, subset_covariance,
 };
@@ -78,7 +78,7 @@ impl Window {
             centroid,
             of_point: Vec::new(),
             noise_length_mm: 2.0 * SUBSET,
-            places: Places::of_few(points),
+            places: BlockPoints::of_few(points),
         };
         Self {
             blocks,
@@ -296,7 +296,7 @@ fn by_pairs(window: &Window, shift: f64) -> DMatrix<f64> {
 #[test]
 fn the_subsets_covariance_is_the_mean_over_all_points_of_both_blocks() {
     let window = Window::new(16, 3, true);
-    assert!(matches!(window.blocks.places, Places::OnLattice(_)));
+    assert!(matches!(window.blocks.places, BlockPoints::OnLattice(_)));
     let found = subset_covariance(&window.blocks, SUBSET);
     assert!((found - by_pairs(&window, 0.0)).amax() < 1e-12);
 
@@ -312,8 +312,8 @@ fn the_subsets_covariance_is_the_mean_over_all_points_of_both_blocks() {
         .sites
         .iter()
         .map(|own| own.iter().map(at).collect::<Vec<_>>());
-    sheared.places = Places::of_few(moved.collect());
-    assert!(matches!(sheared.places, Places::Anywhere(_)));
+    sheared.places = BlockPoints::of_few(moved.collect());
+    assert!(matches!(sheared.places, BlockPoints::Anywhere(_)));
     let points = |own: &Vec<[usize; 2]>, k: usize| {
         own.iter().map(|p| at(p)[k]).sum::<f64>() / own.len() as f64
     };
@@ -328,7 +328,7 @@ fn the_subsets_covariance_is_the_mean_over_all_points_of_both_blocks() {
     // blocks so full that only the spread of their points is known
     let window = Window::new(20, 5, false);
     let mut full = window.blocks.clone();
-    full.places = Places::Many;
+    full.places = BlockPoints::Many;
     let found = subset_covariance(&full, SUBSET);
     let exact = by_pairs(&window, 0.0);
     let off = (found - &exact).amax() / exact.amax();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use plychain::effect::Acting;
 use plychain::experiment::simulate::{FINER, Truth};
 use plychain::experiment::{Gauge, State, gauged};
-use plychain::infer::Model;
+use plychain::infer::{Model, experiment_over, simulated_field};
 use plychain::trace::Status;
 use serde_json::{Value, json};
 
@@ -111,9 +111,7 @@ fn a_step_is_the_difference_of_two_places_in_the_picture() {
     // what the load does, by the same finite elements
     let program = Model::load(Path::new(&model)).unwrap();
     let half = 12.15;
-    let experiment = program
-        .experiment_over([[-half; 2], [half; 2]], FINER)
-        .unwrap();
+    let experiment = experiment_over(&program, [[-half; 2], [half; 2]], FINER).unwrap();
     let means: Vec<f64> = program.marginals().iter().map(|m| m.mean).collect();
     let reported = swapped(&step(&folder, 0).0);
     let places: Field = reported.iter().map(|p| straight(*p)).collect();
@@ -188,8 +186,9 @@ fn what_has_yielded_stays_after_unloading() {
     if let Some(load) = &mut single.experiment_mut().load {
         load.force_n = 8000.0;
     }
-    let grid = single
-        .simulate(&Truth {
+    let grid = simulated_field(
+        &single,
+        &Truth {
             constants: single.marginals().iter().map(|m| m.mean).collect(),
             thickness_mm: 3.05,
             effects: vec![Acting::parse("test", "yielding=1,0,0").unwrap()],
@@ -197,8 +196,9 @@ fn what_has_yielded_stays_after_unloading() {
             correlation_mm: 0.0,
             grid: 31,
             seed: 1,
-        })
-        .unwrap();
+        },
+    )
+    .unwrap();
     let field = grid.field(single.scene().frame);
     let off = combined(&steps[1], -1.0, &field.displacement);
     assert!(largest(&off) < 2e-9, "{}", largest(&off));

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 use plychain::effect::{Scope, find};
 use plychain::field::Blocks;
-use plychain::field::places::Places;
+use plychain::field::places::BlockPoints;
 use plychain::identify::prepare;
 use plychain::infer::Model;
 use plychain::noise::series::{Frames, Role, SeriesNoise, settings};
@@ -42,7 +42,7 @@ fn lattice(side: usize) -> Blocks {
         spread: vec![[0.0; 2]; places.len()],
         of_point: Vec::new(),
         noise_length_mm: 2.0,
-        places: Places::of_few(places.iter().map(|p| vec![*p]).collect()),
+        places: BlockPoints::of_few(places.iter().map(|p| vec![*p]).collect()),
         centroid: places,
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
-use plychain::chain::{Draws, Reader, read_zarr, write_zarr};
+use plychain::chain::{Draws, StoreReader, read_zarr, write_zarr};
 use serde_json::{Value, json};
 
 use crate::program::{fresh, plychain_in};
@@ -190,7 +190,7 @@ fn digests_that_were_taken_out_in_part_are_missed_and_old_stores_are_read() {
             .remove("digests");
     };
     edit(&place.join("chain.zarr"), &old);
-    Reader::open(&place.join("chain.zarr"))
+    StoreReader::open(&place.join("chain.zarr"))
         .unwrap()
         .check()
         .unwrap();

@@ -9,7 +9,7 @@ use std::process::Command;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use plychain::experiment::{Sight, predict};
-use plychain::infer::Model;
+use plychain::infer::{Model, problem_within};
 use plychain::reduce::SuppliedSpec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Dxsm;
@@ -64,7 +64,7 @@ impl Bench {
     /// Solve the rows at scattered points of the specimen, mm from `origin` in the data's axes, and write them.
     fn solve(&self, origin: [f64; 2], write: impl Fn(&Path, &[[f64; 2]], &[[f64; 2]])) {
         let model = Model::load(&self.place.join("own.json")).unwrap();
-        let problem = model.problem(WINDOW).unwrap();
+        let problem = problem_within(&model, WINDOW).unwrap();
         let experiment = &*problem.experiment;
         let frame = experiment.scene().frame;
         let (sight, _) = experiment.locate(&points(), &[]);

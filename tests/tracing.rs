@@ -10,7 +10,7 @@ use plychain::effect::{Acting, EFFECTS, Kind};
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
-use plychain::infer::{Marginal, Model};
+use plychain::infer::{Marginal, Model, simulated_field};
 use plychain::progress::Silent;
 use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
@@ -63,8 +63,9 @@ pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, se
         Noise::Correlated(length) => (10.0, length),
         Noise::Field(sd, length) => (sd, length),
     };
-    let mut grid = nominal
-        .simulate(&Truth {
+    let mut grid = simulated_field(
+        &nominal,
+        &Truth {
             constants: TRUTH.to_vec(),
             thickness_mm: 0.78,
             effects: acting,
@@ -72,8 +73,9 @@ pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, se
             correlation_mm,
             grid,
             seed,
-        })
-        .unwrap();
+        },
+    )
+    .unwrap();
     if let Noise::Field(..) = noise {
         let mut rng = Pcg64Dxsm::seed_from_u64(1000 + seed);
         for u in grid.displacement.iter_mut().flatten() {

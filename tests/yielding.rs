@@ -7,7 +7,7 @@ mod table;
 use nalgebra::{Matrix3, Vector3};
 use plychain::fem::element::{self, GAUSS};
 use plychain::fem::verify::window_points;
-use plychain::fem::{J2, Locator, Plastic, Plate, Setup, Yield, YieldFrame};
+use plychain::fem::{J2, Locator, Plastic, Plate, Setup, Yield, YieldFrame, end_forces};
 use plychain::field::rigid;
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
@@ -203,11 +203,11 @@ fn converged_stresses_balance_the_load_within_the_yield_surface() {
     let frames = plate
         .yielding(&setup, &steel(), &[0.7, 1.0, 0.0], 1.0)
         .unwrap();
-    let load = plate.mesh.end_forces(&setup.load);
+    let load = end_forces(&plate.mesh, &setup.load);
     for frame in &frames {
         let load: Vec<f64> = load.iter().map(|f| frame.factor * f).collect();
         let rest = largest(&less(&internal_forces(&plate, &setup, frame), &load));
-        let size = largest(&plate.mesh.end_forces(&setup.load));
+        let size = largest(&end_forces(&plate.mesh, &setup.load));
         assert!(rest < 1e-8 * size, "{}: {rest:e}", frame.factor);
         let mut flowing = 0;
         for (s, equivalent) in frame.stresses.iter().zip(&frame.equivalent) {
@@ -276,7 +276,7 @@ fn work_is_energy_and_dissipation() {
     let plate = plate(&setup, 0.25);
     let factors: Vec<f64> = (1..=60).map(|k| f64::from(k) / 60.0).collect();
     let frames = plate.yielding(&setup, &steel(), &factors, 1.0).unwrap();
-    let load = plate.mesh.end_forces(&setup.load);
+    let load = end_forces(&plate.mesh, &setup.load);
     let stretch = |f: &YieldFrame| load.iter().zip(&f.nodal).map(|(f, u)| f * u).sum::<f64>();
     let (mut work, mut before) = (0.0, [0.0; 2]);
     let mut compliance = 0.0;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::plan::{Plan, Run};
-use super::status::{Places, State};
+use super::status::{CampaignPlaces, RunState};
 use crate::error::Result;
 use crate::progress::Progress;
 
@@ -12,7 +12,7 @@ use crate::progress::Progress;
 pub struct Campaign {
     /// The campaign file, absolute.
     pub file: PathBuf,
-    pub places: Places,
+    pub places: CampaignPlaces,
     pub plan: Plan,
     pub resources: Resources,
     /// Of the runs that are not done, those that failed too.
@@ -63,9 +63,9 @@ impl Campaign {
     /// Whether a run still has to be brought to its end; one that runs elsewhere has, too.
     pub fn is_missing(&self, run: &Run) -> bool {
         match self.places.state(run).state {
-            State::Done => false,
-            State::Failed => self.retry,
-            State::Waiting | State::Running | State::ToBeResumed => true,
+            RunState::Done => false,
+            RunState::Failed => self.retry,
+            RunState::Waiting | RunState::Running | RunState::ToBeResumed => true,
         }
     }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::engine::Campaign;
 use super::plan::{Plan, Run};
-use super::status::{Places, State, Status};
+use super::status::{CampaignPlaces, RunState, RunStatus};
 use crate::error::{Error, Result};
 use crate::files::{self, Keyed, parse_json};
 
@@ -20,28 +20,28 @@ pub struct CampaignManifest {
     pub version: String,
     /// Runs in each state.
     pub counts: Keyed<usize>,
-    pub runs: Vec<Entry>,
+    pub runs: Vec<ManifestEntry>,
 }
 
 /// A run in the manifest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct ManifestEntry {
     #[serde(flatten)]
     pub run: Run,
     #[serde(flatten)]
-    pub status: Status,
+    pub status: RunStatus,
 }
 
 impl CampaignManifest {
     /// How a campaign stands.
-    pub fn of(plan: &Plan, places: &Places) -> Self {
-        let entry = |run: &Run| Entry {
+    pub fn of(plan: &Plan, places: &CampaignPlaces) -> Self {
+        let entry = |run: &Run| ManifestEntry {
             status: places.state(run),
             run: run.clone(),
         };
-        let runs: Vec<Entry> = plan.runs.iter().map(entry).collect();
-        let count = |state: State| runs.iter().filter(|e| e.status.state == state).count();
-        let counts = State::ALL.map(|s| (s.words().replace(' ', "_"), count(s)));
+        let runs: Vec<ManifestEntry> = plan.runs.iter().map(entry).collect();
+        let count = |state: RunState| runs.iter().filter(|e| e.status.state == state).count();
+        let counts = RunState::ALL.map(|s| (s.words().replace(' ', "_"), count(s)));
         Self {
             schema: SCHEMA.into(),
             name: plan.name.clone(),
@@ -55,7 +55,7 @@ impl CampaignManifest {
     ///
     /// # Errors
     /// The input's fault: a folder that is no campaign's.
-    pub fn in_folder(places: &Places) -> Result<Self> {
+    pub fn in_folder(places: &CampaignPlaces) -> Result<Self> {
         let plan = Plan::load(&places.0)?.ok_or_else(|| {
             Error::input(places.0.display(), "the folder of a campaign").found("no plan.json in it")
         })?;
@@ -66,7 +66,7 @@ impl CampaignManifest {
     ///
     /// # Errors
     /// The input's fault, with the place.
-    pub fn load(places: &Places) -> Result<Self> {
+    pub fn load(places: &CampaignPlaces) -> Result<Self> {
         let path = places.0.join("manifest.json");
         let place = path.display().to_string();
         let text = std::fs::read_to_string(&path)
@@ -74,7 +74,7 @@ impl CampaignManifest {
         parse_json(&text, &place)
     }
 
-    pub fn count(&self, state: State) -> usize {
+    pub fn count(&self, state: RunState) -> usize {
         let mut states = self.runs.iter().map(|e| e.status.state);
         states.by_ref().filter(|s| *s == state).count()
     }
@@ -84,7 +84,7 @@ impl CampaignManifest {
         let longest = self.runs.iter().map(|e| e.run.name.len()).max();
         let width = longest.unwrap_or(0);
         let mut text = String::new();
-        for Entry { run, status } in &self.runs {
+        for ManifestEntry { run, status } in &self.runs {
             let (name, state) = (&run.name, status.state.words());
             let cause = status.cause.as_deref().unwrap_or_default();
             let line = format!(
@@ -99,7 +99,7 @@ impl CampaignManifest {
 
     /// In words: how many runs are in which state, and why some are not done.
     pub fn text(&self) -> String {
-        let counts = State::ALL.map(|s| (s, self.count(s)));
+        let counts = RunState::ALL.map(|s| (s, self.count(s)));
         let counts = counts.iter().filter(|(_, n)| *n > 0);
         let counts: Vec<String> = counts.map(|(s, n)| format!("{n} {}", s.words())).collect();
         let mut text = format!(
@@ -108,7 +108,7 @@ impl CampaignManifest {
             self.runs.len(),
             counts.join(", ")
         );
-        let failed = |e: &&Entry| matches!(e.status.state, State::Failed);
+        let failed = |e: &&ManifestEntry| matches!(e.status.state, RunState::Failed);
         for entry in self.runs.iter().filter(failed) {
             let cause = entry.status.cause.as_deref().unwrap_or("no cause noted");
             text += &format!("  {} failed: {cause}\n", entry.run.name);

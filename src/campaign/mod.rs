@@ -23,7 +23,7 @@ pub use engine::{Campaign, Cluster, Engine, Resources};
 pub use plan::{Plan, Run};
 pub use settle::{Asked, name_of, settle};
 pub use slurm::in_queue;
-pub use status::{Places, State};
+pub use status::{CampaignPlaces, RunState};
 
 /// Every engine.
 pub const ENGINES: &[&dyn Engine] = &[&local::Local, &slurm::Slurm];

@@ -9,7 +9,7 @@ use std::time::Instant;
 use super::children::Children;
 use super::engine::Campaign;
 use super::plan::Run;
-use super::status::State;
+use super::status::RunState;
 use crate::error::{Error, Result, TO_BE_RESUMED};
 
 /// Take up a run if it is still missing. False if another process holds it.
@@ -28,8 +28,8 @@ pub fn take_up(
     };
     let mut status = places.noted(&run.name);
     if places.is_finished(run) {
-        if status.state != State::Done {
-            status.state = State::Done;
+        if status.state != RunState::Done {
+            status.state = RunState::Done;
             status.cause = None;
             places.note(&run.name, &status)?;
         }
@@ -37,11 +37,11 @@ pub fn take_up(
     }
     status.attempts += 1;
     status.version = env!("CARGO_PKG_VERSION").into();
-    status.state = State::Running;
+    status.state = RunState::Running;
     status.cause = None;
     places.note(&run.name, &status)?;
     if let Some(file) = run.changed_input() {
-        status.state = State::Failed;
+        status.state = RunState::Failed;
         status.cause = Some(format!("{file} changed since the campaign was planned"));
         return places.note(&run.name, &status).map(|()| true);
     }
@@ -51,15 +51,15 @@ pub fn take_up(
     let Some(end) = end else {
         status.attempts -= 1;
         status.state = match status.attempts {
-            0 => State::Waiting,
-            _ => State::ToBeResumed,
+            0 => RunState::Waiting,
+            _ => RunState::ToBeResumed,
         };
         return places.note(&run.name, &status).map(|()| true);
     };
     (status.state, status.cause) = judged(end, &printed, children.stopped());
-    if status.state == State::Done && run.share.is_none() && !places.is_finished(run) {
+    if status.state == RunState::Done && run.share.is_none() && !places.is_finished(run) {
         let cause = "the program ended well and left no report";
-        (status.state, status.cause) = (State::Failed, Some(cause.into()));
+        (status.state, status.cause) = (RunState::Failed, Some(cause.into()));
     }
     places.note(&run.name, &status)?;
     Ok(true)
@@ -106,19 +106,19 @@ fn executed(
 }
 
 /// The state of a run whose process ended so, and the cause if it is not done.
-fn judged(end: ExitStatus, printed: &str, stopped: bool) -> (State, Option<String>) {
+fn judged(end: ExitStatus, printed: &str, stopped: bool) -> (RunState, Option<String>) {
     match end.code() {
-        Some(0) => (State::Done, None),
+        Some(0) => (RunState::Done, None),
         Some(code) if code == i32::from(TO_BE_RESUMED) => {
-            (State::ToBeResumed, Some("told to stop".into()))
+            (RunState::ToBeResumed, Some("told to stop".into()))
         }
         // one that was sent before the program could take it is a request to stop
-        None if stopped => (State::ToBeResumed, Some("told to stop".into())),
+        None if stopped => (RunState::ToBeResumed, Some("told to stop".into())),
         None => match signal(end) {
             // from outside (HUP, INT, KILL, TERM): no fault of the run's
             Some(n @ (1 | 2 | 9 | 15)) => {
                 let cause = format!("killed by signal {n}: by hand, or for want of memory");
-                (State::ToBeResumed, Some(cause))
+                (RunState::ToBeResumed, Some(cause))
             }
             n => {
                 let n = n.map_or_else(|| "a signal".into(), |n| format!("signal {n}"));
@@ -126,14 +126,14 @@ fn judged(end: ExitStatus, printed: &str, stopped: bool) -> (State, Option<Strin
                     |l: &&str| l.starts_with("memory allocation of") || l.contains(" panicked at ");
                 let said = printed.lines().find(telling).or_else(|| last(printed));
                 let said = said.unwrap_or("nothing printed");
-                (State::Failed, Some(format!("ended by {n}: {said}")))
+                (RunState::Failed, Some(format!("ended by {n}: {said}")))
             }
         },
         Some(code) => {
             let error = printed.lines().rev().find(|l| l.starts_with("error:"));
             let said = error.or_else(|| last(printed));
             let said = said.unwrap_or("nothing printed");
-            (State::Failed, Some(format!("exit {code}: {said}")))
+            (RunState::Failed, Some(format!("exit {code}: {said}")))
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::engine::{Campaign, Resources};
 use super::file::CampaignFile;
 use super::plan::{Plan, Run};
-use super::status::{Places, State};
+use super::status::{CampaignPlaces, RunState};
 use crate::error::{Error, Result};
 use crate::files::make_folder;
 
@@ -47,7 +47,7 @@ pub fn settle(asked: &Asked) -> Result<Campaign> {
     let absolute = |path: &Path| {
         std::path::absolute(path).map_err(|e| Error::input(path.display(), "a path").found(e))
     };
-    let places = Places(absolute(&asked.out)?);
+    let places = CampaignPlaces(absolute(&asked.out)?);
     let known = Plan::load(&places.0)?;
     check_folder(asked, &places, known.is_some())?;
     let plan = match asked.dry_run {
@@ -70,7 +70,7 @@ pub fn settle(asked: &Asked) -> Result<Campaign> {
 }
 
 /// The plan as it would be. Models with keys set are read, so they are written for a moment where nobody looks.
-fn rehearsed(asked: &Asked, places: &Places, known: Option<Plan>) -> Result<Plan> {
+fn rehearsed(asked: &Asked, places: &CampaignPlaces, known: Option<Plan>) -> Result<Plan> {
     if let Some(known) = known.clone().filter(|_| asked.share.is_some()) {
         return Ok(known);
     }
@@ -86,7 +86,7 @@ fn rehearsed(asked: &Asked, places: &Places, known: Option<Plan>) -> Result<Plan
 }
 
 /// The plan that is there, if it still holds, or else a new one.
-fn planned(asked: &Asked, places: &Places) -> Result<Plan> {
+fn planned(asked: &Asked, places: &CampaignPlaces) -> Result<Plan> {
     let _alone = places.alone()?;
     // another share may have made it meanwhile
     let known = Plan::load(&places.0)?;
@@ -107,7 +107,7 @@ fn planned(asked: &Asked, places: &Places) -> Result<Plan> {
 }
 
 /// A campaign that never had a plan leaves nothing behind: folders go that are empty.
-fn tidy(places: &Places) {
+fn tidy(places: &CampaignPlaces) {
     if places.0.join("plan.json").exists() {
         return;
     }
@@ -119,7 +119,7 @@ fn tidy(places: &Places) {
     let _ = std::fs::remove_dir(&places.0);
 }
 
-fn check_folder(asked: &Asked, places: &Places, is_ours: bool) -> Result<()> {
+fn check_folder(asked: &Asked, places: &CampaignPlaces, is_ours: bool) -> Result<()> {
     let path = &places.0;
     let wanted = |expected: &str| {
         Error::input(
@@ -161,9 +161,9 @@ fn check_folder(asked: &Asked, places: &Places, is_ours: bool) -> Result<()> {
 }
 
 /// Runs that were begun and are no more what they were: an error, or, if they are to be run again, put aside.
-fn changes(asked: &Asked, places: &Places, plan: &Plan, known: &Plan) -> Result<()> {
+fn changes(asked: &Asked, places: &CampaignPlaces, plan: &Plan, known: &Plan) -> Result<()> {
     for (run, what) in plan.changed_since(known) {
-        if places.state(run).state == State::Waiting {
+        if places.state(run).state == RunState::Waiting {
             continue;
         }
         if !asked.rerun_changed {
@@ -181,7 +181,7 @@ fn changes(asked: &Asked, places: &Places, plan: &Plan, known: &Plan) -> Result<
 }
 
 /// Move what there is of a run to the next free `replaced/NAME-K`.
-fn put_aside(places: &Places, run: &Run) -> Result<()> {
+fn put_aside(places: &CampaignPlaces, run: &Run) -> Result<()> {
     let name = &run.name;
     let Some(lock) = places.take(name)? else {
         return Err(Error::input(name, "a run that ended").found("one that is running"));

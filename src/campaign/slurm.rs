@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::engine::{Campaign, Engine};
 use super::manifest;
 use super::process::quoted;
-use super::status::{Places, State};
+use super::status::{CampaignPlaces, RunState};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::files::hex;
@@ -56,7 +56,7 @@ impl Engine for Slurm {
             false => None,
         };
         let manifest = manifest::write(campaign)?;
-        let left = manifest.count(State::ToBeResumed) + manifest.count(State::Waiting);
+        let left = manifest.count(RunState::ToBeResumed) + manifest.count(RunState::Waiting);
         if !wait || left == 0 {
             return Ok(());
         }
@@ -87,7 +87,7 @@ fn is_missing(campaign: &Campaign, k: usize) -> bool {
 }
 
 /// The name of the campaign's jobs, by which they are found in the queue again. Two campaigns of one name have different folders.
-fn name(places: &Places, campaign: &str) -> String {
+fn name(places: &CampaignPlaces, campaign: &str) -> String {
     let folder = places.0.display().to_string();
     let mark = hex(&Sha256::digest(folder));
     format!("plychain-{campaign}-{}", &mark[..8])
@@ -97,7 +97,7 @@ fn name(places: &Places, campaign: &str) -> String {
 ///
 /// # Errors
 /// Of the input: a scheduler that does not answer.
-pub fn in_queue(places: &Places, campaign: &str) -> Result<Option<usize>> {
+pub fn in_queue(places: &CampaignPlaces, campaign: &str) -> Result<Option<usize>> {
     match places.0.join("slurm").is_dir() {
         true => queued(&name(places, campaign)).map(|queue| Some(queue.0.len())),
         false => Ok(None),
@@ -348,7 +348,7 @@ fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<Option<String>>
     loop {
         let queue = queued(&name);
         let manifest = manifest::write(campaign)?;
-        let done = manifest.count(State::Done) + manifest.count(State::Failed);
+        let done = manifest.count(RunState::Done) + manifest.count(RunState::Failed);
         for _ in stepped..done {
             progress.step();
         }

@@ -14,7 +14,7 @@ use crate::report::manifest::Manifest;
 /// How far a run is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum State {
+pub enum RunState {
     Waiting,
     Running,
     Done,
@@ -22,7 +22,7 @@ pub enum State {
     ToBeResumed,
 }
 
-impl State {
+impl RunState {
     pub const ALL: [Self; 5] = [
         Self::Waiting,
         Self::Running,
@@ -44,8 +44,8 @@ impl State {
 
 /// What is noted of a run when it begins and when it ends, `status/NAME.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Status {
-    pub state: State,
+pub struct RunStatus {
+    pub state: RunState,
     /// Why it failed, or was not brought to its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
@@ -57,10 +57,10 @@ pub struct Status {
     pub seconds: f64,
 }
 
-impl Default for Status {
+impl Default for RunStatus {
     fn default() -> Self {
         Self {
-            state: State::Waiting,
+            state: RunState::Waiting,
             cause: None,
             attempts: 0,
             version: env!("CARGO_PKG_VERSION").into(),
@@ -71,9 +71,9 @@ impl Default for Status {
 
 /// Places in a campaign's folder.
 #[derive(Debug, Clone)]
-pub struct Places(pub PathBuf);
+pub struct CampaignPlaces(pub PathBuf);
 
-impl Places {
+impl CampaignPlaces {
     /// The folder of a run, as if it had been run alone.
     pub fn run(&self, run: &Run) -> PathBuf {
         self.0.join("runs").join(run.folder())
@@ -93,28 +93,30 @@ impl Places {
     }
 
     /// What is noted of a run; what cannot be read is as if it were not there.
-    pub fn noted(&self, name: &str) -> Status {
+    pub fn noted(&self, name: &str) -> RunStatus {
         let text = std::fs::read_to_string(self.status(name)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
 
     /// # Errors
     /// Of the input: a folder that cannot be written.
-    pub fn note(&self, name: &str, status: &Status) -> Result<()> {
+    pub fn note(&self, name: &str, status: &RunStatus) -> Result<()> {
         files::write_json(&self.status(name), status)
     }
 
     /// The state of a run as its files tell it, with what is noted of it. A run whose process is gone without a word is to be resumed.
-    pub fn state(&self, run: &Run) -> Status {
+    pub fn state(&self, run: &Run) -> RunStatus {
         let mut status = self.noted(&run.name);
         status.state = match status.state {
-            _ if self.is_finished(run) => State::Done,
-            _ if self.is_locked(&run.name) => State::Running,
-            State::Failed => State::Failed,
-            State::Waiting if run.share.is_some() || !self.run(run).exists() => State::Waiting,
-            _ => State::ToBeResumed,
+            _ if self.is_finished(run) => RunState::Done,
+            _ if self.is_locked(&run.name) => RunState::Running,
+            RunState::Failed => RunState::Failed,
+            RunState::Waiting if run.share.is_some() || !self.run(run).exists() => {
+                RunState::Waiting
+            }
+            _ => RunState::ToBeResumed,
         };
-        if status.state == State::Done {
+        if status.state == RunState::Done {
             status.cause = None;
         }
         status
@@ -124,7 +126,7 @@ impl Places {
     /// done costs little.
     pub fn is_finished(&self, run: &Run) -> bool {
         if run.share.is_some() {
-            return self.noted(&run.name).state == State::Done;
+            return self.noted(&run.name).state == RunState::Done;
         }
         let folder = self.run(run);
         folder.join("report.html").is_file() && Manifest::load(&folder).is_ok()

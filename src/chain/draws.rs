@@ -55,7 +55,7 @@ stored!(Info {
 
 /// One scalar over a run, chain by chain.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub struct ScalarDraws {
     /// Values, chain by chain: `values[chain * draws + draw]`.
     pub values: Vec<f64>,
     /// Number of draws of each chain.
@@ -64,7 +64,7 @@ pub struct Series {
     pub ensemble: Vec<usize>,
 }
 
-impl Series {
+impl ScalarDraws {
     /// Chains that are their own ensembles: `values[chain * draws + draw]`.
     pub fn of_chains(values: Vec<f64>, draws: usize) -> Self {
         let chains = values.len().checked_div(draws).unwrap_or(0);
@@ -282,13 +282,13 @@ impl Draws {
     }
 
     /// One parameter over the run.
-    pub fn series(&self, parameter: usize) -> Series {
+    pub fn series(&self, parameter: usize) -> ScalarDraws {
         self.map(|point| point[parameter])
     }
 
     /// A scalar function of the parameters over the run.
-    pub fn map(&self, f: impl Fn(&[f64]) -> f64) -> Series {
-        Series {
+    pub fn map(&self, f: impl Fn(&[f64]) -> f64) -> ScalarDraws {
+        ScalarDraws {
             values: self.points().map(f).collect(),
             draws: self.draws,
             ensemble: self.ensemble.clone(),

@@ -22,12 +22,12 @@ mod zarr;
 pub use arviz::{is_groups, read_groups};
 pub use coda::{coda_index, read_coda};
 pub use csv::{read_csv, write_csv, write_stan};
-pub use draws::{Chains, Draws, Info, MoveTally, Series};
+pub use draws::{Chains, Draws, Info, MoveTally, ScalarDraws};
 pub use getdist::{is_getdist, read_getdist, write_getdist};
 #[cfg(feature = "identify")]
 pub use npy::read_npy;
 #[cfg(feature = "identify")]
 pub use npz::{read_npz, write_npz};
-pub use reader::{Reader, TakeChunk, check_stores, read as read_zarr};
+pub use reader::{StoreReader, TakeChunk, check_stores, read as read_zarr};
 pub use store::{Layout, Replay, Store, write_zarr};
 pub use table::write_table;

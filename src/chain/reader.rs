@@ -20,7 +20,7 @@ const HELD: usize = 1 << 22;
 
 /// A store opened for reading.
 #[derive(Debug, Clone)]
-pub struct Reader {
+pub struct StoreReader {
     path: PathBuf,
     names: Vec<String>,
     ensemble: Vec<usize>,
@@ -35,7 +35,7 @@ pub struct Reader {
     held: RefCell<(usize, Vec<Draws>)>,
 }
 
-impl Reader {
+impl StoreReader {
     /// Opens a store, whose arrays must have the size that it says. Of what they hold, whatever goes through all draws compares the digests.
     ///
     /// # Errors
@@ -295,7 +295,7 @@ fn digests(written: &serde_json::Value, names: &[String]) -> Option<Vec<Digest>>
     arrays(names).map(|array| of(array).map(Digest)).collect()
 }
 
-impl Chains for Reader {
+impl Chains for StoreReader {
     fn names(&self) -> &[String] {
         &self.names
     }
@@ -322,7 +322,7 @@ impl Chains for Reader {
 /// # Errors
 /// The input's fault: no store, another format, missing or cut files.
 pub fn read(path: &Path, draws: Option<usize>) -> Result<Draws> {
-    let reader = Reader::open(path)?;
+    let reader = StoreReader::open(path)?;
     match draws {
         Some(draws) => reader.first(draws)?.thinned(usize::MAX),
         None => reader.thinned(usize::MAX),
@@ -340,7 +340,7 @@ pub fn check_stores(folder: &Path) -> Result<()> {
     places.sort();
     for store in places.iter().map(|place| place.join("chain.zarr")) {
         if store.is_dir() {
-            Reader::open(&store)?.check()?;
+            StoreReader::open(&store)?.check()?;
         }
     }
     Ok(())

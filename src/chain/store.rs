@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::digest::Digest;
 use super::draws::Draws;
-use super::reader::Reader;
+use super::reader::StoreReader;
 use super::zarr::{self, ArrayKind, CHUNK, Codec, FORMAT, arrays};
 use crate::error::{Error, Result};
 
@@ -146,7 +146,7 @@ impl Store {
         (draws, digest): (usize, u64),
         replay: Replay<'_>,
     ) -> Result<Self> {
-        let reader = Reader::open(path)?.first(draws)?;
+        let reader = StoreReader::open(path)?.first(draws)?;
         let chunk = layout.chunk();
         let mut store = Self::empty(path, (layout, chunk), attributes);
         store.codec = reader.codec();

@@ -7,8 +7,8 @@ use clap::{Args, Subcommand};
 use super::console::Console;
 use super::{Global, RUNS, population, print, results};
 use crate::campaign::collect::{Collected, MOST_Z, priors_section, write};
-use crate::campaign::manifest::{self, CampaignManifest, Entry};
-use crate::campaign::{self, Asked, Campaign, Cluster, Places, Resources, State};
+use crate::campaign::manifest::{self, CampaignManifest, ManifestEntry};
+use crate::campaign::{self, Asked, Campaign, CampaignPlaces, Cluster, Resources, RunState};
 use crate::error::{Error, Result};
 use crate::section::terminal;
 
@@ -205,19 +205,19 @@ fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
         "{}written to {folder}; plychain campaign collect {folder} makes the table\n",
         manifest.text()
     ))?;
-    let own: Vec<State> = campaign
+    let own: Vec<RunState> = campaign
         .own()
         .iter()
         .map(|run| campaign.places.state(run).state)
         .collect();
-    let count_in = |state: State| own.iter().filter(|s| **s == state).count();
-    let failed = count_in(State::Failed);
+    let count_in = |state: RunState| own.iter().filter(|s| **s == state).count();
+    let failed = count_in(RunState::Failed);
     if failed > 0 {
         return Err(Error::input(folder, "runs that come to their end")
             .found(format!("{failed} of {} that failed", own.len()))
             .hint("log/ has what they printed; --resume --retry runs them again"));
     }
-    let left = count_in(State::ToBeResumed) + count_in(State::Waiting);
+    let left = count_in(RunState::ToBeResumed) + count_in(RunState::Waiting);
     match left > 0 && !handed_on {
         true => Err(Error::stopped(folder, "runs that come to their end")
             .found(format!("{left} of {} to be resumed", own.len()))
@@ -230,7 +230,7 @@ fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
 fn standing(folder: &Path) -> Result<()> {
     let folder = std::path::absolute(folder)
         .map_err(|e| Error::input(folder.display(), "a path").found(e))?;
-    let places = Places(folder);
+    let places = CampaignPlaces(folder);
     let manifest = CampaignManifest::in_folder(&places)?;
     results(&manifest)?;
     let mut text = manifest.text().lines().take(1).collect::<String>();
@@ -242,12 +242,12 @@ fn standing(folder: &Path) -> Result<()> {
         Err(e) => format!("Slurm's queue is not known: {e}\n"),
     };
     let count = |state| manifest.count(state);
-    let left = count(State::Waiting) + count(State::ToBeResumed);
-    if count(State::Failed) > 0 {
+    let left = count(RunState::Waiting) + count(RunState::ToBeResumed);
+    if count(RunState::Failed) > 0 {
         text += "next: read log/NAME.txt of those that failed; --resume --retry runs them again\n";
     }
-    text += &match (left, count(State::Running)) {
-        (0, 0) if count(State::Failed) == 0 => format!(
+    text += &match (left, count(RunState::Running)) {
+        (0, 0) if count(RunState::Failed) == 0 => format!(
             "next: plychain campaign collect {} makes the table\n",
             places.0.display()
         ),
@@ -264,16 +264,16 @@ fn standing(folder: &Path) -> Result<()> {
 }
 
 /// The tables of calibrations whose shares are all done.
-fn calibrations(collected: &Collected, places: &Places) -> Result<()> {
+fn calibrations(collected: &Collected, places: &CampaignPlaces) -> Result<()> {
     let program = std::env::current_exe()
         .map_err(|e| Error::program("campaign", "the path of the program").found(e))?;
     let mut seen = std::collections::BTreeSet::new();
     let runs = || collected.rows.iter().map(|r| &r.entry);
     for entry in runs() {
-        let same_folder = |e: &&Entry| e.run.folder() == entry.run.folder();
+        let same_folder = |e: &&ManifestEntry| e.run.folder() == entry.run.folder();
         let all_done = runs()
             .filter(same_folder)
-            .all(|e| e.status.state == State::Done);
+            .all(|e| e.status.state == RunState::Done);
         if !all_done || !seen.insert(entry.run.folder()) {
             continue;
         }
@@ -289,7 +289,7 @@ fn calibrations(collected: &Collected, places: &Places) -> Result<()> {
 }
 
 fn collected(arguments: &CollectArguments) -> Result<()> {
-    let places = Places(arguments.folder.clone());
+    let places = CampaignPlaces(arguments.folder.clone());
     let collected = Collected::gather(&places)?;
     let mut text = CampaignManifest::in_folder(&places)?.text();
     for (row, name, z) in collected.outlying() {

@@ -44,14 +44,14 @@ pub struct DesignArguments {
 /// Layup and thickness of what was or will be measured, for candidates like it.
 fn laminate(study: &Study) -> Result<(Vec<f64>, MeanSd)> {
     #[derive(serde::Deserialize)]
-    struct Specimen {
+    struct LaidUp {
         #[serde(default)]
         layup_deg: Vec<f64>,
         thickness_mm: MeanSd,
     }
     for experiment in &study.experiments {
         let json = experiment.json(false)?;
-        if let Ok(found) = serde_json::from_value::<Specimen>(json["specimen"].clone()) {
+        if let Ok(found) = serde_json::from_value::<LaidUp>(json["specimen"].clone()) {
             return Ok((found.layup_deg, found.thickness_mm));
         }
     }

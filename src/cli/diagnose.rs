@@ -7,8 +7,9 @@ use clap::{Args, ValueEnum};
 use super::folder::{AVERAGED, say_round};
 use super::{Global, print, results};
 use crate::chain::{
-    Chains, Draws, Reader, coda_index, is_getdist, is_groups, read_coda, read_csv, read_getdist,
-    read_groups, read_npz, read_zarr, write_csv, write_getdist, write_npz, write_stan,
+    Chains, Draws, StoreReader, coda_index, is_getdist, is_groups, read_coda, read_csv,
+    read_getdist, read_groups, read_npz, read_zarr, write_csv, write_getdist, write_npz,
+    write_stan,
 };
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
@@ -141,7 +142,7 @@ fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
         return read_groups(path);
     }
     if let Some(store) = store(path) {
-        return Reader::open(&store)?.thinned(most);
+        return StoreReader::open(&store)?.thinned(most);
     }
     if path.extension().is_some_and(|e| e == "npz") {
         return read_npz(path);
@@ -233,7 +234,7 @@ pub fn export(arguments: &ExportArguments, global: &Global) -> Result<()> {
     // A store is copied chain by chain.
     let own = store(&arguments.run).filter(|_| !is_groups(&arguments.run));
     let chains: Box<dyn Chains> = match own {
-        Some(store) => Box::new(Reader::open(&store)?),
+        Some(store) => Box::new(StoreReader::open(&store)?),
         None => Box::new(read(std::slice::from_ref(&arguments.run), usize::MAX)?),
     };
     match arguments.format {

@@ -7,7 +7,7 @@ use clap::Args;
 use super::{DEFAULT_MODEL, print};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::infer::Model;
+use crate::infer::{Model, box_to_solve};
 use crate::reduce::{doe_text, rows_to_solve};
 use crate::section::{Section, Table, TableCell, row, terminal};
 
@@ -31,7 +31,7 @@ pub struct DoeArguments {
 
 pub fn run(arguments: &DoeArguments) -> Result<()> {
     let model = Model::load(&arguments.model)?;
-    let sides = model.box_to_solve()?;
+    let sides = box_to_solve(&model)?;
     let own = model.file.reduced_model.count();
     let count = arguments.snapshots.map_or(own, |n| n as usize);
     let rows = rows_to_solve(&sides, count);

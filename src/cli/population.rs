@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::console::Console;
 use super::{Global, print, results};
-use crate::campaign::Places;
+use crate::campaign::CampaignPlaces;
 use crate::campaign::population::{
     LEAST, PopulationReport, Specimen, gather, sample, unlike, write,
 };
@@ -30,7 +30,7 @@ pub struct PopulationArguments {
 }
 
 pub fn run(arguments: &PopulationArguments, global: &Global, console: &Console) -> Result<()> {
-    let places = Places(arguments.folder.clone());
+    let places = CampaignPlaces(arguments.folder.clone());
     let gathered = gather(&places, &arguments.leave_out)?;
     let percent = arguments.shared_percent;
     if !(0.0..20.0).contains(&percent) {

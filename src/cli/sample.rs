@@ -21,7 +21,7 @@ use crate::identify::Reporting;
 use crate::progress::Progress;
 use crate::report::chains;
 use crate::report::manifest::Manifest;
-use crate::sample::{Keeping, Schedule, Start, Stream, run_kept};
+use crate::sample::{Keeping, Regime, Schedule, Start, Stream, run_kept};
 use crate::section::terminal;
 
 /// Arguments of `sample`.
@@ -254,12 +254,15 @@ pub fn run(arguments: &SampleArguments, global: &Global, console: &Console) -> R
         &format!("sampling {} at {}", arguments.model, arguments.url),
         None,
     );
-    let watch = Reporting {
-        progress: console,
-        deadline,
+    let regime = Regime {
+        schedule: &schedule,
+        stop: &rule,
+        monitor: &Reporting {
+            progress: console,
+            deadline,
+        },
     };
-    let (sampler, keeping) = (&*sampler, Some(&keeping));
-    let outcome = run_kept(&target, sampler, &start, &schedule, &rule, &watch, keeping);
+    let outcome = run_kept(&target, &*sampler, &start, &regime, Some(&keeping));
     console.end();
     let outcome = outcome?;
     let verdict = diagnose(&outcome.draws, &rule);

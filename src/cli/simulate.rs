@@ -15,7 +15,7 @@ use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
 use crate::field::{READERS, Reader, Source};
 use crate::files;
-use crate::infer::Model;
+use crate::infer::{Model, simulated_field};
 use crate::study::{SharedConstants, Study};
 
 /// Arguments of `simulate`.
@@ -300,7 +300,7 @@ impl FieldTarget<'_> {
             .map(|text| Acting::parse("--effect", without_experiment(text)))
             .collect::<Result<Vec<_>>>()?;
         truth.effects = ordered(acting, &model.scene())?;
-        let grid = model.simulate(&truth)?;
+        let grid = simulated_field(&model, &truth)?;
         let path = self.within.join(reader.file_name());
         let place = self.folder.path().join(&path);
         // that of a folder's own files ends in a dot, which cannot be made with what is above it

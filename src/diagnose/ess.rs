@@ -6,16 +6,16 @@
 use super::autocov::mean_autocovariance;
 use super::transform::{map, mean, normal_scores, sorted, split, variance};
 use super::usable;
-use crate::chain::Series;
+use crate::chain::ScalarDraws;
 use crate::numeric::quantile;
 
 /// Effective number of draws for the bulk: of the rank-normalised split chains.
-pub fn ess_bulk(series: &Series) -> f64 {
+pub fn ess_bulk(series: &ScalarDraws) -> f64 {
     guarded(series, || ess(&normal_scores(&split(series))))
 }
 
 /// The smaller of the effective numbers of draws for the 5 % and the 95 % quantile.
-pub fn ess_tail(series: &Series) -> f64 {
+pub fn ess_tail(series: &ScalarDraws) -> f64 {
     guarded(series, || {
         let sorted = sorted(&series.values);
         let at = |p| indicator_ess(series, quantile(&sorted, p));
@@ -28,28 +28,28 @@ pub fn ess_tail(series: &Series) -> f64 {
 }
 
 /// Effective number of draws for the mean.
-pub fn ess_mean(series: &Series) -> f64 {
+pub fn ess_mean(series: &ScalarDraws) -> f64 {
     guarded(series, || ess(&split(series)))
 }
 
 /// Effective number of draws for the quantile at `p`.
-pub fn ess_quantile(series: &Series, p: f64) -> f64 {
+pub fn ess_quantile(series: &ScalarDraws, p: f64) -> f64 {
     guarded(series, || {
         indicator_ess(series, quantile(&sorted(&series.values), p))
     })
 }
 
-fn guarded(series: &Series, estimate: impl Fn() -> f64) -> f64 {
+fn guarded(series: &ScalarDraws, estimate: impl Fn() -> f64) -> f64 {
     if usable(series) { estimate() } else { f64::NAN }
 }
 
 /// The same with the quantile already known.
-pub(super) fn indicator_ess(series: &Series, level: f64) -> f64 {
+pub(super) fn indicator_ess(series: &ScalarDraws, level: f64) -> f64 {
     ess(&split(&map(series, |v| f64::from(u8::from(v <= level)))))
 }
 
 /// Effective number of draws: of the walkers, or of the ensembles' means if that is less. NaN if constant.
-fn ess(series: &Series) -> f64 {
+fn ess(series: &ScalarDraws) -> f64 {
     let groups = series.groups();
     let single = ess_of_chains(series);
     if groups.len() == series.chains() {
@@ -67,7 +67,7 @@ fn ess(series: &Series) -> f64 {
             (0..series.draws).map(move |t| at(t) / chains.len() as f64)
         })
         .collect();
-    let means = Series::of_chains(means, series.draws);
+    let means = ScalarDraws::of_chains(means, series.draws);
     // Independent walkers would give the means a variance smaller by their number; what counts is the variance that
     // the grand mean has.
     let collective = ess_of_chains(&means) * variance(&series.values) / variance(&means.values);
@@ -79,7 +79,7 @@ fn ess(series: &Series) -> f64 {
 }
 
 /// Effective number of draws of chains as they are; NaN if they are constant.
-fn ess_of_chains(series: &Series) -> f64 {
+fn ess_of_chains(series: &ScalarDraws) -> f64 {
     let (n, chains) = (series.draws, series.chains());
     let mut centred = series.values.clone();
     let mut means = Vec::with_capacity(chains);

@@ -5,16 +5,16 @@ use statrs::function::beta::beta_reg;
 use super::ess::{ess_mean, ess_quantile};
 use super::transform::{map, mean, sd, sorted};
 use super::usable;
-use crate::chain::Series;
+use crate::chain::ScalarDraws;
 use crate::numeric::bisect;
 
 /// Standard error of the mean: sd / sqrt(ESS of the mean).
-pub fn mcse_mean(series: &Series) -> f64 {
+pub fn mcse_mean(series: &ScalarDraws) -> f64 {
     sd(&series.values) / ess_mean(series).sqrt()
 }
 
 /// Standard error of the standard deviation, by the delta method on the squared deviations.
-pub fn mcse_sd(series: &Series) -> f64 {
+pub fn mcse_sd(series: &ScalarDraws) -> f64 {
     if !usable(series) {
         return f64::NAN;
     }
@@ -28,7 +28,7 @@ pub fn mcse_sd(series: &Series) -> f64 {
 
 /// Standard error of the quantile at `p`: half the distance of the order statistics one sd of the quantile's own
 /// Beta distribution to either side.
-pub fn mcse_quantile(series: &Series, p: f64) -> f64 {
+pub fn mcse_quantile(series: &ScalarDraws, p: f64) -> f64 {
     let effective = ess_quantile(series, p);
     if effective.is_nan() {
         return f64::NAN;

@@ -22,13 +22,13 @@ pub use tau::{autocorrelation, tau};
 pub use transform::{mean, sd, sorted};
 pub use verdict::{Row, Rule, Verdict, diagnose};
 
-use crate::chain::Series;
+use crate::chain::ScalarDraws;
 
 /// Fewest draws of a chain that say anything of its autocorrelation.
 const FEWEST: usize = 4;
 
 /// Whether a series has anything to estimate from; see the conventions of this module.
-fn usable(series: &Series) -> bool {
+fn usable(series: &ScalarDraws) -> bool {
     let values = &series.values;
     series.draws >= FEWEST
         && values.iter().all(|v| v.is_finite())

@@ -3,14 +3,14 @@
 
 use super::transform::{map, mean, normal_scores, sorted, split, variance};
 use super::usable;
-use crate::chain::Series;
+use crate::chain::ScalarDraws;
 use crate::numeric::quantile;
 
 /// The larger of the rank-normalised split R-hat and that of the folded draws, across *independent ensembles*: the
 /// walkers of an ensemble depend on each other, so each ensemble's walkers are pooled into one group for each half in
 /// time. For single chains this is the definition of posterior and ArviZ. Of a single ensemble only its halves in time
 /// are compared. NaN as the conventions of [`crate::diagnose`] say.
-pub fn rhat(series: &Series) -> f64 {
+pub fn rhat(series: &ScalarDraws) -> f64 {
     if !usable(series) {
         return f64::NAN;
     }
@@ -26,7 +26,7 @@ pub fn rhat(series: &Series) -> f64 {
 }
 
 /// sqrt(((n - 1)/n W + B/n) / W) over the groups of a series (Eqs. 1 to 4).
-fn between_groups(series: &Series) -> f64 {
+fn between_groups(series: &ScalarDraws) -> f64 {
     let groups = series.groups();
     let pooled: Vec<Vec<f64>> = groups
         .iter()

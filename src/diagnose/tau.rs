@@ -2,7 +2,7 @@
 
 use super::autocov::mean_autocovariance;
 use super::usable;
-use crate::chain::Series;
+use crate::chain::ScalarDraws;
 
 /// Sokal's constant: the window is the first lag M with M >= 5 tau(M).
 const WINDOW: f64 = 5.0;
@@ -13,7 +13,7 @@ const SHORTEST: f64 = 10.0;
 /// tau = 1 + 2 sum of the autocorrelation to the window, in stored draws. Autocovariances are taken along each walker
 /// about its ensemble's mean and averaged over walkers before they are normalised (emcee normalises first, about each
 /// walker's own mean, which is biased low while chains are short). NaN as the conventions of [`crate::diagnose`] say.
-pub fn tau(series: &Series) -> f64 {
+pub fn tau(series: &ScalarDraws) -> f64 {
     let Some(autocovariance) = pooled(series) else {
         return f64::NAN;
     };
@@ -29,13 +29,13 @@ pub fn tau(series: &Series) -> f64 {
 }
 
 /// Relative standard error of [`tau`] (Sokal 1989): the square root of 2 (2 M + 1) / n with the window M and n draws of all chains.
-pub fn tau_error(series: &Series, tau: f64) -> f64 {
+pub fn tau_error(series: &ScalarDraws, tau: f64) -> f64 {
     let window = (WINDOW * tau).max(SHORTEST);
     (2.0 * (2.0 * window + 1.0) / series.values.len() as f64).sqrt()
 }
 
 /// Autocorrelation at lags 0 to `most`, estimated as for [`tau`]; empty where that is NaN.
-pub fn autocorrelation(series: &Series, most: usize) -> Vec<f64> {
+pub fn autocorrelation(series: &ScalarDraws, most: usize) -> Vec<f64> {
     let Some(mut autocovariance) = pooled(series) else {
         return Vec::new();
     };
@@ -45,7 +45,7 @@ pub fn autocorrelation(series: &Series, most: usize) -> Vec<f64> {
 }
 
 /// Mean autocovariance of the walkers about their ensemble's mean; `None` for series of no use or no variance.
-fn pooled(series: &Series) -> Option<Vec<f64>> {
+fn pooled(series: &ScalarDraws) -> Option<Vec<f64>> {
     if !usable(series) {
         return None;
     }

@@ -1,6 +1,6 @@
 //! What R-hat and ESS are computed on: halves of chains, ranks, folds, quantiles.
 
-use crate::chain::Series;
+use crate::chain::ScalarDraws;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 pub fn mean(values: &[f64]) -> f64 {
@@ -27,7 +27,7 @@ pub fn sorted(values: &[f64]) -> Vec<f64> {
 
 /// First and second half of every chain as chains of their own, the middle draw of an odd number left out. The
 /// ensemble of a half is 2 e for the first and 2 e + 1 for the second.
-pub(super) fn split(series: &Series) -> Series {
+pub(super) fn split(series: &ScalarDraws) -> ScalarDraws {
     let half = series.draws / 2;
     let mut values = Vec::with_capacity(2 * half * series.chains());
     let mut ensemble = Vec::with_capacity(2 * series.chains());
@@ -37,7 +37,7 @@ pub(super) fn split(series: &Series) -> Series {
         values.extend_from_slice(&all[series.draws - half..]);
         ensemble.extend([2 * group, 2 * group + 1]);
     }
-    Series {
+    ScalarDraws {
         values,
         draws: half,
         ensemble,
@@ -45,7 +45,7 @@ pub(super) fn split(series: &Series) -> Series {
 }
 
 /// Normal scores of the ranks over all chains, ties averaged, with Blom's offset 3/8 (Vehtari et al. 2021, Eq. 14).
-pub(super) fn normal_scores(series: &Series) -> Series {
+pub(super) fn normal_scores(series: &ScalarDraws) -> ScalarDraws {
     let n = series.values.len();
     let mut order: Vec<u32> = (0..n as u32).collect();
     order
@@ -66,7 +66,7 @@ pub(super) fn normal_scores(series: &Series) -> Series {
         }
         first += count;
     }
-    Series {
+    ScalarDraws {
         values: scores,
         draws: series.draws,
         ensemble: series.ensemble.clone(),
@@ -74,8 +74,8 @@ pub(super) fn normal_scores(series: &Series) -> Series {
 }
 
 /// The series with `f` applied to every value.
-pub(super) fn map(series: &Series, f: impl Fn(f64) -> f64) -> Series {
-    Series {
+pub(super) fn map(series: &ScalarDraws, f: impl Fn(f64) -> f64) -> ScalarDraws {
+    ScalarDraws {
         values: series.values.iter().map(|&v| f(v)).collect(),
         draws: series.draws,
         ensemble: series.ensemble.clone(),

@@ -9,7 +9,7 @@ use super::mcse::{mcse_mean, mcse_quantile, mcse_sd};
 use super::rhat::rhat;
 use super::tau::{tau, tau_error};
 use super::transform::{mean, sd, sorted};
-use crate::chain::{Draws, Series};
+use crate::chain::{Draws, ScalarDraws};
 use crate::files::stored;
 use crate::numeric::quantile;
 use crate::sample::Stop;
@@ -194,7 +194,7 @@ pub fn diagnose(draws: &Draws, rule: &Rule) -> Verdict {
     }
 }
 
-fn row(name: String, series: &Series) -> Row {
+fn row(name: String, series: &ScalarDraws) -> Row {
     let ordered = sorted(&series.values);
     let levels = [0.025, 0.5, 0.975];
     let [low, median, high] = levels.map(|p| quantile(&ordered, p));
@@ -218,7 +218,7 @@ fn row(name: String, series: &Series) -> Row {
     }
 }
 
-fn change(series: &Series, tau_all: f64) -> f64 {
+fn change(series: &ScalarDraws, tau_all: f64) -> f64 {
     let before = tau(&series.first(series.draws - series.draws / 20));
     (tau_all - before).abs() / tau_all
 }

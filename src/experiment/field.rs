@@ -21,8 +21,8 @@ use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
 use crate::error::Result;
 use crate::fem::{
-    Anchor, Answer, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution, SpanBasis,
-    View,
+    self, Anchor, Answer, Certificate, EdgeStress, Locator, Observer, Plate, Setup, Solution,
+    SpanBasis, View,
 };
 use crate::field::rigid::RigidMotion;
 use crate::geometry::Mesh;
@@ -122,7 +122,7 @@ impl FieldExperiment {
     fn loaded(&self, about: Option<&Anchor>, state: &State, held: bool) -> Result<Solution<'_>> {
         let (setup, ply) = self.tested(state)?;
         let mut solution = match about {
-            Some(anchor) => self.plate.solve_near(anchor, &setup, &ply)?,
+            Some(anchor) => anchor.solve_near(&self.plate, &setup, &ply)?,
             None if self.test.full_order => self.plate.solve_full_order(&setup, &ply)?,
             None => self.plate.solve(&setup, &ply)?,
         };
@@ -308,7 +308,7 @@ impl Mechanics for FieldExperiment {
 
     fn anchor(&self, about: &State, times: &[f64]) -> Result<Option<Anchor>> {
         let (setup, ply) = self.tested(about)?;
-        Ok(Some(self.plate.anchor(&setup, &ply, times)?))
+        Anchor::new(&self.plate, &setup, &ply, times).map(Some)
     }
 
     fn looks_near(
@@ -338,12 +338,11 @@ impl Mechanics for FieldExperiment {
             Softening::NearEdge => {
                 let nominal = setup.load.axial / setup.width();
                 (
-                    self.plate
-                        .near_edge(anchor, &setup, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?,
+                    anchor.near_edge(&self.plate, &setup, NEAR_EDGE_REACH, NEAR_EDGE_HARMONICS)?,
                     nominal,
                 )
             }
-            Softening::Bumps(bumps) => (self.plate.softened(anchor, (&setup, &ply), bumps)?, 1.0),
+            Softening::Bumps(bumps) => (anchor.softened(&self.plate, (&setup, &ply), bumps)?, 1.0),
         };
         let camera = Seen::new(state.acting(), &self.scene);
         let observer = self.observer(&mesh, &camera, sight);
@@ -437,8 +436,8 @@ impl Spanning for FieldExperiment {
             return Ok(());
         }
         let tests = states.iter().map(|state| self.tested(state));
-        self.plate
-            .span(&tests.collect::<Result<Vec<_>>>()?, WORTH_A_BASIS)
+        let tests = tests.collect::<Result<Vec<_>>>()?;
+        fem::span(&self.plate, &tests, WORTH_A_BASIS)
     }
 
     fn view(&self, sight: &Sight) -> Result<Option<View>> {
@@ -461,7 +460,7 @@ impl Spanning for FieldExperiment {
             if known == views.len() {
                 views.push(self.view_of(basis, &setup, sight)?);
             }
-            certificates.extend(self.plate.certify(&setup, &ply, &views[known])?);
+            certificates.extend(Certificate::of(&self.plate, &setup, &ply, &views[known])?);
         }
         Ok(certificates)
     }

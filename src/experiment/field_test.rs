@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::gauge::Gauge;
-use super::subset::Images;
+use super::subset::Imaging;
 use crate::field::Frame;
 use crate::geometry::Density;
 use crate::laminate::{LoadSpec, SpecimenSpec};
@@ -20,7 +20,7 @@ pub struct FieldTest {
     /// Frequency of the fringes a mm of displacement, where displacements are read from fringes.
     pub fringe_frequency_per_mm: Option<f64>,
     /// How images are correlated, where they are.
-    pub images: Option<Images>,
+    pub images: Option<Imaging>,
     /// Bounding box of the measured points, (s, t) mm, low and high corner.
     pub window: [[f64; 2]; 2],
     /// Mesh density.

@@ -35,7 +35,7 @@ pub use solver::{
 };
 pub use spec::{ExperimentKind, ExperimentSpec, StepForces, check_name};
 pub use state::State;
-pub use subset::{Images, Subsets};
+pub use subset::{Imaging, Subsets};
 
 use crate::effect::{Acting, Kind, Scene};
 use crate::error::Result;

@@ -6,13 +6,13 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::fem::{Locator, Observer};
-use crate::field::SubsetShape;
 use crate::field::rigid::RigidMotion;
+use crate::field::{ImageCorrelation, PartialSubsets, SubsetShape};
 use crate::numeric::legendre;
 
 /// How images of the specimen are correlated.
 #[derive(Debug, Clone, Serialize)]
-pub struct Images {
+pub struct Imaging {
     pub subsets: Subsets,
     /// Distance of the camera, mm, where it is declared.
     pub camera_distance_mm: Option<f64>,
@@ -42,6 +42,16 @@ const LOOKS: usize = 7;
 const SAMPLES: usize = 9;
 
 impl Subsets {
+    /// Those of an image correlation.
+    pub fn of(images: ImageCorrelation) -> Self {
+        Self {
+            side_mm: images.effective_subset_mm.unwrap_or(images.subset_mm),
+            declared_mm: images.subset_mm,
+            shape: images.shape.unwrap_or(SubsetShape::Affine),
+            kept: images.partial_subsets == PartialSubsets::Kept,
+        }
+    }
+
     /// Places of a whole subset about the origin, with the weight that each has in what is reported.
     fn whole(&self) -> Vec<([f64; 2], f64)> {
         let rule = legendre(POINTS);

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::anderson::Anderson;
 use super::initial_stress::{add_forces, gauss_points};
+use super::load::end_forces;
 use super::plate::{Plate, Solution};
 use super::ply_law::PlyLaw;
 use super::setup::Setup;
@@ -21,22 +22,6 @@ pub struct Anchor {
     linear: (f64, Vec<f64>),
     /// Under axial forces, N, where they are not.
     followed: Vec<(f64, Vec<f64>)>,
-}
-
-impl Anchor {
-    /// Displacements near those of a test whose plies are linear or not, by the nearest axial force that is known.
-    fn start(&self, setup: &Setup, is_linear: bool) -> Vec<f64> {
-        let axial = setup.load.axial;
-        let off = |(force, _): &&(f64, Vec<f64>)| (force - axial).abs();
-        let followed = self.followed.iter().filter(|_| !is_linear);
-        let nearest = followed.min_by(|a, b| off(a).total_cmp(&off(b)));
-        let (force, nodal) = nearest.unwrap_or(&self.linear);
-        let ratio = axial / force;
-        match ratio.is_finite() {
-            true => nodal.iter().map(|u| ratio * u).collect(),
-            false => nodal.clone(),
-        }
-    }
 }
 
 /// A Gaussian about a place, of height 1.
@@ -63,14 +48,14 @@ const SAME: f64 = 1e-10;
 /// Most corrections.
 const MOST: usize = 12;
 
-impl Plate {
+impl Anchor {
     /// Solve a test and keep its factorisation. What its plies do that is not linear is followed along the load, through some times the
     /// test's own.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn anchor(&self, setup: &Setup, ply: &Ply, times: &[f64]) -> Result<Anchor> {
-        let (mut factor, mut solution) = self.linear(setup, ply)?;
+    pub fn new(plate: &Plate, setup: &Setup, ply: &Ply, times: &[f64]) -> Result<Self> {
+        let (mut factor, mut solution) = plate.linear(setup, ply)?;
         let axial = setup.load.axial;
         let linear = (axial, solution.nodal.clone());
         let mut followed = Vec::new();
@@ -84,44 +69,63 @@ impl Plate {
                     ..setup.clone()
                 };
                 solution.nodal.iter_mut().for_each(|u| *u *= by / last);
-                self.follow(&own, ply, &mut factor, &mut solution)?;
+                plate.follow(&own, ply, &mut factor, &mut solution)?;
                 followed.push((by * axial, solution.nodal.clone()));
                 last = by;
             }
         }
-        Ok(Anchor {
+        Ok(Self {
             factor: factor.keep(),
             linear,
             followed,
         })
     }
 
-    /// Solve a test near an anchor's, on a mesh of the same connectivity: corrections by the anchor's stiffness until they do not matter to
+    /// Displacements near those of a test whose plies are linear or not, by the nearest axial force that is known.
+    fn start(&self, setup: &Setup, is_linear: bool) -> Vec<f64> {
+        let axial = setup.load.axial;
+        let off = |(force, _): &&(f64, Vec<f64>)| (force - axial).abs();
+        let followed = self.followed.iter().filter(|_| !is_linear);
+        let nearest = followed.min_by(|a, b| off(a).total_cmp(&off(b)));
+        let (force, nodal) = nearest.unwrap_or(&self.linear);
+        let ratio = axial / force;
+        match ratio.is_finite() {
+            true => nodal.iter().map(|u| ratio * u).collect(),
+            false => nodal.clone(),
+        }
+    }
+
+    /// Solve a test near the anchor's, on a mesh of the same connectivity: corrections by the anchor's stiffness until they do not matter to
     /// a difference of two such solutions.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn solve_near(&self, anchor: &Anchor, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
-        let mut solution = self.elastic_near(anchor, setup, ply)?;
-        self.add_plastic(setup, ply, &mut solution.nodal)?;
+    pub fn solve_near<'a>(
+        &self,
+        plate: &'a Plate,
+        setup: &Setup,
+        ply: &Ply,
+    ) -> Result<Solution<'a>> {
+        let mut solution = self.elastic_near(plate, setup, ply)?;
+        plate.add_plastic(setup, ply, &mut solution.nodal)?;
         Ok(solution)
     }
 
     /// The same without yielding.
-    fn elastic_near(&self, anchor: &Anchor, setup: &Setup, ply: &Ply) -> Result<Solution<'_>> {
-        if let Some(nodal) = self.spanned(setup, ply) {
-            let mesh = self.mesh_of(setup)?;
+    fn elastic_near<'a>(&self, plate: &'a Plate, setup: &Setup, ply: &Ply) -> Result<Solution<'a>> {
+        if let Some(nodal) = plate.spanned(setup, ply) {
+            let mesh = plate.mesh_of(setup)?;
             return Ok(Solution { mesh, nodal });
         }
-        let mesh = self.mesh_of(setup)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let mesh = plate.mesh_of(setup)?;
+        let geometry = plate.geometry.morphed(&setup.whole_morph())?;
         setup.profile.validate(&*geometry)?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
-        let integrals = self.integrals_of(setup, &mesh, &scale);
+        let integrals = plate.integrals_of(setup, &mesh, &scale);
         let membranes = setup.membranes(ply);
         let law = PlyLaw::new(setup, ply).map(|law| (law, gauss_points(&mesh)));
-        let load = mesh.end_forces(&setup.load);
-        let mut nodal = anchor.start(setup, law.is_none());
+        let load = end_forces(&mesh, &setup.load);
+        let mut nodal = self.start(setup, law.is_none());
         let largest = nodal.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
         let mut first = 0.0;
         let mut accelerated = Anderson::default();
@@ -130,11 +134,11 @@ impl Plate {
             if let Some((law, gauss)) = &law {
                 law.add_forces((&mesh, gauss), &scale, &nodal, &mut correction);
             }
-            let inner = self.assembly.multiply(&integrals, &membranes, &nodal);
+            let inner = plate.assembly.multiply(&integrals, &membranes, &nodal);
             for (c, f) in correction.iter_mut().zip(inner) {
                 *c -= f;
             }
-            self.solve_with(&anchor.factor, &mut correction);
+            plate.solve_with(&self.factor, &mut correction);
             let size = correction.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
             let mut image = correction;
             for (u, c) in nodal.iter().zip(&mut image) {
@@ -152,24 +156,24 @@ impl Plate {
             nodal = accelerated.next(&nodal, image);
         }
         // too far away
-        Ok(self.factorised(setup, ply)?.1)
+        Ok(plate.factorised(setup, ply)?.1)
     }
 
-    /// Nodal displacements (mm) of an anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole
+    /// Nodal displacements (mm) of the anchor's mesh, that of the test `setup`, under unit initial stresses within `reach` radii of the hole
     /// instead of the load: the resultants N11, N22, N12 of one N/mm each, times cos(m theta) and sin(m theta), m up to `harmonics`.
     /// Whatever changes the stiffness there, its field outside is a sum of such fields. Empty without a hole.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn near_edge(
+    pub fn near_edge<'a>(
         &self,
-        anchor: &Anchor,
+        plate: &'a Plate,
         setup: &Setup,
         reach: f64,
         harmonics: usize,
-    ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
-        let mesh = self.mesh_of(setup)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+    ) -> Result<(Cow<'a, Mesh>, Vec<Vec<f64>>)> {
+        let mesh = plate.mesh_of(setup)?;
+        let geometry = plate.geometry.morphed(&setup.whole_morph())?;
         if geometry.hole_radius().is_none() {
             return Ok((mesh, Vec::new()));
         }
@@ -195,35 +199,35 @@ impl Plate {
                 loads.extend(load);
             }
         }
-        self.solve_with(&anchor.factor, &mut loads);
+        plate.solve_with(&self.factor, &mut loads);
         let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
         Ok((mesh, fields))
     }
 
-    /// Nodal displacements (mm) of an anchor's mesh, that of the test `setup`, that a relative change of the membrane stiffness by each of
+    /// Nodal displacements (mm) of the anchor's mesh, that of the test `setup`, that a relative change of the membrane stiffness by each of
     /// some bumps adds to the anchor's, to first order and one unit each, its plies taken for linear: K u' = -K_bump u.
     ///
     /// # Errors
     /// Those of [`Plate::solve`].
-    pub fn softened(
+    pub fn softened<'a>(
         &self,
-        anchor: &Anchor,
+        plate: &'a Plate,
         (setup, ply): (&Setup, &Ply),
         bumps: &[Bump],
-    ) -> Result<(Cow<'_, Mesh>, Vec<Vec<f64>>)> {
-        let mesh = self.mesh_of(setup)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+    ) -> Result<(Cow<'a, Mesh>, Vec<Vec<f64>>)> {
+        let mesh = plate.mesh_of(setup)?;
+        let geometry = plate.geometry.morphed(&setup.whole_morph())?;
         let membranes = setup.membranes(ply);
         let mut loads = Vec::with_capacity(bumps.len() * mesh.unknowns());
         for bump in bumps {
             let scale = |p: [f64; 2]| bump.at(p) * setup.profile.factor(&*geometry, p);
-            let integrals = self.assembly.integrals(&mesh, &scale);
-            let forces = self
+            let integrals = plate.assembly.integrals(&mesh, &scale);
+            let forces = plate
                 .assembly
-                .multiply(&integrals, &membranes, &anchor.linear.1);
+                .multiply(&integrals, &membranes, &self.linear.1);
             loads.extend(forces.into_iter().map(|f| -f));
         }
-        self.solve_with(&anchor.factor, &mut loads);
+        plate.solve_with(&self.factor, &mut loads);
         let fields = loads.chunks(mesh.unknowns()).map(<[f64]>::to_vec).collect();
         Ok((mesh, fields))
     }

@@ -1,5 +1,6 @@
 //! Plate bending on a plate's own mesh: sparse stiffness, Cholesky, and the specimen bent by moments at its ends.
 
+use super::load::edge_forces;
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use nalgebra::{SMatrix, Vector3};
 
@@ -156,10 +157,10 @@ impl EndMoment {
         for name in [LOW, HIGH] {
             // an end that is wider than the parallel part carries the same resultant
             let share = (t1 - t0) / mesh.edge(name).iter().map(|e| chord(mesh, e)).sum::<f64>();
-            let moments = mesh.edge_forces(&[name], &|[s, _], [outward, _]| {
+            let moments = edge_forces(mesh, &[name], &|[s, _], [outward, _]| {
                 [share * outward * (self.moment + self.gradient * s), 0.0]
             });
-            let shear = mesh.edge_forces(&[name], &|_, [outward, _]| {
+            let shear = edge_forces(mesh, &[name], &|_, [outward, _]| {
                 [share * outward * self.gradient, 0.0]
             });
             let own = moments.chunks(2).zip(shear.chunks(2));

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::basis::{COMPONENTS, Query, Shape, SpanBasis, TOLERANCE, weights};
 use super::columns::ColumnStore;
-use super::load::EndLoad;
+use super::load::{EndLoad, end_forces, load_parts};
 use super::plate::Plate;
 use super::probes::Probes;
 use super::profile::Profile;
@@ -135,11 +135,11 @@ impl<'a> Growing<'a> {
         });
         let whitening = whitening.collect::<Result<_>>()?;
         let unit = |k: usize| {
-            let mut load = mesh.end_forces(&EndLoad::unit(k));
+            let mut load = end_forces(mesh, &EndLoad::unit(k));
             plate.assembly.pin_loads(&mut load);
             load
         };
-        let loads: Vec<Vec<f64>> = (0..mesh.load_parts()).map(unit).collect();
+        let loads: Vec<Vec<f64>> = (0..load_parts(mesh)).map(unit).collect();
         let n = mesh.unknowns();
         let probes = Probes::new(plate, mesh, &means, &factor.keep())?;
         let mut growing = Self {

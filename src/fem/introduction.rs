@@ -7,8 +7,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::edge::{OnEdge, dot, turned};
-use crate::geometry::{Boundary, EdgeForce, INTRODUCTIONS, Mesh};
+use super::edge::{OnEdge, dot, gauss, pieces, turned};
+use crate::geometry::{Boundary, INTRODUCTIONS, Mesh};
 
 /// Tractions on each of these edges.
 pub const TRACTIONS: usize = 6;
@@ -16,41 +16,26 @@ pub const TRACTIONS: usize = 6;
 /// Amplitudes on each such edge: the resultant, N, of a uniform traction as large as the unit of each.
 pub type Introduction = [[f64; TRACTIONS]; INTRODUCTIONS];
 
-impl Boundary {
-    /// The edges whose tractions are not known, in the order in which they were declared.
-    pub fn introductions(&self) -> impl Iterator<Item = &EdgeForce> {
-        self.loads.iter().filter(|l| l.is_measured)
-    }
-}
-
-impl Mesh {
-    /// How many edges have tractions that are not known.
-    pub fn introductions(&self) -> usize {
-        let boundary = self.boundary.as_ref();
-        boundary.map_or(0, |b| b.introductions().count().min(INTRODUCTIONS))
-    }
-
-    /// Add the nodal forces (N) of some amplitudes to those of the nominal tractions.
-    pub(super) fn add_introductions(
-        &self,
-        boundary: &Boundary,
-        amplitudes: &Introduction,
-        forces: &mut [f64],
-    ) {
-        for (edge, amplitudes) in boundary.introductions().zip(amplitudes) {
-            if amplitudes.iter().all(|a| *a == 0.0) {
-                continue;
-            }
-            let pieces: Vec<_> = self.pieces(edge).collect();
-            let nodes = pieces.iter().flat_map(|piece| piece.iter());
-            let nodes: Vec<[f64; 2]> = nodes.map(|n| self.nodes[*n as usize]).collect();
-            let points: Vec<OnEdge> = pieces.iter().flat_map(|e| self.gauss(e)).collect();
-            let edge = EdgeLine::new(&nodes, edge.direction, &points);
-            for ((k, at), traction) in points.iter().enumerate().zip(edge.tractions(amplitudes)) {
-                for (node, n) in pieces[k / 3].iter().zip(at.shape) {
-                    for (i, t) in traction.iter().enumerate() {
-                        forces[2 * *node as usize + i] += n * t * at.length;
-                    }
+/// Add the nodal forces (N) of some amplitudes to those of the nominal tractions.
+pub(super) fn add_introductions(
+    mesh: &Mesh,
+    boundary: &Boundary,
+    amplitudes: &Introduction,
+    forces: &mut [f64],
+) {
+    for (edge, amplitudes) in boundary.introductions().zip(amplitudes) {
+        if amplitudes.iter().all(|a| *a == 0.0) {
+            continue;
+        }
+        let pieces: Vec<_> = pieces(mesh, edge).collect();
+        let nodes = pieces.iter().flat_map(|piece| piece.iter());
+        let nodes: Vec<[f64; 2]> = nodes.map(|n| mesh.nodes[*n as usize]).collect();
+        let points: Vec<OnEdge> = pieces.iter().flat_map(|e| gauss(mesh, e)).collect();
+        let edge = EdgeLine::new(&nodes, edge.direction, &points);
+        for ((k, at), traction) in points.iter().enumerate().zip(edge.tractions(amplitudes)) {
+            for (node, n) in pieces[k / 3].iter().zip(at.shape) {
+                for (i, t) in traction.iter().enumerate() {
+                    forces[2 * *node as usize + i] += n * t * at.length;
                 }
             }
         }

@@ -37,7 +37,7 @@ pub use basis::{Answer, Query, SpanBasis, TOLERANCE};
 pub use bending::{
     BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation,
 };
-pub use load::EndLoad;
+pub use load::{EndLoad, edge_forces, end_forces, load_parts};
 pub use observe::{Locator, Nodal, Observer};
 pub use plastic::{EdgeStress, YieldFrame};
 pub use plastic_table::{Metal, PlasticTable};
@@ -46,7 +46,7 @@ pub use plate::{Plate, Solution};
 pub use profile::{Annulus, Profile};
 pub use setup::{Region, Setup, Yield};
 pub use solve::Factor;
-pub use span::Certificate;
+pub use span::{Certificate, span};
 pub use supports::Supports;
 pub use vibration::{NaturalModes, Vibrating};
 pub use view::{Motion, View};

@@ -7,7 +7,7 @@
 use std::thread;
 
 use super::initial_stress::gauss_points;
-use super::load::EndLoad;
+use super::load::{EndLoad, end_forces};
 use super::plasticity::J2;
 use super::solve::Factor;
 use super::yielding::{Body, Walk};
@@ -244,10 +244,13 @@ fn of_hardening<'f>(
     };
     let [mut first, mut second] = [factorised(POISSON[0])?, factorised(POISSON[1])?];
     let gauss = gauss_points(mesh);
-    let mut elastic = mesh.end_forces(&EndLoad {
-        axial: width(mesh),
-        ..EndLoad::default()
-    });
+    let mut elastic = end_forces(
+        mesh,
+        &EndLoad {
+            axial: width(mesh),
+            ..EndLoad::default()
+        },
+    );
     first.solve(&mut elastic);
     let body = Body {
         law: law(POISSON[0]),

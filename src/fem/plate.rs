@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 use super::assemble::Assembly;
 use super::basis::{Answer, Query, SpanBasis};
 use super::inverse::Inverse;
+use super::load::end_forces;
 use super::plastic_table::PlasticTable;
 use super::ply_law::PlyLaw;
 use super::profile::Profile;
@@ -144,7 +145,7 @@ impl Plate {
             &self.integrals_of(setup, &mesh, &scale),
             &setup.membranes(ply),
         )?;
-        let mut nodal = mesh.end_forces(&setup.load);
+        let mut nodal = end_forces(&mesh, &setup.load);
         factor.solve(&mut nodal);
         Ok((factor, Solution { mesh, nodal }))
     }
@@ -163,7 +164,7 @@ impl Plate {
         let geometry = self.geometry.morphed(&setup.whole_morph())?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         let Solution { mesh, nodal } = solution;
-        let load = mesh.end_forces(&setup.load);
+        let load = end_forces(mesh, &setup.load);
         law.iterate(mesh, &scale, &load, factor, nodal)
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use super::load::EndLoad;
+use super::load::{EndLoad, end_forces};
 use crate::error::{Error, Result};
 use crate::geometry::{Boundary, HIGH, LOW, Mesh};
 
@@ -73,10 +73,13 @@ impl Supports {
                 _ => Vector3::new(0.0, 1.0, (p[0] - middle[0]) / size),
             }
         };
-        let load = mesh.end_forces(&EndLoad {
-            axial: 1.0,
-            ..EndLoad::default()
-        });
+        let load = end_forces(
+            mesh,
+            &EndLoad {
+                axial: 1.0,
+                ..EndLoad::default()
+            },
+        );
         let mut work = Vector3::zeros();
         for (unknown, force) in load.iter().enumerate() {
             work += motion(unknown) * *force;

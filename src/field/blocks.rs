@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 
 use super::measured::{Field, bounds};
-use super::places::Places;
+use super::places::BlockPoints;
 
 /// Square blocks and the points in them.
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ pub struct Blocks {
     /// Variance of the points' place in each block along both directions, mm^2.
     pub spread: Vec<[f64; 2]>,
     /// The points of each block, where they are so few that their places count.
-    pub places: Places,
+    pub places: BlockPoints,
     /// The block of each point of the field; `None` outside of all blocks.
     pub of_point: Vec<Option<u32>>,
     /// Longest correlation length that counts as noise, mm: two subsets where they are declared, or a tenth of the
@@ -109,9 +109,9 @@ impl Blocks {
                 .collect()
         };
         let places = if typical <= Self::FEW {
-            Places::of_few(members.values().map(points).collect())
+            BlockPoints::of_few(members.values().map(points).collect())
         } else {
-            Places::Many
+            BlockPoints::Many
         };
         let [low, high] = bounds(&field.points);
         let shorter = (high[0] - low[0]).min(high[1] - low[1]);

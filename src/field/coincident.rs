@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::common::Places;
+use super::common::PointIndex;
 use super::measured::{Field, Reason, bounds};
 
 /// Points with one and the same displacement are copies of one if they lie within this many spacings of the file's points.
@@ -18,7 +18,7 @@ pub(super) fn merge(field: &mut Field) -> usize {
     let area: f64 = (0..2).map(|k| high[k] - low[k]).product();
     // copies make this too small, never too large
     let spacing = (area / field.len().max(1) as f64).sqrt();
-    let same = Places::new(&field.points, spacing).first_at_each();
+    let same = PointIndex::new(&field.points, spacing).first_at_each();
     let again = merge_to(field, &same);
     again + merge_to(field, &copies(field, NEAR * spacing))
 }

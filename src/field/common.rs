@@ -6,7 +6,7 @@ use std::collections::HashMap;
 const SAME: f64 = 0.02;
 
 /// The points of one field, to look others up among them.
-pub(super) struct Places<'a> {
+pub(super) struct PointIndex<'a> {
     points: &'a [[f64; 2]],
     tolerance: f64,
     side: f64,
@@ -18,7 +18,7 @@ pub(super) struct Places<'a> {
 /// No further point in a cell.
 const NONE: usize = usize::MAX;
 
-impl<'a> Places<'a> {
+impl<'a> PointIndex<'a> {
     /// `spacing_mm` is the distance of neighbouring points.
     pub fn new(points: &'a [[f64; 2]], spacing_mm: f64) -> Self {
         // coincident points have no spacing; coordinates are written to a nanometre at best

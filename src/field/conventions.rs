@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use rstar::RTree;
 
-use super::common::Places;
+use super::common::PointIndex;
 use super::measured::Field;
 
 /// A field takes its places from a grid if it has so many points for each coordinate that occurs.
@@ -70,7 +70,7 @@ pub fn is_deformed(fields: &[Field]) -> Option<bool> {
     let spacing = first.spacing_mm();
     let in_common = |points: &dyn Fn(&Field) -> Vec<[f64; 2]>| {
         let base = points(first);
-        let places = Places::new(&base, spacing);
+        let places = PointIndex::new(&base, spacing);
         let found = |f: &&Field| places.among(&points(f)).iter().flatten().count();
         others.iter().map(found).sum::<usize>()
     };

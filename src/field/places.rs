@@ -11,7 +11,7 @@ const MOST_SITES: f64 = 4.0;
 
 /// The points of each block.
 #[derive(Debug, Clone)]
-pub enum Places {
+pub enum BlockPoints {
     /// So many that they cover their blocks evenly.
     Many,
     /// Few, anywhere: their coordinates (s, t) in mm.
@@ -30,7 +30,7 @@ pub struct PointLattice {
     pub sites: Vec<Vec<u32>>,
 }
 
-impl Places {
+impl BlockPoints {
     /// The places of few points, block by block; (s, t) in mm.
     pub fn of_few(blocks: Vec<Vec<[f64; 2]>>) -> Self {
         match PointLattice::new(&blocks) {

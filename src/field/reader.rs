@@ -221,7 +221,7 @@ pub(super) fn read_text(path: &Path) -> Result<String> {
 }
 
 /// A file of a measurement that cannot be read.
-pub(crate) fn unreadable(path: &Path, error: &std::io::Error) -> Error {
+pub fn unreadable(path: &Path, error: &std::io::Error) -> Error {
     Error::input(path.display(), "a readable file")
         .found(error)
         .hint("paths in a model file are relative to it; --data PATH gives another place")

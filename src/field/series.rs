@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::agreement::{self, Judged};
-use super::common::Places;
+use super::common::PointIndex;
 use super::conventions;
 use super::measured::{Field, Reason, Rejected};
 use super::outliers::outliers_of_steps;
@@ -105,7 +105,7 @@ impl Series {
     fn common(fields: Vec<Field>, steps: &[StepSpec]) -> Result<Self> {
         let reference = step::reference(steps);
         let base = &fields[reference];
-        let places = Places::new(&base.points, base.spacing_mm());
+        let places = PointIndex::new(&base.points, base.spacing_mm());
         let index: Vec<Vec<Option<usize>>> = fields
             .par_iter()
             .map(|field| places.among(&field.points))

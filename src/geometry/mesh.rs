@@ -31,6 +31,13 @@ pub struct Boundary {
     pub held: Vec<(String, [bool; 2])>,
 }
 
+impl Boundary {
+    /// The edges whose tractions are not known, in the order in which they were declared.
+    pub fn introductions(&self) -> impl Iterator<Item = &EdgeForce> {
+        self.loads.iter().filter(|l| l.is_measured)
+    }
+}
+
 /// The whole force of a test on some edges.
 #[derive(Debug, Clone)]
 pub struct EdgeForce {
@@ -71,6 +78,12 @@ impl Mesh {
     /// How many stacks there are, the specimen's among them.
     pub fn stacks(&self) -> usize {
         1 + usize::from(self.region.iter().copied().max().unwrap_or(0))
+    }
+
+    /// How many edges have tractions that are not known.
+    pub fn introductions(&self) -> usize {
+        let boundary = self.boundary.as_ref();
+        boundary.map_or(0, |b| b.introductions().count().min(INTRODUCTIONS))
     }
 
     /// The edges of a name; none if there are none.

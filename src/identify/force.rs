@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::experiment::{Gauge, Sight, gauged, predict};
-use crate::infer::Model;
+use crate::infer::{Model, experiment_over};
 
 /// Where no force of a series is known, take that of its reference step for the one at which displacements have the size that the priors'
 /// means predict: constants then are where their priors are, times the common factor that only a force would tell. (To sample that factor
@@ -19,7 +19,7 @@ pub fn settle_force(model: &mut Model) -> Result<()> {
     };
     let points = &series.field.points;
     let sight = Sight::anywhere(points, &[]);
-    let experiment = model.experiment_over(series.field.measured_bounds(), 1.0)?;
+    let experiment = experiment_over(model, series.field.measured_bounds(), 1.0)?;
     let state = model.state(&|_| None);
     let predicted = predict(&*experiment, &state, &experiment.sight(points))?.field;
     let measured = &series.steps[series.reference].displacement;

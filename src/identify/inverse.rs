@@ -10,6 +10,7 @@ use crate::files::KeptStages;
 use crate::geometry::Geometry;
 use crate::infer::{
     Likelihood, Marginal, Model, Observation, Posterior, Statistics, TracedSeries, UnitColumns,
+    drawn_in, problem_of, problem_within,
 };
 use crate::noise::{Hyperparameters, Noise};
 use crate::progress::Progress;
@@ -81,7 +82,7 @@ pub fn prepare_traced(
     progress: &dyn Progress,
 ) -> Result<Prepared> {
     let (problem, observation) = observed(model, progress)?;
-    if let Some(sides) = model.drawn_in() {
+    if let Some(sides) = drawn_in(model) {
         progress.begin(
             "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
             None,
@@ -159,7 +160,7 @@ fn field_observed(
 ) -> Result<(Problem, Observation)> {
     progress.say(&format!("{} points", field.len()));
     progress.end();
-    let problem = model.problem_of(&field, 0.0)?;
+    let problem = problem_of(model, &field, 0.0)?;
     let experiment = &*problem.experiment;
     let moved = turned_back(field.clone(), &experiment.motion());
     let observation = Observation::new(moved, experiment)?;
@@ -167,7 +168,7 @@ fn field_observed(
     if own == 0.0 {
         return Ok((problem, observation));
     }
-    let problem = model.problem_of(&field, own)?;
+    let problem = problem_of(model, &field, own)?;
     let field = turned_back(field, &problem.experiment.motion());
     let observation = Observation::new(field, &*problem.experiment)?;
     Ok((problem, observation))
@@ -181,7 +182,7 @@ fn series_observed(
     let (steps, points) = (series.steps.len(), series.field.len());
     progress.say(&format!("{steps} steps of {points} points"));
     progress.end();
-    let problem = model.problem(series.field.measured_bounds())?;
+    let problem = problem_within(model, series.field.measured_bounds())?;
     let forces = model.experiment().forces();
     let mut observation = Observation::of_series(series, forces, &*problem.experiment)?;
     let growing = |observation: &Observation| {

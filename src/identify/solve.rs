@@ -23,7 +23,7 @@ use crate::infer::{Model, Posterior, TracedSeries};
 use crate::noise::Hyperparameters;
 use crate::progress::Progress;
 use crate::sample::{
-    self, Keeping, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stopped,
+    self, Keeping, Monitor, Phase, PhaseReport, Regime, Sampler, Schedule, Start, Stopped,
 };
 use crate::sample::{Laplace, LogDensity};
 
@@ -62,6 +62,14 @@ impl<'a> Options<'a> {
             discrepancy: [None, None],
             deadline: None,
             doubting: Doubting::Unasked,
+        }
+    }
+
+    /// What tells `progress` of a sampler, and ends it in time.
+    pub fn reporting<'b>(&self, progress: &'b dyn Progress) -> Reporting<'b> {
+        Reporting {
+            progress,
+            deadline: self.deadline,
         }
     }
 
@@ -348,11 +356,10 @@ fn draw(
         posterior,
         options.sampler,
         &start,
-        &options.schedule,
-        &options.rule,
-        &Reporting {
-            progress,
-            deadline: options.deadline,
+        &Regime {
+            schedule: &options.schedule,
+            stop: &options.rule,
+            monitor: &options.reporting(progress),
         },
         keeping.as_ref(),
     )?;

@@ -37,7 +37,7 @@ pub const IMPROBABLE: f64 = 1e-4;
 /// Side of a part in which waves are sought, in spacings of the points.
 const PART: f64 = 24.0;
 
-/// Parts looked at, at most.
+/// WaveParts looked at, at most.
 const MOST_PARTS: usize = 64;
 
 /// Waves that pass fewer times through a part are smooth structure, which the blocks see.
@@ -55,6 +55,19 @@ const ABOUT: std::ops::Range<f64> = 1.8..4.0;
 /// Amplitudes below this share of the residual's RMS are not worth mentioning: the side lobes of noise that square subsets have
 /// averaged, which all parts have alike, reach a fifth.
 const WORTHY: f64 = 0.3;
+
+/// A residual in parts in which waves are sought.
+struct WaveParts<'a> {
+    field: &'a Field,
+    residual: &'a [[f64; 2]],
+    /// Side of a part, mm.
+    side: f64,
+    /// Points of each part.
+    members: Vec<Vec<usize>>,
+    /// WaveParts that are looked at.
+    chosen: Vec<usize>,
+    numbers: Vec<[f64; 2]>,
+}
 
 /// The periodograms of one component over the parts.
 struct Spectra {
@@ -89,33 +102,40 @@ pub fn clearest(
     if side.is_nan() || side <= 0.0 {
         return None;
     }
-    let parts = Blocks::new(field, side, used);
-    let mut members = vec![Vec::new(); parts.len()];
-    for (i, part) in parts.of_point.iter().enumerate() {
+    let blocks = Blocks::new(field, side, used);
+    let mut members = vec![Vec::new(); blocks.len()];
+    for (i, part) in blocks.of_point.iter().enumerate() {
         if let Some(part) = part {
             members[*part as usize].push(i);
         }
     }
-    let stride = parts.len().div_ceil(MOST_PARTS).max(1);
-    let chosen: Vec<usize> = (0..parts.len())
+    let stride = blocks.len().div_ceil(MOST_PARTS).max(1);
+    let chosen: Vec<usize> = (0..blocks.len())
         .step_by(stride)
         .filter(|&part| members[part].len() >= FEWEST_POINTS)
         .collect();
     if chosen.is_empty() {
         return None;
     }
-    let numbers = wave_numbers();
-    let tried = (2 * numbers.len()) as f64;
+    let parts = WaveParts {
+        field,
+        residual,
+        side,
+        members,
+        chosen,
+        numbers: wave_numbers(),
+    };
+    let tried = (2 * parts.numbers.len()) as f64;
     let peak = [0, 1]
         .map(|c| {
-            let spectra = Spectra::new(field, residual, &chosen, &members, side, c, &numbers);
+            let spectra = Spectra::new(&parts, c);
             [spectra.sharpest(tried), spectra.steadiest(tried)]
         })
         .into_iter()
         .flatten()
         .flatten()
         .min_by(|a, b| a.p.total_cmp(&b.p))?;
-    let [a, b] = numbers[peak.number];
+    let [a, b] = parts.numbers[peak.number];
     let number = a.hypot(b);
     Some(Wave {
         component: ["u1", "u2"][peak.component].into(),
@@ -123,25 +143,79 @@ pub fn clearest(
         length_range_mm: [side / (number + 0.5), side / (number - 0.5)],
         direction_in_data: field.frame.vector([a / number, b / number]),
         amplitude_nm: peak.amplitude * NM_PER_MM,
-        place_in_data_mm: field.frame.data_point(parts.centroid[peak.part]),
+        place_in_data_mm: field.frame.data_point(blocks.centroid[peak.part]),
         share: peak.share,
         p: peak.p,
     })
 }
 
+impl WaveParts<'_> {
+    /// Power of component `c` over one part at all wave numbers, after a quadratic and under a Hann window, which keeps what is
+    /// smooth in its place; and the amplitude of a lone wave over the root of its power.
+    fn periodogram(&self, part: usize, c: usize) -> (Vec<f64>, f64) {
+        let (field, residual, side) = (self.field, self.residual, self.side);
+        let members = &self.members[part];
+        let n = members.len();
+        let low = [0, 1].map(|k| {
+            members
+                .iter()
+                .map(|&i| field.points[i][k])
+                .fold(f64::INFINITY, f64::min)
+        });
+        let high = [0, 1].map(|k| {
+            members
+                .iter()
+                .map(|&i| field.points[i][k])
+                .fold(f64::NEG_INFINITY, f64::max)
+        });
+        let place = |i: usize, k: usize| (field.points[i][k] - 0.5 * (low[k] + high[k])) / side;
+        let basis = DMatrix::from_fn(n, TERMS, |row, term| {
+            let [s, t] = [place(members[row], 0), place(members[row], 1)];
+            [1.0, s, t, s * s, s * t, t * t][term]
+        });
+        let values = DVector::from_iterator(n, members.iter().map(|&i| residual[i][c]));
+        let fit = NormalEquations::new(basis.tr_mul(&basis), basis.tr_mul(&values));
+        let left = fit.map_or_else(|| values.clone(), |f| &values - &basis * f.mean());
+        let window: Vec<f64> = members
+            .iter()
+            .map(|&i| {
+                let half = |k: usize| (std::f64::consts::PI * place(i, k)).cos().powi(2);
+                half(0) * half(1)
+            })
+            .collect();
+        let square: f64 = window.iter().map(|w| w * w).sum();
+        let sum: f64 = window.iter().sum();
+        let power = self
+            .numbers
+            .iter()
+            .map(|&[a, b]| {
+                let mut total = [0.0; 2];
+                for (row, &i) in members.iter().enumerate() {
+                    let phase = 2.0 * std::f64::consts::PI * (a * place(i, 0) + b * place(i, 1));
+                    let (sin, cos) = phase.sin_cos();
+                    let value = window[row] * left[row];
+                    total = [total[0] + value * cos, total[1] + value * sin];
+                }
+                (total[0] * total[0] + total[1] * total[1]) / square
+            })
+            .collect();
+        (power, 2.0 * square.sqrt() / sum.max(f64::MIN_POSITIVE))
+    }
+}
+
 impl Spectra {
-    fn new(
-        field: &Field,
-        residual: &[[f64; 2]],
-        chosen: &[usize],
-        members: &[Vec<usize>],
-        side: f64,
-        component: usize,
-        numbers: &[[f64; 2]],
-    ) -> Self {
+    fn new(parts: &WaveParts<'_>, component: usize) -> Self {
+        let WaveParts {
+            field,
+            residual,
+            side,
+            chosen,
+            numbers,
+            ..
+        } = parts;
         let raw: Vec<(Vec<f64>, f64)> = chosen
             .par_iter()
-            .map(|&part| periodogram(field, residual, &members[part], side, component, numbers))
+            .map(|&part| parts.periodogram(part, component))
             .collect();
         let shape = field.subset_mm.map(|w| of_subsets(numbers, w / side));
         let (expected, common) = expected(numbers, &raw, shape.as_deref());
@@ -330,62 +404,6 @@ fn wave_numbers() -> Vec<[f64; 2]> {
 /// Terms of the quadratic that is taken out of a part, and points that a part needs.
 const TERMS: usize = 6;
 const FEWEST_POINTS: usize = 100;
-
-/// Power of one component over one part at all wave numbers, after a quadratic and under a Hann window, which keeps what is
-/// smooth in its place; and the amplitude of a lone wave over the root of its power.
-fn periodogram(
-    field: &Field,
-    residual: &[[f64; 2]],
-    members: &[usize],
-    side: f64,
-    c: usize,
-    numbers: &[[f64; 2]],
-) -> (Vec<f64>, f64) {
-    let n = members.len();
-    let low = [0, 1].map(|k| {
-        members
-            .iter()
-            .map(|&i| field.points[i][k])
-            .fold(f64::INFINITY, f64::min)
-    });
-    let high = [0, 1].map(|k| {
-        members
-            .iter()
-            .map(|&i| field.points[i][k])
-            .fold(f64::NEG_INFINITY, f64::max)
-    });
-    let place = |i: usize, k: usize| (field.points[i][k] - 0.5 * (low[k] + high[k])) / side;
-    let basis = DMatrix::from_fn(n, TERMS, |row, term| {
-        let [s, t] = [place(members[row], 0), place(members[row], 1)];
-        [1.0, s, t, s * s, s * t, t * t][term]
-    });
-    let values = DVector::from_iterator(n, members.iter().map(|&i| residual[i][c]));
-    let fit = NormalEquations::new(basis.tr_mul(&basis), basis.tr_mul(&values));
-    let left = fit.map_or_else(|| values.clone(), |f| &values - &basis * f.mean());
-    let window: Vec<f64> = members
-        .iter()
-        .map(|&i| {
-            let half = |k: usize| (std::f64::consts::PI * place(i, k)).cos().powi(2);
-            half(0) * half(1)
-        })
-        .collect();
-    let square: f64 = window.iter().map(|w| w * w).sum();
-    let sum: f64 = window.iter().sum();
-    let power = numbers
-        .iter()
-        .map(|&[a, b]| {
-            let mut total = [0.0; 2];
-            for (row, &i) in members.iter().enumerate() {
-                let phase = 2.0 * std::f64::consts::PI * (a * place(i, 0) + b * place(i, 1));
-                let (sin, cos) = phase.sin_cos();
-                let value = window[row] * left[row];
-                total = [total[0] + value * cos, total[1] + value * sin];
-            }
-            (total[0] * total[0] + total[1] * total[1]) / square
-        })
-        .collect();
-    (power, 2.0 * square.sqrt() / sum.max(f64::MIN_POSITIVE))
-}
 
 #[cfg(test)]
 #[path = "../../tests/unit/waves.rs"]

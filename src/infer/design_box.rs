@@ -19,104 +19,104 @@ const BOX_SDS: f64 = 3.0;
 /// Smallest modulus of the default DoE box as a fraction of its prior mean.
 const SMALLEST_MODULUS: f64 = 0.25;
 
-impl Model {
-    /// The priors' means +- 3 sd, never below a quarter of a modulus' mean, and drawn in to what is admissible.
-    pub fn prior_box(&self) -> Vec<Dimension> {
-        let mut sides = self.wide_box();
-        draw_in(self.material(), &self.means(), &mut sides, &|_| false);
-        sides
-    }
+/// The priors' means +- 3 sd, never below a quarter of a modulus' mean, and drawn in to what is admissible.
+pub fn prior_box(model: &Model) -> Vec<Dimension> {
+    let mut sides = wide_box(model);
+    draw_in(model.material(), &model.means(), &mut sides, &|_| false);
+    sides
+}
 
-    /// What is drawn in of the constants' box because a ply could not be there; none if nothing is.
-    pub fn drawn_in(&self) -> Option<String> {
-        let mut sides = self.wide_box();
-        self.declare(&mut sides);
-        self.draw_in(&mut sides)
-    }
+/// What is drawn in of the constants' box because a ply could not be there; none if nothing is.
+pub fn drawn_in(model: &Model) -> Option<String> {
+    let mut sides = wide_box(model);
+    declare(model, &mut sides);
+    draw_in_undeclared(model, &mut sides)
+}
 
-    fn draw_in(&self, sides: &mut [Dimension]) -> Option<String> {
-        let declared = self.file.reduced_model.doe.iter().flatten();
-        let declared: Vec<&String> = declared.map(|(name, _)| name).collect();
-        let is_fixed = |name: &str| declared.iter().any(|d| *d == name);
-        draw_in(self.material(), &self.means(), sides, &is_fixed)
-    }
+/// Draw in sides for which no bounds are declared.
+fn draw_in_undeclared(model: &Model, sides: &mut [Dimension]) -> Option<String> {
+    let declared = model.file.reduced_model.doe.iter().flatten();
+    let declared: Vec<&String> = declared.map(|(name, _)| name).collect();
+    let is_fixed = |name: &str| declared.iter().any(|d| *d == name);
+    draw_in(model.material(), &model.means(), sides, &is_fixed)
+}
 
-    /// Give sides the bounds that are declared for them.
-    fn declare(&self, sides: &mut [Dimension]) {
-        let declared = self.file.reduced_model.doe.iter().flatten();
-        for (name, [low, high]) in declared {
-            for side in sides.iter_mut().filter(|d| d.name == *name) {
-                (side.low, side.high) = (*low, *high);
-            }
+/// Give sides the bounds that are declared for them.
+fn declare(model: &Model, sides: &mut [Dimension]) {
+    let declared = model.file.reduced_model.doe.iter().flatten();
+    for (name, [low, high]) in declared {
+        for side in sides.iter_mut().filter(|d| d.name == *name) {
+            (side.low, side.high) = (*low, *high);
         }
     }
+}
 
-    /// The constants' box as the priors have it.
-    fn wide_box(&self) -> Vec<Dimension> {
-        self.constants()
-            .iter()
-            .zip(self.marginals())
-            .map(|(name, m)| {
-                let low = m.mean - BOX_SDS * m.sd;
-                let floor = if is_modulus(name) {
-                    SMALLEST_MODULUS * m.mean
-                } else {
-                    f64::NEG_INFINITY
-                };
-                Dimension {
-                    name: (*name).into(),
-                    low: low.max(floor),
-                    high: m.mean + BOX_SDS * m.sd,
-                }
-            })
-            .collect()
-    }
-
-    /// Whether the DoE box may have a side of this name.
-    pub fn may_have_side(&self, name: &str) -> bool {
-        let mut amplitudes = self.sampled().into_iter().flat_map(|effect| {
-            let parameters = effect.parameters().iter();
-            parameters.map(|p| amplitude_name(effect, p))
-        });
-        name == THICKNESS || self.constants().contains(&name) || amplitudes.any(|n| n == name)
-    }
-
-    /// The DoE box: declared bounds, or those of [`Model::prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
-    pub(super) fn dimensions(&self) -> Result<Vec<Dimension>> {
-        let mut dimensions = self.wide_box();
-        for effect in self.sampled() {
-            for (k, parameter) in effect.parameters().iter().enumerate() {
-                let reach = self
-                    .prior_sd(effect, k)
-                    .map_or(parameter.bound, |sd| (BOX_SDS * sd).min(parameter.bound));
-                dimensions.push(Dimension {
-                    name: amplitude_name(effect, parameter),
-                    low: -reach,
-                    high: reach,
-                });
+/// The constants' box as the priors have it.
+fn wide_box(model: &Model) -> Vec<Dimension> {
+    model
+        .constants()
+        .iter()
+        .zip(model.marginals())
+        .map(|(name, m)| {
+            let low = m.mean - BOX_SDS * m.sd;
+            let floor = if is_modulus(name) {
+                SMALLEST_MODULUS * m.mean
+            } else {
+                f64::NEG_INFINITY
+            };
+            Dimension {
+                name: (*name).into(),
+                low: low.max(floor),
+                high: m.mean + BOX_SDS * m.sd,
             }
-        }
-        let thickness = self.experiment().specimen.thickness_mm;
-        if thickness.sd > 0.0 {
+        })
+        .collect()
+}
+
+/// Whether the DoE box may have a side of this name.
+pub fn may_have_side(model: &Model, name: &str) -> bool {
+    let mut amplitudes = model.sampled().into_iter().flat_map(|effect| {
+        let parameters = effect.parameters().iter();
+        parameters.map(|p| amplitude_name(effect, p))
+    });
+    name == THICKNESS || model.constants().contains(&name) || amplitudes.any(|n| n == name)
+}
+
+/// The DoE box: declared bounds, or those of [`prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
+pub(super) fn dimensions(model: &Model) -> Result<Vec<Dimension>> {
+    let mut dimensions = wide_box(model);
+    for effect in model.sampled() {
+        for (k, parameter) in effect.parameters().iter().enumerate() {
+            let reach = model
+                .prior_sd(effect, k)
+                .map_or(parameter.bound, |sd| (BOX_SDS * sd).min(parameter.bound));
             dimensions.push(Dimension {
-                name: THICKNESS.into(),
-                low: thickness.mean - 4.0 * thickness.sd,
-                high: thickness.mean + 4.0 * thickness.sd,
+                name: amplitude_name(effect, parameter),
+                low: -reach,
+                high: reach,
             });
         }
-        let known: Vec<&str> = dimensions.iter().map(|d| &d.name[..]).collect();
-        let mut declared = self.file.reduced_model.doe.iter().flatten();
-        if let Some((name, _)) = declared.find(|(name, _)| !known.contains(&&name[..])) {
-            return Err(Error::input(
-                format!("{}: reduced_model.doe", self.path.display()),
-                format!("one of {}", known.join(", ")),
-            )
-            .found(name));
-        }
-        self.declare(&mut dimensions);
-        self.draw_in(&mut dimensions);
-        Ok(dimensions)
     }
+    let thickness = model.experiment().specimen.thickness_mm;
+    if thickness.sd > 0.0 {
+        dimensions.push(Dimension {
+            name: THICKNESS.into(),
+            low: thickness.mean - 4.0 * thickness.sd,
+            high: thickness.mean + 4.0 * thickness.sd,
+        });
+    }
+    let known: Vec<&str> = dimensions.iter().map(|d| &d.name[..]).collect();
+    let mut declared = model.file.reduced_model.doe.iter().flatten();
+    if let Some((name, _)) = declared.find(|(name, _)| !known.contains(&&name[..])) {
+        return Err(Error::input(
+            format!("{}: reduced_model.doe", model.path.display()),
+            format!("one of {}", known.join(", ")),
+        )
+        .found(name));
+    }
+    declare(model, &mut dimensions);
+    draw_in_undeclared(model, &mut dimensions);
+    Ok(dimensions)
 }
 
 /// Draw the sides about `middle` (the priors' means; the dimensions begin with the constants) in until every corner is admissible with a

@@ -2,6 +2,7 @@
 
 mod design_box;
 mod effect_under_law;
+mod experiment;
 mod joint;
 mod kernel;
 mod known;
@@ -15,7 +16,6 @@ mod schema;
 mod series;
 mod shipped;
 mod simulated;
-mod sizes;
 mod statistics;
 mod steps;
 mod supplied;
@@ -24,11 +24,15 @@ mod tension;
 mod traced;
 mod version1;
 
+pub use design_box::{drawn_in, may_have_side, prior_box};
 pub use effect_under_law::{Amplitude, EffectUnderLaw};
+pub use experiment::{
+    coarse_experiment, experiment_over, moved_experiment_over, problem_of, problem_within,
+};
 pub use joint::{Joint, Member};
 pub use known::Known;
 pub use likelihood::Likelihood;
-pub use model::Model;
+pub use model::{FREE_MM, Model};
 pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns};
 pub use posterior::{Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
@@ -37,9 +41,10 @@ pub use schema::{
     SCHEMA,
 };
 pub use shipped::{OPENHOLE, STEEL, unchanged};
-pub use sizes::FREE_MM;
+pub use simulated::{simulated_field, simulated_series};
 pub use statistics::{Statistics, Whitened};
 pub use steps::Steps;
+pub use supplied::box_to_solve;
 pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};
 pub use tension::{Moments, Tension};
 pub use traced::TracedSeries;

@@ -8,15 +8,11 @@ use super::prior::Marginal;
 use super::schema::{ExperimentEntry, ModelFile, ModelOutline};
 use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, obstacle};
 use crate::error::{Error, Result};
-use crate::experiment::{
-    ExperimentKind, ExperimentSpec, FieldExperiment, FieldSolver, FieldTest, Images,
-    MockExperiment, State, check_gauge,
-};
+use crate::experiment::{ExperimentSpec, State, Subsets, check_gauge};
 use crate::fem::Setup;
 use crate::field::Field;
-use crate::field::rigid::{self, RigidMotion};
 use crate::laminate::{Material, MeanSd};
-use crate::reduce::{Problem, SnapshotsSpec, exponents};
+use crate::reduce::{SnapshotsSpec, exponents};
 
 /// A validated model and where it came from.
 #[derive(Clone)]
@@ -30,6 +26,9 @@ pub struct Model {
     /// The field, where it was measured by the caller and stands in no file.
     pub measured: Option<Arc<Field>>,
 }
+
+/// Prior sd of a motion in the plane, mm and, over the picture, rad: as good as none.
+pub const FREE_MM: f64 = 10.0;
 
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
 const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
@@ -289,6 +288,18 @@ impl Model {
         own.copied().or(declared).or(parameter.prior_sd)
     }
 
+    /// Prior sd of an amplitude of a series of image correlation in a scene, border units.
+    pub fn prior_sd_in_series(&self, scene: &Scene, effect: &dyn Effect, k: usize) -> f64 {
+        let name = amplitude_name(effect, &effect.parameters()[k]);
+        if let Some(own) = self.experiment().plausible.get(&name) {
+            return *own;
+        }
+        effect
+            .prior_sd_before_camera(k, scene)
+            .or_else(|| self.prior_sd(effect, k))
+            .unwrap_or(FREE_MM)
+    }
+
     /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
     /// load where its scale is declared as an effect of its own. Of a series the forces of the steps have errors of their own beside it.
     pub fn loaded_thickness_mm(&self) -> MeanSd {
@@ -348,70 +359,10 @@ impl Model {
         }
     }
 
-    /// The experiment seen over a window (low and high corner, (s, t) mm), ready to be predicted, on the model's mesh with
-    /// its counts of elements multiplied by `finer`.
-    ///
-    /// # Errors
-    /// A specimen that cannot be meshed.
-    pub fn experiment_over(
-        &self,
-        window: [[f64; 2]; 2],
-        finer: f64,
-    ) -> Result<Arc<dyn FieldSolver>> {
-        self.moved_experiment_over(window, RigidMotion::NONE, finer)
-    }
-
-    /// The same of a specimen that moves in the plane beside what the load does to it.
-    ///
-    /// # Errors
-    /// A specimen that cannot be meshed.
-    pub fn moved_experiment_over(
-        &self,
-        window: [[f64; 2]; 2],
-        motion: RigidMotion,
-        finer: f64,
-    ) -> Result<Arc<dyn FieldSolver>> {
-        let [low, high] = window;
-        let scene = Scene {
-            middle: [0, 1].map(|k| 0.5 * (low[k] + high[k])),
-            ..self.scene()
-        };
-        let spec = self.experiment();
-        if spec.kind == ExperimentKind::Mock {
-            return Ok(Arc::new(MockExperiment::new(scene, spec.gauge, window)));
-        }
-        let test = FieldTest {
-            specimen: spec.specimen.clone(),
-            load: spec.nominal_load(),
-            frame: scene.frame,
-            gauge: spec.gauge,
-            fringe_frequency_per_mm: scene.fringe_frequency_per_mm,
-            images: self.subsets().map(|subsets| Images {
-                subsets,
-                camera_distance_mm: scene.camera_distance_mm,
-                motion,
-            }),
-            window,
-            density: spec.density().scaled(finer),
-            // a simulation asks for one field
-            full_order: self.file.reduced_model.full_order || finer > 1.0,
-        };
-        let own = Arc::new(FieldExperiment::new(test, scene)?);
-        self.with_snapshots(own)
-    }
-
-    /// The experiment of the model on a mesh of half the density; none where the mesh cannot be that much coarser, or where there is none.
-    ///
-    /// # Errors
-    /// A specimen that cannot be meshed.
-    pub fn coarse(&self, fine: &dyn FieldSolver) -> Result<Option<Arc<dyn FieldSolver>>> {
-        const DENSITY: f64 = 0.5;
-        if fine.given().is_some() || fine.mesh_size()[0] == 0 {
-            return Ok(None);
-        }
-        let coarse = self.moved_experiment_over(fine.window(), fine.motion(), DENSITY)?;
-        let is_coarser = 2 * coarse.mesh_size()[0] <= fine.mesh_size()[0];
-        Ok(Some(coarse).filter(|_| is_coarser))
+    /// The subsets of the image correlation, where there is one.
+    pub fn subsets(&self) -> Option<Subsets> {
+        let images = self.experiment().measurement.image_correlation;
+        images.map(Subsets::of)
     }
 
     /// The state in which everything has the values that `value` gives by name (`E1_GPa`, `load_misalignment.angle_deg`),
@@ -431,49 +382,6 @@ impl Model {
         });
         let thickness = self.experiment().specimen.thickness_mm.mean;
         State::new(&constants, thickness).with(acting)
-    }
-
-    /// The reduced model's problem for a measured field of a specimen that the load turns by `own`, rad.
-    ///
-    /// # Errors
-    /// Those of [`Problem::validate`]; a specimen that cannot be meshed.
-    pub fn problem_of(&self, field: &Field, own: f64) -> Result<Problem> {
-        let imaged = self.experiment().measurement.image_correlation.is_some();
-        let motion = if imaged {
-            rigid::fit(&field.points, &field.displacement).with_own(own)
-        } else {
-            RigidMotion::NONE
-        };
-        self.problem_over(field.measured_bounds(), motion)
-    }
-
-    /// The same for a window of measured points, where nothing is known of how the specimen moves.
-    ///
-    /// # Errors
-    /// Those of [`Model::problem_of`].
-    pub fn problem(&self, window: [[f64; 2]; 2]) -> Result<Problem> {
-        self.problem_over(window, RigidMotion::NONE)
-    }
-
-    fn problem_over(&self, window: [[f64; 2]; 2], motion: RigidMotion) -> Result<Problem> {
-        let experiment = self.moved_experiment_over(window, motion, 1.0)?;
-        let effects = self.sampled();
-        let is_changed = effects.iter().any(|e| e.kind() == Kind::Mechanical);
-        let coarse = match is_changed && !self.file.reduced_model.full_order {
-            true => self.coarse(&*experiment)?,
-            false => None,
-        };
-        let problem = Problem {
-            dimensions: self.dimensions_of(&*experiment)?,
-            coarse,
-            experiment,
-            effects,
-            spec: self.file.reduced_model.clone(),
-        };
-        problem
-            .validate()
-            .map_err(|e| e.within(self.path.display()))?;
-        Ok(problem)
     }
 
     /// Raise the number of snapshots to what a response surface of the model's parameters should have, half as many again as

@@ -150,11 +150,11 @@ impl ExperimentEntry {
     /// What the entry says of its kind; nothing where it says nothing.
     pub fn kind(&self) -> String {
         #[derive(Deserialize)]
-        struct Kind {
+        struct EntryKind {
             #[serde(default)]
             kind: String,
         }
-        serde_json::from_str::<Kind>(&self.json).map_or_else(|_| String::new(), |k| k.kind)
+        serde_json::from_str::<EntryKind>(&self.json).map_or_else(|_| String::new(), |k| k.kind)
     }
 
     /// Whether a field was measured.

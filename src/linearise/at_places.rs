@@ -135,7 +135,7 @@ impl Observing for AtPlaces<'_> {
     }
 
     fn prior_sd(&self, model: &Model, effect: &dyn Effect, k: usize) -> f64 {
-        model.prior_sd_pictured(self.experiment.scene(), effect, k)
+        model.prior_sd_in_series(self.experiment.scene(), effect, k)
     }
 
     fn beginning(&self, shared: State) -> SeriesState {

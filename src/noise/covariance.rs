@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::field::Blocks;
-use crate::field::places::Places;
+use crate::field::places::BlockPoints;
 use crate::files::stored;
 use crate::numeric::legendre;
 
@@ -114,8 +114,8 @@ impl<'a> BlockKernel<'a> {
             offsets[2 * k + 1] = (-node, weight * (1.0 - node));
         }
         let of_sites = match &blocks.places {
-            Places::OnLattice(lattice) => lattice.tabulate(|d| matern(length_mm, d)),
-            Places::Many | Places::Anywhere(_) => Vec::new(),
+            BlockPoints::OnLattice(lattice) => lattice.tabulate(|d| matern(length_mm, d)),
+            BlockPoints::Many | BlockPoints::Anywhere(_) => Vec::new(),
         };
         Self {
             blocks,
@@ -134,18 +134,18 @@ impl<'a> BlockKernel<'a> {
         let distance = length(offset);
         // blocks of scattered points have higher moments, which the expansion leaves out
         let reach = match &blocks.places {
-            Places::Anywhere(_) => 10.0,
-            Places::Many | Places::OnLattice(_) => 4.0,
+            BlockPoints::Anywhere(_) => 10.0,
+            BlockPoints::Many | BlockPoints::OnLattice(_) => 4.0,
         };
         if distance > reach * (3.0 * (variance[0] + variance[1])).sqrt() {
             return self.far(offset, distance, variance);
         }
         match &blocks.places {
-            Places::Many => self.near(offset, variance),
-            Places::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
+            BlockPoints::Many => self.near(offset, variance),
+            BlockPoints::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
                 matern(self.length_mm, length([p[0] - q[0], p[1] - q[1]]))
             }),
-            Places::OnLattice(lattice) => {
+            BlockPoints::OnLattice(lattice) => {
                 let sites = &lattice.sites;
                 mean_over(&sites[i], &sites[j], |p, q| {
                     self.of_sites[p.abs_diff(*q) as usize]

@@ -9,7 +9,7 @@ use super::density::LogDensity;
 use super::ensemble::accept;
 use super::gaussian::{add_lower, cholesky, whiten};
 use super::stream::{Key, Stream};
-use super::{Block, Sampler, Span, State};
+use super::{Block, EnsembleState, Sampler, Span};
 use crate::error::{Error, Result};
 use crate::numeric::{log_sum_exp, relative_weights};
 
@@ -297,12 +297,12 @@ impl Sampler for Adapted {
         WINDOW
     }
 
-    fn begin(&self, _dim: usize, x: Vec<f64>, lp: Vec<f64>, _covariance: &[f64]) -> Result<State> {
+    fn begin(&self, _dim: usize, x: Vec<f64>, lp: Vec<f64>, _: &[f64]) -> Result<EnsembleState> {
         if lp.len() != WALKERS {
             let expected = format!("{WALKERS} walkers");
             return Err(Error::program("independence", expected).found(lp.len()));
         }
-        Ok(State::start(x, lp, Vec::new()))
+        Ok(EnsembleState::start(x, lp, Vec::new()))
     }
 
     /// All proposals of a span are evaluated at once: none depends on where the walkers are.
@@ -311,7 +311,7 @@ impl Sampler for Adapted {
         target: &dyn LogDensity,
         key: Key,
         span: Span,
-        state: &mut State,
+        state: &mut EnsembleState,
         block: &mut Block,
     ) -> Result<()> {
         let (dim, count) = (target.dim(), span.steps * WALKERS);

@@ -6,7 +6,7 @@ use super::density::{DensityError, LogDensity};
 use super::ensemble::accept;
 use super::gaussian::{add_lower, cholesky, whiten};
 use super::stream::{Key, Stream};
-use super::{Block, Sampler, Span, State};
+use super::{Block, EnsembleState, Sampler, Span};
 use crate::error::{Error, Result};
 
 /// Steps between two updates of the proposal during warm-up.
@@ -117,7 +117,13 @@ impl Sampler for Adaptive {
         (500 * dim).max(2000)
     }
 
-    fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, covariance: &[f64]) -> Result<State> {
+    fn begin(
+        &self,
+        dim: usize,
+        x: Vec<f64>,
+        lp: Vec<f64>,
+        covariance: &[f64],
+    ) -> Result<EnsembleState> {
         if lp.len() != 1 {
             return Err(Error::program("adaptive", "one walker").found(lp.len()));
         }
@@ -136,7 +142,7 @@ impl Sampler for Adaptive {
                 "a positive definite matrix",
             ));
         }
-        Ok(State::start(x, lp, memory))
+        Ok(EnsembleState::start(x, lp, memory))
     }
 
     fn advance(
@@ -144,7 +150,7 @@ impl Sampler for Adaptive {
         target: &dyn LogDensity,
         key: Key,
         span: Span,
-        state: &mut State,
+        state: &mut EnsembleState,
         block: &mut Block,
     ) -> Result<()> {
         let dim = target.dim();

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::{Block, State};
+use super::{Block, EnsembleState};
 use crate::chain::MoveTally;
 use crate::error::{Error, Result};
 use crate::files;
@@ -32,7 +32,7 @@ pub struct Warm {
 pub struct Checkpoint {
     pub warm: Warm,
     /// State of each ensemble.
-    pub states: Vec<State>,
+    pub states: Vec<EnsembleState>,
     /// Tallies of each ensemble since warm-up, without draws.
     pub totals: Vec<Block>,
     /// Draws of each chain in the store, and their digest.
@@ -46,7 +46,7 @@ struct CheckpointFile {
     warm: Warm,
     draws: usize,
     digest: u64,
-    states: Vec<State>,
+    states: Vec<EnsembleState>,
     totals: Vec<Totals>,
 }
 

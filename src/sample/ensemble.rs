@@ -9,7 +9,7 @@ use super::mixture::Mixture;
 use super::moves::{Fit, Move, Proposal, Walkers};
 use super::numbers::Numbers;
 use super::stream::{Key, Stream};
-use super::{Block, Sampler, Span, State};
+use super::{Block, EnsembleState, Sampler, Span};
 use crate::error::{Error, Result};
 
 /// Largest condition number of the scaled start positions, as in emcee's `walkers_independent`.
@@ -46,7 +46,7 @@ impl Sampler for Ensemble {
         64.max(8 * dim)
     }
 
-    fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, _covariance: &[f64]) -> Result<State> {
+    fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, _: &[f64]) -> Result<EnsembleState> {
         let walkers = lp.len();
         let fewest = (2 * dim).max(2 * self.mixture.fewest(dim));
         if walkers < fewest || !walkers.is_multiple_of(2) {
@@ -69,7 +69,7 @@ impl Sampler for Ensemble {
             .found(format!("condition number {condition:e}"))
             .hint("an ensemble never leaves the subspace its walkers span: spread the start in every parameter"));
         }
-        Ok(State::start(x, lp, Vec::new()))
+        Ok(EnsembleState::start(x, lp, Vec::new()))
     }
 
     fn advance(
@@ -77,7 +77,7 @@ impl Sampler for Ensemble {
         target: &dyn LogDensity,
         key: Key,
         span: Span,
-        state: &mut State,
+        state: &mut EnsembleState,
         block: &mut Block,
     ) -> Result<()> {
         let (dim, walkers) = (target.dim(), state.lp.len());
@@ -117,7 +117,7 @@ struct Half {
 }
 
 impl Half {
-    fn split(state: &State, dim: usize) -> [Self; 2] {
+    fn split(state: &EnsembleState, dim: usize) -> [Self; 2] {
         let half = state.lp.len() / 2;
         [0, half].map(|first| Self {
             x: (0..dim * half)
@@ -127,7 +127,7 @@ impl Half {
         })
     }
 
-    fn join(halves: &[Self; 2], state: &mut State) {
+    fn join(halves: &[Self; 2], state: &mut EnsembleState) {
         let half = state.lp.len() / 2;
         let dim = state.x.len() / state.lp.len();
         for (which, own) in halves.iter().enumerate() {

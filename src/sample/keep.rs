@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::checkpoint::{Checkpoint, Warm};
 use super::density::LogDensity;
 use super::memory::{Memory, MemoryShare};
-use super::{Block, State};
+use super::{Block, EnsembleState};
 use crate::chain::{Layout, Store};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, STAGES};
@@ -125,7 +125,7 @@ impl Keeper {
     pub(super) fn flush(
         &mut self,
         warm: Warm,
-        states: &[State],
+        states: &[EnsembleState],
         totals: &[Block],
         acceptance: &[f64],
     ) -> Result<()> {

@@ -1,6 +1,6 @@
 //! Samplers: kernels that advance a state under a target, and the schedule that runs independent ensembles of them.
 //!
-//! A [`Sampler`] has no state of its own. What the next step needs is in [`State`]; what is worth knowing about the
+//! A [`Sampler`] has no state of its own. What the next step needs is in [`EnsembleState`]; what is worth knowing about the
 //! steps taken is in [`Block`]. Every random number comes from a [`Stream`] that is known from (seed, ensemble, walker,
 //! count), so the draws depend neither on the number of threads nor on where a run was interrupted.
 
@@ -38,9 +38,9 @@ pub use mixture::{MOVES, Mixture};
 pub use moves::{Fit, Move, Proposal, Walkers};
 pub use numbers::{Needs, Numbers};
 pub use run::{run, run_kept};
-pub use schedule::{Monitor, Outcome, Phase, PhaseReport, Quiet, Schedule, Stop, Stopped};
+pub use schedule::{Monitor, Outcome, Phase, PhaseReport, Quiet, Regime, Schedule, Stop, Stopped};
 pub use snooker::Snooker;
-pub use start::Start;
+pub use start::{Start, diagonal};
 pub use stream::{Key, Stream};
 pub use stretch::Stretch;
 
@@ -51,7 +51,7 @@ use crate::error::Result;
 
 /// What the next step of one ensemble needs, and nothing else.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct EnsembleState {
     pub step: u64,
     /// Positions, walker x parameter.
     #[serde(with = "crate::numeric::bits")]
@@ -66,7 +66,7 @@ pub struct State {
     pub memory: Vec<f64>,
 }
 
-impl State {
+impl EnsembleState {
     /// Before the first step: walkers at `x` (walker x parameter) with log densities `lp`, and what the sampler knows already.
     pub fn start(x: Vec<f64>, lp: Vec<f64>, memory: Vec<f64>) -> Self {
         Self {
@@ -137,7 +137,13 @@ pub trait Sampler: Send + Sync {
     ///
     /// # Errors
     /// The input's fault: a degenerate start, or too few walkers.
-    fn begin(&self, dim: usize, x: Vec<f64>, lp: Vec<f64>, covariance: &[f64]) -> Result<State>;
+    fn begin(
+        &self,
+        dim: usize,
+        x: Vec<f64>,
+        lp: Vec<f64>,
+        covariance: &[f64],
+    ) -> Result<EnsembleState>;
 
     /// Advances `state` by a span of steps; `block` takes what was done, whatever it held before. The same key, state
     /// and span give the same block and the same new state.
@@ -149,7 +155,7 @@ pub trait Sampler: Send + Sync {
         target: &dyn LogDensity,
         key: Key,
         span: Span,
-        state: &mut State,
+        state: &mut EnsembleState,
         block: &mut Block,
     ) -> Result<()>;
 }

@@ -9,10 +9,10 @@ use super::checkpoint::Warm;
 use super::density::LogDensity;
 use super::keep::{Keeper, Keeping, PATIENCE};
 use super::memory::{Count, Memory};
-use super::schedule::{Monitor, Outcome, Phase, PhaseReport, Schedule, Stop, Stopped};
+use super::schedule::{Monitor, Outcome, Phase, PhaseReport, Regime, Schedule, Stop, Stopped};
 use super::start::Start;
 use super::stream::Key;
-use super::{Block, Sampler, Span, State};
+use super::{Block, EnsembleState, Sampler, Span};
 use crate::chain::{Draws, Layout};
 use crate::error::{Error, Result};
 
@@ -29,7 +29,12 @@ pub fn run(
     stop: &dyn Stop,
     progress: &dyn Monitor,
 ) -> Result<Outcome> {
-    run_kept(target, sampler, start, schedule, stop, progress, None)
+    let regime = Regime {
+        schedule,
+        stop,
+        monitor: progress,
+    };
+    run_kept(target, sampler, start, &regime, None)
 }
 
 /// The same with its draws stored as `keeping` says; it may go on from where an earlier run was killed.
@@ -40,11 +45,10 @@ pub fn run_kept(
     target: &dyn LogDensity,
     sampler: &dyn Sampler,
     start: &Start<'_>,
-    schedule: &Schedule,
-    stop: &dyn Stop,
-    progress: &dyn Monitor,
+    regime: &Regime<'_>,
     keeping: Option<&Keeping>,
 ) -> Result<Outcome> {
+    let schedule = regime.schedule;
     schedule.check()?;
     let mut crew = Crew::new(target, sampler, schedule);
     let mut warm = Warm {
@@ -62,13 +66,13 @@ pub fn run_kept(
             .keys
             .iter()
             .map(begin)
-            .collect::<Result<Vec<State>>>()?;
+            .collect::<Result<Vec<EnsembleState>>>()?;
         crew.flush(warm, true)?;
     }
     let mut stopped = Stopped::Interrupted;
     let mut draws = None;
-    if warm.over || warm_up(&mut crew, schedule, stop, progress, &mut warm)? {
-        (stopped, draws) = keep(&mut crew, schedule, warm, stop, progress)?;
+    if warm.over || warm_up(&mut crew, regime, &mut warm)? {
+        (stopped, draws) = keep(&mut crew, regime, warm)?;
     }
     if warm.over {
         crew.flush(warm, true)?;
@@ -90,7 +94,7 @@ struct Crew<'a> {
     target: &'a dyn LogDensity,
     sampler: &'a dyn Sampler,
     keys: Vec<Key>,
-    states: Vec<State>,
+    states: Vec<EnsembleState>,
     memory: Memory,
     /// Most draws of a chain in memory.
     most: usize,
@@ -251,13 +255,8 @@ impl<'a> Crew<'a> {
 }
 
 /// Windows of 1, 1, 2, 4, ... times the sampler's, until the last one alone looks stationary; false if interrupted.
-fn warm_up(
-    crew: &mut Crew<'_>,
-    schedule: &Schedule,
-    stop: &dyn Stop,
-    progress: &dyn Monitor,
-    warm: &mut Warm,
-) -> Result<bool> {
+fn warm_up(crew: &mut Crew<'_>, regime: &Regime<'_>, warm: &mut Warm) -> Result<bool> {
+    let Regime { schedule, stop, .. } = *regime;
     let unit = crew.sampler.window(crew.target.dim());
     let most = unit * schedule.warmup_windows;
     while !warm.over {
@@ -265,7 +264,7 @@ fn warm_up(
             Some(steps) => steps,
             None => warm.steps.max(unit).min(most - warm.steps),
         };
-        let Some(window) = warm_up_window(crew, schedule, progress, steps)? else {
+        let Some(window) = warm_up_window(crew, regime, steps)? else {
             return Ok(false);
         };
         warm.steps += steps;
@@ -282,12 +281,7 @@ fn warm_up(
 }
 
 /// One window of warm-up; none if interrupted.
-fn warm_up_window(
-    crew: &mut Crew<'_>,
-    schedule: &Schedule,
-    progress: &dyn Monitor,
-    steps: usize,
-) -> Result<Option<Draws>> {
+fn warm_up_window(crew: &mut Crew<'_>, regime: &Regime<'_>, steps: usize) -> Result<Option<Draws>> {
     let mut window = Memory::new(crew.keys.len(), crew.walkers(), crew.target.dim());
     window.reserve(steps);
     let mut done = 0;
@@ -299,11 +293,11 @@ fn warm_up_window(
         };
         crew.advance(span, Some(&mut window))?;
         done += span.steps;
-        let go_on = progress.report(&PhaseReport {
+        let go_on = regime.monitor.report(&PhaseReport {
             phase: Phase::Warmup,
             steps: crew.steps(),
             draws: 0,
-            most: schedule.max_draws,
+            most: regime.schedule.max_draws,
             acceptance: acceptance(&crew.blocks, span.steps),
         });
         if !go_on {
@@ -315,13 +309,12 @@ fn warm_up_window(
 
 /// Draws until the rule or a limit ends the run; the rule looks whenever the run is `growth` times as long as before.
 /// With the reason come the draws that the rule saw last, unless more were drawn since.
-fn keep(
-    crew: &mut Crew<'_>,
-    schedule: &Schedule,
-    warm: Warm,
-    stop: &dyn Stop,
-    progress: &dyn Monitor,
-) -> Result<(Stopped, Option<Draws>)> {
+fn keep(crew: &mut Crew<'_>, regime: &Regime<'_>, warm: Warm) -> Result<(Stopped, Option<Draws>)> {
+    let Regime {
+        schedule,
+        stop,
+        monitor,
+    } = *regime;
     let (dim, thin) = (crew.target.dim(), warm.thin);
     let most = (schedule.max_draws / crew.chains()).max(4);
     let first = crew.sampler.window(dim).div_ceil(thin).max(4);
@@ -341,7 +334,7 @@ fn keep(
             }
             merge(&mut crew.totals, &crew.blocks);
             crew.flush(warm, false)?;
-            let go_on = progress.report(&PhaseReport {
+            let go_on = monitor.report(&PhaseReport {
                 phase: Phase::Sampling,
                 steps: crew.steps(),
                 draws: crew.rows() * crew.chains(),

@@ -1,6 +1,6 @@
 //! How much to run, when to stop, and who watches.
 
-use super::State;
+use super::EnsembleState;
 use crate::chain::Draws;
 use crate::error::{Error, Result};
 
@@ -90,6 +90,14 @@ impl Default for Schedule {
     }
 }
 
+/// How much to run, when to stop, and who watches.
+#[derive(Clone, Copy)]
+pub struct Regime<'a> {
+    pub schedule: &'a Schedule,
+    pub stop: &'a dyn Stop,
+    pub monitor: &'a dyn Monitor,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stopped {
     /// The stopping rule was satisfied.
@@ -108,7 +116,7 @@ pub struct Outcome {
     /// Whether warm-up settled before its limit (true where its length was prescribed).
     pub settled: bool,
     /// The state of each ensemble, from which the run could go on.
-    pub states: Vec<State>,
+    pub states: Vec<EnsembleState>,
 }
 
 impl Schedule {

@@ -3,7 +3,7 @@
 use super::density::{DensityError, LogDensity};
 use super::gaussian::{add_lower, cholesky};
 use super::stream::{Key, Stream};
-use super::{Sampler, State};
+use super::{EnsembleState, Sampler};
 use crate::error::{Error, Result};
 
 /// Times a walker of a ball is drawn again when it falls outside the support.
@@ -14,6 +14,15 @@ const LANE: u64 = u64::MAX;
 
 /// A function that places walker `.1` of ensemble `.0` with numbers of the given stream.
 pub type Place<'a> = &'a (dyn Fn(usize, usize, &mut Stream) -> Vec<f64> + Sync);
+
+/// The covariance (row-major) of independent values with these standard deviations.
+pub fn diagonal(sds: &[f64]) -> Vec<f64> {
+    let mut covariance = vec![0.0; sds.len() * sds.len()];
+    for (k, sd) in sds.iter().enumerate() {
+        covariance[k * (sds.len() + 1)] = sd * sd;
+    }
+    covariance
+}
 
 /// Where the walkers of every ensemble start.
 pub enum Start<'a> {
@@ -54,7 +63,7 @@ impl Start<'_> {
         target: &dyn LogDensity,
         sampler: &dyn Sampler,
         key: Key,
-    ) -> Result<State> {
+    ) -> Result<EnsembleState> {
         let (dim, group) = (target.dim(), key.ensemble as usize);
         let walkers = sampler.walkers(dim);
         let mut rng = Stream::at(key, LANE, 0);

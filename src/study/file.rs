@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::identify::settle_force;
 use crate::infer::{
     ExperimentEntry, LikelihoodSpec, MaterialSpec, Model, ModelOutline, RunNote, SCHEMA,
+    may_have_side,
 };
 use crate::reduce::ReducedSpec;
 
@@ -193,7 +194,7 @@ impl Study {
         let mut file = file.transpose()?;
         // one box serves all fields: sides of what acts in one of them alone are not written
         if let Some(doe) = file.as_mut().and_then(|f| f.reduced_model.doe.as_mut()) {
-            doe.retain(|name, _| self.fields().all(|(_, field)| field.may_have_side(name)));
+            doe.retain(|name, _| self.fields().all(|(_, field)| may_have_side(field, name)));
         }
         let experiments = self.experiments.iter().map(|e| e.json(absolute));
         let written = Written {

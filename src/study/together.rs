@@ -6,10 +6,10 @@ use super::{ExperimentSection, Observed, SharedConstants, Study};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
-use crate::identify::{Identification, Options, Reporting, redrawn};
+use crate::identify::{Identification, Options, redrawn};
 use crate::infer::{Joint, Known, Marginal, Member, Moments, Tension};
 use crate::progress::Progress;
-use crate::sample::{self, LogDensity, Schedule, Start, Stopped};
+use crate::sample::{self, LogDensity, Regime, Schedule, Start, Stopped, diagonal};
 
 /// An experiment without the others.
 pub struct Alone {
@@ -264,10 +264,7 @@ fn drawn(
     );
     progress.begin(&what, None);
     let (mut centre, sd) = target.start();
-    let mut covariance = vec![0.0; dim * dim];
-    for (k, sd) in sd.iter().enumerate() {
-        covariance[k * (dim + 1)] = sd * sd;
-    }
+    let mut covariance = diagonal(&sd);
     if let Some(about) = about {
         for i in 0..about.mean.len() {
             centre[i] = about.mean[i];
@@ -288,17 +285,15 @@ fn drawn(
         thin: given.thin.or(Some(THIN)),
         ..given.clone()
     };
-    let monitor = Reporting {
-        progress,
-        deadline: options.deadline,
-    };
     let outcome = sample::run_kept(
         &target,
         options.sampler,
         &start,
-        &schedule,
-        &patient_rule(&options.rule),
-        &monitor,
+        &Regime {
+            schedule: &schedule,
+            stop: &patient_rule(&options.rule),
+            monitor: &options.reporting(progress),
+        },
         options.keeping.as_ref(),
     )?;
     progress.end();

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::coarse::CoarseTest;
 use super::converged::PointSearch;
-use super::patched::PatchedData;
+use super::patched::{PatchedData, patches};
 use super::patches::Patches;
 use super::recording;
 use super::sought::{acting_in, candidates, is_of_a_rotation};
@@ -226,7 +226,7 @@ impl Tracer<'_> {
             steps: names,
             pixel_mm: measurement.mm_per_coordinate(),
         };
-        Ok(traced.evidence.patches(&data)?.unwrap_or_default())
+        Ok(patches(&traced.evidence, &data)?.unwrap_or_default())
     }
 
     /// The same of a field whose jumps are corrected.

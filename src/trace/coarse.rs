@@ -6,12 +6,13 @@
 
 use std::sync::Arc;
 
+use super::traced::over_blocks;
 use crate::error::Result;
 use crate::experiment::{FieldSolver, Sight};
 use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
 use crate::identify::Prepared;
-use crate::infer::Model;
+use crate::infer::{Model, coarse_experiment};
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
 
 /// A test that is solved on a coarse mesh.
@@ -34,7 +35,7 @@ impl CoarseTest {
     /// # Errors
     /// A specimen that cannot be meshed.
     pub fn new(model: &Model, prepared: &Prepared, measured: &Measured) -> Result<Option<Self>> {
-        let Some(experiment) = model.coarse(&*prepared.problem.experiment)? else {
+        let Some(experiment) = coarse_experiment(model, &*prepared.problem.experiment)? else {
             return Ok(None);
         };
         let (sight, blocks) = (&prepared.observation.sight, &measured.blocks);
@@ -62,16 +63,8 @@ impl CoarseTest {
         prepared: &'a Prepared,
         measured: &'a Measured,
     ) -> Forward<'a> {
-        let (experiment, sight, blocks) = (&*self.experiment, &self.all, &measured.blocks);
-        let observing: Box<dyn Observing> = match &prepared.observation.steps {
-            Some(steps) => Box::new(AtPlaces::over_blocks(experiment, sight, steps, blocks)),
-            None => Box::new(AtPoints {
-                experiment,
-                slopes: Slopes::new(experiment, sight, blocks),
-                size_mm: measured.size_mm,
-            }),
-        };
-        silent(model, observing)
+        let test = (&*self.experiment, &self.all);
+        silent(model, over_blocks(test, prepared, measured))
     }
 
     /// The same at few points.

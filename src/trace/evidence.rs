@@ -6,6 +6,8 @@ use super::alias::{AliasGroup, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
+use super::load_rivals::load_rivals;
+use super::priors::{leaning, priors_in_doubt};
 use super::sought::lift_of;
 use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::{PriorInDoubt, suspect};
@@ -93,7 +95,7 @@ impl Evidence {
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
         let prior_sd = apart.series.as_ref().map(|(_, prior_sd)| *prior_sd);
-        let doubts = self.priors_in_doubt();
+        let doubts = priors_in_doubt(&self.weighing, &self.sensitivities, &self.subsets);
         let stands = |g: &Named| {
             self.is_called_for(g, &candidates) && self.objection(g, &candidates, &doubts).is_none()
         };
@@ -136,7 +138,7 @@ impl Evidence {
             averaged,
             suspect,
             priors_in_doubt: doubts,
-            leaning: self.leaning(),
+            leaning: leaning(&self.weighing, &self.sensitivities, &self.subsets),
             blind_spots: self
                 .load_scale()
                 .into_iter()
@@ -233,7 +235,7 @@ impl Evidence {
             let spoiled = with.spoiled(&without).filter(|_| tell);
             Ok(Named {
                 spoiled,
-                rivals: self.load_rivals(g)?,
+                rivals: load_rivals(&self.weighing, &self.sensitivities, &self.subsets, g)?,
                 ..self.named(g, gains(&with, &without, tell))
             })
         };

@@ -3,7 +3,7 @@
 use super::averaged::Interval;
 use crate::effect::{Effect, amplitude_name};
 use crate::files::Keyed;
-use crate::infer::Model;
+use crate::infer::{Model, prior_box};
 
 /// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.
 const BOX_SDS: f64 = 8.0;
@@ -75,7 +75,7 @@ const CONSTANT_SHARE: f64 = 0.05;
 
 /// Draw the DoE box in about the constants' averaged posterior, within the priors' box.
 fn narrow(model: &mut Model, averaged: &Keyed<Interval>) {
-    let widest = model.prior_box();
+    let widest = prior_box(model);
     let doe = model.file.reduced_model.doe.get_or_insert_default();
     for ((name, constant), widest) in averaged.iter().zip(widest) {
         let half = (CONSTANT_SDS * constant.sd).max(CONSTANT_SHARE * constant.mean.abs());

@@ -10,7 +10,7 @@ use crate::effect::Scope;
 use crate::error::{Error, Result};
 use crate::experiment::predict;
 use crate::experiment::series::SeriesState;
-use crate::infer::{EffectUnderLaw, Model};
+use crate::infer::{EffectUnderLaw, Model, experiment_over};
 use crate::linearise::{AtPoints, Column, Forward, Slopes};
 use crate::noise::NormalEquations;
 
@@ -54,7 +54,7 @@ impl Information {
 /// # Errors
 /// A specimen that cannot be meshed; too few points on it.
 pub fn field_information(model: &Model, points: &[[f64; 2]], sd_mm: f64) -> Result<Information> {
-    let experiment = model.experiment_over(crate::field::bounds(points), 1.0)?;
+    let experiment = experiment_over(model, crate::field::bounds(points), 1.0)?;
     let (_, inside) = experiment.locate(points, &[]);
     let kept = points.iter().zip(&inside).filter(|(_, inside)| **inside);
     let kept: Vec<[f64; 2]> = kept.map(|(p, _)| *p).collect();

@@ -6,6 +6,7 @@ use super::evidence::Evidence;
 use super::left_out::HeldOutSteps;
 use super::linearity::linearity;
 use super::noise_choices::NoisePair;
+use super::noise_words::noise_words;
 use super::subsets::Subset;
 use super::tracing::{HeldOutStep, StepMaps, StepResidual, StiffnessField, TracedSteps};
 use crate::experiment::series::{SeriesState, rigid_free};
@@ -34,7 +35,7 @@ impl Evidence {
             linearity: linearity(self),
             misfit: self.misfit(pair),
             stiffness,
-            noise: self.noise_words(),
+            noise: noise_words(&self.weighing, pair),
         }
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::evidence::Evidence;
+use super::noise_words::reference;
 use super::patches::{
     Account, FoundPatch, LocalPatch, MaskedConstant, PatchPart, PatchedPoints, Patches, Scanned,
 };
@@ -34,88 +35,88 @@ pub struct PatchedData<'a> {
     pub pixel_mm: Option<f64>,
 }
 
-impl Evidence {
-    /// Patches of what the base model and the best subset leave: of a series that knows its noise, new in each frame; nothing of others.
-    ///
-    /// # Errors
-    /// Of the program: columns that are not finite.
-    pub fn patches(&self, data: &PatchedData<'_>) -> Result<Option<Patches>> {
-        let Some(series) = self.weighing.noise.by_frames() else {
-            return Ok(None);
-        };
-        if !series.noise.by_contrasts || series.noise.walks {
-            return Ok(None);
-        }
-        let noise = (&series.noise, self.reference());
-        let loads = series.in_frames.loads();
-        self.held_against(data, loads, noise).map(Some)
+/// Patches of what the base model and the best subset leave: of a series that knows its noise, new in each frame; nothing of others.
+///
+/// # Errors
+/// Of the program: columns that are not finite.
+pub(super) fn patches(evidence: &Evidence, data: &PatchedData<'_>) -> Result<Option<Patches>> {
+    let Some(series) = evidence.weighing.noise.by_frames() else {
+        return Ok(None);
+    };
+    if !series.noise.by_contrasts || series.noise.walks {
+        return Ok(None);
     }
+    let noise = (&series.noise, reference(&evidence.weighing));
+    let loads = series.in_frames.loads();
+    held_against(evidence, data, loads, noise).map(Some)
+}
 
-    fn held_against(
-        &self,
-        data: &PatchedData<'_>,
-        loads: &[f64],
-        (noise, reference): (&FrameNoise, f64),
-    ) -> Result<Patches> {
-        let own = self.taking_part();
-        let residual = self.measured.residual(&self.sensitivities);
-        let stacked = |c: usize| -> DMatrix<f64> {
-            let all: Vec<_> = self.sensitivities.columns().collect();
-            let columns = own.iter().map(|k| &all[*k].values[c]);
-            let with_data: Vec<DVector<f64>> = columns.chain([&residual[c]]).cloned().collect();
-            DMatrix::from_columns(&with_data)
-        };
-        let columns = [stacked(0), stacked(1)];
-        let columns = columns.each_ref();
-        let points = PatchedPoints {
-            blocks: &self.measured.blocks,
-            points: &data.field.points,
-            displacement: data.displacement,
-        };
-        let places = points.places();
-        let scanned = Scanned::of_frames(&places, loads, (noise, reference), columns);
-        let found = distinct(scanned.patches()?);
-        let account = Account {
-            sensitivities: &self.sensitivities,
-            own: &own,
-            columns,
-            noise,
-            reference,
-        };
-        let clear: Vec<&FoundPatch> = found.iter().filter(|p| is_sure(p)).collect();
-        let masked = self.masked(&account, &clear);
-        Ok(Patches {
-            all: found.into_iter().map(|p| said(p, data)).collect(),
-            masked,
-        })
-    }
+fn held_against(
+    evidence: &Evidence,
+    data: &PatchedData<'_>,
+    loads: &[f64],
+    (noise, reference): (&FrameNoise, f64),
+) -> Result<Patches> {
+    let own = evidence.taking_part();
+    let residual = evidence.measured.residual(&evidence.sensitivities);
+    let stacked = |c: usize| -> DMatrix<f64> {
+        let all: Vec<_> = evidence.sensitivities.columns().collect();
+        let columns = own.iter().map(|k| &all[*k].values[c]);
+        let with_data: Vec<DVector<f64>> = columns.chain([&residual[c]]).cloned().collect();
+        DMatrix::from_columns(&with_data)
+    };
+    let columns = [stacked(0), stacked(1)];
+    let columns = columns.each_ref();
+    let points = PatchedPoints {
+        blocks: &evidence.measured.blocks,
+        points: &data.field.points,
+        displacement: data.displacement,
+    };
+    let places = points.places();
+    let scanned = Scanned::of_frames(&places, loads, (noise, reference), columns);
+    let found = distinct(scanned.patches()?);
+    let account = Account {
+        sensitivities: &evidence.sensitivities,
+        own: &own,
+        columns,
+        noise,
+        reference,
+    };
+    let clear: Vec<&FoundPatch> = found.iter().filter(|p| is_sure(p)).collect();
+    let masked = masked(evidence, &account, &clear);
+    Ok(Patches {
+        all: found.into_iter().map(|p| said(p, data)).collect(),
+        masked,
+    })
+}
 
-    /// What a mask of some patches does to the constants.
-    fn masked(&self, account: &Account<'_>, found: &[&FoundPatch]) -> Vec<MaskedConstant> {
-        let inside = |p: &[f64; 2]| {
-            let near =
-                |f: &&FoundPatch| (p[0] - f.at[0]).hypot(p[1] - f.at[1]) < MASKED * f.radius_mm;
-            found.iter().any(near)
-        };
-        let places = self.measured.blocks.centroid.iter().enumerate();
-        let left_out: Vec<usize> = places.filter(|(_, p)| inside(p)).map(|(b, _)| b).collect();
-        if left_out.is_empty() {
-            return Vec::new();
-        }
-        let (Some(with), Some(without)) = (account.constants(&[]), account.constants(&left_out))
-        else {
-            return Vec::new();
-        };
-        let change = |(k, (with, without)): (usize, (&MeanSd, &MeanSd))| {
-            let by = without.mean - with.mean;
-            MaskedConstant {
-                name: self.sensitivities.base[k].name.clone(),
-                percent: 100.0 * by / with.mean,
-                sds: by / with.sd,
-            }
-        };
-        with.iter().zip(&without).enumerate().map(change).collect()
+/// What a mask of some patches does to the constants.
+fn masked(
+    evidence: &Evidence,
+    account: &Account<'_>,
+    found: &[&FoundPatch],
+) -> Vec<MaskedConstant> {
+    let inside = |p: &[f64; 2]| {
+        let near = |f: &&FoundPatch| (p[0] - f.at[0]).hypot(p[1] - f.at[1]) < MASKED * f.radius_mm;
+        found.iter().any(near)
+    };
+    let places = evidence.measured.blocks.centroid.iter().enumerate();
+    let left_out: Vec<usize> = places.filter(|(_, p)| inside(p)).map(|(b, _)| b).collect();
+    if left_out.is_empty() {
+        return Vec::new();
     }
+    let (Some(with), Some(without)) = (account.constants(&[]), account.constants(&left_out)) else {
+        return Vec::new();
+    };
+    let change = |(k, (with, without)): (usize, (&MeanSd, &MeanSd))| {
+        let by = without.mean - with.mean;
+        MaskedConstant {
+            name: evidence.sensitivities.base[k].name.clone(),
+            percent: 100.0 * by / with.mean,
+            sds: by / with.sd,
+        }
+    };
+    with.iter().zip(&without).enumerate().map(change).collect()
 }
 
 fn is_sure(found: &FoundPatch) -> bool {

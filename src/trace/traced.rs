@@ -2,6 +2,7 @@
 
 use super::evidence::Evidence;
 use crate::experiment::series::SeriesState;
+use crate::experiment::{FieldSolver, Sight};
 use crate::files::{Stored, stored};
 use crate::identify::Prepared;
 use crate::infer::{EffectUnderLaw, Model};
@@ -56,19 +57,27 @@ pub fn forward<'a>(
     measured: &'a Measured,
     step: &'a (dyn Fn() + Sync),
 ) -> Forward<'a> {
-    let experiment = &*prepared.problem.experiment;
-    let (sight, blocks) = (&prepared.observation.sight, &measured.blocks);
-    let observing: Box<dyn Observing> = match &prepared.observation.steps {
+    let test = (&*prepared.problem.experiment, &prepared.observation.sight);
+    Forward {
+        model,
+        observing: over_blocks(test, prepared, measured),
+        step,
+    }
+}
+
+/// What of a test, solved by an experiment and seen at all its points, is compared with what was measured.
+pub fn over_blocks<'a>(
+    (experiment, sight): (&'a dyn FieldSolver, &'a Sight),
+    prepared: &'a Prepared,
+    measured: &'a Measured,
+) -> Box<dyn Observing + 'a> {
+    let blocks = &measured.blocks;
+    match &prepared.observation.steps {
         Some(steps) => Box::new(AtPlaces::over_blocks(experiment, sight, steps, blocks)),
         None => Box::new(AtPoints {
             experiment,
             slopes: Slopes::new(experiment, sight, blocks),
             size_mm: measured.size_mm,
         }),
-    };
-    Forward {
-        model,
-        observing,
-        step,
     }
 }

@@ -14,7 +14,7 @@ use crate::experiment::series::Moving;
 use crate::experiment::simulate::Truth;
 use crate::experiment::simulate::series::SeriesTruth;
 use crate::field::{READERS, Source};
-use crate::infer::{EffectUnderLaw, Model};
+use crate::infer::{EffectUnderLaw, Model, simulated_field, simulated_series};
 use crate::parameter::Parameter;
 use crate::trace::{SIZES, acting_in, candidates};
 
@@ -170,7 +170,7 @@ impl Drawn {
             columns: None,
         };
         if let (Some(loads), Some(declared)) = (&self.loads, loads(model)) {
-            let simulated = model.simulate_series(&self.series(model, loads, &declared))?;
+            let simulated = simulated_series(model, &self.series(model, loads, &declared))?;
             let experiment = measured.experiment_mut();
             // no point of a specimen that moves stands still
             experiment.gauge = Gauge::Window;
@@ -180,7 +180,7 @@ impl Drawn {
                 reader.write(&step.file, grid, frame)?;
             }
         } else {
-            reader.write(&place, &model.simulate(&self.truth)?, frame)?;
+            reader.write(&place, &simulated_field(model, &self.truth)?, frame)?;
             source.path = Some(place);
         }
         measured.experiment_mut().measurement.source = source;
@@ -279,7 +279,7 @@ fn amplitude(
     let parameters = acts.effect.parameters().iter().enumerate();
     let one = |(k, p): (usize, &crate::effect::EffectParameter)| {
         let sd = if is_series {
-            model.prior_sd_in_series(acts.effect, k)
+            model.prior_sd_in_series(&model.scene(), acts.effect, k)
         } else {
             model.prior_sd(acts.effect, k).unwrap_or(0.0)
         };

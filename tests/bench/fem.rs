@@ -7,7 +7,7 @@ use std::time::Instant;
 use divan::{Bencher, black_box};
 use plychain::effect::{EFFECTS, Kind, find};
 use plychain::error::Result;
-use plychain::fem::{EndLoad, Plate, Profile, Setup};
+use plychain::fem::{EndLoad, Plate, Profile, Setup, end_forces, span};
 use plychain::geometry::{Density, Morph, Outline, StripWithHole};
 use plychain::laminate::Ply;
 use plychain::reduce::latin_hypercube;
@@ -94,7 +94,7 @@ fn solve(bencher: Bencher, factor: f64) {
     let mut work = plate.factor();
     work.factorise(&setup.membrane(&NOMINAL))
         .expect("a positive definite stiffness");
-    let load = plate.mesh.end_forces(&setup.load);
+    let load = end_forces(&plate.mesh, &setup.load);
     bencher
         .with_inputs(|| load.clone())
         .bench_local_values(|mut u| {
@@ -153,7 +153,7 @@ fn bases() -> Result<()> {
         let (setup, ply) = &tests[17];
         let solution = quickest(3, &|| plate.solve_full_order(setup, ply).map(drop))?;
         let begin = Instant::now();
-        plate.span(&tests, 1)?;
+        span(&plate, &tests, 1)?;
         let build = begin.elapsed().as_secs_f64();
         let answer = quickest(20, &|| plate.solve(setup, ply).map(drop))?;
         let coordinates = quickest(200, &|| {

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::{Acting, find, limit::alter_checked};
-use plychain::fem::{Locator, Plate, Setup};
+use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Material, Ply, SpecimenSpec};
 use serde_json::{Value, json};
@@ -190,7 +190,7 @@ impl Loaded {
                     let mut solver = plate.factor();
                     let membranes = setup.membranes(&ply);
                     solver.factorise_with(&integrals, &membranes).unwrap();
-                    let mut nodal = mesh.end_forces(&setup.load);
+                    let mut nodal = end_forces(&mesh, &setup.load);
                     solver.solve(&mut nodal);
                     nodal
                 }

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use plychain::error::{Error, Result};
 use plychain::fem::element::{self, GAUSS};
 use plychain::fem::verify::{Bound, Check, difference, observe, window_convergence, window_points};
-use plychain::fem::{Locator, Plate, Setup};
+use plychain::fem::{Locator, Plate, Setup, edge_forces};
 use plychain::geometry::{Density, HIGH, LOW, Mesh, Morph, Outline, SIDES, StripWithHole};
 use plychain::laminate::{Membrane, Ply};
 
@@ -213,7 +213,7 @@ pub fn mirror(setup: &Setup, ply: &Ply) -> Result<Check> {
 fn solve_exact(plate: &Plate, a: &Membrane, exact: &HoleSolution) -> Result<Vec<f64>> {
     let mut factor = plate.factor();
     factor.factorise(a)?;
-    let mut u = plate.mesh.edge_forces(&[LOW, HIGH, SIDES], &|p, n| {
+    let mut u = edge_forces(&plate.mesh, &[LOW, HIGH, SIDES], &|p, n| {
         let [n11, n22, n12] = exact.resultants(p);
         [n11 * n[0] + n12 * n[1], n12 * n[0] + n22 * n[1]]
     });

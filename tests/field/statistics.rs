@@ -1,5 +1,5 @@
 use nalgebra::{DMatrix, DVector};
-use plychain::field::places::Places;
+use plychain::field::places::BlockPoints;
 use plychain::field::{Blocks, Field, MeasurementSpec, Reason, outliers};
 use plychain::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use plychain::noise::reml::{Contrasts, Reml, orthonormal};
@@ -320,7 +320,7 @@ fn scattered_points_have_a_covariance_of_every_setting() {
         *p = [(); 2].map(|()| 12.0 * (rng.random::<f64>() - 0.5));
     }
     let blocks = blocks_of(&field);
-    assert!(matches!(blocks.places, Places::Anywhere(_)));
+    assert!(matches!(blocks.places, BlockPoints::Anywhere(_)));
     over_grid(&blocks, &noise_lengths_mm(&blocks), &RATIOS, |_| Ok(())).unwrap();
 }
 
@@ -337,7 +337,7 @@ fn near_blocks_on_a_lattice_have_the_covariance_of_their_points() {
     }
     let largest_difference = |field: &Field| {
         let blocks = blocks_of(field);
-        assert!(matches!(blocks.places, Places::OnLattice(_)));
+        assert!(matches!(blocks.places, BlockPoints::OnLattice(_)));
         let mut points = vec![Vec::new(); blocks.len()];
         for (p, at) in field.points.iter().zip(&blocks.of_point) {
             if let Some(b) = at {
@@ -345,7 +345,7 @@ fn near_blocks_on_a_lattice_have_the_covariance_of_their_points() {
             }
         }
         let anywhere = Blocks {
-            places: Places::Anywhere(points),
+            places: BlockPoints::Anywhere(points),
             ..blocks.clone()
         };
         let difference = |length| {
@@ -372,7 +372,7 @@ fn near_blocks_on_a_lattice_have_the_covariance_of_their_points() {
     for (p, exact) in field.points.iter_mut().zip(exact) {
         p[0] = exact[0] * (1.0 + 1e-5 * exact[0]);
     }
-    assert!(matches!(blocks_of(&field).places, Places::Anywhere(_)));
+    assert!(matches!(blocks_of(&field).places, BlockPoints::Anywhere(_)));
 }
 
 /// Mean over several fields of white noise of 9 nm and correlated noise of 4 nm over 0.5 mm: the mean white sd, the

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use plychain::effect;
-use plychain::fem::EndLoad;
+use plychain::fem::{EndLoad, edge_forces, end_forces, load_parts, span};
 use plychain::geometry::Mesh;
 use plychain::infer::Model as ModelFile;
 use plychain::mesh_files::{ElementKind, MeshSpec};
@@ -46,9 +46,9 @@ fn tractions_that_are_not_known_have_no_resultant_on_any_edge() {
     ];
     for shape in shapes {
         let mesh = mesh_of(&grid(ElementKind::T6, [12, 6], false, &shape), both());
-        assert_eq!(mesh.load_parts(), 15);
+        assert_eq!(load_parts(&mesh), 15);
         for part in 3..15 {
-            let forces = mesh.end_forces(&EndLoad::unit(part));
+            let forces = end_forces(&mesh, &EndLoad::unit(part));
             let size: f64 = forces.iter().map(|f| f.abs()).sum();
             assert!(size > 0.1, "{part}");
             let mut sum = [0.0; 3];
@@ -85,14 +85,14 @@ fn they_are_legendre_polynomials_of_the_place_on_a_straight_edge() {
     {
         // the second edge is pulled towards -x, and the axis across it points towards -y
         for (edge, sign) in [("u1", 1.0), ("u0", -1.0)] {
-            let expected = mesh.edge_forces(&[edge], &|p, _| {
+            let expected = edge_forces(&mesh, &[edge], &|p, _| {
                 let x = sign * (2.0 * p[1] / SIZE[1] - 1.0);
                 let mut traction = [0.0; 2];
                 traction[axis] = sign * legendre(degree, x) / SIZE[1];
                 traction
             });
             let part = 3 + k + if edge == "u1" { 0 } else { 6 };
-            let own = mesh.end_forces(&EndLoad::unit(part));
+            let own = end_forces(&mesh, &EndLoad::unit(part));
             let off = own.iter().zip(&expected).map(|(a, b)| (a - b).abs());
             let off = off.fold(0.0, f64::max);
             assert!(off < 1e-14, "{edge} {k}: {off:e}");
@@ -135,7 +135,7 @@ fn the_reduced_basis_answers_for_any_distribution() {
         .iter()
         .flat_map(|ply| [-20.0, 0.0, 30.0].map(|shift| (with(shift), *ply)))
         .collect();
-    plate.span(&tests, 1).unwrap();
+    span(&plate, &tests, 1).unwrap();
     let (setup, ply) = (with(10.0), plies[1]);
     let answered = plate.solve(&setup, &ply).unwrap().nodal;
     let full = plate.solve_full_order(&setup, &ply).unwrap().nodal;

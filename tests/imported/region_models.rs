@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use plychain::effect;
-use plychain::fem::{Locator, Plate, Setup, TOLERANCE, View};
+use plychain::fem::{Certificate, Locator, Plate, Setup, TOLERANCE, View, span};
 use plychain::geometry::Density;
-use plychain::infer::Model as ModelFile;
+use plychain::infer::{Model as ModelFile, experiment_over};
 use plychain::laminate::{LoadSpec, Material, Ply};
 use plychain::mesh_files::{ElementKind, ImportedPlate, MeshSpec};
 use plychain::trace::Status;
@@ -67,7 +67,7 @@ fn the_reduced_basis_of_two_stacks_keeps_its_bound() {
         g12: PLY.g12 * (1.0 + share(k, 7.0)),
     };
     let tests: Vec<(Setup, Ply)> = (0..200).map(|k| (setup.clone(), at(k))).collect();
-    plate.span(&tests, 1).unwrap();
+    span(&plate, &tests, 1).unwrap();
     let points: Vec<[f64; 2]> = (0..60)
         .map(|k| [-25.0 + 0.83 * f64::from(k), 3.0 + 0.1 * f64::from(k % 7)])
         .collect();
@@ -76,7 +76,9 @@ fn the_reduced_basis_of_two_stacks_keeps_its_bound() {
     let view = View::new(&plate, basis, &plate.mesh, observer, Vec::new()).unwrap();
     let mut worst = [0.0_f64; 4];
     for k in 300..340 {
-        let c = plate.certify(&setup, &at(k), &view).unwrap().unwrap();
+        let c = Certificate::of(&plate, &setup, &at(k), &view)
+            .unwrap()
+            .unwrap();
         assert!(c.error <= c.bound && c.largest_mm <= c.bound_mm, "{c:?}");
         let seen = [c.bound, c.error, c.effectivity(), c.solutions as f64];
         worst = [0, 1, 2, 3].map(|i| worst[i].max(seen[i]));
@@ -294,7 +296,7 @@ fn model_file(regions: &Value) -> String {
 fn a_model_file_tells_its_regions() {
     let key = |regions: &Value| {
         let model = ModelFile::load(model_file(regions).as_ref()).unwrap();
-        let over = model.experiment_over([[-10.0; 2], [10.0; 2]], 1.0).unwrap();
+        let over = experiment_over(&model, [[-10.0; 2], [10.0; 2]], 1.0).unwrap();
         let written = model.file.to_json().unwrap();
         let read = written["experiments"][0]["mesh"].get("regions").cloned();
         assert_eq!(read.is_some(), !regions.as_object().unwrap().is_empty());

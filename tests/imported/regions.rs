@@ -6,7 +6,7 @@ use std::sync::Arc;
 use plychain::effect::{self, Acting, limit::alter_checked};
 use plychain::error::Result;
 use plychain::fem::verify::without_rigid_motion;
-use plychain::fem::{Bump, Locator, Plate, Setup, Yield};
+use plychain::fem::{Anchor, Bump, Locator, Plate, Setup, Yield};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec, abd};
 use plychain::mesh_files::{ElementKind, ImportedPlate};
@@ -329,9 +329,9 @@ fn a_mesh_that_is_all_one_region_is_a_specimen_of_its_stack() {
     };
     let fields = [&region, &own].map(|setup| {
         let plate = Plate::new(setup, Density::DEFAULT).unwrap();
-        let anchor = plate.anchor(setup, &PLY, &[1.0]).unwrap();
-        let (_, soft) = plate.softened(&anchor, (setup, &PLY), &bumps).unwrap();
-        let near = plate.solve_near(&anchor, setup, &stiffer).unwrap().nodal;
+        let anchor = Anchor::new(&plate, setup, &PLY, &[1.0]).unwrap();
+        let (_, soft) = anchor.softened(&plate, (setup, &PLY), &bumps).unwrap();
+        let near = anchor.solve_near(&plate, setup, &stiffer).unwrap().nodal;
         [still(&plate, &soft[0]), still(&plate, &near)]
     });
     for (a, b) in fields[0].iter().zip(&fields[1]) {

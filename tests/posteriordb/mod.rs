@@ -4,7 +4,7 @@
 
 mod cases;
 
-use plychain::chain::{Draws, Series};
+use plychain::chain::{Draws, ScalarDraws};
 use plychain::diagnose::{Rule, diagnose, mcse_mean, mean};
 use plychain::sample::{Ensemble, Quiet, Schedule, Start, density, laplace, run};
 use serde_json::Value;
@@ -57,7 +57,7 @@ fn differences(case: &Case, reference: &Value) -> Vec<(String, f64)> {
     for (k, name) in names.iter().enumerate() {
         let series = draws.series(k);
         let squares = series.values.iter().map(|v| v * v).collect();
-        let squares = Series {
+        let squares = ScalarDraws {
             values: squares,
             ..series.clone()
         };

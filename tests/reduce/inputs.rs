@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use plychain::error::Error;
 use plychain::experiment::FieldExperiment;
-use plychain::infer::Model;
+use plychain::infer::{Model, drawn_in, problem_within};
 use plychain::reduce::{Choice, Modes, ReducedSpec, SnapshotsSpec, Surface, Variables};
 
 use super::{points, scene, small_problem, small_test};
@@ -100,8 +100,8 @@ fn with_priors(change: impl Fn(&mut serde_json::Value)) -> Model {
 #[test]
 fn a_box_is_drawn_in_to_what_a_ply_can_be() {
     let model = with_priors(|_| {});
-    let said = model.drawn_in().unwrap();
-    let problem = model.problem([[-8.0; 2], [8.0; 2]]).unwrap();
+    let said = drawn_in(&model).unwrap();
+    let problem = problem_within(&model, [[-8.0; 2], [8.0; 2]]).unwrap();
     let [e1, e2, nu, g] = [0, 1, 2, 3].map(|k| problem.dimensions[k].clone());
     // the priors' +- 3 sd, a quarter of the mean at least
     assert_eq!(
@@ -129,19 +129,21 @@ fn a_box_is_drawn_in_to_what_a_ply_can_be() {
     let declared = with_priors(|m| {
         m["reduced_model"]["doe"] = serde_json::json!({"E1_GPa": [5.0, 25.0]});
     });
-    let problem = declared.problem([[-8.0; 2], [8.0; 2]]).unwrap();
+    let problem = problem_within(&declared, [[-8.0; 2], [8.0; 2]]).unwrap();
     assert_eq!(
         [problem.dimensions[0].low, problem.dimensions[0].high],
         [5.0, 25.0]
     );
-    assert!(!declared.drawn_in().unwrap().contains("E1_GPa"));
+    assert!(!drawn_in(&declared).unwrap().contains("E1_GPa"));
     let hopeless = with_priors(|m| {
         m["reduced_model"]["doe"] = serde_json::json!({"E1_GPa": [0.3, 25.0]});
     });
-    let error = hopeless.problem([[-8.0; 2], [8.0; 2]]).err().unwrap();
+    let error = problem_within(&hopeless, [[-8.0; 2], [8.0; 2]])
+        .err()
+        .unwrap();
     assert!(told(&error).contains("corner of the DoE box"));
     let usual = Model::load(Path::new(&crate::program::model("openhole.json"))).unwrap();
-    assert!(usual.drawn_in().is_none());
+    assert!(drawn_in(&usual).is_none());
 }
 
 /// The default model's text with one piece replaced.

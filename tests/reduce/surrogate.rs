@@ -10,7 +10,9 @@ use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::doubts::Doubting;
 use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
-use plychain::infer::{Likelihood, Marginal, Model, Posterior, Statistics};
+use plychain::infer::{
+    Likelihood, Marginal, Model, Posterior, Statistics, problem_within, simulated_field,
+};
 use plychain::laminate::Material;
 use plychain::progress::Silent;
 use plychain::reduce::{Problem, ReducedModel, Snapshots, SnapshotsSpec, spread_over};
@@ -152,7 +154,7 @@ fn coarse_model(directory: &Path, modes: usize, e1: [f64; 2]) -> Model {
     };
     write_matrices(
         &directory.join("openhole"),
-        &model.simulate(&truth).unwrap(),
+        &simulated_field(&model, &truth).unwrap(),
         None,
     )
     .unwrap();
@@ -222,7 +224,7 @@ fn what_effects_change_is_taken_from_a_coarse_mesh() {
         let Ok(model) = Model::load(file.as_ref()) else {
             continue;
         };
-        let Ok(problem) = model.problem([[-12.0; 2], [12.0; 2]]) else {
+        let Ok(problem) = problem_within(&model, [[-12.0; 2], [12.0; 2]]) else {
             continue;
         };
         let points = spread_over(&problem, 8, 3);

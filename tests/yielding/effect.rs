@@ -8,7 +8,7 @@ use plychain::experiment::{Direction, Neighbourhood, State, predict_with_gradien
 use plychain::fem::{Plate, Setup};
 use plychain::field::matrices::write_matrices;
 use plychain::geometry::Density;
-use plychain::infer::Model;
+use plychain::infer::{Model, experiment_over, simulated_field};
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
 use serde_json::{Value, json};
 
@@ -35,8 +35,9 @@ fn measured(file: &str, effects: &[&str], noise_nm: f64) -> Model {
         .iter()
         .map(|text| Acting::parse("test", text).unwrap())
         .collect();
-    let grid = nominal
-        .simulate(&Truth {
+    let grid = simulated_field(
+        &nominal,
+        &Truth {
             constants: vec![207.0, 0.29],
             thickness_mm: 3.05,
             effects,
@@ -44,8 +45,9 @@ fn measured(file: &str, effects: &[&str], noise_nm: f64) -> Model {
             correlation_mm: 0.0,
             grid: 51,
             seed: 3,
-        })
-        .unwrap();
+        },
+    )
+    .unwrap();
     let folder = fresh("field");
     std::fs::create_dir_all(&folder).unwrap();
     write_matrices(&folder, &grid, None).unwrap();
@@ -119,9 +121,7 @@ fn simulated_yielding_is_the_plates_own() {
 #[test]
 fn columns_are_those_of_an_amplitude_that_is_linear() {
     let model = Model::load(Path::new(&free_strip(&|_| ()))).unwrap();
-    let experiment = model
-        .experiment_over([[-9.0, -9.0], [9.0, 9.0]], 1.0)
-        .unwrap();
+    let experiment = experiment_over(&model, [[-9.0, -9.0], [9.0, 9.0]], 1.0).unwrap();
     let effect = find("test", "yielding").unwrap();
     let sight = experiment.support();
     let columns = |amplitude: f64| -> Vec<Vec<[f64; 2]>> {

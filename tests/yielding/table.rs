@@ -1,6 +1,6 @@
 //! The tabulated plastic part against direct solutions, and the plate that answers from it.
 
-use plychain::fem::{Metal, Plate, Setup, Yield};
+use plychain::fem::{Anchor, Metal, Plate, Setup, Yield};
 use plychain::laminate::Ply;
 
 use super::{E, HARDENING, YIELD, in_window, largest, less, plate, steel, strip};
@@ -135,13 +135,13 @@ fn a_plate_answers_elastically_and_from_its_table() {
     );
     let size = largest(&part);
     let zero = plate.solve(&elastic, &steel()).unwrap().nodal;
-    let anchor = plate.anchor(&of_share(0.7), &steel(), &[1.0]).unwrap();
+    let anchor = Anchor::new(&plate, &of_share(0.7), &steel(), &[1.0]).unwrap();
     for share in [1.0, 0.2, -0.1] {
         let expected: Vec<f64> = part.iter().map(|u| share * u).collect();
         let solved = plate.solve(&of_share(share), &steel()).unwrap().nodal;
         assert!(largest(&less(&less(&solved, &zero), &expected)) < 1e-9 * size);
-        let near = plate
-            .solve_near(&anchor, &of_share(share), &steel())
+        let near = anchor
+            .solve_near(&plate, &of_share(share), &steel())
             .unwrap();
         assert!(largest(&less(&near.nodal, &solved)) < 1e-6 * size);
     }

@@ -3,9 +3,9 @@
 use serde_json::{Value, json};
 
 use super::outlying::{MOST_Z, mark};
-use super::row::Row;
-use crate::campaign::manifest::{CampaignManifest, Entry};
-use crate::campaign::status::Places;
+use super::row::CampaignRow;
+use crate::campaign::manifest::{CampaignManifest, ManifestEntry};
+use crate::campaign::status::CampaignPlaces;
 use crate::error::Result;
 
 /// What all runs found.
@@ -16,7 +16,7 @@ pub struct Collected {
     pub standing: String,
     /// Names of the constants, in the order in which runs have them.
     pub constants: Vec<String>,
-    pub rows: Vec<Row>,
+    pub rows: Vec<CampaignRow>,
 }
 
 impl Collected {
@@ -24,10 +24,10 @@ impl Collected {
     ///
     /// # Errors
     /// The input's fault: a folder that is no campaign's, a report that cannot be read.
-    pub fn gather(places: &Places) -> Result<Self> {
+    pub fn gather(places: &CampaignPlaces) -> Result<Self> {
         let manifest = CampaignManifest::in_folder(places)?;
-        let row = |entry: &Entry| Row::of(entry, places);
-        let mut rows: Vec<Row> = manifest.runs.iter().map(row).collect::<Result<_>>()?;
+        let row = |entry: &ManifestEntry| CampaignRow::of(entry, places);
+        let mut rows: Vec<CampaignRow> = manifest.runs.iter().map(row).collect::<Result<_>>()?;
         let mut constants: Vec<String> = Vec::new();
         for name in rows.iter().flat_map(|r| r.constants.keys()) {
             if !constants.contains(name) {
@@ -46,7 +46,7 @@ impl Collected {
     }
 
     /// Runs with a constant that is unlike the others', with the constant and its robust z.
-    pub fn outlying(&self) -> impl Iterator<Item = (&Row, &str, f64)> {
+    pub fn outlying(&self) -> impl Iterator<Item = (&CampaignRow, &str, f64)> {
         self.rows.iter().flat_map(|row| {
             let all = row.constants.iter();
             let far = all.filter_map(|(name, c)| Some((name.as_str(), c.robust_z?)));
@@ -57,7 +57,7 @@ impl Collected {
 
     /// What all runs found, for programs.
     pub fn numbers(&self) -> Value {
-        let of = |row: &Row| {
+        let of = |row: &CampaignRow| {
             json!({
                 "run": row.entry.run.name, "state": row.entry.status.state.words(), "verdict": row.verdict, "effects": row.effects,
                 "converged": row.converged, "warnings": row.warnings, "constants": row.constants,

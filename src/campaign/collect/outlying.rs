@@ -1,6 +1,6 @@
 //! Specimens unlike the others.
 
-use super::row::Row;
+use super::row::CampaignRow;
 use crate::numeric::median;
 
 /// Beyond this a specimen is called outlying (Iglewicz & Hoaglin 1993).
@@ -37,7 +37,7 @@ pub fn robust_z(values: &[[f64; 2]]) -> Vec<Option<f64>> {
 }
 
 /// Put the robust z of a constant into the rows that have it.
-pub fn mark(rows: &mut [Row], constant: &str) {
+pub fn mark(rows: &mut [CampaignRow], constant: &str) {
     let own: Vec<&mut super::row::Found> = rows
         .iter_mut()
         .filter_map(|r| r.constants.get_mut(constant))
@@ -49,19 +49,5 @@ pub fn mark(rows: &mut [Row], constant: &str) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A value is judged by the others alone, and by its own sd.
-    #[test]
-    fn an_outlier_is_found_and_an_uncertain_value_is_none() {
-        let mut values: Vec<[f64; 2]> = (0..9).map(|k| [100.0 + f64::from(k % 3), 0.5]).collect();
-        values.push([130.0, 0.5]);
-        values.push([130.0, 20.0]);
-        let z = robust_z(&values);
-        assert!(z[9].unwrap() > 10.0, "{z:?}");
-        assert!(z[10].unwrap() < 2.0, "{z:?}");
-        assert!(z[..9].iter().all(|z| z.unwrap().abs() < MOST_Z), "{z:?}");
-        assert_eq!(robust_z(&values[..4]), [None; 4]);
-    }
-}
+#[path = "../../../tests/unit/outlying.rs"]
+mod tests;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::manifest::Entry;
-use crate::campaign::status::{Places, State};
+use crate::campaign::manifest::ManifestEntry;
+use crate::campaign::status::{CampaignPlaces, RunState};
 use crate::chain::check_stores;
 use crate::error::Result;
 use crate::files::{Keyed, parse_json};
@@ -16,8 +16,8 @@ use crate::report::study;
 
 /// A run in the table.
 #[derive(Debug, Clone)]
-pub struct Row {
-    pub entry: Entry,
+pub struct CampaignRow {
+    pub entry: ManifestEntry,
     pub verdict: String,
     /// Effects that were added.
     pub effects: Vec<String>,
@@ -58,10 +58,10 @@ struct FoundOfPlates {
     variance_left: Option<f64>,
 }
 
-impl Row {
+impl CampaignRow {
     /// # Errors
     /// The input's fault, with the file: a report that cannot be read.
-    pub fn of(entry: &Entry, places: &Places) -> Result<Self> {
+    pub fn of(entry: &ManifestEntry, places: &CampaignPlaces) -> Result<Self> {
         let row = Self {
             entry: entry.clone(),
             verdict: String::new(),
@@ -70,7 +70,7 @@ impl Row {
             warnings: Vec::new(),
             constants: Keyed::new(),
         };
-        if entry.status.state != State::Done || entry.run.share.is_some() {
+        if entry.status.state != RunState::Done || entry.run.share.is_some() {
             return Ok(row);
         }
         let folder = places.run(&entry.run);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::collected::Collected;
 use super::outlying::MOST_Z;
-use super::row::{Found, Row};
+use super::row::{CampaignRow, Found};
 use crate::chain::write_table;
 use crate::error::Result;
 use crate::files;
@@ -47,7 +47,7 @@ pub fn write(collected: &Collected, folder: &Path) -> Result<[PathBuf; 3]> {
 fn columns(collected: &Collected) -> Vec<(String, Vec<f64>)> {
     let columns_of = |constant: &String| {
         COLUMNS.map(|(what, pick)| {
-            let number = |r: &Row| r.constants.get(constant).and_then(pick);
+            let number = |r: &CampaignRow| r.constants.get(constant).and_then(pick);
             let numbers = collected.rows.iter().map(number);
             let numbers = numbers.map(|v| v.unwrap_or(f64::NAN)).collect();
             (format!("{constant}_{what}"), numbers)
@@ -68,14 +68,14 @@ fn keys(collected: &Collected) -> Vec<&str> {
 }
 
 /// What was set in the model of a run.
-fn set(line: &Row, keys: &[&str]) -> Vec<TableCell> {
+fn set(line: &CampaignRow, keys: &[&str]) -> Vec<TableCell> {
     let text = |key: &&str| line.entry.run.set.get(*key).map(ToString::to_string);
     keys.iter()
         .map(|key| text(key).unwrap_or_default().into())
         .collect()
 }
 
-fn converged(line: &Row) -> TableCell {
+fn converged(line: &CampaignRow) -> TableCell {
     line.converged.map_or_else(|| "".into(), TableCell::yes)
 }
 

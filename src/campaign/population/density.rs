@@ -25,7 +25,7 @@ pub struct Population<'a> {
 }
 
 /// A population.
-pub struct Place {
+pub struct NormalPopulation {
     pub mean: DVector<f64>,
     pub sds: Vec<f64>,
     /// Lower root of the correlations.
@@ -87,7 +87,7 @@ impl<'a> Population<'a> {
     }
 
     /// The population of a point, and the log density of its priors there.
-    pub fn place(&self, x: &[f64]) -> (Place, f64) {
+    pub fn place(&self, x: &[f64]) -> (NormalPopulation, f64) {
         let n = self.constants();
         let sds: Vec<f64> = x[n..2 * n].iter().map(|v| v.exp()).collect();
         let mut log_prior: f64 = sds
@@ -114,7 +114,7 @@ impl<'a> Population<'a> {
         log_prior += known
             .map(|([m, s], x)| -0.5 * ((x - m) / s).powi(2))
             .sum::<f64>();
-        (Place { mean, sds, root }, log_prior)
+        (NormalPopulation { mean, sds, root }, log_prior)
     }
 }
 
@@ -125,7 +125,7 @@ pub fn common(specimens: &[Specimen]) -> Option<&[[f64; 2]]> {
     same.then_some(first)
 }
 
-impl Place {
+impl NormalPopulation {
     /// Covariance between specimens.
     pub fn covariance(&self) -> DMatrix<f64> {
         let mut lower = self.root.clone();

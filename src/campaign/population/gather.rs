@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::copies::copied;
 use super::specimen::Specimen;
-use crate::campaign::manifest::{CampaignManifest, Entry};
-use crate::campaign::status::{Places, State};
+use crate::campaign::manifest::{CampaignManifest, ManifestEntry};
+use crate::campaign::status::{CampaignPlaces, RunState};
 use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::files::Keyed;
@@ -27,7 +27,7 @@ pub struct Gathered {
 /// # Errors
 /// The input's fault: a folder that is no campaign's, runs to leave out that it does not have, chains that cannot be read, and a measurement
 /// that several runs share, where nothing says which of them to take.
-pub fn gather(places: &Places, left_out: &[String]) -> Result<Gathered> {
+pub fn gather(places: &CampaignPlaces, left_out: &[String]) -> Result<Gathered> {
     let manifest = CampaignManifest::in_folder(places)?;
     let known = |name: &String| manifest.runs.iter().any(|e| e.run.name == *name);
     if let Some(unknown) = left_out.iter().find(|n| !known(n)) {
@@ -89,7 +89,7 @@ fn copy_of<'a>(own: &[Field], others: &[(&'a str, Vec<Field>)]) -> Option<(&'a s
     })
 }
 
-fn no_specimen(entry: &Entry, left_out: &[String]) -> Option<String> {
+fn no_specimen(entry: &ManifestEntry, left_out: &[String]) -> Option<String> {
     if left_out.contains(&entry.run.name) {
         return Some("left out as asked".into());
     }
@@ -97,11 +97,11 @@ fn no_specimen(entry: &Entry, left_out: &[String]) -> Option<String> {
         return Some("a share of a calibration".into());
     }
     let state = entry.status.state;
-    (state != State::Done).then(|| state.words().into())
+    (state != RunState::Done).then(|| state.words().into())
 }
 
 /// What tells one measurement from another: the hashes of its data, or that of the model file in which they stand.
-fn measurement(entry: &Entry) -> Vec<String> {
+fn measurement(entry: &ManifestEntry) -> Vec<String> {
     let model = entry.run.model.display().to_string();
     let inputs = entry.run.inputs_sha256.iter();
     let data = inputs.clone().filter(|(file, _)| **file != model);

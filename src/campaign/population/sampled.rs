@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::density::{Place, Population};
+use super::density::{NormalPopulation, Population};
 use super::specimen::Specimen;
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
@@ -10,8 +10,7 @@ use crate::error::{Error, Result};
 use crate::identify::Reporting;
 use crate::parameter::is_modulus;
 use crate::progress::Progress;
-use crate::sample::LogDensity;
-use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream};
+use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream, diagonal};
 
 /// Fewest specimens that have a spread to speak of.
 pub const LEAST: usize = 3;
@@ -75,14 +74,9 @@ pub fn sample(
     }
     let target = Population::new(specimens);
     let (centre, sds) = target.start();
-    let n = target.dim();
-    let mut covariance = vec![0.0; n * n];
-    for (k, sd) in sds.iter().enumerate() {
-        covariance[k * (n + 1)] = sd * sd;
-    }
     let start = Start::Ball {
         centre: &centre,
-        covariance: &covariance,
+        covariance: &diagonal(&sds),
         spread: SPREAD,
     };
     let schedule = Schedule {
@@ -204,7 +198,7 @@ fn shrunken(
 }
 
 /// A specimen's constants given the population: one of its kernels, and a normal draw from its product with the population.
-fn draw(place: &Place, specimen: &Specimen, rng: &mut Stream) -> Option<DVector<f64>> {
+fn draw(place: &NormalPopulation, specimen: &Specimen, rng: &mut Stream) -> Option<DVector<f64>> {
     let around = place.around(specimen)?;
     let (each, all) = place.of_kernels(specimen, &around);
     let mut left = rng.uniform() * each.len() as f64;

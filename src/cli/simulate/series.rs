@@ -15,7 +15,7 @@ use crate::experiment::series::{Law, Moving};
 use crate::experiment::simulate::series::{SeriesTruth, SimulatedSeries};
 use crate::field::{ColumnMap, Frame, Grid, Reader, Source, StepSpec};
 use crate::files;
-use crate::infer::{EffectUnderLaw, Model};
+use crate::infer::{EffectUnderLaw, Model, simulated_series};
 
 /// An effect whose amplitude varies over the steps, by a law where it moves the specimen: one amplitude, of a free one as many as there are
 /// steps.
@@ -48,7 +48,7 @@ pub fn simulated(target: &FieldTarget<'_>, mut model: Model) -> Result<Simulated
         motion_mm: not_negative("--motion-mm", arguments.motion_mm)?,
         subsets: model.subsets(),
     };
-    let simulated = model.simulate_series(&truth)?;
+    let simulated = simulated_series(&model, &truth)?;
     let frame = model.scene().frame;
     let steps = model.experiment().steps.clone().unwrap_or_default();
     let folder = target.folder.path();

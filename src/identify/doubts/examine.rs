@@ -10,7 +10,7 @@ use crate::experiment::{FieldSolver, Gauge};
 use crate::field::blocks::one_a_tile;
 use crate::field::{Field, Reason, bounds, rigid};
 use crate::identify::inverse::{Prepared, is_clear};
-use crate::infer::{EffectUnderLaw, Model};
+use crate::infer::{EffectUnderLaw, Model, moved_experiment_over};
 use crate::linearise::{
     AtPoints, CandidateColumns, Column, Forward, Measured, Sensitivities, Slopes,
 };
@@ -179,7 +179,7 @@ impl Mistaken<'_> {
     fn fit(&self, kept: Option<&Sensitivities>) -> Result<InputFit> {
         let Self { model, window, .. } = self;
         let experiment =
-            model.moved_experiment_over(bounds(&self.field.points), window.motion(), DENSITY)?;
+            moved_experiment_over(model, bounds(&self.field.points), window.motion(), DENSITY)?;
         let experiment = &*experiment;
         let (sight, inside) = experiment.locate(&self.field.points, &[]);
         let mut field = self.field.clone();

@@ -6,7 +6,7 @@
 use nalgebra::DMatrix;
 
 use crate::field::Blocks;
-use crate::field::places::Places;
+use crate::field::places::BlockPoints;
 
 /// Covariance of the averages over `blocks` of noise whose points have unit variance and the correlation of square subsets of side
 /// `subset_mm`: the mean of that correlation over the points of both blocks, exact where the blocks know their points, and over
@@ -15,8 +15,8 @@ pub fn subset_covariance(blocks: &Blocks, subset_mm: f64) -> DMatrix<f64> {
     let n = blocks.len();
     let triangle = |[s, t]: [f64; 2]| triangle(s, subset_mm) * triangle(t, subset_mm);
     let of_sites = match &blocks.places {
-        Places::OnLattice(lattice) => lattice.tabulate_offsets(triangle),
-        Places::Many | Places::Anywhere(_) => Vec::new(),
+        BlockPoints::OnLattice(lattice) => lattice.tabulate_offsets(triangle),
+        BlockPoints::Many | BlockPoints::Anywhere(_) => Vec::new(),
     };
     // blocks are square tiles: points of two lie no closer than their centroids do, less the sides of both
     let reach = subset_mm + 2.0 * blocks.size_mm;
@@ -27,7 +27,7 @@ pub fn subset_covariance(blocks: &Blocks, subset_mm: f64) -> DMatrix<f64> {
             return 0.0;
         }
         match &blocks.places {
-            Places::Many => [0, 1]
+            BlockPoints::Many => [0, 1]
                 .map(|k| {
                     let side =
                         [blocks.spread[i][k], blocks.spread[j][k]].map(|v| (12.0 * v).sqrt());
@@ -35,10 +35,10 @@ pub fn subset_covariance(blocks: &Blocks, subset_mm: f64) -> DMatrix<f64> {
                 })
                 .iter()
                 .product(),
-            Places::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
+            BlockPoints::Anywhere(points) => mean_over(&points[i], &points[j], |p, q| {
                 triangle([p[0] - q[0], p[1] - q[1]])
             }),
-            Places::OnLattice(lattice) => {
+            BlockPoints::OnLattice(lattice) => {
                 mean_over(&lattice.sites[i], &lattice.sites[j], |p, q| {
                     of_sites[p.abs_diff(*q) as usize]
                 })

@@ -202,7 +202,7 @@ pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Section {
 }
 
 /// The constants to quote beside those of the model alone, with the answers that they span where the account is suspect.
-pub fn quoted(
+fn quoted(
     quoted: &Keyed<Interval>,
     suspect: Option<&Suspect>,
     alone: &Keyed<MeanAndSd>,
@@ -235,6 +235,12 @@ pub fn quoted(
     ];
     let section = Section::new(title).with(Table::new("", header, rows));
     section.with_all(suspect.map(answers).into_iter().flatten())
+}
+
+/// The same of a loop that has ended.
+pub fn to_quote(closing: &Closing, alone: &Keyed<MeanAndSd>, learned: &Keyed<Learned>) -> Section {
+    let suspect = closing.verdict.suspect.as_ref();
+    quoted(&closing.averaged_posterior, suspect, alone, learned)
 }
 
 /// What could hide in a residual that was traced, and the constants to quote.

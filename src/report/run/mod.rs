@@ -54,13 +54,7 @@ pub fn closed(page: &Page, closing: &Closing) -> Vec<Section> {
             &closing.blind_spots,
             &page.constants(),
         ));
-        let suspect = closing.verdict.suspect.as_ref();
-        let quoted = effects::quoted(
-            &closing.averaged_posterior,
-            suspect,
-            &last.alone(),
-            &page.report.learned,
-        );
+        let quoted = effects::to_quote(closing, &last.alone(), &page.report.learned);
         sections.push(quoted.with_all(effects::remarks(closing)));
     }
     let mut verdict = Section::default().with(verdict(&page.report, &closing.verdict));

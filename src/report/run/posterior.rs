@@ -120,13 +120,7 @@ pub fn section(page: &Page) -> Section {
         ));
     }
     if let (Some(closing), Some(last)) = (&page.report.closing, rounds.last()) {
-        let suspect = closing.verdict.suspect.as_ref();
-        let quoted = effects::quoted(
-            &closing.averaged_posterior,
-            suspect,
-            &last.alone(),
-            &page.report.learned,
-        );
+        let quoted = effects::to_quote(closing, &last.alone(), &page.report.learned);
         section.push(Piece::Heading(quoted.title));
         section.extend(quoted.pieces);
         section.extend(effects::remarks(closing));

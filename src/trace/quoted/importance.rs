@@ -63,11 +63,12 @@ struct AnswerOnMesh<'a> {
     base: StepStack,
 }
 
-/// Draws to be solved.
+/// Completed draws of a posed answer.
 #[derive(Clone, Copy)]
-struct PosteriorDraws<'a> {
-    points: &'a [Vec<f64>],
-    drawn: &'a [CompletedDraw],
+pub(super) struct PosedDraws<'a> {
+    pub posed: &'a PosedAnswer<'a>,
+    pub points: &'a [Vec<f64>],
+    pub drawn: &'a [CompletedDraw],
 }
 
 /// Effective shares of some draws: above the first, a dozen say that the full model moves nothing; below the second, six say that no number
@@ -88,8 +89,8 @@ const WORTH: f64 = 0.05;
 /// Stream that resamples, apart from those of ensembles and of completion.
 const RESAMPLING: u64 = u64::MAX - 2;
 
-impl PosedAnswer<'_> {
-    /// Hold draws against the full model. Where it shifts a mean by more than a twentieth of an sd, an order of draws that has them as
+impl PosedDraws<'_> {
+    /// Hold the draws against the full model. Where it shifts a mean by more than a twentieth of an sd, an order of draws that has them as
     /// often as they weigh comes with it.
     ///
     /// # Errors
@@ -97,12 +98,10 @@ impl PosedAnswer<'_> {
     pub(super) fn importance(
         &self,
         models: FullModels<'_>,
-        points: &[Vec<f64>],
-        drawn: &[CompletedDraw],
         seed: u64,
     ) -> Result<(Importance, Option<Vec<usize>>)> {
-        let draws = PosteriorDraws { points, drawn };
-        let (test, mesh_error) = self.on_a_mesh(models, draws)?;
+        let points = self.points;
+        let (test, mesh_error) = self.on_a_mesh(models)?;
         let (mut chosen, mut logs) = (Vec::new(), Vec::new());
         let mut weighed = weigh(&[], &[]);
         let mut shifts = Vec::new();
@@ -110,7 +109,7 @@ impl PosedAnswer<'_> {
             let more: Vec<usize> = (chosen.len()..count.min(points.len()))
                 .map(|k| spread_out(k, points.len()))
                 .collect();
-            logs.extend(self.log_weights(&test, draws, &more)?);
+            logs.extend(self.log_weights(&test, &more)?);
             chosen.extend(more);
             let own: Vec<&[f64]> = chosen.iter().map(|&k| &*points[k]).collect();
             weighed = weigh(&own, &logs);
@@ -122,12 +121,12 @@ impl PosedAnswer<'_> {
         let known = weighed.effective * chosen.len() as f64 > ENOUGH;
         let wanted = known && shifts.iter().any(beyond(2.0));
         let fitted = wanted.then(|| {
-            let logs = regressed(&self.features(points, drawn), &chosen, &logs);
+            let logs = regressed(&self.features(), &chosen, &logs);
             relative_weights(&logs)
         });
         let fitted = fitted.filter(|weights| is_sound(weights, points, &weighed, &shifts));
         let of = |which: usize| {
-            let named = self.answer.names().iter().cloned().zip(&shifts);
+            let named = self.posed.answer.names().iter().cloned().zip(&shifts);
             named.map(|(name, shift)| (name, shift[which])).collect()
         };
         let found = Importance {
@@ -149,39 +148,30 @@ impl PosedAnswer<'_> {
     }
 
     /// The coarse mesh, if the fine one makes the same of the first draw, and how far the log weights of that are apart.
-    fn on_a_mesh<'a>(
-        &'a self,
-        models: FullModels<'a>,
-        draws: PosteriorDraws<'_>,
-    ) -> Result<(AnswerOnMesh<'a>, Option<f64>)> {
+    fn on_a_mesh<'a>(&'a self, models: FullModels<'a>) -> Result<(AnswerOnMesh<'a>, Option<f64>)> {
+        let posed = self.posed;
         let fine = AnswerOnMesh {
             full: models.fine,
-            columns: Cow::Borrowed(&self.columns),
-            base: self.left_at_linearisation(&self.columns),
+            columns: Cow::Borrowed(&posed.columns),
+            base: left_at_linearisation(posed, &posed.columns),
         };
-        let Some(full) = models.coarse.filter(|_| !draws.points.is_empty()) else {
+        let Some(full) = models.coarse.filter(|_| !self.points.is_empty()) else {
             return Ok((fine, None));
         };
         let columns = [0, 1].map(|c| {
-            let measured = &self.traced.evidence.measured;
-            stacked(
-                full.here,
-                self.expanded,
-                measured,
-                &self.answer.space,
-                &self.kept,
-                c,
-            )
+            let measured = &posed.traced.evidence.measured;
+            let space = &posed.answer.space;
+            stacked(full.here, posed.expanded, measured, space, &posed.kept, c)
         });
         let coarse = AnswerOnMesh {
             full,
-            base: self.left_at_linearisation(&columns),
+            base: left_at_linearisation(posed, &columns),
             columns: Cow::Owned(columns),
         };
-        let first = [spread_out(0, draws.points.len())];
+        let first = [spread_out(0, self.points.len())];
         let (a, b) = rayon::join(
-            || self.log_weights(&coarse, draws, &first),
-            || self.log_weights(&fine, draws, &first),
+            || self.log_weights(&coarse, &first),
+            || self.log_weights(&fine, &first),
         );
         let error = (a?[0] - b?[0]).abs();
         // a draw that neither can have has no difference
@@ -193,16 +183,15 @@ impl PosedAnswer<'_> {
 
     /// Log density of the full model over the answer's at some draws; -inf where the full model cannot be. What the full model differs by
     /// from the answer's columns is a difference on one mesh, whichever that is.
-    fn log_weights(
-        &self,
-        test: &AnswerOnMesh<'_>,
-        PosteriorDraws { points, drawn }: PosteriorDraws<'_>,
-        chosen: &[usize],
-    ) -> Result<Vec<f64>> {
-        let evidence = &self.traced.evidence;
+    fn log_weights(&self, test: &AnswerOnMesh<'_>, chosen: &[usize]) -> Result<Vec<f64>> {
+        let Self {
+            posed,
+            points,
+            drawn,
+        } = *self;
         let states: Vec<DrawnState<'_>> = chosen
             .iter()
-            .map(|&k| test.full.drawn(&points[k], &self.amplitudes(&drawn[k])))
+            .map(|&k| test.full.drawn(&points[k], &posed.amplitudes(&drawn[k])))
             .collect();
         let origins = test.full.origins(&states)?;
         let residuals: Vec<Option<[StepStack; 2]>> = chosen
@@ -210,19 +199,18 @@ impl PosedAnswer<'_> {
             .zip(&states)
             .map(|(&k, state)| {
                 let change = test.full.change(state, &origins).ok()?;
-                let linear = self.left(&self.columns, &points[k], &drawn[k]);
-                let there = self.left(&test.columns, &points[k], &drawn[k]);
+                let linear = self.left(&posed.columns, k);
+                let there = self.left(&test.columns, k);
                 let own = [0, 1].map(|c| {
-                    let beyond = &change[c] + self.rival(test.full.here, &drawn[k], c)
-                        - &test.base[c]
-                        + &there[c];
+                    let beyond =
+                        &change[c] + self.rival(test.full.here, k, c) - &test.base[c] + &there[c];
                     &linear[c] - beyond
                 });
                 Some([linear, own])
             })
             .collect();
         let mut logs = vec![f64::NEG_INFINITY; chosen.len()];
-        for (noise, pair) in self.pairs.iter().enumerate() {
+        for (noise, pair) in posed.pairs.iter().enumerate() {
             let own: Vec<(usize, &[StepStack; 2])> = residuals
                 .iter()
                 .enumerate()
@@ -238,8 +226,8 @@ impl PosedAnswer<'_> {
                     .flat_map(|(_, r)| [r[0][c].clone(), r[1][c].clone()]);
                 DMatrix::from_columns(&both.collect::<Vec<_>>())
             });
-            let measured = &evidence.measured;
-            let grams = self.weighing().noise.grams(
+            let measured = &posed.traced.evidence.measured;
+            let grams = posed.weighing().noise.grams(
                 &measured.blocks,
                 [&columns[0], &columns[1]],
                 &[*pair],
@@ -253,31 +241,20 @@ impl PosedAnswer<'_> {
     }
 
     /// What the answer, by its columns on a mesh, leaves of the data at a draw.
-    fn left(&self, columns: &[DMatrix<f64>; 2], x: &[f64], drawn: &CompletedDraw) -> StepStack {
-        let space = &self.answer.space;
-        let gamma = space
-            .seen
-            .tr_mul(&drawn.amplitudes.component_div(&space.largest));
-        residual(columns, &self.answer.distances(x), &gamma)
-    }
-
-    /// The same where the test was linearised, with the amplitudes that it had there.
-    fn left_at_linearisation(&self, columns: &[DMatrix<f64>; 2]) -> StepStack {
-        let space = &self.answer.space;
-        let all = linear(&self.expanded.here);
-        let at = self.kept.iter().zip(space.largest.iter());
-        let at =
-            at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
-        let at = DVector::from_iterator(self.kept.len(), at);
-        let nowhere = vec![0.0; self.answer.constants()];
-        residual(columns, &nowhere, &space.seen.tr_mul(&at))
+    fn left(&self, columns: &[DMatrix<f64>; 2], k: usize) -> StepStack {
+        let space = &self.posed.answer.space;
+        let amplitudes = &self.drawn[k].amplitudes;
+        let gamma = space.seen.tr_mul(&amplitudes.component_div(&space.largest));
+        let distances = self.posed.answer.distances(&self.points[k]);
+        residual(columns, &distances, &gamma)
     }
 
     /// What the near-edge rival does at a draw, which enters linearly in the full model too.
-    fn rival(&self, here: &Sensitivities, drawn: &CompletedDraw, c: usize) -> DVector<f64> {
+    fn rival(&self, here: &Sensitivities, draw: usize, c: usize) -> DVector<f64> {
         let before = linear(here).len();
         let mut sum = DVector::zeros(here.predicted[c].len());
-        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
+        let amplitudes = &self.drawn[draw].amplitudes;
+        for (&k, a) in self.posed.kept.iter().zip(amplitudes.iter()) {
             if let Some(fields) = k.checked_sub(before).and_then(|k| here.near_edge.get(k)) {
                 sum.axpy(*a, &fields[c], 1.0);
             }
@@ -286,12 +263,14 @@ impl PosedAnswer<'_> {
     }
 
     /// What a draw's weight may depend on, each of unit variance: constants, and amplitudes that take part in every draw.
-    fn features(&self, points: &[Vec<f64>], drawn: &[CompletedDraw]) -> Vec<Vec<f64>> {
-        let always = |k: &usize| self.answer.space.whose[*k] == Whose::Always;
-        let own: Vec<usize> = (0..self.kept.len()).filter(always).collect();
-        let raw: Vec<Vec<f64>> = points
+    fn features(&self) -> Vec<Vec<f64>> {
+        let posed = self.posed;
+        let always = |k: &usize| posed.answer.space.whose[*k] == Whose::Always;
+        let own: Vec<usize> = (0..posed.kept.len()).filter(always).collect();
+        let raw: Vec<Vec<f64>> = self
+            .points
             .iter()
-            .zip(drawn)
+            .zip(self.drawn)
             .map(|(x, d)| {
                 let amplitudes = own.iter().map(|&k| d.amplitudes[k]);
                 x.iter().copied().chain(amplitudes).collect()
@@ -299,6 +278,17 @@ impl PosedAnswer<'_> {
             .collect();
         standardised(raw)
     }
+}
+
+/// What a posed answer, by its columns on a mesh, leaves of the data where the test was linearised, with the amplitudes that it had there.
+fn left_at_linearisation(posed: &PosedAnswer<'_>, columns: &[DMatrix<f64>; 2]) -> StepStack {
+    let space = &posed.answer.space;
+    let all = linear(&posed.expanded.here);
+    let at = posed.kept.iter().zip(space.largest.iter());
+    let at = at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
+    let at = DVector::from_iterator(posed.kept.len(), at);
+    let nowhere = vec![0.0; posed.answer.constants()];
+    residual(columns, &nowhere, &space.seen.tr_mul(&at))
 }
 
 /// What columns of [`stacked`] leave at distances of the constants and amplitudes in the directions.

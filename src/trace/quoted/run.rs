@@ -14,11 +14,12 @@ use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, Keyed, Stored, stored};
-use crate::identify::{Options, Reporting};
+use crate::identify::Options;
 use crate::parameter::Parameter;
 use crate::progress::Progress;
 use crate::sample::{
-    self, Ensemble, Key, LogDensity, Outcome, POOR, Sampler, Schedule, Start, Stream, adapted,
+    self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
+    adapted, diagonal,
 };
 use crate::trace::averaged::Interval;
 use crate::trace::coarse::CoarseTest;
@@ -404,14 +405,9 @@ fn by_walkers(
     progress: &dyn Progress,
 ) -> Result<Draws> {
     let (centre, sd) = sampled.start(averaged);
-    let dim = centre.len();
-    let mut covariance = vec![0.0; dim * dim];
-    for (k, sd) in sd.iter().enumerate() {
-        covariance[k * (dim + 1)] = sd * sd;
-    }
     let start = Start::Ball {
         centre: &centre,
-        covariance: &covariance,
+        covariance: &diagonal(&sd),
         spread: SPREAD,
     };
     let given = &options.schedule;
@@ -437,10 +433,6 @@ fn run(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Draws> {
-    let monitor = Reporting {
-        progress,
-        deadline: options.deadline,
-    };
     let schedule = Schedule {
         max_draws: schedule.max_draws.min(MOST_DRAWS),
         ..schedule.clone()
@@ -449,9 +441,11 @@ fn run(
         target,
         sampler,
         start,
-        &schedule,
-        &rule(&options.rule),
-        &monitor,
+        &Regime {
+            schedule: &schedule,
+            stop: &rule(&options.rule),
+            monitor: &options.reporting(progress),
+        },
         options.keeping.as_ref(),
     )?;
     if draws.draws() < FEWEST {

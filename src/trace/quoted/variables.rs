@@ -2,7 +2,7 @@
 
 use super::Supposing;
 use super::complete::{CompletedDraw, Inclusion, complete};
-use super::importance::{FullModels, Importance};
+use super::importance::{FullModels, Importance, PosedDraws};
 use super::pose::PosedAnswer;
 use super::space::linear;
 use crate::chain::Draws;
@@ -80,7 +80,12 @@ impl PosedAnswer<'_> {
         };
         let stream = |k: usize| Stream::at(key, k as u64, 0);
         let found = complete(&self.answer, &points, &inclusion, &stream);
-        let (importance, order) = self.importance(full, &points, &found, seed)?;
+        let (importance, order) = PosedDraws {
+            posed: self,
+            points: &points,
+            drawn: &found,
+        }
+        .importance(full, seed)?;
         let order = order.unwrap_or_else(|| (0..points.len()).collect());
         let (mut values, mut lp) = (Vec::new(), Vec::new());
         for k in order {
