@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 use crate::dic::cases::{Kind, campaign, case};
 use crate::dic::causes::{self, Cause};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
+use crate::dic::mechanics::Stiffness;
 use crate::dic::ordinary::{ORDINARY, Ordinary, ordinary};
 use crate::dic::series::Series;
 use crate::loops::{Ended, looped};
@@ -269,6 +270,33 @@ fn a_far_axis_of_a_rotation_is_no_translation() {
         assert!(!judged.is_wrong(), "{line}");
         // E2 and nu12 are mostly their priors', of which truths may lie two sds off
         assert!(judged.ended.worst() < 3.0, "{line}");
+    }
+}
+
+/// Damage that fades into the plate, whatever its depth, is no other effect, and the intervals hold: the model's is a ring of one loss.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn damage_of_another_profile_is_taken_for_no_other_effect() {
+    let sizes = [(0.1, 0.4), (0.2, 0.3), (0.4, 0.2), (0.8, 0.15)];
+    let judged: Vec<Judged> = sizes
+        .iter()
+        .zip(4700..)
+        .map(|((depth, loss), seed)| {
+            let mut series = case(&Kind::Null, true, seed);
+            let hole_mm = 0.5 * series.specimen.diameter_mm;
+            let depth_mm = depth * hole_mm;
+            series.causes = vec![Cause::Foreign(Stiffness::Worn {
+                hole_mm,
+                depth_mm,
+                loss: *loss,
+            })];
+            let kind = Kind::Single("hole_edge_damage");
+            Simulated::of(series, &kind, seed).judged(SERIES)
+        })
+        .collect();
+    summary(&judged);
+    for j in &judged {
+        assert!(!j.is_wrong(), "{}", j.ended.line());
     }
 }
 

@@ -114,6 +114,9 @@ impl Cause {
             Self::Foreign(Stiffness::Patch { loss, .. }) => {
                 ("soft_patch", "load", vec![("loss", *loss)])
             }
+            Self::Foreign(Stiffness::Worn { loss, .. }) => {
+                ("hole_edge_damage", "load", vec![("edge_loss", *loss)])
+            }
             Self::Foreign(Stiffness::Waves { sd, .. }) => {
                 ("random_stiffness", "load", vec![("sd", *sd)])
             }

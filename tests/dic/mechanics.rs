@@ -90,6 +90,12 @@ pub enum Stiffness {
         radius_mm: f64,
         loss: f64,
     },
+    /// Damage of a hole's edge that fades into the plate: 1 - loss exp(-(r - R) / depth), of a hole of radius R about the origin.
+    Worn {
+        hole_mm: f64,
+        depth_mm: f64,
+        loss: f64,
+    },
     /// A sum of six waves of some length, of this sd in all.
     Waves { length_mm: f64, sd: f64, phase: f64 },
 }
@@ -102,6 +108,11 @@ impl Stiffness {
                 radius_mm,
                 loss,
             } => 1.0 - loss * (-((x - a).hypot(y - b) / radius_mm).powi(2)).exp(),
+            Self::Worn {
+                hole_mm,
+                depth_mm,
+                loss,
+            } => 1.0 - loss * (-(x.hypot(y) - hole_mm) / depth_mm).exp(),
             Self::Waves {
                 length_mm,
                 sd,
