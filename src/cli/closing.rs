@@ -235,13 +235,8 @@ fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathB
 
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
     let quoted = suspect.map_or_else(|| tracing.averaged.clone(), Suspect::hull);
-    let by_name = quoted.iter().map(|(name, i)| {
-        let found = MeanAndSd {
-            mean: i.mean,
-            sd: i.sd,
-        };
-        (name.clone(), found)
-    });
+    let by_name = quoted.iter();
+    let by_name = by_name.map(|(name, i)| (name.clone(), (i.mean, i.sd).into()));
     let learned = learned(model, &by_name.collect());
     let averaged = sections_of::averaged(&found, &quoted, suspect, &spots, (&alone, &learned));
     print(&terminal(&[sections_of::tracing(&found)]))?;
@@ -277,6 +272,6 @@ fn state(run: &Path, model: &Model) -> Result<(State, Keyed<MeanAndSd>)> {
     {
         return Err(mismatch(format!("no posterior of {name}")));
     }
-    let mean = |name: &str| round.moments(name).map(|(mean, _)| mean);
+    let mean = |name: &str| round.moments(name).map(|m| m.mean);
     Ok((model.state(&mean), round.alone()))
 }

@@ -8,6 +8,7 @@ use super::manifest::{KnownTruth, Manifest};
 use super::numbers::{FigureData, IntervalLine};
 use crate::error::{Error, Result};
 use crate::identify::Identification;
+use crate::section::{Digits, TableCell};
 use crate::trace::{Closed, ToQuote};
 
 #[derive(Debug, Clone)]
@@ -123,6 +124,11 @@ impl Page {
     /// The true value of a parameter, if it is known.
     pub fn true_value(&self, name: &str) -> Option<f64> {
         self.truth.as_ref().and_then(|t| t.of(name))
+    }
+
+    pub fn truth_cell(&self, name: &str) -> TableCell {
+        let truth = self.true_value(name);
+        truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole))
     }
 
     /// Mean and sd of a parameter's prior in round `k`.

@@ -1,6 +1,7 @@
 //! The posterior of all experiments of a study, each alone and all together, and how far they disagree.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{ExperimentSection, Observed, SharedConstants, Study};
 use crate::chain::Draws;
@@ -46,6 +47,7 @@ pub struct SampledStudy {
 }
 
 /// What exact likelihoods say of draws, by importance.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Exact {
     pub draws: usize,
     /// Effective draws over draws.

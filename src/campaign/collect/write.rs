@@ -187,7 +187,7 @@ fn priors(collected: &Collected) -> Table {
         let prior = all.first()?.prior;
         let shares = all.iter().map(|l| 100.0 * l.from_data.max(0.0));
         let [least, most] = [f64::min, f64::max].map(|of| shares.clone().reduce(of));
-        let prior = TableCell::mean_sd(Some((prior.mean, prior.sd)));
+        let prior = TableCell::mean_sd(Some(prior));
         let share = [least, most].map(|s| TableCell::with_unit(s, Digits::Fixed(0), "%"));
         Some(row(name, std::iter::once(prior).chain(share)))
     });

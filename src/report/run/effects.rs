@@ -216,7 +216,7 @@ pub fn quoted(
     };
     let rows = quoted.iter().map(|(name, a)| {
         let numbers = TableCell::as_precise_as(a.sd, [a.mean, a.sd, a.low, a.median, a.high]);
-        let alone = alone.get(name).map(|m| (m.mean, m.sd));
+        let alone = alone.get(name).copied();
         let prior = Learned::cells(learned.get(name));
         let cells = numbers.into_iter().chain(prior);
         row(name, cells.chain([TableCell::mean_sd(alone)]))

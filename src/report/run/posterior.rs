@@ -56,7 +56,7 @@ pub fn marginals<'a>(caption: &str, rows: impl Iterator<Item = MarginalRow<'a>>)
             TableCell::fixed(r.ess_bulk, 0),
             prior,
             data,
-            TableCell::published(r.published.map(|p| (p.mean, p.sd))),
+            TableCell::published(r.published),
         ];
         row(r.name, cells)
     });
@@ -66,10 +66,7 @@ pub fn marginals<'a>(caption: &str, rows: impl Iterator<Item = MarginalRow<'a>>)
 /// The marginal posteriors of a round.
 pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Table {
     let rows = round.posterior.iter().map(|(name, r)| {
-        let found = MeanAndSd {
-            mean: r.mean,
-            sd: r.sd,
-        };
+        let found = MeanAndSd::from((r.mean, r.sd));
         MarginalRow {
             name,
             found,

@@ -1,7 +1,7 @@
 //! Rounds side by side: residual, held-out error and constants before and after; steps; maps.
 
 use crate::report::page::Page;
-use crate::report::round::RoundReport;
+use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::steps;
 use crate::report::words::contradiction;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
@@ -86,7 +86,7 @@ pub fn points(round: &RoundReport) -> String {
 
 /// The constants and the residual of the last round in a sentence.
 pub fn sentence(page: &Page, last: &RoundReport) -> String {
-    let said = |moments: &dyn Fn(&str) -> Option<(f64, f64)>| {
+    let said = |moments: &dyn Fn(&str) -> Option<MeanAndSd>| {
         let one = |name: &&str| {
             let (symbol, unit) = name.split_once('_').unwrap_or((name, ""));
             let value = TableCell::mean_sd(Some(moments(name)?)).typeset();
@@ -100,7 +100,7 @@ pub fn sentence(page: &Page, last: &RoundReport) -> String {
     let constants = match &page.report.closing {
         Some(_) => format!(
             "Averaged over effects that may act unseen: {}. The last round's model alone: {alone}",
-            said(&|name| page.report.averaged(name).map(|a| (a.mean, a.sd)))
+            said(&|name| averaged(page, name))
         ),
         None => alone,
     };
@@ -133,11 +133,17 @@ pub fn before_and_after(page: &Page) -> Section {
 }
 
 /// Mean and sd of a constant in every round, and averaged.
-fn moments(page: &Page, name: &str) -> Vec<Option<(f64, f64)>> {
+fn moments(page: &Page, name: &str) -> Vec<Option<MeanAndSd>> {
     let rounds = page.report.rounds.iter().map(|r| r.moments(name));
     let closing = page.report.closing.iter();
-    let averaged = closing.map(|_| page.report.averaged(name).map(|a| (a.mean, a.sd)));
-    rounds.chain(averaged).collect()
+    rounds
+        .chain(closing.map(|_| averaged(page, name)))
+        .collect()
+}
+
+fn averaged(page: &Page, name: &str) -> Option<MeanAndSd> {
+    let averaged = page.report.averaged(name);
+    averaged.map(|a| (a.mean, a.sd).into())
 }
 
 /// What columns of constants are called.
@@ -152,10 +158,6 @@ fn columns(page: &Page, names: &[String]) -> Vec<String> {
 
 /// Constants of every round and averaged, with what contradicts its prior.
 fn constants(page: &Page, names: &[String]) -> Table {
-    let truth = |name: &str| {
-        let truth = page.true_value(name);
-        truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole))
-    };
     let rows = page.constants().into_iter().map(|name| {
         let cells = moments(page, name).into_iter().enumerate().map(|(k, m)| {
             let cell = TableCell::mean_sd(m);
@@ -164,7 +166,7 @@ fn constants(page: &Page, names: &[String]) -> Table {
                 None => cell,
             }
         });
-        row(name, cells.chain([truth(name)]))
+        row(name, cells.chain([page.truth_cell(name)]))
     });
     let header = columns(page, names).into_iter().chain(["truth".into()]);
     Table::new("constants: posterior mean +- sd", header, rows)
@@ -175,8 +177,8 @@ pub fn only_on_page(page: &Page) -> Vec<Piece> {
     let names = names(page);
     let errors = page.constants().into_iter().filter_map(|name| {
         let truth = page.true_value(name)?;
-        let error = |m: Option<(f64, f64)>| {
-            m.map_or(TableCell::Missing, |(mean, sd)| {
+        let error = |m: Option<MeanAndSd>| {
+            m.map_or(TableCell::Missing, |MeanAndSd { mean, sd }| {
                 let percent =
                     TableCell::with_unit(100.0 * (mean - truth) / truth, Digits::Signed(2), "%");
                 let sds = TableCell::with_unit((mean - truth) / sd, Digits::Signed(1), "sd");
@@ -204,10 +206,8 @@ fn amplitudes(page: &Page, names: &[String]) -> Table {
     }
     let rows = effects.into_iter().map(|name| {
         let found = rounds.iter().map(|r| r.effect_amplitudes.get(name));
-        let found = found.map(|a| TableCell::mean_sd(a.map(|a| (a.mean, a.sd))));
-        let truth = page.true_value(name);
-        let truth = truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole));
-        row(name, found.chain([truth]))
+        let found = found.map(|a| TableCell::mean_sd(a.copied()));
+        row(name, found.chain([page.truth_cell(name)]))
     });
     let header = header("", names).into_iter().chain(["truth".into()]);
     Table::new("amplitudes of declared effects: mean +- sd", header, rows)
