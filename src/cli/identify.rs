@@ -68,6 +68,5 @@ pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u6
     folder.write_json("report.json", &report)?;
     let files = rounds.last().map(Identification::files).unwrap_or_default();
     let manifest = folder.manifest(Some(&model.path), files, seed, Vec::new())?;
-    let rounds: Vec<&Identification> = rounds.iter().collect();
-    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
+    Ok(Page::gather(rounds, report, manifest, truth(files)?))
 }

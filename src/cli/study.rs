@@ -117,11 +117,8 @@ fn written(
         let manifest = plan
             .folder
             .manifest(Some(&model.path), &files, seed, Vec::new())?;
-        let [round] = &rounds;
-        pages.push((
-            place,
-            Page::gather(&[round], report, manifest, truth(&files)?),
-        ));
+        let page = Page::gather(&rounds, report, manifest, truth(&files)?);
+        pages.push((place, page));
     }
     plan.folder
         .write_json("model.json", &plan.study.json(true)?)?;

@@ -15,6 +15,7 @@ use crate::error::Result;
 use crate::geometry::{
     Boundary, Change, Density, EdgeForce, Geometry, HIGH, HOLE, LOW, Mesh, Morph, not_offered,
 };
+use crate::numeric::range;
 
 /// A mesh file as it was read, with what loads and holds it.
 #[derive(Clone)]
@@ -205,7 +206,7 @@ impl ImportedPlate {
         if a[0] * b[1] < a[1] * b[0] {
             mirror(&mut mesh);
         }
-        mesh.extents = extents(&mesh.nodes);
+        mesh.extents = [0, 1].map(|k| range(mesh.nodes.iter().map(|p| p[k])));
         mesh.boundary = Some(Arc::new(boundary(&part.spec, vector)));
         let centered = |hole: &Circle| {
             (hole.center[0] - origin[0]).hypot(hole.center[1] - origin[1]) <= ROUND * hole.radius
@@ -251,16 +252,6 @@ impl ImportedPlate {
         // the origin stays in the hole's centre: the plate moves
         [0, 1].map(|k| grown * p[k] - (1.0 - share) * self.morph.hole_offset[k])
     }
-}
-
-fn extents(nodes: &[[f64; 2]]) -> [[f64; 2]; 2] {
-    [0, 1].map(|k| {
-        nodes
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| {
-                [low.min(p[k]), high.max(p[k])]
-            })
-    })
 }
 
 /// Nodes between elements of different stacks.

@@ -42,12 +42,12 @@ pub const FIGURES: &str = "figures";
 impl Page {
     /// A page of rounds, which `report` is of.
     pub fn gather(
-        rounds: &[&Identification],
+        rounds: &[Identification],
         report: Report,
         manifest: Manifest,
         truth: Option<KnownTruth>,
     ) -> Self {
-        let gather = |round: &&Identification| FigureData::gather(round, truth.as_ref()).rounded();
+        let gather = |round: &Identification| FigureData::gather(round, truth.as_ref()).rounded();
         let mut figures: Vec<FigureData> = rounds.iter().map(gather).collect();
         keep_first_mesh(&mut figures);
         Self {

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::figures::{Figure, Palette, PixelPicture, Scale, posterior_corner};
 use super::html::html;
-use super::json::{Keyed, read};
+use super::json::{Keyed, Versioned, load};
 use super::learned::{Learned, not_measured};
 use super::manifest::KnownTruth;
 use super::numbers::FigureData;
@@ -17,7 +17,6 @@ use super::run::posterior::{MarginalRow, marginals};
 use super::together::{TogetherReport, experiment_section};
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::files;
 use crate::section::{Document, Piece, Section, Table};
 use crate::study::{Exact, ExperimentSection, SampledStudy, SectionMap, Study};
 
@@ -104,15 +103,13 @@ impl StudyReport {
     /// # Errors
     /// The input's fault, with the file and the key.
     pub fn load(folder: &Path) -> Result<Self> {
-        let (file, text) = read(folder, "report.json")?;
-        files::parse_json(&text, &file)
+        load(folder, "report.json")
     }
 
     /// Whether a folder's report is of this schema.
     pub fn is_in(folder: &Path) -> bool {
-        let text = std::fs::read_to_string(folder.join("report.json")).unwrap_or_default();
-        let report: Value = serde_json::from_str(&text).unwrap_or_default();
-        report["schema"] == SCHEMA
+        let report = load::<Versioned>(folder, "report.json");
+        report.is_ok_and(|r| r.schema == SCHEMA)
     }
 
     /// The constants by all experiments.

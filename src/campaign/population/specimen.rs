@@ -8,11 +8,11 @@ use serde::Deserialize;
 use crate::chain::{Draws, Reader};
 use crate::dense::eigen;
 use crate::error::{Error, Result};
-use crate::files::{Keyed, parse_json};
+use crate::files::Keyed;
 use crate::infer::PriorSpec;
 use crate::numeric::relative_weights;
 use crate::parameter::is_modulus;
-use crate::report::json::read;
+use crate::report::json::load;
 
 /// Draws of a chain that are read.
 const MOST_DRAWS: usize = 1 << 14;
@@ -65,8 +65,7 @@ impl Specimen {
     /// # Errors
     /// The input's fault, with the file: a model or chains that cannot be read, constants that do not vary.
     pub fn of_run(name: &str, folder: &Path) -> Result<Self> {
-        let (file, text) = read(folder, "model.json")?;
-        let model: WithMaterial = parse_json(&text, &file)?;
+        let model: WithMaterial = load(folder, "model.json")?;
         let stores = ["averaged/chain.zarr", "chain.zarr"].map(|s| folder.join(s));
         let store = stores.iter().find(|s| s.is_dir()).ok_or_else(|| {
             Error::input(folder.display(), "the chains of a finished run").found("no chain.zarr")

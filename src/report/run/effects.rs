@@ -2,12 +2,12 @@
 
 use super::rounds::names;
 use crate::parameter::Parameter;
-use crate::report::document::Closing;
+use crate::report::document::{Closing, Report};
 use crate::report::figures::SMALLEST_BAR;
 use crate::report::json::Keyed;
 use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
-use crate::report::round::MeanAndSd;
+use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::sources;
 use crate::report::tracing::{AliasGroupReport, BlindSpotReport, CandidateReport, TracingReport};
 use crate::report::words::{
@@ -202,7 +202,7 @@ pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Section {
 }
 
 /// The constants to quote beside those of the model alone, with the answers that they span where the account is suspect.
-pub fn quoted(
+fn quoted(
     quoted: &Keyed<Interval>,
     suspect: Option<&Suspect>,
     alone: &Keyed<MeanAndSd>,
@@ -278,8 +278,15 @@ fn answers(suspect: &Suspect) -> Vec<Piece> {
     ]
 }
 
+/// The constants to quote of a loop, with what there is to say beside them.
+pub fn to_quote(report: &Report, closing: &Closing, last: &RoundReport) -> Section {
+    let suspect = closing.verdict.suspect.as_ref();
+    let (averaged, alone) = (&closing.averaged_posterior, last.alone());
+    quoted(averaged, suspect, &alone, &report.learned).with_all(remarks(closing))
+}
+
 /// What there is to say beside the intervals to quote.
-pub fn remarks(closing: &Closing) -> Vec<Piece> {
+fn remarks(closing: &Closing) -> Vec<Piece> {
     let note = closing.averaged_note.clone();
     let note = note.filter(|_| closing.verdict.suspect.is_none());
     let sampled = closing.quoted.as_ref();

@@ -117,16 +117,9 @@ pub fn section(page: &Page) -> Section {
         ));
     }
     if let (Some(closing), Some(last)) = (&page.report.closing, rounds.last()) {
-        let suspect = closing.verdict.suspect.as_ref();
-        let quoted = effects::quoted(
-            &closing.averaged_posterior,
-            suspect,
-            &last.alone(),
-            &page.report.learned,
-        );
+        let quoted = effects::to_quote(&page.report, closing, last);
         section.push(Piece::Heading(quoted.title));
         section.extend(quoted.pieces);
-        section.extend(effects::remarks(closing));
         section.push(Piece::Figure {
             heading: "Joint posterior to quote, with the amplitudes that trade most against the constants".into(),
             name: "corner-averaged".into(),

@@ -1,5 +1,7 @@
 //! Rounds side by side: residual, held-out error and constants before and after; steps; maps.
 
+use indexmap::IndexSet;
+
 use crate::report::page::Page;
 use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::steps;
@@ -198,12 +200,8 @@ pub fn only_on_page(page: &Page) -> Vec<Piece> {
 /// Amplitudes of the declared effects in every round.
 fn amplitudes(page: &Page, names: &[String]) -> Table {
     let rounds = &page.report.rounds;
-    let mut effects: Vec<&String> = Vec::new();
-    for name in rounds.iter().flat_map(|r| r.effect_amplitudes.keys()) {
-        if !effects.contains(&name) {
-            effects.push(name);
-        }
-    }
+    let effects = rounds.iter().flat_map(|r| r.effect_amplitudes.keys());
+    let effects: IndexSet<&String> = effects.collect();
     let rows = effects.into_iter().map(|name| {
         let found = rounds.iter().map(|r| r.effect_amplitudes.get(name));
         let found = found.map(|a| TableCell::mean_sd(a.copied()));
