@@ -301,10 +301,7 @@ fn images(export: &Export, arguments: &TableArguments, said: &mut String) -> Opt
         }
         (None, _) => arguments.subset_mm,
     }?;
-    let mut images = json!({ "subset_mm": subset });
-    if let Some(distance) = arguments.camera_distance_mm {
-        images["camera_distance_mm"] = json!(distance);
-    }
+    let mut images = arguments.images(subset);
     if let Some(size) = scale.filter(|_| stated.is_some()) {
         images["pixel_mm"] = json!(size);
     }
@@ -340,7 +337,7 @@ fn plate(specimen: &mut Value, hole: Option<f64>, reach: [f64; 2]) -> String {
     said
 }
 
-fn round(value: f64, decimals: i32) -> f64 {
+pub(super) fn round(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale
 }

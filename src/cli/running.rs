@@ -1,7 +1,7 @@
 //! What `identify` and `loop` have in common: their arguments, and what is settled before the first draw.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -154,21 +154,12 @@ impl RunPlan {
     /// How one identification is run whose chains are kept at `place`.
     pub fn options(&self, place: &Path) -> Options<'_> {
         Options {
-            sampler: &*self.sampler,
             schedule: self.schedule.clone(),
             rule: self.rule,
-            cache: cache(),
             refinements: self.refinements,
-            keeping: Some(Keeping {
-                store: place.join("chain.zarr"),
-                checkpoint: place.join("checkpoint"),
-                identity: self.identity.clone(),
-                resume: self.resume,
-                observed: Vec::new(),
-            }),
-            discrepancy: [None, None],
+            keeping: Some(Keeping::within(place, self.identity.clone(), self.resume)),
             deadline: self.deadline,
-            doubting: Doubting::Unasked,
+            ..Options::new(&*self.sampler, cache())
         }
     }
 
@@ -269,7 +260,7 @@ impl RunPlan {
     }
 }
 
-fn not_converged(found: &str) -> Error {
+pub(super) fn not_converged(found: &str) -> Error {
     let error = Error::input("--strict", "converged chains").found(found);
     error.hint("run longer")
 }
@@ -310,15 +301,21 @@ impl Limits {
         let Some(seconds) = self.time_limit else {
             return Ok(None);
         };
-        std::time::Duration::try_from_secs_f64(seconds)
-            .ok()
-            .filter(|limit| !limit.is_zero())
-            .and_then(|limit| Instant::now().checked_add(limit))
-            .map(Some)
-            .ok_or_else(|| {
-                Error::input("--time-limit", "a number of seconds above 0").found(seconds)
-            })
+        let end = Instant::now().checked_add(duration("--time-limit", seconds)?);
+        end.map(Some)
+            .ok_or_else(|| not_seconds("--time-limit", seconds))
     }
+}
+
+/// A time that is stated in seconds.
+pub(super) fn duration(option: &str, seconds: f64) -> Result<Duration> {
+    let duration = Duration::try_from_secs_f64(seconds).ok();
+    let duration = duration.filter(|d| !d.is_zero());
+    duration.ok_or_else(|| not_seconds(option, seconds))
+}
+
+fn not_seconds(option: &str, seconds: f64) -> Error {
+    Error::input(option, "a number of seconds above 0").found(seconds)
 }
 
 /// What SIGTERM ends from now on is gone on with from its last checkpoint, which is about a second old: files are written so that a process

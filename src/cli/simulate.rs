@@ -188,8 +188,8 @@ fn constants(
         match shared.constants.iter().position(|c| c.0 == name) {
             Some(k) => constants[k] = value,
             None if alone => {
-                let known = shared.material.constants().join(", ");
-                return Err(Error::input("--set", format!("one of {known}")).found(&name));
+                let known = shared.material.constants().iter().copied();
+                return Err(Error::one_of("--set", known, &name));
             }
             // of a field: it says what else there is
             None => {}
@@ -413,12 +413,11 @@ fn ordered(acting: Vec<Acting>, scene: &Scene) -> Result<Vec<Acting>> {
 
 /// The format of a name.
 fn reader(format: &str) -> Result<&'static dyn Reader> {
-    let known = || READERS.iter().map(|reader| reader.format());
-    let at = known().position(|name| name == format).ok_or_else(|| {
-        let known: Vec<_> = known().collect();
-        Error::input("--format", format!("one of {}", known.join(", "))).found(format)
-    })?;
-    Ok(READERS[at])
+    let found = READERS.iter().find(|reader| reader.format() == format);
+    let known = READERS.iter().map(|reader| reader.format());
+    found
+        .copied()
+        .ok_or_else(|| Error::one_of("--format", known, format))
 }
 
 fn not_negative(place: &str, value: f64) -> Result<f64> {

@@ -9,10 +9,9 @@ use super::identify::truth;
 use super::running::RunPlan;
 use super::{cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv};
-use crate::diagnose::{Rule, Verdict};
+use crate::diagnose::Verdict;
 use crate::error::Result;
 use crate::files;
-use crate::identify::doubts::Doubting;
 use crate::identify::{Identification, Options};
 use crate::infer::{Known, Model, Moments};
 use crate::progress::{Progress, StageCost};
@@ -21,7 +20,7 @@ use crate::report::run::{brief, identification};
 use crate::report::study::{StudyReport, page};
 use crate::report::together::TogetherReport;
 use crate::report::{Page, gather};
-use crate::sample::{Ensemble, Schedule};
+use crate::sample::Ensemble;
 use crate::section::terminal;
 use crate::study::{
     self, Alone, ClosedStudy, Disagreement, Observed, SampledStudy, Study, StudyStage, alone,
@@ -196,18 +195,8 @@ pub fn report_again(folder: &Path) -> Result<()> {
     let mut report = StudyReport::load(folder)?;
     let study = Study::load(&folder.join("model.json"))?;
     let draws = read_zarr(&folder.join("chain.zarr"), None)?;
-    let options = Options {
-        sampler: &Ensemble::default(),
-        schedule: Schedule::default(),
-        rule: Rule::default(),
-        cache: cache(),
-        refinements: 0,
-        keeping: None,
-        discrepancy: [None, None],
-        deadline: None,
-        doubting: Doubting::Unasked,
-    };
-    report.sections = sections(&study, &draws, &options)?;
+    let sampler = Ensemble::default();
+    report.sections = sections(&study, &draws, &Options::new(&sampler, cache()))?;
     let truth = KnownTruth::load(folder)?;
     files::replace(
         &folder.join("report.html"),

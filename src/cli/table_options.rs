@@ -1,6 +1,7 @@
 //! What the user says of tables: `--columns`, `--units`, `--mm-per-pixel`.
 
 use clap::Args;
+use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
 use crate::field::{Columns, programs};
@@ -23,6 +24,17 @@ pub struct TableArguments {
     /// Distance of the camera from the specimen, mm
     #[arg(long, value_name = "MM", requires = "subset_mm")]
     pub camera_distance_mm: Option<f64>,
+}
+
+impl TableArguments {
+    /// How the images were correlated.
+    pub fn images(&self, subset_mm: f64) -> Value {
+        let mut images = json!({ "subset_mm": subset_mm });
+        if let Some(distance) = self.camera_distance_mm {
+            images["camera_distance_mm"] = json!(distance);
+        }
+        images
+    }
 }
 
 /// What the user says of the tables.

@@ -69,8 +69,7 @@ impl LinearSpec {
     fn validate(&self, constants: &[&str]) -> Result<()> {
         check_name(&self.name, "the experiment's own parameters")?;
         if let Some(name) = self.terms.keys().find(|n| !constants.contains(&n.as_str())) {
-            let expected = format!("one of {}", constants.join(", "));
-            return Err(Error::input("terms", expected).found(name));
+            return Err(Error::one_of("terms", constants.iter().copied(), name));
         }
         if let Some(effect) = self.effects.iter().find(|e| *e != OFFSET) {
             return Err(Error::input("effects", format!("\"{OFFSET}\"")).found(effect));
