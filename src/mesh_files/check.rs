@@ -34,16 +34,13 @@ pub(super) fn orders(draft: &Draft) -> Result<()> {
     let Some(at) = draft.cells.iter().position(other) else {
         return Ok(());
     };
-    let name = |kind: ElementKind| format!("{kind:?}");
     Err(Error::input(
         draft.place_of_cell(at),
         "elements that are all linear (T3, Q4) or all quadratic (T6, Q8)",
     )
     .found(format!(
-        "{} where element {} is {}",
-        name(draft.cells[at].kind),
-        first.number,
-        name(first.kind)
+        "{:?} where element {} is {:?}",
+        draft.cells[at].kind, first.number, first.kind
     ))
     .hint("Gmsh: Mesh > Set order 2 for the whole mesh; Abaqus: assign one order to all regions (Mesh > Element type)"))
 }

@@ -12,6 +12,7 @@ use super::regions::stack_of_elements;
 use super::spec::{MeshAxis, MeshSpec, Spread};
 use super::{file, raise, read};
 use crate::error::Result;
+use crate::files::hex;
 use crate::geometry::{
     Boundary, Change, Density, EdgeForce, Geometry, HIGH, HOLE, LOW, Mesh, Morph, not_offered,
 };
@@ -95,7 +96,7 @@ impl Part {
         for path in &mesh.files {
             hash.update(file::load(path)?);
         }
-        let hash = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        let hash = hex(&hash.finalize());
         let mesh = raise(mesh);
         Ok(Self {
             spec,

@@ -101,8 +101,7 @@ impl Experiment for LinearSpec {
     }
 
     fn json(&self, _absolute: bool) -> Result<Value> {
-        serde_json::to_value(self)
-            .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+        super::json(self)
     }
 
     fn information(&self, shared: &SharedConstants, _measuring: Measuring) -> Result<Information> {

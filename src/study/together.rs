@@ -133,6 +133,16 @@ impl Alone {
             sampled,
         })
     }
+
+    /// The draws of its posterior.
+    ///
+    /// # Errors
+    /// Of the program: an experiment that was not sampled.
+    pub fn draws(&self) -> Result<&Draws> {
+        let own = self.sampled.as_ref().map(|s| &s.draws);
+        own.or(self.observed.draws())
+            .ok_or_else(|| Error::program("study", "draws"))
+    }
 }
 
 impl SharedConstants {
@@ -368,18 +378,6 @@ impl Exact {
                 100.0 * self.effective
             )
         })
-    }
-}
-
-impl Alone {
-    /// The draws of its posterior.
-    ///
-    /// # Errors
-    /// Of the program: an experiment that was not sampled.
-    pub fn draws(&self) -> Result<&Draws> {
-        let own = self.sampled.as_ref().map(|s| &s.draws);
-        own.or(self.observed.draws())
-            .ok_or_else(|| Error::program("study", "draws"))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::super::{ExperimentSection, SectionMap, Undeclared, undeclared_table};
 use super::found::{ModeFound, PeakFound, PlateFound};
@@ -11,30 +11,16 @@ use crate::experiment::frequencies::Parity;
 use crate::section::{Piece, Table, TableCell, row};
 
 /// An experiment's peaks and modes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize)]
 pub struct PlateReport {
     pub name: String,
     pub peaks: Vec<PeakReport>,
     pub modes: Vec<ModeReport>,
     /// What may act in the test that nobody declared.
-    pub disturbances: Vec<DisturbanceReport>,
+    pub disturbances: Vec<Undeclared>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DisturbanceReport {
-    pub name: String,
-    pub parameter: String,
-    /// Prior sd, in the parameter's unit.
-    pub plausible: f64,
-    pub log_bayes_factor: f64,
-    /// If it acts, with an sd.
-    pub amplitude: [f64; 2],
-    /// What it does to the constants at its plausible size, undeclared, in their order; prior sds.
-    pub shift_in_prior_sd: Vec<f64>,
-    pub confirm: String,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize)]
 pub struct PeakReport {
     #[serde(rename = "measured_Hz")]
     pub measured_hz: f64,
@@ -49,11 +35,11 @@ pub struct PeakReport {
     /// Measured over predicted, less 1.
     pub off_percent: Option<f64>,
     /// Why it is no mode.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize)]
 pub struct ModeReport {
     pub mode: [usize; 2],
     pub parity: Option<Parity>,
@@ -63,20 +49,6 @@ pub struct ModeReport {
     pub predicted_sd_hz: f64,
     /// Probability that it left no peak.
     pub missing: f64,
-}
-
-impl DisturbanceReport {
-    fn new(found: &Undeclared) -> Self {
-        Self {
-            name: found.name.into(),
-            parameter: found.parameter.into(),
-            plausible: found.plausible,
-            log_bayes_factor: found.log_bayes_factor,
-            amplitude: found.amplitude,
-            shift_in_prior_sd: found.shift_sds.clone(),
-            confirm: found.confirm.into(),
-        }
-    }
 }
 
 impl PlateReport {
@@ -106,11 +78,7 @@ impl PlateReport {
             name: found.name.clone(),
             peaks: peaks.collect(),
             modes: modes.collect(),
-            disturbances: found
-                .undeclared
-                .iter()
-                .map(DisturbanceReport::new)
-                .collect(),
+            disturbances: found.undeclared.clone(),
         }
     }
 
