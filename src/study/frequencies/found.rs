@@ -68,7 +68,7 @@ pub fn found(plate: &Peaks, draws: &Draws) -> Result<PlateFound> {
         return Err(Error::program("frequencies", "draws that some plate has"));
     };
     let band = plate.spec.peak_model(0.01).band_hz;
-    let mut modes: Vec<(f64, usize, ModeFound, Vec<f64>)> = Vec::new();
+    let mut modes: Vec<(ModeFound, Vec<f64>)> = Vec::new();
     let side = [
         plate.spec.specimen.length_mm.mean,
         plate.spec.specimen.width_mm.mean,
@@ -98,31 +98,31 @@ pub fn found(plate: &Peaks, draws: &Draws) -> Result<PlateFound> {
                 missing: own.iter().map(|o| o.1).sum::<f64>() / n,
                 shape: shape(plate.ritz(), mode, grid),
             };
-            modes.push((mean_hz, modes.len(), found, matched));
+            modes.push((found, matched));
         }
     }
-    modes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    modes.sort_by(|a, b| a.0.mean_hz.total_cmp(&b.0.mean_hz));
     let peaks = plate.spec.peaks().into_iter().enumerate();
     let peaks = peaks
         .map(|(i, peak)| {
             let best = modes
                 .iter()
                 .enumerate()
-                .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
-            let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
-            let best = best.filter(|(_, m)| m.3[i] > no_mode);
+                .max_by(|a, b| a.1.1[i].total_cmp(&b.1.1[i]));
+            let no_mode = (1.0 - modes.iter().map(|m| m.1[i]).sum::<f64>()).clamp(0.0, 1.0);
+            let best = best.filter(|(_, m)| m.1[i] > no_mode);
             PeakFound {
                 frequency_hz: peak.frequency_hz,
                 odd: peak.odd,
                 mode: best.map(|(k, _)| k),
-                probability: best.map_or(no_mode, |(_, m)| m.3[i]),
+                probability: best.map_or(no_mode, |(_, m)| m.1[i]),
             }
         })
         .collect();
     Ok(PlateFound {
         name: plate.spec.name.clone(),
         peaks,
-        modes: modes.into_iter().map(|m| m.2).collect(),
+        modes: modes.into_iter().map(|m| m.0).collect(),
         grid,
         size_mm: side,
         undeclared: plate.disturbed(&mean),
