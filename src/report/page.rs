@@ -23,11 +23,13 @@ pub struct Page {
     pub quoted: FigureData,
 }
 
-/// The mesh of all rounds is one.
-fn keep_first_mesh(figures: &mut [FigureData]) {
+/// What the figures of rounds are drawn from: the mesh of all rounds is one, which the first keeps.
+fn of_rounds(rounds: impl Iterator<Item = FigureData>) -> Vec<FigureData> {
+    let mut figures: Vec<FigureData> = rounds.map(FigureData::rounded).collect();
     for later in figures.iter_mut().skip(1) {
         later.mesh = Vec::new();
     }
+    figures
 }
 
 /// Parameters in a corner plot, at most: more cannot be read.
@@ -47,15 +49,14 @@ impl Page {
         manifest: Manifest,
         truth: Option<KnownTruth>,
     ) -> Self {
-        let gather = |round: &Identification| FigureData::gather(round, truth.as_ref()).rounded();
-        let mut figures: Vec<FigureData> = rounds.iter().map(gather).collect();
-        keep_first_mesh(&mut figures);
+        let known = truth.as_ref();
+        let figures = rounds.iter().map(|r| FigureData::gather(r, known));
         Self {
+            figures: of_rounds(figures),
+            quoted: FigureData::default(),
             report,
             manifest,
             truth,
-            figures,
-            quoted: FigureData::default(),
         }
     }
 
@@ -66,22 +67,19 @@ impl Page {
         manifest: Manifest,
         truth: Option<KnownTruth>,
     ) -> Self {
-        let rounds = closed.rounds.iter();
+        let known = truth.as_ref();
+        let figures = closed.rounds.iter().map(|r| FigureData::traced(r, known));
         let summary = report.closing.as_ref().and_then(|c| c.quoted.as_ref());
         let sampled = match &closed.to_quote {
             ToQuote::Sampled(sampled) => Some(sampled),
             ToQuote::ClosedForm(_) => None,
         };
         let quoted = sampled.zip(summary).map(|(sampled, summary)| {
-            FigureData::quoted(&sampled.draws, &summary.leading(AXES), truth.as_ref()).rounded()
+            FigureData::quoted(&sampled.draws, &summary.leading(AXES), known).rounded()
         });
-        let mut figures: Vec<FigureData> = rounds
-            .map(|r| FigureData::traced(r, truth.as_ref()).rounded())
-            .collect();
-        keep_first_mesh(&mut figures);
         Self {
+            figures: of_rounds(figures),
             quoted: quoted.unwrap_or_default(),
-            figures,
             report,
             manifest,
             truth,

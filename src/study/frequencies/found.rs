@@ -1,12 +1,14 @@
 //! What each peak is, over the draws of a posterior.
 
+use serde::Serialize;
+
 use super::super::together::some;
 use super::super::{Undeclared, WORTH};
 use super::peaks::{MODEL_ERROR, Peaks};
 use crate::chain::Draws;
 use crate::diagnose::sorted;
 use crate::error::{Error, Result};
-use crate::experiment::frequencies::{Ritz, VibrationMode};
+use crate::experiment::frequencies::{Parity, Ritz, VibrationMode};
 use crate::numeric::quantile;
 use crate::quantity::plus_minus;
 
@@ -27,23 +29,28 @@ pub struct PlateFound {
 pub struct PeakFound {
     pub frequency_hz: f64,
     /// Its measured parity, where that is known.
-    pub odd: Option<bool>,
+    pub parity: Option<Parity>,
     /// Index of the mode that it is most probably, and how probably; none where it is more probably no mode.
     pub mode: Option<usize>,
     pub probability: f64,
 }
 
 /// A mode.
+#[derive(Debug, Serialize)]
 pub struct ModeFound {
     /// Numbers of half-waves along length and width.
+    #[serde(rename = "mode")]
     pub label: [usize; 2],
-    pub odd: Option<bool>,
+    pub parity: Option<Parity>,
     /// Over the posterior.
+    #[serde(rename = "predicted_Hz")]
     pub mean_hz: f64,
+    #[serde(rename = "predicted_sd_Hz")]
     pub sd_hz: f64,
     /// Probability that it left no peak.
     pub missing: f64,
     /// Deflection, 1 at most, row by row from low y.
+    #[serde(skip)]
     pub shape: Vec<f64>,
 }
 
@@ -92,7 +99,7 @@ pub fn found(plate: &Peaks, draws: &Draws) -> Result<PlateFound> {
         if (band[0]..=band[1]).contains(&mean_hz) || likely > 0.5 {
             let found = ModeFound {
                 label: plate.ritz().label(mode),
-                odd: mode.odd,
+                parity: mode.odd.map(Parity::of),
                 mean_hz,
                 sd_hz: variance.sqrt(),
                 missing: own.iter().map(|o| o.1).sum::<f64>() / n,
@@ -113,7 +120,7 @@ pub fn found(plate: &Peaks, draws: &Draws) -> Result<PlateFound> {
             let best = best.filter(|(_, m)| m.1[i] > no_mode);
             PeakFound {
                 frequency_hz: peak.frequency_hz,
-                odd: peak.odd,
+                parity: peak.odd.map(Parity::of),
                 mode: best.map(|(k, _)| k),
                 probability: best.map_or(no_mode, |(_, m)| m.1[i]),
             }

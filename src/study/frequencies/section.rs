@@ -7,17 +7,16 @@ use serde::Serialize;
 use super::super::{ExperimentSection, SectionMap, Undeclared, undeclared_table};
 use super::found::{ModeFound, PeakFound, PlateFound};
 use crate::error::{Error, Result};
-use crate::experiment::frequencies::Parity;
 use crate::section::{Piece, Table, TableCell, row};
 
 /// An experiment's peaks and modes.
 #[derive(Debug, Serialize)]
-pub struct PlateReport {
-    pub name: String,
+pub struct PlateReport<'a> {
+    pub name: &'a str,
     pub peaks: Vec<PeakReport>,
-    pub modes: Vec<ModeReport>,
+    pub modes: &'a [ModeFound],
     /// What may act in the test that nobody declared.
-    pub disturbances: Vec<Undeclared>,
+    pub disturbances: &'a [Undeclared],
 }
 
 #[derive(Debug, Serialize)]
@@ -39,20 +38,8 @@ pub struct PeakReport {
     pub why: Option<String>,
 }
 
-#[derive(Debug, Serialize)]
-pub struct ModeReport {
-    pub mode: [usize; 2],
-    pub parity: Option<Parity>,
-    #[serde(rename = "predicted_Hz")]
-    pub predicted_hz: f64,
-    #[serde(rename = "predicted_sd_Hz")]
-    pub predicted_sd_hz: f64,
-    /// Probability that it left no peak.
-    pub missing: f64,
-}
-
-impl PlateReport {
-    fn new(found: &PlateFound) -> Self {
+impl<'a> PlateReport<'a> {
+    fn new(found: &'a PlateFound) -> Self {
         let peaks = found.peaks.iter().map(|p| {
             let mode = p.mode.map(|k| &found.modes[k]);
             PeakReport {
@@ -65,20 +52,11 @@ impl PlateReport {
                 why: p.mode.is_none().then(|| why_no_mode(p, found)),
             }
         });
-        let modes = found.modes.iter().map(|m| ModeReport {
-            mode: m.label,
-            parity: m
-                .odd
-                .map(|odd| if odd { Parity::Odd } else { Parity::Even }),
-            predicted_hz: m.mean_hz,
-            predicted_sd_hz: m.sd_hz,
-            missing: m.missing,
-        });
         Self {
-            name: found.name.clone(),
+            name: &found.name,
             peaks: peaks.collect(),
-            modes: modes.collect(),
-            disturbances: found.undeclared.clone(),
+            modes: &found.modes,
+            disturbances: &found.undeclared,
         }
     }
 
@@ -120,7 +98,7 @@ impl PlateReport {
     fn missing(&self) -> Piece {
         let missing = self.modes.iter().filter(|m| m.missing > 0.5);
         let missing: Vec<String> = missing
-            .map(|m| format!("({}, {}) at {:.1} Hz", m.mode[0], m.mode[1], m.predicted_hz))
+            .map(|m| format!("({}, {}) at {:.1} Hz", m.label[0], m.label[1], m.mean_hz))
             .collect();
         Piece::Paragraph(match missing.is_empty() {
             true => String::new(),
@@ -132,7 +110,7 @@ impl PlateReport {
 /// Why a peak is none of the predicted modes: what the nearest are, and what has their peaks.
 fn why_no_mode(peak: &PeakFound, found: &PlateFound) -> String {
     let off = |m: &ModeFound| 100.0 * (peak.frequency_hz / m.mean_hz - 1.0);
-    let contradicts = |m: &ModeFound| m.odd.zip(peak.odd).is_some_and(|(a, b)| a != b);
+    let contradicts = |m: &ModeFound| m.parity.zip(peak.parity).is_some_and(|(a, b)| a != b);
     let near = |of_parity: bool| {
         let modes = found.modes.iter().enumerate();
         let modes = modes.filter(|(_, m)| contradicts(m) != of_parity);
@@ -153,7 +131,7 @@ fn why_no_mode(peak: &PeakFound, found: &PlateFound) -> String {
     let Some((k, own)) = near(true) else {
         return "no mode of its parity is in the band".into();
     };
-    let of_parity = if peak.odd.is_some() {
+    let of_parity = if peak.parity.is_some() {
         " of its parity"
     } else {
         ""
