@@ -349,11 +349,7 @@ fn numbers(steps: &[PathBuf]) -> Option<Vec<i64>> {
     let all: Vec<Vec<String>> = steps
         .iter()
         .map(|step| {
-            let stem = step
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
+            let stem = step.file_stem().unwrap_or_default().to_string_lossy();
             let digits = stem
                 .split(|c: char| !c.is_ascii_digit())
                 .filter(|d| !d.is_empty());

@@ -101,11 +101,10 @@ fn put(files: &[PathBuf], experiment: &mut Value) -> Result<(Vec<PathBuf>, Strin
 pub fn draft(files: &[PathBuf], arguments: &TableArguments, experiment: &mut Value) -> Result<()> {
     let user = TableOptions::of(arguments)?;
     let found = table::described(&files[0], &[])?.found;
-    let open = || OPEN.to_string();
     let columns = match (user.columns, &found) {
         (Some(columns), _) => columns,
         (None, Some(found)) => Columns::new(found.columns.clone()),
-        (None, None) => Columns::new([open(), open(), open(), open()]),
+        (None, None) => Columns::new([OPEN; 4].map(String::from)),
     };
     let unit = |k: usize| {
         let stated = found.as_ref().and_then(|f| f.units[k].name());

@@ -73,7 +73,7 @@ pub struct RunPlan {
     refinements: usize,
     resume: bool,
     /// Whether figures are written as PNG too.
-    png: bool,
+    pub png: bool,
     /// Whether draws are written as tables too, beside their stores.
     pub tables: bool,
     /// Whether doubts about the input, and chains that have not converged, are an error.
@@ -174,11 +174,6 @@ impl RunPlan {
         }
     }
 
-    /// Whether figures are written as PNG too.
-    pub fn png(&self) -> bool {
-        self.png
-    }
-
     /// Write the page of a run that is done, and keep the run's folder.
     ///
     /// # Errors
@@ -192,8 +187,7 @@ impl RunPlan {
         console.begin("report and figures", None);
         page.write(self.folder.path(), self.png)?;
         console.end();
-        let path = self.folder.path().display();
-        print(&format!("written to {path}; open {path}/report.html\n"))?;
+        written_to(self.folder.path())?;
         self.complete(&page.manifest, verdicts)
     }
 
@@ -209,9 +203,9 @@ impl RunPlan {
         self.folder.write_json("run.json", manifest)?;
         self.folder.keep();
         let unsettled = verdicts.into_iter().find(|v| !v.converged);
-        match unsettled.filter(|_| self.strict) {
-            Some(verdict) => Err(not_converged(&verdict.line())),
-            None => Ok(()),
+        match unsettled {
+            Some(verdict) if self.strict => Err(not_converged(&verdict.line())),
+            _ => Ok(()),
         }
     }
 
@@ -253,11 +247,17 @@ impl RunPlan {
         let path = self.folder.path().display();
         print(&format!("done before: {path}; open {path}/report.html\n"))?;
         let unsettled = rounds.into_iter().find(|c| !c.converged);
-        match unsettled.filter(|_| self.strict) {
-            Some(convergence) => Err(not_converged(&convergence.text)),
-            None => Ok(()),
+        match unsettled {
+            Some(convergence) if self.strict => Err(not_converged(&convergence.text)),
+            _ => Ok(()),
         }
     }
+}
+
+/// Say where the report is.
+pub(super) fn written_to(folder: &Path) -> Result<()> {
+    let path = folder.display();
+    print(&format!("written to {path}; open {path}/report.html\n"))
 }
 
 pub(super) fn not_converged(found: &str) -> Error {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::closing;
 use super::console::Console;
 use super::identify::truth;
-use super::running::RunPlan;
+use super::running::{RunPlan, written_to};
 use super::{cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv};
 use crate::diagnose::Verdict;
@@ -150,12 +150,11 @@ fn end<'a>(
         if place != plan.folder.path() {
             files::write_json(&place.join("run.json"), &page.manifest)?;
         }
-        page.write(place, plan.png())?;
+        page.write(place, plan.png)?;
     }
     console.end();
     for (place, _) in &pages {
-        let path = place.display();
-        print(&format!("written to {path}; open {path}/report.html\n"))?;
+        written_to(place)?;
     }
     plan.complete(&manifest, verdicts)
 }
@@ -175,8 +174,7 @@ fn finish(
     console.end();
     results(report)?;
     print(&terminal(&report.sections()))?;
-    let path = place.display();
-    print(&format!("written to {path}; open {path}/report.html\n"))?;
+    written_to(place)?;
     plan.complete(&manifest, [&found.verdict])
 }
 

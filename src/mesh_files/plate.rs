@@ -157,13 +157,8 @@ fn circle(points: &[[f64; 2]]) -> Option<Circle> {
     let off = |p: &[f64; 2]| ((p[0] - center[0]).hypot(p[1] - center[1]) - radius).abs();
     let is_round = points.iter().all(|p| off(p) <= ROUND * radius);
     let surrounds = [0, 1].iter().all(|&k| {
-        let reach = |sign: f64| {
-            points
-                .iter()
-                .map(|p| sign * (p[k] - center[k]))
-                .fold(0.0, f64::max)
-        };
-        reach(1.0) > 0.5 * radius && reach(-1.0) > 0.5 * radius
+        let [low, high] = range(points.iter().map(|p| p[k] - center[k]));
+        low < -0.5 * radius && high > 0.5 * radius
     });
     (is_round && surrounds).then_some(Circle { center, radius })
 }

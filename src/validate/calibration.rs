@@ -147,7 +147,7 @@ pub fn of_draws(
         converged: true,
     };
     for (name, truth) in truth {
-        let Some(k) = draws.names().iter().position(|n| n == name) else {
+        let Some(k) = draws.index(name) else {
             continue;
         };
         let mean = draws.points().map(|x| x[k]).sum::<f64>() / n;

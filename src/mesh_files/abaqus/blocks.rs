@@ -5,7 +5,7 @@ use super::super::kind::ElementKind;
 use super::deck::{Deck, DeckPatch, DeckSurface, ElementBlock, Open, SetLines};
 use super::elements::{self, Type};
 use super::keyword::{Keyword, fields, key, number, real, unquoted};
-use super::sets::{SetMember, SetScope, Sets, members, without_prefix};
+use super::sets::{SetScope, Sets, members, without_prefix};
 use crate::error::{Error, Result};
 
 const ONE_PART: &str = "write an input file of the specimen alone; parts that are glued: merge them with their meshes (Assembly > Instance > Merge/Cut > Mesh)";
@@ -225,11 +225,7 @@ impl Deck {
         }
         let spot = self.spot;
         self.draft.nodes.push(DraftNode { number, at, spot });
-        if let Some(set) = set {
-            self.node_sets.all[set]
-                .members
-                .push((SetMember::One(number), spot));
-        }
+        self.node_sets.add(set, number, spot);
         Ok(())
     }
 
@@ -317,11 +313,7 @@ impl Deck {
                 spot,
             });
         }
-        if let Some(set) = set {
-            self.element_sets.all[set]
-                .members
-                .push((SetMember::One(number), spot));
-        }
+        self.element_sets.add(set, number, spot);
     }
 
     fn set(&mut self, fields: &[&str], lines: SetLines) -> Result<()> {

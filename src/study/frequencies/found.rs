@@ -232,7 +232,7 @@ pub fn warnings(peaks: &Peaks, plate: &PlateFound, draws: &Draws) -> Vec<String>
 fn too_wrong(draws: &Draws) -> Option<String> {
     /// Percent; wood is at one.
     const MOST: f64 = 2.0;
-    let k = draws.names().iter().position(|name| name == MODEL_ERROR)?;
+    let k = draws.index(MODEL_ERROR)?;
     let median = quantile(&sorted(&draws.series(k).values), 0.5);
     (median > MOST).then(|| {
         format!(
