@@ -117,21 +117,19 @@ pub(super) fn say(
     show(page, run.verbose)
 }
 
-fn show(page: &Page, verbose: bool) -> Result<()> {
+/// Print what a page says: a screen, or with `verbose` everything.
+pub(super) fn show(page: &Page, verbose: bool) -> Result<()> {
     let report = &page.report;
     results(report)?;
-    if !verbose {
-        let brief = std::iter::once(sections_of::brief(page));
-        let sections: Vec<_> = brief.chain(report.together_section()).collect();
-        return print(&terminal(&sections));
-    }
-    if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
-        let mut sections = vec![sections_of::identification(report, last)];
+    let mut sections = match report.last() {
+        Some(last) if verbose => vec![sections_of::identification(report, last)],
+        _ => vec![sections_of::brief(page)],
+    };
+    if let Some(closing) = report.closing.as_ref().filter(|_| verbose) {
         sections.extend(sections_of::closed(page, closing));
-        sections.extend(report.together_section());
-        print(&terminal(&sections))?;
     }
-    Ok(())
+    sections.extend(report.together_section());
+    print(&terminal(&sections))
 }
 
 /// Where the chains of a stage are kept: those of the first round in the folder itself.

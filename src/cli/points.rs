@@ -1,6 +1,7 @@
 //! What the points of a field show: the hole, which is the largest gap in them, and the axis along which it is stretched.
 
 use crate::field::Field;
+use crate::numeric::range;
 use crate::report::FieldCells;
 
 /// Share of the measured rectangle that a gap must at least cover to be a hole.
@@ -120,15 +121,12 @@ const COUNTS: usize = 40;
 /// points about it do not reach all around.
 fn missing(points: &[[f64; 2]], centre: [f64; 2], diameter: f64) -> Option<f64> {
     let radius = 0.5 * diameter;
-    let reach = |k: usize, sign: f64| {
-        let far = points.iter().map(|p| sign * (p[k] - centre[k]));
-        far.fold(0.0, f64::max)
-    };
     let [inner, outer] = COUNTED.map(|c| c * radius);
-    if [0, 1]
-        .iter()
-        .any(|&k| reach(k, 1.0).min(reach(k, -1.0)) < outer)
-    {
+    let surrounds = [0, 1].iter().all(|&k| {
+        let [low, high] = range(points.iter().map(|p| p[k] - centre[k]));
+        high.min(-low) >= outer
+    });
+    if !surrounds {
         return None;
     }
     let mut distances: Vec<f64> = (points.iter())

@@ -16,7 +16,6 @@ use crate::identify::{Identification, Options};
 use crate::infer::{Known, Model, Moments};
 use crate::progress::{Progress, StageCost};
 use crate::report::manifest::{KnownTruth, Manifest};
-use crate::report::run::{brief, identification};
 use crate::report::study::{StudyReport, page};
 use crate::report::together::TogetherReport;
 use crate::report::{Page, gather};
@@ -76,16 +75,7 @@ pub fn identify(plan: RunPlan, console: &Console) -> Result<()> {
     let rounds = study::identified(study, each, &found, (&options, console))?;
     let pages = written(&plan, rounds, summary)?;
     for (_, page) in &pages {
-        let report = &page.report;
-        results(report)?;
-        let own = match (plan.verbose, report.last()) {
-            (true, Some(round)) => identification(report, round),
-            _ => brief(page),
-        };
-        let sections: Vec<_> = std::iter::once(own)
-            .chain(report.together_section())
-            .collect();
-        print(&terminal(&sections))?;
+        closing::show(page, plan.verbose)?;
     }
     let manifest = manifest(&plan, Vec::new())?;
     end((plan, manifest), pages, [&found.verdict], console)
