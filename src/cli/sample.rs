@@ -17,6 +17,7 @@ use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::Keyed;
 use crate::identify::Reporting;
+use crate::numeric::diagonal;
 use crate::progress::Progress;
 use crate::report::chains;
 use crate::sample::{Keeping, Schedule, Start, Stream, run_kept};
@@ -230,7 +231,7 @@ pub fn run(arguments: &SampleArguments, global: &Global, console: &Console) -> R
     let identity = identity(arguments, &schedule, &priors);
     folder.begin(&identity)?;
     stoppable(folder.path())?;
-    let covariance = covariance_of(&known);
+    let covariance = diagonal(known.iter().map(ParameterPrior::variance));
     let start = Start::Walkers {
         place: &|_, _, rng| known.iter().map(|p| p.draw(rng)).collect(),
         covariance: &covariance,
@@ -288,11 +289,3 @@ fn far_modes(starts: &[ParameterPrior], verdict: &Verdict) -> Option<String> {
 
 /// A result narrower than its start by this factor may be one mode of several.
 const NARROW: f64 = 20.0;
-
-/// Covariance of independent priors, row by row.
-fn covariance_of(priors: &[ParameterPrior]) -> Vec<f64> {
-    let mut covariance = vec![0.0; priors.len().pow(2)];
-    let diagonal = covariance.iter_mut().step_by(priors.len() + 1);
-    diagonal.zip(priors).for_each(|(c, p)| *c = p.variance());
-    covariance
-}

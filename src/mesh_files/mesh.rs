@@ -1,7 +1,7 @@
 //! The imported mesh: nodes, elements of four kinds, named edges and regions.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::jacobian;
 use super::kind::ElementKind;
@@ -157,5 +157,19 @@ impl ImportedMesh {
         }
         all.extend(self.remarks.iter().cloned());
         all
+    }
+}
+
+/// An edge or a region that a mesh file has, in words.
+pub(super) fn named<'a>(
+    what: &str,
+    names: impl Iterator<Item = &'a String>,
+    file: &Path,
+) -> String {
+    let names: Vec<&str> = names.map(String::as_str).collect();
+    let file = file.display();
+    match names.is_empty() {
+        true => format!("a named {what}, of which {file} has none"),
+        false => format!("one of the {what}s of {file}: {}", names.join(", ")),
     }
 }

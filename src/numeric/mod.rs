@@ -38,6 +38,16 @@ pub fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     })
 }
 
+/// A diagonal matrix, row by row.
+pub fn diagonal(values: impl ExactSizeIterator<Item = f64>) -> Vec<f64> {
+    let n = values.len();
+    let mut matrix = vec![0.0; n * n];
+    for (k, value) in values.enumerate() {
+        matrix[k * (n + 1)] = value;
+    }
+    matrix
+}
+
 /// log sum exp; -inf of nothing.
 pub fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
     let largest = logs.clone().fold(f64::NEG_INFINITY, f64::max);

@@ -9,6 +9,7 @@ use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::identify::{Identification, Options, Reporting, redrawn};
 use crate::infer::{Joint, Known, Marginal, Member, Moments, Tension};
+use crate::numeric::diagonal;
 use crate::progress::Progress;
 use crate::sample::{self, LogDensity, Schedule, Start, Stopped};
 
@@ -276,10 +277,7 @@ fn drawn(
     );
     progress.begin(&what, None);
     let (mut centre, sd) = target.start();
-    let mut covariance = vec![0.0; dim * dim];
-    for (k, sd) in sd.iter().enumerate() {
-        covariance[k * (dim + 1)] = sd * sd;
-    }
+    let mut covariance = diagonal(sd.iter().map(|sd| sd * sd));
     if let Some(about) = about {
         for i in 0..about.mean.len() {
             centre[i] = about.mean[i];

@@ -8,9 +8,9 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::Reporting;
+use crate::numeric::diagonal;
 use crate::parameter::is_modulus;
 use crate::progress::Progress;
-use crate::sample::LogDensity;
 use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream};
 
 /// Fewest specimens that have a spread to speak of.
@@ -75,11 +75,7 @@ pub fn sample(
     }
     let target = Population::new(specimens);
     let (centre, sds) = target.start();
-    let n = target.dim();
-    let mut covariance = vec![0.0; n * n];
-    for (k, sd) in sds.iter().enumerate() {
-        covariance[k * (n + 1)] = sd * sd;
-    }
+    let covariance = diagonal(sds.iter().map(|sd| sd * sd));
     let start = Start::Ball {
         centre: &centre,
         covariance: &covariance,
