@@ -249,7 +249,7 @@ pub fn calibrate(
 }
 
 /// The replicates of a plan, of which there is a record.
-type Finding<'a, T> = &'a dyn Fn(&ReplicatePlan, &Path) -> Result<Vec<T>>;
+type Replicated<'a, T> = &'a dyn Fn(&ReplicatePlan, &Path) -> Result<Vec<T>>;
 
 /// What a plan's replicates say, as a table and as numbers.
 type Summarised<'a, T> = &'a dyn Fn(&ReplicatePlan, Vec<T>) -> (Section, Value);
@@ -258,7 +258,7 @@ type Summarised<'a, T> = &'a dyn Fn(&ReplicatePlan, Vec<T>) -> (Section, Value);
 fn each<T>(
     plans: &[ReplicatePlan],
     (out, name): (&Path, &str),
-    (found, table): (Finding<'_, T>, Summarised<'_, T>),
+    (found, table): (Replicated<'_, T>, Summarised<'_, T>),
 ) -> Result<Vec<Value>> {
     let mut all = Vec::new();
     for plan in plans {
