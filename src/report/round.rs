@@ -63,11 +63,6 @@ impl RoundReport {
             .collect()
     }
 
-    /// What is said where the steps are not proportional to the load.
-    pub fn not_linear(&self) -> Option<String> {
-        self.linearity.as_ref()?.words()
-    }
-
     /// Posterior mean and sd of a sampled parameter or a declared effect's amplitude, border units.
     pub fn moments(&self, name: &str) -> Option<MeanAndSd> {
         let sampled = self.posterior.get(name).map(|s| (s.mean, s.sd).into());

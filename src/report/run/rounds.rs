@@ -61,13 +61,12 @@ pub fn residual(rounds: &[RoundReport], names: &[String]) -> Table {
         let any = numbers.iter().any(Option::is_some);
         any.then(|| row(*what, numbers.into_iter().map(TableCell::three)))
     });
-    Table::new("residual against the noise", header("", names), rows)
+    Table::new("residual against the noise", header(names), rows)
 }
 
-fn header(first: &str, names: &[String]) -> Vec<String> {
-    std::iter::once(first.into())
-        .chain(names.iter().cloned())
-        .collect()
+fn header(names: &[String]) -> Vec<String> {
+    let rounds = names.iter().cloned();
+    std::iter::once(String::new()).chain(rounds).collect()
 }
 
 /// How many points there are, and which were dropped.
@@ -155,7 +154,7 @@ fn columns(page: &Page, names: &[String]) -> Vec<String> {
         Some(_) => "to quote: spans the answers below".to_string(),
         None => "averaged over unseen effects".into(),
     });
-    header("", names).into_iter().chain(quoted).collect()
+    header(names).into_iter().chain(quoted).collect()
 }
 
 /// Constants of every round and averaged, with what contradicts its prior.
@@ -207,7 +206,7 @@ fn amplitudes(page: &Page, names: &[String]) -> Table {
         let found = found.map(|a| TableCell::mean_sd(a.copied()));
         row(name, found.chain([page.truth_cell(name)]))
     });
-    let header = header("", names).into_iter().chain(["truth".into()]);
+    let header = header(names).into_iter().chain(["truth".into()]);
     Table::new("amplitudes of declared effects: mean +- sd", header, rows)
 }
 
@@ -215,10 +214,11 @@ fn amplitudes(page: &Page, names: &[String]) -> Table {
 pub fn steps(page: &Page) -> Option<Section> {
     let (first, last) = (page.report.rounds.first()?, page.report.last()?);
     let table = steps::table(&first.steps, &last.steps);
+    let not_linear = last.linearity.as_ref().and_then(|test| test.words());
     (!table.is_empty()).then(|| {
         Section::new("Steps")
             .with(table)
-            .say(last.not_linear().unwrap_or_default())
+            .say(not_linear.unwrap_or_default())
             .with(Piece::figure("steps"))
             .with(Piece::figure("stiffness"))
     })
