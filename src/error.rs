@@ -42,6 +42,16 @@ impl Error {
         Self::new(Blame::Input, place, expected)
     }
 
+    /// An error of the input at `place`, which should have been one of some names.
+    pub fn one_of<'a>(
+        place: impl fmt::Display,
+        names: impl IntoIterator<Item = &'a str>,
+        found: impl fmt::Display,
+    ) -> Self {
+        let names: Vec<&str> = names.into_iter().collect();
+        Self::input(place, format!("one of {}", names.join(", "))).found(found)
+    }
+
     /// The limit at `place` left too little; it would have to allow what was `expected`.
     pub fn limit(place: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::new(Blame::Limit, place, expected)

@@ -1,5 +1,7 @@
 //! Units at the border. Inside the program lengths are mm, forces N, stresses MPa, angles rad.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 
 /// MPa in one GPa.
@@ -52,6 +54,25 @@ impl Length {
             Length::Nanometre => 1e-6,
             Length::Inch => 25.4,
         }
+    }
+}
+
+/// Mean and sd, in the unit of what they are of.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MeanAndSd {
+    pub mean: f64,
+    pub sd: f64,
+}
+
+impl From<(f64, f64)> for MeanAndSd {
+    fn from((mean, sd): (f64, f64)) -> Self {
+        Self { mean, sd }
+    }
+}
+
+impl From<[f64; 2]> for MeanAndSd {
+    fn from([mean, sd]: [f64; 2]) -> Self {
+        Self { mean, sd }
     }
 }
 

@@ -109,24 +109,17 @@ pub struct Options {
 impl Options {
     /// As arguments of a verb.
     pub fn arguments(&self) -> Vec<String> {
-        let text = |name: &str, value: Option<String>| {
-            let value = value.into_iter();
-            value
-                .flat_map(|v| [format!("--{name}"), v])
-                .collect::<Vec<_>>()
-        };
-        let mut all = [
-            text("rounds", self.rounds.map(|v| v.to_string())),
-            text("sampler", self.sampler.clone()),
-            text("max-draws", self.max_draws.map(|v| v.to_string())),
-            text("min-ess", self.min_ess.map(|v| v.to_string())),
-            text("time-limit", self.time_limit_s.map(|v| v.to_string())),
-        ]
-        .concat();
-        if self.full_order {
-            all.push("--full-order".into());
-        }
-        all
+        let valued = [
+            ("--rounds", self.rounds.map(|v| v.to_string())),
+            ("--sampler", self.sampler.clone()),
+            ("--max-draws", self.max_draws.map(|v| v.to_string())),
+            ("--min-ess", self.min_ess.map(|v| v.to_string())),
+            ("--time-limit", self.time_limit_s.map(|v| v.to_string())),
+        ];
+        let valued = valued.into_iter();
+        let valued = valued.filter_map(|(option, value)| Some([option.into(), value?]));
+        let flag = self.full_order.then(|| "--full-order".into());
+        valued.flatten().chain(flag).collect()
     }
 
     /// What a verb does not have, or no run can have, is refused; `place` is the key.
@@ -143,13 +136,11 @@ impl Options {
         if self.rounds.is_some_and(|r| r > 20) {
             return refuse("rounds", "a number from 0 to 20");
         }
-        let known = || crate::sample::SAMPLERS.iter().map(|s| s.name);
+        let known = crate::sample::SAMPLERS.iter().map(|s| s.name);
         if let Some(name) = &self.sampler
-            && !known().any(|k| k == name)
+            && !known.clone().any(|k| k == name)
         {
-            let known: Vec<_> = known().collect();
-            let expected = format!("one of {}", known.join(", "));
-            return Err(Error::input(format!("{place}.sampler"), expected).found(name));
+            return Err(Error::one_of(format!("{place}.sampler"), known, name));
         }
         let positive = |v: Option<f64>| v.is_none_or(|v| v > 0.0 && v.is_finite());
         if self.max_draws == Some(0) {

@@ -1,8 +1,8 @@
 //! Runs on this machine: processes of the program itself, some at a time.
 
 use std::process::Command;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::children::Children;
@@ -98,15 +98,12 @@ fn all<'a>(
         ends.map(|e| e.unwrap_or_else(|_| Err(failed()))).collect()
     });
     ends.into_iter().collect::<Result<()>>()?;
-    Ok(elsewhere
-        .into_inner()
-        .unwrap_or_else(std::sync::PoisonError::into_inner))
+    let elsewhere = elsewhere.into_inner();
+    Ok(elsewhere.unwrap_or_else(PoisonError::into_inner))
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex
-        .lock()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The process of a run. A limit of its memory is set by a shell, which the program then replaces.

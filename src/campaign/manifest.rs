@@ -6,7 +6,7 @@ use super::engine::Campaign;
 use super::plan::{Plan, Run};
 use super::status::{CampaignPlaces, RunState, RunStatus};
 use crate::error::{Error, Result};
-use crate::files::{self, Keyed, parse_json};
+use crate::files::{self, Keyed};
 
 /// The schema of `manifest.json`.
 pub const SCHEMA: &str = "plychain-campaign-manifest/1";
@@ -39,16 +39,16 @@ impl CampaignManifest {
             status: places.state(run),
             run: run.clone(),
         };
-        let runs: Vec<ManifestEntry> = plan.runs.iter().map(entry).collect();
-        let count = |state: RunState| runs.iter().filter(|e| e.status.state == state).count();
-        let counts = RunState::ALL.map(|s| (s.words().replace(' ', "_"), count(s)));
-        Self {
+        let mut manifest = Self {
             schema: SCHEMA.into(),
             name: plan.name.clone(),
             version: env!("CARGO_PKG_VERSION").into(),
-            counts: counts.into_iter().collect(),
-            runs,
-        }
+            counts: Keyed::new(),
+            runs: plan.runs.iter().map(entry).collect(),
+        };
+        let counts = RunState::ALL.map(|s| (s.words().replace(' ', "_"), manifest.count(s)));
+        manifest.counts = counts.into();
+        manifest
     }
 
     /// How the campaign in a folder stands.
@@ -62,21 +62,8 @@ impl CampaignManifest {
         Ok(Self::of(&plan, places))
     }
 
-    /// Read a manifest as it was written.
-    ///
-    /// # Errors
-    /// The input's fault, with the place.
-    pub fn load(places: &CampaignPlaces) -> Result<Self> {
-        let path = places.0.join("manifest.json");
-        let place = path.display().to_string();
-        let text = std::fs::read_to_string(&path)
-            .map_err(|e| Error::input(&place, "the manifest of a campaign").found(e))?;
-        parse_json(&text, &place)
-    }
-
     pub fn count(&self, state: RunState) -> usize {
-        let mut states = self.runs.iter().map(|e| e.status.state);
-        states.by_ref().filter(|s| *s == state).count()
+        self.runs.iter().filter(|e| e.status.state == state).count()
     }
 
     /// A line for every run: its state, the time that it took, how often it was begun, and why it is not done.

@@ -33,13 +33,6 @@ pub const ENGINES: &[&dyn Engine] = &[&local::Local, &slurm::Slurm];
 /// # Errors
 /// The input's fault: there is none.
 pub fn engine(name: &str) -> Result<&'static dyn Engine> {
-    let known = || ENGINES.iter().map(|e| e.name());
-    ENGINES
-        .iter()
-        .find(|e| e.name() == name)
-        .copied()
-        .ok_or_else(|| {
-            let known: Vec<_> = known().collect();
-            Error::input("--engine", format!("one of {}", known.join(", "))).found(name)
-        })
+    let found = ENGINES.iter().find(|e| e.name() == name).copied();
+    found.ok_or_else(|| Error::one_of("--engine", ENGINES.iter().map(|e| e.name()), name))
 }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 pub fn expand(patterns: &[String], base: &Path, key: &str) -> Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for pattern in patterns {
-        if !has_wildcard(pattern) {
+        if !pattern.contains(['*', '?']) {
             all.push(base.join(pattern));
             continue;
         }
@@ -24,10 +24,6 @@ pub fn expand(patterns: &[String], base: &Path, key: &str) -> Result<Vec<PathBuf
         all.extend(found);
     }
     Ok(all)
-}
-
-fn has_wildcard(text: &str) -> bool {
-    text.contains(['*', '?'])
 }
 
 fn matching(pattern: &str, base: &Path) -> Vec<PathBuf> {

@@ -138,19 +138,11 @@ fn check_folder(asked: &Asked, places: &CampaignPlaces, is_ours: bool) -> Result
     let mut entries = std::fs::read_dir(path).into_iter().flatten().flatten();
     // a campaign that was killed before it had a plan has made these
     let made = |name: &std::ffi::OsStr| {
-        let names = [
-            "runs",
-            "status",
-            "log",
-            "models",
-            "slurm",
-            "campaign.lock",
-            "submit.lock",
-        ];
+        const OTHERS: [&str; 4] = ["models", "slurm", "campaign.lock", "submit.lock"];
         let plan = name.to_string_lossy();
         // another that goes on at the same moment may have made the plan meanwhile
         let is_plan = plan.starts_with("plan.json") && (asked.resume || plan != "plan.json");
-        names.iter().any(|n| name == *n) || is_plan
+        FOLDERS.iter().chain(&OTHERS).any(|n| name == *n) || is_plan
     };
     match entries.any(|e| !made(&e.file_name())) {
         true => Err(wanted("an empty folder, or one that does not exist yet")

@@ -54,19 +54,8 @@ pub fn article_twin(
         additive: vec![0.0; twin.columns.effects.len()],
         noise_nm: TWIN_NOISE_NM,
     };
-    let mut fields = twin.finite_elements(std::slice::from_ref(&truth), &|| ())?;
-    let mut u = fields.pop().unwrap_or_default();
-    for (u, e) in u.iter_mut().zip(twin.noise(TWIN_NOISE_NM, 0.0, seed)) {
-        *u = [u[0] + e[0], u[1] + e[1]];
-    }
-    let observation = twin.observed(u);
-    let noise = crate::noise::Noise::estimate(
-        &observation.field,
-        &twin.columns.modes,
-        &twin.columns.effects,
-    )?;
-    let statistics = crate::infer::Statistics::new(&observation, &twin.columns, &noise)?;
-    let posterior = identify::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
+    let u = twin.finite_elements(&truth)?;
+    let posterior = twin.posterior(model, u, &twin.noise(TWIN_NOISE_NM, 0.0, seed))?;
     let mut marginals = posterior.marginals().to_vec();
     for (m, cut) in marginals.iter_mut().zip(article::TRUNCATION) {
         m.truncate = Some(cut);
@@ -216,73 +205,77 @@ pub fn calibrate(
         )
         .found(e)
     })?;
+    let plans = &calibration.plans;
     match calibration.what {
         Calibrated::Loop { withheld } => {
             let what = if withheld { "withheld" } else { "loop" };
-            let one = |plan: &ReplicatePlan, record: &Path| {
-                let cache = cache();
-                let found =
-                    whole_loop::calibrate_loop(&model, plan, withheld, &cache, record, console)?;
-                let table = || {
-                    let summary = LoopSummary::new(&model, plan, withheld, &found);
-                    (loop_section(&summary), loop_numbers(&summary))
-                };
-                Ok((found.len(), plan.share.is_none().then(table)))
+            let found = |plan: &ReplicatePlan, record: &Path| {
+                whole_loop::calibrate_loop(&model, plan, withheld, &cache(), record, console)
             };
-            let all = each(&calibration.plans, &out, &format!("sbc-{what}"), &one)?;
+            let table = |plan: &ReplicatePlan, found: Vec<_>| {
+                let summary = LoopSummary::new(&model, plan, withheld, &found);
+                (loop_section(&summary), loop_numbers(&summary))
+            };
+            let all = each(plans, (&out, &format!("sbc-{what}")), (&found, &table))?;
             finish(&out, "calibration_of_the_loop", all)
         }
         Calibrated::Verdicts(asked) => {
-            let one = |plan: &ReplicatePlan, record: &Path| {
-                let found = verdicts(&model, plan, asked, (&cache(), record), console)?;
-                let table = || {
-                    let summary = VerdictSummary::new(plan, asked, &found);
-                    (verdicts_section(&summary), verdicts_numbers(&summary))
-                };
-                Ok((found.len(), plan.share.is_none().then(table)))
+            let found = |plan: &ReplicatePlan, record: &Path| {
+                verdicts(&model, plan, asked, (&cache(), record), console)
             };
-            let all = each(&calibration.plans, &out, "verdicts", &one)?;
+            let table = |plan: &ReplicatePlan, found: Vec<_>| {
+                let summary = VerdictSummary::new(plan, asked, &found);
+                (verdicts_section(&summary), verdicts_numbers(&summary))
+            };
+            let all = each(plans, (&out, "verdicts"), (&found, &table))?;
             finish(&out, "verdicts", all)
         }
         Calibrated::Identification => {
             let prepared = identify::prepare(&model, &cache(), console)?;
-            let grid = calibration.plans.first().map_or(TWIN_GRID, |p| p.grid);
+            let grid = plans.first().map_or(TWIN_GRID, |p| p.grid);
             let twin = Twin::new(&model, prepared, grid)?;
             let names = names(&model);
-            let one = |plan: &ReplicatePlan, record: &Path| {
-                let found = calibration::calibrate(&model, &twin, plan, record, console)?;
-                let table = || {
-                    let summary = calibration::summarise(plan, &names, &found);
-                    (calibration_section(&summary), calibration_numbers(&summary))
-                };
-                Ok((found.len(), plan.share.is_none().then(table)))
+            let found = |plan: &ReplicatePlan, record: &Path| {
+                calibration::calibrate(&model, &twin, plan, record, console)
             };
-            let all = each(&calibration.plans, &out, "sbc", &one)?;
+            let table = |plan: &ReplicatePlan, found: Vec<_>| {
+                let summary = calibration::summarise(plan, &names, &found);
+                (calibration_section(&summary), calibration_numbers(&summary))
+            };
+            let all = each(plans, (&out, "sbc"), (&found, &table))?;
             finish(&out, "calibration", all)
         }
     }
 }
 
-/// Runs a plan with its record: how many replicates are done, and the table as a section and numbers but for a share.
-type Calibrate<'a> = &'a dyn Fn(&ReplicatePlan, &Path) -> Result<(usize, Option<(Section, Value)>)>;
+/// The replicates of a plan, of which there is a record.
+type Replicated<'a, T> = &'a dyn Fn(&ReplicatePlan, &Path) -> Result<Vec<T>>;
 
-/// Run each plan, and print its table; the numbers of the tables.
-fn each(
+/// What a plan's replicates say, as a table and as numbers.
+type Summarised<'a, T> = &'a dyn Fn(&ReplicatePlan, Vec<T>) -> (Section, Value);
+
+/// Run each plan, and print its table, which a share has none of; the numbers of the tables. Records lie in a folder, under a name.
+fn each<T>(
     plans: &[ReplicatePlan],
-    out: &Path,
-    name: &str,
-    calibrate: Calibrate<'_>,
+    (out, name): (&Path, &str),
+    (found, table): (Replicated<'_, T>, Summarised<'_, T>),
 ) -> Result<Vec<Value>> {
     let mut all = Vec::new();
     for plan in plans {
         let record = out.join(format!("{name}-{}mm.jsonl", plan.correlation_mm));
-        match calibrate(plan, &record)? {
-            (_, Some((section, numbers))) => {
-                print(&terminal(&[section]))?;
-                all.push(numbers);
-            }
-            (done, None) => say_share(plan, done)?,
+        let found = found(plan, &record)?;
+        if plan.share.is_some() {
+            print(&format!(
+                "{} of {} replicates done, {} mm; the same command without --task makes the table\n",
+                found.len(),
+                plan.replicates,
+                plan.correlation_mm
+            ))?;
+            continue;
         }
+        let (section, numbers) = table(plan, found);
+        print(&terminal(&[section]))?;
+        all.push(numbers);
     }
     Ok(all)
 }
@@ -308,11 +301,4 @@ fn finish(out: &Path, key: &str, all: Vec<Value>) -> Result<()> {
     files::write_json(&path, &value)?;
     results(&value)?;
     print(&format!("written to {}\n", path.display()))
-}
-
-fn say_share(plan: &ReplicatePlan, done: usize) -> Result<()> {
-    print(&format!(
-        "{done} of {} replicates done, {} mm; the same command without --task makes the table\n",
-        plan.replicates, plan.correlation_mm
-    ))
 }

@@ -117,21 +117,19 @@ pub(super) fn say(
     show(page, run.verbose)
 }
 
-fn show(page: &Page, verbose: bool) -> Result<()> {
+/// Print what a page says: a screen, or with `verbose` everything.
+pub(super) fn show(page: &Page, verbose: bool) -> Result<()> {
     let report = &page.report;
     results(report)?;
-    if !verbose {
-        let brief = std::iter::once(sections_of::brief(page));
-        let sections: Vec<_> = brief.chain(report.together_section()).collect();
-        return print(&terminal(&sections));
-    }
-    if let (Some(last), Some(closing)) = (report.last(), &report.closing) {
-        let mut sections = vec![sections_of::identification(report, last)];
+    let mut sections = match report.last() {
+        Some(last) if verbose => vec![sections_of::identification(report, last)],
+        _ => vec![sections_of::brief(page)],
+    };
+    if let Some(closing) = report.closing.as_ref().filter(|_| verbose) {
         sections.extend(sections_of::closed(page, closing));
-        sections.extend(report.together_section());
-        print(&terminal(&sections))?;
     }
-    Ok(())
+    sections.extend(report.together_section());
+    print(&terminal(&sections))
 }
 
 /// Where the chains of a stage are kept: those of the first round in the folder itself.
@@ -235,13 +233,8 @@ fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathB
 
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
     let quoted = suspect.map_or_else(|| tracing.averaged.clone(), Suspect::hull);
-    let by_name = quoted.iter().map(|(name, i)| {
-        let found = MeanAndSd {
-            mean: i.mean,
-            sd: i.sd,
-        };
-        (name.clone(), found)
-    });
+    let by_name = quoted.iter();
+    let by_name = by_name.map(|(name, i)| (name.clone(), (i.mean, i.sd).into()));
     let learned = learned(model, &by_name.collect());
     let averaged = sections_of::averaged(&found, &quoted, suspect, &spots, (&alone, &learned));
     print(&terminal(&[sections_of::tracing(&found)]))?;
@@ -277,6 +270,6 @@ fn state(run: &Path, model: &Model) -> Result<(State, Keyed<MeanAndSd>)> {
     {
         return Err(mismatch(format!("no posterior of {name}")));
     }
-    let mean = |name: &str| round.moments(name).map(|(mean, _)| mean);
+    let mean = |name: &str| round.moments(name).map(|m| m.mean);
     Ok((model.state(&mean), round.alone()))
 }

@@ -2,7 +2,7 @@
 //! what is done and how much there is of it, and guesses no time: such a guess grows.
 
 use std::io::{IsTerminal, Write};
-use std::sync::{Arc, Mutex, MutexGuard, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Style};
@@ -71,21 +71,20 @@ impl Console {
     }
 
     fn clock(&self) -> MutexGuard<'_, StageClock> {
-        let clock = self.clock.lock();
-        clock.unwrap_or_else(std::sync::PoisonError::into_inner)
+        locked(&self.clock)
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<Stage>)) {
         if matches!(self.mode, ConsoleMode::Quiet | ConsoleMode::Remarks) {
             return;
         }
-        // A poisoned lock means another thread panicked while drawing; there is nothing left to protect.
-        let mut stage = self
-            .stage
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
-        act(&mut stage);
+        act(&mut locked(&self.stage));
     }
+}
+
+/// A poisoned lock means another thread panicked while drawing; there is nothing left to protect.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Tell of a stage that neither ticks nor speaks, until the console is gone.
@@ -93,10 +92,7 @@ fn heartbeat(stage: &Weak<Mutex<Option<Stage>>>) {
     loop {
         std::thread::sleep(Duration::from_secs(1));
         let Some(stage) = stage.upgrade() else { return };
-        let mut stage = stage
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some(stage) = stage.as_mut() {
+        if let Some(stage) = locked(&stage).as_mut() {
             stage.tell();
         }
     }

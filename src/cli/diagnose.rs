@@ -13,6 +13,7 @@ use crate::chain::{
 };
 use crate::diagnose::{Rule, diagnose};
 use crate::error::{Error, Result};
+use crate::report::json::load;
 use crate::report::{QuotedReport, chains};
 use crate::section::terminal;
 use crate::trace::quoted_rule;
@@ -113,8 +114,7 @@ fn rule_of(files: &[PathBuf]) -> Rule {
 /// were weighed stand there again and again, and few of those that were sampled: their autocorrelation is another.
 fn loop_verdict(folder: &Path) -> Option<(Vec<String>, Vec<String>)> {
     folder.join(AVERAGED).is_dir().then_some(())?;
-    let text = std::fs::read_to_string(folder.join("report.json")).ok()?;
-    let report: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let report: serde_json::Value = load(folder, "report.json").ok()?;
     let quoted: QuotedReport = serde_json::from_value(report["quoted"].clone()).ok()?;
     let constants = quoted.answers.first()?.constants.keys().cloned().collect();
     let open = quoted.answers.iter().filter(|a| !a.converged);
@@ -247,6 +247,5 @@ pub fn export(arguments: &ExportArguments, global: &Global) -> Result<()> {
         "{} chains written to {}\n",
         chains.count(),
         out.display()
-    ))?;
-    Ok(())
+    ))
 }

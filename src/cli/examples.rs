@@ -14,93 +14,42 @@ pub(super) struct Example {
     data: &'static [(&'static str, &'static [u8])],
 }
 
+/// A file below `models`, with its path there.
+macro_rules! file {
+    ($($part:literal),*) => {
+        (concat!($($part),*), include_bytes!(concat!("../../models/", $($part),*)))
+    };
+}
+
+/// An example by its name, with the matrices of a field in a folder and with other files.
 macro_rules! example {
-    ($name:literal, [$($file:literal),*]) => {
+    ($name:literal $(, matrices in $folder:literal)? $(, $file:literal)*) => {
         Example {
             name: $name,
             model: include_str!(concat!("../../models/", $name, ".json")),
-            data: &[$(($file, include_bytes!(concat!("../../models/", $file)))),*],
+            data: &[
+                $(
+                    file!($folder, "/X.txt"),
+                    file!($folder, "/Y.txt"),
+                    file!($folder, "/U.txt"),
+                    file!($folder, "/V.txt"),
+                )?
+                $(file!($file)),*
+            ],
         }
     };
 }
 
 pub(super) const EXAMPLES: &[Example] = &[
-    example!(
-        "openhole",
-        [
-            "openhole/X.txt",
-            "openhole/Y.txt",
-            "openhole/U.txt",
-            "openhole/V.txt",
-            "openhole/truth.json"
-        ]
-    ),
-    example!("plate", []),
-    example!(
-        "openhole-and-plate",
-        [
-            "openhole-and-plate/X.txt",
-            "openhole-and-plate/Y.txt",
-            "openhole-and-plate/U.txt",
-            "openhole-and-plate/V.txt",
-            "openhole-and-plate/truth.json"
-        ]
-    ),
-    example!(
-        "two-holes",
-        [
-            "two-holes/X.txt",
-            "two-holes/Y.txt",
-            "two-holes/U.txt",
-            "two-holes/V.txt",
-            "two-holes/truth.json",
-            "two-holes/two-holes.msh"
-        ]
-    ),
-    example!(
-        "oblique",
-        [
-            "oblique/X.txt",
-            "oblique/Y.txt",
-            "oblique/U.txt",
-            "oblique/V.txt",
-            "oblique/truth.json",
-            "oblique/oblique.msh"
-        ]
-    ),
-    example!(
-        "iosipescu",
-        [
-            "iosipescu/X.txt",
-            "iosipescu/Y.txt",
-            "iosipescu/U.txt",
-            "iosipescu/V.txt",
-            "iosipescu/truth.json",
-            "iosipescu/iosipescu.msh"
-        ]
-    ),
-    example!(
-        "disc",
-        [
-            "disc/X.txt",
-            "disc/Y.txt",
-            "disc/U.txt",
-            "disc/V.txt",
-            "disc/truth.json",
-            "disc/disc.msh"
-        ]
-    ),
-    example!("steel-s235", []),
-    example!(
-        "openhole-calculix",
-        [
-            "openhole/X.txt",
-            "openhole/Y.txt",
-            "openhole/U.txt",
-            "openhole/V.txt",
-            "calculix/solve.py"
-        ]
-    ),
+    example!("openhole", matrices in "openhole", "openhole/truth.json"),
+    example!("plate"),
+    example!("openhole-and-plate", matrices in "openhole-and-plate", "openhole-and-plate/truth.json"),
+    example!("two-holes", matrices in "two-holes", "two-holes/truth.json", "two-holes/two-holes.msh"),
+    example!("oblique", matrices in "oblique", "oblique/truth.json", "oblique/oblique.msh"),
+    example!("iosipescu", matrices in "iosipescu", "iosipescu/truth.json", "iosipescu/iosipescu.msh"),
+    example!("disc", matrices in "disc", "disc/truth.json", "disc/disc.msh"),
+    example!("steel-s235"),
+    example!("openhole-calculix", matrices in "openhole", "calculix/solve.py"),
 ];
 
 /// The example of a name.
@@ -108,11 +57,8 @@ pub(super) const EXAMPLES: &[Example] = &[
 /// # Errors
 /// The input's fault: a name that no example has.
 pub(super) fn find(name: &str) -> Result<&'static Example> {
-    let names: Vec<&str> = EXAMPLES.iter().map(|e| e.name).collect();
     let found = EXAMPLES.iter().find(|e| e.name == name);
-    found.ok_or_else(|| {
-        Error::input("--example", format!("one of {}", names.join(", "))).found(name)
-    })
+    found.ok_or_else(|| Error::one_of("--example", EXAMPLES.iter().map(|e| e.name), name))
 }
 
 impl Example {

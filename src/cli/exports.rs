@@ -3,6 +3,8 @@
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
+use glob::Pattern;
+
 use crate::error::{Error, Result};
 use crate::field::{StepSpec, table};
 
@@ -47,49 +49,27 @@ fn matching(pattern: &Path) -> Result<Vec<PathBuf>> {
     let folder = pattern.parent().filter(|p| !p.as_os_str().is_empty());
     let entries = std::fs::read_dir(folder.unwrap_or(Path::new(".")))
         .map_err(|e| Error::input(&place, "a folder that can be read").found(e))?;
-    let wanted: Vec<char> = pattern
-        .file_name()
-        .map(|name| name.to_string_lossy().chars().collect())
-        .unwrap_or_default();
+    let name = pattern.file_name().unwrap_or_default().to_string_lossy();
+    // sets of characters are no part of the patterns, and two stars are one
+    let mut name = name.replace('[', "[[]");
+    while name.contains("**") {
+        name = name.replace("**", "*");
+    }
+    let wanted = Pattern::new(&name).map_err(|e| Error::input(&place, "a pattern").found(e))?;
     let mut files = Vec::new();
     for entry in entries {
         let entry =
             entry.map_err(|e| Error::input(&place, "a folder that can be read").found(e))?;
-        let name: Vec<char> = entry.file_name().to_string_lossy().chars().collect();
-        if matches(&wanted, &name) && entry.path().is_file() {
-            files.push(folder.map_or_else(
-                || PathBuf::from(entry.file_name()),
-                |folder| folder.join(entry.file_name()),
-            ));
+        let name = entry.file_name();
+        if wanted.matches(&name.to_string_lossy()) && entry.path().is_file() {
+            let path = folder.map(|folder| folder.join(&name));
+            files.push(path.unwrap_or_else(|| name.into()));
         }
     }
     if files.is_empty() {
         return Err(Error::input(place, "files of this pattern").found("none"));
     }
     Ok(files)
-}
-
-/// Whether a name has the form of a pattern in which `*` stands for any characters and `?` for one.
-fn matches(pattern: &[char], name: &[char]) -> bool {
-    let (mut p, mut n) = (0, 0);
-    // where to go on if the last star has to take one character more
-    let mut again: Option<(usize, usize)> = None;
-    while n < name.len() {
-        if pattern.get(p) == Some(&'*') {
-            again = Some((p + 1, n));
-            p += 1;
-        } else if pattern.get(p).is_some_and(|c| *c == '?' || *c == name[n]) {
-            p += 1;
-            n += 1;
-        } else if let Some((after, taken)) = again {
-            again = Some((after, taken + 1));
-            p = after;
-            n = taken + 1;
-        } else {
-            return false;
-        }
-    }
-    pattern[p..].iter().all(|c| *c == '*')
 }
 
 /// Text by characters, numbers in it by their size: `step-2` before `step-10`, `1.25` before `1.5`.

@@ -58,7 +58,7 @@ impl Folder {
             std::fs::create_dir_all(parent).map_err(|e| unwritable(path, &e))?;
         }
         std::fs::create_dir(path).map_err(|e| unwritable(path, &e))?;
-        Ok(Self::made(path.to_path_buf()))
+        Ok(Self::at(path, false))
     }
 
     /// The first of `runs/NAME`, `runs/NAME-2`, ... that nobody has, another process that starts at the same time included.
@@ -69,7 +69,7 @@ impl Folder {
         let mut number = 1;
         loop {
             match std::fs::create_dir(&path) {
-                Ok(()) => return Ok(Self::made(path)),
+                Ok(()) => return Ok(Self::at(&path, false)),
                 Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
                     number += 1;
                     path = runs.join(format!("{name}-{number}"));
@@ -79,11 +79,11 @@ impl Folder {
         }
     }
 
-    fn made(path: PathBuf) -> Self {
+    fn at(path: &Path, kept: bool) -> Self {
         Self {
-            path,
+            path: path.to_path_buf(),
             started: Instant::now(),
-            kept: false,
+            kept,
             held: None,
         }
     }
@@ -122,12 +122,7 @@ impl Folder {
                 .found("files that are no run's")
                 .hint("choose the run's own folder; nothing was changed"));
         }
-        Ok(Self {
-            path: path.to_path_buf(),
-            started: Instant::now(),
-            kept: true,
-            held: None,
-        })
+        Ok(Self::at(path, true))
     }
 
     /// A finished run's folder, to add to it.
@@ -154,12 +149,7 @@ impl Folder {
                 .hint(hint));
             }
         }
-        Ok(Self {
-            path: path.to_path_buf(),
-            started: Instant::now(),
-            kept: true,
-            held: None,
-        })
+        Ok(Self::at(path, true))
     }
 
     pub fn path(&self) -> &Path {

@@ -151,12 +151,12 @@ impl ForceArguments {
     }
 
     fn column(&self, file: &MachineFile, place: &str) -> Result<usize> {
-        let names = file.names.join(", ");
         if let Some(wanted) = &self.force_column {
-            let is_it = |n: &String| n.eq_ignore_ascii_case(wanted);
-            return file.names.iter().position(is_it).ok_or_else(|| {
-                Error::input("--force-column", format!("one of {names}")).found(wanted)
-            });
+            let mut names = file.names.iter();
+            let known = names.clone().map(String::as_str);
+            return names
+                .position(|n| n.eq_ignore_ascii_case(wanted))
+                .ok_or_else(|| Error::one_of("--force-column", known, wanted));
         }
         let is_force = |name: &String| {
             let (words, _) = parts(name);
@@ -167,7 +167,7 @@ impl ForceArguments {
         match all[..] {
             [one] => Ok(one),
             [] => Err(Error::input(place, "a column of forces")
-                .found(names)
+                .found(file.names.join(", "))
                 .hint("say which: --force-column NAME")),
             _ => {
                 let all: Vec<&str> = all.iter().map(|k| file.names[*k].as_str()).collect();
@@ -187,10 +187,8 @@ impl ForceArguments {
                     .hint("say it: --force-unit N, kN or lbf; or write it into the name, as Force [kN]")
             });
         };
-        let asked = unit_of(asked).ok_or_else(|| {
-            let known = UNITS.map(|(u, _)| u).join(", ");
-            Error::input("--force-unit", format!("one of {known}")).found(asked)
-        })?;
+        let known = UNITS.map(|(u, _)| u);
+        let asked = unit_of(asked).ok_or_else(|| Error::one_of("--force-unit", known, asked))?;
         match stated.filter(|stated| *stated != asked) {
             Some((stated, _)) => Err(Error::input(
                 "--force-unit",
@@ -351,11 +349,7 @@ fn numbers(steps: &[PathBuf]) -> Option<Vec<i64>> {
     let all: Vec<Vec<String>> = steps
         .iter()
         .map(|step| {
-            let stem = step
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
+            let stem = step.file_stem().unwrap_or_default().to_string_lossy();
             let digits = stem
                 .split(|c: char| !c.is_ascii_digit())
                 .filter(|d| !d.is_empty());

@@ -7,15 +7,13 @@ use clap::Args;
 use super::console::Console;
 use super::folder::Folder;
 use super::running::Running;
-use super::{Global, print, results, study};
+use super::{Global, closing, study};
 use crate::chain::write_csv;
 use crate::error::Result;
 use crate::identify::{self, Identification};
 use crate::infer::Model;
 use crate::report::manifest::KnownTruth;
-use crate::report::run::{brief, identification};
 use crate::report::{Page, gather};
-use crate::section::terminal;
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -40,12 +38,7 @@ pub fn run(arguments: &IdentifyArguments, global: &Global, console: &Console) ->
     let options = run.doubting(run.folder.path());
     let rounds = [identify::identify(&model, &options, console)?];
     let page = write(&model, &rounds, &run.folder, run.seed())?;
-    results(&page.report)?;
-    let sections = match (run.verbose, page.report.last()) {
-        (true, Some(round)) => identification(&page.report, round),
-        _ => brief(&page),
-    };
-    print(&terminal(&[sections]))?;
+    closing::show(&page, run.verbose)?;
     run.finish(&page, rounds.iter().map(|r| &r.verdict), console)
 }
 
@@ -68,6 +61,5 @@ pub fn write(model: &Model, rounds: &[Identification], folder: &Folder, seed: u6
     folder.write_json("report.json", &report)?;
     let files = rounds.last().map(Identification::files).unwrap_or_default();
     let manifest = folder.manifest(Some(&model.path), files, seed, Vec::new())?;
-    let rounds: Vec<&Identification> = rounds.iter().collect();
-    Ok(Page::gather(&rounds, report, manifest, truth(files)?))
+    Ok(Page::gather(rounds, report, manifest, truth(files)?))
 }

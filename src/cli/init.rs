@@ -109,11 +109,7 @@ fn begun(arguments: &InitArguments) -> Result<()> {
         said += &meshes::propose(mesh, field.as_ref(), experiment)?;
     }
     if let Some(subset) = arguments.tables.subset_mm.filter(|_| field.is_none()) {
-        let mut images = json!({ "subset_mm": subset });
-        if let Some(distance) = arguments.tables.camera_distance_mm {
-            images["camera_distance_mm"] = json!(distance);
-        }
-        experiment["measurement"]["image_correlation"] = images;
+        experiment["measurement"]["image_correlation"] = arguments.tables.images(subset);
     }
     let mut text = serde_json::to_string_pretty(&model)
         .map_err(|e| Error::program("model", "values that JSON can hold").found(e))?;
@@ -234,10 +230,15 @@ fn template(arguments: &InitArguments) -> Result<Value> {
 
 /// What has to be put right in the file before anything else.
 fn unsettled(error: &Error) -> String {
-    let hint = error
-        .hint_text()
-        .map_or_else(String::new, |h| format!(" ({h})"));
-    format!("  not settled, and refused by every verb until it is edited: {error}{hint}\n")
+    let error = with_hint(error);
+    format!("  not settled, and refused by every verb until it is edited: {error}\n")
+}
+
+fn with_hint(error: &Error) -> String {
+    match error.hint_text() {
+        Some(hint) => format!("{error} ({hint})"),
+        None => error.to_string(),
+    }
 }
 
 /// What the steps have in common, or why they are no series.
@@ -262,10 +263,8 @@ fn series(model: &Model) -> String {
             said
         }
         Err(error) => {
-            let hint = error
-                .hint_text()
-                .map_or_else(String::new, |h| format!(" ({h})"));
-            format!("  the steps cannot be read as a series yet: {error}{hint}\n")
+            let error = with_hint(&error);
+            format!("  the steps cannot be read as a series yet: {error}\n")
         }
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::points::hole;
+use super::proposal::round;
 use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::files;
@@ -144,7 +145,7 @@ fn place(
 
 /// To as many decimals of a millimetre as points tell of a place.
 fn rounded(value: f64) -> f64 {
-    (100.0 * value).round() / 100.0
+    round(value, 2)
 }
 
 /// What loads it: the ends along the load.

@@ -1,6 +1,7 @@
 //! What the points of a field show: the hole, which is the largest gap in them, and the axis along which it is stretched.
 
 use crate::field::Field;
+use crate::numeric::range;
 use crate::report::FieldCells;
 
 /// Share of the measured rectangle that a gap must at least cover to be a hole.
@@ -76,14 +77,12 @@ const ROUND: f64 = 0.25;
 /// direction stands for the rim; `None` where that is not round, or does not reach all around.
 fn circle(points: &[[f64; 2]], start: [f64; 2], spacing: f64) -> Option<([f64; 2], f64)> {
     let (mut centre, mut radius) = (start, 0.0);
-    let mut rim = Vec::new();
     for _ in 0..5 {
-        rim = rim_about(points, centre);
         // x^2 + y^2 = a x + b y + c
         let mut normal = nalgebra::Matrix3::zeros();
         let mut right = nalgebra::Vector3::zeros();
-        for (r, [x, y]) in &rim {
-            let row = nalgebra::Vector3::new(*x, *y, 1.0);
+        for (r, [x, y]) in rim_about(points, centre) {
+            let row = nalgebra::Vector3::new(x, y, 1.0);
             normal += row * row.transpose();
             right += r * r * row;
         }
@@ -92,12 +91,8 @@ fn circle(points: &[[f64; 2]], start: [f64; 2], spacing: f64) -> Option<([f64; 2
         centre = [centre[0] + a, centre[1] + b];
         radius = (fit[2] + a * a + b * b).max(0.0).sqrt();
     }
-    rim = if rim.is_empty() {
-        rim
-    } else {
-        rim_about(points, centre)
-    };
-    let near = rim
+    let near = rim_about(points, centre);
+    let near = near
         .iter()
         .filter(|(r, _)| (r - radius).abs() < ROUND * radius + spacing);
     (near.count() as f64 >= CLOSED * SECTORS as f64).then_some((centre, 2.0 * radius))
@@ -126,15 +121,12 @@ const COUNTS: usize = 40;
 /// points about it do not reach all around.
 fn missing(points: &[[f64; 2]], centre: [f64; 2], diameter: f64) -> Option<f64> {
     let radius = 0.5 * diameter;
-    let reach = |k: usize, sign: f64| {
-        let far = points.iter().map(|p| sign * (p[k] - centre[k]));
-        far.fold(0.0, f64::max)
-    };
     let [inner, outer] = COUNTED.map(|c| c * radius);
-    if [0, 1]
-        .iter()
-        .any(|&k| reach(k, 1.0).min(reach(k, -1.0)) < outer)
-    {
+    let surrounds = [0, 1].iter().all(|&k| {
+        let [low, high] = range(points.iter().map(|p| p[k] - centre[k]));
+        high.min(-low) >= outer
+    });
+    if !surrounds {
         return None;
     }
     let mut distances: Vec<f64> = (points.iter())

@@ -101,11 +101,10 @@ fn put(files: &[PathBuf], experiment: &mut Value) -> Result<(Vec<PathBuf>, Strin
 pub fn draft(files: &[PathBuf], arguments: &TableArguments, experiment: &mut Value) -> Result<()> {
     let user = TableOptions::of(arguments)?;
     let found = table::described(&files[0], &[])?.found;
-    let open = || OPEN.to_string();
     let columns = match (user.columns, &found) {
         (Some(columns), _) => columns,
         (None, Some(found)) => Columns::new(found.columns.clone()),
-        (None, None) => Columns::new([open(), open(), open(), open()]),
+        (None, None) => Columns::new([OPEN; 4].map(String::from)),
     };
     let unit = |k: usize| {
         let stated = found.as_ref().and_then(|f| f.units[k].name());
@@ -301,10 +300,7 @@ fn images(export: &Export, arguments: &TableArguments, said: &mut String) -> Opt
         }
         (None, _) => arguments.subset_mm,
     }?;
-    let mut images = json!({ "subset_mm": subset });
-    if let Some(distance) = arguments.camera_distance_mm {
-        images["camera_distance_mm"] = json!(distance);
-    }
+    let mut images = arguments.images(subset);
     if let Some(size) = scale.filter(|_| stated.is_some()) {
         images["pixel_mm"] = json!(size);
     }
@@ -340,7 +336,7 @@ fn plate(specimen: &mut Value, hole: Option<f64>, reach: [f64; 2]) -> String {
     said
 }
 
-fn round(value: f64, decimals: i32) -> f64 {
+pub(super) fn round(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale
 }

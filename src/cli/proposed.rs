@@ -271,15 +271,13 @@ fn quality(
     program: Option<&Program>,
     user: &TableOptions,
 ) -> (Option<(String, Option<&'static str>)>, Option<String>) {
+    let with_unit = |name: String| {
+        let unit = programs::split(&name).1;
+        (name, unit)
+    };
     if let Some(columns) = &user.columns {
-        let unit = |name: &String| programs::split(name).1;
-        return (
-            columns
-                .sigma
-                .clone()
-                .map(|name| (name.clone(), unit(&name))),
-            columns.correlation.clone(),
-        );
+        let sigma = columns.sigma.clone().map(with_unit);
+        return (sigma, columns.correlation.clone());
     }
     let stem = |name: &str| programs::split(name).0.to_lowercase();
     let find = |word: &str| {
@@ -289,14 +287,9 @@ fn quality(
             .cloned()
     };
     let in_pixels = program.and_then(|p| p.sigma_in_pixels.iter().find_map(|word| find(word)));
-    let sigma = match (in_pixels, find(SIGMA)) {
-        (Some(name), _) => Some((
-            name.clone(),
-            Some(programs::split(&name).1.unwrap_or(PIXEL)),
-        )),
-        (None, Some(name)) => Some((name.clone(), programs::split(&name).1)),
-        (None, None) => None,
-    };
+    let in_pixels = in_pixels.map(with_unit);
+    let in_pixels = in_pixels.map(|(name, unit)| (name, unit.or(Some(PIXEL))));
+    let sigma = in_pixels.or_else(|| find(SIGMA).map(with_unit));
     (sigma, CORRELATION.iter().find_map(|word| find(word)))
 }
 

@@ -1,7 +1,7 @@
 //! What `identify` and `loop` have in common: their arguments, and what is settled before the first draw.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -73,7 +73,7 @@ pub struct RunPlan {
     refinements: usize,
     resume: bool,
     /// Whether figures are written as PNG too.
-    png: bool,
+    pub png: bool,
     /// Whether draws are written as tables too, beside their stores.
     pub tables: bool,
     /// Whether doubts about the input, and chains that have not converged, are an error.
@@ -154,21 +154,12 @@ impl RunPlan {
     /// How one identification is run whose chains are kept at `place`.
     pub fn options(&self, place: &Path) -> Options<'_> {
         Options {
-            sampler: &*self.sampler,
             schedule: self.schedule.clone(),
             rule: self.rule,
-            cache: cache(),
             refinements: self.refinements,
-            keeping: Some(Keeping {
-                store: place.join("chain.zarr"),
-                checkpoint: place.join("checkpoint"),
-                identity: self.identity.clone(),
-                resume: self.resume,
-                observed: Vec::new(),
-            }),
-            discrepancy: [None, None],
+            keeping: Some(Keeping::within(place, self.identity.clone(), self.resume)),
             deadline: self.deadline,
-            doubting: Doubting::Unasked,
+            ..Options::new(&*self.sampler, cache())
         }
     }
 
@@ -181,11 +172,6 @@ impl RunPlan {
             },
             ..self.options(place)
         }
-    }
-
-    /// Whether figures are written as PNG too.
-    pub fn png(&self) -> bool {
-        self.png
     }
 
     /// Write the page of a run that is done, and keep the run's folder.
@@ -201,8 +187,7 @@ impl RunPlan {
         console.begin("report and figures", None);
         page.write(self.folder.path(), self.png)?;
         console.end();
-        let path = self.folder.path().display();
-        print(&format!("written to {path}; open {path}/report.html\n"))?;
+        written_to(self.folder.path())?;
         self.complete(&page.manifest, verdicts)
     }
 
@@ -218,9 +203,9 @@ impl RunPlan {
         self.folder.write_json("run.json", manifest)?;
         self.folder.keep();
         let unsettled = verdicts.into_iter().find(|v| !v.converged);
-        match unsettled.filter(|_| self.strict) {
-            Some(verdict) => Err(not_converged(&verdict.line())),
-            None => Ok(()),
+        match unsettled {
+            Some(verdict) if self.strict => Err(not_converged(&verdict.line())),
+            _ => Ok(()),
         }
     }
 
@@ -262,14 +247,20 @@ impl RunPlan {
         let path = self.folder.path().display();
         print(&format!("done before: {path}; open {path}/report.html\n"))?;
         let unsettled = rounds.into_iter().find(|c| !c.converged);
-        match unsettled.filter(|_| self.strict) {
-            Some(convergence) => Err(not_converged(&convergence.text)),
-            None => Ok(()),
+        match unsettled {
+            Some(convergence) if self.strict => Err(not_converged(&convergence.text)),
+            _ => Ok(()),
         }
     }
 }
 
-fn not_converged(found: &str) -> Error {
+/// Say where the report is.
+pub(super) fn written_to(folder: &Path) -> Result<()> {
+    let path = folder.display();
+    print(&format!("written to {path}; open {path}/report.html\n"))
+}
+
+pub(super) fn not_converged(found: &str) -> Error {
     let error = Error::input("--strict", "converged chains").found(found);
     error.hint("run longer")
 }
@@ -310,15 +301,21 @@ impl Limits {
         let Some(seconds) = self.time_limit else {
             return Ok(None);
         };
-        std::time::Duration::try_from_secs_f64(seconds)
-            .ok()
-            .filter(|limit| !limit.is_zero())
-            .and_then(|limit| Instant::now().checked_add(limit))
-            .map(Some)
-            .ok_or_else(|| {
-                Error::input("--time-limit", "a number of seconds above 0").found(seconds)
-            })
+        let end = Instant::now().checked_add(duration("--time-limit", seconds)?);
+        end.map(Some)
+            .ok_or_else(|| not_seconds("--time-limit", seconds))
     }
+}
+
+/// A time that is stated in seconds.
+pub(super) fn duration(option: &str, seconds: f64) -> Result<Duration> {
+    let duration = Duration::try_from_secs_f64(seconds).ok();
+    let duration = duration.filter(|d| !d.is_zero());
+    duration.ok_or_else(|| not_seconds(option, seconds))
+}
+
+fn not_seconds(option: &str, seconds: f64) -> Error {
+    Error::input(option, "a number of seconds above 0").found(seconds)
 }
 
 /// What SIGTERM ends from now on is gone on with from its last checkpoint, which is about a second old: files are written so that a process

@@ -2,7 +2,6 @@
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -10,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::console::{Console, line};
 use super::folder::Folder;
-use super::running::{Limits, stoppable};
+use super::running::{Limits, duration, not_converged, stoppable};
 use super::samplers::{MOVES_HELP, SamplerOptions};
 use super::{Global, print};
 use crate::bridge::{Patience, RemoteDensity};
@@ -18,9 +17,9 @@ use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::Keyed;
 use crate::identify::Reporting;
+use crate::numeric::diagonal;
 use crate::progress::Progress;
 use crate::report::chains;
-use crate::report::manifest::Manifest;
 use crate::sample::{Keeping, Regime, Schedule, Start, Stream, run_kept};
 use crate::section::terminal;
 
@@ -95,8 +94,8 @@ impl SampleArguments {
 
     fn patience(&self) -> Result<Patience> {
         Ok(Patience {
-            answer: seconds("--timeout", self.timeout)?,
-            silence: seconds("--patience", self.patience)?,
+            answer: duration("--timeout", self.timeout)?,
+            silence: duration("--patience", self.patience)?,
             requests: usize::from(self.parallel),
         })
     }
@@ -183,12 +182,6 @@ fn read_priors(path: &Path) -> Result<Keyed<ParameterPrior>> {
     serde_json::from_str(&text).map_err(|e| Error::input(path.display(), expected).found(e))
 }
 
-fn seconds(option: &str, seconds: f64) -> Result<Duration> {
-    let duration = Duration::try_from_secs_f64(seconds).ok();
-    let duration = duration.filter(|d| !d.is_zero());
-    duration.ok_or_else(|| Error::input(option, "a number of seconds above 0").found(seconds))
-}
-
 /// What a resumed run must share with the one that was interrupted.
 fn identity(
     arguments: &SampleArguments,
@@ -238,18 +231,12 @@ pub fn run(arguments: &SampleArguments, global: &Global, console: &Console) -> R
     let identity = identity(arguments, &schedule, &priors);
     folder.begin(&identity)?;
     stoppable(folder.path())?;
-    let covariance = covariance_of(&known);
+    let covariance = diagonal(known.iter().map(ParameterPrior::variance));
     let start = Start::Walkers {
         place: &|_, _, rng| known.iter().map(|p| p.draw(rng)).collect(),
         covariance: &covariance,
     };
-    let keeping = Keeping {
-        store: folder.path().join("chain.zarr"),
-        checkpoint: folder.path().join("checkpoint"),
-        identity,
-        resume: arguments.resume,
-        observed: Vec::new(),
-    };
+    let keeping = Keeping::within(folder.path(), identity, arguments.resume);
     console.begin(
         &format!("sampling {} at {}", arguments.model, arguments.url),
         None,
@@ -279,12 +266,13 @@ pub fn run(arguments: &SampleArguments, global: &Global, console: &Console) -> R
             .for_each(|said| line(said));
     }
     let manifest = folder.manifest(arguments.prior.as_ref(), &[], global.seed, console.costs())?;
-    finish(
-        folder,
-        &manifest,
-        verdict.converged || !arguments.strict,
-        &verdict,
-    )
+    folder.write_json("run.json", &manifest)?;
+    print(&format!("written to {}\n", folder.path().display()))?;
+    folder.keep();
+    match verdict.converged || !arguments.strict {
+        true => Ok(()),
+        false => Err(not_converged(&verdict.line())),
+    }
 }
 
 /// Chains that walk alone may all have ended in one of several modes, where they began over much more than that one.
@@ -304,24 +292,3 @@ fn far_modes(starts: &[ParameterPrior], verdict: &Verdict) -> Option<String> {
 
 /// A result narrower than its start by this factor may be one mode of several.
 const NARROW: f64 = 20.0;
-
-/// Covariance of independent priors, row by row.
-fn covariance_of(priors: &[ParameterPrior]) -> Vec<f64> {
-    let mut covariance = vec![0.0; priors.len().pow(2)];
-    let diagonal = covariance.iter_mut().step_by(priors.len() + 1);
-    diagonal.zip(priors).for_each(|(c, p)| *c = p.variance());
-    covariance
-}
-
-/// Keep a run's folder; an error if convergence was asked for and is not there.
-fn finish(folder: Folder, manifest: &Manifest, enough: bool, verdict: &Verdict) -> Result<()> {
-    folder.write_json("run.json", manifest)?;
-    print(&format!("written to {}\n", folder.path().display()))?;
-    folder.keep();
-    match enough {
-        true => Ok(()),
-        false => Err(Error::input("--strict", "converged chains")
-            .found(verdict.line())
-            .hint("run longer")),
-    }
-}

@@ -89,8 +89,7 @@ impl SamplerOptions {
 /// The input's fault: a name that is none.
 pub fn named(name: &str) -> Result<Box<dyn Sampler>> {
     let found = SAMPLERS.iter().find(|entry| entry.name == name);
-    found.map(|entry| (entry.build)()).ok_or_else(|| {
-        let known: Vec<_> = SAMPLERS.iter().map(|entry| entry.name).collect();
-        Error::input("--sampler", format!("one of {}", known.join(", "))).found(name)
-    })
+    let known = SAMPLERS.iter().map(|entry| entry.name);
+    let found = found.map(|entry| (entry.build)());
+    found.ok_or_else(|| Error::one_of("--sampler", known, name))
 }

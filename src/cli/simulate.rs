@@ -2,14 +2,15 @@
 
 mod series;
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::folder::Folder;
 use super::{DEFAULT_MODEL, Global, print};
-use crate::effect::{Acting, EFFECTS, Effect, Scene, obstacle};
+use crate::effect::{Acting, EFFECTS, Scene, obstacle};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
@@ -139,10 +140,11 @@ pub fn run(arguments: &SimulateArguments, global: &Global) -> Result<()> {
     if readings > 0 {
         said.push(format!("{readings} other experiments"));
     }
+    let set = named(shared.material.constants().iter().copied(), &constants);
     let truth = match (&mut truths[..], &fields[..]) {
         ([(_, truth)], _) => truth.take(),
         ([], _) => json!({
-            "model": study.name(), "constants": named(shared.material.constants(), &constants), "effects": {},
+            "model": study.name(), "constants": set, "effects": {},
             "seed": global.seed,
         }),
         (several, _) => {
@@ -150,8 +152,8 @@ pub fn run(arguments: &SimulateArguments, global: &Global) -> Result<()> {
                 .iter_mut()
                 .map(|(name, truth)| (name.clone(), truth.take()));
             json!({
-                "model": study.name(), "constants": named(shared.material.constants(), &constants), "seed": global.seed,
-                "experiments": each.collect::<serde_json::Map<_, _>>(),
+                "model": study.name(), "constants": set, "seed": global.seed,
+                "experiments": each.collect::<Map<_, _>>(),
             })
         }
     };
@@ -188,8 +190,8 @@ fn constants(
         match shared.constants.iter().position(|c| c.0 == name) {
             Some(k) => constants[k] = value,
             None if alone => {
-                let known = shared.material.constants().join(", ");
-                return Err(Error::input("--set", format!("one of {known}")).found(&name));
+                let known = shared.material.constants().iter().copied();
+                return Err(Error::one_of("--set", known, &name));
             }
             // of a field: it says what else there is
             None => {}
@@ -342,18 +344,17 @@ fn plan(arguments: &SimulateArguments, model: &Model, seed: u64) -> Result<Truth
         grid: usize::from(arguments.grid),
         seed,
     };
-    let mut seen: Vec<&str> = Vec::new();
+    let mut seen = HashSet::new();
     let names = arguments
         .set
         .iter()
         .chain(&arguments.effects)
         .filter_map(|text| text.split_once('='));
     for (name, _) in names {
-        if seen.contains(&name.trim()) {
+        if !seen.insert(name.trim()) {
             return Err(Error::input("arguments", "every name at most once")
                 .found(format!("a second {name}")));
         }
-        seen.push(name.trim());
     }
     for (name, value) in settings(arguments)? {
         if name == "thickness_mm" && value > 0.0 {
@@ -396,29 +397,24 @@ fn noise_nm(arguments: &SimulateArguments) -> f64 {
 }
 
 /// Effects that can act, in the order of the dictionary, whatever the order of the arguments.
-fn ordered(acting: Vec<Acting>, scene: &Scene) -> Result<Vec<Acting>> {
+fn ordered(mut acting: Vec<Acting>, scene: &Scene) -> Result<Vec<Acting>> {
     for a in &acting {
         if let Some(reason) = obstacle(a.effect, scene) {
             let expected = format!("an effect that can act, which this one cannot: {reason}");
             return Err(Error::input("--effect", expected).found(a.effect.name()));
         }
     }
-    let of = |effect: &'static dyn Effect| {
-        let own = acting.iter();
-        own.filter(move |a| a.effect.name() == effect.name())
-            .cloned()
-    };
-    Ok(EFFECTS.iter().flat_map(|e| of(*e)).collect())
+    acting.sort_by_key(|a| EFFECTS.iter().position(|e| e.name() == a.effect.name()));
+    Ok(acting)
 }
 
 /// The format of a name.
 fn reader(format: &str) -> Result<&'static dyn Reader> {
-    let known = || READERS.iter().map(|reader| reader.format());
-    let at = known().position(|name| name == format).ok_or_else(|| {
-        let known: Vec<_> = known().collect();
-        Error::input("--format", format!("one of {}", known.join(", "))).found(format)
-    })?;
-    Ok(READERS[at])
+    let found = READERS.iter().find(|reader| reader.format() == format);
+    let known = READERS.iter().map(|reader| reader.format());
+    found
+        .copied()
+        .ok_or_else(|| Error::one_of("--format", known, format))
 }
 
 fn not_negative(place: &str, value: f64) -> Result<f64> {
@@ -429,14 +425,14 @@ fn not_negative(place: &str, value: f64) -> Result<f64> {
 }
 
 /// Values by name.
-fn named(names: &[&str], values: &[f64]) -> serde_json::Map<String, serde_json::Value> {
-    let pairs = names.iter().zip(values);
-    pairs.map(|(n, v)| ((*n).to_string(), json!(v))).collect()
+fn named<'a>(names: impl IntoIterator<Item = &'a str>, values: &[f64]) -> Map<String, Value> {
+    let pairs = names.into_iter().zip(values);
+    pairs.map(|(n, v)| (n.to_string(), json!(v))).collect()
 }
 
-fn truth_json(model: &Model, truth: &Truth) -> serde_json::Value {
-    let constants = named(model.constants(), &truth.constants);
-    let effects: serde_json::Map<_, _> = truth
+fn truth_json(model: &Model, truth: &Truth) -> Value {
+    let constants = named(model.constants().iter().copied(), &truth.constants);
+    let effects: Map<_, _> = truth
         .effects
         .iter()
         .map(|a| (a.effect.name().to_string(), json!(amplitudes(a))))
@@ -448,10 +444,7 @@ fn truth_json(model: &Model, truth: &Truth) -> serde_json::Value {
 }
 
 /// Amplitudes of an effect by its parameters' names.
-fn amplitudes(acting: &Acting) -> serde_json::Map<String, serde_json::Value> {
-    let parameters = acting.effect.parameters().iter();
-    parameters
-        .zip(&acting.amplitude)
-        .map(|(p, v)| (p.name.to_string(), json!(v)))
-        .collect()
+fn amplitudes(acting: &Acting) -> Map<String, Value> {
+    let names = acting.effect.parameters().iter().map(|p| p.name);
+    named(names, &acting.amplitude)
 }

@@ -6,22 +6,20 @@ use std::sync::Arc;
 use super::closing;
 use super::console::Console;
 use super::identify::truth;
-use super::running::RunPlan;
+use super::running::{RunPlan, written_to};
 use super::{cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv};
-use crate::diagnose::{Rule, Verdict};
+use crate::diagnose::Verdict;
 use crate::error::Result;
 use crate::files;
-use crate::identify::doubts::Doubting;
 use crate::identify::{Identification, Options};
 use crate::infer::{Known, Model, Moments};
 use crate::progress::{Progress, StageCost};
 use crate::report::manifest::{KnownTruth, Manifest};
-use crate::report::run::{brief, identification};
 use crate::report::study::{StudyReport, page};
 use crate::report::together::TogetherReport;
 use crate::report::{Page, gather};
-use crate::sample::{Ensemble, Schedule};
+use crate::sample::Ensemble;
 use crate::section::terminal;
 use crate::study::{
     self, Alone, ClosedStudy, Disagreement, Observed, SampledStudy, Study, StudyStage, alone,
@@ -77,16 +75,7 @@ pub fn identify(plan: RunPlan, console: &Console) -> Result<()> {
     let rounds = study::identified(study, each, &found, (&options, console))?;
     let pages = written(&plan, rounds, summary)?;
     for (_, page) in &pages {
-        let report = &page.report;
-        results(report)?;
-        let own = match (plan.verbose, report.last()) {
-            (true, Some(round)) => identification(report, round),
-            _ => brief(page),
-        };
-        let sections: Vec<_> = std::iter::once(own)
-            .chain(report.together_section())
-            .collect();
-        print(&terminal(&sections))?;
+        closing::show(page, plan.verbose)?;
     }
     let manifest = manifest(&plan, Vec::new())?;
     end((plan, manifest), pages, [&found.verdict], console)
@@ -117,11 +106,8 @@ fn written(
         let manifest = plan
             .folder
             .manifest(Some(&model.path), &files, seed, Vec::new())?;
-        let [round] = &rounds;
-        pages.push((
-            place,
-            Page::gather(&[round], report, manifest, truth(&files)?),
-        ));
+        let page = Page::gather(&rounds, report, manifest, truth(&files)?);
+        pages.push((place, page));
     }
     plan.folder
         .write_json("model.json", &plan.study.json(true)?)?;
@@ -154,12 +140,11 @@ fn end<'a>(
         if place != plan.folder.path() {
             files::write_json(&place.join("run.json"), &page.manifest)?;
         }
-        page.write(place, plan.png())?;
+        page.write(place, plan.png)?;
     }
     console.end();
     for (place, _) in &pages {
-        let path = place.display();
-        print(&format!("written to {path}; open {path}/report.html\n"))?;
+        written_to(place)?;
     }
     plan.complete(&manifest, verdicts)
 }
@@ -179,8 +164,7 @@ fn finish(
     console.end();
     results(report)?;
     print(&terminal(&report.sections()))?;
-    let path = place.display();
-    print(&format!("written to {path}; open {path}/report.html\n"))?;
+    written_to(place)?;
     plan.complete(&manifest, [&found.verdict])
 }
 
@@ -199,18 +183,8 @@ pub fn report_again(folder: &Path) -> Result<()> {
     let mut report = StudyReport::load(folder)?;
     let study = Study::load(&folder.join("model.json"))?;
     let draws = read_zarr(&folder.join("chain.zarr"), None)?;
-    let options = Options {
-        sampler: &Ensemble::default(),
-        schedule: Schedule::default(),
-        rule: Rule::default(),
-        cache: cache(),
-        refinements: 0,
-        keeping: None,
-        discrepancy: [None, None],
-        deadline: None,
-        doubting: Doubting::Unasked,
-    };
-    report.sections = sections(&study, &draws, &options)?;
+    let sampler = Ensemble::default();
+    report.sections = sections(&study, &draws, &Options::new(&sampler, cache()))?;
     let truth = KnownTruth::load(folder)?;
     files::replace(
         &folder.join("report.html"),

@@ -1,6 +1,7 @@
 //! What the user says of tables: `--columns`, `--units`, `--mm-per-pixel`.
 
 use clap::Args;
+use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
 use crate::field::{Columns, programs};
@@ -25,6 +26,17 @@ pub struct TableArguments {
     pub camera_distance_mm: Option<f64>,
 }
 
+impl TableArguments {
+    /// How the images were correlated.
+    pub fn images(&self, subset_mm: f64) -> Value {
+        let mut images = json!({ "subset_mm": subset_mm });
+        if let Some(distance) = self.camera_distance_mm {
+            images["camera_distance_mm"] = json!(distance);
+        }
+        images
+    }
+}
+
 /// What the user says of the tables.
 pub struct TableOptions {
     pub columns: Option<Columns>,
@@ -36,35 +48,18 @@ pub struct TableOptions {
 }
 
 impl TableOptions {
-    /// What the arguments say.
-    ///
-    /// # Errors
-    /// Those of [`TableOptions::new`].
-    pub fn of(arguments: &TableArguments) -> Result<Self> {
-        let TableArguments { columns, units, .. } = arguments;
-        Self::new(columns.as_deref(), units.as_deref(), arguments.mm_per_pixel)
-    }
-
     /// Columns as `--columns x=A,y=B,ux=C,uy=D` names them, with units as `--units mm` or `mm,um` does.
     ///
     /// # Errors
     /// Of the input: an unknown or repeated key, a key that is missing, an unknown unit.
-    pub fn new(
-        columns: Option<&str>,
-        units: Option<&str>,
-        mm_per_pixel: Option<f64>,
-    ) -> Result<Self> {
-        let (columns, uz) = match columns {
-            Some(text) => {
-                let (columns, uz) = parsed(text)?;
-                (Some(columns), uz)
-            }
-            None => (None, None),
-        };
+    pub fn of(arguments: &TableArguments) -> Result<Self> {
+        let columns = arguments.columns.as_deref().map(parsed).transpose()?;
+        let (columns, uz) = columns.unzip();
+        let mm_per_pixel = arguments.mm_per_pixel;
         if let Some(size) = mm_per_pixel.filter(|s| !(s.is_finite() && *s > 0.0)) {
             return Err(Error::input("--mm-per-pixel", "a length in mm above 0").found(size));
         }
-        let units = units.map(|text| {
+        let units = arguments.units.as_deref().map(|text| {
             let parts: Vec<_> = text.split(',').map(programs::unit_of).collect();
             match parts[..] {
                 [Some(both)] => Ok([both; 2]),
@@ -74,7 +69,7 @@ impl TableOptions {
         });
         Ok(Self {
             columns,
-            uz,
+            uz: uz.flatten(),
             units: units.transpose()?,
             mm_per_pixel,
         })

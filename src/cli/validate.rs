@@ -16,13 +16,12 @@ use super::{DEFAULT_MODEL, Global, cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::identify::{self, Identification, InverseProblem, Options, Prepared, SurrogateError};
+use crate::identify::{self, InverseProblem, Options, Prepared, SurrogateError};
 use crate::infer::{Model, Posterior};
 use crate::report::Report;
 use crate::report::calibration::{article_numbers, article_section};
 use crate::report::validation::Validation;
-use crate::sample::LogDensity;
-use crate::sample::{Keeping, Schedule};
+use crate::sample::{Keeping, LogDensity, Schedule};
 use crate::section::terminal;
 use crate::validate::grid::{self, PosteriorGrid};
 use crate::validate::{priors, quadrature, thickness};
@@ -82,32 +81,18 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
     folder.begin(&identity)?;
     let options = Options {
         schedule,
-        keeping: Some(Keeping {
-            store: folder.path().join("chain.zarr"),
-            checkpoint: folder.path().join("checkpoint"),
-            identity,
-            resume: false,
-            observed: Vec::new(),
-        }),
+        keeping: Some(Keeping::within(folder.path(), identity, false)),
         ..Options::new(&*sampler, cache())
     };
-    let found = [identify::identify(&model, &options, console)?];
-    let page = write(&model, &found, &folder, global.seed)?;
+    let found = identify::identify(&model, &options, console)?;
+    let page = write(&model, std::slice::from_ref(&found), &folder, global.seed)?;
     page.write(folder.path(), false)?;
     folder.write_json("run.json", &page.manifest)?;
-    let [
-        Identification {
-            inverse,
-            draws,
-            surrogate,
-            ..
-        },
-    ] = &found;
     let run = FinishedRun {
         folder: &folder,
-        inverse,
-        draws,
-        surrogate,
+        inverse: &found.inverse,
+        draws: &found.draws,
+        surrogate: &found.surrogate,
         refinements: 0,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;

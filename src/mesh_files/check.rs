@@ -5,6 +5,7 @@ use super::jacobian;
 use super::kind::ElementKind;
 use super::mesh::Element;
 use crate::error::{Error, Result};
+use crate::numeric::range;
 
 /// Coordinates larger than this, mm, are not those of a specimen, and their squares would lose what is small.
 const LARGEST: f64 = 1e9;
@@ -34,16 +35,13 @@ pub(super) fn orders(draft: &Draft) -> Result<()> {
     let Some(at) = draft.cells.iter().position(other) else {
         return Ok(());
     };
-    let name = |kind: ElementKind| format!("{kind:?}");
     Err(Error::input(
         draft.place_of_cell(at),
         "elements that are all linear (T3, Q4) or all quadratic (T6, Q8)",
     )
     .found(format!(
-        "{} where element {} is {}",
-        name(draft.cells[at].kind),
-        first.number,
-        name(first.kind)
+        "{:?} where element {} is {:?}",
+        draft.cells[at].kind, first.number, first.kind
     ))
     .hint("Gmsh: Mesh > Set order 2 for the whole mesh; Abaqus: assign one order to all regions (Mesh > Element type)"))
 }
@@ -108,8 +106,6 @@ pub(super) fn used(elements: &mut [Element], nodes: usize) -> Vec<u32> {
 
 /// Coordinates in the plane of the nodes that are kept.
 pub(super) fn flat(draft: &Draft, kept: &[u32]) -> Result<Vec<[f64; 2]>> {
-    let mut low = [f64::INFINITY; 3];
-    let mut high = [f64::NEG_INFINITY; 3];
     for &old in kept {
         let at = draft.nodes[old as usize].at;
         if let Some(bad) = at.iter().find(|x| x.abs() > LARGEST || !x.is_finite()) {
@@ -119,12 +115,13 @@ pub(super) fn flat(draft: &Draft, kept: &[u32]) -> Result<Vec<[f64; 2]>> {
             )
             .found(bad));
         }
-        for k in 0..3 {
-            low[k] = low[k].min(at[k]);
-            high[k] = high[k].max(at[k]);
-        }
     }
-    let size = (high[0] - low[0]).max(high[1] - low[1]);
+    let extent = |axis: usize| {
+        let along = kept.iter().map(|&n| draft.nodes[n as usize].at[axis]);
+        let [low, high] = range(along);
+        high - low
+    };
+    let size = extent(0).max(extent(1));
     let plane = kept.first().map_or(0.0, |&n| draft.nodes[n as usize].at[2]);
     for &old in kept {
         let z = draft.nodes[old as usize].at[2];

@@ -1,6 +1,7 @@
 //! Jacobian determinants of the four kinds of elements, and lengths of their sides.
 
 use super::kind::ElementKind;
+use crate::numeric;
 
 /// Range of an element's Jacobian determinant, mm^2, at the points where it must not vanish.
 #[derive(Debug, Clone, Copy)]
@@ -20,12 +21,8 @@ const SQUARE: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0
 /// The range for nodes `x`, as many as the kind has.
 pub(super) fn range(kind: ElementKind, x: &[[f64; 2]]) -> Range {
     let over = |points: &[[f64; 2]]| {
-        points
-            .iter()
-            .map(|p| determinant(x, &gradients(kind, *p)))
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], d| {
-                [low.min(d), high.max(d)]
-            })
+        let points = points.iter();
+        numeric::range(points.map(|p| determinant(x, &gradients(kind, *p))))
     };
     let g = [-GAUSS, 0.0, GAUSS];
     let grid: Vec<[f64; 2]> = g.iter().flat_map(|&a| g.map(|b| [a, b])).collect();

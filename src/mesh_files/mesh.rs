@@ -1,10 +1,11 @@
 //! The imported mesh: nodes, elements of four kinds, named edges and regions.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::jacobian;
 use super::kind::ElementKind;
+use crate::numeric::range;
 
 /// An element: corners counter-clockwise, then the midside nodes of sides 0-1, 1-2, and so on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -91,15 +92,8 @@ const SMALLEST_MM: f64 = 1.0;
 impl ImportedMesh {
     /// Lowest and highest coordinates, mm.
     pub fn bounds(&self) -> [[f64; 2]; 2] {
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        for p in &self.nodes {
-            for k in 0..2 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
-            }
-        }
-        [low, high]
+        let [x, y] = [0, 1].map(|k| range(self.nodes.iter().map(|p| p[k])));
+        [[x[0], y[0]], [x[1], y[1]]]
     }
 
     /// Area of all elements, mm^2; curved sides are parabolas through their three nodes.
@@ -163,5 +157,19 @@ impl ImportedMesh {
         }
         all.extend(self.remarks.iter().cloned());
         all
+    }
+}
+
+/// An edge or a region that a mesh file has, in words.
+pub(super) fn named<'a>(
+    what: &str,
+    names: impl Iterator<Item = &'a String>,
+    file: &Path,
+) -> String {
+    let names: Vec<&str> = names.map(String::as_str).collect();
+    let file = file.display();
+    match names.is_empty() {
+        true => format!("a named {what}, of which {file} has none"),
+        false => format!("one of the {what}s of {file}: {}", names.join(", ")),
     }
 }

@@ -12,9 +12,11 @@ use super::regions::stack_of_elements;
 use super::spec::{MeshAxis, MeshSpec, Spread};
 use super::{file, raise, read};
 use crate::error::Result;
+use crate::files::hex;
 use crate::geometry::{
     Boundary, Change, Density, EdgeForce, Geometry, HIGH, HOLE, LOW, Mesh, Morph, not_offered,
 };
+use crate::numeric::range;
 
 /// A mesh file as it was read, with what loads and holds it.
 #[derive(Clone)]
@@ -94,7 +96,7 @@ impl Part {
         for path in &mesh.files {
             hash.update(file::load(path)?);
         }
-        let hash = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        let hash = hex(&hash.finalize());
         let mesh = raise(mesh);
         Ok(Self {
             spec,
@@ -155,13 +157,8 @@ fn circle(points: &[[f64; 2]]) -> Option<Circle> {
     let off = |p: &[f64; 2]| ((p[0] - center[0]).hypot(p[1] - center[1]) - radius).abs();
     let is_round = points.iter().all(|p| off(p) <= ROUND * radius);
     let surrounds = [0, 1].iter().all(|&k| {
-        let reach = |sign: f64| {
-            points
-                .iter()
-                .map(|p| sign * (p[k] - center[k]))
-                .fold(0.0, f64::max)
-        };
-        reach(1.0) > 0.5 * radius && reach(-1.0) > 0.5 * radius
+        let [low, high] = range(points.iter().map(|p| p[k] - center[k]));
+        low < -0.5 * radius && high > 0.5 * radius
     });
     (is_round && surrounds).then_some(Circle { center, radius })
 }
@@ -205,7 +202,7 @@ impl ImportedPlate {
         if a[0] * b[1] < a[1] * b[0] {
             mirror(&mut mesh);
         }
-        mesh.extents = extents(&mesh.nodes);
+        mesh.extents = [0, 1].map(|k| range(mesh.nodes.iter().map(|p| p[k])));
         mesh.boundary = Some(Arc::new(boundary(&part.spec, vector)));
         let centered = |hole: &Circle| {
             (hole.center[0] - origin[0]).hypot(hole.center[1] - origin[1]) <= ROUND * hole.radius
@@ -251,16 +248,6 @@ impl ImportedPlate {
         // the origin stays in the hole's centre: the plate moves
         [0, 1].map(|k| grown * p[k] - (1.0 - share) * self.morph.hole_offset[k])
     }
-}
-
-fn extents(nodes: &[[f64; 2]]) -> [[f64; 2]; 2] {
-    [0, 1].map(|k| {
-        nodes
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| {
-                [low.min(p[k]), high.max(p[k])]
-            })
-    })
 }
 
 /// Nodes between elements of different stacks.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::mesh::ImportedMesh;
+use super::mesh::{ImportedMesh, named};
 use crate::error::{Error, Result};
 use crate::laminate::Material;
 
@@ -151,13 +151,7 @@ pub(super) fn stack_of_elements(
 }
 
 fn unknown(name: &str, mesh: &ImportedMesh, file: &Path) -> Error {
-    let names: Vec<&str> = mesh.regions.keys().map(String::as_str).collect();
-    let file = file.display();
-    let expected = match names.as_slice() {
-        [] => format!("a named region, of which {file} has none"),
-        names => format!("one of the regions of {file}: {}", names.join(", ")),
-    };
-    Error::input("mesh.regions", expected)
+    Error::input("mesh.regions", named("region", mesh.regions.keys(), file))
         .found(name)
         .hint("name surfaces by a physical group (Gmsh) or elements by *ELSET (Abaqus)")
 }

@@ -105,12 +105,7 @@ impl NamelessMesh {
         self.mesh.remarks.push(text);
     }
 
-    /// Whether an edge of this name is there.
-    pub fn has_edge(&self, name: &str) -> bool {
-        self.mesh.edges.contains_key(name)
-    }
-
-    /// The named edge.
+    /// The named edge; of nothing if there is none of this name.
     pub fn edge(&self, name: &str) -> &[BoundaryEdge] {
         self.mesh.edges.get(name).map_or(&[], Vec::as_slice)
     }

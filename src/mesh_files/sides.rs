@@ -3,6 +3,7 @@
 use super::draft::Draft;
 use super::mesh::{BoundaryEdge, Element};
 use crate::error::{Error, Result};
+use crate::numeric::Forest;
 
 /// What to do about coincident nodes.
 pub(super) const MERGE: &str =
@@ -87,27 +88,17 @@ impl ElementSides {
 
     /// An element that no chain of shared sides connects with the first one, and how many there are.
     pub fn apart(&self, elements: usize) -> Option<(usize, usize)> {
-        let mut parent: Vec<u32> = (0..elements as u32).collect();
+        let mut parts = Forest::new(elements);
         for group in self.0.chunk_by(|a, b| a.corners == b.corners) {
             if let [a, b] = group {
-                let (a, b) = (root(&mut parent, a.element), root(&mut parent, b.element));
-                parent[a.max(b) as usize] = a.min(b);
+                parts.join(a.element, b.element, 0);
             }
         }
-        let mut others = (0..elements as u32).filter(|&e| root(&mut parent, e) != 0);
+        let (root, _) = parts.root(0);
+        let mut others = (0..elements as u32).filter(|&e| parts.root(e).0 != root);
         let first = others.next()?;
         Some((first as usize, 1 + others.count()))
     }
-}
-
-/// The representative of an element's part; shortens the way to it.
-fn root(parent: &mut [u32], mut e: u32) -> u32 {
-    while parent[e as usize] != e {
-        let up = parent[parent[e as usize] as usize];
-        parent[e as usize] = up;
-        e = up;
-    }
-    e
 }
 
 /// Check the first two elements that have a side.

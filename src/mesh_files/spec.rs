@@ -7,7 +7,7 @@ use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use super::mesh::ImportedMesh;
+use super::mesh::{ImportedMesh, named};
 use super::regions::{self, RegionSpec, Regions};
 use crate::error::{Error, Result};
 use crate::files::unique;
@@ -261,15 +261,7 @@ impl MeshSpec {
             .map(|s| ("mesh.supports.edge", &s.edge));
         for (place, name) in loaded.chain(held) {
             if !mesh.edges.contains_key(name) {
-                let names: Vec<&str> = mesh.edges.keys().map(String::as_str).collect();
-                let expected = match names.as_slice() {
-                    [] => format!("a named edge, of which {} has none", self.file.display()),
-                    names => format!(
-                        "one of the edges of {}: {}",
-                        self.file.display(),
-                        names.join(", ")
-                    ),
-                };
+                let expected = named("edge", mesh.edges.keys(), &self.file);
                 return Err(Error::input(place, expected).found(name).hint(
                     "name boundary lines by a physical group (Gmsh) or *SURFACE or *NSET (Abaqus)",
                 ));

@@ -31,6 +31,23 @@ pub fn median(values: &mut [f64]) -> f64 {
     *median
 }
 
+/// The smallest and the largest value; of none infinities the wrong way round.
+pub fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+        [low.min(v), high.max(v)]
+    })
+}
+
+/// A diagonal matrix, row by row.
+pub fn diagonal(values: impl ExactSizeIterator<Item = f64>) -> Vec<f64> {
+    let n = values.len();
+    let mut matrix = vec![0.0; n * n];
+    for (k, value) in values.enumerate() {
+        matrix[k * (n + 1)] = value;
+    }
+    matrix
+}
+
 /// log sum exp; -inf of nothing.
 pub fn log_sum_exp(logs: impl Iterator<Item = f64> + Clone) -> f64 {
     let largest = logs.clone().fold(f64::NEG_INFINITY, f64::max);

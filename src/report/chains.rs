@@ -1,5 +1,6 @@
 //! What chains are worth, parameter by parameter.
 
+use indexmap::IndexMap;
 use serde_json::{Value, json};
 
 use crate::diagnose::{Row, Verdict};
@@ -68,11 +69,8 @@ fn figures(r: &Row) -> [(&'static str, f64); 16] {
 /// chains: the rank-normalised one across ensembles.
 pub fn json(verdict: &Verdict, remarks: &[String]) -> Value {
     let [ensembles, chains, draws] = verdict.shape;
-    let parameters = verdict.rows.iter().map(|r| {
-        let figures = figures(r).into_iter();
-        let figures: serde_json::Map<_, _> = figures.map(|(k, v)| (k.into(), json!(v))).collect();
-        (r.name.clone(), Value::Object(figures))
-    });
+    let parameters = verdict.rows.iter();
+    let parameters = parameters.map(|r| (&r.name, IndexMap::from(figures(r))));
     json!({
         "schema": "plychain-diagnosis/1",
         "converged": verdict.converged,
@@ -81,29 +79,23 @@ pub fn json(verdict: &Verdict, remarks: &[String]) -> Value {
         "ensembles": ensembles,
         "chains": chains,
         "draws": draws,
-        "parameters": parameters.collect::<serde_json::Map<_, _>>(),
+        "parameters": parameters.collect::<IndexMap<_, _>>(),
     })
 }
 
 /// All figures with all digits, a row a parameter.
 pub fn csv(verdict: &Verdict) -> String {
-    let mut text = String::new();
-    for r in &verdict.rows {
-        let figures = figures(r);
-        if text.is_empty() {
-            text = figures
-                .iter()
-                .fold(String::from("parameter"), |all, (name, _)| all + "," + name)
-                + "\n";
-        }
-        text += &match r.name.contains([',', '"']) {
+    let header = verdict.rows.iter().take(1).map(|r| {
+        let names = figures(r).map(|(name, _)| name);
+        format!("parameter,{}\n", names.join(","))
+    });
+    let rows = verdict.rows.iter().map(|r| {
+        let name = match r.name.contains([',', '"']) {
             true => format!("\"{}\"", r.name.replace('"', "\"\"")),
             false => r.name.clone(),
         };
-        text = figures
-            .iter()
-            .fold(text, |all, (_, v)| format!("{all},{v:?}"))
-            + "\n";
-    }
-    text
+        let values = figures(r).map(|(_, value)| format!("{value:?}"));
+        format!("{name},{}\n", values.join(","))
+    });
+    header.chain(rows).collect()
 }

@@ -2,12 +2,13 @@
 
 use std::iter::once;
 
+use nalgebra::DMatrix;
 use serde::Serialize;
 
 use super::json::Keyed;
 use crate::infer::Marginal;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
-use crate::trace::{Hidden, Information};
+use crate::trace::Information;
 use crate::validate::design::{Assessed, disagreement, log_volume, posterior_sds};
 
 /// The schema of `design.json`.
@@ -70,40 +71,27 @@ impl Constants<'_> {
         100.0 * prior.sd / prior.mean.abs()
     }
 
-    fn sds(&self, of: &[&Information], with_effects: bool) -> Keyed<f64> {
-        let matrices: Vec<_> = of
-            .iter()
-            .map(|i| {
-                if with_effects {
-                    &i.with_effects
-                } else {
-                    &i.alone
-                }
-            })
-            .collect();
-        let sds = posterior_sds(&matrices);
+    /// A number of each constant.
+    fn keyed(&self, of: impl Fn(usize) -> f64) -> Keyed<f64> {
         let each = self.priors.iter().enumerate();
-        each.map(|(k, (name, _))| (name.clone(), sds[k] * self.percent(k)))
-            .collect()
+        each.map(|(k, (name, _))| (name.clone(), of(k))).collect()
+    }
+
+    fn sds(&self, of: &[&Information], precision: fn(&Information) -> &DMatrix<f64>) -> Keyed<f64> {
+        let matrices: Vec<_> = of.iter().map(|i| precision(i)).collect();
+        let sds = posterior_sds(&matrices);
+        self.keyed(|k| sds[k] * self.percent(k))
     }
 
     /// Share of the prior's variance that sds, percent, leave no more.
     fn learned(&self, sds: &Keyed<f64>) -> Keyed<f64> {
-        let each = self.priors.iter().enumerate();
-        let share = |(k, (name, _)): (usize, &(String, Marginal))| {
-            let left = sds
-                .get(name)
-                .map_or(f64::NAN, |sd| (sd / self.percent(k)).powi(2));
-            (name.clone(), 1.0 - left)
-        };
-        each.map(share).collect()
+        self.keyed(|k| 1.0 - (sds[k] / self.percent(k)).powi(2))
     }
+}
 
-    fn bias(&self, hidden: &Hidden) -> Keyed<f64> {
-        let each = self.priors.iter().enumerate();
-        each.map(|(k, (name, _))| (name.clone(), hidden.shift[k] * self.percent(k)))
-            .collect()
-    }
+/// What all declared experiments and another one say.
+fn with<'a>(own: &[&'a Information], other: &'a Assessed) -> Vec<&'a Information> {
+    own.iter().copied().chain([&other.information]).collect()
 }
 
 impl DesignReport {
@@ -115,24 +103,20 @@ impl DesignReport {
         mut candidates: Vec<Assessed>,
     ) -> Self {
         let own: Vec<&Information> = declared.iter().map(|d| &d.information).collect();
-        let with = |other: &Assessed| -> Vec<Information> {
-            let both = own.iter().copied().chain([&other.information]);
-            both.cloned().collect()
-        };
         let volume = |other: &Assessed| {
-            let both = with(other);
+            let both = with(&own, other);
             let matrices: Vec<_> = both.iter().map(|i| &i.with_effects).collect();
             log_volume(&matrices, constants.wanted)
         };
         candidates.sort_by(|a, b| volume(a).total_cmp(&volume(b)));
         let test = |a: &Assessed, together: &[&Information]| {
-            let with_effects = constants.sds(&[&a.information], true);
+            let with_effects = constants.sds(&[&a.information], |i| &i.with_effects);
             TestReport {
                 name: a.name.clone(),
-                sd_percent: constants.sds(&[&a.information], false),
+                sd_percent: constants.sds(&[&a.information], |i| &i.alone),
                 from_data: constants.learned(&with_effects),
                 sd_percent_with_effects: with_effects,
-                together_percent: constants.sds(together, true),
+                together_percent: constants.sds(together, |i| &i.with_effects),
             }
         };
         let beside: Vec<&Assessed> = declared
@@ -151,13 +135,12 @@ impl DesignReport {
                 HiddenReport {
                     parameter: hidden.parameter.clone(),
                     plausible: hidden.plausible,
-                    bias_percent: constants.bias(hidden),
+                    bias_percent: constants.keyed(|k| hidden.shift[k] * constants.percent(k)),
                     detectable: super::json::finite(hidden.detectable),
                     disagreement_sd: apart.collect(),
                 }
             })
         });
-        let prior = constants.priors.iter().enumerate();
         Self {
             schema: SCHEMA,
             model: model.into(),
@@ -166,18 +149,10 @@ impl DesignReport {
                 .iter()
                 .map(|&k| constants.priors[k].0.clone())
                 .collect(),
-            prior_sd_percent: prior
-                .map(|(k, (name, _))| (name.clone(), constants.percent(k)))
-                .collect(),
+            prior_sd_percent: constants.keyed(|k| constants.percent(k)),
             hidden: hidden.collect(),
             declared: declared.iter().map(|d| test(d, &own)).collect(),
-            candidates: candidates
-                .iter()
-                .map(|c| {
-                    let both = with(c);
-                    test(c, &both.iter().collect::<Vec<_>>())
-                })
-                .collect(),
+            candidates: candidates.iter().map(|c| test(c, &with(&own, c))).collect(),
         }
     }
 

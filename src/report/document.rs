@@ -91,10 +91,7 @@ impl Report {
 
     /// The constants by all experiments: those to quote of a loop, those of the last round otherwise.
     pub fn both(&self) -> Keyed<MeanAndSd> {
-        let moments = |i: &Interval| MeanAndSd {
-            mean: i.mean,
-            sd: i.sd,
-        };
+        let moments = |i: &Interval| MeanAndSd::from((i.mean, i.sd));
         match (&self.closing, self.last()) {
             (Some(closing), _) => {
                 let quoted = closing.averaged_posterior.iter();

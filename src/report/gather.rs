@@ -156,9 +156,8 @@ fn amplitudes(round: &Identification) -> Keyed<MeanAndSd> {
         .iter()
         .filter(|r| Parameter::read(&r.name).is_amplitude());
     closed
-        .map(|(name, mean, sd)| (name.clone(), [*mean, *sd]))
-        .chain(sampled.map(|r| (r.name.clone(), [r.mean, r.sd])))
-        .map(|(name, [mean, sd])| (name, MeanAndSd { mean, sd }))
+        .map(|(name, mean, sd)| (name.clone(), (*mean, *sd).into()))
+        .chain(sampled.map(|r| (r.name.clone(), (r.mean, r.sd).into())))
         .collect()
 }
 

@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use crate::error::{Error, Result};
 
 pub use crate::files::Keyed;
-use crate::files::parse_part;
+use crate::files::{parse_json, parse_part};
 
 /// Name and text of a file in the folder of a finished run.
 ///
@@ -23,6 +23,15 @@ pub fn read(folder: &Path, name: &str) -> Result<(String, String)> {
             .hint("give the folder of a run, for example runs/openhole")
     })?;
     Ok((file, text))
+}
+
+/// What a JSON file in the folder of a finished run holds.
+///
+/// # Errors
+/// The input's fault, with the file and the key, if it cannot be read.
+pub fn load<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<T> {
+    let (file, text) = read(folder, name)?;
+    parse_json(&text, &file)
 }
 
 /// What every file says of its version.

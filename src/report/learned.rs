@@ -38,7 +38,6 @@ impl Learned {
 
     /// The prior, and what of its variance the data took away.
     pub fn cells(learned: Option<&Self>) -> [TableCell; 2] {
-        let prior = learned.map(|l| (l.prior.mean, l.prior.sd));
         let share = learned.map_or(TableCell::Blank, |l| {
             let percent = format!("{:.0} %", 100.0 * l.from_data.max(0.0));
             match l.is_mostly_prior() {
@@ -46,7 +45,7 @@ impl Learned {
                 false => percent.into(),
             }
         });
-        [TableCell::published(prior), share]
+        [TableCell::published(learned.map(|l| l.prior)), share]
     }
 }
 
@@ -54,10 +53,7 @@ impl Learned {
 pub fn learned(model: &Model, found: &Keyed<MeanAndSd>) -> Keyed<Learned> {
     let priors = model.constants().iter().zip(model.marginals());
     let one = |(name, prior): (&&str, Marginal)| {
-        let prior = MeanAndSd {
-            mean: prior.mean,
-            sd: prior.sd,
-        };
+        let prior = (prior.mean, prior.sd).into();
         Some(((*name).to_string(), Learned::new(prior, *found.get(*name)?)))
     };
     priors.filter_map(one).collect()

@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::json::{Keyed, read};
-use crate::error::Result;
+use super::json::{Keyed, load};
+use crate::error::{Error, Result};
 use crate::field::unreadable;
-use crate::files;
 use crate::files::hex;
 use crate::parameter::Parameter;
 use crate::progress::StageCost;
@@ -36,8 +35,7 @@ impl Manifest {
     /// # Errors
     /// The input's fault, with the file and the key, if the run is not finished or the file cannot be read.
     pub fn load(folder: &Path) -> Result<Self> {
-        let (file, text) = read(folder, "run.json")?;
-        files::parse_json(&text, &file).map_err(|e| {
+        load(folder, "run.json").map_err(|e: Error| {
             e.hint(
                 "an interrupted run is gone on with by the same command with --out FOLDER --resume",
             )
@@ -59,8 +57,7 @@ impl KnownTruth {
         if !folder.join("truth.json").is_file() {
             return Ok(None);
         }
-        let (file, text) = read(folder, "truth.json")?;
-        files::parse_json(&text, &file).map(Some)
+        load(folder, "truth.json").map(Some)
     }
 
     /// The true value of a constant or of an effect's amplitude (`effect.parameter`; 0 if the effect did not act).

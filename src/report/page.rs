@@ -8,6 +8,7 @@ use super::manifest::{KnownTruth, Manifest};
 use super::numbers::{FigureData, IntervalLine};
 use crate::error::{Error, Result};
 use crate::identify::Identification;
+use crate::section::{Digits, TableCell};
 use crate::trace::{Closed, ToQuote};
 
 #[derive(Debug, Clone)]
@@ -22,11 +23,13 @@ pub struct Page {
     pub quoted: FigureData,
 }
 
-/// The mesh of all rounds is one.
-fn keep_first_mesh(figures: &mut [FigureData]) {
+/// What the figures of rounds are drawn from: the mesh of all rounds is one, which the first keeps.
+fn of_rounds(rounds: impl Iterator<Item = FigureData>) -> Vec<FigureData> {
+    let mut figures: Vec<FigureData> = rounds.map(FigureData::rounded).collect();
     for later in figures.iter_mut().skip(1) {
         later.mesh = Vec::new();
     }
+    figures
 }
 
 /// Parameters in a corner plot, at most: more cannot be read.
@@ -41,20 +44,19 @@ pub const FIGURES: &str = "figures";
 impl Page {
     /// A page of rounds, which `report` is of.
     pub fn gather(
-        rounds: &[&Identification],
+        rounds: &[Identification],
         report: Report,
         manifest: Manifest,
         truth: Option<KnownTruth>,
     ) -> Self {
-        let gather = |round: &&Identification| FigureData::gather(round, truth.as_ref()).rounded();
-        let mut figures: Vec<FigureData> = rounds.iter().map(gather).collect();
-        keep_first_mesh(&mut figures);
+        let known = truth.as_ref();
+        let figures = rounds.iter().map(|r| FigureData::gather(r, known));
         Self {
+            figures: of_rounds(figures),
+            quoted: FigureData::default(),
             report,
             manifest,
             truth,
-            figures,
-            quoted: FigureData::default(),
         }
     }
 
@@ -65,22 +67,19 @@ impl Page {
         manifest: Manifest,
         truth: Option<KnownTruth>,
     ) -> Self {
-        let rounds = closed.rounds.iter();
+        let known = truth.as_ref();
+        let figures = closed.rounds.iter().map(|r| FigureData::traced(r, known));
         let summary = report.closing.as_ref().and_then(|c| c.quoted.as_ref());
         let sampled = match &closed.to_quote {
             ToQuote::Sampled(sampled) => Some(sampled),
             ToQuote::ClosedForm(_) => None,
         };
         let quoted = sampled.zip(summary).map(|(sampled, summary)| {
-            FigureData::quoted(&sampled.draws, &summary.leading(AXES), truth.as_ref()).rounded()
+            FigureData::quoted(&sampled.draws, &summary.leading(AXES), known).rounded()
         });
-        let mut figures: Vec<FigureData> = rounds
-            .map(|r| FigureData::traced(r, truth.as_ref()).rounded())
-            .collect();
-        keep_first_mesh(&mut figures);
         Self {
+            figures: of_rounds(figures),
             quoted: quoted.unwrap_or_default(),
-            figures,
             report,
             manifest,
             truth,
@@ -123,6 +122,11 @@ impl Page {
     /// The true value of a parameter, if it is known.
     pub fn true_value(&self, name: &str) -> Option<f64> {
         self.truth.as_ref().and_then(|t| t.of(name))
+    }
+
+    pub fn truth_cell(&self, name: &str) -> TableCell {
+        let truth = self.true_value(name);
+        truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole))
     }
 
     /// Mean and sd of a parameter's prior in round `k`.

@@ -64,18 +64,16 @@ fn write_numbers(page: &Page, into: &Path) -> Result<()> {
 }
 
 fn candidates(tracing: &TracingReport) -> Vec<CandidateLine<'_>> {
-    let line = |c| {
-        let c: &super::tracing::CandidateReport = c;
-        CandidateLine {
-            effect: &c.effect,
-            inclusion_probability: c.inclusion_probability,
-            log_bayes_factor: c.log_bayes_factor,
-            explained_fraction: c.explained_fraction,
-            detectable: c.detectable,
-            accepted: tracing.accepted.contains(&c.effect),
-        }
-    };
-    tracing.candidates.iter().map(line).collect()
+    let candidates = tracing.candidates.iter();
+    let lines = candidates.map(|c| CandidateLine {
+        effect: &c.effect,
+        inclusion_probability: c.inclusion_probability,
+        log_bayes_factor: c.log_bayes_factor,
+        explained_fraction: c.explained_fraction,
+        detectable: c.detectable,
+        accepted: tracing.accepted.contains(&c.effect),
+    });
+    lines.collect()
 }
 
 /// What each unseen effect would do, with a shift of every constant.

@@ -10,6 +10,7 @@ use super::tracing::TracingReport;
 use crate::infer::MaterialSpec;
 use crate::laminate::MeanSd;
 use crate::parameter::{Parameter, ParameterKind};
+pub use crate::quantity::MeanAndSd;
 
 /// One identification, and in a loop what its residual was traced to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,24 +58,15 @@ impl RoundReport {
     /// Mean and sd of the constants by this round's model alone.
     pub fn alone(&self) -> Keyed<MeanAndSd> {
         let constants = self.constants().map(|name| (name, &self.posterior[name]));
-        let alone = |s: &PosteriorSummary| MeanAndSd {
-            mean: s.mean,
-            sd: s.sd,
-        };
         constants
-            .map(|(name, s)| (name.to_string(), alone(s)))
+            .map(|(name, s)| (name.to_string(), (s.mean, s.sd).into()))
             .collect()
     }
 
-    /// What is said where the steps are not proportional to the load.
-    pub fn not_linear(&self) -> Option<String> {
-        self.linearity.as_ref()?.words()
-    }
-
     /// Posterior mean and sd of a sampled parameter or a declared effect's amplitude, border units.
-    pub fn moments(&self, name: &str) -> Option<(f64, f64)> {
-        let sampled = self.posterior.get(name).map(|s| (s.mean, s.sd));
-        sampled.or_else(|| self.effect_amplitudes.get(name).map(|a| (a.mean, a.sd)))
+    pub fn moments(&self, name: &str) -> Option<MeanAndSd> {
+        let sampled = self.posterior.get(name).map(|s| (s.mean, s.sd).into());
+        sampled.or_else(|| self.effect_amplitudes.get(name).copied())
     }
 }
 
@@ -95,13 +87,6 @@ pub struct PosteriorSummary {
     /// What the model says that others found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanAndSd>,
-}
-
-/// Mean and sd, border units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct MeanAndSd {
-    pub mean: f64,
-    pub sd: f64,
 }
 
 impl MeanAndSd {

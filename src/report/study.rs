@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::figures::{Figure, Palette, PixelPicture, Scale, posterior_corner};
 use super::html::html;
-use super::json::{Keyed, read};
+use super::json::{Keyed, Versioned, load};
 use super::learned::{Learned, not_measured};
 use super::manifest::KnownTruth;
 use super::numbers::FigureData;
@@ -17,9 +17,8 @@ use super::run::posterior::{MarginalRow, marginals};
 use super::together::{TogetherReport, experiment_section};
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::files;
 use crate::section::{Document, Piece, Section, Table};
-use crate::study::{ExperimentSection, SampledStudy, SectionMap, Study};
+use crate::study::{Exact, ExperimentSection, SampledStudy, SectionMap, Study};
 
 /// The schema of `report.json` of a study without a field.
 pub const SCHEMA: &str = "plychain-frequencies/1";
@@ -33,7 +32,7 @@ pub struct StudyReport {
     pub converged: bool,
     pub convergence: String,
     /// Draws of second-order frequencies weighed by exact ones.
-    pub exact: ExactReport,
+    pub exact: Exact,
     pub experiments: Vec<Value>,
     /// The experiments beside each other, where there are several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -64,32 +63,13 @@ pub struct ParameterFound {
     pub published: Option<MeanAndSd>,
 }
 
-impl ParameterFound {
-    fn moments(&self) -> MeanAndSd {
-        MeanAndSd {
-            mean: self.mean,
-            sd: self.sd,
-        }
-    }
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-pub struct ExactReport {
-    pub draws: usize,
-    /// Effective draws over draws.
-    pub effective: f64,
-    /// Largest shift of a parameter's mean, posterior sds.
-    pub shift_sd: f64,
-}
-
 impl StudyReport {
     pub fn new(study: &Study, sampled: &SampledStudy, together: Option<TogetherReport>) -> Self {
         let priors = study.shared().constants;
         let rows = sampled.verdict.rows.iter().map(|row| {
             let prior = priors.iter().find(|p| p.0 == row.name);
-            let moments = |mean, sd| MeanAndSd { mean, sd };
-            let own = moments(row.mean, row.sd);
-            let learned = prior.map(|p| Learned::new(moments(p.1.mean, p.1.sd), own));
+            let own = (row.mean, row.sd).into();
+            let learned = prior.map(|p| Learned::new((p.1.mean, p.1.sd).into(), own));
             let found = ParameterFound {
                 mean: row.mean,
                 sd: row.sd,
@@ -110,11 +90,7 @@ impl StudyReport {
             posterior: rows.collect(),
             converged: sampled.verdict.converged,
             convergence: sampled.verdict.line(),
-            exact: ExactReport {
-                draws: sampled.exact.draws,
-                effective: sampled.exact.effective,
-                shift_sd: sampled.exact.shift_sd,
-            },
+            exact: sampled.exact,
             experiments: sampled.sections.iter().map(|s| s.value.clone()).collect(),
             together,
             sections: sampled.sections.clone(),
@@ -127,15 +103,13 @@ impl StudyReport {
     /// # Errors
     /// The input's fault, with the file and the key.
     pub fn load(folder: &Path) -> Result<Self> {
-        let (file, text) = read(folder, "report.json")?;
-        files::parse_json(&text, &file)
+        load(folder, "report.json")
     }
 
     /// Whether a folder's report is of this schema.
     pub fn is_in(folder: &Path) -> bool {
-        let text = std::fs::read_to_string(folder.join("report.json")).unwrap_or_default();
-        let report: Value = serde_json::from_str(&text).unwrap_or_default();
-        report["schema"] == SCHEMA
+        let report = load::<Versioned>(folder, "report.json");
+        report.is_ok_and(|r| r.schema == SCHEMA)
     }
 
     /// The constants by all experiments.
@@ -144,7 +118,9 @@ impl StudyReport {
             .posterior
             .iter()
             .filter(|p| p.1.variance_left.is_some());
-        constants.map(|(n, p)| (n.clone(), p.moments())).collect()
+        constants
+            .map(|(n, p)| (n.clone(), (p.mean, p.sd).into()))
+            .collect()
     }
 
     /// For the terminal.
@@ -194,7 +170,7 @@ impl StudyReport {
     fn posterior(&self) -> Table {
         let rows = self.posterior.iter().map(|(name, r)| MarginalRow {
             name,
-            found: r.moments(),
+            found: (r.mean, r.sd).into(),
             quantiles: [r.low, r.median, r.high],
             rhat: Some(r.rhat),
             ess_bulk: Some(r.ess_bulk),

@@ -59,15 +59,10 @@ const APART: f64 = 0.01;
 impl TensionReport {
     pub fn new(tension: &Tension, names: &[&str]) -> Self {
         let difference = names.iter().zip(&tension.difference);
-        let of = |(name, [mean, sd]): (&&str, &[f64; 2])| {
-            let moments = MeanAndSd {
-                mean: *mean,
-                sd: *sd,
-            };
-            ((*name).to_string(), moments)
-        };
         Self {
-            difference: difference.map(of).collect(),
+            difference: difference
+                .map(|(name, moments)| ((*name).to_string(), (*moments).into()))
+                .collect(),
             chi2: tension.chi2,
             directions: tension.directions,
             p: tension.p,
@@ -127,11 +122,8 @@ impl PairReport {
 
 fn keyed(moments: &Moments, names: &[&str]) -> Keyed<MeanAndSd> {
     let constant = |(k, name): (usize, &&str)| {
-        let found = MeanAndSd {
-            mean: moments.mean[k],
-            sd: moments.covariance[(k, k)].sqrt(),
-        };
-        ((*name).to_string(), found)
+        let found = (moments.mean[k], moments.covariance[(k, k)].sqrt());
+        ((*name).to_string(), found.into())
     };
     names.iter().enumerate().map(constant).collect()
 }
@@ -213,7 +205,7 @@ impl TogetherReport {
 
     /// The constants by each experiment and by all; `both` has the last.
     fn table(&self, both: &Keyed<MeanAndSd>) -> Table {
-        let moments = |m: Option<&MeanAndSd>| TableCell::mean_sd(m.map(|m| (m.mean, m.sd)));
+        let moments = |m: Option<&MeanAndSd>| TableCell::mean_sd(m.copied());
         let apart = |name: &str| {
             let difference = self.tension.as_ref()?.difference.get(name)?;
             Some(difference.mean / difference.sd)

@@ -1,6 +1,6 @@
 //! Keeping draws while a run goes: in memory what the diagnostics need, on disk everything.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use rayon::iter::ParallelIterator;
@@ -33,6 +33,17 @@ pub struct Keeping {
 }
 
 impl Keeping {
+    /// In a folder, beside whatever else is there.
+    pub fn within(folder: &Path, identity: Value, resume: bool) -> Self {
+        Self {
+            store: folder.join("chain.zarr"),
+            checkpoint: folder.join("checkpoint"),
+            identity,
+            resume,
+            observed: Vec::new(),
+        }
+    }
+
     /// Where finished stages beside the chains are kept.
     pub fn stages(&self) -> KeptStages {
         let folder = self.checkpoint.with_file_name(STAGES);

@@ -40,7 +40,7 @@ pub use numbers::{Needs, Numbers};
 pub use run::{run, run_kept};
 pub use schedule::{Monitor, Outcome, Phase, PhaseReport, Quiet, Regime, Schedule, Stop, Stopped};
 pub use snooker::Snooker;
-pub use start::{Start, diagonal};
+pub use start::Start;
 pub use stream::{Key, Stream};
 pub use stretch::Stretch;
 

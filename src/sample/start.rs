@@ -15,15 +15,6 @@ const LANE: u64 = u64::MAX;
 /// A function that places walker `.1` of ensemble `.0` with numbers of the given stream.
 pub type Place<'a> = &'a (dyn Fn(usize, usize, &mut Stream) -> Vec<f64> + Sync);
 
-/// The covariance (row-major) of independent values with these standard deviations.
-pub fn diagonal(sds: &[f64]) -> Vec<f64> {
-    let mut covariance = vec![0.0; sds.len() * sds.len()];
-    for (k, sd) in sds.iter().enumerate() {
-        covariance[k * (sds.len() + 1)] = sd * sd;
-    }
-    covariance
-}
-
 /// Where the walkers of every ensemble start.
 pub enum Start<'a> {
     /// Overdispersed balls: each ensemble has its own centre, `centre` + `spread` L z, and its walkers lie about that

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use crate::quantity::{plus_minus, significant};
+use crate::quantity::{MeanAndSd, plus_minus, significant};
 
 /// How a number is written.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -110,16 +110,16 @@ impl TableCell {
         amplitude.map_or_else(|| "never".into(), Self::three)
     }
 
-    pub fn mean_sd(moments: Option<(f64, f64)>) -> Self {
-        moments.map_or(Self::Missing, |(mean, sd)| Self::MeanSd {
-            mean,
-            sd,
-            unit: String::new(),
-        })
+    pub fn mean_sd(moments: Option<impl Into<MeanAndSd>>) -> Self {
+        let Some(MeanAndSd { mean, sd }) = moments.map(Into::into) else {
+            return Self::Missing;
+        };
+        let unit = String::new();
+        Self::MeanSd { mean, sd, unit }
     }
 
     /// What others found, where anything is known.
-    pub fn published(moments: Option<(f64, f64)>) -> Self {
+    pub fn published(moments: Option<MeanAndSd>) -> Self {
         moments.map_or(Self::Blank, |_| Self::mean_sd(moments))
     }
 

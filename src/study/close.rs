@@ -15,8 +15,6 @@ use crate::trace::{self, Closed, LoopStage, Round};
 pub struct ClosedField {
     /// Its place among the experiments.
     pub place: usize,
-    /// As it was given, with what the others say.
-    pub model: Model,
     pub closed: Closed,
 }
 
@@ -83,11 +81,7 @@ pub fn close<'o>(
                 let stage = |stage| options(&state.alone[k].name, StudyStage::Field(stage));
                 let closed = trace::close(&model, most, &stage, progress)?;
                 state.learn(k, closed.rounds.last())?;
-                fields.push(ClosedField {
-                    place: k,
-                    model,
-                    closed,
-                });
+                fields.push(ClosedField { place: k, closed });
             }
             None => state.declare(k)?,
         }

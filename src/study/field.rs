@@ -9,7 +9,7 @@ use super::{
     Experiment, ExperimentReader, ExperimentSection, Measuring, Observed, SharedConstants,
 };
 use crate::chain::Draws;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::experiment::simulate::HALF_WINDOW;
 use crate::identify::{Identification, Options, identify};
 use crate::infer::{ExperimentEntry, Member, Model, ModelOutline};
@@ -54,8 +54,7 @@ impl Experiment for MeasuredField {
             true => self.model.resolved_file()?,
             false => self.model.file.clone(),
         };
-        serde_json::to_value(&file.experiments[0])
-            .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+        super::json(&file.experiments[0])
     }
 
     fn files(&self) -> Result<Vec<PathBuf>> {

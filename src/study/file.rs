@@ -207,7 +207,6 @@ impl Study {
             reduced_model: file.as_ref().map(|f| &f.reduced_model),
             likelihood: file.as_ref().map(|f| &f.likelihood),
         };
-        serde_json::to_value(&written)
-            .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+        super::json(&written)
     }
 }

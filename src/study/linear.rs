@@ -69,8 +69,7 @@ impl LinearSpec {
     fn validate(&self, constants: &[&str]) -> Result<()> {
         check_name(&self.name, "the experiment's own parameters")?;
         if let Some(name) = self.terms.keys().find(|n| !constants.contains(&n.as_str())) {
-            let expected = format!("one of {}", constants.join(", "));
-            return Err(Error::input("terms", expected).found(name));
+            return Err(Error::one_of("terms", constants.iter().copied(), name));
         }
         if let Some(effect) = self.effects.iter().find(|e| *e != OFFSET) {
             return Err(Error::input("effects", format!("\"{OFFSET}\"")).found(effect));
@@ -102,8 +101,7 @@ impl Experiment for LinearSpec {
     }
 
     fn json(&self, _absolute: bool) -> Result<Value> {
-        serde_json::to_value(self)
-            .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+        super::json(self)
     }
 
     fn information(&self, shared: &SharedConstants, _measuring: Measuring) -> Result<Information> {

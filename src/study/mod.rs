@@ -12,6 +12,7 @@ mod together;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::Serialize;
 use serde_json::Value;
 
 pub use close::{ClosedField, ClosedStudy, StudyStage, close};
@@ -24,7 +25,7 @@ pub use together::{
 };
 
 use crate::chain::Draws;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::identify::{Identification, Options};
 use crate::infer::{ExperimentEntry, Known, Marginal, Member, Model, ModelOutline};
 use crate::laminate::Material;
@@ -121,6 +122,12 @@ pub trait Experiment: Send + Sync {
     }
 }
 
+/// What a model file says, as JSON.
+fn json(value: &impl Serialize) -> Result<Value> {
+    serde_json::to_value(value)
+        .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+}
+
 /// What was observed in an experiment: its likelihood, and what its part of a posterior means.
 pub trait Observed: Send + Sync {
     /// Its parameters (the constants first), its log likelihood with the priors of what is its own, and where to start.
@@ -154,16 +161,18 @@ pub trait Observed: Send + Sync {
 }
 
 /// An effect that nobody declared, with what the data say of it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Undeclared {
     pub name: &'static str,
     pub parameter: &'static str,
+    /// Prior sd, in the parameter's unit.
     pub plausible: f64,
     /// Log Bayes factor for its acting.
     pub log_bayes_factor: f64,
     /// Its amplitude if it acts, and half of what the interval of 68 % spans; in the parameter's unit.
     pub amplitude: [f64; 2],
     /// What it does to each constant at its plausible size, undeclared, in prior sds.
+    #[serde(rename = "shift_in_prior_sd")]
     pub shift_sds: Vec<f64>,
     pub confirm: &'static str,
 }

@@ -48,7 +48,7 @@ pub fn undeclared_table(found: &[Undeclared]) -> Table {
             TableCell::from(u.parameter),
             TableCell::three(u.plausible),
             TableCell::signed(u.log_bayes_factor, 1),
-            TableCell::mean_sd(Some(u.amplitude.into())),
+            TableCell::mean_sd(Some(u.amplitude)),
             shifts.join(" ").into(),
         ];
         row(u.name, cells)

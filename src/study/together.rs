@@ -1,6 +1,7 @@
 //! The posterior of all experiments of a study, each alone and all together, and how far they disagree.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{ExperimentSection, Observed, SharedConstants, Study};
 use crate::chain::Draws;
@@ -8,8 +9,9 @@ use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::identify::{Identification, Options, redrawn};
 use crate::infer::{Joint, Known, Marginal, Member, Moments, Tension};
+use crate::numeric::diagonal;
 use crate::progress::Progress;
-use crate::sample::{self, LogDensity, Regime, Schedule, Start, Stopped, diagonal};
+use crate::sample::{self, LogDensity, Regime, Schedule, Start, Stopped};
 
 /// An experiment without the others.
 pub struct Alone {
@@ -46,6 +48,7 @@ pub struct SampledStudy {
 }
 
 /// What exact likelihoods say of draws, by importance.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Exact {
     pub draws: usize,
     /// Effective draws over draws.
@@ -130,6 +133,16 @@ impl Alone {
             moments,
             sampled,
         })
+    }
+
+    /// The draws of its posterior.
+    ///
+    /// # Errors
+    /// Of the program: an experiment that was not sampled.
+    pub fn draws(&self) -> Result<&Draws> {
+        let own = self.sampled.as_ref().map(|s| &s.draws);
+        own.or(self.observed.draws())
+            .ok_or_else(|| Error::program("study", "draws"))
     }
 }
 
@@ -264,7 +277,7 @@ fn drawn(
     );
     progress.begin(&what, None);
     let (mut centre, sd) = target.start();
-    let mut covariance = diagonal(&sd);
+    let mut covariance = diagonal(sd.iter().map(|sd| sd * sd));
     if let Some(about) = about {
         for i in 0..about.mean.len() {
             centre[i] = about.mean[i];
@@ -361,18 +374,6 @@ impl Exact {
                 100.0 * self.effective
             )
         })
-    }
-}
-
-impl Alone {
-    /// The draws of its posterior.
-    ///
-    /// # Errors
-    /// Of the program: an experiment that was not sampled.
-    pub fn draws(&self) -> Result<&Draws> {
-        let own = self.sampled.as_ref().map(|s| &s.draws);
-        own.or(self.observed.draws())
-            .ok_or_else(|| Error::program("study", "draws"))
     }
 }
 

@@ -12,21 +12,19 @@ use std::path::Path;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
-use super::record::{Record, Share};
+pub use super::record::ReplicatePlan;
+use super::record::{Numbered, replicates};
 use super::twin::{Twin, TwinTruth};
 use crate::chain::Draws;
 use crate::diagnose::Rule;
 use crate::error::Result;
-use crate::identify::{self};
-use crate::infer::{Marginal, Model, Statistics};
-use crate::noise::Noise;
+use crate::identify::start;
+use crate::infer::Model;
 use crate::progress::Progress;
-use crate::sample::LogDensity;
-use crate::sample::{Ensemble, Quiet, Schedule, Start, run};
+use crate::sample::{Ensemble, LogDensity, Quiet, Schedule, Start, run};
 
 /// The true noise sd is drawn from this interval, evenly in its logarithm (the posterior's prior is 1/noise), nm.
 pub const NOISE_NM: [f64; 2] = [3.0, 30.0];
@@ -36,21 +34,6 @@ pub const RANK_DRAWS: usize = 99;
 
 /// Levels of the intervals whose coverage is counted.
 pub const LEVELS: [f64; 3] = [0.5, 0.9, 0.95];
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ReplicatePlan {
-    pub replicates: usize,
-    /// Correlation length of the noise, mm; 0 for white noise.
-    pub correlation_mm: f64,
-    /// Fields by the reduced model instead of the finite elements.
-    pub reduced: bool,
-    pub seed: u64,
-    /// Points along a side of the lattice.
-    pub grid: usize,
-    /// Which of the replicates are run; the others may be in records beside.
-    #[serde(skip)]
-    pub share: Option<Share>,
-}
 
 /// One line of the record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -114,63 +97,19 @@ pub fn calibrate(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<Replicate>> {
-    // a longer or shorter record of the same plan is the same record
-    let of = ReplicatePlan {
-        replicates: 0,
-        ..plan.clone()
-    };
-    let (mut record, mut done) =
-        Record::open_among::<Replicate>(path, &(of, &model.file), plan.share)?;
-    let todo = plan.todo(|k| done.iter().any(|r| r.replicate == k));
     let noise = if plan.correlation_mm == 0.0 {
         "white noise".to_string()
     } else {
         format!("noise correlated over {} mm", plan.correlation_mm)
     };
-    progress.begin(&format!("calibration, {noise}"), Some(todo.len() as u64));
-    for some in todo.chunks(2 * rayon::current_num_threads()) {
-        let truths: Vec<TwinTruth> = some.iter().map(|&k| draw(model, plan, k)).collect();
-        let clean = if plan.reduced {
-            truths.iter().map(|t| twin.reduced(t)).collect()
-        } else {
-            twin.finite_elements(&truths, &|| ())?
-        };
-        let found: Vec<Result<Replicate>> = some
-            .par_iter()
-            .zip(&truths)
-            .zip(clean)
-            .map(|((&k, truth), u)| {
-                let found = identify(model, twin, plan, k, truth, u);
-                progress.step();
-                found
-            })
-            .collect();
-        for replicate in found {
-            let replicate = replicate?;
-            record.add(&replicate)?;
-            done.push(replicate);
-        }
-    }
-    progress.end();
-    done.retain(|r| r.replicate < plan.replicates);
-    done.sort_by_key(|r| r.replicate);
-    done.dedup_by_key(|r| r.replicate);
-    Ok(done)
+    let one = |k: usize| identify(model, twin, plan, k);
+    let what = format!("calibration, {noise}");
+    replicates((path, &model.file), plan, (&what, &one), progress)
 }
 
-impl ReplicatePlan {
-    /// Replicates of the share that are not done.
-    pub fn todo(&self, is_done: impl Fn(usize) -> bool) -> Vec<usize> {
-        let own = (0..self.replicates).filter(|&k| self.share.is_none_or(|s| s.has(k)));
-        own.filter(|&k| !is_done(k)).collect()
-    }
-
-    /// The seed of a replicate, for a purpose.
-    pub fn seed_of(&self, replicate: usize, purpose: u64) -> u64 {
-        let mut rng = Pcg64Dxsm::seed_from_u64(self.seed);
-        let base: u64 = rng.random();
-        base.wrapping_add((replicate as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
-            .wrapping_add(purpose.wrapping_mul(0xd1b5_4a32_d192_ed03))
+impl Numbered for Replicate {
+    fn replicate(&self) -> usize {
+        self.replicate
     }
 }
 
@@ -208,7 +147,7 @@ pub fn of_draws(
         converged: true,
     };
     for (name, truth) in truth {
-        let Some(k) = draws.names().iter().position(|n| n == name) else {
+        let Some(k) = draws.index(name) else {
             continue;
         };
         let mean = draws.points().map(|x| x[k]).sum::<f64>() / n;
@@ -229,20 +168,8 @@ pub fn of_draws(
 /// A draw from the prior.
 fn draw(model: &Model, plan: &ReplicatePlan, replicate: usize) -> TwinTruth {
     let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 1));
+    let mut theta = constants(model, &mut rng);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-    let inside = |m: &Marginal, x: f64| {
-        let [low, high] = m.bounds();
-        (low..=high).contains(&x)
-    };
-    let marginals = model.marginals();
-    let mut theta: Vec<f64>;
-    loop {
-        theta = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
-        let cut = marginals.iter().zip(&theta).all(|(m, x)| inside(m, *x));
-        if cut && model.material().ply(&theta).is_admissible() {
-            break;
-        }
-    }
     for parameter in model.sampled().iter().flat_map(|e| e.parameters()) {
         theta.push(parameter.prior_sd.unwrap_or(parameter.bound) * normal());
     }
@@ -263,32 +190,39 @@ fn draw(model: &Model, plan: &ReplicatePlan, replicate: usize) -> TwinTruth {
     }
 }
 
+/// Constants from their priors, that a ply can have.
+pub(super) fn constants(model: &Model, rng: &mut Pcg64Dxsm) -> Vec<f64> {
+    let marginals = model.marginals();
+    loop {
+        let mut normal = || -> f64 { StandardNormal.sample(rng) };
+        let x: Vec<f64> = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
+        let inside = marginals.iter().zip(&x).all(|(m, x)| {
+            let [low, high] = m.bounds();
+            (low..=high).contains(x)
+        });
+        if inside && model.material().ply(&x).is_admissible() {
+            return x;
+        }
+    }
+}
+
 fn identify(
     model: &Model,
     twin: &Twin,
     plan: &ReplicatePlan,
     replicate: usize,
-    truth: &TwinTruth,
-    mut u: Vec<[f64; 2]>,
 ) -> Result<Replicate> {
-    let noise = twin.noise(
-        truth.noise_nm,
-        plan.correlation_mm,
-        plan.seed_of(replicate, 2),
-    );
-    for (u, e) in u.iter_mut().zip(noise) {
-        *u = [u[0] + e[0], u[1] + e[1]];
-    }
-    let observation = twin.observed(u);
-    let noise = Noise::estimate(
-        &observation.field,
-        &twin.columns.modes,
-        &twin.columns.effects,
-    )?;
-    let statistics = Statistics::new(&observation, &twin.columns, &noise)?;
-    let posterior = identify::posterior(model, &twin.prepared.reduced, &statistics, &noise)?;
-    let mode = identify::start(&posterior)?;
-    let start = Start::Ball {
+    let truth = draw(model, plan, replicate);
+    let u = if plan.reduced {
+        twin.reduced(&truth)
+    } else {
+        twin.finite_elements(&truth)?
+    };
+    let seed = plan.seed_of(replicate, 2);
+    let noise = twin.noise(truth.noise_nm, plan.correlation_mm, seed);
+    let posterior = twin.posterior(model, u, &noise)?;
+    let mode = start(&posterior)?;
+    let ball = Start::Ball {
         centre: &mode.mode,
         covariance: &mode.covariance,
         spread: 3.0,
@@ -301,12 +235,12 @@ fn identify(
     let outcome = run(
         &posterior,
         &Ensemble::default(),
-        &start,
+        &ball,
         &schedule,
         &rule,
         &Quiet,
     )?;
-    let mut values = truth.theta.clone();
+    let mut values = truth.theta;
     values.push(truth.noise_nm);
     let known = posterior.names().iter().cloned().zip(values);
     let known: Vec<(String, f64)> = known.collect();

@@ -6,7 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use super::calibration::{NOISE_NM, ReplicatePlan};
+use super::calibration::{NOISE_NM, constants};
+use super::record::ReplicatePlan;
 use crate::effect::{Acting, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::Gauge;
@@ -214,22 +215,6 @@ fn loads(model: &Model) -> Option<Vec<f64>> {
     let nominal = model.experiment().nominal_load().force_n;
     let of = |s: &crate::field::StepSpec| s.force_n.unwrap_or(0.0) / nominal;
     Some(steps.iter().map(of).collect())
-}
-
-/// Admissible constants.
-fn constants(model: &Model, rng: &mut Pcg64Dxsm) -> Vec<f64> {
-    let marginals = model.marginals();
-    loop {
-        let mut normal = || -> f64 { StandardNormal.sample(rng) };
-        let x: Vec<f64> = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
-        let inside = marginals.iter().zip(&x).all(|(m, x)| {
-            let [low, high] = m.bounds();
-            (low..=high).contains(x)
-        });
-        if inside && model.material().ply(&x).is_admissible() {
-            return x;
-        }
-    }
 }
 
 /// Effects that act, each by one law.

@@ -12,8 +12,6 @@ use crate::sample::{LogDensity, laplace};
 pub struct PriorRow {
     pub prior: String,
     pub moments: GridMoments,
-    /// Warnings of its grid.
-    pub warnings: Vec<String>,
 }
 
 /// Priors beside each other, and what a cut would cut off.
@@ -107,6 +105,5 @@ fn row(
     Ok(Some(PriorRow {
         prior,
         moments: grid.moments,
-        warnings: grid.warnings,
     }))
 }

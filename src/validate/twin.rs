@@ -3,14 +3,13 @@
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
-use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::experiment::load_response;
 use crate::field::{Field, Rejected};
-use crate::identify::Prepared;
-use crate::infer::{Model, Observation, UnitColumns};
-use crate::noise::matern_pair;
+use crate::identify::{self, Prepared};
+use crate::infer::{Model, Observation, Posterior, Statistics, UnitColumns};
+use crate::noise::{Noise, matern_pair};
 use crate::numeric::add_scaled;
 use crate::quantity::NM_PER_MM;
 
@@ -85,18 +84,26 @@ impl Twin {
         })
     }
 
-    /// The points with displacements `u` (mm) in place of none.
-    pub fn observed(&self, u: Vec<[f64; 2]>) -> Observation {
-        let mut observed = self.prepared.observation.clone();
-        observed.field.displacement = u;
-        observed
+    /// The posterior of a field `u` (mm) with noise on it.
+    ///
+    /// # Errors
+    /// Noise that cannot be estimated, and what the statistics may fail with.
+    pub fn posterior(
+        &self,
+        model: &Model,
+        mut u: Vec<[f64; 2]>,
+        noise: &[[f64; 2]],
+    ) -> Result<Posterior> {
+        add_scaled(&mut u, noise, 1.0);
+        let mut observation = self.prepared.observation.clone();
+        observation.field.displacement = u;
+        let (modes, effects) = (&self.columns.modes, &self.columns.effects);
+        let noise = Noise::estimate(&observation.field, modes, effects)?;
+        let statistics = Statistics::new(&observation, &self.columns, &noise)?;
+        identify::posterior(model, &self.prepared.reduced, &statistics, &noise)
     }
 
-    pub fn points(&self) -> usize {
-        self.index.len()
-    }
-
-    /// Noise-free fields (mm) of the response surfaces and modes.
+    /// The noise-free field (mm) of the response surfaces and modes.
     pub fn reduced(&self, truth: &TwinTruth) -> Vec<[f64; 2]> {
         let point = self.point(truth);
         let mut alpha = self.prepared.reduced.surface.evaluate(&point);
@@ -105,28 +112,25 @@ impl Twin {
                 load_response(1.0, truth.thickness_mm) / load_response(1.0, self.nominal_mm);
             alpha.iter_mut().for_each(|a| *a *= ratio);
         }
-        self.combine(&alpha, truth)
+        let mut u = vec![[0.0; 2]; self.index.len()];
+        let columns = self.columns.modes.iter().chain(&self.columns.effects);
+        for (column, a) in columns.zip(alpha.iter().chain(&truth.additive)) {
+            add_scaled(&mut u, column, *a);
+        }
+        u
     }
 
-    /// Noise-free fields (mm) by the finite elements. `step` is called after each solution.
+    /// The noise-free field (mm) by the finite elements.
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    pub fn finite_elements(
-        &self,
-        truths: &[TwinTruth],
-        step: &(dyn Fn() + Sync),
-    ) -> Result<Vec<Vec<[f64; 2]>>> {
-        let field = |truth: &TwinTruth| {
-            let state = self.prepared.problem.state(&self.point(truth));
-            let mut u = self.prepared.predict(&state)?.field;
-            for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
-                add_scaled(&mut u, column, *a);
-            }
-            step();
-            Ok(u)
-        };
-        truths.par_iter().map(field).collect()
+    pub fn finite_elements(&self, truth: &TwinTruth) -> Result<Vec<[f64; 2]>> {
+        let state = self.prepared.problem.state(&self.point(truth));
+        let mut u = self.prepared.predict(&state)?.field;
+        for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
+            add_scaled(&mut u, column, *a);
+        }
+        Ok(u)
     }
 
     /// A point of the reduced model's parameters.
@@ -134,15 +138,6 @@ impl Twin {
         self.prepared
             .problem
             .point(&truth.theta, truth.thickness_mm)
-    }
-
-    fn combine(&self, alpha: &[f64], truth: &TwinTruth) -> Vec<[f64; 2]> {
-        let mut u = vec![[0.0; 2]; self.points()];
-        let columns = self.columns.modes.iter().chain(&self.columns.effects);
-        for (column, a) in columns.zip(alpha.iter().chain(&truth.additive)) {
-            add_scaled(&mut u, column, *a);
-        }
-        u
     }
 
     /// Noise (mm) of sd `noise_nm` a point: white, or with a Matern-3/2 correlation of length `correlation_mm`.
@@ -154,7 +149,7 @@ impl Twin {
                 let z: f64 = StandardNormal.sample(&mut rng);
                 sd * z
             };
-            return (0..self.points()).map(|_| [one(), one()]).collect();
+            return (0..self.index.len()).map(|_| [one(), one()]).collect();
         }
         let [a, b] = matern_pair(self.shape, self.spacing, correlation_mm, &mut rng);
         let value = |&i: &usize| [sd * a[i], sd * b[i]];

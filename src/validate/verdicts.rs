@@ -5,9 +5,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::calibration::{ReplicatePlan, model_of};
+use super::calibration::model_of;
 use super::drawn::{Acts, Drawn};
-use super::whole_loop::{Numbered, ROUNDS, measured, options, refuse_unknown_forces, replicates};
+use super::record::{Numbered, ReplicatePlan, replicates};
+use super::whole_loop::{OF_THE_LOOP, ROUNDS, held, measured, options, refuse_unknown_forces};
+use crate::diagnose::sorted;
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::identify::{Identification, identify};
@@ -95,7 +97,8 @@ pub fn verdicts(
         let found = |model: &Model, drawn: &Drawn| judged(model, (plan, asked), k, drawn, cache);
         measured(model, plan, (Acts::UpTo(asked.effects), k), path, &found)
     };
-    replicates((path, &(asked, &model.file)), plan, &one, progress)
+    let of = (path, &(asked, &model.file));
+    replicates(of, plan, (OF_THE_LOOP, &one), progress)
 }
 
 /// Close the loop on a measurement, and compare with what is true.
@@ -138,14 +141,6 @@ fn judged(
         let own = groups.find(|g| g.contains(name)).cloned();
         (name.clone(), own.unwrap_or_else(|| vec![name.clone()]))
     };
-    let held = model
-        .constants()
-        .iter()
-        .zip(drawn.constants())
-        .map(|(name, x)| {
-            let interval = &intervals[*name];
-            (interval.low..=interval.high).contains(x)
-        });
     let bias = match drawn.acted.is_empty() {
         true => [0.0; 2],
         false => {
@@ -160,7 +155,7 @@ fn judged(
         acted: acted.collect(),
         named: conclusion.effects.iter().map(group).collect(),
         status: conclusion.status.words().to_string(),
-        held: held.collect(),
+        held: held(model, drawn, &intervals),
         bias,
     })
 }
@@ -274,6 +269,7 @@ impl VerdictSummary {
         let groups = all.iter().map(|r| (r.false_names(), r.named.len()));
         let (wrong, of) = groups.fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
         let closed = acted().filter(|r| r.is_explained() && r.bias[0] > 0.0);
+        let left: Vec<f64> = closed.map(|r| r.bias[1] / r.bias[0]).collect();
         Self {
             plan: plan.clone(),
             asked,
@@ -290,7 +286,7 @@ impl VerdictSummary {
             },
             sure_and_wrong: HowOften::new(all, |r| r.is_explained() && r.false_names() > 0),
             held: HowOften::new(all.iter().flat_map(|r| &r.held), |held| **held),
-            bias_left: quantile(&sorted(closed.map(|r| r.bias[1] / r.bias[0])), 0.5),
+            bias_left: quantile(&sorted(&left), 0.5),
         }
     }
 
@@ -302,10 +298,4 @@ impl VerdictSummary {
             false => f64::NAN,
         }
     }
-}
-
-fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values
 }

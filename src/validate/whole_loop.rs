@@ -5,21 +5,19 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use rayon::prelude::*;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::calibration::{ParameterRanks, Replicate, ReplicatePlan, model_of, of_draws, summarise};
+use super::calibration::{ParameterRanks, Replicate, model_of, of_draws, summarise};
 use super::drawn::{Acts, Drawn, noise_nm};
-use super::record::Record;
+use super::record::{Numbered, ReplicatePlan, replicates};
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
+use crate::files::Keyed;
 use crate::identify::Options;
-use crate::identify::doubts::Doubting;
 use crate::infer::Model;
 use crate::progress::{Progress, Silent};
 use crate::sample::{SAMPLERS, Sampler, Schedule};
-use crate::trace::{LoopStage, ToQuote, candidates, close, quoted_rule};
+use crate::trace::{Interval, LoopStage, ToQuote, candidates, close, quoted_rule};
 
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -36,6 +34,9 @@ pub struct LoopReplicate {
     /// Whether the account was flagged, and what spans several answers quoted.
     pub flagged: bool,
 }
+
+/// What is said while replicates of a loop are done.
+pub(super) const OF_THE_LOOP: &str = "calibration of the loop";
 
 /// Rounds after which a loop ends.
 pub(super) const ROUNDS: usize = 5;
@@ -65,57 +66,14 @@ pub fn calibrate_loop(
         let found = |model: &Model, drawn: &Drawn| closed(model, plan, withheld, k, drawn, cache);
         measured(model, plan, (acts, k), path, &found)
     };
-    replicates((path, &(withheld, &model.file)), plan, &one, progress)
-}
-
-/// What is one of a plan's replicates.
-pub(super) trait Numbered: Serialize + DeserializeOwned + Send {
-    /// Which it is.
-    fn replicate(&self) -> usize;
+    let of = (path, &(withheld, &model.file));
+    replicates(of, plan, (OF_THE_LOOP, &one), progress)
 }
 
 impl Numbered for LoopReplicate {
     fn replicate(&self) -> usize {
         self.ranked.replicate
     }
-}
-
-/// Do what the record at a path lacks of a plan's replicates, as many at a time as there are threads. `of` is what else the record is of.
-///
-/// # Errors
-/// A record of something else; those of `one`.
-pub(super) fn replicates<T: Numbered>(
-    (path, of): (&Path, &impl Serialize),
-    plan: &ReplicatePlan,
-    one: &(dyn Fn(usize) -> Result<T> + Sync),
-    progress: &dyn Progress,
-) -> Result<Vec<T>> {
-    // a longer or shorter record of the same plan is the same record
-    let any_length = ReplicatePlan {
-        replicates: 0,
-        ..plan.clone()
-    };
-    let (mut record, mut done) = Record::open_among::<T>(path, &(any_length, of), plan.share)?;
-    let todo = plan.todo(|k| done.iter().any(|r| r.replicate() == k));
-    progress.begin("calibration of the loop", Some(todo.len() as u64));
-    for some in todo.chunks(rayon::current_num_threads()) {
-        let of = |k: &usize| {
-            let found = one(*k);
-            progress.step();
-            found
-        };
-        let found: Vec<Result<T>> = some.par_iter().map(of).collect();
-        for found in found {
-            let found = found?;
-            record.add(&found)?;
-            done.push(found);
-        }
-    }
-    progress.end();
-    done.retain(|r| r.replicate() < plan.replicates);
-    done.sort_by_key(Numbered::replicate);
-    done.dedup_by_key(|r| r.replicate());
-    Ok(done)
 }
 
 /// Forces cannot be drawn about values that nobody declares.
@@ -179,13 +137,7 @@ fn closed(
     let sampler = (SAMPLERS[0].build)();
     let options = |stage: LoopStage| options(&*sampler, plan, (replicate, stage), cache);
     let found = close(&model, ROUNDS, &options, &Silent)?;
-    let intervals = found.quoted();
-    let constants = model.constants();
-    let held = constants.iter().zip(drawn.constants()).map(|(name, x)| {
-        let interval = &intervals[*name];
-        (interval.low..=interval.high).contains(x)
-    });
-    let held = held.collect();
+    let held = held(&model, drawn, &found.quoted());
     let known = drawn.truths(&model);
     let sampled = match found.to_quote {
         ToQuote::Sampled(sampled) => sampled,
@@ -209,6 +161,13 @@ fn closed(
     })
 }
 
+/// Whether each interval holds the true constant.
+pub(super) fn held(model: &Model, drawn: &Drawn, quoted: &Keyed<Interval>) -> Vec<bool> {
+    let constants = model.constants().iter().zip(drawn.constants());
+    let is_held = |(name, x): (&&str, &f64)| (quoted[*name].low..=quoted[*name].high).contains(x);
+    constants.map(is_held).collect()
+}
+
 /// How a stage of a replicate's loop is run.
 pub(super) fn options<'a>(
     sampler: &'a dyn Sampler,
@@ -221,18 +180,12 @@ pub(super) fn options<'a>(
         LoopStage::Answer(_) => 199,
     };
     Options {
-        sampler,
         schedule: Schedule {
             seed: plan.seed_of(replicate, stream),
             ..Schedule::default()
         },
         rule: quoted_rule(&Rule::default()),
-        cache: cache.to_path_buf(),
-        refinements: 0,
-        keeping: None,
-        discrepancy: [None, None],
-        deadline: None,
-        doubting: Doubting::Unasked,
+        ..Options::new(sampler, cache)
     }
 }
 

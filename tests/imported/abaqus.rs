@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use plychain::mesh_files::{ElementKind, ImportedMesh, abaqus};
+use plychain::mesh_files::{self, ElementKind, ImportedMesh, abaqus};
 
 use super::model::{KINDS, rectangle};
 use super::writers::{abaqus_type, elements, inp, nodes};
@@ -206,7 +206,7 @@ fn files_are_included_from_beside_the_file() {
     fs::write(dir.join("set.dat"), "1, 6\n").unwrap();
     let main = "*Node\n*Include, input=parts/nodes.txt\n*INCLUDE,INPUT=\"parts/more.inp\"\n*Nset, nset=low, input=set.dat\n";
     fs::write(dir.join("main.inp"), main).unwrap();
-    let mesh = abaqus::read(&dir.join("main.inp")).unwrap();
+    let mesh = mesh_files::read(&dir.join("main.inp")).unwrap();
     assert_eq!(length(&mesh, "low"), 10.0);
     let names: Vec<_> = mesh
         .files
@@ -228,10 +228,14 @@ fn files_are_included_from_beside_the_file() {
         "*Element, type=CPS4\n1, 1, 2, 7\n*Nset, nset=a\n",
     )
     .unwrap();
-    let error = abaqus::read(&dir.join("main.inp")).unwrap_err().to_string();
+    let error = mesh_files::read(&dir.join("main.inp"))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("elements.inp:2"), "{error}");
     fs::write(dir.join("parts/elements.inp"), "*include, input=more.inp\n").unwrap();
-    let error = abaqus::read(&dir.join("main.inp")).unwrap_err().to_string();
+    let error = mesh_files::read(&dir.join("main.inp"))
+        .unwrap_err()
+        .to_string();
     assert!(
         error.contains("elements.inp:1") && error.contains("included once"),
         "{error}"

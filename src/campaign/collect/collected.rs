@@ -1,5 +1,6 @@
 //! What all runs of a campaign found, gathered from their folders.
 
+use indexmap::IndexSet;
 use serde_json::{Value, json};
 
 use super::outlying::{MOST_Z, mark};
@@ -28,19 +29,15 @@ impl Collected {
         let manifest = CampaignManifest::in_folder(places)?;
         let row = |entry: &ManifestEntry| CampaignRow::of(entry, places);
         let mut rows: Vec<CampaignRow> = manifest.runs.iter().map(row).collect::<Result<_>>()?;
-        let mut constants: Vec<String> = Vec::new();
-        for name in rows.iter().flat_map(|r| r.constants.keys()) {
-            if !constants.contains(name) {
-                constants.push(name.clone());
-            }
-        }
+        let constants = rows.iter().flat_map(|r| r.constants.keys());
+        let constants: IndexSet<String> = constants.cloned().collect();
         for name in &constants {
             mark(&mut rows, name);
         }
         Ok(Self {
             name: manifest.name.clone(),
             standing: manifest.text(),
-            constants,
+            constants: constants.into_iter().collect(),
             rows,
         })
     }

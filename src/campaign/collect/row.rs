@@ -8,9 +8,9 @@ use crate::campaign::manifest::ManifestEntry;
 use crate::campaign::status::{CampaignPlaces, RunState};
 use crate::chain::check_stores;
 use crate::error::Result;
-use crate::files::{Keyed, parse_json};
+use crate::files::Keyed;
 use crate::report::Report;
-use crate::report::json::{Versioned, read};
+use crate::report::json::{Versioned, load};
 use crate::report::learned::Learned;
 use crate::report::study;
 
@@ -74,10 +74,9 @@ impl CampaignRow {
             return Ok(row);
         }
         let folder = places.run(&entry.run);
-        let (file, text) = read(&folder, "report.json")?;
-        let Versioned { schema } = parse_json(&text, &file)?;
+        let Versioned { schema } = load(&folder, "report.json")?;
         let mut row = match schema == study::SCHEMA {
-            true => row.of_plates(parse_json(&text, &file)?),
+            true => row.of_plates(load(&folder, "report.json")?),
             false => row.of_a_field(&folder),
         }?;
         if let Err(changed) = check_stores(&folder) {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use indexmap::IndexSet;
+
 use super::collected::Collected;
 use super::outlying::MOST_Z;
 use super::row::{CampaignRow, Found};
@@ -57,18 +59,13 @@ fn columns(collected: &Collected) -> Vec<(String, Vec<f64>)> {
 }
 
 /// What was set in the models of any run, in order.
-fn keys(collected: &Collected) -> Vec<&str> {
-    let mut keys: Vec<&str> = Vec::new();
-    for key in collected.rows.iter().flat_map(|r| r.entry.run.set.keys()) {
-        if !keys.contains(&key.as_str()) {
-            keys.push(key);
-        }
-    }
-    keys
+fn keys(collected: &Collected) -> IndexSet<&str> {
+    let keys = collected.rows.iter().flat_map(|r| r.entry.run.set.keys());
+    keys.map(String::as_str).collect()
 }
 
 /// What was set in the model of a run.
-fn set(line: &CampaignRow, keys: &[&str]) -> Vec<TableCell> {
+fn set(line: &CampaignRow, keys: &IndexSet<&str>) -> Vec<TableCell> {
     let text = |key: &&str| line.entry.run.set.get(*key).map(ToString::to_string);
     keys.iter()
         .map(|key| text(key).unwrap_or_default().into())
@@ -187,7 +184,7 @@ fn priors(collected: &Collected) -> Table {
         let prior = all.first()?.prior;
         let shares = all.iter().map(|l| 100.0 * l.from_data.max(0.0));
         let [least, most] = [f64::min, f64::max].map(|of| shares.clone().reduce(of));
-        let prior = TableCell::mean_sd(Some((prior.mean, prior.sd)));
+        let prior = TableCell::mean_sd(Some(prior));
         let share = [least, most].map(|s| TableCell::with_unit(s, Digits::Fixed(0), "%"));
         Some(row(name, std::iter::once(prior).chain(share)))
     });

@@ -143,9 +143,7 @@ impl PopulationReport {
             warnings: warnings(specimens, shared),
         })
     }
-}
 
-impl PopulationReport {
     /// Say of specimens that are unlike the others that they are counted, and what the basis values are `without` them, where enough others are
     /// left.
     pub fn say_unlike(&mut self, unlike: &[Unlike], without: Option<&Self>) {

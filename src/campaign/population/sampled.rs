@@ -8,9 +8,10 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::Reporting;
+use crate::numeric::diagonal;
 use crate::parameter::is_modulus;
 use crate::progress::Progress;
-use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream, diagonal};
+use crate::sample::{self, Adaptive, Key, Schedule, Start, Stream};
 
 /// Fewest specimens that have a spread to speak of.
 pub const LEAST: usize = 3;
@@ -74,9 +75,10 @@ pub fn sample(
     }
     let target = Population::new(specimens);
     let (centre, sds) = target.start();
+    let covariance = diagonal(sds.iter().map(|sd| sd * sd));
     let start = Start::Ball {
         centre: &centre,
-        covariance: &diagonal(&sds),
+        covariance: &covariance,
         spread: SPREAD,
     };
     let schedule = Schedule {

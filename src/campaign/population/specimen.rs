@@ -8,11 +8,11 @@ use serde::Deserialize;
 use crate::chain::{Draws, StoreReader};
 use crate::dense::eigen;
 use crate::error::{Error, Result};
-use crate::files::{Keyed, parse_json};
+use crate::files::Keyed;
 use crate::infer::PriorSpec;
-use crate::numeric::relative_weights;
+use crate::numeric::shares;
 use crate::parameter::is_modulus;
-use crate::report::json::read;
+use crate::report::json::load;
 
 /// Draws of a chain that are read.
 const MOST_DRAWS: usize = 1 << 14;
@@ -65,8 +65,7 @@ impl Specimen {
     /// # Errors
     /// The input's fault, with the file: a model or chains that cannot be read, constants that do not vary.
     pub fn of_run(name: &str, folder: &Path) -> Result<Self> {
-        let (file, text) = read(folder, "model.json")?;
-        let model: WithMaterial = parse_json(&text, &file)?;
+        let model: WithMaterial = load(folder, "model.json")?;
         let stores = ["averaged/chain.zarr", "chain.zarr"].map(|s| folder.join(s));
         let store = stores.iter().find(|s| s.is_dir()).ok_or_else(|| {
             Error::input(folder.display(), "the chains of a finished run").found("no chain.zarr")
@@ -128,46 +127,32 @@ impl Specimen {
             z.map(|z| -0.5 * z * z).sum()
         };
         let without_prior: Vec<f64> = draws.points().map(|x| -log_prior(x)).collect();
-        let weights = relative_weights(&without_prior);
-        let total: f64 = weights.iter().sum();
-        let weights: Vec<f64> = weights.iter().map(|w| w / total).collect();
+        let weights = shares(&without_prior);
         let singular = || {
             Error::input(name, "constants that vary over the draws of a chain")
                 .found(format!("{} draws", points.len()))
         };
         let left = 1.0 / (weights.iter().map(|w| w * w).sum::<f64>() * points.len() as f64);
         let priors: Vec<[f64; 2]> = own.iter().map(|(_, prior)| *prior).collect();
-        if left < LEAST_LEFT {
+        let (centres, kernel, mean, covariance) = if left < LEAST_LEFT {
             let (mean, covariance) = divided(&points, &priors).ok_or_else(singular)?;
-            return Ok(Self {
-                name: name.into(),
-                constants,
-                centres: vec![mean.clone()],
-                kernel: covariance.clone(),
-                mean,
-                covariance,
-                priors,
-                left,
-            });
-        }
-        let (mean, covariance) = moments(points.iter(), &weights);
-        let root = covariance.clone().cholesky().ok_or_else(singular)?.l();
-        // the mixture's covariance is (1 - h^2) C of the centres and h^2 C of the kernels
-        let d = own.len() as f64;
-        let bandwidth = (4.0 / ((d + 2.0) * KERNELS as f64)).powf(1.0 / (d + 4.0));
-        let centres = spread_of(
-            &points,
-            &weights,
-            &mean,
-            &root,
-            (1.0 - bandwidth.powi(2)).sqrt(),
-        )
-        .ok_or_else(singular)?;
+            (vec![mean.clone()], covariance.clone(), mean, covariance)
+        } else {
+            let (mean, covariance) = moments(points.iter(), &weights);
+            let root = covariance.clone().cholesky().ok_or_else(singular)?.l();
+            // the mixture's covariance is (1 - h^2) C of the centres and h^2 C of the kernels
+            let d = own.len() as f64;
+            let bandwidth = (4.0 / ((d + 2.0) * KERNELS as f64)).powf(1.0 / (d + 4.0));
+            let by = (1.0 - bandwidth.powi(2)).sqrt();
+            let centres = spread_of(&points, &weights, &mean, &root, by).ok_or_else(singular)?;
+            let kernel = &covariance * bandwidth.powi(2);
+            (centres, kernel, mean, covariance)
+        };
         Ok(Self {
             name: name.into(),
             constants,
             centres,
-            kernel: &covariance * bandwidth.powi(2),
+            kernel,
             mean,
             covariance,
             priors,

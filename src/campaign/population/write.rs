@@ -9,7 +9,6 @@ use crate::error::Result;
 use crate::files;
 use crate::report::html;
 use crate::report::learned::{self, Learned};
-use crate::report::round::MeanAndSd;
 use crate::section::{Digits, Document, Piece, Section, Table, TableCell, row};
 
 /// Write chains, `population.json` and `population.html` into a folder, in place of what was written there before, and return the page's path.
@@ -45,7 +44,7 @@ impl OfConstant {
     fn learned_cells(&self) -> [TableCell; 2] {
         let [mean, sd] = self.prior;
         Learned::cells(Some(&Learned {
-            prior: MeanAndSd { mean, sd },
+            prior: self.prior.into(),
             from_data: self.from_data,
             shift_prior_sd: (self.mean.mean - mean) / sd,
         }))
@@ -94,9 +93,9 @@ impl PopulationReport {
         let header = self.constants.keys().flat_map(heads);
         let header = std::iter::once("specimen".to_string()).chain(header);
         let rows = self.specimens.iter().map(|(name, s)| {
-            let both = s.alone.iter().flat_map(|(constant, [mean, sd])| {
+            let both = s.alone.iter().flat_map(|(constant, alone)| {
                 let given_all = s.shrunken.get(constant).map(Estimate::cell);
-                let alone = TableCell::mean_sd(Some((*mean, *sd)));
+                let alone = TableCell::mean_sd(Some(*alone));
                 [alone, given_all.unwrap_or(TableCell::Missing)]
             });
             row(name, both)

@@ -143,47 +143,29 @@ fn effects(texts: &[&String], steps: usize) -> Result<(Vec<Acting>, Vec<ByLaw>)>
             Some((values, law)) => (values, Some(parse_law(law)?)),
             None => (text, None),
         };
-        if law == Some(Law::Free) {
-            let acting = free(values, steps)?;
-            by_law.push(ByLaw {
-                law: Some(Law::Free),
+        let acting = match law {
+            Some(Law::Free) => free(values, steps)?,
+            _ => vec![Acting::parse("--effect", values)?],
+        };
+        let effect = acting[0].effect;
+        match (effect.scope(), law) {
+            (Scope::Motion, law) => by_law.push(ByLaw {
+                law: law.or(Some(Law::Load)),
                 acting,
-            });
-            continue;
+            }),
+            (_, Some(law)) => {
+                let expected = "no law of an effect that does not move the specimen: what acts on specimen or picture does so in every step";
+                let found = match law {
+                    Law::Free => effect.name(),
+                    _ => text,
+                };
+                return Err(Error::input("--effect", expected).found(found));
+            }
+            (Scope::Force, None) => by_law.push(ByLaw { law: None, acting }),
+            (_, None) => shared.extend(acting),
         }
-        let acting = Acting::parse("--effect", values)?;
-        if acting.effect.scope() == Scope::Motion {
-            by_law.push(ByLaw {
-                law: Some(law.unwrap_or(Law::Load)),
-                acting: vec![acting],
-            });
-        } else if law.is_some() {
-            return Err(no_law(text));
-        } else if acting.effect.scope() == Scope::Force {
-            by_law.push(ByLaw {
-                law: None,
-                acting: vec![acting],
-            });
-        } else {
-            shared.push(acting);
-        }
-    }
-    let under_laws = by_law.iter().filter(|e| e.law.is_some());
-    if let Some(odd) = under_laws
-        .flat_map(|e| &e.acting)
-        .find(|a| a.effect.scope() != Scope::Motion)
-    {
-        return Err(no_law(odd.effect.name()));
     }
     Ok((shared, by_law))
-}
-
-fn no_law(text: &str) -> Error {
-    Error::input(
-        "--effect",
-        "no law of an effect that does not move the specimen: what acts on specimen or picture does so in every step",
-    )
-    .found(text)
 }
 
 fn parse_law(name: &str) -> Result<Law> {
@@ -219,16 +201,11 @@ fn free(text: &str, steps: usize) -> Result<Vec<Acting>> {
 impl ByLaw {
     /// The effect over steps whose forces are over the largest.
     fn over(&self, loads: &[f64]) -> Vec<Moving> {
-        let acts = |acting: &Acting| EffectUnderLaw {
-            effect: acting.effect,
+        let under_law = EffectUnderLaw {
+            effect: self.acting[0].effect,
             law: self.law,
         };
-        let sets = self
-            .acting
-            .iter()
-            .take(1)
-            .flat_map(|a| acts(a).weights(loads));
-        let sets = sets.zip(&self.acting);
+        let sets = under_law.weights(loads).into_iter().zip(&self.acting);
         let one = |(weights, acting): (Vec<f64>, &Acting)| Moving {
             effect: acting.effect,
             weights,

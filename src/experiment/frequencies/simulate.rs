@@ -24,8 +24,7 @@ impl FrequenciesSpec {
             let z: f64 = StandardNormal.sample(&mut rng);
             round(f * (1.0 + self.sd_percent / 100.0 * z))
         };
-        let parity = |odd: bool| if odd { Parity::Odd } else { Parity::Even };
-        let parities = modes.iter().map(|m| m.odd.map(parity)).collect();
+        let parities = modes.iter().map(|m| m.odd.map(Parity::of)).collect();
         Ok(Self {
             frequencies_hz: modes.iter().map(|m| read(m.frequency_hz())).collect(),
             parity: self.parity.as_ref().map(|_| parities),

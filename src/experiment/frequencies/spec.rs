@@ -116,6 +116,15 @@ pub enum Parity {
     Odd,
 }
 
+impl Parity {
+    pub fn of(odd: bool) -> Self {
+        match odd {
+            true => Self::Odd,
+            false => Self::Even,
+        }
+    }
+}
+
 fn a_tenth() -> f64 {
     0.1
 }

@@ -5,7 +5,7 @@ use super::super::kind::ElementKind;
 use super::deck::{Deck, DeckPatch, DeckSurface, ElementBlock, Open, SetLines};
 use super::elements::{self, Type};
 use super::keyword::{Keyword, fields, key, number, real, unquoted};
-use super::sets::{SetMember, SetScope, members, without_prefix};
+use super::sets::{SetScope, Sets, members, without_prefix};
 use crate::error::{Error, Result};
 
 const ONE_PART: &str = "write an input file of the specimen alone; parts that are glued: merge them with their meshes (Assembly > Instance > Merge/Cut > Mesh)";
@@ -139,14 +139,10 @@ impl Deck {
         let scope = self.scope();
         let is_internal = keyword.has("INTERNAL");
         let is_of_nodes = keyword.name == "NSET";
-        let sets = if is_of_nodes {
-            &mut self.node_sets
-        } else {
-            &mut self.element_sets
-        };
+        let index = self.sets(is_of_nodes).entry(name, scope, is_internal);
         self.block = ElementBlock::Set(SetLines {
             is_of_nodes,
-            index: sets.entry(name, scope, is_internal),
+            index,
             generate: keyword.has("GENERATE"),
             is_foreign: scope == SetScope::Assembly && !keyword.has("INSTANCE"),
         });
@@ -229,11 +225,7 @@ impl Deck {
         }
         let spot = self.spot;
         self.draft.nodes.push(DraftNode { number, at, spot });
-        if let Some(set) = set {
-            self.node_sets.all[set]
-                .members
-                .push((SetMember::One(number), spot));
-        }
+        self.node_sets.add(set, number, spot);
         Ok(())
     }
 
@@ -321,11 +313,7 @@ impl Deck {
                 spot,
             });
         }
-        if let Some(set) = set {
-            self.element_sets.all[set]
-                .members
-                .push((SetMember::One(number), spot));
-        }
+        self.element_sets.add(set, number, spot);
     }
 
     fn set(&mut self, fields: &[&str], lines: SetLines) -> Result<()> {
@@ -340,17 +328,19 @@ impl Deck {
         }
         let members = members(&own, lines.generate, &self.prefixes)
             .map_err(|expected| Error::input(self.place(), expected).found(fields.join(", ")))?;
-        let sets = if lines.is_of_nodes {
-            &mut self.node_sets
-        } else {
-            &mut self.element_sets
-        };
         let spot = self.spot;
-        if let Some(set) = sets.all.get_mut(lines.index) {
+        if let Some(set) = self.sets(lines.is_of_nodes).all.get_mut(lines.index) {
             set.members
                 .extend(members.into_iter().map(|member| (member, spot)));
         }
         Ok(())
+    }
+
+    fn sets(&mut self, are_of_nodes: bool) -> &mut Sets {
+        match are_of_nodes {
+            true => &mut self.node_sets,
+            false => &mut self.element_sets,
+        }
     }
 
     /// The data lines of the instance: a translation, then a rotation.

@@ -242,7 +242,7 @@ impl FinishedDeck {
             }
             let name = self.name(&self.node_sets, set);
             let edges = self.shape.among(members);
-            if edges.is_empty() && members.len() > 1 && !self.shape.has_edge(&name) {
+            if edges.is_empty() && members.len() > 1 && self.shape.edge(&name).is_empty() {
                 self.shape.remark(format!(
                     "the node set {name} has all nodes of no side on the boundary: it names no edge"
                 ));
@@ -260,10 +260,10 @@ fn add_edge(
     edges: Vec<BoundaryEdge>,
     what: &str,
 ) -> Result<()> {
-    if !shape.has_edge(name) {
+    let mut known = shape.edge(name).to_vec();
+    if known.is_empty() {
         return shape.name_edge(name, edges);
     }
-    let mut known = shape.edge(name).to_vec();
     let mut edges = edges;
     known.sort_unstable();
     edges.sort_unstable();

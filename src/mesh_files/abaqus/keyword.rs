@@ -1,6 +1,7 @@
 //! Lines of an input file: keywords with their options, data between commas.
 
 use crate::error::{Error, Result};
+use crate::files::cells;
 
 /// A keyword line, `*NAME, KEY=VALUE, FLAG`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -51,14 +52,7 @@ impl Keyword {
 
 /// The fields of a line, trimmed; commas between quotes do not separate. A comma at the end opens no further field.
 pub(super) fn fields(line: &str) -> Vec<&str> {
-    let mut quoted = false;
-    let mut all: Vec<&str> = line
-        .split(|c: char| {
-            quoted ^= c == '"';
-            c == ',' && !quoted
-        })
-        .map(str::trim)
-        .collect();
+    let mut all: Vec<&str> = cells(line, |c| c == ',').map(str::trim).collect();
     if all.last().is_some_and(|last| last.is_empty()) {
         all.pop();
     }

@@ -21,14 +21,6 @@ use std::path::Path;
 use super::mesh::ImportedMesh;
 use crate::error::Result;
 
-/// Read an input file and those that it includes.
-///
-/// # Errors
-/// The input's fault: a file that cannot be read, and what [`parse`] refuses.
-pub fn read(path: &Path) -> Result<ImportedMesh> {
-    parse(&super::file::load(path)?, path)
-}
-
 /// The mesh in the bytes of a file; included files are read from beside `path`.
 ///
 /// # Errors

@@ -55,6 +55,14 @@ impl Sets {
         })
     }
 
+    /// Put a node or an element into the set that its keyword names, if it names one.
+    pub fn add(&mut self, set: Option<usize>, number: u64, spot: FileSpot) {
+        if let Some(set) = set {
+            let member = SetMember::One(number);
+            self.all[set].members.push((member, spot));
+        }
+    }
+
     /// The index of the set that a name means, seen from a scope.
     pub fn find(&self, name: &str, scope: SetScope) -> Option<usize> {
         let at = |scope| self.by_name.get(&(scope, key(name))).copied();

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, HashMap};
 use std::fmt::Display;
 
 use super::super::check::leave_out_flat;
-use super::super::draft::{Allowance, Cell, Draft, DraftLine, FileSpot};
+use super::super::draft::{Allowance, Cell, Draft, DraftLine, FileSpot, Index};
 use super::super::kind::ElementKind;
 use super::super::mesh::ImportedMesh;
-use super::super::shape::NamelessMesh as Checked;
+use super::super::shape::NamelessMesh;
 use super::source::MeshText;
 use crate::error::{Error, Result};
 
@@ -31,11 +31,6 @@ impl EntityShape {
             EntityShape::Plane(kind) => kind.nodes(),
             EntityShape::Nine => 9,
         }
-    }
-
-    /// Places for the nodes.
-    pub fn empty(self) -> [u64; 9] {
-        [Cell::NONE; 9]
     }
 }
 
@@ -83,6 +78,7 @@ pub(super) fn shape(
 type PhysicalGroup = (u8, u64);
 
 /// What the sections of a file add up to.
+#[derive(Default)]
 pub(super) struct Collector {
     pub draft: Draft,
     names: HashMap<PhysicalGroup, String>,
@@ -97,18 +93,6 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    pub fn new(draft: Draft) -> Self {
-        Self {
-            draft,
-            names: HashMap::new(),
-            entities: Vec::new(),
-            groups: BTreeMap::new(),
-            allowance: Allowance::default(),
-            cells: HashMap::new(),
-            lines: HashMap::new(),
-        }
-    }
-
     /// The name of a physical group.
     pub fn name(&mut self, dimension: u8, tag: i64, name: &str) {
         if !name.is_empty() {
@@ -170,9 +154,7 @@ impl Collector {
                     EntityShape::Plane(kind) => kind,
                     _ => ElementKind::Q8,
                 };
-                let mut eight = [Cell::NONE; 8];
-                eight.copy_from_slice(&nodes[..8]);
-                let nodes = eight;
+                let nodes = std::array::from_fn(|k| nodes[k]);
                 let cells = &mut self.draft.cells;
                 let index = *self.cells.entry(nodes).or_insert_with(|| {
                     cells.push(Cell {
@@ -222,7 +204,7 @@ impl Collector {
         empty.sort_unstable();
         let remark = |name: &String| format!("the physical group {name:?} holds no elements");
         self.draft.remarks.extend(empty.into_iter().map(remark));
-        let mut shape = Checked::of(self.draft)?;
+        let mut shape = NamelessMesh::of(self.draft)?;
         if groups.is_empty() && !self.names.is_empty() {
             return Err(lost_groups(&shape.draft().file(0)));
         }
@@ -247,7 +229,7 @@ impl Collector {
     /// Two elements of one number but other nodes.
     fn check_numbers(&self) -> Result<()> {
         let cells = self.draft.cells.iter().map(|c| c.number);
-        match super::super::draft::Index::new(cells) {
+        match Index::new(cells) {
             Ok(_) => Ok(()),
             Err(again) => Err(Error::input(
                 self.draft.place_of_cell(again),

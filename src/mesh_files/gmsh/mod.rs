@@ -11,19 +11,10 @@ mod v4;
 
 use std::path::Path;
 
-use super::draft::Draft;
 use super::mesh::ImportedMesh;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use collect::Collector;
 use source::MeshText;
-
-/// Read a file of Gmsh.
-///
-/// # Errors
-/// The input's fault: a file that cannot be read, and what [`parse`] refuses.
-pub fn read(path: &Path) -> Result<ImportedMesh> {
-    parse(&super::file::load(path)?, path)
-}
 
 /// The mesh in the bytes of a file; `path` is its name for errors.
 ///
@@ -33,10 +24,8 @@ pub fn read(path: &Path) -> Result<ImportedMesh> {
 pub fn parse(bytes: &[u8], path: &Path) -> Result<ImportedMesh> {
     let mut source = MeshText::new(bytes, path.display().to_string());
     let version = format(&mut source)?;
-    let mut collector = Collector::new(Draft {
-        files: vec![path.to_path_buf()],
-        ..Draft::default()
-    });
+    let mut collector = Collector::default();
+    collector.draft.files.push(path.to_path_buf());
     sections(&mut source, version, &mut collector)?;
     collector.finish()
 }
@@ -159,11 +148,4 @@ fn names(source: &mut MeshText<'_>, into: &mut Collector) -> Result<()> {
         into.name(dimension, tag, name.trim_matches('"').trim());
     }
     Ok(())
-}
-
-impl MeshText<'_> {
-    /// An error of the input at the present place.
-    fn error(&self, expected: impl std::fmt::Display) -> Error {
-        Error::input(self.place(), expected)
-    }
 }

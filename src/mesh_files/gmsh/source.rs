@@ -54,22 +54,23 @@ impl<'a> MeshText<'a> {
         match self.take()? {
             [1, 0, 0, 0] => Ok(()),
             [0, 0, 0, 1] => Err(self
-                .fail("a little-endian file")
+                .error("a little-endian file")
                 .found("the byte order of another machine (big-endian)")
                 .hint("save as ASCII there (Mesh.Binary = 0), or open and save it with Gmsh on this machine")),
             other => Err(self
-                .fail("the number 1 in binary")
+                .error("the number 1 in binary")
                 .found(format!("bytes {other:?}"))
                 .hint("the file was changed on its way, perhaps copied as text: copy it as binary, or save as ASCII")),
         }
     }
 
-    fn fail(&self, expected: &str) -> Error {
+    /// An error of the input at the present place.
+    pub fn error(&self, expected: &str) -> Error {
         Error::input(self.place(), expected)
     }
 
     fn ended(&self, expected: &str) -> Error {
-        self.fail(expected).found("the end of the file").hint(CUT)
+        self.error(expected).found("the end of the file").hint(CUT)
     }
 
     /// The bytes of a line without its end.
@@ -104,7 +105,7 @@ impl<'a> MeshText<'a> {
     pub fn count_line(&mut self, expected: &str) -> Result<u64> {
         let line = self.more_text(expected)?;
         let count = line.parse();
-        count.map_err(|_| self.fail(expected).found(&line))
+        count.map_err(|_| self.error(expected).found(&line))
     }
 
     /// The line that ends a section.
@@ -113,7 +114,7 @@ impl<'a> MeshText<'a> {
         if found == line {
             return Ok(());
         }
-        Err(self.fail(line).found(found).hint(
+        Err(self.error(line).found(found).hint(
             "the section has more lines than its count says, or the file is damaged: save it again",
         ))
     }
@@ -156,7 +157,7 @@ impl<'a> MeshText<'a> {
         if self.record.starts_with(b"$") {
             let line = String::from_utf8_lossy(self.record).into_owned();
             return Err(self
-                .fail(expected)
+                .error(expected)
                 .found(line)
                 .hint("the section has fewer lines than its count says: the file is damaged, save it again"));
         }
@@ -169,7 +170,7 @@ impl<'a> MeshText<'a> {
             return Ok(());
         }
         let rest = String::from_utf8_lossy(self.record).into_owned();
-        Err(self.fail("the end of the line").found(rest))
+        Err(self.error("the end of the line").found(rest))
     }
 
     fn take<const N: usize>(&mut self) -> Result<[u8; N]> {
@@ -194,12 +195,12 @@ impl<'a> MeshText<'a> {
             .unwrap_or(record.len());
         let (word, rest) = record.split_at(end);
         if word.is_empty() {
-            let error = self.fail(expected).found("the end of the line");
+            let error = self.error(expected).found("the end of the line");
             return Err(error.hint("a line is cut short, or has fewer numbers than its type or count says: save or copy the file again"));
         }
         self.record = rest.trim_ascii_start();
         let number = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
-        number.ok_or_else(|| self.fail(expected).found(String::from_utf8_lossy(word)))
+        number.ok_or_else(|| self.error(expected).found(String::from_utf8_lossy(word)))
     }
 
     /// A whole number of 4 bytes.
@@ -233,7 +234,7 @@ impl<'a> MeshText<'a> {
             return Ok(value);
         }
         Err(self
-            .fail("a finite number")
+            .error("a finite number")
             .found(value)
             .hint("the geometry or its transformation is broken there: look at the node in Gmsh"))
     }

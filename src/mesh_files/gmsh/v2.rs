@@ -1,6 +1,6 @@
 //! Nodes and elements of MSH 2.2.
 
-use super::super::draft::DraftNode;
+use super::super::draft::{Cell, DraftNode};
 use super::collect::{Collector, EntityShape, shape};
 use super::source::MeshText;
 use crate::error::Result;
@@ -90,7 +90,7 @@ fn element(
             group = tag;
         }
     }
-    let mut nodes = shape.empty();
+    let mut nodes = [Cell::NONE; 9];
     for node in nodes.iter_mut().take(shape.nodes()) {
         *node = positive(source, "the number of a node")?;
     }

@@ -1,6 +1,6 @@
 //! Entities, nodes and elements of MSH 4.1.
 
-use super::super::draft::DraftNode;
+use super::super::draft::{Cell, DraftNode};
 use super::collect::{Collector, shape};
 use super::source::MeshText;
 use crate::error::Result;
@@ -103,7 +103,7 @@ pub(super) fn elements(source: &mut MeshText<'_>, into: &mut Collector) -> Resul
         for _ in 0..count {
             source.open("an element")?;
             let number = source.size("an element's number")?;
-            let mut nodes = shape.empty();
+            let mut nodes = [Cell::NONE; 9];
             for node in nodes.iter_mut().take(shape.nodes()) {
                 *node = source.size("the number of a node")?;
             }

@@ -1,5 +1,6 @@
 //! Cards of bulk data: a line of free, small or large fields with those that go on with it.
 
+use super::super::draft::FileSpot;
 use crate::error::{Error, Result};
 
 /// An entry of bulk data.
@@ -17,6 +18,13 @@ impl BulkCard {
     /// A field, counted from 0 after the name; empty if it is not there.
     pub fn field(&self, index: usize) -> &str {
         self.fields.get(index).map_or("", String::as_str)
+    }
+
+    pub fn spot(&self) -> FileSpot {
+        FileSpot {
+            file: 0,
+            line: self.line,
+        }
     }
 
     fn wrong(&self, index: usize, expected: &str) -> Error {

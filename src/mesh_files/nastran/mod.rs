@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::check::leave_out_flat;
-use super::draft::{Cell, Draft, DraftNode, FileSpot, Index};
+use super::draft::{Cell, Draft, DraftNode, Index};
 use super::kind::ElementKind;
 use super::mesh::ImportedMesh;
 use super::shape::NamelessMesh;
@@ -130,10 +130,7 @@ impl BulkData {
         for (k, x) in at.iter_mut().enumerate() {
             *x = card.real(2 + k)?;
         }
-        let spot = FileSpot {
-            file: 0,
-            line: card.line,
-        };
+        let spot = card.spot();
         self.draft.nodes.push(DraftNode { number, at, spot });
         Ok(())
     }
@@ -156,10 +153,6 @@ impl BulkData {
             }
             *node = card.number(2 + k, "the number of a node")?;
         }
-        let spot = FileSpot {
-            file: 0,
-            line: card.line,
-        };
         let index = self.draft.cells.len() as u32;
         self.properties.entry(property).or_default().push(index);
         self.draft.cells.push(Cell {
@@ -167,7 +160,7 @@ impl BulkData {
             kind,
             nodes,
             is_shell: false,
-            spot,
+            spot: card.spot(),
         });
         Ok(())
     }

@@ -10,6 +10,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::error::{Error, Result};
+use crate::numeric::range;
 
 /// Axes and text.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
@@ -167,11 +168,7 @@ pub fn step(value: &f64) -> String {
 
 /// The finite part of a range, widened where it is empty.
 pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let [low, high] = values
-        .filter(|v| v.is_finite())
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
-            [a.min(v), b.max(v)]
-        });
+    let [low, high] = range(values.filter(|v| v.is_finite()));
     match (low.is_finite(), high > low) {
         (true, true) => divisible([low, high]),
         (true, false) => {

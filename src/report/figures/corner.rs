@@ -101,22 +101,13 @@ fn diagonal(cell: &Area<'_>, axis: &CornerAxis) -> Result<()> {
             .plotting_area()
             .draw(&DashedPathElement::new(points, 5, 4, PRIOR.stroke_width(1)))?;
     }
-    for cut in axis
-        .cut
-        .into_iter()
-        .flatten()
-        .filter(|c| (low..=high).contains(c))
-    {
-        let line = vec![(cut, 0.0), (cut, top)];
+    let cuts = axis.cut.into_iter().flatten().map(|x| (x, INK));
+    let lines = cuts.chain(axis.truth.map(|x| (x, TRUTH)));
+    for (x, colour) in lines.filter(|(x, _)| (low..=high).contains(x)) {
+        let line = vec![(x, 0.0), (x, top)];
         chart
             .plotting_area()
-            .draw(&PathElement::new(line, INK.stroke_width(2)))?;
-    }
-    if let Some(truth) = axis.truth.filter(|t| (low..=high).contains(t)) {
-        let line = vec![(truth, 0.0), (truth, top)];
-        chart
-            .plotting_area()
-            .draw(&PathElement::new(line, TRUTH.stroke_width(2)))?;
+            .draw(&PathElement::new(line, colour.stroke_width(2)))?;
     }
     frame(cell)
 }
@@ -133,34 +124,20 @@ fn joint(cell: &Area<'_>, x: &CornerAxis, y: &CornerAxis, bins: &[JointBin]) -> 
     let half = [pitch(&cells, 0), pitch(&cells, 1)].map(|p| 0.5 * p);
     let levels = levels(&cells);
     // bands of equal shade, one run of cells a rectangle, keep the drawing small
-    let mut rows: Vec<(f64, Vec<[f64; 3]>)> = Vec::new();
-    for c in &cells {
-        match rows.last_mut() {
-            Some((y, row)) if *y == c[1] => row.push(*c),
-            _ => rows.push((c[1], vec![*c])),
-        }
-    }
-    for (yc, row) in &rows {
-        let mut k = 0;
-        while k < row.len() {
-            let band = shade(row[k][2], &levels);
-            let mut end = k;
-            while end + 1 < row.len()
-                && shade(row[end + 1][2], &levels) == band
-                && row[end + 1][0] - row[end][0] < 3.0 * half[0]
-            {
-                end += 1;
-            }
-            if let Some(opacity) = [0.0, 0.18, 0.42, 0.8].get(band).filter(|o| **o > 0.0) {
-                chart.plotting_area().draw(&Rectangle::new(
-                    [
-                        (row[k][0] - half[0], yc - half[1]),
-                        (row[end][0] + half[0], yc + half[1]),
-                    ],
-                    MAIN.mix(*opacity).filled(),
-                ))?;
-            }
-            k = end + 1;
+    let runs_on = |a: &[f64; 3], b: &[f64; 3]| {
+        a[1] == b[1] && shade(a[2], &levels) == shade(b[2], &levels) && b[0] - a[0] < 3.0 * half[0]
+    };
+    for run in cells.chunk_by(runs_on) {
+        let ([left, y, density], right) = (run[0], run[run.len() - 1][0]);
+        let opacity = [0.0, 0.18, 0.42, 0.8][shade(density, &levels)];
+        if opacity > 0.0 {
+            chart.plotting_area().draw(&Rectangle::new(
+                [
+                    (left - half[0], y - half[1]),
+                    (right + half[0], y + half[1]),
+                ],
+                MAIN.mix(opacity).filled(),
+            ))?;
         }
     }
     if let (Some(a), Some(b)) = (x.truth, y.truth) {

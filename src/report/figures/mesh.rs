@@ -1,5 +1,6 @@
 //! The mesh of a specimen with its named edges, what acts on them, and the measured points: whether both lie in one frame is seen.
 
+use indexmap::IndexSet;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
@@ -41,25 +42,20 @@ pub fn mesh(points: &[MeshPoint]) -> Result<Option<Figure>> {
 }
 
 /// Names of edges, in the order of the rows.
-fn names(points: &[MeshPoint]) -> Vec<&str> {
-    let mut names: Vec<&str> = Vec::new();
-    for p in points.iter().filter(|p| p.part == MeshPart::Edge) {
-        if !names.contains(&p.name.as_str()) {
-            names.push(&p.name);
-        }
-    }
-    names
+fn names(points: &[MeshPoint]) -> IndexSet<&str> {
+    let edges = points.iter().filter(|p| p.part == MeshPart::Edge);
+    edges.map(|p| p.name.as_str()).collect()
 }
 
-fn colour(names: &[&str], name: &str) -> RGBColor {
-    let place = names.iter().position(|n| *n == name).unwrap_or(0);
+fn colour(names: &IndexSet<&str>, name: &str) -> RGBColor {
+    let place = names.get_index_of(name).unwrap_or(0);
     SERIES[place % SERIES.len()]
 }
 
 fn lines_of(
     area: &Area<'_>,
     points: &[MeshPoint],
-    names: &[&str],
+    names: &IndexSet<&str>,
     (x, y): ([f64; 2], [f64; 2]),
 ) -> Result<()> {
     let mut chart = ChartBuilder::on(area)
@@ -115,7 +111,7 @@ fn head(from: (f64, f64), to: (f64, f64)) -> Vec<(f64, f64)> {
 }
 
 /// What the colours mean.
-fn legend(area: &Area<'_>, points: &[MeshPoint], names: &[&str], left: i32) -> Result<()> {
+fn legend(area: &Area<'_>, points: &[MeshPoint], names: &IndexSet<&str>, left: i32) -> Result<()> {
     let has = |part: MeshPart, name: &str| points.iter().any(|p| p.part == part && p.name == name);
     let mut at = 20;
     let mut line = |words: String, colour: RGBColor| -> Result<()> {

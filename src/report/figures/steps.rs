@@ -1,5 +1,6 @@
 //! Small maps on one scale: what is left of every step of a series, and the stiffness that would make what grows with its load.
 
+use indexmap::IndexSet;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
@@ -84,12 +85,7 @@ struct Small {
 
 /// What is left of each step: u1 above u2, step by step. None of a single field.
 pub fn steps(cells: &[StepCell]) -> Result<Option<Figure>> {
-    let mut names: Vec<&str> = Vec::new();
-    for cell in cells {
-        if !names.contains(&cell.step.as_str()) {
-            names.push(&cell.step);
-        }
-    }
+    let names: IndexSet<&str> = cells.iter().map(|c| c.step.as_str()).collect();
     let small = |k: usize, name: &str, component: usize| Small {
         at: [2 * (k / ACROSS) + component - 1, k % ACROSS],
         title: format!("u{component} {name}"),

@@ -1,5 +1,7 @@
 //! A measured field in rectangular cells, small enough to look at: each cell is the mean of its points.
 
+use crate::numeric::range;
+
 /// A regular grid of cells in the data's frame, and the cell of each point.
 #[derive(Debug, Clone)]
 pub struct FieldCells {
@@ -77,12 +79,6 @@ fn most(columns: f64, rows: f64) -> [usize; 2] {
         .min(MOST_ALONG as f64 / columns.max(rows))
         .min(1.0);
     [columns, rows].map(|n| ((n * shrink).floor() as usize).max(1))
-}
-
-fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| {
-        [a.min(v), b.max(v)]
-    })
 }
 
 /// The different coordinates along one axis.

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use super::columns;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::report::json::read;
+use crate::report::json::load;
 
 /// The tables of one round.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -121,8 +121,7 @@ impl FigureData {
         for (figure, tables) in FIGURES {
             let name = format!("{figure}-{k}.json");
             if folder.join(&name).exists() {
-                let (file, text) = read(folder, &name)?;
-                all.extend(files::parse_json::<Map<String, Value>>(&text, &file)?);
+                all.extend(load::<Map<String, Value>>(folder, &name)?);
                 continue;
             }
             for table in tables {

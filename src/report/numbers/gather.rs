@@ -37,9 +37,7 @@ impl FigureData {
             surfaces: surfaces(round),
         }
     }
-}
 
-impl FigureData {
     /// The tables of a round of a loop.
     pub fn traced(round: &Round, truth: Option<&KnownTruth>) -> Self {
         Self {
@@ -48,9 +46,7 @@ impl FigureData {
             ..Self::gather(&round.identification, truth)
         }
     }
-}
 
-impl FigureData {
     /// The tables of some variables of the quoted draws.
     pub fn quoted(draws: &Draws, names: &[String], truth: Option<&KnownTruth>) -> Self {
         let columns: Vec<usize> = names.iter().filter_map(|n| draws.index(n)).collect();

@@ -101,12 +101,11 @@ pub fn constants(page: &Page) -> Table {
             .get(name)
             .map(|l| Learned::new(l.prior, MeanAndSd { mean, sd }));
         let [prior, data] = Learned::cells(learned.as_ref());
-        let truth = page.true_value(name);
-        let truth = truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole));
+        let truth = page.truth_cell(name);
         let interval = TableCell::from(format!("{low} to {high}"));
         let result = TableCell::mean_sd(Some((mean, sd)));
         let published = report.last().and_then(|r| r.posterior.get(name)?.published);
-        let published = TableCell::published(published.map(|p| (p.mean, p.sd)));
+        let published = TableCell::published(published);
         Some(row(name, [result, interval, prior, data, published, truth]))
     });
     let [prior, data] = learned::HEADERS;
@@ -149,7 +148,7 @@ pub fn found(report: &Report, last: &RoundReport) -> Piece {
 
 fn size(name: &str, amplitude: &MeanAndSd) -> String {
     let parameter = Parameter::read(name);
-    let value = TableCell::mean_sd(Some((amplitude.mean, amplitude.sd))).plain();
+    let value = TableCell::mean_sd(Some(*amplitude)).plain();
     format!("{} = {value}", parameter.own)
 }
 

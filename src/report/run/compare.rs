@@ -1,5 +1,7 @@
 //! Several runs side by side.
 
+use indexmap::IndexSet;
+
 use super::rounds::{NumberOfRound, RESIDUAL};
 use crate::report::page::Page;
 use crate::report::round::RoundReport;
@@ -71,12 +73,7 @@ fn intervals(
     pages: &[&Page],
     interval: impl Fn(&Page, &str) -> Option<TableCell>,
 ) -> Vec<Vec<TableCell>> {
-    let mut constants: Vec<&str> = Vec::new();
-    for name in pages.iter().flat_map(|page| page.constants()) {
-        if !constants.contains(&name) {
-            constants.push(name);
-        }
-    }
+    let constants: IndexSet<&str> = pages.iter().flat_map(|page| page.constants()).collect();
     let cells = |name: &&str| {
         let cells = pages
             .iter()

@@ -2,12 +2,12 @@
 
 use super::rounds::names;
 use crate::parameter::Parameter;
-use crate::report::document::Closing;
+use crate::report::document::{Closing, Report};
 use crate::report::figures::SMALLEST_BAR;
 use crate::report::json::Keyed;
 use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
-use crate::report::round::MeanAndSd;
+use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::sources;
 use crate::report::tracing::{AliasGroupReport, BlindSpotReport, CandidateReport, TracingReport};
 use crate::report::words::{
@@ -216,7 +216,7 @@ fn quoted(
     };
     let rows = quoted.iter().map(|(name, a)| {
         let numbers = TableCell::as_precise_as(a.sd, [a.mean, a.sd, a.low, a.median, a.high]);
-        let alone = alone.get(name).map(|m| (m.mean, m.sd));
+        let alone = alone.get(name).copied();
         let prior = Learned::cells(learned.get(name));
         let cells = numbers.into_iter().chain(prior);
         row(name, cells.chain([TableCell::mean_sd(alone)]))
@@ -235,12 +235,6 @@ fn quoted(
     ];
     let section = Section::new(title).with(Table::new("", header, rows));
     section.with_all(suspect.map(answers).into_iter().flatten())
-}
-
-/// The same of a loop that has ended.
-pub fn to_quote(closing: &Closing, alone: &Keyed<MeanAndSd>, learned: &Keyed<Learned>) -> Section {
-    let suspect = closing.verdict.suspect.as_ref();
-    quoted(&closing.averaged_posterior, suspect, alone, learned)
 }
 
 /// What could hide in a residual that was traced, and the constants to quote.
@@ -284,8 +278,15 @@ fn answers(suspect: &Suspect) -> Vec<Piece> {
     ]
 }
 
+/// The constants to quote of a loop, with what there is to say beside them.
+pub fn to_quote(report: &Report, closing: &Closing, last: &RoundReport) -> Section {
+    let suspect = closing.verdict.suspect.as_ref();
+    let (averaged, alone) = (&closing.averaged_posterior, last.alone());
+    quoted(averaged, suspect, &alone, &report.learned).with_all(remarks(closing))
+}
+
 /// What there is to say beside the intervals to quote.
-pub fn remarks(closing: &Closing) -> Vec<Piece> {
+fn remarks(closing: &Closing) -> Vec<Piece> {
     let note = closing.averaged_note.clone();
     let note = note.filter(|_| closing.verdict.suspect.is_none());
     let sampled = closing.quoted.as_ref();

@@ -54,8 +54,7 @@ pub fn closed(page: &Page, closing: &Closing) -> Vec<Section> {
             &closing.blind_spots,
             &page.constants(),
         ));
-        let quoted = effects::to_quote(closing, &last.alone(), &page.report.learned);
-        sections.push(quoted.with_all(effects::remarks(closing)));
+        sections.push(effects::to_quote(&page.report, closing, last));
     }
     let mut verdict = Section::default().with(verdict(&page.report, &closing.verdict));
     verdict.extend(confirming(&closing.verdict));

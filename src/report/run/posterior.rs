@@ -56,7 +56,7 @@ pub fn marginals<'a>(caption: &str, rows: impl Iterator<Item = MarginalRow<'a>>)
             TableCell::fixed(r.ess_bulk, 0),
             prior,
             data,
-            TableCell::published(r.published.map(|p| (p.mean, p.sd))),
+            TableCell::published(r.published),
         ];
         row(r.name, cells)
     });
@@ -66,10 +66,7 @@ pub fn marginals<'a>(caption: &str, rows: impl Iterator<Item = MarginalRow<'a>>)
 /// The marginal posteriors of a round.
 pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Table {
     let rows = round.posterior.iter().map(|(name, r)| {
-        let found = MeanAndSd {
-            mean: r.mean,
-            sd: r.sd,
-        };
+        let found = MeanAndSd::from((r.mean, r.sd));
         MarginalRow {
             name,
             found,
@@ -120,10 +117,9 @@ pub fn section(page: &Page) -> Section {
         ));
     }
     if let (Some(closing), Some(last)) = (&page.report.closing, rounds.last()) {
-        let quoted = effects::to_quote(closing, &last.alone(), &page.report.learned);
+        let quoted = effects::to_quote(&page.report, closing, last);
         section.push(Piece::Heading(quoted.title));
         section.extend(quoted.pieces);
-        section.extend(effects::remarks(closing));
         section.push(Piece::Figure {
             heading: "Joint posterior to quote, with the amplitudes that trade most against the constants".into(),
             name: "corner-averaged".into(),

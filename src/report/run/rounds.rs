@@ -1,7 +1,9 @@
 //! Rounds side by side: residual, held-out error and constants before and after; steps; maps.
 
+use indexmap::IndexSet;
+
 use crate::report::page::Page;
-use crate::report::round::RoundReport;
+use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::steps;
 use crate::report::words::contradiction;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
@@ -59,13 +61,12 @@ pub fn residual(rounds: &[RoundReport], names: &[String]) -> Table {
         let any = numbers.iter().any(Option::is_some);
         any.then(|| row(*what, numbers.into_iter().map(TableCell::three)))
     });
-    Table::new("residual against the noise", header("", names), rows)
+    Table::new("residual against the noise", header(names), rows)
 }
 
-fn header(first: &str, names: &[String]) -> Vec<String> {
-    std::iter::once(first.into())
-        .chain(names.iter().cloned())
-        .collect()
+fn header(names: &[String]) -> Vec<String> {
+    let rounds = names.iter().cloned();
+    std::iter::once(String::new()).chain(rounds).collect()
 }
 
 /// How many points there are, and which were dropped.
@@ -86,7 +87,7 @@ pub fn points(round: &RoundReport) -> String {
 
 /// The constants and the residual of the last round in a sentence.
 pub fn sentence(page: &Page, last: &RoundReport) -> String {
-    let said = |moments: &dyn Fn(&str) -> Option<(f64, f64)>| {
+    let said = |moments: &dyn Fn(&str) -> Option<MeanAndSd>| {
         let one = |name: &&str| {
             let (symbol, unit) = name.split_once('_').unwrap_or((name, ""));
             let value = TableCell::mean_sd(Some(moments(name)?)).typeset();
@@ -100,7 +101,7 @@ pub fn sentence(page: &Page, last: &RoundReport) -> String {
     let constants = match &page.report.closing {
         Some(_) => format!(
             "Averaged over effects that may act unseen: {}. The last round's model alone: {alone}",
-            said(&|name| page.report.averaged(name).map(|a| (a.mean, a.sd)))
+            said(&|name| averaged(page, name))
         ),
         None => alone,
     };
@@ -133,11 +134,17 @@ pub fn before_and_after(page: &Page) -> Section {
 }
 
 /// Mean and sd of a constant in every round, and averaged.
-fn moments(page: &Page, name: &str) -> Vec<Option<(f64, f64)>> {
+fn moments(page: &Page, name: &str) -> Vec<Option<MeanAndSd>> {
     let rounds = page.report.rounds.iter().map(|r| r.moments(name));
     let closing = page.report.closing.iter();
-    let averaged = closing.map(|_| page.report.averaged(name).map(|a| (a.mean, a.sd)));
-    rounds.chain(averaged).collect()
+    rounds
+        .chain(closing.map(|_| averaged(page, name)))
+        .collect()
+}
+
+fn averaged(page: &Page, name: &str) -> Option<MeanAndSd> {
+    let averaged = page.report.averaged(name);
+    averaged.map(|a| (a.mean, a.sd).into())
 }
 
 /// What columns of constants are called.
@@ -147,15 +154,11 @@ fn columns(page: &Page, names: &[String]) -> Vec<String> {
         Some(_) => "to quote: spans the answers below".to_string(),
         None => "averaged over unseen effects".into(),
     });
-    header("", names).into_iter().chain(quoted).collect()
+    header(names).into_iter().chain(quoted).collect()
 }
 
 /// Constants of every round and averaged, with what contradicts its prior.
 fn constants(page: &Page, names: &[String]) -> Table {
-    let truth = |name: &str| {
-        let truth = page.true_value(name);
-        truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole))
-    };
     let rows = page.constants().into_iter().map(|name| {
         let cells = moments(page, name).into_iter().enumerate().map(|(k, m)| {
             let cell = TableCell::mean_sd(m);
@@ -164,7 +167,7 @@ fn constants(page: &Page, names: &[String]) -> Table {
                 None => cell,
             }
         });
-        row(name, cells.chain([truth(name)]))
+        row(name, cells.chain([page.truth_cell(name)]))
     });
     let header = columns(page, names).into_iter().chain(["truth".into()]);
     Table::new("constants: posterior mean +- sd", header, rows)
@@ -175,8 +178,8 @@ pub fn only_on_page(page: &Page) -> Vec<Piece> {
     let names = names(page);
     let errors = page.constants().into_iter().filter_map(|name| {
         let truth = page.true_value(name)?;
-        let error = |m: Option<(f64, f64)>| {
-            m.map_or(TableCell::Missing, |(mean, sd)| {
+        let error = |m: Option<MeanAndSd>| {
+            m.map_or(TableCell::Missing, |MeanAndSd { mean, sd }| {
                 let percent =
                     TableCell::with_unit(100.0 * (mean - truth) / truth, Digits::Signed(2), "%");
                 let sds = TableCell::with_unit((mean - truth) / sd, Digits::Signed(1), "sd");
@@ -196,20 +199,14 @@ pub fn only_on_page(page: &Page) -> Vec<Piece> {
 /// Amplitudes of the declared effects in every round.
 fn amplitudes(page: &Page, names: &[String]) -> Table {
     let rounds = &page.report.rounds;
-    let mut effects: Vec<&String> = Vec::new();
-    for name in rounds.iter().flat_map(|r| r.effect_amplitudes.keys()) {
-        if !effects.contains(&name) {
-            effects.push(name);
-        }
-    }
+    let effects = rounds.iter().flat_map(|r| r.effect_amplitudes.keys());
+    let effects: IndexSet<&String> = effects.collect();
     let rows = effects.into_iter().map(|name| {
         let found = rounds.iter().map(|r| r.effect_amplitudes.get(name));
-        let found = found.map(|a| TableCell::mean_sd(a.map(|a| (a.mean, a.sd))));
-        let truth = page.true_value(name);
-        let truth = truth.map_or(TableCell::Blank, |t| TableCell::number(t, Digits::Whole));
-        row(name, found.chain([truth]))
+        let found = found.map(|a| TableCell::mean_sd(a.copied()));
+        row(name, found.chain([page.truth_cell(name)]))
     });
-    let header = header("", names).into_iter().chain(["truth".into()]);
+    let header = header(names).into_iter().chain(["truth".into()]);
     Table::new("amplitudes of declared effects: mean +- sd", header, rows)
 }
 
@@ -217,10 +214,11 @@ fn amplitudes(page: &Page, names: &[String]) -> Table {
 pub fn steps(page: &Page) -> Option<Section> {
     let (first, last) = (page.report.rounds.first()?, page.report.last()?);
     let table = steps::table(&first.steps, &last.steps);
+    let not_linear = last.linearity.as_ref().and_then(|test| test.words());
     (!table.is_empty()).then(|| {
         Section::new("Steps")
             .with(table)
-            .say(last.not_linear().unwrap_or_default())
+            .say(not_linear.unwrap_or_default())
             .with(Piece::figure("steps"))
             .with(Piece::figure("stiffness"))
     })

@@ -1,12 +1,14 @@
 //! What each peak is, over the draws of a posterior.
 
+use serde::Serialize;
+
 use super::super::together::some;
 use super::super::{Undeclared, WORTH};
 use super::peaks::{MODEL_ERROR, Peaks};
 use crate::chain::Draws;
 use crate::diagnose::sorted;
 use crate::error::{Error, Result};
-use crate::experiment::frequencies::{Ritz, VibrationMode};
+use crate::experiment::frequencies::{Parity, Ritz, VibrationMode};
 use crate::numeric::quantile;
 use crate::quantity::plus_minus;
 
@@ -27,23 +29,28 @@ pub struct PlateFound {
 pub struct PeakFound {
     pub frequency_hz: f64,
     /// Its measured parity, where that is known.
-    pub odd: Option<bool>,
+    pub parity: Option<Parity>,
     /// Index of the mode that it is most probably, and how probably; none where it is more probably no mode.
     pub mode: Option<usize>,
     pub probability: f64,
 }
 
 /// A mode.
+#[derive(Debug, Serialize)]
 pub struct ModeFound {
     /// Numbers of half-waves along length and width.
+    #[serde(rename = "mode")]
     pub label: [usize; 2],
-    pub odd: Option<bool>,
+    pub parity: Option<Parity>,
     /// Over the posterior.
+    #[serde(rename = "predicted_Hz")]
     pub mean_hz: f64,
+    #[serde(rename = "predicted_sd_Hz")]
     pub sd_hz: f64,
     /// Probability that it left no peak.
     pub missing: f64,
     /// Deflection, 1 at most, row by row from low y.
+    #[serde(skip)]
     pub shape: Vec<f64>,
 }
 
@@ -68,7 +75,7 @@ pub fn found(plate: &Peaks, draws: &Draws) -> Result<PlateFound> {
         return Err(Error::program("frequencies", "draws that some plate has"));
     };
     let band = plate.spec.peak_model(0.01).band_hz;
-    let mut modes: Vec<(f64, usize, ModeFound, Vec<f64>)> = Vec::new();
+    let mut modes: Vec<(ModeFound, Vec<f64>)> = Vec::new();
     let side = [
         plate.spec.specimen.length_mm.mean,
         plate.spec.specimen.width_mm.mean,
@@ -92,37 +99,37 @@ pub fn found(plate: &Peaks, draws: &Draws) -> Result<PlateFound> {
         if (band[0]..=band[1]).contains(&mean_hz) || likely > 0.5 {
             let found = ModeFound {
                 label: plate.ritz().label(mode),
-                odd: mode.odd,
+                parity: mode.odd.map(Parity::of),
                 mean_hz,
                 sd_hz: variance.sqrt(),
                 missing: own.iter().map(|o| o.1).sum::<f64>() / n,
                 shape: shape(plate.ritz(), mode, grid),
             };
-            modes.push((mean_hz, modes.len(), found, matched));
+            modes.push((found, matched));
         }
     }
-    modes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    modes.sort_by(|a, b| a.0.mean_hz.total_cmp(&b.0.mean_hz));
     let peaks = plate.spec.peaks().into_iter().enumerate();
     let peaks = peaks
         .map(|(i, peak)| {
             let best = modes
                 .iter()
                 .enumerate()
-                .max_by(|a, b| a.1.3[i].total_cmp(&b.1.3[i]));
-            let no_mode = (1.0 - modes.iter().map(|m| m.3[i]).sum::<f64>()).clamp(0.0, 1.0);
-            let best = best.filter(|(_, m)| m.3[i] > no_mode);
+                .max_by(|a, b| a.1.1[i].total_cmp(&b.1.1[i]));
+            let no_mode = (1.0 - modes.iter().map(|m| m.1[i]).sum::<f64>()).clamp(0.0, 1.0);
+            let best = best.filter(|(_, m)| m.1[i] > no_mode);
             PeakFound {
                 frequency_hz: peak.frequency_hz,
-                odd: peak.odd,
+                parity: peak.odd.map(Parity::of),
                 mode: best.map(|(k, _)| k),
-                probability: best.map_or(no_mode, |(_, m)| m.3[i]),
+                probability: best.map_or(no_mode, |(_, m)| m.1[i]),
             }
         })
         .collect();
     Ok(PlateFound {
         name: plate.spec.name.clone(),
         peaks,
-        modes: modes.into_iter().map(|m| m.2).collect(),
+        modes: modes.into_iter().map(|m| m.0).collect(),
         grid,
         size_mm: side,
         undeclared: plate.disturbed(&mean),
@@ -225,7 +232,7 @@ pub fn warnings(peaks: &Peaks, plate: &PlateFound, draws: &Draws) -> Vec<String>
 fn too_wrong(draws: &Draws) -> Option<String> {
     /// Percent; wood is at one.
     const MOST: f64 = 2.0;
-    let k = draws.names().iter().position(|name| name == MODEL_ERROR)?;
+    let k = draws.index(MODEL_ERROR)?;
     let median = quantile(&sorted(&draws.series(k).values), 0.5);
     (median > MOST).then(|| {
         format!(

@@ -19,7 +19,7 @@ use super::{
     Undeclared,
 };
 use crate::chain::Draws;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::experiment::frequencies::FrequenciesSpec;
 use crate::identify::Options;
 use crate::infer::{ExperimentEntry, Known, Member, ModelOutline};
@@ -54,8 +54,7 @@ impl Experiment for PlateTest {
     }
 
     fn json(&self, _absolute: bool) -> Result<Value> {
-        serde_json::to_value(&self.spec)
-            .map_err(|e| Error::program("model.json", "a model that JSON can hold").found(e))
+        super::json(&self.spec)
     }
 
     fn information(&self, shared: &SharedConstants, _measuring: Measuring) -> Result<Information> {

@@ -2,39 +2,24 @@
 
 use std::fmt::Write;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::super::{ExperimentSection, SectionMap, Undeclared, undeclared_table};
 use super::found::{ModeFound, PeakFound, PlateFound};
 use crate::error::{Error, Result};
-use crate::experiment::frequencies::Parity;
 use crate::section::{Piece, Table, TableCell, row};
 
 /// An experiment's peaks and modes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PlateReport {
-    pub name: String,
+#[derive(Debug, Serialize)]
+pub struct PlateReport<'a> {
+    pub name: &'a str,
     pub peaks: Vec<PeakReport>,
-    pub modes: Vec<ModeReport>,
+    pub modes: &'a [ModeFound],
     /// What may act in the test that nobody declared.
-    pub disturbances: Vec<DisturbanceReport>,
+    pub disturbances: &'a [Undeclared],
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DisturbanceReport {
-    pub name: String,
-    pub parameter: String,
-    /// Prior sd, in the parameter's unit.
-    pub plausible: f64,
-    pub log_bayes_factor: f64,
-    /// If it acts, with an sd.
-    pub amplitude: [f64; 2],
-    /// What it does to the constants at its plausible size, undeclared, in their order; prior sds.
-    pub shift_in_prior_sd: Vec<f64>,
-    pub confirm: String,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize)]
 pub struct PeakReport {
     #[serde(rename = "measured_Hz")]
     pub measured_hz: f64,
@@ -49,38 +34,12 @@ pub struct PeakReport {
     /// Measured over predicted, less 1.
     pub off_percent: Option<f64>,
     /// Why it is no mode.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ModeReport {
-    pub mode: [usize; 2],
-    pub parity: Option<Parity>,
-    #[serde(rename = "predicted_Hz")]
-    pub predicted_hz: f64,
-    #[serde(rename = "predicted_sd_Hz")]
-    pub predicted_sd_hz: f64,
-    /// Probability that it left no peak.
-    pub missing: f64,
-}
-
-impl DisturbanceReport {
-    fn new(found: &Undeclared) -> Self {
-        Self {
-            name: found.name.into(),
-            parameter: found.parameter.into(),
-            plausible: found.plausible,
-            log_bayes_factor: found.log_bayes_factor,
-            amplitude: found.amplitude,
-            shift_in_prior_sd: found.shift_sds.clone(),
-            confirm: found.confirm.into(),
-        }
-    }
-}
-
-impl PlateReport {
-    fn new(found: &PlateFound) -> Self {
+impl<'a> PlateReport<'a> {
+    fn new(found: &'a PlateFound) -> Self {
         let peaks = found.peaks.iter().map(|p| {
             let mode = p.mode.map(|k| &found.modes[k]);
             PeakReport {
@@ -93,24 +52,11 @@ impl PlateReport {
                 why: p.mode.is_none().then(|| why_no_mode(p, found)),
             }
         });
-        let modes = found.modes.iter().map(|m| ModeReport {
-            mode: m.label,
-            parity: m
-                .odd
-                .map(|odd| if odd { Parity::Odd } else { Parity::Even }),
-            predicted_hz: m.mean_hz,
-            predicted_sd_hz: m.sd_hz,
-            missing: m.missing,
-        });
         Self {
-            name: found.name.clone(),
+            name: &found.name,
             peaks: peaks.collect(),
-            modes: modes.collect(),
-            disturbances: found
-                .undeclared
-                .iter()
-                .map(DisturbanceReport::new)
-                .collect(),
+            modes: &found.modes,
+            disturbances: &found.undeclared,
         }
     }
 
@@ -152,7 +98,7 @@ impl PlateReport {
     fn missing(&self) -> Piece {
         let missing = self.modes.iter().filter(|m| m.missing > 0.5);
         let missing: Vec<String> = missing
-            .map(|m| format!("({}, {}) at {:.1} Hz", m.mode[0], m.mode[1], m.predicted_hz))
+            .map(|m| format!("({}, {}) at {:.1} Hz", m.label[0], m.label[1], m.mean_hz))
             .collect();
         Piece::Paragraph(match missing.is_empty() {
             true => String::new(),
@@ -164,7 +110,7 @@ impl PlateReport {
 /// Why a peak is none of the predicted modes: what the nearest are, and what has their peaks.
 fn why_no_mode(peak: &PeakFound, found: &PlateFound) -> String {
     let off = |m: &ModeFound| 100.0 * (peak.frequency_hz / m.mean_hz - 1.0);
-    let contradicts = |m: &ModeFound| m.odd.zip(peak.odd).is_some_and(|(a, b)| a != b);
+    let contradicts = |m: &ModeFound| m.parity.zip(peak.parity).is_some_and(|(a, b)| a != b);
     let near = |of_parity: bool| {
         let modes = found.modes.iter().enumerate();
         let modes = modes.filter(|(_, m)| contradicts(m) != of_parity);
@@ -185,7 +131,7 @@ fn why_no_mode(peak: &PeakFound, found: &PlateFound) -> String {
     let Some((k, own)) = near(true) else {
         return "no mode of its parity is in the band".into();
     };
-    let of_parity = if peak.odd.is_some() {
+    let of_parity = if peak.parity.is_some() {
         " of its parity"
     } else {
         ""

@@ -15,11 +15,12 @@ use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, Keyed, Stored, stored};
 use crate::identify::Options;
+use crate::numeric::diagonal;
 use crate::parameter::Parameter;
 use crate::progress::Progress;
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
-    adapted, diagonal,
+    adapted,
 };
 use crate::trace::averaged::Interval;
 use crate::trace::coarse::CoarseTest;
@@ -407,7 +408,7 @@ fn by_walkers(
     let (centre, sd) = sampled.start(averaged);
     let start = Start::Ball {
         centre: &centre,
-        covariance: &diagonal(&sd),
+        covariance: &diagonal(sd.iter().map(|sd| sd * sd)),
         spread: SPREAD,
     };
     let given = &options.schedule;
