@@ -382,7 +382,11 @@ fn words(ended: &Ended) -> String {
             let group = |name: &String| {
                 let mut groups = ended.alias_groups.iter();
                 let own = groups.find(|g| g.contains(name));
-                own.map_or_else(|| name.clone(), |g| g.join(" or "))
+                match own.map_or(&[][..], |g| &g[..]) {
+                    [] => name.clone(),
+                    few if few.len() <= 3 => few.join(" or "),
+                    many => format!("{name} or one of {} others", many.len() - 1),
+                }
             };
             ended
                 .effects

@@ -144,22 +144,28 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
 /// A loop to be run.
 pub type Case = Box<dyn Fn() -> Ended + Sync>;
 
-/// Run some cases, two at a time, and print how they ended.
+/// Run some cases, two at a time, and print how they ended; in the order of the cases.
 pub fn all(cases: &[Case]) -> Vec<Ended> {
     let next = AtomicUsize::new(0);
     let ended = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {
-                while let Some(run) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(run) = cases.get(k) else {
+                        break;
+                    };
                     let one = run();
                     println!("{}", one.line());
-                    ended.lock().unwrap().push(one);
+                    ended.lock().unwrap().push((k, one));
                 }
             });
         }
     });
-    let ended = ended.into_inner().unwrap();
+    let mut ended = ended.into_inner().unwrap();
+    ended.sort_by_key(|(k, _)| *k);
+    let ended: Vec<Ended> = ended.into_iter().map(|(_, one)| one).collect();
     let [sure, predict] = [0, 1].map(|k| ended.iter().map(|e| e.held_out[k]).sum::<usize>());
     println!("{predict} of {sure} groups predict held-out regions");
     ended

@@ -208,3 +208,7 @@ pub fn gains(with: &Scores, without: &Scores, tell: bool) -> bool {
     let worse = all.iter().filter(|gain| **gain < -TELLS).count();
     all.iter().sum::<f64>() > 0.0 && worse <= 1
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/holdout.rs"]
+mod tests;

@@ -79,6 +79,38 @@ fn an_error_of_the_prediction_acts_like_its_negative_in_the_data() {
     }
 }
 
+/// What an effect may do beside the model takes of the misfit what its best amplitude would, where the prior is wide; two effects that are one
+/// take as much as that one.
+#[test]
+fn an_effect_beside_the_model_takes_up_its_part_of_the_misfit() {
+    let (problem, reduced) = reduced_model();
+    let mut alpha = reduced.surface.evaluate(&problem.point(&TRUTH, 0.78));
+    for (k, a) in alpha.iter_mut().enumerate() {
+        *a += 3e-5 * (1.7 * k as f64).sin();
+    }
+    let statistics = statistics(alpha);
+    let likelihood = likelihood(&statistics, &reduced);
+    let effect = DVector::from_fn(8, |k, _| 1e-5 * (k as f64 - 3.0));
+    let weighted = &statistics.precision * &effect;
+    let at = (&TRUTH[..], 1.1);
+    // a parabola in the amplitude
+    let [minus, none, plus] =
+        [-1.0, 0.0, 1.0].map(|t| likelihood.misfit(at, Some(&(t * &weighted)), &[]).0);
+    let slope = 0.5 * (plus - minus);
+    let curvature = minus + plus - 2.0 * none;
+    let beside = |sds: &[f64]| {
+        let columns: Vec<DVector<f64>> = sds.iter().map(|sd| *sd * &weighted).collect();
+        likelihood.misfit(at, None, &columns).0
+    };
+    let prior = |sd: f64| none - 0.5 * slope * slope / (curvature + 2.0 / (sd * sd));
+    for sd in [0.3, 1.0, 1e4] {
+        let [one, two] = [beside(&[sd]), beside(&[0.6 * sd, 0.8 * sd])];
+        assert!((one - prior(sd)).abs() < 1e-6 * none, "{one} {}", prior(sd));
+        assert!((one - two).abs() < 1e-6 * none, "{one} {two}");
+    }
+    assert!(prior(1e4) < 0.9 * none, "{} {none}", prior(1e4));
+}
+
 #[test]
 fn one_newton_step_finds_the_mode_that_another_surface_has() {
     let (problem, reduced) = reduced_model();

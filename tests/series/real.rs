@@ -6,7 +6,7 @@ use plychain::sample::SAMPLERS;
 use plychain::trace::{Status, explain};
 use serde_json::{Value, json};
 
-use crate::loops::options;
+use crate::loops::{looped, options};
 use crate::printed_results::table;
 use crate::program::{fresh, plychain, root, shared};
 
@@ -157,4 +157,27 @@ fn a_real_series_is_closed_only_where_its_misfit_is_explained() {
             all(after)
         );
     }
+}
+
+/// The public FEMU-DIC test as MatchID exported it, whose constants are known: subset declared as 21 px. What acts is named (the registration is
+/// off by half a pixel, subsets are as of 25 px), and nothing else.
+#[test]
+#[ignore = "needs ../shared, 3 minutes"]
+fn the_public_femu_dic_test_is_explained_by_what_acts_in_it() {
+    let model = Model::load(&shared("femu-dic/model.json")).unwrap();
+    let ended = looped("femu-dic", &model, &[13.9, 5.0, 0.1, 2.0]);
+    let line = ended.line();
+    println!("{line} {}", ended.text);
+    let acts = ["registration_offset", "subset_size", "interpolation_bias"];
+    let no_other = ended.effects.iter().all(|e| acts.contains(&e.as_str()));
+    assert!(no_other && ended.effects.len() > 1, "{line}");
+    assert_eq!(ended.status, Status::Closed, "{line}");
+    assert_eq!(ended.held(), 4, "{line}");
+    let most = [1.5, 3.0, 3.0, 1.5];
+    for (sd, most) in ended.widths().zip(most) {
+        assert!(100.0 * 1.96 * sd < most, "{line}");
+    }
+    let said = ended.text.split("as by a subset of ").nth(1).unwrap();
+    let pixels: f64 = said.split(' ').next().unwrap().parse().unwrap();
+    assert!((24.0..26.0).contains(&pixels), "{pixels}");
 }
