@@ -59,6 +59,9 @@ impl Round {
         let groups = self.tracing.groups.iter().filter(|g| g.predicts);
         let groups = groups.filter(|g| self.tracing.undecided.contains(&g.members));
         let leaders: Vec<&str> = groups.map(|g| g.leader).collect();
+        if leaders.is_empty() {
+            return Vec::new();
+        }
         let prepared = &self.identification.inverse.prepared;
         let observation = &prepared.observation;
         let experiment = &*prepared.problem.experiment;

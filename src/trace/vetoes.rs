@@ -2,6 +2,7 @@
 
 use super::averaged::Interval;
 use super::evidence::LARGEST_MULTIPLE;
+use super::patches::{PatchPart, largest_part};
 use super::round::Round;
 use super::together::tension;
 use crate::effect::{Effect, Kind, amplitude_name};
@@ -174,16 +175,42 @@ fn held_out(before: &Round) -> Option<String> {
     (!group.predicts).then(|| format!("{} does not predict held-out regions", effect.name()))
 }
 
-/// 6. Steps of a series that the others do not predict.
-fn steps_apart(last: &Round) -> Vec<String> {
-    let observation = &last.identification.inverse.prepared.observation;
-    let names = observation.steps.iter().flat_map(|s| &s.names);
-    let steps = names.zip(last.tracing.steps());
-    let far = steps.filter_map(|(name, step)| {
-        let z = step.predicted?.z;
-        (z > STEP_SDS).then(|| format!("the other steps do not predict {name} (z = {z:.1})"))
-    });
-    far.collect()
+/// 6. Steps of a series that the others do not predict, and what they leave: not the step that was last is to blame, but a part of all.
+fn steps_apart(last: &Round) -> Option<String> {
+    let steps = last
+        .identification
+        .inverse
+        .prepared
+        .observation
+        .steps
+        .as_ref()?;
+    let traced = last.tracing.steps();
+    let z = traced.iter().filter_map(|step| Some(step.predicted?.z));
+    let far: Vec<(&String, f64)> = steps
+        .names
+        .iter()
+        .zip(z)
+        .filter(|(_, z)| *z > STEP_SDS)
+        .collect();
+    if far.is_empty() {
+        return None;
+    }
+    let names: Vec<&str> = far.iter().map(|(name, _)| name.as_str()).collect();
+    let z: Vec<String> = far.iter().map(|(_, z)| format!("{z:.1}")).collect();
+    let scales: Vec<f64> = traced.iter().map(|s| s.noise_scale.powi(2)).collect();
+    let maps = last.tracing.series.as_ref()?.maps.as_ref();
+    let part = maps.and_then(|m| largest_part(&m.left_nm, &steps.loads, &scales));
+    let left = match part {
+        Some(PatchPart::Load) => "; most of what is left grows with the load".into(),
+        Some(PatchPart::Common) => "; most of what is left is the same in all pictures".into(),
+        Some(PatchPart::Own(k)) => format!("; most of what is left is in {} alone", steps.names[k]),
+        Some(PatchPart::Whole) | None => String::new(),
+    };
+    Some(format!(
+        "the other steps do not predict {} (z = {}){left}",
+        names.join(", "),
+        z.join(", ")
+    ))
 }
 
 /// 7. Experiments beside the field that contradict it, with all that was found.

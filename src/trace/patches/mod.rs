@@ -13,6 +13,7 @@ use crate::quantity::plus_minus;
 
 pub use masked::Account;
 pub use parts::PatchPart;
+pub(super) use parts::largest_part;
 pub use scan::{FoundPatch, REMARKABLE, Scanned};
 pub use templates::{PatchFamily, PatchPlace, PatchedPoints};
 

@@ -75,3 +75,30 @@ pub(super) fn parts(loads: &[f64], scales: &[f64], reference: f64) -> Vec<FrameP
 
 /// Less than this of a frame beside what follows the laws is nothing of its own.
 const SEEN: f64 = 0.02;
+
+/// The part that is largest over its noise in what is left of all frames, nm: by blocks, of frames of these loads and noise scales.
+pub(in crate::trace) fn largest_part(
+    left_nm: &[[Vec<f64>; 2]],
+    loads: &[f64],
+    scales: &[f64],
+) -> Option<PatchPart> {
+    let size = |part: &FramePart| -> f64 {
+        let one = |c: usize, block: usize| {
+            let frames = part.weights.iter().zip(left_nm);
+            frames.map(|(w, left)| w * left[c][block]).sum::<f64>()
+        };
+        let blocks = left_nm.first().map_or(0, |left| left[0].len());
+        let squares = (0..2).flat_map(|c| (0..blocks).map(move |b| (c, b)));
+        squares.map(|(c, b)| one(c, b).powi(2)).sum::<f64>() / part.scale
+    };
+    // the reference picture is as noisy as the others
+    let sizes = parts(loads, scales, 1.0).into_iter();
+    let sizes = sizes.map(|part| (size(&part), part.part));
+    sizes
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, part)| part)
+}
+
+#[cfg(test)]
+#[path = "../../../tests/unit/parts.rs"]
+mod tests;
