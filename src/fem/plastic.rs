@@ -31,8 +31,6 @@ pub struct YieldFrame {
     pub stresses: Vec<Vector3<f64>>,
     /// Equivalent plastic strain there.
     pub equivalent: Vec<f64>,
-    /// Iterations so far.
-    pub iterations: usize,
 }
 
 /// The highest stress of an elastic plate at an edge that carries no load.
@@ -226,7 +224,6 @@ impl Plate {
                 stresses: body.stresses(&loaded),
                 equivalent: loaded.flow.iter().map(|p| p.equivalent).collect(),
                 plastic_part: loaded.plastic_part,
-                iterations: walk.iterations,
             });
         }
         Ok(frames)

@@ -37,11 +37,6 @@ impl Symbolic {
             })
     }
 
-    /// Stored entries of the factor.
-    pub fn factor_entries(&self) -> usize {
-        self.0.len_val()
-    }
-
     /// Cholesky factor of a matrix of this pattern, by its lower triangle; none where it is not positive definite.
     pub(super) fn factorised(&self, lower: SparseColMatRef<'_, usize, f64>) -> Option<Vec<f64>> {
         let params = Spec::<LltParams, f64>::default();

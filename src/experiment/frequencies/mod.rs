@@ -16,13 +16,12 @@ mod ritz;
 mod simulate;
 mod spec;
 mod theory;
-pub mod weigh;
 
 pub use basis::PlateEdge;
 pub use expansion::Expansion;
 pub use plate::{
-    HZ_LAMBDA, INERTIAS, PARAMETERS, PlateCoefficients, PlateParameter, STIFFNESSES,
-    TransverseShear, VibratingPlate, Weight,
+    HZ_LAMBDA, INERTIAS, PlateCoefficients, PlateParameter, STIFFNESSES, TransverseShear,
+    VibratingPlate, Weight,
 };
 pub use ritz::{Ritz, Settings, VibrationMode};
 pub use spec::{
