@@ -36,8 +36,7 @@ pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns
 pub use posterior::{Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{
-    ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, ParameterSpec, RunNote,
-    SCHEMA,
+    ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, RunNote, SCHEMA,
 };
 pub use shipped::{OPENHOLE, STEEL, unchanged};
 pub use simulated::{simulated_field, simulated_series};
