@@ -1,12 +1,18 @@
 //! The one error type: what went wrong, where, with which value, and what to do about it.
 
 use std::fmt;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Result of every fallible call in this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Exit code of work that was told to stop (SIGTERM) and is gone on with by `--resume`: `EX_TEMPFAIL` of sysexits.h.
 pub const TO_BE_RESUMED: u8 = 75;
+
+/// What a mutex protects, also where a thread panicked that held it: every holder leaves it whole.
+pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Whose fault an error is, which fixes the exit code of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

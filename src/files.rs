@@ -1,6 +1,7 @@
 //! Files written in one step, and JSON read with errors that name file, line and key.
 
 mod kept;
+mod natural;
 mod stored;
 
 use std::collections::BTreeMap;
@@ -14,6 +15,7 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 
 pub use kept::{KeptStages, STAGES};
+pub use natural::natural;
 pub use stored::Stored;
 pub(crate) use stored::stored;
 
@@ -197,6 +199,15 @@ pub fn plain(bytes: Vec<u8>) -> Vec<u8> {
         .map(|pair| unit(*pair))
         .collect();
     String::from_utf16_lossy(&units).into_bytes()
+}
+
+/// A path that means the same from anywhere.
+///
+/// # Errors
+/// Of the input: a current directory that is gone.
+pub fn absolute(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path)
+        .map_err(|e| Error::input(path.display(), "a path that can be made absolute").found(e))
 }
 
 /// Make a folder with those above it, if it is not there.

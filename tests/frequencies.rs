@@ -14,3 +14,5 @@ mod plates;
 mod simulated;
 #[path = "frequencies/support.rs"]
 mod support;
+#[path = "frequencies/weigh.rs"]
+mod weigh;

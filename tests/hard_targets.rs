@@ -28,7 +28,10 @@ fn hard() -> Vec<Known> {
 fn tried(target: &Known, sampler: &str, seed: u64) -> (bool, f64) {
     let kernel: Box<dyn Sampler> = match sampler {
         "adaptive" => Box::new(Adaptive::default()),
-        moves => Box::new(Ensemble::with(Mixture::parse(moves).unwrap())),
+        moves => Box::new(Ensemble {
+            mixture: Mixture::parse(moves).unwrap(),
+            ..Ensemble::default()
+        }),
     };
     let covariance = target.diagonal();
     let start = Start::Ball {

@@ -76,6 +76,7 @@ mod stores;
 mod study;
 mod supplied;
 mod suspect;
+mod tabulated;
 mod targets;
 mod terminal;
 mod together;

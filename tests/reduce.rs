@@ -16,7 +16,7 @@ use plychain::progress::Silent;
 use plychain::reduce::{
     Choice, CrossValidation, Dimension, GOGU_2013, Modes, Pod, Problem, ReducedModel, ReducedSpec,
     Reference, Snapshots, SnapshotsSpec, Surface, THICKNESS, TRUNCATIONS, Variables, cache,
-    decompose, exponents, latin_hypercube, leave_one_out, monomial,
+    decompose, exponents, latin_hypercube, leave_one_out, monomial, rows_to_solve,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -105,6 +105,11 @@ fn decaying(n: usize, count: usize) -> Mat<f64> {
 }
 
 /// Points of a Latin hypercube in the problem's box.
+/// The points of a problem's own design.
+pub fn design(problem: &Problem) -> Vec<Vec<f64>> {
+    rows_to_solve(&problem.dimensions, problem.spec.count())
+}
+
 pub fn points(problem: &Problem, n: usize, seed: u64) -> Vec<Vec<f64>> {
     let unit = latin_hypercube(n, problem.dimensions.len(), seed);
     let scale = |u: &Vec<f64>| {
@@ -281,7 +286,7 @@ fn a_ratios_surface_is_exact_in_a_common_factor_and_in_the_thickness() {
 #[test]
 fn finite_elements_held_out_lie_within_the_stated_error() {
     let problem = small_problem();
-    let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
+    let snapshots = Snapshots::at(&problem, design(&problem), &|| ()).unwrap();
     let model = ReducedModel::build(&problem, &snapshots).unwrap();
     let held_out = Snapshots::at(&problem, points(&problem, 40, 99), &|| ()).unwrap();
     let count = held_out.points.len();
@@ -341,7 +346,7 @@ fn the_article_s_box_gives_its_tables_in_figures_without_a_length() {
     test.window = [[-12.15; 2], [12.15; 2]];
     test.density = Density(0.28);
     let problem = problem_of(test).of_reference(Reference::Gogu2013);
-    let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
+    let snapshots = Snapshots::at(&problem, design(&problem), &|| ()).unwrap();
     let model = ReducedModel::build(&problem, &snapshots).unwrap();
     for c in 0..2 {
         for (i, k) in TRUNCATIONS.into_iter().enumerate() {

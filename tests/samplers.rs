@@ -20,7 +20,10 @@ fn kernels() -> Vec<(String, Box<dyn Sampler>)> {
         kernels.push((entry.name.to_string(), (entry.build)()));
     }
     for build in MOVES {
-        let only = Ensemble::with(Mixture::only(build()));
+        let only = Ensemble {
+            mixture: Mixture::new(vec![(build(), 1.0)]).unwrap(),
+            ..Ensemble::default()
+        };
         kernels.push((format!("only {}", build().name()), Box::new(only)));
     }
     kernels
@@ -303,7 +306,10 @@ fn snooker_is_exact_for_more_seeds() {
 }
 
 fn exact(seeds: &[u64]) {
-    let sampler = Ensemble::with(Mixture::parse("snooker").unwrap());
+    let sampler = Ensemble {
+        mixture: Mixture::parse("snooker").unwrap(),
+        ..Ensemble::default()
+    };
     for dim in [1, 2, 3, 8] {
         let target = targets::correlated(dim, 1.0);
         let (_, _, failures) = judge("snooker", &sampler, &target, seeds);

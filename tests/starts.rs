@@ -121,7 +121,10 @@ fn mixtures_are_declared_and_counted() {
     assert!(Mixture::parse("de=0.5,walk=0.5").is_err());
     assert!(Mixture::parse("de=-1").is_err());
     assert!(Mixture::parse("de=a").is_err());
-    let sampler = Ensemble::with(Mixture::parse("de=3,stretch").unwrap());
+    let sampler = Ensemble {
+        mixture: Mixture::parse("de=3,stretch").unwrap(),
+        ..Ensemble::default()
+    };
     let info = start(&targets::banana(), &sampler, &ball(&[0.0; 2]))
         .unwrap()
         .draws

@@ -15,11 +15,11 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Dxsm;
 use serde_json::Value;
 
-use crate::kernel::table;
 use crate::program::{changed, coarse, fresh, plychain, set_coarse, succeed};
+use crate::tabulated::Tabulated;
 
 fn posterior() -> (Posterior, Laplace, Vec<[f64; 2]>) {
-    let posterior = table().posterior();
+    let posterior = Tabulated::load().posterior();
     let (centre, sd) = posterior.start();
     let mode = laplace(&posterior, &centre, &sd).unwrap();
     let d = posterior.dim();

@@ -250,10 +250,6 @@ fn the_plastic_part_converges_with_increments_and_mesh() {
         let setup = strip(true, level);
         let solve = |plate: &Plate, finer: f64| {
             let frames = plate.yielding(&setup, &steel(), &[1.0], finer).unwrap();
-            println!(
-                "level {level}, density, increments x{finer}: {} iterations",
-                frames[0].iterations
-            );
             in_window(plate, &frames[0].plastic_part)
         };
         let [coarse, fine] = [0.5, 0.75].map(|density| plate(&setup, density));

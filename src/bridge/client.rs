@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use ureq::Agent;
 
 use super::OUTSIDE;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, locked};
 use crate::sample::{DensityError, LogDensity};
 
 /// How long a server is waited for.
@@ -45,14 +45,14 @@ struct Gate {
 
 impl Gate {
     fn pass<T>(&self, act: impl FnOnce() -> T) -> T {
-        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut free = locked(&self.free);
         while *free == 0 {
             free = self.left.wait(free).unwrap_or_else(PoisonError::into_inner);
         }
         *free -= 1;
         drop(free);
         let done = act();
-        *self.free.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+        *locked(&self.free) += 1;
         self.left.notify_one();
         done
     }

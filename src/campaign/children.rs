@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::error::Result;
+use crate::error::{Result, locked};
 use crate::signals::on_termination;
 
 /// Processes that are running.
@@ -35,7 +35,7 @@ impl Children {
 
     fn stop(&self) {
         self.stopped.store(true, Ordering::SeqCst);
-        let ids = self.ids();
+        let ids = locked(&self.ids);
         if !ids.is_empty() {
             // an id stays in the list only while its process is not waited for, so that it is nobody else's
             let _ = Command::new("kill")
@@ -46,17 +46,13 @@ impl Children {
         }
     }
 
-    fn ids(&self) -> MutexGuard<'_, BTreeSet<u32>> {
-        self.ids.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Start a process, and wait for its end. None if it was not begun because there is to be no more.
     ///
     /// # Errors
     /// A process that cannot be started or waited for.
     pub fn run(&self, command: &mut Command) -> std::io::Result<Option<ExitStatus>> {
         let mut child = {
-            let mut ids = self.ids();
+            let mut ids = locked(&self.ids);
             if self.stopped() {
                 return Ok(None);
             }
@@ -71,7 +67,7 @@ impl Children {
         let began = Instant::now();
         loop {
             {
-                let mut ids = self.ids();
+                let mut ids = locked(&self.ids);
                 if let Some(status) = child.try_wait().inspect_err(|_| {
                     ids.remove(&child.id());
                 })? {

@@ -7,5 +7,5 @@ mod write;
 
 pub use collected::Collected;
 pub use outlying::{MOST_Z, robust_z};
-pub use row::{CampaignRow, Found};
+pub use row::Found;
 pub use write::{priors_section, write};

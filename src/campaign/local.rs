@@ -2,7 +2,7 @@
 
 use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::children::Children;
@@ -10,7 +10,7 @@ use super::engine::{Campaign, Engine, Resources};
 use super::manifest;
 use super::plan::Run;
 use super::process;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, locked};
 use crate::progress::Progress;
 
 pub struct Local;
@@ -100,10 +100,6 @@ fn all<'a>(
     ends.into_iter().collect::<Result<()>>()?;
     let elsewhere = elsewhere.into_inner();
     Ok(elsewhere.unwrap_or_else(PoisonError::into_inner))
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The process of a run. A limit of its memory is set by a shell, which the program then replaces.

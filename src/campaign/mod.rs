@@ -20,7 +20,7 @@ mod sweep;
 use crate::error::{Error, Result};
 
 pub use engine::{Campaign, Cluster, Engine, Resources};
-pub use plan::{Plan, Run};
+pub use plan::Run;
 pub use settle::{Asked, name_of, settle};
 pub use slurm::in_queue;
 pub use status::{CampaignPlaces, RunState};

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use glob::{MatchOptions, Pattern, glob_with};
 
 use crate::error::{Error, Result};
+use crate::files::natural;
 
 /// The files and folders that paths and patterns name below `base`, in order, those of a pattern sorted with numbers by their size.
 ///
@@ -37,29 +38,14 @@ fn matching(pattern: &str, base: &Path) -> Vec<PathBuf> {
     let pattern = Path::new(&base).join(pattern.replace('[', "[[]"));
     let paths = glob_with(&pattern.to_string_lossy(), AS_A_SHELL);
     let mut found: Vec<PathBuf> = paths.into_iter().flatten().flatten().collect();
-    found.sort_by_cached_key(|path| {
-        let parts = path.iter().map(|part| natural(&part.to_string_lossy()));
-        parts.collect::<Vec<_>>()
+    found.sort_by(|a, b| {
+        let parts = a.iter().zip(b.iter());
+        let mut orders = parts.map(|(x, y)| natural(&x.to_string_lossy(), &y.to_string_lossy()));
+        orders
+            .find(|order| order.is_ne())
+            .unwrap_or_else(|| a.cmp(b))
     });
     found
-}
-
-/// A name with its numbers filled up, so that coupon-9 comes before coupon-10.
-fn natural(name: &str) -> (String, String) {
-    let mut key = String::new();
-    let mut digits = String::new();
-    for c in name.chars().chain(std::iter::once(' ')) {
-        if c.is_ascii_digit() {
-            digits.push(c);
-            continue;
-        }
-        if !digits.is_empty() {
-            key += &format!("{digits:0>20}");
-            digits.clear();
-        }
-        key.push(c);
-    }
-    (key, name.to_string())
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::declared::{Declared, read};
 use super::file::Verb;
 use super::sweep;
 use crate::error::{Error, Result};
-use crate::files::{self, Keyed, parse_json};
+use crate::files::{self, Keyed, absolute, parse_json};
 use crate::report::manifest::hashes;
 use crate::study::Study;
 
@@ -178,9 +178,6 @@ impl Plan {
 type KnownSettings = BTreeMap<(PathBuf, Option<PathBuf>), Keyed<String>>;
 
 fn planned(run: Declared, folder: &Path, known: &mut KnownSettings) -> Result<Run> {
-    let absolute = |path: &Path| {
-        std::path::absolute(path).map_err(|e| Error::input(path.display(), "a path").found(e))
-    };
     let mut model = absolute(&run.model)?;
     if !run.set.is_empty() {
         let changed = sweep::changed(&model, &run.set)?;

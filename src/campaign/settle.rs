@@ -7,7 +7,7 @@ use super::file::CampaignFile;
 use super::plan::{Plan, Run};
 use super::status::{CampaignPlaces, RunState};
 use crate::error::{Error, Result};
-use crate::files::make_folder;
+use crate::files::{absolute, make_folder};
 
 /// What a campaign's folder always has.
 const FOLDERS: [&str; 3] = ["runs", "status", "log"];
@@ -44,9 +44,6 @@ pub fn name_of(file: &Path) -> Result<String> {
 /// # Errors
 /// The input's fault: a folder that is there and not to be gone on with, inputs that changed, what a plan is refused for.
 pub fn settle(asked: &Asked) -> Result<Campaign> {
-    let absolute = |path: &Path| {
-        std::path::absolute(path).map_err(|e| Error::input(path.display(), "a path").found(e))
-    };
     let places = CampaignPlaces(absolute(&asked.out)?);
     let known = Plan::load(&places.0)?;
     check_folder(asked, &places, known.is_some())?;

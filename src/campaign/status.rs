@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::plan::Run;
-use crate::error::{Error, Result};
-use crate::files;
+use crate::error::Result;
+use crate::files::{self, unwritable};
 use crate::report::manifest::Manifest;
 
 /// How far a run is.
@@ -184,5 +184,5 @@ fn lock_file(path: &Path) -> Result<File> {
         .append(true)
         .create(true)
         .open(path);
-    file.map_err(|e| Error::unwritable(path.display(), "a file that can be written").found(e))
+    file.map_err(|e| unwritable(path, &e))
 }

@@ -354,32 +354,4 @@ impl Draws {
             ..self.clone()
         })
     }
-
-    /// Appends later draws of the same chains; `info` stays that of `self`.
-    ///
-    /// # Errors
-    /// The program's fault if names or chains differ.
-    pub fn append(&mut self, later: &Self) -> Result<()> {
-        if self.names != later.names || self.ensemble != later.ensemble {
-            return Err(Error::program(
-                "draws",
-                "later draws of the same chains and parameters",
-            ));
-        }
-        self.values = interleave(&self.values, &later.values, self.chains());
-        self.lp = interleave(&self.lp, &later.lp, self.chains());
-        self.draws += later.draws;
-        Ok(())
-    }
-}
-
-/// Joins two arrays whose leading axis is `chains` along their second axis.
-fn interleave(first: &[f64], second: &[f64], chains: usize) -> Vec<f64> {
-    let (a, b) = (first.len() / chains.max(1), second.len() / chains.max(1));
-    let mut joined = Vec::with_capacity(first.len() + second.len());
-    for chain in 0..chains {
-        joined.extend_from_slice(&first[chain * a..(chain + 1) * a]);
-        joined.extend_from_slice(&second[chain * b..(chain + 1) * b]);
-    }
-    joined
 }

@@ -10,6 +10,7 @@ use crate::campaign::collect::{Collected, MOST_Z, priors_section, write};
 use crate::campaign::manifest::{self, CampaignManifest, ManifestEntry};
 use crate::campaign::{self, Asked, Campaign, CampaignPlaces, Cluster, Resources, RunState};
 use crate::error::{Error, Result};
+use crate::files::absolute;
 use crate::section::terminal;
 
 /// Arguments of `campaign`.
@@ -228,9 +229,7 @@ fn finish(campaign: &Campaign, handed_on: bool) -> Result<()> {
 
 /// How the runs of a campaign stand, and what to do.
 fn standing(folder: &Path) -> Result<()> {
-    let folder = std::path::absolute(folder)
-        .map_err(|e| Error::input(folder.display(), "a path").found(e))?;
-    let places = CampaignPlaces(folder);
+    let places = CampaignPlaces(absolute(folder)?);
     let manifest = CampaignManifest::in_folder(&places)?;
     results(&manifest)?;
     let mut text = manifest.text().lines().take(1).collect::<String>();

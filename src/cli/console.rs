@@ -2,12 +2,13 @@
 //! what is done and how much there is of it, and guesses no time: such a guess grows.
 
 use std::io::{IsTerminal, Write};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, Weak};
 use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::error::locked;
 use crate::progress::{Progress, StageClock, StageCost};
 
 /// Watches work for a person.
@@ -80,11 +81,6 @@ impl Console {
         }
         act(&mut locked(&self.stage));
     }
-}
-
-/// A poisoned lock means another thread panicked while drawing; there is nothing left to protect.
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Tell of a stage that neither ticks nor speaks, until the console is gone.

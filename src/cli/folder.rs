@@ -11,7 +11,7 @@ use super::RUNS;
 use super::console::line;
 use super::held::HeldRun;
 use crate::error::{Error, Result};
-use crate::files::{self, STAGES};
+use crate::files::{self, STAGES, unwritable};
 use crate::infer::Model;
 use crate::progress::StageCost;
 use crate::report::manifest::{Manifest, hashes};
@@ -284,14 +284,6 @@ fn is_unfinished(path: &Path) -> bool {
     let has_page = verb(command.filter_map(Value::as_str)) != Some("sample");
     known.get("unfinished").is_some()
         || (has_page && path.join("checkpoint").exists() && !path.join("report.html").exists())
-}
-
-fn unwritable(path: &Path, error: &std::io::Error) -> Error {
-    Error::input(
-        format!("--out {}", path.display()),
-        "a place that can be written",
-    )
-    .found(error)
 }
 
 /// The folder of the posterior to quote in a loop's.

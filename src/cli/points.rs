@@ -1,6 +1,7 @@
 //! What the points of a field show: the hole, which is the largest gap in them, and the axis along which it is stretched.
 
 use crate::field::Field;
+use crate::mesh_files::Circle;
 use crate::numeric::range;
 use crate::report::FieldCells;
 
@@ -73,33 +74,22 @@ const SECTORS: usize = 36;
 const CLOSED: f64 = 0.85;
 const ROUND: f64 = 0.25;
 
-/// The circle through the points next to a gap, by least squares (Kasa 1976): centre and diameter. The nearest point in each
+/// The circle through the points next to a gap, by least squares: centre and diameter. The nearest point in each
 /// direction stands for the rim; `None` where that is not round, or does not reach all around.
 fn circle(points: &[[f64; 2]], start: [f64; 2], spacing: f64) -> Option<([f64; 2], f64)> {
     let (mut centre, mut radius) = (start, 0.0);
     for _ in 0..5 {
-        // x^2 + y^2 = a x + b y + c
-        let mut normal = nalgebra::Matrix3::zeros();
-        let mut right = nalgebra::Vector3::zeros();
-        for (r, [x, y]) in rim_about(points, centre) {
-            let row = nalgebra::Vector3::new(x, y, 1.0);
-            normal += row * row.transpose();
-            right += r * r * row;
-        }
-        let fit = normal.cholesky()?.solve(&right);
-        let [a, b] = [0.5 * fit[0], 0.5 * fit[1]];
-        centre = [centre[0] + a, centre[1] + b];
-        radius = (fit[2] + a * a + b * b).max(0.0).sqrt();
+        let rim: Vec<[f64; 2]> = rim_about(points, centre).map(|(_, p)| p).collect();
+        let fit = Circle::near(&rim)?;
+        (centre, radius) = (fit.center, fit.radius);
     }
-    let near = rim_about(points, centre);
-    let near = near
-        .iter()
-        .filter(|(r, _)| (r - radius).abs() < ROUND * radius + spacing);
+    let near =
+        rim_about(points, centre).filter(|(r, _)| (r - radius).abs() < ROUND * radius + spacing);
     (near.count() as f64 >= CLOSED * SECTORS as f64).then_some((centre, 2.0 * radius))
 }
 
-/// Distance and offset of the nearest point in each direction.
-fn rim_about(points: &[[f64; 2]], centre: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+/// The nearest point in each direction, with its distance.
+fn rim_about(points: &[[f64; 2]], centre: [f64; 2]) -> impl Iterator<Item = (f64, [f64; 2])> {
     let mut rim: Vec<Option<(f64, [f64; 2])>> = vec![None; SECTORS];
     for p in points {
         let [x, y] = [p[0] - centre[0], p[1] - centre[1]];
@@ -107,10 +97,10 @@ fn rim_about(points: &[[f64; 2]], centre: [f64; 2]) -> Vec<(f64, [f64; 2])> {
         let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
         let r = x.hypot(y);
         if rim[sector].is_none_or(|(nearest, _)| r < nearest) {
-            rim[sector] = Some((r, [x, y]));
+            rim[sector] = Some((r, *p));
         }
     }
-    rim.into_iter().flatten().collect()
+    rim.into_iter().flatten()
 }
 
 /// Radii about a gap within which points are counted, over its own.

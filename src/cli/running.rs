@@ -307,6 +307,14 @@ impl Limits {
     }
 }
 
+/// A name and its range, of `NAME=LOW:HIGH`; none where the text is not of this form.
+pub(super) fn named_range(text: &str) -> Option<(&str, [f64; 2])> {
+    let (name, range) = text.split_once('=')?;
+    let (low, high) = range.split_once(':')?;
+    let number = |text: &str| text.trim().parse().ok();
+    Some((name.trim(), [number(low)?, number(high)?]))
+}
+
 /// A time that is stated in seconds.
 pub(super) fn duration(option: &str, seconds: f64) -> Result<Duration> {
     let duration = Duration::try_from_secs_f64(seconds).ok();

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::console::{Console, line};
 use super::folder::Folder;
-use super::running::{Limits, duration, not_converged, stoppable};
+use super::running::{Limits, duration, named_range, not_converged, stoppable};
 use super::samplers::{MOVES_HELP, SamplerOptions};
 use super::{Global, print};
 use crate::bridge::{Patience, RemoteDensity};
@@ -154,13 +154,7 @@ impl ParameterPrior {
 fn read_box(text: &str) -> Result<Keyed<ParameterPrior>> {
     let mut all = Keyed::new();
     for item in text.split(',').map(str::trim) {
-        let parts = item
-            .split_once('=')
-            .and_then(|(name, sides)| Some((name.trim(), sides.split_once(':')?)));
-        let number = |text: &str| text.trim().parse::<f64>().ok();
-        let sides =
-            parts.and_then(|(name, (low, high))| Some((name, [number(low)?, number(high)?])));
-        let Some((name, sides)) = sides.filter(|(name, _)| !name.is_empty()) else {
+        let Some((name, sides)) = named_range(item).filter(|(name, _)| !name.is_empty()) else {
             return Err(Error::input("--box", "NAME=LOW:HIGH for each parameter").found(item));
         };
         if all

@@ -10,7 +10,7 @@ use super::calibrate::{CalibrationArguments, article_twin, calibrate};
 use super::console::Console;
 use super::folder::{Folder, check_run, say_round};
 use super::identify::write;
-use super::running::identity;
+use super::running::{identity, named_range};
 use super::samplers::named;
 use super::{DEFAULT_MODEL, Global, cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
@@ -296,14 +296,9 @@ fn declared_bounds(texts: &[String], posterior: &Posterior, bounds: &mut [[f64; 
                 format!("NAME=LOW:HIGH with one of {}", names.join(", ")),
             )
         };
-        let (name, range) = text.split_once('=').ok_or_else(wrong)?;
-        let (low, high) = range.split_once(':').ok_or_else(wrong)?;
-        let number = |t: &str| t.trim().parse::<f64>().map_err(|_| wrong().found(t));
-        let k = names
-            .iter()
-            .position(|n| n == name)
-            .ok_or_else(|| wrong().found(name))?;
-        bounds[k] = [number(low)?, number(high)?];
+        let (name, range) = named_range(text).ok_or_else(wrong)?;
+        let k = names.iter().position(|n| n == name);
+        bounds[k.ok_or_else(|| wrong().found(name))?] = range;
     }
     Ok(())
 }

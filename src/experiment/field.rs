@@ -77,11 +77,6 @@ impl FieldExperiment {
         })
     }
 
-    /// The plate that is solved.
-    pub fn plate(&self) -> &Plate {
-        &self.plate
-    }
-
     /// The nominal specimen bent out of its plane. Threads that ask at once each solve it: one that waited could hold up the other's
     /// parallel loops.
     fn bending(&self) -> Result<&Bending> {

@@ -25,7 +25,6 @@ mod window;
 pub use field::FieldExperiment;
 pub use field_test::FieldTest;
 pub use gauge::{Gauge, check as check_gauge, gauged};
-pub use mesh_error::MeshError;
 pub use mock::MockExperiment;
 pub use sensitivity::{Direction, Neighbourhood, pictured, sensitivity};
 pub use sight::Sight;

@@ -10,9 +10,9 @@ use super::gauge::Gauge;
 use super::series::Law;
 use crate::effect::{self, Effect};
 use crate::error::{Error, Result};
-use crate::field::spec::{absolute, check_window};
+use crate::field::spec::check_window;
 use crate::field::{MeasurementSpec, StepSpec, step};
-use crate::files::unique;
+use crate::files::{absolute, unique};
 use crate::geometry::{self, Density, Geometry};
 use crate::laminate::{LoadSpec, Material, SpecimenSpec};
 use crate::mesh_files::{ImportedPlate, MeshSpec, Part, RegionSpec};
@@ -261,10 +261,10 @@ impl ExperimentSpec {
     pub fn below(mut self, base_dir: &Path) -> Result<Self> {
         self.measurement = self.measurement.below(base_dir)?;
         for step in self.steps.iter_mut().flatten() {
-            step.file = absolute(base_dir, &step.file)?;
+            step.file = absolute(&base_dir.join(&step.file))?;
         }
         if let Some(mesh) = &mut self.mesh {
-            mesh.file = absolute(base_dir, &mesh.file)?;
+            mesh.file = absolute(&base_dir.join(&mesh.file))?;
         }
         Ok(self)
     }

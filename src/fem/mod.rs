@@ -33,20 +33,17 @@ mod view;
 mod yielding;
 
 pub use anchor::{Anchor, Bump};
-pub use basis::{Answer, Query, SpanBasis, TOLERANCE};
-pub use bending::{
-    BendingFactor, BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation,
-};
+pub use basis::{Answer, SpanBasis, TOLERANCE};
+pub use bending::{BendingPattern, Bent, EndMoment, bend, plain_deflection, plain_rotation};
 pub use load::{EndLoad, edge_forces, end_forces, load_parts};
 pub use observe::{Locator, Nodal, Observer};
 pub use plastic::{EdgeStress, YieldFrame};
-pub use plastic_table::{Metal, PlasticTable};
-pub use plasticity::{J2, Plastic, von_mises};
+pub use plastic_table::Metal;
+pub use plasticity::{J2, Plastic};
 pub use plate::{Plate, Solution};
 pub use profile::{Annulus, Profile};
-pub use setup::{Region, Setup, Yield};
+pub use setup::{Setup, Yield};
 pub use solve::Factor;
 pub use span::{Certificate, span};
-pub use supports::Supports;
-pub use vibration::{NaturalModes, Vibrating};
+pub use vibration::Vibrating;
 pub use view::{Motion, View};

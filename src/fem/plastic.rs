@@ -1,7 +1,7 @@
 //! What a plate of metal adds to its elastic displacements where it yields.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ use super::plasticity::{J2, von_mises};
 use super::plate::Plate;
 use super::setup::Setup;
 use super::yielding::{Body, Walk};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, locked};
 use crate::geometry::{HIGH, LOW, Mesh};
 use crate::laminate::Ply;
 
@@ -31,8 +31,6 @@ pub struct YieldFrame {
     pub stresses: Vec<Vector3<f64>>,
     /// Equivalent plastic strain there.
     pub equivalent: Vec<f64>,
-    /// Iterations so far.
-    pub iterations: usize,
 }
 
 /// The highest stress of an elastic plate at an edge that carries no load.
@@ -69,13 +67,13 @@ impl TableKey {
     }
 
     fn kept(self) -> Option<Arc<PlasticTable>> {
-        let tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let tables = locked(&TABLES);
         let own = tables.iter().find(|(of, _)| *of == self);
         own.map(|(_, table)| table.clone())
     }
 
     fn keep(self, table: &Arc<PlasticTable>) {
-        let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut tables = locked(&TABLES);
         tables.truncate(KEPT - 1);
         tables.insert(0, (self, table.clone()));
     }
@@ -226,7 +224,6 @@ impl Plate {
                 stresses: body.stresses(&loaded),
                 equivalent: loaded.flow.iter().map(|p| p.equivalent).collect(),
                 plastic_part: loaded.plastic_part,
-                iterations: walk.iterations,
             });
         }
         Ok(frames)

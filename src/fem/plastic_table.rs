@@ -146,16 +146,6 @@ impl PlasticTable {
         sum
     }
 
-    /// Nodal plastic parts of the steps of a history of forces, each that of the largest force so far.
-    pub fn history(&self, forces: &[f64], thickness: f64, metal: &Metal) -> Vec<Vec<f64>> {
-        let mut peak = 0.0_f64;
-        let step = |force: &f64| {
-            peak = peak.max(*force);
-            self.plastic(peak, thickness, metal)
-        };
-        forces.iter().map(step).collect()
-    }
-
     /// Levels and their weights in the interpolation: cubics between levels whose slopes are those of parabolas through three levels, 0 with
     /// slope 0 at the onset, and a straight line beyond the last level, as linear hardening has it in the end.
     fn level_weights(&self, level: f64) -> Vec<(usize, f64)> {

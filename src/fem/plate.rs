@@ -283,11 +283,6 @@ impl Plate {
     pub fn rest(&self) {
         self.pool.clear();
     }
-
-    /// Stored entries of the Cholesky factor.
-    pub fn factor_entries(&self) -> usize {
-        self.symbolic.factor_entries()
-    }
 }
 
 /// What a basis would be asked for a test, apart from its yielding: the ring in its mesh, and the query; none where a basis cannot answer.

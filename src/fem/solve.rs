@@ -1,6 +1,6 @@
 //! Sparse Cholesky of the plate: symbolic once a mesh, numeric for every membrane stiffness.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use faer::Par;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
@@ -15,7 +15,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Side, Spec};
 
 use super::assemble::Assembly;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, locked};
 use crate::laminate::Membrane;
 
 /// Symbolic factorisation of a mesh's stiffness pattern.
@@ -35,11 +35,6 @@ impl Symbolic {
                 Error::program("symbolic factorisation", "a mesh that fits into memory")
                     .found(format!("{e:?}"))
             })
-    }
-
-    /// Stored entries of the factor.
-    pub fn factor_entries(&self) -> usize {
-        self.0.len_val()
     }
 
     /// Cholesky factor of a matrix of this pattern, by its lower triangle; none where it is not positive definite.
@@ -143,7 +138,7 @@ impl Drop for Factor<'_> {
     fn drop(&mut self) {
         let space = std::mem::replace(&mut self.space, Workspace::empty());
         if !space.values.is_empty() {
-            self.pool.lock().push(space);
+            locked(&self.pool.0).push(space);
         }
     }
 }
@@ -151,18 +146,14 @@ impl Drop for Factor<'_> {
 impl Pool {
     /// Free what waits.
     pub fn clear(&self) {
-        self.lock().clear();
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Vec<Workspace>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.0).clear();
     }
 }
 
 impl<'a> Factor<'a> {
     /// Take a work space from the pool, or allocate one; nothing is factorised yet.
     pub fn new(symbolic: &'a Symbolic, assembly: &'a Assembly, pool: &'a Pool) -> Self {
-        let waiting = pool.lock().pop();
+        let waiting = locked(&pool.0).pop();
         Self {
             symbolic,
             assembly,

@@ -16,32 +16,19 @@ pub struct Check {
     pub what: String,
     /// The figure.
     pub value: f64,
-    /// What it is held against.
-    pub bound: Bound,
+    /// What it may be at most.
+    pub bound: f64,
     /// Whether it holds.
     pub passed: bool,
 }
 
-/// The side on which a figure has to stay.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Bound {
-    /// At most this.
-    AtMost(f64),
-    /// At least this.
-    AtLeast(f64),
-}
-
 impl Check {
-    pub fn new(what: impl Into<String>, value: f64, bound: Bound) -> Self {
-        let passed = match bound {
-            Bound::AtMost(limit) => value <= limit,
-            Bound::AtLeast(limit) => value >= limit,
-        };
+    pub fn new(what: impl Into<String>, value: f64, bound: f64) -> Self {
         Self {
             what: what.into(),
             value,
             bound,
-            passed,
+            passed: value <= bound,
         }
     }
 }
@@ -54,22 +41,22 @@ pub fn basis(certificates: &[Certificate]) -> Vec<Check> {
         Check::new(
             format!("reduced basis: error over its bound, largest of {n}"),
             largest(|c| c.error / c.bound),
-            Bound::AtMost(1.0),
+            1.0,
         ),
         Check::new(
             format!("reduced basis: bound over the error, largest of {n}"),
             largest(Certificate::effectivity),
-            Bound::AtMost(5.0),
+            5.0,
         ),
         Check::new(
             "reduced basis: largest difference at a measured point, mm",
             largest(|c| c.largest_mm),
-            Bound::AtMost(1e-8),
+            1e-8,
         ),
         Check::new(
             format!("reduced basis: difference at a measured point over its bound, largest of {n}"),
             largest(|c| c.largest_mm / c.bound_mm),
-            Bound::AtMost(1.0),
+            1.0,
         ),
     ]
 }
@@ -87,7 +74,7 @@ pub fn window_convergence(setup: &Setup, ply: &Ply, density: Density, half: f64)
     Ok(Check::new(
         "window displacement change under one refinement, relative",
         difference(&points, &coarse, &fine),
-        Bound::AtMost(1e-5),
+        1e-5,
     ))
 }
 

@@ -54,8 +54,6 @@ pub struct Walk<'a, 'f> {
     at: YieldingPlate,
     /// The equilibrium before.
     before: Option<(f64, Vec<f64>)>,
-    /// Iterations so far.
-    pub iterations: usize,
 }
 
 impl<'a, 'f> Walk<'a, 'f> {
@@ -78,7 +76,6 @@ impl<'a, 'f> Walk<'a, 'f> {
             elastic,
             body,
             factor,
-            iterations: 0,
         }
     }
 
@@ -117,7 +114,6 @@ impl<'a, 'f> Walk<'a, 'f> {
         let mut acceleration = Anderson::default();
         for _ in 0..MOST {
             let (image, flow) = self.image(factor, &guess);
-            self.iterations += 1;
             let pairs = image.iter().zip(&guess);
             let change = pairs.fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
             if change <= self.tolerance * size {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::agreement::{self, Judged};
 use super::common::PointIndex;
 use super::conventions;
-use super::measured::{Field, Reason, Rejected};
+use super::measured::{Field, Reason};
 use super::outliers::outliers_of_steps;
 use super::spec::{MeasurementSpec, OutlierRule};
 use super::step::{self, StepSpec};
@@ -42,8 +42,6 @@ pub struct Step {
     pub lost: usize,
     /// Outliers of this step among the common points; all steps lose them.
     pub outliers: usize,
-    /// Points that were dropped when the file was read.
-    pub rejected: Rejected,
 }
 
 /// A step must have this share of the reference step's points, and the reference step of its.
@@ -149,7 +147,6 @@ impl Series {
                 sigma: sigma.map(|all| own.iter().map(|&j| all[j]).collect()),
                 lost,
                 outliers: 0,
-                rejected: field.rejected,
             });
         }
         let files: Vec<PathBuf> = fields.iter().flat_map(|f| f.files.clone()).collect();

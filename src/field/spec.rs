@@ -15,6 +15,7 @@ use super::outliers;
 use super::reader::{ColumnMap, Columns, PIXEL, Reader, Units};
 use super::table::Csv;
 use crate::error::{Error, Result};
+use crate::files::absolute;
 
 /// A declared measurement. In JSON its fields lie flat beside `format`; an unknown key is an error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -251,7 +252,7 @@ impl MeasurementSpec {
     pub fn below(self, base_dir: &Path) -> Result<Self> {
         match &self.source.path {
             Some(path) => {
-                let absolute = absolute(base_dir, path)?;
+                let absolute = absolute(&base_dir.join(path))?;
                 Ok(self.with_path(absolute))
             }
             None => Ok(self),
@@ -401,16 +402,6 @@ impl MeasurementSpec {
         field.check_enough(&field.place())?;
         Ok(field)
     }
-}
-
-/// `path` from `base_dir`, absolute.
-///
-/// # Errors
-/// Of the input: a current directory that is gone.
-pub fn absolute(base_dir: &Path, path: &Path) -> Result<PathBuf> {
-    let path = base_dir.join(path);
-    std::path::absolute(&path)
-        .map_err(|e| Error::input(path.display(), "a path that can be made absolute").found(e))
 }
 
 /// A pixel's size stands where it is used, and is the same wherever it stands.

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::laminate::{End, SpecimenSpec};
 
 pub use mesh::{Boundary, Edge, EdgeForce, INTRODUCTIONS, Mesh};
-pub use outline::{Clamp, Outline};
+pub use outline::Outline;
 pub use plain_strip::PlainStrip;
 pub use strip_with_hole::StripWithHole;
 

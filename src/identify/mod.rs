@@ -24,15 +24,12 @@ mod waves;
 
 pub use force::settle_force;
 pub use identification::{Identification, Refinement};
-pub use inverse::{
-    InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, prepare_traced, start,
-};
-pub use misfit::{AgainstNoise, MISFIT};
-pub use patterns::{Exceedance, Patterns};
+pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
+pub use misfit::MISFIT;
+pub use patterns::Patterns;
 pub use refine::refined;
 pub use residual::Residual;
 pub use solve::{Options, Reporting, identify, identify_traced, redrawn, refine};
 pub use structure::{RingRms, Structure, VariogramLag};
-pub use surrogate::{CHECKED_DRAWS, Reweighted, SurrogateError, TOLERANCE};
+pub use surrogate::{CHECKED_DRAWS, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;
-pub use waves::Wave;

@@ -86,36 +86,6 @@ impl Likelihood {
         Ok(likelihood)
     }
 
-    /// The likelihood of exactly known errors: coefficients `measured` (mm) with independent errors of the given
-    /// `variance` (mm^2), and the thickness. Its noise scale has no effect.
-    pub fn with_variance(
-        surface: Surface,
-        measured: &[f64],
-        variance: &[f64],
-        thickness: (f64, f64),
-    ) -> Self {
-        let p = measured.len();
-        let sd: Vec<f64> = variance.iter().map(|v| v.sqrt()).collect();
-        let raw = DMatrix::from_fn(p, surface.exponents.len(), |k, m| {
-            surface.coefficients[k][m]
-        });
-        let forward = DMatrix::from_fn(p, p, |i, k| if i == k { 1.0 / sd[k] } else { 0.0 });
-        let mut likelihood = Self {
-            slope: thickness_slope(&surface, &raw, thickness.0).map(|s| &forward * s),
-            polynomial: &forward * raw,
-            surface,
-            measured: DVector::from_fn(p, |k, _| measured[k] / sd[k]),
-            lambda: DVector::from_element(p, f64::INFINITY),
-            backward: DMatrix::from_fn(p, p, |i, k| if i == k { sd[k] } else { 0.0 }),
-            thickness_mean: thickness.0,
-            thickness_sd: thickness.1,
-            freedom: 0.0,
-            kernel: Kernel::default(),
-        };
-        likelihood.compile(Some(1.0));
-        likelihood
-    }
-
     /// Prepares the evaluation, with the noise scale fixed if `scale` gives it.
     pub(super) fn compile(&mut self, scale: Option<f64>) {
         let spread: Vec<f64> = self.lambda.iter().map(|l| 1.0 / l).collect();

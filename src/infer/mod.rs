@@ -19,7 +19,6 @@ mod simulated;
 mod statistics;
 mod steps;
 mod supplied;
-mod tabulated;
 mod tension;
 mod traced;
 mod version1;
@@ -37,14 +36,12 @@ pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns
 pub use posterior::{Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{
-    ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, ParameterSpec, RunNote,
-    SCHEMA,
+    ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, RunNote, SCHEMA,
 };
 pub use shipped::{OPENHOLE, STEEL, unchanged};
 pub use simulated::{simulated_field, simulated_series};
 pub use statistics::{Statistics, Whitened};
 pub use steps::Steps;
 pub use supplied::box_to_solve;
-pub use tabulated::{Tabulated, TabulatedMoments, TestPoint};
 pub use tension::{Moments, Tension};
 pub use traced::TracedSeries;

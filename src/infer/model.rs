@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::experiment::{ExperimentSpec, State, Subsets, check_gauge};
 use crate::fem::Setup;
 use crate::field::Field;
+use crate::files::absolute;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{SnapshotsSpec, exponents};
 
@@ -76,8 +77,7 @@ impl Model {
                 .hint("name the files in experiments[0].steps"));
         }
         // Joined to the model's directory later, an absolute path stays as it is.
-        let absolute =
-            std::path::absolute(data).map_err(|e| Error::input(place, "a path").found(e))?;
+        let absolute = absolute(data).map_err(|e| e.below("--data "))?;
         let measurement = self.experiment().measurement.clone();
         self.experiment_mut().measurement = measurement.with_path(absolute);
         Ok(())

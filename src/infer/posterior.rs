@@ -58,13 +58,6 @@ impl Posterior {
         }
     }
 
-    /// The same density times exp(`constant`).
-    #[must_use]
-    pub fn shifted(mut self, constant: f64) -> Self {
-        self.constant += constant;
-        self
-    }
-
     /// The same density times what other experiments say of the constants.
     #[must_use]
     pub fn beside(mut self, known: &Known) -> Self {

@@ -10,4 +10,4 @@ pub use expansion::free_expansion;
 pub use ply::{Ply, rotate_stiffness, strain_rotation};
 pub use slope::{Constant, stiffness_slope};
 pub use specimen::{ClampSpec, End, HoleSpec, LoadSpec, Material, MeanSd, SpecimenSpec};
-pub use stack::{Abd, Membrane, PlateStiffness, SHEAR_CORRECTION, abd, stacked, transverse};
+pub use stack::{Membrane, PlateStiffness, abd, stacked, transverse};

@@ -96,15 +96,6 @@ fn gradients(kind: ElementKind, [a, b]: [f64; 2]) -> [[f64; 2]; 8] {
     d
 }
 
-/// Length of the parabola from `a` through `m` (at the middle of its parameter) to `b`.
-pub(super) fn line_length(a: [f64; 2], m: [f64; 2], b: [f64; 2]) -> f64 {
-    let speed = |xi: f64| {
-        let along = |k: usize| (xi - 0.5) * a[k] - 2.0 * xi * m[k] + (xi + 0.5) * b[k];
-        along(0).hypot(along(1))
-    };
-    (5.0 * speed(-GAUSS) + 8.0 * speed(0.0) + 5.0 * speed(GAUSS)) / 9.0
-}
-
 /// The point of that parabola at a parameter from 0 at `a` to 1 at `b`.
 pub(super) fn line_point(a: [f64; 2], m: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
     let xi = 2.0 * t - 1.0;

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::jacobian;
 use super::kind::ElementKind;
 use crate::numeric::range;
 
@@ -96,11 +95,6 @@ impl ImportedMesh {
         [[x[0], y[0]], [x[1], y[1]]]
     }
 
-    /// Area of all elements, mm^2; curved sides are parabolas through their three nodes.
-    pub fn area(&self) -> f64 {
-        (0..self.elements.len()).map(|e| self.area_of(e)).sum()
-    }
-
     /// Area of an element, mm^2.
     pub fn area_of(&self, element: usize) -> f64 {
         let element = &self.elements[element];
@@ -124,19 +118,6 @@ impl ImportedMesh {
         let element = &self.elements[edge.element];
         let [a, b] = element.side(edge.side);
         (a, element.midside(edge.side), b)
-    }
-
-    /// Length of a named edge, mm, by the 3-point Gauss rule; `None` if there is no such edge.
-    pub fn edge_length(&self, name: &str) -> Option<f64> {
-        let edges = self.edges.get(name)?;
-        let length = |edge: &BoundaryEdge| {
-            let (a, m, b) = self.edge_nodes(*edge);
-            let at = |n: u32| self.nodes[n as usize];
-            let (a, b) = (at(a), at(b));
-            let middle = m.map_or([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])], at);
-            jacobian::line_length(a, middle, b)
-        };
-        Some(edges.iter().map(length).sum())
     }
 
     /// What a user should know before the mesh is used: a size that looks like another unit than mm, what the reader

@@ -32,7 +32,7 @@ pub use mesh::{BoundaryEdge, Element, ImportedMesh};
 pub use plate::{Circle, ImportedPlate, Part};
 pub use raise::raise;
 pub use regions::RegionSpec;
-pub use spec::{HeldEdge, LoadedEdge, MeshAxis, MeshSpec, OneOrMany, Spread};
+pub use spec::MeshSpec;
 
 /// Read a mesh file: Gmsh's by its sections, Abaqus' by the name `*.inp` or a first line that begins with `*`, NASTRAN's by its entries.
 ///

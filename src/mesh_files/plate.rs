@@ -138,22 +138,31 @@ impl ImportedMesh {
     }
 }
 
+impl Circle {
+    /// The circle nearest to points by least squares (Kasa 1976).
+    pub fn near(points: &[[f64; 2]]) -> Option<Self> {
+        let count = points.len() as f64;
+        let mean = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
+        // |p|^2 = 2 c p + d about the mean
+        let mut normal = nalgebra::Matrix3::<f64>::zeros();
+        let mut right = nalgebra::Vector3::<f64>::zeros();
+        for p in points {
+            let (x, y) = (p[0] - mean[0], p[1] - mean[1]);
+            let row = nalgebra::Vector3::new(2.0 * x, 2.0 * y, 1.0);
+            normal += row * row.transpose();
+            right += row * (x * x + y * y);
+        }
+        let found = normal.try_inverse()? * right;
+        Some(Self {
+            center: [mean[0] + found.x, mean[1] + found.y],
+            radius: (found.z + found.x * found.x + found.y * found.y).sqrt(),
+        })
+    }
+}
+
 /// The circle through points that lie on one, all around it.
 fn circle(points: &[[f64; 2]]) -> Option<Circle> {
-    let count = points.len() as f64;
-    let mean = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
-    // |p|^2 = 2 c p + d about the mean, by least squares
-    let mut normal = nalgebra::Matrix3::<f64>::zeros();
-    let mut right = nalgebra::Vector3::<f64>::zeros();
-    for p in points {
-        let (x, y) = (p[0] - mean[0], p[1] - mean[1]);
-        let row = nalgebra::Vector3::new(2.0 * x, 2.0 * y, 1.0);
-        normal += row * row.transpose();
-        right += row * (x * x + y * y);
-    }
-    let found = normal.try_inverse()? * right;
-    let radius = (found.z + found.x * found.x + found.y * found.y).sqrt();
-    let center = [mean[0] + found.x, mean[1] + found.y];
+    let Circle { center, radius } = Circle::near(points)?;
     let off = |p: &[f64; 2]| ((p[0] - center[0]).hypot(p[1] - center[1]) - radius).abs();
     let is_round = points.iter().all(|p| off(p) <= ROUND * radius);
     let surrounds = [0, 1].iter().all(|&k| {

@@ -55,11 +55,6 @@ fn check_memory(nodes: usize, snapshots: usize) -> Result<()> {
 }
 
 impl Snapshots {
-    /// Predict over a Latin hypercube of `problem.spec.count()` points. `step` is called after each prediction.
-    pub fn compute(problem: &Problem, step: &(dyn Fn() + Sync)) -> Result<Self> {
-        Self::at(problem, design(problem), step)
-    }
-
     /// Predict at given points of the design. `step` is called after each prediction.
     ///
     /// # Errors

@@ -134,24 +134,6 @@ impl Variables {
         self.scaling[variable]
     }
 
-    /// Plain variables with a declared scaling (middle, half-width); `thickness` is the index of the thickness.
-    pub fn plain(
-        material: Material,
-        scaling: Vec<[f64; 2]>,
-        thickness: Option<usize>,
-        nominal_thickness: f64,
-    ) -> Self {
-        Self {
-            choice: Choice::Plain,
-            material,
-            constants: material.constants().len(),
-            thickness,
-            scaling,
-            reference: 1.0,
-            nominal_thickness,
-        }
-    }
-
     /// Index of the thickness among the parameters, if it varies.
     pub fn thickness(&self) -> Option<usize> {
         self.thickness
@@ -161,11 +143,6 @@ impl Variables {
     /// choice is plain.
     pub fn half_width(&self, variable: usize) -> f64 {
         self.scaling[variable][1]
-    }
-
-    /// The thickness at which the surface holds where none is given.
-    pub fn nominal_thickness(&self) -> f64 {
-        self.nominal_thickness
     }
 
     fn thickness_of(&self, point: &[f64]) -> f64 {

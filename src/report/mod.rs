@@ -36,9 +36,9 @@ pub mod verdict;
 mod words;
 
 pub use document::Report;
-pub use figures::{Figure, Palette, mesh_figure};
+pub use figures::{Palette, mesh_figure};
 pub use html::html;
-pub use numbers::{FieldCells, FigureData, mesh_lines, on_mesh};
-pub use page::{FIGURES, Page};
+pub use numbers::{FieldCells, mesh_lines, on_mesh};
+pub use page::Page;
 pub use quoted::QuotedReport;
 pub use words::SILENT_HELD_PERCENT;

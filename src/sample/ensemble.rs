@@ -23,16 +23,6 @@ pub struct Ensemble {
     pub walkers: Option<usize>,
 }
 
-impl Ensemble {
-    /// An ensemble of the default size with these moves.
-    pub fn with(mixture: Mixture) -> Self {
-        Self {
-            mixture,
-            walkers: None,
-        }
-    }
-}
-
 impl Sampler for Ensemble {
     fn name(&self) -> &'static str {
         "ensemble"

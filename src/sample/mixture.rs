@@ -58,13 +58,6 @@ impl Mixture {
         })
     }
 
-    /// One move alone.
-    pub fn only(kernel: Box<dyn Move>) -> Self {
-        Self {
-            parts: vec![(kernel, 1.0)],
-        }
-    }
-
     /// Reads `de:0.6,stretch:0.4`, or the same with `=` (a name alone has weight 1).
     ///
     /// # Errors

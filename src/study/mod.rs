@@ -15,13 +15,13 @@ use std::sync::Arc;
 use serde::Serialize;
 use serde_json::Value;
 
-pub use close::{ClosedField, ClosedStudy, StudyStage, close};
+pub use close::{ClosedStudy, StudyStage, close};
 pub use field::MeasuredField;
 pub use file::Study;
 pub use section::{ExperimentSection, SectionMap, undeclared_table};
 pub use together::{
-    Alone, Disagreement, Exact, PairTension, SampledStudy, alone, identified, others, patient_rule,
-    said, sampled, sections, tensions,
+    Alone, Disagreement, Exact, PairTension, SampledStudy, alone, identified, others, said,
+    sampled, sections, tensions,
 };
 
 use crate::chain::Draws;

@@ -137,8 +137,8 @@ impl Evidence {
             structure: self.weighing.noise.structure(pair, blocks),
             averaged,
             suspect,
+            leaning: leaning(&self.weighing, &self.sensitivities, &self.subsets, &doubts),
             priors_in_doubt: doubts,
-            leaning: leaning(&self.weighing, &self.sensitivities, &self.subsets),
             blind_spots: self
                 .load_scale()
                 .into_iter()

@@ -42,22 +42,19 @@ mod weighing;
 pub use attribute::attribute;
 pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
-pub use conclusion::{Conclusion, Confirming, texts};
+pub use conclusion::{Conclusion, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;
 pub use facts::Status;
 pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;
-pub use patches::{LocalPatch, Patches};
-pub use quoted::{
-    AnswerDraws, Importance, Proposals, Quoted, Supposing, quote, rule as quoted_rule, with_density,
-};
+pub use patches::Patches;
+pub use quoted::{Importance, Proposals, Quoted, quote, rule as quoted_rule, with_density};
 pub use round::Round;
 pub use sought::{acting_in, candidates};
 pub use subsets::SIZES;
-pub use suspect::{ConditionalAnswer, Suspect, UNEXPLAINED};
+pub use suspect::{Suspect, UNEXPLAINED};
 pub use together::{field_alone, tension};
 pub use tracing::{
-    Accepted, Finding, HeldOutStep, Named, Resembling, StepMaps, StepResidual, StiffnessAt,
-    StiffnessField, TracedSteps, Tracing,
+    Accepted, Finding, HeldOutStep, Named, Resembling, StepMaps, StiffnessAt, Tracing,
 };

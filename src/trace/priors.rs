@@ -24,11 +24,13 @@ const LACKS: f64 = 0.2;
 const LEANS: f64 = 0.5;
 const DIFFER: f64 = 1.5;
 
-/// What the data alone say of constants that lean on their priors and are pulled by them, in sentences.
+/// What the data alone say of constants that lean on their priors and are pulled by them, in sentences. Those whose prior is in doubt are told of
+/// already.
 pub(super) fn leaning(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
+    doubted: &[PriorInDoubt],
 ) -> Vec<String> {
     let gram = weighing.gram(&weighing.pairs[subsets.best_pair]);
     let base = &sensitivities.base;
@@ -53,7 +55,6 @@ pub(super) fn leaning(
             )
         })
     };
-    let doubted = priors_in_doubt(weighing, sensitivities, subsets);
     let is_doubted = |k: &usize| doubted.iter().any(|d| d.constant == base[*k].name);
     let constants = (0..sensitivities.constants).filter(|k| !is_doubted(k));
     constants.filter_map(words).collect()

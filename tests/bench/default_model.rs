@@ -53,7 +53,11 @@ const DEFAULT: &str = "default mixture";
 fn samplers() -> Vec<(&'static str, Box<dyn Sampler>)> {
     let mut all: Vec<(&str, Box<dyn Sampler>)> = vec![(DEFAULT, Box::new(Ensemble::default()))];
     for build in MOVES {
-        let (name, alone) = (build().name(), Ensemble::with(Mixture::only(build())));
+        let name = build().name();
+        let alone = Ensemble {
+            mixture: Mixture::new(vec![(build(), 1.0)]).unwrap(),
+            ..Ensemble::default()
+        };
         all.push((name, Box::new(alone)));
     }
     all

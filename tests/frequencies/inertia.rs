@@ -1,10 +1,28 @@
 //! Sensitivities, the air's mass, point masses.
 
 use plychain::experiment::frequencies::{
-    PARAMETERS, PlateEdge, PlateParameter, PlateSupports, Ritz, Settings, Theory, TransverseShear,
+    PlateEdge, PlateParameter, PlateSupports, Ritz, Settings, Theory, TransverseShear,
     VibratingPlate, Weight,
 };
 use plychain::laminate::Ply;
+
+use super::support::Lowest;
+
+/// All parameters of a laminate.
+const PARAMETERS: [PlateParameter; 12] = [
+    PlateParameter::E1,
+    PlateParameter::E2,
+    PlateParameter::Nu12,
+    PlateParameter::G12,
+    PlateParameter::G13,
+    PlateParameter::G23,
+    PlateParameter::Thickness,
+    PlateParameter::Length,
+    PlateParameter::Width,
+    PlateParameter::Weight,
+    PlateParameter::AirDensity,
+    PlateParameter::PointMass,
+];
 
 fn plate(weight: Weight, layup_deg: &[f64]) -> VibratingPlate {
     VibratingPlate {

@@ -130,7 +130,6 @@ fn the_sum_is_that_of_all_assignments() {
     }
     let best = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
     assert_eq!(found.best, best.0);
-    assert!((found.best_probability - best.1 / total).abs() < 1e-6);
     assert_eq!(
         found.log_likelihood.to_bits(),
         assign(&MODEL, &peaks, &modes)

@@ -1,6 +1,7 @@
 //! Plates that several tests use.
 #![allow(dead_code)]
 
+use plychain::error::Result;
 use plychain::experiment::frequencies::{
     PlateEdge, PlateSupports, Ritz, Settings, Theory, TransverseShear, VibratingPlate, Weight,
 };
@@ -9,6 +10,19 @@ use plychain::laminate::Ply;
 pub const FREE: PlateEdge = PlateEdge::Free;
 pub const HELD: PlateEdge = PlateEdge::SimplySupported;
 pub const CLAMPED: PlateEdge = PlateEdge::Clamped;
+
+pub trait Lowest {
+    /// The `count` lowest frequencies of a plate, Hz.
+    fn frequencies_hz(&self, plate: &VibratingPlate, count: usize) -> Result<Vec<f64>>;
+}
+
+impl Lowest for Ritz {
+    fn frequencies_hz(&self, plate: &VibratingPlate, count: usize) -> Result<Vec<f64>> {
+        plate.validate()?;
+        let modes = self.modes(&plate.coefficients(), count)?;
+        Ok(modes.iter().map(|mode| mode.frequency_hz()).collect())
+    }
+}
 
 pub fn thin(order: usize, supports: PlateSupports) -> Ritz {
     let settings = Settings {

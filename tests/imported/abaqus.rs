@@ -6,6 +6,7 @@ use std::path::Path;
 use plychain::mesh_files::{self, ElementKind, ImportedMesh, abaqus};
 
 use super::model::{KINDS, rectangle};
+use super::sizes::edge_length;
 use super::writers::{abaqus_type, elements, inp, nodes};
 
 fn read(text: &str) -> ImportedMesh {
@@ -22,8 +23,7 @@ pub fn strip() -> String {
 }
 
 fn length(mesh: &ImportedMesh, name: &str) -> f64 {
-    mesh.edge_length(name)
-        .unwrap_or_else(|| panic!("{name} of {:?}", mesh.edges.keys()))
+    edge_length(mesh, name).unwrap_or_else(|| panic!("{name} of {:?}", mesh.edges.keys()))
 }
 
 #[test]

@@ -16,4 +16,5 @@ mod raised;
 mod region_models;
 mod regions;
 mod round_trips;
+mod sizes;
 mod writers;

@@ -21,14 +21,14 @@ use plychain::sample::{SAMPLERS, Schedule};
 
 use serde_json::json;
 
-use super::small_problem;
+use super::{design, small_problem};
 use crate::program::changed;
 
 /// A reduced model on the coarse mesh.
 fn reduced_model() -> (Problem, ReducedModel) {
     let mut problem = small_problem();
     problem.spec.snapshots = SnapshotsSpec::Count(60);
-    let snapshots = Snapshots::compute(&problem, &|| ()).unwrap();
+    let snapshots = Snapshots::at(&problem, design(&problem), &|| ()).unwrap();
     let reduced = ReducedModel::build(&problem, &snapshots).unwrap();
     (problem, reduced)
 }

@@ -2,9 +2,9 @@ use super::*;
 
 #[test]
 fn numbers_are_sorted_by_their_size() {
-    let mut names = vec!["c10", "c9", "c09", "b100"];
-    names.sort_by_key(|n| natural(n));
-    assert_eq!(names, ["b100", "c09", "c9", "c10"]);
+    let mut names = vec!["c10", "c9", "c09", "b100", "b1.5", "b1.25"];
+    names.sort_by(|a, b| natural(a, b));
+    assert_eq!(names, ["b1.25", "b1.5", "b100", "c09", "c9", "c10"]);
 }
 
 #[test]

@@ -11,9 +11,9 @@ mod unlike;
 mod write;
 
 pub use copies::copied;
-pub use gather::{Gathered, gather};
-pub use report::{Basis, Estimate, OfConstant, OfSpecimen, PopulationReport};
+pub use gather::gather;
+pub use report::{Estimate, OfConstant, PopulationReport};
 pub use sampled::{LEAST, Sampled, sample};
 pub use specimen::Specimen;
-pub use unlike::{Unlike, unlike};
+pub use unlike::unlike;
 pub use write::write;

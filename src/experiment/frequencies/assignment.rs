@@ -53,19 +53,12 @@ pub struct Assigned {
     pub matched: DMatrix<f64>,
     /// The likeliest single assignment: the peak of each mode.
     pub best: Vec<Option<usize>>,
-    /// Share of the likeliest assignment in the likelihood.
-    pub best_probability: f64,
 }
 
 impl Assigned {
     /// Probability that a mode left no peak.
     pub fn missing(&self, mode: usize) -> f64 {
         (1.0 - self.matched.row(mode).sum()).clamp(0.0, 1.0)
-    }
-
-    /// Probability that a peak is no mode.
-    pub fn additional(&self, peak: usize) -> f64 {
-        (1.0 - self.matched.column(peak).sum()).clamp(0.0, 1.0)
     }
 }
 
@@ -271,7 +264,6 @@ fn sorted_back(sum: &Sum, order: &[usize]) -> Assigned {
         slope: Vec::new(),
         matched,
         best,
-        best_probability: (sum.log_best - sum.log_total).exp(),
     }
 }
 

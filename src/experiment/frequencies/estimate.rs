@@ -9,7 +9,7 @@ use super::ritz::{Ritz, VibrationMode};
 use crate::error::{Error, Result};
 
 /// Scale of the logistic distribution of sd 1: sqrt(3) / pi.
-pub(super) const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
+const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
 
 /// A parameter that is not known, with its normal prior; units as in [`VibratingPlate`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,13 +58,13 @@ impl LikeliestPlate {
 }
 
 /// The log posterior about a point, in prior standard deviations.
-pub(super) struct LocalPosterior {
-    pub log_posterior: f64,
+struct LocalPosterior {
+    log_posterior: f64,
     gradient: DVector<f64>,
     /// Expected information: of the peaks under the posterior assignment, and the prior's.
     information: DMatrix<f64>,
-    pub modes: Vec<VibrationMode>,
-    pub assigned: Assigned,
+    modes: Vec<VibrationMode>,
+    assigned: Assigned,
 }
 
 impl AssignmentProblem<'_> {
@@ -76,7 +76,7 @@ impl AssignmentProblem<'_> {
         })
     }
 
-    pub(super) fn at(&self, z: &DVector<f64>, model: &PeakModel) -> Result<LocalPosterior> {
+    fn at(&self, z: &DVector<f64>, model: &PeakModel) -> Result<LocalPosterior> {
         let plate = self.plate_at(z);
         plate.validate()?;
         let modes = self.ritz.modes(&plate.coefficients(), self.modes)?;
@@ -251,7 +251,7 @@ impl AssignmentProblem<'_> {
 }
 
 /// Coordinate `axis` of point `k` > 0 of a sequence that fills the prior: Halton's, made nearly normal by the logistic quantile.
-pub(super) fn quasi_normal(k: usize, axis: usize) -> f64 {
+fn quasi_normal(k: usize, axis: usize) -> f64 {
     const PRIMES: [usize; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
     let base = PRIMES[axis % PRIMES.len()];
     let (mut rest, mut share, mut u) = (k, 1.0, 0.0);

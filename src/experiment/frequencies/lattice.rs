@@ -32,8 +32,7 @@ pub struct Sum {
     pub log_total: f64,
     /// Share of the assignments, by weight, in which a mode is a peak (modes x peaks).
     pub matched: DMatrix<f64>,
-    /// Log weight of the likeliest assignment, and the peak of each mode in it.
-    pub log_best: f64,
+    /// The peak of each mode in the likeliest assignment.
     pub best: Vec<Option<usize>>,
 }
 
@@ -74,11 +73,10 @@ pub fn sum(modes: &[Choices], peaks: usize) -> Sum {
     let ends = layers.last().map_or(&[][..], Vec::as_slice);
     let log_total = log_sum_exp(ends.iter().map(|s| s.sum));
     let matched = posterior(modes, peaks, &layers, &reach, log_total);
-    let (log_best, best) = likeliest(&layers);
+    let best = likeliest(&layers);
     Sum {
         log_total,
         matched,
-        log_best,
         best,
     }
 }
@@ -198,7 +196,7 @@ fn posterior(
 }
 
 /// The likeliest assignment, traced back.
-fn likeliest(layers: &[Vec<LatticeState>]) -> (f64, Vec<Option<usize>>) {
+fn likeliest(layers: &[Vec<LatticeState>]) -> Vec<Option<usize>> {
     let mut best = vec![None; layers.len() - 1];
     let ends = layers.last().map_or(&[][..], Vec::as_slice);
     let mut at = 0;
@@ -207,11 +205,10 @@ fn likeliest(layers: &[Vec<LatticeState>]) -> (f64, Vec<Option<usize>>) {
             at = index;
         }
     }
-    let log_best = ends.get(at).map_or(f64::NEG_INFINITY, |s| s.best);
     for j in (0..best.len()).rev() {
         let (before, peak) = layers[j + 1][at].from;
         best[j] = peak;
         at = before;
     }
-    (log_best, best)
+    best
 }

@@ -16,16 +16,10 @@ mod ritz;
 mod simulate;
 mod spec;
 mod theory;
-pub mod weigh;
 
 pub use basis::PlateEdge;
 pub use expansion::Expansion;
-pub use plate::{
-    HZ_LAMBDA, INERTIAS, PARAMETERS, PlateCoefficients, PlateParameter, STIFFNESSES,
-    TransverseShear, VibratingPlate, Weight,
-};
+pub use plate::{PlateParameter, TransverseShear, VibratingPlate, Weight};
 pub use ritz::{Ritz, Settings, VibrationMode};
-pub use spec::{
-    AddedMassSpec, EdgeSpec, FrequenciesSpec, Nuisance, Parity, PlateSpec, SupportSpec,
-};
+pub use spec::{EdgeSpec, FrequenciesSpec, Nuisance, Parity, PlateSpec, SupportSpec};
 pub use theory::{EdgeLayers, PlateSupports, Theory};

@@ -80,22 +80,6 @@ pub enum PlateParameter {
     Nu,
 }
 
-/// All parameters of a laminate.
-pub const PARAMETERS: [PlateParameter; 12] = [
-    PlateParameter::E1,
-    PlateParameter::E2,
-    PlateParameter::Nu12,
-    PlateParameter::G12,
-    PlateParameter::G13,
-    PlateParameter::G23,
-    PlateParameter::Thickness,
-    PlateParameter::Length,
-    PlateParameter::Width,
-    PlateParameter::Weight,
-    PlateParameter::AirDensity,
-    PlateParameter::PointMass,
-];
-
 impl VibratingPlate {
     /// Refuse dimensions, masses and constants that no plate has, and stacks that couple bending with stretching.
     ///

@@ -199,16 +199,6 @@ impl Ritz {
         Ok(modes.collect())
     }
 
-    /// The `count` lowest frequencies of a plate, Hz.
-    ///
-    /// # Errors
-    /// Those of [`VibratingPlate::validate`] and [`Ritz::modes`].
-    pub fn frequencies_hz(&self, plate: &VibratingPlate, count: usize) -> Result<Vec<f64>> {
-        plate.validate()?;
-        let modes = self.modes(&plate.coefficients(), count)?;
-        Ok(modes.iter().map(VibrationMode::frequency_hz).collect())
-    }
-
     /// Derivatives of a mode's lambda (1/s^2) by the coefficients of which it is the mode: Rayleigh's quotient,
     /// dlambda = c' dK c - lambda c' dM c.
     ///

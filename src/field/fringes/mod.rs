@@ -26,4 +26,4 @@ pub use measure::Fringes;
 pub use phase::Pixel;
 pub use reader::FringeFile;
 pub use render::{RenderPlan, write};
-pub use spec::{COMPONENTS, FirstRow, FringeImages, Images, PhaseSteps, SCHEMA, STATES};
+pub use spec::{COMPONENTS, Images, PhaseSteps, STATES};

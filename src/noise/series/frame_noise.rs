@@ -59,11 +59,7 @@ pub struct FrameNoise {
     pub walks: bool,
     /// Whether frame contrasts knew it; else it is that of single fields.
     pub by_contrasts: bool,
-    /// Degrees of freedom of each component's restricted likelihood.
-    pub freedom: [usize; 2],
-    /// Restricted log likelihood of both components at its maximum.
-    pub log_likelihood: f64,
-    /// By how much smooth patterns raise it, nats; 0 where there are none.
+    /// By how much smooth patterns raise the restricted log likelihood, nats; 0 where there are none.
     pub smooth_gain: f64,
 }
 
@@ -77,7 +73,7 @@ pub struct FoundNoise {
     scales: Vec<f64>,
     walks: bool,
     by_contrasts: bool,
-    freedom: [usize; 2],
+    /// Restricted log likelihood of both components at its maximum.
     log_likelihood: f64,
     smooth_gain: f64,
 }
@@ -88,7 +84,6 @@ stored!(FoundNoise {
     scales,
     walks,
     by_contrasts,
-    freedom,
     log_likelihood,
     smooth_gain
 });
@@ -113,8 +108,6 @@ impl FoundNoise {
             scales: self.scales.clone(),
             walks: self.walks,
             by_contrasts: self.by_contrasts,
-            freedom: self.freedom,
-            log_likelihood: self.log_likelihood,
             smooth_gain: self.smooth_gain,
         })
     }
@@ -356,7 +349,6 @@ impl<'a> Search<'a> {
             scales,
             walks: false,
             by_contrasts: self.by_contrasts,
-            freedom: [0, 1].map(|c: usize| restricted[c].freedom()),
             log_likelihood,
             smooth_gain,
         })

@@ -30,13 +30,12 @@ mod slices;
 mod subset_kernel;
 
 pub use family::SmoothKernel;
-pub use frame_noise::{FoundNoise, FrameNoise, SpatialNoise};
+pub use frame_noise::{FrameNoise, SpatialNoise};
 pub use frames::{Frames, Growth};
 pub use in_frames::{FramesInformation, InFrames};
 pub use proportion::{Linearity, Role};
 pub use rivals::Rival;
 pub use settings::{
-    At, DISCREPANCY, REFERENCES, SeriesNoise, Setting, found_noise, grams, settings,
-    settings_under, steps,
+    At, DISCREPANCY, SeriesNoise, Setting, found_noise, grams, settings, settings_under, steps,
 };
 pub use subset_kernel::subset_covariance;

@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use super::design::{Dimension, THICKNESS};
 use crate::error::{Error, Result};
-use crate::files::hex;
+use crate::files::{absolute, hex};
 pub use doe::text as doe_text;
 pub(super) use spread::{Weights, weights};
 
@@ -55,13 +55,9 @@ impl SuppliedSpec {
     /// # Errors
     /// Of the input: a current directory that is gone.
     pub fn below(&self, base_dir: &Path) -> Result<Self> {
-        let whole = |path: &Path| {
-            std::path::absolute(base_dir.join(path))
-                .map_err(|e| Error::input(path.display(), "a path").found(e))
-        };
         Ok(Self {
-            doe: whole(&self.doe)?,
-            fields: whole(&self.fields)?,
+            doe: absolute(&base_dir.join(&self.doe))?,
+            fields: absolute(&base_dir.join(&self.fields))?,
             ..self.clone()
         })
     }

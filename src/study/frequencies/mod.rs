@@ -12,7 +12,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 pub use information::plate_information;
-pub use peaks::{MODEL_ERROR, Peaks};
+pub use peaks::Peaks;
 
 use super::{
     Experiment, ExperimentReader, ExperimentSection, Measuring, Observed, SharedConstants,

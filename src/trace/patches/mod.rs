@@ -14,8 +14,8 @@ use crate::quantity::plus_minus;
 pub use masked::Account;
 pub use parts::PatchPart;
 pub(super) use parts::largest_part;
-pub use scan::{FoundPatch, REMARKABLE, Scanned};
-pub use templates::{PatchFamily, PatchPlace, PatchedPoints};
+pub use scan::{FoundPatch, Scanned};
+pub use templates::{PatchFamily, PatchedPoints};
 
 /// Share lost, from and to which a surface that does not follow is what paint or film leaves.
 const LIKE_PAINT: [f64; 2] = [0.3, 1.3];

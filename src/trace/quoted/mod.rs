@@ -16,7 +16,7 @@ mod space;
 mod variables;
 
 pub use importance::Importance;
-pub use run::{AnswerDraws, Proposals, Quoted, quote, rule, with_density};
+pub use run::{Proposals, Quoted, quote, rule, with_density};
 
 /// What an answer supposes beside what is declared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,12 +3,15 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::estimate::{AssignmentProblem, LOGISTIC_SCALE, LikeliestPlate, quasi_normal};
-use crate::error::{Error, Result};
-use crate::numeric::shares;
+use plychain::experiment::frequencies::VibrationMode;
+use plychain::experiment::frequencies::assignment::{Assigned, assign};
+use plychain::experiment::frequencies::estimate::{AssignmentProblem, LikeliestPlate, predicted};
+use plychain::numeric::shares;
+
+/// Scale of the logistic distribution of sd 1: sqrt(3) / pi.
+const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
 
 /// Means over the posterior.
-#[derive(Debug, Clone)]
 pub struct WeighedPlates {
     /// Mean and covariance of the unknowns, in their units.
     pub mean: DVector<f64>,
@@ -36,24 +39,17 @@ struct PlateProposal {
 }
 
 impl PlateProposal {
-    fn of(problem: &AssignmentProblem<'_>, top: &LikeliestPlate) -> Result<Self> {
+    fn of(problem: &AssignmentProblem<'_>, top: &LikeliestPlate) -> Self {
         let n = top.place.len();
         let covariance = DMatrix::from_fn(n, n, |i, j| {
             top.covariance[(i, j)] / (problem.unknowns[i].sd * problem.unknowns[j].sd)
         });
-        let spread = covariance.cholesky().map(|factor| factor.l());
-        let inverse = spread.as_ref().and_then(|s| s.clone().try_inverse());
-        match (spread, inverse) {
-            (Some(spread), Some(whitening)) => Ok(Self {
-                place: top.place.clone(),
-                log_norm: -spread.diagonal().map(f64::ln).sum(),
-                spread,
-                whitening,
-            }),
-            _ => Err(Error::program(
-                "natural frequencies",
-                "a positive definite covariance",
-            )),
+        let spread = covariance.cholesky().unwrap().l();
+        Self {
+            place: top.place.clone(),
+            log_norm: -spread.diagonal().map(f64::ln).sum(),
+            whitening: spread.clone().try_inverse().unwrap(),
+            spread,
         }
     }
 
@@ -73,20 +69,35 @@ impl PlateProposal {
     }
 }
 
+/// Log posterior, modes and assignment at `z` prior standard deviations from the prior means; none where no plate exists.
+fn at(
+    problem: &AssignmentProblem<'_>,
+    z: &DVector<f64>,
+) -> Option<(f64, Vec<VibrationMode>, Assigned)> {
+    let each = problem.unknowns.iter().zip(z.iter());
+    let plate = each.fold(problem.plate.clone(), |plate, (u, z)| {
+        plate.with(u.parameter, u.mean + z * u.sd)
+    });
+    plate.validate().ok()?;
+    let modes = problem
+        .ritz
+        .modes(&plate.coefficients(), problem.modes)
+        .ok()?;
+    let frequencies: Vec<_> = modes.iter().map(predicted).collect();
+    let assigned = assign(problem.model, problem.peaks, &frequencies).ok()?;
+    let log_posterior = assigned.log_likelihood - 0.5 * z.norm_squared();
+    Some((log_posterior, modes, assigned))
+}
+
 /// Average over the posterior by about `draws` points, shared out among the tops (highest first) by their evidence. Deterministic.
-///
-/// # Errors
-/// The input's fault without tops; the program's if a covariance is not positive definite.
 pub fn weigh(
     problem: &AssignmentProblem<'_>,
     tops: &[LikeliestPlate],
     draws: usize,
-) -> Result<WeighedPlates> {
+) -> WeighedPlates {
     /// Least share of the draws that a top is given: Laplace's evidence may be wrong by as much.
     const LEAST: f64 = 0.05;
-    let Some(first) = tops.first() else {
-        return Err(Error::input("natural frequencies", "at least one estimate"));
-    };
+    let first = &tops[0];
     let highest = tops.iter().map(|t| t.log_evidence).fold(f64::MIN, f64::max);
     let evidence: Vec<f64> = tops
         .iter()
@@ -96,7 +107,7 @@ pub fn weigh(
     let mut proposals = Vec::new();
     for (top, share) in tops.iter().zip(evidence) {
         let count = ((share / sum).max(LEAST) * draws as f64).ceil() as usize;
-        proposals.push((PlateProposal::of(problem, top)?, count));
+        proposals.push((PlateProposal::of(problem, top), count));
     }
     let total: usize = proposals.iter().map(|(_, count)| count).sum();
     let points: Vec<DVector<f64>> = proposals
@@ -113,15 +124,15 @@ pub fn weigh(
     // a point where no plate exists weighs nothing
     let drawn: Vec<(f64, DMatrix<f64>)> = points
         .par_iter()
-        .map(|z| match problem.at(z, problem.model) {
-            Ok(local) => {
+        .map(|z| match at(problem, z) {
+            Some((log_posterior, modes, assigned)) => {
                 let matched = DMatrix::from_fn(first.modes.len(), problem.peaks.len(), |j, i| {
-                    let same = local.modes.iter().position(|m| m.is(&first.modes[j]));
-                    same.map_or(0.0, |row| local.assigned.matched[(row, i)])
+                    let same = modes.iter().position(|m| m.is(&first.modes[j]));
+                    same.map_or(0.0, |row| assigned.matched[(row, i)])
                 });
-                (local.log_posterior - log_mixture(z), matched)
+                (log_posterior - log_mixture(z), matched)
             }
-            Err(_) => (f64::NEG_INFINITY, DMatrix::zeros(0, 0)),
+            None => (f64::NEG_INFINITY, DMatrix::zeros(0, 0)),
         })
         .collect();
     averaged(problem, first, &points, &drawn)
@@ -132,16 +143,11 @@ fn averaged(
     first: &LikeliestPlate,
     points: &[DVector<f64>],
     drawn: &[(f64, DMatrix<f64>)],
-) -> Result<WeighedPlates> {
+) -> WeighedPlates {
     let n = first.place.len();
     let logs: Vec<f64> = drawn.iter().map(|d| d.0).collect();
     let weights = shares(&logs);
-    if !weights.iter().all(|w| w.is_finite()) {
-        return Err(Error::program(
-            "natural frequencies",
-            "draws that some plate has",
-        ));
-    }
+    assert!(weights.iter().all(|w| w.is_finite()));
     let units = |z: &DVector<f64>| {
         let each = problem.unknowns.iter().zip(z.iter());
         DVector::from_iterator(n, each.map(|(u, z)| u.mean + z * u.sd))
@@ -159,10 +165,23 @@ fn averaged(
         let off = units(z) - &mean;
         covariance.ger(*weight, &off, &off, 1.0);
     }
-    Ok(WeighedPlates {
+    WeighedPlates {
         mean,
         covariance,
         matched,
         effective: 1.0 / weights.iter().map(|w| w * w).sum::<f64>(),
-    })
+    }
+}
+
+/// Coordinate `axis` of point `k` > 0 of a sequence that fills a normal law: Halton's, made nearly normal by the logistic quantile.
+fn quasi_normal(k: usize, axis: usize) -> f64 {
+    const PRIMES: [usize; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
+    let base = PRIMES[axis % PRIMES.len()];
+    let (mut rest, mut share, mut u) = (k, 1.0, 0.0);
+    while rest > 0 {
+        share /= base as f64;
+        u += share * (rest % base) as f64;
+        rest /= base;
+    }
+    LOGISTIC_SCALE * (u / (1.0 - u)).ln()
 }
