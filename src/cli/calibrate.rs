@@ -198,13 +198,7 @@ pub fn calibrate(
         },
         Path::to_path_buf,
     );
-    std::fs::create_dir_all(&out).map_err(|e| {
-        Error::input(
-            format!("--out {}", out.display()),
-            "a place that can be written",
-        )
-        .found(e)
-    })?;
+    files::make_folder(&out)?;
     let plans = &calibration.plans;
     match calibration.what {
         Calibrated::Loop { withheld } => {

@@ -99,7 +99,7 @@ impl Folder {
         let (stem, number) = name.rsplit_once('-')?;
         let before = match number.parse::<usize>().ok()? {
             2 => stem.to_string(),
-            n => format!("{stem}-{}", n - 1),
+            n => format!("{stem}-{}", n.checked_sub(1)?),
         };
         let path = self.path.with_file_name(before);
         is_unfinished(&path).then_some(path)
