@@ -88,7 +88,7 @@ pub struct PlateStiffness {
 /// Share of the stack's transverse shear stiffness that resists, for the parabola of shear stress over the thickness (Reissner 1945).
 pub const SHEAR_CORRECTION: f64 = 5.0 / 6.0;
 
-/// Transverse shear stiffness S (N/mm) of a stack of equal plies of transverse moduli `g13` and `g23` (MPa), with [`SHEAR_CORRECTION`].
+/// Transverse shear stiffness S (N/mm) of a stack of equal plies of transverse moduli `g13` and `g23` (MPa), with a shear correction of 5/6.
 /// It is linear in both moduli.
 pub fn transverse(g13: f64, g23: f64, angles: &[f64], thickness: f64) -> Matrix2<f64> {
     let t = thickness / angles.len() as f64;

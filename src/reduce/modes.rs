@@ -10,7 +10,7 @@ use super::cross::CrossValidation;
 pub enum Modes {
     /// This many for each component and family of fields ([`super::Problem::families`]); 4 is the article's setting.
     Count(usize),
-    /// `"auto"`: the fewest with a leave-one-out field error (CV_RMS) of at most [`AUTO_MM`] in both components.
+    /// `"auto"`: the fewest with a leave-one-out field error (CV_RMS) of at most 0.05 nm in both components.
     Auto,
 }
 
