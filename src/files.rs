@@ -99,8 +99,22 @@ fn beside(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// The error of a file or a folder that cannot be written, with what to do.
+/// The error of a file that cannot be written while a run is under way, with what to do.
 pub fn unwritable(path: &Path, error: &std::io::Error) -> Error {
+    not_written(
+        path,
+        error,
+        "a file that can be written",
+        "; a run goes on with --resume",
+    )
+}
+
+/// The error of a folder that cannot be made, with what to do.
+pub fn not_made(path: &Path, error: &std::io::Error) -> Error {
+    not_written(path, error, "a place that can be written", "")
+}
+
+fn not_written(path: &Path, error: &std::io::Error, expected: &str, then: &str) -> Error {
     let hint = match error.kind() {
         ErrorKind::StorageFull => "the disk is full: make room",
         ErrorKind::QuotaExceeded => "your quota is used up: make room",
@@ -112,10 +126,10 @@ pub fn unwritable(path: &Path, error: &std::io::Error) -> Error {
             "you may not write there: write elsewhere, or change the permissions"
         }
         ErrorKind::NotFound => "its folder is gone",
-        _ => return Error::unwritable(path.display(), "a file that can be written").found(error),
+        _ => return Error::unwritable(path.display(), expected).found(error),
     };
-    let error = Error::unwritable(path.display(), "a file that can be written").found(error);
-    error.hint(format!("{hint}; a run goes on with --resume"))
+    let error = Error::unwritable(path.display(), expected).found(error);
+    error.hint(format!("{hint}{then}"))
 }
 
 /// What the beginning of a file shows to stand there in its place, and what to do: a pointer, a page, an archive.
@@ -215,7 +229,7 @@ pub fn absolute(path: &Path) -> Result<PathBuf> {
 /// # Errors
 /// The input's fault if it cannot be made.
 pub fn make_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| unwritable(path, &e))
+    std::fs::create_dir_all(path).map_err(|e| not_made(path, &e))
 }
 
 /// Parse the JSON text of `file`.

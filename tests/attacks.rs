@@ -63,6 +63,13 @@ impl Specimen {
             .collect()
     }
 
+    fn thickness_mm(self) -> f64 {
+        match self {
+            Self::Steel => THICKNESS_MM,
+            Self::Laminate => 0.78,
+        }
+    }
+
     /// The largest force, N.
     fn force_n(self) -> f64 {
         match self {
@@ -150,7 +157,7 @@ const ATTACKS: [(&str, Attack, [f64; 3]); 8] = [
 
 impl Attack {
     /// What is written of the picture under `load`, from what it should be.
-    fn written(self, size: f64, load: f64, points: &[Point]) -> Vec<Point> {
+    fn written(self, of: Specimen, (size, load): (f64, f64), points: &[Point]) -> Vec<Point> {
         let each = |of: &dyn Fn(Point) -> Point| points.iter().map(|p| of(*p)).collect();
         match self {
             Self::Smoothed => each(&|p| averaged(p, points, size)),
@@ -160,7 +167,7 @@ impl Attack {
             }),
             Self::Skewed => each(&|[x, y, u, v]| [x + size * y, y, u + size * v, v]),
             Self::Bowed => each(&|[x, y, u, v]| {
-                let [du, dv] = straightened(1e-3 * size, load, [x, y]);
+                let [du, dv] = straightened(1e-3 * size, load, (of.thickness_mm(), [x, y]));
                 [x, y, u + 1e3 * du, v + 1e3 * dv]
             }),
             Self::Elliptic => each(&|[x, y, u, v]| {
@@ -199,7 +206,7 @@ impl Attack {
         let rng = &mut Pcg64::seed_from_u64(seed);
         for (k, load) in LOADS.into_iter().enumerate() {
             rewrite(&folder.join(format!("step-{k:02}.csv")), |points| {
-                let mut points = self.written(size, load, points);
+                let mut points = self.written(of, (size, load), points);
                 if let Self::Incremental = self {
                     sum.resize(points.len(), [0.0; 2]);
                     for (point, sum) in points.iter_mut().zip(&mut sum) {
@@ -247,13 +254,13 @@ fn averaged([x, y, ..]: Point, points: &[Point], side: f64) -> Point {
 
 /// What straightening by the share 3 F / (1 + 3 F) of a curvature (1/mm) does to the surface before the camera: it turns the face, which
 /// lies half a thickness before the middle, and moves it towards the camera. mm.
-fn straightened(curvature: f64, load: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+fn straightened(curvature: f64, load: f64, (thickness, [x, y]): (f64, [f64; 2])) -> [f64; 2] {
     let lost = curvature * 3.0 * load / (1.0 + 3.0 * load);
     let towards = -0.5 * lost * y * y;
     let slope = -lost * y;
     [
         towards * x / CAMERA_MM,
-        towards * y / CAMERA_MM - 0.5 * THICKNESS_MM * slope,
+        towards * y / CAMERA_MM - 0.5 * thickness * slope,
     ]
 }
 

@@ -104,12 +104,12 @@ fn decaying(n: usize, count: usize) -> Mat<f64> {
     &scaled * &right
 }
 
-/// Points of a Latin hypercube in the problem's box.
 /// The points of a problem's own design.
 pub fn design(problem: &Problem) -> Vec<Vec<f64>> {
     rows_to_solve(&problem.dimensions, problem.spec.count())
 }
 
+/// Points of a Latin hypercube in the problem's box.
 pub fn points(problem: &Problem, n: usize, seed: u64) -> Vec<Vec<f64>> {
     let unit = latin_hypercube(n, problem.dimensions.len(), seed);
     let scale = |u: &Vec<f64>| {

@@ -297,6 +297,7 @@ fn damage_of_another_profile_is_taken_for_no_other_effect() {
     summary(&judged);
     for j in &judged {
         assert!(!j.is_wrong(), "{}", j.ended.line());
+        assert_eq!(j.ended.held(), 4, "{}", j.ended.line());
     }
 }
 

@@ -7,7 +7,7 @@ use glob::{MatchOptions, Pattern, glob_with};
 use crate::error::{Error, Result};
 use crate::files::natural;
 
-/// The files and folders that paths and patterns name below `base`, in order, those of a pattern sorted with numbers by their size.
+/// The files and folders that paths and patterns name below `base`, in order, those of a pattern sorted with numbers, decimals too, by their size.
 ///
 /// # Errors
 /// The input's fault, at `key`: a pattern that nothing matches.

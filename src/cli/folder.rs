@@ -11,7 +11,7 @@ use super::RUNS;
 use super::console::line;
 use super::held::HeldRun;
 use crate::error::{Error, Result};
-use crate::files::{self, STAGES, unwritable};
+use crate::files::{self, STAGES, not_made};
 use crate::infer::Model;
 use crate::progress::StageCost;
 use crate::report::manifest::{Manifest, hashes};
@@ -55,16 +55,16 @@ impl Folder {
             .hint("give another name, or remove the old one; --resume goes on with a run that was interrupted"));
         }
         if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(|e| unwritable(path, &e))?;
+            std::fs::create_dir_all(parent).map_err(|e| not_made(path, &e))?;
         }
-        std::fs::create_dir(path).map_err(|e| unwritable(path, &e))?;
+        std::fs::create_dir(path).map_err(|e| not_made(path, &e))?;
         Ok(Self::at(path, false))
     }
 
     /// The first of `runs/NAME`, `runs/NAME-2`, ... that nobody has, another process that starts at the same time included.
     fn first_free(name: &str) -> Result<Self> {
         let runs = Path::new(RUNS);
-        std::fs::create_dir_all(runs).map_err(|e| unwritable(runs, &e))?;
+        std::fs::create_dir_all(runs).map_err(|e| not_made(runs, &e))?;
         let mut path = runs.join(name);
         let mut number = 1;
         loop {
@@ -74,7 +74,7 @@ impl Folder {
                     number += 1;
                     path = runs.join(format!("{name}-{number}"));
                 }
-                Err(e) => return Err(unwritable(&path, &e)),
+                Err(e) => return Err(not_made(&path, &e)),
             }
         }
     }

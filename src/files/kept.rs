@@ -16,7 +16,7 @@ use crate::progress::Progress;
 pub const STAGES: &str = "stages";
 
 /// Begins every file.
-const FORMAT: &str = "plychain-stage/1";
+const FORMAT: &str = "plychain-stage/2";
 
 /// Where finished stages are kept; nowhere by default.
 #[derive(Debug, Clone, Default)]

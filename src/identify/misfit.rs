@@ -1,4 +1,5 @@
-//! Whether noise explains what a fit leaves. One probability a fit, computed once: verdict and warnings ask for it here, and agree.
+//! Whether noise explains what a fit leaves. One probability a fit: verdict and warnings ask for it here, and
+//! agree. Of the last fit of a loop it may be that beside effects on which the data do not decide.
 
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};

@@ -37,7 +37,7 @@ pub const IMPROBABLE: f64 = 1e-4;
 /// Side of a part in which waves are sought, in spacings of the points.
 const PART: f64 = 24.0;
 
-/// WaveParts looked at, at most.
+/// Parts looked at, at most.
 const MOST_PARTS: usize = 64;
 
 /// Waves that pass fewer times through a part are smooth structure, which the blocks see.
@@ -64,7 +64,7 @@ struct WaveParts<'a> {
     side: f64,
     /// Points of each part.
     members: Vec<Vec<usize>>,
-    /// WaveParts that are looked at.
+    /// Parts that are looked at.
     chosen: Vec<usize>,
     numbers: Vec<[f64; 2]>,
 }

@@ -228,7 +228,7 @@ impl Likelihood {
 
     /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are. The prediction gains an error
     /// where one is given, and effects may act beside it, each by what one prior sd of it adds; all as weighted projections
-    /// ([`Statistics::weighted_of`]).
+    /// ([`Statistics::weighted_of`], [`Statistics::weighted_of_averages`]).
     pub fn misfit(
         &self,
         (theta, s): (&[f64], f64),

@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
 //! | [`Loop::followed`] | the rounds | the rounds, the last with a reduced model that follows its posterior |
+//! | [`Loop::beside_undecided`] | the rounds | the rounds, the last held against what is undecided too |
 //! | [`conclude`] | the rounds | the [`Conclusion`] |
 //! | [`with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
 //! | [`quote`] | both | the posterior [`ToQuote`] |
@@ -172,7 +173,7 @@ pub fn explain<'a>(
     let course = loop {
         turn = match turn {
             Turn::Identify(course, next) => context.turn(course, *next)?,
-            Turn::Ended(course) => break context.followed(course)?.beside_undecided(),
+            Turn::Ended(course) => break context.beside_undecided(context.followed(course)?),
         };
     };
     Ok(Explained {
@@ -212,15 +213,6 @@ impl Course {
             Some(next) => Turn::Identify(self, Box::new(next)),
             None => Turn::Ended(self),
         }
-    }
-
-    /// The same, once something was found, with the last round's misfit held against what is undecided too: that may be the rest of it.
-    fn beside_undecided(mut self) -> Self {
-        if self.rounds.len() > 1 {
-            let last = self.rounds.pop().map(Round::beside_undecided);
-            self.rounds.extend(last);
-        }
-        self
     }
 
     /// The round whose effect does not hold once all others are in the model, and why.
@@ -320,6 +312,17 @@ impl Loop<'_, '_> {
         let of = (model, prepared);
         let (tracing, traced) = attribute_kept(of, start, &wanted, &kept, self.progress)?;
         Ok((tracing.without(refused), traced))
+    }
+
+    /// The same, once something was found, with the last round's misfit held against what is undecided too: that may be the rest of it. Not
+    /// after the deadline.
+    fn beside_undecided(&self, mut course: Course) -> Course {
+        let options = (self.options)(LoopStage::Attempt(course.attempts));
+        if course.rounds.len() > 1 && !is_over(&options) {
+            let last = course.rounds.pop().map(Round::beside_undecided);
+            course.rounds.extend(last);
+        }
+        course
     }
 
     /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt. One that

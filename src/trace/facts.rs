@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub enum Status {
     /// The residual is what the noise explains, and no effect was added.
     NothingMissing,
-    /// Effects were added, and the residual is now what the noise explains.
+    /// Effects were added, and the residual is now what the noise explains, or noise and an effect on which the data do not decide.
     Closed,
     /// Structure remains that no effect of the dictionary explains, or that an effect does which was not added, or a pattern
     /// that stationary noise does not have.

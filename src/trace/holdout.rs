@@ -54,7 +54,7 @@ impl Scores {
     }
 }
 
-/// RegionEquations equations of some blocks: X' V^-1 X and X' V^-1 y.
+/// Normal equations of some blocks: X' V^-1 X and X' V^-1 y.
 type RegionEquations = (DMatrix<f64>, DVector<f64>);
 
 impl<'a> Holdout<'a> {
@@ -137,7 +137,7 @@ impl<'a> Holdout<'a> {
         self.sensitivities.base.iter().chain(chosen).collect()
     }
 
-    /// RegionEquations equations of all regions, and what other experiments say, which no region holds out.
+    /// Normal equations of all regions, and what other experiments say, which no region holds out.
     fn all(&self, regions: &[RegionEquations], p: usize) -> RegionEquations {
         let mut all = (DMatrix::zeros(p, p), DVector::zeros(p));
         for own in regions {
@@ -148,7 +148,7 @@ impl<'a> Holdout<'a> {
         all
     }
 
-    /// RegionEquations equations of each region of a division.
+    /// Normal equations of each region of a division.
     fn normal(&self, fitted: &[&Column], division: usize) -> Vec<RegionEquations> {
         let region = &self.region[division];
         let p = fitted.len();
@@ -205,7 +205,10 @@ pub fn gains(with: &Scores, without: &Scores, tell: bool) -> bool {
     let sum = |scores: &Scores| scores.steps.as_ref().map(|s| s.iter().sum::<f64>());
     let steps = sum(with).zip(sum(without)).filter(|_| tell);
     all.extend(steps.map(|(a, b)| a - b));
-    let worse = all.iter().filter(|gain| **gain < -TELLS).count();
+    // where all are silent, the signs are all that there is
+    let tells = |gain: &f64| gain.abs() > TELLS;
+    let silent = if all.iter().any(tells) { TELLS } else { 0.0 };
+    let worse = all.iter().filter(|gain| **gain < -silent).count();
     all.iter().sum::<f64>() > 0.0 && worse <= 1
 }
 

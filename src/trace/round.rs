@@ -54,11 +54,16 @@ impl Round {
     }
 
     /// Columns of the effects on which tracing does not decide, the leader of each group, at all points of a field: tracing itself keeps off
-    /// edges. None of a group that does not predict what was held out, or whose field cannot be had.
+    /// edges. None of a group that does not predict what was held out, whose sign cannot be, or whose field cannot be had.
     fn undecided(&self) -> Vec<StepStack> {
         let groups = self.tracing.groups.iter().filter(|g| g.predicts);
         let groups = groups.filter(|g| self.tracing.undecided.contains(&g.members));
-        let leaders: Vec<&str> = groups.map(|g| g.leader).collect();
+        let leaders = groups.map(|g| g.leader);
+        let cannot_act = |name: &str| {
+            let mut found = self.tracing.candidates.iter();
+            found.any(|c| c.effect.name() == name && c.is_impossible())
+        };
+        let leaders: Vec<&str> = leaders.filter(|name| !cannot_act(name)).collect();
         if leaders.is_empty() {
             return Vec::new();
         }
@@ -75,7 +80,9 @@ impl Round {
         let sought = point.sought.iter();
         let sought = sought.filter(|e| leaders.contains(&e.effect.name()));
         let columns = sought.filter_map(|effect| here.columns(effect).ok());
-        columns.flatten().map(|column| column.values).collect()
+        let columns = columns.flatten().map(|column| column.values).collect();
+        experiment.rest();
+        columns
     }
 
     /// Patches that the residual holds.

@@ -20,7 +20,7 @@ use crate::numeric::log_sum_exp;
 /// with swaps found the same best one in 58 of 60 fields.
 pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
 
-/// SubsetPosterior of each enumeration that are weighed under every pair of hyperparameters.
+/// Subsets of each enumeration that are weighed under every pair of hyperparameters.
 const WEIGHED: usize = 40;
 
 /// Pairs of a subset and the noise that count hold this much of the probability of all.
@@ -39,7 +39,7 @@ pub struct WeighedSubset {
 
 /// The posterior over subsets and hyperparameters.
 pub struct SubsetPosterior {
-    /// WeighedSubset subsets, the most probable first.
+    /// Weighed subsets, the most probable first.
     pub ranked: Vec<WeighedSubset>,
     /// Probability of a smooth discrepancy.
     pub discrepancy: f64,

@@ -62,7 +62,7 @@ const ALIKE: f64 = 0.5;
 /// Answers of every account: with effects as small as the data say, with all at full size, without any. Others follow them.
 pub(super) const ANSWERS: usize = 3;
 
-/// SubsetPosterior with which the rival is weighed, and noise settings of each class.
+/// Subsets with which the rival is weighed, and noise settings of each class.
 const SUBSETS: usize = 10;
 const SETTINGS: usize = 8;
 

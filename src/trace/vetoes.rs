@@ -175,7 +175,7 @@ fn held_out(before: &Round) -> Option<String> {
     (!group.predicts).then(|| format!("{} does not predict held-out regions", effect.name()))
 }
 
-/// 6. Steps of a series that the others do not predict, and what they leave: not the step that was last is to blame, but a part of all.
+/// 7. Steps of a series that the others do not predict, and what they leave: not the step that was last is to blame, but a part of all.
 fn steps_apart(last: &Round) -> Option<String> {
     let steps = last
         .identification
@@ -185,11 +185,9 @@ fn steps_apart(last: &Round) -> Option<String> {
         .steps
         .as_ref()?;
     let traced = last.tracing.steps();
-    let z = traced.iter().filter_map(|step| Some(step.predicted?.z));
-    let far: Vec<(&String, f64)> = steps
-        .names
-        .iter()
-        .zip(z)
+    let pairs = steps.names.iter().zip(traced);
+    let far: Vec<(&String, f64)> = pairs
+        .filter_map(|(name, step)| Some((name, step.predicted?.z)))
         .filter(|(_, z)| *z > STEP_SDS)
         .collect();
     if far.is_empty() {
@@ -213,7 +211,7 @@ fn steps_apart(last: &Round) -> Option<String> {
     ))
 }
 
-/// 7. Experiments beside the field that contradict it, with all that was found.
+/// 8. Experiments beside the field that contradict it, with all that was found.
 fn in_tension(last: &Round) -> Option<String> {
     let p = tension(last)?.p;
     (p < MISFIT).then(|| {

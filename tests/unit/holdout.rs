@@ -25,6 +25,8 @@ fn what_tells_nothing_does_not_count() {
     assert!(gain([4.0, -1.0, 2.0, 3.0], &[1.0]));
     assert!(!gain([9.0, -1.0, -0.5, 3.0], &[1.0]));
     assert!(!gain([0.0; DIVISIONS], &[0.0]));
+    // where nothing tells, more than one loss is too many
+    assert!(!gain([0.001, -0.002, 0.003, -0.001], &[0.02]));
 }
 
 /// Of an amplitude of a step's own the other steps say nothing.

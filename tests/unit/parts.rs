@@ -24,6 +24,13 @@ fn the_part_that_is_largest_is_told() {
     assert_eq!(of([0.0, 0.0, 1.0, 0.0, 0.0]), Some(PatchPart::Own(2)));
     // damage that stays: all loaded pictures have it, by the largest load before
     assert_eq!(of([0.0, 0.5, 0.75, 1.0, 0.0]), Some(PatchPart::Load));
-    let one_load = largest_part(&left([1.0; 5]), &[1.0; 5], &[1.0; 5]);
-    assert_eq!(one_load, Some(PatchPart::Whole));
+    for t in 0..5 {
+        let mut alone = [0.0; 5];
+        alone[t] = 1.0;
+        assert_eq!(of(alone), Some(PatchPart::Own(t)));
+    }
+    // of one load nothing tells the specimen from the pictures
+    assert_eq!(largest_part(&left([1.0; 5]), &[1.0; 5], &[1.0; 5]), None);
+    // nothing is most of what no two pictures share
+    assert_eq!(of([0.0; 5]), None);
 }

@@ -25,7 +25,7 @@ pub struct PlateCoefficients {
 /// The plate's weight, as it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Weight {
-    /// WeighedPlates: mass, t. Frequencies then do not depend on the thickness but through the stiffness.
+    /// Weighed: mass, t. Frequencies then do not depend on the thickness but through the stiffness.
     Mass(f64),
     /// Density, t/mm^3 (1600 kg/m^3 = 1.6e-9).
     Density(f64),

@@ -1,4 +1,4 @@
-//! VibratingPlate theories as data: which unknown fields there are, and which of their derivatives make strains and velocities.
+//! Plate theories as data: which unknown fields there are, and which of their derivatives make strains and velocities.
 //!
 //! Coordinates are (xi, eta) in [-1, 1]^2 with x = a xi / 2, y = b eta / 2. The rotations of the sheared plate are 2 t1 / a and 2 t2 / b, so
 //! that every strain is one factor of the dimensions ([`strain_scale`]) times derivatives that do not know them.

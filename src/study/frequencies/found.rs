@@ -16,7 +16,7 @@ use crate::quantity::plus_minus;
 pub struct PlateFound {
     pub name: String,
     pub peaks: Vec<PeakFound>,
-    /// PredictedFrequency modes within the band, by frequency.
+    /// Predicted modes within the band, by frequency.
     pub modes: Vec<ModeFound>,
     /// Deflections of the modes on a grid of this many points along length and width.
     pub grid: [usize; 2],

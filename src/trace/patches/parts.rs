@@ -34,14 +34,22 @@ pub(super) struct FramePart {
 /// Loads that vary by less than this part of the largest do not tell a constant from what grows with the load.
 const VARIES: f64 = 0.05;
 
+/// Whether loads tell a constant from what grows with the load.
+fn vary(loads: &[f64]) -> bool {
+    let count = loads.len() as f64;
+    let mean = loads.iter().sum::<f64>() / count;
+    let square: f64 = loads.iter().map(|f| (f - mean).powi(2)).sum();
+    let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+    (square / count).sqrt() > VARIES * largest
+}
+
 /// All parts of frames of the noise scales `scales`, whose reference picture has the share `reference` of the noise.
 pub(super) fn parts(loads: &[f64], scales: &[f64], reference: f64) -> Vec<FramePart> {
     let n = loads.len();
     let count = n as f64;
     let mean = loads.iter().sum::<f64>() / count;
     let about = DVector::from_iterator(n, loads.iter().map(|f| f - mean));
-    let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-    let varies = (about.norm_squared() / count).sqrt() > VARIES * largest;
+    let varies = vary(loads);
     let variance = |w: &DVector<f64>| {
         let own: f64 = w.iter().zip(scales).map(|(w, d)| w * w * d).sum();
         own + reference * w.sum().powi(2)
@@ -76,27 +84,35 @@ pub(super) fn parts(loads: &[f64], scales: &[f64], reference: f64) -> Vec<FrameP
 /// Less than this of a frame beside what follows the laws is nothing of its own.
 const SEEN: f64 = 0.02;
 
-/// The part that is largest over its noise in what is left of all frames, nm: by blocks, of frames of these loads and noise scales.
+/// The part that explains most, and more than half, of what is left of all frames, nm: by blocks, of frames of these loads and noise scales. Each
+/// is taken alone, as one field times the loads, in all frames or in one, under noise of which the reference picture has as much as a frame.
 pub(in crate::trace) fn largest_part(
     left_nm: &[[Vec<f64>; 2]],
     loads: &[f64],
     scales: &[f64],
 ) -> Option<PatchPart> {
-    let size = |part: &FramePart| -> f64 {
-        let one = |c: usize, block: usize| {
-            let frames = part.weights.iter().zip(left_nm);
-            frames.map(|(w, left)| w * left[c][block]).sum::<f64>()
-        };
-        let blocks = left_nm.first().map_or(0, |left| left[0].len());
-        let squares = (0..2).flat_map(|c| (0..blocks).map(move |b| (c, b)));
-        squares.map(|(c, b)| one(c, b).powi(2)).sum::<f64>() / part.scale
+    if !vary(loads) {
+        return None;
+    }
+    let n = loads.len();
+    let noise = DMatrix::from_fn(n, n, |i, j| 1.0 + if i == j { scales[i] } else { 0.0 });
+    let noise = noise.cholesky()?;
+    let unit = |t: usize| DVector::from_fn(n, |k, _| f64::from(u8::from(k == t)));
+    let own = (0..n).map(|t| (PatchPart::Own(t), unit(t)));
+    let common = (PatchPart::Common, DVector::repeat(n, 1.0));
+    let load = (PatchPart::Load, DVector::from_column_slice(loads));
+    let blocks = left_nm.first().map_or(0, |left| left[0].len());
+    let left = DMatrix::from_fn(n, 2 * blocks, |k, b| left_nm[k][b / blocks][b % blocks]);
+    let weighted = noise.solve(&left);
+    let all = left.dot(&weighted);
+    let explained = |law: &DVector<f64>| {
+        let along = weighted.tr_mul(law);
+        along.norm_squared() / law.dot(&noise.solve(law))
     };
-    // the reference picture is as noisy as the others
-    let sizes = parts(loads, scales, 1.0).into_iter();
-    let sizes = sizes.map(|part| (size(&part), part.part));
-    sizes
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, part)| part)
+    let parts = own.chain([common, load]);
+    let sizes = parts.map(|(part, law)| (explained(&law), part));
+    let most = sizes.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (most.0 > 0.5 * all).then_some(most.1)
 }
 
 #[cfg(test)]
