@@ -602,7 +602,7 @@ fn mistakes_of_the_load_by_chance_are_never_sure_and_wrong() {
     let rows = table(&page, "| by chance | series |");
     assert_eq!(rows.len(), KINDS.len() + 1);
     let is_kind = |name: &str| KINDS.contains(&name) || name == "nothing";
-    assert!(rows.iter().all(|row| is_kind(row[0])));
+    assert!(rows.iter().all(|row| is_kind(&row[0])));
     let mut faults = Vec::new();
     for is_null in [false, true] {
         let drawn: Vec<Drawn> = (0..100).map(|seed| Drawn::new(is_null, seed)).collect();
