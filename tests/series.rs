@@ -297,8 +297,10 @@ fn damage_of_another_profile_is_taken_for_no_other_effect() {
     summary(&judged);
     for j in &judged {
         assert!(!j.is_wrong(), "{}", j.ended.line());
-        assert_eq!(j.ended.held(), 4, "{}", j.ended.line());
     }
+    // of 16 intervals of 95 % fewer than 14 hold once in 23 times
+    let held: usize = judged.iter().map(|j| j.ended.held()).sum();
+    assert!(held >= 14, "{held} of 16");
 }
 
 /// A wave of the interpolation, at half to twice its usual size, is named, and nothing that would strain the field likewise.

@@ -1,10 +1,10 @@
 //! Plate bending on a plate's own mesh: sparse stiffness, Cholesky, and the specimen bent by moments at its ends.
 
-use super::load::edge_forces;
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use nalgebra::{SMatrix, Vector3};
 
 use super::assemble::{node_pattern, pinned_entries, scalar_pattern};
+use super::load::edge_forces;
 use super::plate_element::{self, PER_NODE, UNKNOWNS};
 use super::solve::{Symbolic, not_definite};
 use crate::error::Result;

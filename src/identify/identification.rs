@@ -68,13 +68,13 @@ impl Identification {
         self
     }
 
-    /// The same identification, its misfit held against effects that may act beside the model's too: of each, what one prior sd of every
+    /// The same identification, its misfit held against noise and effects that may act too: of each, what one prior sd of every
     /// amplitude does to the block averages of (u1, u2) at all measured points, mm.
     #[must_use]
-    pub fn beside(mut self, columns: &[[DVector<f64>; 2]]) -> Self {
+    pub fn with_effects(mut self, columns: &[[DVector<f64>; 2]]) -> Self {
         let mean: Vec<f64> = self.verdict.rows.iter().map(|row| row.mean).collect();
         let of = (&self.inverse, &self.residual);
-        self.misfit = self.misfit.beside(of, &mean, columns);
+        self.misfit = self.misfit.with_effects(of, &mean, columns);
         self
     }
 

@@ -1,5 +1,5 @@
 //! Whether noise explains what a fit leaves. One probability a fit: verdict and warnings ask for it here, and
-//! agree. Of the last fit of a loop it may be that beside effects on which the data do not decide.
+//! agree. For the last fit of a loop, effects on which the data do not decide may take part in it.
 
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -24,8 +24,8 @@ pub struct AgainstNoise {
     pub p: f64,
     /// Whether the frames of a series have measured that noise.
     pub of_series: bool,
-    /// Whether noise is enough only beside effects on which the data do not decide.
-    pub beside_undecided: bool,
+    /// Whether noise explains it only together with effects on which the data do not decide.
+    pub with_undecided: bool,
     /// What is said of it; nothing where noise explains it.
     pub warnings: Vec<String>,
 }
@@ -38,7 +38,7 @@ impl AgainstNoise {
         mean: &[f64],
         noise_is_declared: bool,
     ) -> Self {
-        let (modes, freedom, p_of_modes) = modal_misfit_of_elements(inverse, mean, &[]);
+        let (modes, freedom, p_of_modes) = modal_misfit(inverse, mean, &[]);
         let p = p_of_modes.min(residual.p_chi2);
         let mut warnings = Vec::new();
         if p < MISFIT {
@@ -56,7 +56,7 @@ impl AgainstNoise {
         Self {
             p,
             of_series: false,
-            beside_undecided: false,
+            with_undecided: false,
             warnings,
         }
     }
@@ -71,7 +71,7 @@ impl AgainstNoise {
         Self {
             p,
             of_series: true,
-            beside_undecided: false,
+            with_undecided: false,
             warnings,
         }
     }
@@ -79,13 +79,13 @@ impl AgainstNoise {
     /// A field's misfit, held against noise and effects on which the data do not decide: of each, what one prior sd of every amplitude does to
     /// the block averages of (u1, u2), mm. Unchanged where these do not explain it either.
     #[must_use]
-    pub(super) fn beside(
+    pub(super) fn with_effects(
         self,
         (inverse, residual): (&InverseProblem, &Residual),
         mean: &[f64],
         columns: &[[DVector<f64>; 2]],
     ) -> Self {
-        let (_, _, p_of_modes) = modal_misfit_of_elements(inverse, mean, columns);
+        let (_, _, p_of_modes) = modal_misfit(inverse, mean, columns);
         let p = p_of_modes.min(residual.p_chi2);
         if p < MISFIT {
             return self;
@@ -93,7 +93,7 @@ impl AgainstNoise {
         Self {
             p,
             of_series: false,
-            beside_undecided: true,
+            with_undecided: true,
             warnings: Vec::new(),
         }
     }
@@ -105,17 +105,17 @@ impl AgainstNoise {
 }
 
 /// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one, with effects that may
-/// act beside it ([`AgainstNoise::beside`]). What the finite elements add to the surface is no misfit of the model; they are asked where it
+/// act too ([`AgainstNoise::with_effects`]). What the finite elements add to the surface is no misfit of the model; they are asked where it
 /// matters.
-fn modal_misfit_of_elements(
+fn modal_misfit(
     of: &InverseProblem,
     mean: &[f64],
     columns: &[[DVector<f64>; 2]],
 ) -> (f64, usize, f64) {
     let posterior = &of.posterior;
     let at = (&mean[..posterior.structural()], posterior.scale(mean));
-    let probability = |gained: Option<&DVector<f64>>, beside: &[DVector<f64>]| {
-        let (misfit, coordinates) = posterior.likelihood().misfit(at, gained, beside);
+    let probability = |gained: Option<&DVector<f64>>, effects: &[DVector<f64>]| {
+        let (misfit, coordinates) = posterior.likelihood().misfit(at, gained, effects);
         let freedom = coordinates.saturating_sub(at.0.len()).max(1);
         let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
         (misfit, freedom, p)
@@ -127,9 +127,9 @@ fn modal_misfit_of_elements(
     let whitened = Whitened::new(&of.columns, &of.noise);
     let projected =
         |c: &[DVector<f64>; 2]| of.statistics.weighted_of_averages(&whitened, &of.noise, c);
-    let beside: Vec<DVector<f64>> = columns.iter().map(projected).collect();
+    let effects: Vec<DVector<f64>> = columns.iter().map(projected).collect();
     let error = field_error(of, &whitened, at.0).ok();
-    probability(error.as_ref().map(|e| &e.weighted), &beside)
+    probability(error.as_ref().map(|e| &e.weighted), &effects)
 }
 
 /// What is said of structure that is left.

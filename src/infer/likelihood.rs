@@ -227,13 +227,13 @@ impl Likelihood {
     }
 
     /// Misfit r' C^-1 r of the measured coefficients at `theta` and noise scale `s`, and how many there are. The prediction gains an error
-    /// where one is given, and effects may act beside it, each by what one prior sd of it adds; all as weighted projections
+    /// where one is given, and effects may act too, each by what one prior sd of it adds; all as weighted projections
     /// ([`Statistics::weighted_of`], [`Statistics::weighted_of_averages`]).
     pub fn misfit(
         &self,
         (theta, s): (&[f64], f64),
         gained: Option<&DVector<f64>>,
-        beside: &[DVector<f64>],
+        effects: &[DVector<f64>],
     ) -> (f64, usize) {
         let (mean, response) = self.predict(theta);
         let mut r = &self.measured - mean;
@@ -241,7 +241,7 @@ impl Likelihood {
             r -= self.error(weighted);
         }
         let mut directions = vec![response];
-        directions.extend(beside.iter().map(|weighted| self.error(weighted)));
+        directions.extend(effects.iter().map(|weighted| self.error(weighted)));
         let directions = DMatrix::from_columns(&directions);
         let deviation = self.lambda.map(|l| ((s * s + l) / l).sqrt());
         let r = r.component_div(&deviation);

@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
 //! | [`Loop::followed`] | the rounds | the rounds, the last with a reduced model that follows its posterior |
-//! | [`Loop::beside_undecided`] | the rounds | the rounds, the last held against what is undecided too |
+//! | [`Loop::with_undecided`] | the rounds | the rounds, the last held against what is undecided too |
 //! | [`conclude`] | the rounds | the [`Conclusion`] |
 //! | [`with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
 //! | [`quote`] | both | the posterior [`ToQuote`] |
@@ -173,7 +173,7 @@ pub fn explain<'a>(
     let course = loop {
         turn = match turn {
             Turn::Identify(course, next) => context.turn(course, *next)?,
-            Turn::Ended(course) => break context.beside_undecided(context.followed(course)?),
+            Turn::Ended(course) => break context.with_undecided(context.followed(course)?),
         };
     };
     Ok(Explained {
@@ -316,10 +316,10 @@ impl Loop<'_, '_> {
 
     /// The same, once something was found, with the last round's misfit held against what is undecided too: that may be the rest of it. Not
     /// after the deadline.
-    fn beside_undecided(&self, mut course: Course) -> Course {
+    fn with_undecided(&self, mut course: Course) -> Course {
         let options = (self.options)(LoopStage::Attempt(course.attempts));
         if course.rounds.len() > 1 && !is_over(&options) {
-            let last = course.rounds.pop().map(Round::beside_undecided);
+            let last = course.rounds.pop().map(Round::with_undecided);
             course.rounds.extend(last);
         }
         course

@@ -407,8 +407,8 @@ fn words(
     let has_patches = rounds[rounds.len() - 1].patches().found().next().is_some();
     let only_there = has_patches && !(facts.wanted || facts.structure || facts.patterns);
     let misfit = &rounds[rounds.len() - 1].identification.misfit;
-    let beside_undecided = misfit.beside_undecided && facts.status() == Status::Closed;
-    let whole = match (only_there, beside_undecided) {
+    let with_undecided = misfit.with_undecided && facts.status() == Status::Closed;
+    let whole = match (only_there, with_undecided) {
         (true, _) => Some(
             "As a whole the residual is what the measured noise explains, but not in one place.",
         ),

@@ -42,12 +42,12 @@ impl Round {
     /// The same round, its misfit held against noise and the effects on which its tracing does not decide: of a field, and where noise alone
     /// does not explain it.
     #[must_use]
-    pub fn beside_undecided(mut self) -> Self {
+    pub fn with_undecided(mut self) -> Self {
         let misfit = &self.identification.misfit;
         if misfit.is_too_large() && !misfit.of_series {
             let columns = self.undecided();
             if !columns.is_empty() {
-                self.identification = self.identification.beside(&columns);
+                self.identification = self.identification.with_effects(&columns);
             }
         }
         self

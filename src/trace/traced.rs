@@ -65,7 +65,8 @@ pub fn forward<'a>(
     }
 }
 
-/// What of a test, solved by an experiment and seen at all its points, is compared with what was measured.
+/// How the test that an experiment solves is compared with the measurement: a field by its blocks, a series by the blocks of every step.
+/// `sight` is where its points lie.
 pub fn over_blocks<'a>(
     (experiment, sight): (&'a dyn FieldSolver, &'a Sight),
     prepared: &'a Prepared,

@@ -199,9 +199,11 @@ fn steps_apart(last: &Round) -> Option<String> {
     let maps = last.tracing.series.as_ref()?.maps.as_ref();
     let part = maps.and_then(|m| largest_part(&m.left_nm, &steps.loads, &scales));
     let left = match part {
-        Some(PatchPart::Load) => "; most of what is left grows with the load".into(),
-        Some(PatchPart::Common) => "; most of what is left is the same in all pictures".into(),
-        Some(PatchPart::Own(k)) => format!("; most of what is left is in {} alone", steps.names[k]),
+        Some(PatchPart::Load) => ", and most of what is left grows with the load".into(),
+        Some(PatchPart::Common) => ", and most of what is left is the same in all pictures".into(),
+        Some(PatchPart::Own(k)) => {
+            format!(", and most of what is left is in {} alone", steps.names[k])
+        }
         Some(PatchPart::Whole) | None => String::new(),
     };
     Some(format!(

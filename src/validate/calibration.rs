@@ -15,8 +15,8 @@ use rand_pcg::Pcg64Dxsm;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
 
-pub use super::record::ReplicatePlan;
-use super::record::{Numbered, replicates};
+pub use super::replicates::ReplicatePlan;
+use super::replicates::{Numbered, replicates};
 use super::twin::{Twin, TwinTruth};
 use crate::chain::Draws;
 use crate::diagnose::Rule;

@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
 use super::calibration::{NOISE_NM, constants};
-use super::record::ReplicatePlan;
+use super::replicates::ReplicatePlan;
 use crate::effect::{Acting, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::Gauge;

@@ -8,6 +8,7 @@ pub mod grid;
 pub mod priors;
 pub mod quadrature;
 pub mod record;
+mod replicates;
 pub mod thickness;
 pub mod twin;
 pub mod verdicts;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::calibration::model_of;
 use super::drawn::{Acts, Drawn};
-use super::record::{Numbered, ReplicatePlan, replicates};
+use super::replicates::{Numbered, ReplicatePlan, replicates};
 use super::whole_loop::{OF_THE_LOOP, ROUNDS, held, measured, options, refuse_unknown_forces};
 use crate::diagnose::sorted;
 use crate::error::Result;

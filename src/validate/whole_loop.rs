@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::calibration::{ParameterRanks, Replicate, model_of, of_draws, summarise};
 use super::drawn::{Acts, Drawn, noise_nm};
-use super::record::{Numbered, ReplicatePlan, replicates};
+use super::replicates::{Numbered, ReplicatePlan, replicates};
 use crate::diagnose::Rule;
 use crate::error::{Error, Result};
 use crate::files::Keyed;

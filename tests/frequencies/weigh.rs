@@ -7,6 +7,8 @@ use plychain::experiment::frequencies::VibrationMode;
 use plychain::experiment::frequencies::assignment::{Assigned, assign};
 use plychain::experiment::frequencies::estimate::{AssignmentProblem, LikeliestPlate, predicted};
 use plychain::numeric::shares;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// Scale of the logistic distribution of sd 1: sqrt(3) / pi.
 const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
@@ -53,9 +55,13 @@ impl PlateProposal {
         }
     }
 
-    /// Point `k` > 0 of the proposal's sequence.
-    fn point(&self, k: usize) -> DVector<f64> {
-        &self.place + &self.spread * DVector::from_fn(self.place.len(), |i, _| quasi_normal(k, i))
+    /// A draw, each whitened coordinate of a logistic law.
+    fn draw(&self, rng: &mut Pcg64) -> DVector<f64> {
+        let mut logistic = |_, _| {
+            let u: f64 = rng.random();
+            LOGISTIC_SCALE * (u / (1.0 - u)).ln()
+        };
+        &self.place + &self.spread * DVector::from_fn(self.place.len(), &mut logistic)
     }
 
     /// Log density.
@@ -89,7 +95,7 @@ fn at(
     Some((log_posterior, modes, assigned))
 }
 
-/// Average over the posterior by about `draws` points, shared out among the tops (highest first) by their evidence. Deterministic.
+/// Average over the posterior by about `draws` points, shared out among the tops (highest first) by their evidence, with numbers of one seed.
 pub fn weigh(
     problem: &AssignmentProblem<'_>,
     tops: &[LikeliestPlate],
@@ -110,10 +116,11 @@ pub fn weigh(
         proposals.push((PlateProposal::of(problem, top), count));
     }
     let total: usize = proposals.iter().map(|(_, count)| count).sum();
-    let points: Vec<DVector<f64>> = proposals
-        .iter()
-        .flat_map(|(proposal, count)| (1..=*count).map(|k| proposal.point(k)))
-        .collect();
+    let rng = &mut Pcg64::seed_from_u64(1);
+    let mut points: Vec<DVector<f64>> = Vec::new();
+    for (proposal, count) in &proposals {
+        points.extend((0..*count).map(|_| proposal.draw(rng)));
+    }
     let log_mixture = |z: &DVector<f64>| {
         let each = proposals.iter();
         let density: f64 = each
@@ -171,17 +178,4 @@ fn averaged(
         matched,
         effective: 1.0 / weights.iter().map(|w| w * w).sum::<f64>(),
     }
-}
-
-/// Coordinate `axis` of point `k` > 0 of a sequence that fills a normal law: Halton's, made nearly normal by the logistic quantile.
-fn quasi_normal(k: usize, axis: usize) -> f64 {
-    const PRIMES: [usize; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
-    let base = PRIMES[axis % PRIMES.len()];
-    let (mut rest, mut share, mut u) = (k, 1.0, 0.0);
-    while rest > 0 {
-        share /= base as f64;
-        u += share * (rest % base) as f64;
-        rest /= base;
-    }
-    LOGISTIC_SCALE * (u / (1.0 - u)).ln()
 }

@@ -97,8 +97,8 @@ pub(in crate::trace) fn largest_part(
     let n = loads.len();
     let noise = DMatrix::from_fn(n, n, |i, j| 1.0 + if i == j { scales[i] } else { 0.0 });
     let noise = noise.cholesky()?;
-    let unit = |t: usize| DVector::from_fn(n, |k, _| f64::from(u8::from(k == t)));
-    let own = (0..n).map(|t| (PatchPart::Own(t), unit(t)));
+    let single = DMatrix::<f64>::identity(n, n);
+    let own = (0..n).map(|t| (PatchPart::Own(t), single.column(t).into_owned()));
     let common = (PatchPart::Common, DVector::repeat(n, 1.0));
     let load = (PatchPart::Load, DVector::from_column_slice(loads));
     let blocks = left_nm.first().map_or(0, |left| left[0].len());
