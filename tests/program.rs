@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Once, OnceLock};
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -15,9 +15,26 @@ pub fn root() -> &'static Path {
 
 /// Where tests run: `runs/.cache` is below it.
 pub fn workplace() -> PathBuf {
+    static CLEANED: Once = Once::new();
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("workplace");
     std::fs::create_dir_all(&path).unwrap();
+    CLEANED.call_once(|| remove_what_earlier_runs_left(&path));
     path
+}
+
+/// Removes the folders of processes that have ended: a run of the tests leaves gigabytes.
+fn remove_what_earlier_runs_left(workplace: &Path) {
+    for entry in std::fs::read_dir(workplace).unwrap().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let process = name.split('-').next().unwrap_or_default();
+        let ended = process.parse::<u32>().is_ok()
+            && !Path::new("/proc").join(process).exists()
+            && Path::new("/proc/self").exists();
+        if ended {
+            // another run of the tests may be removing it too
+            std::fs::remove_dir_all(entry.path()).unwrap_or_default();
+        }
+    }
 }
 
 /// A path that does not exist yet, in a folder that does.
