@@ -373,6 +373,7 @@ fn a_reduced_model_is_built_once() {
 /// The material of a campaign's specimens: its files are chains like any other, the same for any number of threads; one measurement is one
 /// specimen, and what is left out is said.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_population_is_made_of_the_specimens_of_a_campaign() {
     let bench = Bench::new(5);
     bench.coupons(4000);

@@ -17,11 +17,31 @@ use rand_pcg::Pcg64Dxsm;
 /// Processor time that all readers may take on all files, s: several times what they need, but no reader that hangs ends.
 const PROCESSOR: u64 = 1800;
 
+/// Environment variable: the share of the mutated files that are read.
+const SHARE: &str = "PLYCHAIN_FUZZ_SHARE";
+
+/// This share of a number of mutated files.
+fn share_of(count: usize) -> usize {
+    let share = std::env::var(SHARE).ok().and_then(|s| s.parse().ok());
+    (share.unwrap_or(1.0_f64) * count as f64).ceil() as usize
+}
+
 /// Memory that the readers may have, KiB.
 const MEMORY: u64 = 1 << 20;
 
 #[test]
 fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
+    readers_stand("0.2");
+}
+
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn five_times_as_many_mutated_files_never_panic_hang_or_take_memory_without_bound() {
+    readers_stand("1");
+}
+
+/// All readers on a share of the mutated files.
+fn readers_stand(share: &str) {
     // in a process of its own, whose memory and processor time are limited: a reader that asks for more ends it
     let own = std::env::current_exe().unwrap();
     let script = format!(
@@ -31,6 +51,7 @@ fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
         .args(["-c", &script])
         .arg(&own)
         .env("RAYON_NUM_THREADS", "2")
+        .env(SHARE, share)
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
@@ -150,7 +171,7 @@ fn feed(
     read: &mut dyn FnMut(&[u8]) -> Result<()>,
 ) {
     let mut rng = Pcg64Dxsm::seed_from_u64(what.bytes().map(u64::from).sum());
-    let mut refused = 0;
+    let (mut refused, count) = (0, share_of(count));
     read(original).unwrap_or_else(|e| panic!("{what}: the original is refused: {e}"));
     for _ in 0..count {
         let mutated = mutate(original, &mut rng);
@@ -337,7 +358,7 @@ fn zarr(path: &Path) {
     store.finalize(&[0.3; 4]).unwrap();
     let mut files = Vec::new();
     below(path, &mut files);
-    let each = 8_000 / files.len();
+    let each = share_of(8_000 / files.len());
     for file in files {
         let original = fs::read(&file).unwrap();
         let mut rng = Pcg64Dxsm::seed_from_u64(files_seed(&file));
@@ -399,7 +420,7 @@ fn reports(folder: &Path) {
         .for_each(|(name, text)| write(name, text.as_bytes()));
     for (name, text) in files {
         let mut rng = Pcg64Dxsm::seed_from_u64(name.len() as u64);
-        for _ in 0..400 {
+        for _ in 0..share_of(400) {
             let mutated = mutate(text.as_bytes(), &mut rng);
             write(name, &mutated);
             let made =

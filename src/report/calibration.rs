@@ -236,7 +236,8 @@ fn of_names(summary: &VerdictSummary) -> Vec<String> {
     let f1 = summary.f1();
     let names = f1.is_finite().then(|| format!("F1 of the names: {f1:.2}"));
     let left = summary.bias_left;
-    let left = left.is_finite().then(|| format!("The constants' distance from those with all true effects declared: {left:.3} of that before (median, where the residual is explained)"));
+    let of = summary.biased;
+    let left = left.is_finite().then(|| format!("Explained measurements whose constants lay more than one sd from those with all true effects declared: {of}. Closing left {left:.3} of that distance (median)"));
     names.into_iter().chain(left).collect()
 }
 

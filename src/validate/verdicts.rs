@@ -245,7 +245,9 @@ pub struct VerdictSummary {
     pub sure_and_wrong: HowOften,
     /// 95 % intervals that hold their constant.
     pub held: HowOften,
-    /// Median of the distance from the oracle after closing over that before, where effects acted and the residual is explained.
+    /// Explained measurements whose effects moved the constants by more than one sd of the oracle's, and the median there of the distance
+    /// from the oracle after closing over that before. A smaller distance is noise, and closing does not take noise away.
+    pub biased: usize,
     pub bias_left: f64,
 }
 
@@ -268,7 +270,7 @@ impl VerdictSummary {
             .flat_map(|r| r.named.iter().map(|(name, _)| r.acts(name)));
         let groups = all.iter().map(|r| (r.false_names(), r.named.len()));
         let (wrong, of) = groups.fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
-        let closed = acted().filter(|r| r.is_explained() && r.bias[0] > 0.0);
+        let closed = acted().filter(|r| r.is_explained() && r.bias[0] > 1.0);
         let left: Vec<f64> = closed.map(|r| r.bias[1] / r.bias[0]).collect();
         Self {
             plan: plan.clone(),
@@ -286,6 +288,7 @@ impl VerdictSummary {
             },
             sure_and_wrong: HowOften::new(all, |r| r.is_explained() && r.false_names() > 0),
             held: HowOften::new(all.iter().flat_map(|r| &r.held), |held| **held),
+            biased: left.len(),
             bias_left: quantile(&sorted(&left), 0.5),
         }
     }

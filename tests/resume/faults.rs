@@ -92,6 +92,7 @@ fn faulty(places: impl Iterator<Item = usize>) {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 #[cfg(target_os = "linux")]
 fn a_write_that_fails_costs_nothing_that_was_finished() {
     faulty([1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144, 233].into_iter());

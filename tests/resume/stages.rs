@@ -115,6 +115,7 @@ fn report(bench: &Bench, name: &str) -> serde_json::Value {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_loop_killed_after_every_stage_does_none_twice() {
     let (bench, model) = leaning();
     killed_after_every_stage(&bench, &model);
