@@ -11,6 +11,7 @@ mod doe;
 mod effects;
 mod examples;
 mod exports;
+mod field_run;
 mod folder;
 mod forces;
 mod fringes;

@@ -6,26 +6,22 @@ use clap::Args;
 use serde_json::Value;
 
 use super::console::Console;
-use super::folder::{AVERAGED, check_run};
-use super::identify::truth;
+use super::folder::check_run;
 use super::running::{RunPlan, Running};
-use super::study::field_folder;
-use super::{Global, cache, print, results, study};
-use crate::chain::{Draws, check_stores, write_csv, write_zarr};
+use super::{Global, cache, field_run, print, results, study};
+use crate::chain::check_stores;
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::files;
 use crate::infer::Model;
-use crate::progress::Progress;
 use crate::report::json::Keyed;
 use crate::report::learned::learned;
 use crate::report::round::MeanAndSd;
 use crate::report::study::StudyReport;
-use crate::report::together::TogetherReport;
-use crate::report::{Page, Report, gather, run as sections_of, traced};
+use crate::report::{Page, Report, run as sections_of, traced};
 use crate::section::{Section, terminal};
 use crate::study::Study;
-use crate::trace::{self, Closed, LoopStage, Suspect, ToQuote};
+use crate::trace::{self, LoopStage, Suspect};
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
@@ -68,14 +64,14 @@ fn close_all(run: RunPlan, most: usize, console: &Console) -> Result<()> {
     let Some(model) = experiment.field().cloned() else {
         return study::close(run, most, console);
     };
-    let options = |stage: LoopStage| match (stage, place(run.folder.path(), stage)) {
+    let options = |stage: LoopStage| match (stage, field_run::place(run.folder.path(), stage)) {
         (LoopStage::Attempt(0), place) => run.doubting(&place),
         (_, place) => run.options(&place),
     };
     let closed = trace::close(&model, most, &options, console)?;
     let folder = run.folder.path();
-    let page = write((&run, folder, console), &Model::resolved, (&closed, None))?;
-    say((&closed, &page), &run, console)?;
+    let page = field_run::write_closed((&run, folder, console), &Model::resolved, (&closed, None))?;
+    field_run::say((&closed, &page), &run, console)?;
     let verdicts = closed.rounds.iter().map(|s| &s.identification.verdict);
     run.finish(&page, verdicts, console)
 }
@@ -85,10 +81,14 @@ fn done(run: RunPlan) -> Result<()> {
     check_stores(run.folder.path())?;
     let mut pages = Vec::new();
     for (k, _) in run.study.fields() {
-        pages.push(Page::load(&field_folder(run.folder.path(), &run.study, k))?);
+        pages.push(Page::load(&field_run::field_folder(
+            run.folder.path(),
+            &run.study,
+            k,
+        ))?);
     }
     for page in &pages {
-        show(page, run.verbose)?;
+        field_run::show(page, run.verbose)?;
     }
     if pages.is_empty() {
         let report = StudyReport::load(run.folder.path())?;
@@ -98,84 +98,6 @@ fn done(run: RunPlan) -> Result<()> {
     }
     let rounds = pages.iter().flat_map(|page| &page.report.rounds);
     run.done(rounds.map(|round| &round.convergence))
-}
-
-/// Print what a loop found: a screen, or with `--verbose` everything.
-pub(super) fn say(
-    (closed, page): (&Closed, &Page),
-    run: &RunPlan,
-    console: &Console,
-) -> Result<()> {
-    if let ToQuote::ClosedForm(why) = &closed.to_quote
-        && run.verbose
-    {
-        // the verdict stands
-        console.warn(&format!(
-            "The intervals to quote are those of the closed form: {why}"
-        ));
-    }
-    show(page, run.verbose)
-}
-
-/// Print what a page says: a screen, or with `verbose` everything.
-pub(super) fn show(page: &Page, verbose: bool) -> Result<()> {
-    let report = &page.report;
-    results(report)?;
-    let mut sections = match report.last() {
-        Some(last) if verbose => vec![sections_of::identification(report, last)],
-        _ => vec![sections_of::brief(page)],
-    };
-    if let Some(closing) = report.closing.as_ref().filter(|_| verbose) {
-        sections.extend(sections_of::closed(page, closing));
-    }
-    sections.extend(report.together_section());
-    print(&terminal(&sections))
-}
-
-/// Where the chains of a stage are kept: those of the first round in the folder itself.
-pub(super) fn place(folder: &Path, stage: LoopStage) -> PathBuf {
-    match stage {
-        LoopStage::Attempt(0) => folder.to_path_buf(),
-        LoopStage::Attempt(attempt) => folder.join(format!("round-{attempt}")),
-        LoopStage::Answer(supposing) => folder.join(AVERAGED).join(supposing.key()),
-    }
-}
-
-/// Write what a loop over a field leaves behind beside its chain stores into a folder of the run, and return the page that shows it, which
-/// is still to be written; `whole` is the model file with a model of the field.
-pub(super) fn write(
-    (run, folder, console): (&RunPlan, &Path, &Console),
-    whole: &dyn Fn(&Model) -> Result<Value>,
-    (closed, together): (&Closed, Option<TogetherReport>),
-) -> Result<Page> {
-    let table = |draws: &Draws, place: &Path| match run.tables {
-        true => write_csv(draws, &place.join("chain.csv")),
-        false => Ok(()),
-    };
-    for round in &closed.rounds {
-        let place = place(folder, LoopStage::Attempt(round.attempt));
-        table(&round.identification.draws, &place)?;
-        files::write_json(&place.join("model.json"), &whole(&round.model)?)?;
-    }
-    if let ToQuote::Sampled(sampled) = &closed.to_quote {
-        let place = folder.join(AVERAGED);
-        // an interrupted run may have left one
-        files::replace_folder(&place.join("chain.zarr"), |store| {
-            write_zarr(&sampled.draws, store)
-        })?;
-        table(&sampled.draws, &place)?;
-    }
-    let last = &closed.rounds[closed.rounds.len() - 1];
-    files::write_json(&folder.join("model.extended.json"), &whole(&last.model)?)?;
-    let mut report = gather::closed(closed, run.seed());
-    report.together = together;
-    files::write_json(&folder.join("report.json"), &report)?;
-    let files = closed.rounds[0].identification.files();
-    let (path, seed) = (&last.model.path, run.seed());
-    let manifest = run
-        .folder
-        .manifest(Some(path), files, seed, console.costs())?;
-    Ok(Page::closed(closed, report, manifest, truth(files)?))
 }
 
 /// Arguments of `trace`.
@@ -203,7 +125,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let several = fields.len() > 1;
     let mut all = Keyed::new();
     for (k, mut model) in fields {
-        let place = field_folder(run, &study, k);
+        let place = field_run::field_folder(run, &study, k);
         check_run(run, &model)?;
         study::know(run, &study, &mut model)?;
         let name = model.experiment().name.clone();

@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::closing;
 use super::console::Console;
-use super::identify::truth;
 use super::running::{RunPlan, written_to};
-use super::{cache, print, results};
+use super::{cache, field_run, print, results};
 use crate::chain::{Draws, read_zarr, write_csv};
 use crate::diagnose::Verdict;
 use crate::error::Result;
@@ -75,7 +73,7 @@ pub fn identify(plan: RunPlan, console: &Console) -> Result<()> {
     let rounds = study::identified(study, each, &found, (&options, console))?;
     let pages = written(&plan, rounds, summary)?;
     for (_, page) in &pages {
-        closing::show(page, plan.verbose)?;
+        field_run::show(page, plan.verbose)?;
     }
     let manifest = manifest(&plan, Vec::new())?;
     end((plan, manifest), pages, [&found.verdict], console)
@@ -95,7 +93,7 @@ fn written(
         let Some(model) = experiment.field() else {
             continue;
         };
-        let place = field_folder(plan.folder.path(), &plan.study, k);
+        let place = field_run::field_folder(plan.folder.path(), &plan.study, k);
         files::make_folder(&place)?;
         let rounds = [round];
         let mut report = gather::identified(model, &rounds, seed);
@@ -106,7 +104,7 @@ fn written(
         let manifest = plan
             .folder
             .manifest(Some(&model.path), &files, seed, Vec::new())?;
-        let page = Page::gather(&rounds, report, manifest, truth(&files)?);
+        let page = Page::gather(&rounds, report, manifest, field_run::truth(&files)?);
         pages.push((place, page));
     }
     plan.folder
@@ -119,14 +117,6 @@ fn manifest(plan: &RunPlan, costs: Vec<StageCost>) -> Result<Manifest> {
     let files = plan.study.files()?;
     plan.folder
         .manifest(Some(&plan.study.path), &files, plan.seed(), costs)
-}
-
-/// The folder of a field: the run's own of the first, one of its name within that of another.
-pub fn field_folder(run: &Path, study: &Study, k: usize) -> PathBuf {
-    match study.fields().next() {
-        Some((first, _)) if first == k => run.to_path_buf(),
-        _ => run.join(study.experiments[k].name()),
-    }
 }
 
 fn end<'a>(
@@ -202,7 +192,9 @@ pub fn close(plan: RunPlan, most: usize, console: &Console) -> Result<()> {
         match stage {
             StudyStage::Ordering => run.join(ALONE).join(format!("{name}.traced")),
             StudyStage::Extended => run.join(ALONE).join(format!("{name}.extended")),
-            StudyStage::Field(stage) => closing::place(&field_folder(&run, &plan.study, k), stage),
+            StudyStage::Field(stage) => {
+                field_run::place(&field_run::field_folder(&run, &plan.study, k), stage)
+            }
         }
     };
     let options = |name: &str, stage: StudyStage| plan.options(&place(name, stage));
@@ -214,14 +206,14 @@ pub fn close(plan: RunPlan, most: usize, console: &Console) -> Result<()> {
     let mut summary = Some(TogetherReport::closed(&closed, names));
     let mut pages = Vec::new();
     for field in &closed.fields {
-        let folder = field_folder(&run, &plan.study, field.place);
+        let folder = field_run::field_folder(&run, &plan.study, field.place);
         let whole = |model: &Model| plan.study.with_field(field.place, model.clone()).json(true);
-        let page = closing::write(
+        let page = field_run::write_closed(
             (&plan, &folder, console),
             &whole,
             (&field.closed, summary.take()),
         )?;
-        closing::say((&field.closed, &page), &plan, console)?;
+        field_run::say((&field.closed, &page), &plan, console)?;
         pages.push((folder, page));
     }
     plan.folder

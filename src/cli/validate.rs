@@ -8,8 +8,8 @@ use serde_json::Value;
 
 use super::calibrate::{CalibrationArguments, article_twin, calibrate};
 use super::console::Console;
+use super::field_run::write_identified;
 use super::folder::{Folder, check_run, say_round};
-use super::identify::write;
 use super::running::{identity, named_range};
 use super::samplers::named;
 use super::{DEFAULT_MODEL, Global, cache, print, results};
@@ -85,7 +85,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         ..Options::new(&*sampler, cache())
     };
     let found = identify::identify(&model, &options, console)?;
-    let page = write(&model, std::slice::from_ref(&found), &folder, global.seed)?;
+    let page = write_identified(&model, std::slice::from_ref(&found), &folder, global.seed)?;
     page.write(folder.path(), false)?;
     folder.write_json("run.json", &page.manifest)?;
     let run = FinishedRun {
