@@ -7,12 +7,14 @@ use std::path::{Path, PathBuf};
 use plychain::effect::{EFFECTS, Scope, obstacle};
 use plychain::experiment::series::SeriesState;
 use plychain::field::rigid::RigidMotion;
+use plychain::field::step::CLASS_1_SD_PERCENT;
 use plychain::identify::prepare;
 use plychain::infer::Model;
 use plychain::linearise::Column;
 use plychain::progress::Silent;
 use plychain::trace::{Status, attribute, candidates};
 use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
 
@@ -72,6 +74,7 @@ fn pictured(e: &mut Value) {
 /// A simulated series under true forces, over the largest, whose file declares others.
 struct Mistaken<'a> {
     is_steel: bool,
+    constants: &'a [f64],
     loads: &'a [f64],
     declared: &'a [Option<f64>],
     effects: &'a str,
@@ -80,20 +83,13 @@ struct Mistaken<'a> {
 
 impl Mistaken<'_> {
     fn folder(&self) -> PathBuf {
-        let (model, truth) = match self.is_steel {
-            true => (
-                steel(),
-                format!("--set E_GPa={} --set nu={}", STEEL[0], STEEL[1]),
-            ),
-            false => {
-                let names = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
-                let pairs = names
-                    .iter()
-                    .zip(LAMINATE)
-                    .map(|(n, x)| format!("--set {n}={x}"));
-                (laminate(), pairs.collect::<Vec<_>>().join(" "))
-            }
+        let (model, names) = match self.is_steel {
+            true => (steel(), &["E_GPa", "nu"][..]),
+            false => (laminate(), &["E1_GPa", "E2_GPa", "nu12", "G12_GPa"][..]),
         };
+        let pairs = names.iter().zip(self.constants);
+        let truth: Vec<String> = pairs.map(|(n, x)| format!("--set {n}={x}")).collect();
+        let truth = truth.join(" ");
         let largest = self.largest();
         let forces: Vec<String> = self
             .loads
@@ -129,12 +125,7 @@ impl Mistaken<'_> {
 
     fn ended(&self, name: &str) -> Ended {
         let model = Model::load(&self.folder().join("model.json")).unwrap();
-        let truth = if self.is_steel {
-            &STEEL[..]
-        } else {
-            &LAMINATE[..]
-        };
-        let ended = looped(name, &model, truth);
+        let ended = looped(name, &model, self.constants);
         println!("{} {:?}", ended.line(), ended.reasons);
         ended
     }
@@ -157,6 +148,7 @@ fn acting_loads(name: &str, amplitude: f64, declared: &[f64]) -> Vec<f64> {
     let model = Model::load(
         &Mistaken {
             is_steel: true,
+            constants: &STEEL,
             loads: declared,
             declared: &declared.iter().map(|f| Some(*f)).collect::<Vec<_>>(),
             effects: "",
@@ -276,6 +268,7 @@ fn every_declared_force_has_an_error_in_its_step() {
     let declared = [Some(0.5), None, Some(1.0), Some(0.0)];
     let case = Mistaken {
         is_steel: true,
+        constants: &STEEL,
         loads: &[0.5, 0.75, 1.0, 0.0],
         declared: &declared,
         effects: "",
@@ -476,6 +469,7 @@ fn what_is_wrong_with_the_load_gets_no_wrong_name() {
             }
             let case = Mistaken {
                 is_steel,
+                constants: if is_steel { &STEEL } else { &LAMINATE },
                 loads,
                 declared,
                 effects,
@@ -508,12 +502,26 @@ const KINDS: [&str; 4] = [
     "second visit",
 ];
 
-/// A mistake as it may be: its kind by chance, in three to six steps, some with an unloaded picture.
+/// Mean and sd of the thickness that the files of steel and of the laminate declare, mm.
+const THICKNESSES: [[f64; 2]; 2] = [[2.0, 0.01], [0.78, 0.005]];
+
+/// Error that all forces share, sd in percent: a class 1 machine.
+const COMMON_PERCENT: f64 = 0.5;
+
+/// Means and sds of the priors of steel and of the laminate.
+const PRIORS: [&[[f64; 2]]; 2] = [
+    &[[200.0, 40.0], [0.29, 0.03]],
+    &[[162.0, 16.0], [7.58, 0.75], [0.34, 0.03], [4.41, 0.5]],
+];
+
+/// A mistake as it may be: its kind by chance, in three to six steps, some with an unloaded picture. Constants, the thickness, the error
+/// that all forces share and the error of each are drawn as the model file says that they are distributed.
 struct Drawn {
     name: String,
     /// What the manual calls it.
     kind: &'static str,
     is_steel: bool,
+    constants: Vec<f64>,
     loads: Vec<f64>,
     declared: Vec<Option<f64>>,
     effects: String,
@@ -563,11 +571,22 @@ impl Drawn {
             declared.push(0.0);
             loads.push(0.0);
         }
+        let mut normal = || -> f64 { StandardNormal.sample(rng) };
+        let common = COMMON_PERCENT * normal();
+        for load in &mut loads {
+            *load *= 1.0 + 0.01 * (common + CLASS_1_SD_PERCENT * normal());
+        }
+        let [mean, sd] = THICKNESSES[usize::from(!is_steel)];
+        let thickness = mean + sd * normal();
+        effects = format!("--set thickness_mm={thickness} {effects}");
+        let priors = PRIORS[usize::from(!is_steel)];
+        let constants: Vec<f64> = priors.iter().map(|[m, sd]| m + sd * normal()).collect();
         let sort = if is_steel { "steel" } else { "laminate" };
         Self {
             name: format!("{seed} {sort}, {steps} steps, {kind} {effects} {loads:.3?}"),
             kind,
             is_steel,
+            constants,
             declared: declared.into_iter().map(Some).collect(),
             loads,
             effects,
@@ -579,6 +598,7 @@ impl Drawn {
     fn ended(&self) -> Ended {
         let case = Mistaken {
             is_steel: self.is_steel,
+            constants: &self.constants,
             loads: &self.loads,
             declared: &self.declared,
             effects: &self.effects,
