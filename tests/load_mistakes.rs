@@ -131,15 +131,15 @@ impl Mistaken<'_> {
     }
 }
 
-/// Whether something that did not act is named alone, in a verdict that says it is sure.
-fn is_wrong(ended: &Ended, acted: &[&str]) -> bool {
+/// Whether something that did not act is named alone, in a verdict that says it is sure, or nothing is and a constant is so many sds off.
+fn is_wrong(ended: &Ended, acted: &[&str], sds: f64) -> bool {
     let mut added = ended.effects.iter().map(String::as_str);
     let grouped = |name: &str| {
         let mut groups = ended.alias_groups.iter();
         groups.any(|g| g.iter().any(|n| n == name) && g.iter().any(|n| acted.contains(&n.as_str())))
     };
     let wrong = added.any(|name| !acted.contains(&name) && !grouped(name));
-    let silent = ended.status == Status::NothingMissing && ended.worst() > 3.0;
+    let silent = ended.status == Status::NothingMissing && ended.worst() > sds;
     (ended.status == Status::Closed && wrong) || silent
 }
 
@@ -476,7 +476,7 @@ fn what_is_wrong_with_the_load_gets_no_wrong_name() {
                 seed: 40 + k as u64,
             };
             let ended = case.ended(&name);
-            if is_wrong(&ended, right) || ended.held() < ended.truth.len() {
+            if is_wrong(&ended, right, 3.0) || ended.held() < ended.truth.len() {
                 failed.push(ended.line());
             }
             let case = &name[sort.len() + 2..];
@@ -610,7 +610,8 @@ impl Drawn {
     /// Whether something else is named alone. Of a few steps a right and a wrong force may leave the same: those are in one group.
     fn is_wrong(&self, ended: &Ended) -> bool {
         let acted: Vec<&str> = self.acted.iter().map(String::as_str).collect();
-        is_wrong(ended, &acted)
+        // of 600 intervals whose truths are drawn, chance puts 1.6 beyond three sds, and none beyond four in 96 of 100 such tests
+        is_wrong(ended, &acted, 4.0)
     }
 }
 

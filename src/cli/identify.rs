@@ -6,7 +6,7 @@ use super::console::Console;
 use super::running::Running;
 use super::{Global, field_run, study};
 use crate::error::Result;
-use crate::identify::{self};
+use crate::identify;
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
