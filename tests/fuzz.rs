@@ -20,14 +20,14 @@ const PROCESSOR: u64 = 1800;
 /// Environment variable: the share of the mutated files that are read.
 const SHARE: &str = "PLYCHAIN_FUZZ_SHARE";
 
+/// Memory that the readers may have, KiB.
+const MEMORY: u64 = 1 << 20;
+
 /// This share of a number of mutated files.
 fn share_of(count: usize) -> usize {
     let share = std::env::var(SHARE).ok().and_then(|s| s.parse().ok());
     (share.unwrap_or(1.0_f64) * count as f64).ceil() as usize
 }
-
-/// Memory that the readers may have, KiB.
-const MEMORY: u64 = 1 << 20;
 
 #[test]
 fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
@@ -63,7 +63,7 @@ fn readers_stand(share: &str) {
 }
 
 #[test]
-#[ignore = "run by the test above in a process of limited memory, 1 minute"]
+#[ignore = "run by the tests above in a process of limited memory, 1 minute"]
 fn all_readers() {
     let place = tempfile::tempdir().unwrap();
     let at = |name: &str| place.path().join(name);

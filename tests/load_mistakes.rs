@@ -3,8 +3,9 @@
 //! alone, and the intervals to quote hold the constants.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use plychain::effect::{EFFECTS, Scope, obstacle};
+use plychain::effect::{EFFECTS, Scope, force_scale, obstacle};
 use plychain::experiment::series::SeriesState;
 use plychain::field::rigid::RigidMotion;
 use plychain::field::step::CLASS_1_SD_PERCENT;
@@ -502,17 +503,14 @@ const KINDS: [&str; 4] = [
     "second visit",
 ];
 
-/// Mean and sd of the thickness that the files of steel and of the laminate declare, mm.
-const THICKNESSES: [[f64; 2]; 2] = [[2.0, 0.01], [0.78, 0.005]];
-
-/// Error that all forces share, sd in percent: a class 1 machine.
-const COMMON_PERCENT: f64 = 0.5;
-
-/// Means and sds of the priors of steel and of the laminate.
-const PRIORS: [&[[f64; 2]]; 2] = [
-    &[[200.0, 40.0], [0.29, 0.03]],
-    &[[162.0, 16.0], [7.58, 0.75], [0.34, 0.03], [4.41, 0.5]],
-];
+/// The models of steel and of the laminate as their files declare them.
+fn nominal(is_steel: bool) -> &'static Model {
+    static MODELS: [OnceLock<Model>; 2] = [OnceLock::new(), OnceLock::new()];
+    MODELS[usize::from(is_steel)].get_or_init(|| {
+        let file = if is_steel { steel() } else { laminate() };
+        Model::load(Path::new(&file)).unwrap()
+    })
+}
 
 /// A mistake as it may be: its kind by chance, in three to six steps, some with an unloaded picture. Constants, the thickness, the error
 /// that all forces share and the error of each are drawn as the model file says that they are distributed.
@@ -572,15 +570,16 @@ impl Drawn {
             loads.push(0.0);
         }
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
-        let common = COMMON_PERCENT * normal();
+        let model = nominal(is_steel);
+        let common = model.prior_sd(force_scale(), 0).unwrap() * normal();
         for load in &mut loads {
             *load *= 1.0 + 0.01 * (common + CLASS_1_SD_PERCENT * normal());
         }
-        let [mean, sd] = THICKNESSES[usize::from(!is_steel)];
-        let thickness = mean + sd * normal();
+        let thickness = model.experiment().specimen.thickness_mm;
+        let thickness = thickness.mean + thickness.sd * normal();
         effects = format!("--set thickness_mm={thickness} {effects}");
-        let priors = PRIORS[usize::from(!is_steel)];
-        let constants: Vec<f64> = priors.iter().map(|[m, sd]| m + sd * normal()).collect();
+        let priors = model.marginals().into_iter();
+        let constants: Vec<f64> = priors.map(|p| p.mean + p.sd * normal()).collect();
         let sort = if is_steel { "steel" } else { "laminate" };
         Self {
             name: format!("{seed} {sort}, {steps} steps, {kind} {effects} {loads:.3?}"),

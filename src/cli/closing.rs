@@ -64,10 +64,11 @@ fn close_all(run: RunPlan, most: usize, console: &Console) -> Result<()> {
     let Some(model) = experiment.field().cloned() else {
         return study::close(run, most, console);
     };
-    let options = |stage: LoopStage| match (stage, field_run::place(run.folder.path(), stage)) {
-        (LoopStage::Attempt(0), place) => run.doubting(&place),
-        (_, place) => run.options(&place),
-    };
+    let options =
+        |stage: LoopStage| match (stage, field_run::stage_folder(run.folder.path(), stage)) {
+            (LoopStage::Attempt(0), place) => run.doubting(&place),
+            (_, place) => run.options(&place),
+        };
     let closed = trace::close(&model, most, &options, console)?;
     let folder = run.folder.path();
     let page = field_run::write_closed((&run, folder, console), &Model::resolved, (&closed, None))?;
@@ -81,7 +82,7 @@ fn done(run: RunPlan) -> Result<()> {
     check_stores(run.folder.path())?;
     let mut pages = Vec::new();
     for (k, _) in run.study.fields() {
-        pages.push(Page::load(&field_run::field_folder(
+        pages.push(Page::load(&field_run::folder_of(
             run.folder.path(),
             &run.study,
             k,
@@ -125,7 +126,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let several = fields.len() > 1;
     let mut all = Keyed::new();
     for (k, mut model) in fields {
-        let place = field_run::field_folder(run, &study, k);
+        let place = field_run::folder_of(run, &study, k);
         check_run(run, &model)?;
         study::know(run, &study, &mut model)?;
         let name = model.experiment().name.clone();

@@ -22,7 +22,7 @@ use crate::study::Study;
 use crate::trace::{Closed, LoopStage, ToQuote};
 
 /// The folder of a field: the run's own of the first, one of its name within that of another.
-pub fn field_folder(run: &Path, study: &Study, k: usize) -> PathBuf {
+pub fn folder_of(run: &Path, study: &Study, k: usize) -> PathBuf {
     match study.fields().next() {
         Some((first, _)) if first == k => run.to_path_buf(),
         _ => run.join(study.experiments[k].name()),
@@ -58,7 +58,7 @@ pub fn show(page: &Page, verbose: bool) -> Result<()> {
 }
 
 /// Where the chains of a stage are kept: those of the first round in the folder itself.
-pub fn place(folder: &Path, stage: LoopStage) -> PathBuf {
+pub fn stage_folder(folder: &Path, stage: LoopStage) -> PathBuf {
     match stage {
         LoopStage::Attempt(0) => folder.to_path_buf(),
         LoopStage::Attempt(attempt) => folder.join(format!("round-{attempt}")),
@@ -78,7 +78,7 @@ pub fn write_closed(
         false => Ok(()),
     };
     for round in &closed.rounds {
-        let place = place(folder, LoopStage::Attempt(round.attempt));
+        let place = stage_folder(folder, LoopStage::Attempt(round.attempt));
         table(&round.identification.draws, &place)?;
         files::write_json(&place.join("model.json"), &whole(&round.model)?)?;
     }

@@ -93,7 +93,7 @@ fn written(
         let Some(model) = experiment.field() else {
             continue;
         };
-        let place = field_run::field_folder(plan.folder.path(), &plan.study, k);
+        let place = field_run::folder_of(plan.folder.path(), &plan.study, k);
         files::make_folder(&place)?;
         let rounds = [round];
         let mut report = gather::identified(model, &rounds, seed);
@@ -193,7 +193,7 @@ pub fn close(plan: RunPlan, most: usize, console: &Console) -> Result<()> {
             StudyStage::Ordering => run.join(ALONE).join(format!("{name}.traced")),
             StudyStage::Extended => run.join(ALONE).join(format!("{name}.extended")),
             StudyStage::Field(stage) => {
-                field_run::place(&field_run::field_folder(&run, &plan.study, k), stage)
+                field_run::stage_folder(&field_run::folder_of(&run, &plan.study, k), stage)
             }
         }
     };
@@ -206,7 +206,7 @@ pub fn close(plan: RunPlan, most: usize, console: &Console) -> Result<()> {
     let mut summary = Some(TogetherReport::closed(&closed, names));
     let mut pages = Vec::new();
     for field in &closed.fields {
-        let folder = field_run::field_folder(&run, &plan.study, field.place);
+        let folder = field_run::folder_of(&run, &plan.study, field.place);
         let whole = |model: &Model| plan.study.with_field(field.place, model.clone()).json(true);
         let page = field_run::write_closed(
             (&plan, &folder, console),

@@ -223,6 +223,10 @@ impl HowOften {
     }
 }
 
+/// Distance from the oracle, in its sds, from which a bias is counted. Of a smaller one closing takes little: the oracle is told the effects'
+/// sizes, and to estimate them costs some tenths of its sd.
+const BIASED: f64 = 1.0;
+
 /// How the verdicts fared.
 #[derive(Debug, Clone, Serialize)]
 pub struct VerdictSummary {
@@ -245,9 +249,9 @@ pub struct VerdictSummary {
     pub sure_and_wrong: HowOften,
     /// 95 % intervals that hold their constant.
     pub held: HowOften,
-    /// Explained measurements whose effects moved the constants by more than one sd of the oracle's, and the median there of the distance
-    /// from the oracle after closing over that before. A smaller distance is noise, and closing does not take noise away.
+    /// Explained measurements whose effects moved the constants by more than [`BIASED`].
     pub biased: usize,
+    /// Median over those of the distance from the oracle after closing over that before.
     pub bias_left: f64,
 }
 
@@ -270,7 +274,7 @@ impl VerdictSummary {
             .flat_map(|r| r.named.iter().map(|(name, _)| r.acts(name)));
         let groups = all.iter().map(|r| (r.false_names(), r.named.len()));
         let (wrong, of) = groups.fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
-        let closed = acted().filter(|r| r.is_explained() && r.bias[0] > 1.0);
+        let closed = acted().filter(|r| r.is_explained() && r.bias[0] > BIASED);
         let left: Vec<f64> = closed.map(|r| r.bias[1] / r.bias[0]).collect();
         Self {
             plan: plan.clone(),

@@ -31,7 +31,7 @@ fn replicate(
 #[test]
 fn names_are_counted_by_hand() {
     let plan = ReplicatePlan {
-        replicates: 6,
+        replicates: 7,
         correlation_mm: 0.0,
         reduced: false,
         seed: 1,
@@ -59,6 +59,8 @@ fn names_are_counted_by_hand() {
         replicate(&[("a", false), ("b", true)], &[], "unexplained", [1.0, 1.0]),
         // another effect beside the right one
         replicate(&[("b", true)], &[&["b"], &["c"]], "closed", [4.0, 1.0]),
+        // named, and too small to move the constants by an sd
+        replicate(&[("a", true)], &[&["a"]], "closed", [0.5, 0.4]),
     ];
     let summary = VerdictSummary::new(&plan, asked, &all);
     let counts = [
@@ -75,17 +77,18 @@ fn names_are_counted_by_hand() {
     let expected = [
         [1, 2],
         [0, 2],
-        [1, 4],
-        [3, 6],
-        [3, 5],
-        [3, 6],
+        [2, 5],
+        [4, 7],
         [4, 6],
-        [2, 6],
-        [18, 24],
+        [4, 7],
+        [5, 7],
+        [2, 7],
+        [21, 28],
     ];
     assert_eq!(counts.map(|c| [c.found, c.of]), expected);
-    assert!((summary.f1() - 0.5).abs() < 1e-12);
+    assert!((summary.f1() - 4.0 / 7.0).abs() < 1e-12);
     // of 0.01, 0.5 and 0.25
+    assert_eq!(summary.biased, 3);
     assert!((summary.bias_left - 0.25).abs() < 1e-12);
     // Wilson's interval of 5 of 100 (Newcombe 1998, Stat. Med. 17, 857)
     let [low, high] = HowOften { found: 5, of: 100 }.interval();
