@@ -249,7 +249,7 @@ pub struct VerdictSummary {
     pub sure_and_wrong: HowOften,
     /// 95 % intervals that hold their constant.
     pub held: HowOften,
-    /// Explained measurements whose effects moved the constants by more than [`BIASED`].
+    /// Explained measurements whose effects moved the constants by more than one sd of the oracle.
     pub biased: usize,
     /// Median over those of the distance from the oracle after closing over that before.
     pub bias_left: f64,
