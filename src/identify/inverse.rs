@@ -18,6 +18,7 @@ use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
 
 use super::fringes::{without_jumps, without_phase_error};
+use super::of_frames::measured_by_frames;
 use super::own_rotation::own_rotation;
 use super::reduction::{Reduction, With};
 use super::series::combined;
@@ -258,6 +259,7 @@ pub(super) fn inverse_problem_kept(
     progress.begin("noise of the measurement", None);
     let of = (&*columns.modes, &*columns.effects);
     let noise = Noise::estimate_kept(&prepared.observation.field, of, kept, progress)?;
+    let noise = measured_by_frames(noise, &prepared.observation, &columns)?;
     let noise = noise.with(&prepared.discrepancy)?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",

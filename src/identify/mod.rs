@@ -7,6 +7,7 @@ mod identification;
 mod inverse;
 pub mod jumps;
 mod misfit;
+mod of_frames;
 mod own_rotation;
 mod patterns;
 pub mod phase;

@@ -22,7 +22,7 @@ pub use at_points::AtPoints;
 pub use column::{Column, StepStack, divide};
 pub use forward::{CandidateColumns, Forward};
 pub use insoluble::{Insoluble, insoluble, without_insoluble};
-pub use measured::{Loading, Measured};
+pub use measured::{Loading, Measured, relative};
 pub use observing::Observing;
 pub use ridge::{CONVERGED, STEPS};
 pub use sensitivities::{Candidate, Sensitivities};

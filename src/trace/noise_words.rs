@@ -5,9 +5,6 @@ use super::weighing::Weighing;
 use crate::noise::series::{Growth, SmoothKernel};
 use crate::quantity::UM_PER_MM;
 
-/// Log likelihood by which smooth patterns must beat noise of the subset alone to be spoken of: of nulls none came near it (prototype study).
-const CLEAR: f64 = 20.0;
-
 /// Share of the reference picture in the likeliest noise without a discrepancy; 1 where all noise has one.
 pub(super) fn reference(weighing: &Weighing) -> f64 {
     let Some(series) = weighing.noise.by_frames() else {
@@ -34,7 +31,7 @@ pub(super) fn noise_words(weighing: &Weighing, pair: &NoisePair) -> String {
         let size = |n: &crate::noise::series::SpatialNoise| n.ratio * n.scale2;
         size(a).total_cmp(&size(b))
     });
-    if let Some(n) = largest.filter(|_| noise.by_contrasts && noise.smooth_gain > CLEAR) {
+    if let Some(n) = largest.filter(|_| noise.is_smooth()) {
         let sd = [0, 1].map(|c: usize| {
             let n = &noise.spatial[c];
             (n.ratio * n.scale2).sqrt() * UM_PER_MM

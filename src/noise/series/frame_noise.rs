@@ -113,7 +113,23 @@ impl FoundNoise {
     }
 }
 
+/// Log likelihood by which smooth patterns must beat noise of the subset alone to count: of nulls none came near it (prototype study).
+const CLEAR: f64 = 20.0;
+
 impl FrameNoise {
+    /// The likeliest, of the columns of [`found_noise`](super::found_noise).
+    ///
+    /// # Errors
+    /// Those of [`found_noise`](super::found_noise).
+    pub fn of(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> Result<Self> {
+        super::found_noise(frames, columns, &|| ())?.over(frames)
+    }
+
+    /// Whether frame contrasts know of smooth patterns that are new in every frame.
+    pub fn is_smooth(&self) -> bool {
+        self.by_contrasts && self.smooth_gain > CLEAR
+    }
+
     /// Whether both components have one shape.
     pub fn is_shared(&self) -> bool {
         Arc::ptr_eq(&self.spatial[0].covariance, &self.spatial[1].covariance)
