@@ -266,6 +266,7 @@ impl Tracer<'_> {
                 declared: self.forward.declared(),
                 sought: sought.to_vec(),
             },
+            restarts: 0,
         };
         let (evidence, point) = search.converged()?;
         Ok(Traced { evidence, point })

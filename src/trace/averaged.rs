@@ -147,6 +147,23 @@ pub fn choices(
     Ok(all)
 }
 
+/// Mean and sd of the constants of the likeliest part of that mixture, border units.
+///
+/// # Errors
+/// Those of [`averaged`].
+pub(super) fn likeliest(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    subsets: &SubsetPosterior,
+) -> Result<Vec<(f64, f64)>> {
+    let parts = choices(weighing, sensitivities, subsets)?;
+    let parts = parts.into_iter().map(|chosen| chosen.part);
+    let best = parts.max_by(|a, b| a.log_weight.total_cmp(&b.log_weight));
+    Ok(best.map_or_else(Vec::new, |best| {
+        best.mean.into_iter().zip(best.sd).collect()
+    }))
+}
+
 /// Which of the candidates' columns one field would not show at their prior sds: they act with those, whatever the common size of all
 /// others is. What can be seen says nothing of them, and pulled them down with it: a strip under uniform strain, 5 K warmer than its
 /// reference picture, was quoted with E and nu 3.7 sds off. Products with what is not known of the camera are unseen where their effect is.
