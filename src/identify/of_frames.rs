@@ -7,7 +7,7 @@ use crate::field::Blocks;
 use crate::infer::{Observation, Steps, UnitColumns};
 use crate::linearise::relative;
 use crate::noise::Noise;
-use crate::noise::series::{FrameNoise, Frames};
+use crate::noise::series::{FrameNoise, Frames, found_noise};
 
 /// Blocks on which smooth patterns are looked for: they are several blocks long, and what is not there need not be measured well.
 const COARSE: f64 = 200.0;
@@ -37,7 +37,7 @@ pub fn measured_by_frames(
         if few || frames.len() <= frames.laws().len() {
             return Ok(None);
         }
-        let found = FrameNoise::of(&frames, [&values[0], &values[1]])?;
+        let found = found_noise(&frames, [&values[0], &values[1]], &|| ())?.over(&frames)?;
         Ok(Some(found).filter(FrameNoise::is_smooth))
     };
     let coarser = (noise.blocks.len() as f64 / COARSE).sqrt().max(1.0);
@@ -51,7 +51,27 @@ pub fn measured_by_frames(
     let weights = DVector::from_vec(steps.weights());
     // where the weights do not sum to nothing, the reference picture's noise is in the field too
     let share = weights.dot(&(frames.of_frames(1.0) * &weights));
-    Ok(noise.of_frames(&frames, share, observation.field.subset_mm.is_some()))
+    let subset = observation.field.subset_mm.is_some();
+    Ok(as_measured(noise, &frames, share, subset))
+}
+
+/// The noise as frames measure it, in a sum of frames that has `share` times the variance of one; where a subset is declared, it correlates
+/// the noise of points.
+fn as_measured(mut noise: Noise, frames: &FrameNoise, share: f64, subset: bool) -> Noise {
+    for (c, frame) in frames.spatial.iter().enumerate() {
+        let count = noise.reml[c].mean_count;
+        let point = if subset { 1.0 } else { count };
+        let scale2 = share * frame.scale2;
+        let best = &mut noise.reml[c].best;
+        best.length_mm = frame.length_mm;
+        best.ratio = frame.ratio * count / point;
+        best.scale2 = scale2 * point / count;
+        noise.log_variance[c].0 = (scale2 * (point + frame.ratio)).ln();
+        noise.covariance[c] = (*frame.covariance).clone();
+        noise.scale2[c] = scale2;
+    }
+    noise.effective_points = noise.covariance.iter().map(|c| c.effective_points()).sum();
+    noise
 }
 
 /// One component of what each frame may do, every column in one frame, and last what it measured without its motion: frames x blocks, mm.

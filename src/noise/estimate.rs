@@ -5,7 +5,6 @@ use nalgebra::{DMatrix, DVector};
 use super::hyperparameters::{LocalVariance, OneComponent, tables};
 use super::normal::solve;
 use super::reml::{Contrasts, Hyperparameters, Reml};
-use super::series::FrameNoise;
 use super::white::{Leftover, WhiteNoise, white};
 use super::{BlockCovariance, Matern};
 use crate::error::{Error, Result};
@@ -186,26 +185,6 @@ impl Noise {
         let effective = |c: usize| self.covariance[c].effective_points();
         self.effective_points = effective(0) + effective(1);
         Ok(self)
-    }
-
-    /// The same noise as the frames of a series measure it, in a sum of frames that has `share` times the variance of one; where a subset is
-    /// declared, it correlates the noise of points.
-    #[must_use]
-    pub fn of_frames(mut self, frames: &FrameNoise, share: f64, subset: bool) -> Self {
-        for (c, frame) in frames.spatial.iter().enumerate() {
-            let count = self.reml[c].mean_count;
-            let point = if subset { 1.0 } else { count };
-            let scale2 = share * frame.scale2;
-            let best = &mut self.reml[c].best;
-            best.length_mm = frame.length_mm;
-            best.ratio = frame.ratio * count / point;
-            best.scale2 = scale2 * point / count;
-            self.log_variance[c].0 = (scale2 * (point + frame.ratio)).ln();
-            self.covariance[c] = (*frame.covariance).clone();
-            self.scale2[c] = scale2;
-        }
-        self.effective_points = self.covariance.iter().map(|c| c.effective_points()).sum();
-        self
     }
 
     /// Sd of a point's noise in nm, white and correlated parts together.

@@ -56,7 +56,7 @@ pub const UNEXPLAINED: f64 = 0.5;
 pub const RIVAL: [f64; 6] = [0.003, 0.01, 0.03, 0.1, 0.3, 1.0];
 
 /// Log evidence that the near-edge rival gains at its best size, at least. Of sizes that the noise hides it neither gains nor loses, and its
-/// probability is the prior's: half. So it was in one of three strips whose pictures had smooth noise, and in nothing else.
+/// probability is the prior's: half.
 const GAINED: f64 = 1.0;
 
 /// Two parts of a field whose cosine is larger, either way, do each other's work: 90 % of true pairs lay below 0.47 and 90 % of

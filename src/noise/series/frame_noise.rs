@@ -93,7 +93,7 @@ impl FoundNoise {
     ///
     /// # Errors
     /// Of the program: a factorisation that fails.
-    pub(super) fn over(&self, frames: &Frames<'_>) -> Result<FrameNoise> {
+    pub fn over(&self, frames: &Frames<'_>) -> Result<FrameNoise> {
         let covariances = ShapeFamily::new(frames, self.by_contrasts).of_both(self.shapes)?;
         let spatial = [0, 1].map(|c: usize| SpatialNoise {
             kernel: self.shapes[c].kernel,
@@ -117,14 +117,6 @@ impl FoundNoise {
 const CLEAR: f64 = 20.0;
 
 impl FrameNoise {
-    /// The likeliest, of the columns of [`found_noise`](super::found_noise).
-    ///
-    /// # Errors
-    /// Those of [`found_noise`](super::found_noise).
-    pub fn of(frames: &Frames<'_>, columns: [&DMatrix<f64>; 2]) -> Result<Self> {
-        super::found_noise(frames, columns, &|| ())?.over(frames)
-    }
-
     /// Whether frame contrasts know of smooth patterns that are new in every frame.
     pub fn is_smooth(&self) -> bool {
         self.by_contrasts && self.smooth_gain > CLEAR
