@@ -213,11 +213,12 @@ impl Attack {
         };
         let mut sum: Vec<[f64; 2]> = Vec::new();
         let rng = &mut Pcg64::seed_from_u64(seed);
-        let reference = Haze::drawn(rng);
+        let mut reference = None;
         for (k, load) in LOADS.into_iter().enumerate() {
             rewrite(&folder.join(format!("step-{k:02}.csv")), |points| {
                 let mut points = self.written(of, (size, load), points);
                 if let Self::Hazy = self {
+                    let reference = reference.get_or_insert_with(|| Haze::drawn(rng));
                     let own = Haze::drawn(rng);
                     for [x, y, u, v] in &mut points {
                         let [du, dv] =
@@ -422,13 +423,16 @@ fn the_ellipse_that_is_a_circle_is_kirschs_hole() {
     assert!((along.im / unit - 3.0).abs() < 1e-4, "{along} {unit}");
 }
 
-/// Smooth noise of every picture is noise in a fit without tracing too: by the noise of one field alone E1 lay 6 sd from the truth.
+/// Smooth noise of every picture is noise in a fit without tracing too: by the noise of one field alone, Poisson's ratio of the steel lay 16 and
+/// 14 sds from the truth where the smooth noise was of 0.3 and 0.6 um.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn a_fit_counts_the_smooth_noise_of_pictures() {
     for of in [Specimen::Steel, Specimen::Laminate] {
-        let means = [0.0, 1.2].map(|size| {
-            let model = Attack::Hazy.measured(of, size, 81);
+        let cases = [0.0, 0.3, 0.6, 1.2].map(|size| (70..74).map(move |seed| (size, seed)));
+        let mut squares = Vec::new();
+        for (size, seed) in cases.into_iter().flatten() {
+            let model = Attack::Hazy.measured(of, size, seed);
             let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
             let solved = inverse_problem(&model, prepared, &Silent).unwrap();
             let fit = start(&solved.posterior).unwrap();
@@ -436,11 +440,14 @@ fn a_fit_counts_the_smooth_noise_of_pictures() {
             let constants = of.constants().iter().enumerate();
             let z = constants.map(|(k, truth)| (fit.mode[k] - truth) / sd(k));
             let z: Vec<f64> = z.collect();
-            println!("{} {size} {z:?} {}", of.name(), sd(0));
-            assert!(z.iter().all(|z| z.abs() < 3.5), "{size}: {z:?}");
-            sd(0)
-        });
-        assert!(means[1] > 1.3 * means[0], "{means:?}");
+            println!("{} {size} {seed} {z:.1?}", of.name());
+            // of 96 constants chance takes one beyond 3.5 sds in one of twenty runs
+            assert!(z.iter().all(|z| z.abs() < 3.5), "{size} {seed}: {z:?}");
+            squares.extend(z.iter().map(|z| z * z));
+        }
+        let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        // three standard errors above 1 for 32 values
+        assert!(rms < 1.4, "{}: {rms}", of.name());
     }
 }
 

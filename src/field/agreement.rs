@@ -28,11 +28,13 @@ const ODD: (f64, f64) = (0.85, 5.0);
 const ALIKE: f64 = 0.9;
 
 /// The pattern of a step, over that of the others in proportion to the mean strain: among themselves they agree within the first, beyond
-/// the second it is worth a word, beyond the third another specimen's; if it is so many standard errors off.
+/// the second it is worth a word, beyond the third another specimen's; if it is so many standard errors off by noise of points, and as many
+/// times as far as the others are off among themselves, whose noise may be smooth.
 const LIKE: f64 = 1.2;
 const NEAR: f64 = 1.3;
 const FAR: f64 = 1.6;
 const SURE: f64 = 8.0;
+const BEYOND_OTHERS: f64 = 4.0;
 
 /// A step as it is judged.
 pub(super) struct Judged<'a> {
@@ -236,13 +238,18 @@ impl Likeness {
             (along / square * sizes / self.size[s], error)
         };
         let (own, error) = times(s, others);
+        let among: Vec<f64> = others
+            .iter()
+            .map(|&t| times(t, &self.others(&[s, t])).0)
+            .collect();
         // the others agree among themselves
-        let alike = others.iter().all(|&t| {
-            let rest = self.others(&[s, t]);
-            let (times, _) = times(t, &rest);
-            (1.0 / LIKE..LIKE).contains(&times)
-        });
-        let odd = !(1.0 / NEAR..NEAR).contains(&own) && (own - 1.0).abs() > SURE * error;
+        let alike = among.iter().all(|times| (1.0 / LIKE..LIKE).contains(times));
+        // the same noise is off by less in a larger field
+        let off = among.iter().zip(others);
+        let off = off.map(|(times, &t)| ((times - 1.0) * self.size[t] / self.size[s]).powi(2));
+        let scatter = (off.sum::<f64>() / others.len() as f64).sqrt();
+        let sure = (SURE * error).max(BEYOND_OTHERS * scatter);
+        let odd = !(1.0 / NEAR..NEAR).contains(&own) && (own - 1.0).abs() > sure;
         (odd && alike && others.len() >= 2).then_some(own)
     }
 

@@ -259,13 +259,15 @@ pub(super) fn inverse_problem_kept(
     progress.begin("noise of the measurement", None);
     let of = (&*columns.modes, &*columns.effects);
     let noise = Noise::estimate_kept(&prepared.observation.field, of, kept, progress)?;
-    let noise = measured_by_frames(noise, &prepared.observation, &columns)?;
+    let (noise, smooth) = measured_by_frames(noise, &prepared.observation, &columns)?;
     let noise = noise.with(&prepared.discrepancy)?;
+    let smooth = smooth.map(|mm| format!(", smooth over {mm:.1} mm in every picture"));
     progress.say(&format!(
-        "{:.3} and {:.3} nm a point, n_eff {:.0}",
+        "{:.3} and {:.3} nm a point, n_eff {:.0}{}",
         noise.point_sd_nm(0),
         noise.point_sd_nm(1),
-        noise.effective_points
+        noise.effective_points,
+        smooth.unwrap_or_default()
     ));
     progress.end();
     let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;

@@ -12,8 +12,8 @@ use crate::noise::series::{FrameNoise, Frames, found_noise};
 /// Blocks on which smooth patterns are looked for: they are several blocks long, and what is not there need not be measured well.
 const COARSE: f64 = 200.0;
 
-/// The noise of what grows with the load in a series whose frames have smooth patterns of their own; else what it was. Frames are free to
-/// move, and to differ by whatever the modes and the declared effects may do.
+/// The noise of what grows with the load in a series whose frames have smooth patterns of their own, with the length of those, mm; else what
+/// it was. Frames are free to move, and to differ by whatever the modes and the declared effects may do.
 ///
 /// # Errors
 /// Of the program: a factorisation that fails.
@@ -21,38 +21,46 @@ pub fn measured_by_frames(
     noise: Noise,
     observation: &Observation,
     columns: &UnitColumns,
-) -> Result<Noise> {
+) -> Result<(Noise, Option<f64>)> {
     let Some(steps) = &observation.steps else {
-        return Ok(noise);
+        return Ok((noise, None));
     };
     let loads = relative(&steps.loads);
-    let found = |blocks: &Blocks| -> Result<Option<FrameNoise>> {
+    let smooth = |blocks: &Blocks| -> Result<Option<FrameNoise>> {
         let frames = Frames {
             blocks,
             loads: loads.clone(),
             subset_mm: observation.field.subset_mm,
         };
+        if frames.len() <= frames.laws().len() {
+            return Ok(None);
+        }
         let values = [0, 1].map(|c| in_frames(blocks, observation, steps, columns, c));
-        let few = values[0].ncols() >= values[0].nrows() / 2;
-        if few || frames.len() <= frames.laws().len() {
+        if values[0].ncols() >= values[0].nrows() / 2 {
             return Ok(None);
         }
         let found = found_noise(&frames, [&values[0], &values[1]], &|| ())?.over(&frames)?;
         Ok(Some(found).filter(FrameNoise::is_smooth))
     };
-    let coarser = (noise.blocks.len() as f64 / COARSE).sqrt().max(1.0);
-    let coarse = Blocks::new(&observation.field, coarser * noise.blocks.size_mm, |_| true);
-    if found(&coarse)?.is_none() {
-        return Ok(noise);
+    let coarser = (noise.blocks.len() as f64 / COARSE).sqrt();
+    if coarser > 1.0 {
+        let coarse = Blocks::new(&observation.field, coarser * noise.blocks.size_mm, |_| true);
+        if smooth(&coarse)?.is_none() {
+            return Ok((noise, None));
+        }
     }
-    let Some(frames) = found(&noise.blocks)? else {
-        return Ok(noise);
+    let Some(frames) = smooth(&noise.blocks)? else {
+        return Ok((noise, None));
     };
     let weights = DVector::from_vec(steps.weights());
     // where the weights do not sum to nothing, the reference picture's noise is in the field too
     let share = weights.dot(&(frames.of_frames(1.0) * &weights));
     let subset = observation.field.subset_mm.is_some();
-    Ok(as_measured(noise, &frames, share, subset))
+    let length = frames.spatial.iter().fold(0.0_f64, |m, s| match s.ratio {
+        0.0 => m,
+        _ => m.max(s.length_mm),
+    });
+    Ok((as_measured(noise, &frames, share, subset), Some(length)))
 }
 
 /// The noise as frames measure it, in a sum of frames that has `share` times the variance of one; where a subset is declared, it correlates

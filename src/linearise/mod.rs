@@ -24,7 +24,7 @@ pub use forward::{CandidateColumns, Forward};
 pub use insoluble::{Insoluble, insoluble, without_insoluble};
 pub use measured::{Loading, Measured, relative};
 pub use observing::Observing;
-pub use ridge::{CONVERGED, STEPS};
+pub use ridge::{CONVERGED, STEPS, constants_moved};
 pub use sensitivities::{Candidate, Sensitivities};
 pub use slopes::Slopes;
 pub use unknown_places::{AXIS_MM, PIVOT_MM};

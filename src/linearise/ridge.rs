@@ -62,7 +62,9 @@ impl Forward<'_> {
         sensitivities: &Sensitivities,
     ) -> f64 {
         let solution = sensitivities.ridge(measured).solution;
-        let mut moved = constants_moved(&mut state.shared, sensitivities, &solution);
+        // a prior sd a step keeps the constants admissible and the linearisation valid
+        let wanted = solution.as_slice();
+        let mut moved = constants_moved(&mut state.shared, sensitivities, wanted, 1.0);
         let base = &sensitivities.base;
         for effect in declared {
             for amplitude in effect.amplitudes(&state.loads, self.observing.names()) {
@@ -83,18 +85,19 @@ impl Forward<'_> {
     }
 }
 
-/// Move the constants of a state to where a solution wants them, in short steps; how far, in prior sds.
-fn constants_moved(
+/// Move the constants of a state to where a solution (prior sds from the prior means) wants them, by at most so many prior sds; how far, in
+/// prior sds.
+pub fn constants_moved(
     state: &mut State,
     sensitivities: &Sensitivities,
-    solution: &DVector<f64>,
+    solution: &[f64],
+    most: f64,
 ) -> f64 {
     let mut moved = 0.0_f64;
     for (k, value) in state.constants.iter_mut().enumerate() {
         let column = &sensitivities.base[k];
-        // a prior sd a step keeps the constants admissible and the linearisation valid
         let wanted = column.mean + column.sd * solution[k];
-        let step = (wanted - *value).clamp(-column.sd, column.sd);
+        let step = (wanted - *value).clamp(-most * column.sd, most * column.sd);
         let reach = FARTHEST * column.sd;
         let low = (column.mean - reach).max(SMALLEST * column.mean);
         *value = (*value + step).clamp(low, column.mean + reach);

@@ -118,13 +118,23 @@ pub fn choices(
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
 ) -> Result<Vec<ChosenSubset>> {
+    choices_of(weighing, sensitivities, subsets, PAIRS)
+}
+
+/// The same of the likeliest `count` subsets, each with a choice of the noise.
+fn choices_of(
+    weighing: &Weighing,
+    sensitivities: &Sensitivities,
+    subsets: &SubsetPosterior,
+    count: usize,
+) -> Result<Vec<ChosenSubset>> {
     let least = weighing
         .noise
         .by_frames()
         .map_or(MULTIPLES[0], |_| LEAST_MULTIPLE);
     let unseen = unseen(weighing, sensitivities, subsets)?;
     let mut all = Vec::new();
-    for (own, pair, log_prior) in subsets.likeliest(PAIRS) {
+    for (own, pair, log_prior) in subsets.likeliest(count) {
         let mut columns = subsets.layout.columns(own);
         columns.extend((0..unseen.len()).filter(|k| unseen[*k]));
         for size in MULTIPLES.into_iter().filter(|m| *m >= least) {
@@ -147,7 +157,7 @@ pub fn choices(
     Ok(all)
 }
 
-/// Mean and sd of the constants of the likeliest part of that mixture, border units.
+/// Mean and sd of the constants by the likeliest subset and noise, effects beside it as small as is likeliest, border units.
 ///
 /// # Errors
 /// Those of [`averaged`].
@@ -156,7 +166,7 @@ pub(super) fn likeliest(
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
 ) -> Result<Vec<(f64, f64)>> {
-    let parts = choices(weighing, sensitivities, subsets)?;
+    let parts = choices_of(weighing, sensitivities, subsets, 1)?;
     let parts = parts.into_iter().map(|chosen| chosen.part);
     let best = parts.max_by(|a, b| a.log_weight.total_cmp(&b.log_weight));
     Ok(best.map_or_else(Vec::new, |best| {

@@ -16,7 +16,7 @@ use crate::experiment::series::SeriesState;
 use crate::files::{KeptStages, Stored};
 use crate::infer::EffectUnderLaw;
 use crate::linearise::{
-    CONVERGED, CandidateColumns, Forward, Measured, STEPS, Sensitivities, divide,
+    CONVERGED, CandidateColumns, Forward, Measured, STEPS, Sensitivities, constants_moved, divide,
 };
 use crate::noise::series::{found_noise, settings_under};
 use crate::progress::Progress;
@@ -27,7 +27,7 @@ const PASSES: usize = 4;
 
 /// How often the constants are moved to where the noise has them, and by how many prior sds each time at most.
 const RESTARTS: usize = 3;
-const FARTHEST: f64 = 2.5;
+const LONGEST: f64 = 2.5;
 
 /// Share of a constant's sd by which a straight line from the ridge estimate to its own may miss.
 const MISSED: f64 = 0.5;
@@ -67,9 +67,9 @@ impl PointSearch<'_> {
                 return Ok((found, self.point));
             }
             let found = self.weighed(pass, sensitivities)?;
-            let at = self.point.state.clone();
             if self.is_moved(&found)? {
-                self.progress.say("the noise has the constants elsewhere");
+                self.progress
+                    .say("again, from the constants that the measured noise asks for");
                 self.progress.end();
                 pass -= 1;
                 before = None;
@@ -83,6 +83,7 @@ impl PointSearch<'_> {
             let Some(k) = strongest.filter(|_| pass < PASSES && !in_turn) else {
                 return Ok((found, self.point));
             };
+            let at = self.point.state.clone();
             let moved = self.adopt(&found, k, leaders.last().copied());
             leaders.push(self.point.sought[k]);
             let freed = self.free(found.subsets.best());
@@ -103,22 +104,16 @@ impl PointSearch<'_> {
             return Ok(false);
         }
         let wanted = likeliest(&found.weighing, &found.sensitivities, &found.subsets)?;
-        let constants = &mut self.point.state.shared.constants;
+        let state = &mut self.point.state.shared;
         // a modulus acts by its reciprocal
         let misses =
             |(at, (mean, sd)): (&f64, &(f64, f64))| (mean - at).powi(2) > MISSED * sd * at.abs();
-        if !constants.iter().zip(&wanted).any(misses) {
+        if !state.constants.iter().zip(&wanted).any(misses) {
             return Ok(false);
         }
-        for ((at, (mean, _)), column) in constants
-            .iter_mut()
-            .zip(&wanted)
-            .zip(&found.sensitivities.base)
-        {
-            let reach = FARTHEST * column.sd;
-            *at += (mean - *at).clamp(-reach, reach);
-            *at = at.max(0.2 * column.mean);
-        }
+        let columns = wanted.iter().zip(&found.sensitivities.base);
+        let wanted: Vec<f64> = columns.map(|((m, _), c)| (m - c.mean) / c.sd).collect();
+        constants_moved(state, &found.sensitivities, &wanted, LONGEST);
         self.restarts += 1;
         Ok(true)
     }
