@@ -56,10 +56,8 @@ pub fn measured_by_frames(
     // where the weights do not sum to nothing, the reference picture's noise is in the field too
     let share = weights.dot(&(frames.of_frames(1.0) * &weights));
     let subset = observation.field.subset_mm.is_some();
-    let length = frames.spatial.iter().fold(0.0_f64, |m, s| match s.ratio {
-        0.0 => m,
-        _ => m.max(s.length_mm),
-    });
+    let smooth = frames.spatial.iter().filter(|s| s.ratio > 0.0);
+    let length = smooth.fold(0.0_f64, |longest, s| longest.max(s.length_mm));
     Ok((as_measured(noise, &frames, share, subset), Some(length)))
 }
 

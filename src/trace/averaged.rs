@@ -91,7 +91,7 @@ pub fn averaged(
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
 ) -> Result<Keyed<Interval>> {
-    let parts = choices(weighing, sensitivities, subsets)?;
+    let parts = choices(weighing, sensitivities, subsets, PAIRS)?;
     let parts: Vec<AveragedPart> = parts.into_iter().map(|chosen| chosen.part).collect();
     Ok(mixtures(sensitivities, &parts))
 }
@@ -109,20 +109,11 @@ pub struct ChosenSubset {
     pub pair: usize,
 }
 
-/// What the mixture of [`averaged`] is of.
+/// What the mixture of [`averaged`] is of; of the likeliest `count` pairs of a subset and a choice of the noise.
 ///
 /// # Errors
 /// Those of [`averaged`].
 pub fn choices(
-    weighing: &Weighing,
-    sensitivities: &Sensitivities,
-    subsets: &SubsetPosterior,
-) -> Result<Vec<ChosenSubset>> {
-    choices_of(weighing, sensitivities, subsets, PAIRS)
-}
-
-/// The same of the likeliest `count` subsets, each with a choice of the noise.
-fn choices_of(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
@@ -166,7 +157,7 @@ pub(super) fn likeliest(
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
 ) -> Result<Vec<(f64, f64)>> {
-    let parts = choices_of(weighing, sensitivities, subsets, 1)?;
+    let parts = choices(weighing, sensitivities, subsets, 1)?;
     let parts = parts.into_iter().map(|chosen| chosen.part);
     let best = parts.max_by(|a, b| a.log_weight.total_cmp(&b.log_weight));
     Ok(best.map_or_else(Vec::new, |best| {
@@ -217,7 +208,7 @@ pub fn unseen(
 }
 
 /// Pairs of a subset and a choice of the noise that are averaged over, at most.
-const PAIRS: usize = 24;
+pub const PAIRS: usize = 24;
 
 /// The smallest size of undeclared effects of a series. One size is common to all of them: those that these data cannot show pulled it to
 /// 0.003 of their prior sds and left nothing to the others, and constants under ten small effects lay 1.2 to 2.1 sds off (prototype study).

@@ -179,12 +179,9 @@ impl PointSearch<'_> {
         Ok(found)
     }
 
-    /// The number of a pass, and after moves of the constants theirs.
+    /// The number of a pass, and how often the constants had been moved.
     fn numbered(&self, pass: usize) -> String {
-        match self.restarts {
-            0 => pass.to_string(),
-            n => format!("{pass}-{n}"),
-        }
+        format!("{pass}-{}", self.restarts)
     }
 
     fn weighed(&self, pass: usize, sensitivities: Sensitivities) -> Result<Evidence> {

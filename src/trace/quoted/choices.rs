@@ -5,7 +5,7 @@ use super::answer::MixtureChoice;
 use crate::error::Result;
 use crate::numeric::log_sum_exp;
 use crate::sample::NormalPart;
-use crate::trace::averaged::{choices, part};
+use crate::trace::averaged::{PAIRS, choices, part};
 use crate::trace::evidence::Evidence;
 use crate::trace::noise_choices::NoisePair;
 use crate::trace::suspect::{RIVAL, settings};
@@ -32,7 +32,7 @@ type Weighable = (MixtureChoice, NoisePair, NormalPart);
 pub(super) fn likeliest(evidence: &Evidence, weighing: &Weighing) -> Result<AnswerChoices> {
     let (sensitivities, subsets) = (&evidence.sensitivities, &evidence.subsets);
     let mut all = Vec::new();
-    for chosen in choices(weighing, sensitivities, subsets)? {
+    for chosen in choices(weighing, sensitivities, subsets, PAIRS)? {
         let pair = weighing.pairs[chosen.pair];
         let choice = MixtureChoice {
             noise: 0,
