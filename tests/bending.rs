@@ -52,7 +52,6 @@ fn holed([s, t]: [f64; 2], radius: f64, density: f64) -> Mesh {
             clamp: None,
         },
         radius,
-        ring: None,
     });
     geometry.mesh(&geometry.counts(Density(density)))
 }

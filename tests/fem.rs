@@ -58,7 +58,6 @@ fn holed(s: [f64; 2], t: [f64; 2], radius: f64) -> Arc<dyn Geometry> {
     Arc::new(StripWithHole {
         outline: Outline { s, t, clamp },
         radius,
-        ring: None,
     })
 }
 

@@ -184,7 +184,7 @@ fn sections_of_a_tapered_and_damaged_plate_carry_the_load() {
     let mut setup = with("thickness_taper", &[10.0, -15.0]);
     effect::find("test", "hole_edge_damage")
         .unwrap()
-        .alter(&[30.0], &mut setup);
+        .alter(&[30.0, 0.0], &mut setup);
     let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
     let a = setup.membrane(&PLY).matrix();
     for s in [-60.0_f64, -20.0, -3.5, -1.0, 0.0, 2.3, 9.0, 45.0] {
@@ -206,10 +206,10 @@ fn damage_of_nothing_is_the_nominal_plate_and_loss_makes_it_compliant() {
     let plate = Plate::new(&nominal(4.0, [0.0; 2]), Density::DEFAULT).unwrap();
     let points = points();
     let healthy = solve(&plate, &nominal(4.0, [0.0; 2]), &points);
-    let none = solve(&plate, &with("hole_edge_damage", &[0.0]), &points);
+    let none = solve(&plate, &with("hole_edge_damage", &[0.0, 0.0]), &points);
     assert!(difference(&points, &none, &healthy) < 1e-5);
     let work = |loss: f64| {
-        let setup = with("hole_edge_damage", &[loss]);
+        let setup = with("hole_edge_damage", &[loss, 0.0]);
         let solution = plate.solve(&setup, &PLY).unwrap();
         let force = end_forces(&solution.mesh, &setup.load);
         force
@@ -220,6 +220,22 @@ fn damage_of_nothing_is_the_nominal_plate_and_loss_makes_it_compliant() {
     };
     let works = [-60.0, -20.0, 0.0, 20.0, 60.0].map(work);
     assert!(works.windows(2).all(|w| w[1] > w[0]), "{works:?}");
+}
+
+/// A loss of so much at the hole's edge, of which a third is left 0.22 radii away, or twice as far.
+#[test]
+fn damage_fades_into_the_plate_over_its_depth() {
+    for (doublings, depth) in [(0.0, 0.22), (1.0, 0.44), (-1.0, 0.11)] {
+        let setup = with("hole_edge_damage", &[30.0, doublings]);
+        let factor = |radii: f64| {
+            let p = [2.0 * radii * 0.6, -2.0 * radii * 0.8];
+            setup.profile.factor(&*setup.geometry, p)
+        };
+        assert!((factor(1.0) - 0.7).abs() < 1e-12);
+        let third = 1.0 - 0.3 / std::f64::consts::E;
+        assert!((factor(1.0 + depth) - third).abs() < 1e-12, "{doublings}");
+        assert!((factor(5.0) - 1.0).abs() < 1e-3);
+    }
 }
 
 /// Shear stress of a ply at a shear strain under gamma = tau / G + beta tau^3, by bisection.

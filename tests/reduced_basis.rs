@@ -4,7 +4,7 @@
 use nalgebra::Matrix3;
 use plychain::experiment::{State, predict};
 use plychain::fem::{
-    Annulus, Certificate, EndLoad, Locator, Motion, Plate, Profile, Setup, TOLERANCE, View, span,
+    Certificate, EndLoad, Locator, Motion, Plate, Profile, Setup, TOLERANCE, View, span,
 };
 use plychain::geometry::Density;
 use plychain::infer::{Model, problem_within};
@@ -229,7 +229,7 @@ fn the_reach_of_a_bound_is_that_of_a_unit_force() {
 /// Stiffness that varies over the plate and loads that are not along its axis have terms of their own.
 #[test]
 #[ignore = "slow: run by .ci/run"]
-fn tapers_rings_and_skew_loads_are_spanned() {
+fn tapers_and_skew_loads_are_spanned() {
     let problem = problem(&coarse());
     let nominal = problem.experiment.scene().setup.clone();
     let plate = Plate::new(&nominal, Density(0.3)).unwrap();
@@ -248,14 +248,10 @@ fn tapers_rings_and_skew_loads_are_spanned() {
                 Profile {
                     across: 0.02 * (share - 0.4),
                     along: 0.02 * (7.0 * share).cos(),
-                    annulus: None,
+                    worn: None,
                 }
             } else {
-                let (reach, loss) = (1.5, 0.5 * share);
-                Profile {
-                    annulus: Some(Annulus { reach, loss }),
-                    ..Profile::default()
-                }
+                Profile::default()
             };
             let state = problem.state(&point);
             let ply = problem.experiment.scene().material.ply(&state.constants);
@@ -272,7 +268,7 @@ fn tapers_rings_and_skew_loads_are_spanned() {
             .map(|(setup, ply)| Certificate::of(&plate, setup, ply, &view).unwrap().unwrap())
             .collect();
         // more of them than pay are not added
-        let name = if tapered { "tapers" } else { "rings" };
+        let name = if tapered { "tapers" } else { "skew loads" };
         judge(name, &certificates, 10.0 * TOLERANCE);
     }
 }

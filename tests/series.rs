@@ -273,23 +273,32 @@ fn a_far_axis_of_a_rotation_is_no_translation() {
     }
 }
 
-/// Damage that fades into the plate, whatever its depth, is no other effect, and the intervals hold: the model's is a ring of one loss.
+/// Damage of a hole's edge, whatever its depth, and a ring that lost the same everywhere, are no other effect, and the intervals hold.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn damage_of_another_profile_is_taken_for_no_other_effect() {
-    let sizes = [(0.1, 0.4), (0.2, 0.3), (0.4, 0.2), (0.8, 0.15)];
-    let judged: Vec<Judged> = sizes
-        .iter()
+    // of the hole's radius: depth and loss, reach and loss
+    let fading = [(0.1, 0.4), (0.2, 0.3), (0.4, 0.2), (0.8, 0.15)];
+    let rings = [(1.3, 0.3), (1.6, 0.25)];
+    let worn = |hole_mm: f64| {
+        let fading = fading.map(|(depth, loss)| Stiffness::Worn {
+            hole_mm,
+            depth_mm: depth * hole_mm,
+            loss,
+        });
+        let rings = rings.map(|(reach, loss)| Stiffness::Ring {
+            hole_mm,
+            reach,
+            loss,
+        });
+        [&fading[..], &rings].concat()
+    };
+    let judged: Vec<Judged> = (0..fading.len() + rings.len())
         .zip(4700..)
-        .map(|((depth, loss), seed)| {
+        .map(|(k, seed)| {
             let mut series = case(&Kind::Null, true, seed);
-            let hole_mm = 0.5 * series.specimen.diameter_mm;
-            let depth_mm = depth * hole_mm;
-            series.causes = vec![Cause::Foreign(Stiffness::Worn {
-                hole_mm,
-                depth_mm,
-                loss: *loss,
-            })];
+            let stiffness = worn(0.5 * series.specimen.diameter_mm)[k];
+            series.causes = vec![Cause::Foreign(stiffness)];
             let kind = Kind::Single("hole_edge_damage");
             Simulated::of(series, &kind, seed).judged(SERIES)
         })
@@ -298,9 +307,9 @@ fn damage_of_another_profile_is_taken_for_no_other_effect() {
     for j in &judged {
         assert!(!j.is_wrong(), "{}", j.ended.line());
     }
-    // of 16 intervals of 95 % fewer than 14 hold once in 23 times
+    // of 24 intervals of 95 % fewer than 21 hold once in 32 times
     let held: usize = judged.iter().map(|j| j.ended.held()).sum();
-    assert!(held >= 14, "{held} of 16");
+    assert!(held >= 21, "{held} of 24");
 }
 
 /// A wave of the interpolation, at half to twice its usual size, is named, and nothing that would strain the field likewise.

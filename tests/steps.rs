@@ -369,7 +369,7 @@ fn damage_that_grows_is_not_predicted() {
     cases.par_iter().for_each(|&(laminate, seed)| {
         let sound = case(&Kind::Null, laminate, seed);
         let damaged = Series {
-            causes: vec![Cause::Mechanical("hole_edge_damage", vec![40.0])],
+            causes: vec![Cause::Mechanical("hole_edge_damage", vec![40.0, 0.0])],
             ..sound.clone()
         };
         let (whole, broken) = (sound.exact().1, damaged.exact().1);

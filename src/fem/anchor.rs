@@ -118,7 +118,7 @@ impl Anchor {
             return Ok(Solution { mesh, nodal });
         }
         let mesh = plate.mesh_of(setup)?;
-        let geometry = plate.geometry.morphed(&setup.whole_morph())?;
+        let geometry = plate.geometry.morphed(&setup.morph)?;
         setup.profile.validate(&*geometry)?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         let integrals = plate.integrals_of(setup, &mesh, &scale);
@@ -173,7 +173,7 @@ impl Anchor {
         harmonics: usize,
     ) -> Result<(Cow<'a, Mesh>, Vec<Vec<f64>>)> {
         let mesh = plate.mesh_of(setup)?;
-        let geometry = plate.geometry.morphed(&setup.whole_morph())?;
+        let geometry = plate.geometry.morphed(&setup.morph)?;
         if geometry.hole_radius().is_none() {
             return Ok((mesh, Vec::new()));
         }
@@ -216,7 +216,7 @@ impl Anchor {
         bumps: &[Bump],
     ) -> Result<(Cow<'a, Mesh>, Vec<Vec<f64>>)> {
         let mesh = plate.mesh_of(setup)?;
-        let geometry = plate.geometry.morphed(&setup.whole_morph())?;
+        let geometry = plate.geometry.morphed(&setup.morph)?;
         let membranes = setup.membranes(ply);
         let mut loads = Vec::with_capacity(bumps.len() * mesh.unknowns());
         for bump in bumps {

@@ -87,20 +87,20 @@ pub struct SpanBasis {
 pub enum Shape {
     Uniform,
     Tapered,
-    /// A ring about the hole up to so many radii.
-    Ring(f64),
 }
 
 impl Shape {
-    /// The shape of a query; none where two of them meet.
+    /// The shape of a query; none of a hole that has lost stiffness, which is no sum of few fields.
     pub fn of(profile: &Profile) -> Option<Self> {
-        let tapered = profile.along != 0.0 || profile.across != 0.0;
-        match profile.annulus {
-            Some(_) if tapered => None,
-            Some(ring) => Some(Self::Ring(ring.reach)),
-            None if tapered => Some(Self::Tapered),
-            None => Some(Self::Uniform),
+        if profile.worn.is_some() {
+            return None;
         }
+        let tapered = profile.along != 0.0 || profile.across != 0.0;
+        Some(if tapered {
+            Self::Tapered
+        } else {
+            Self::Uniform
+        })
     }
 
     /// Number of the fixed fields.
@@ -108,7 +108,6 @@ impl Shape {
         match self {
             Self::Uniform => 1,
             Self::Tapered => 4,
-            Self::Ring(_) => 2,
         }
     }
 
@@ -118,7 +117,7 @@ impl Shape {
             let profile = Profile {
                 along,
                 across,
-                annulus: None,
+                worn: None,
             };
             profile.factor(geometry, p) - 1.0
         };
@@ -127,11 +126,6 @@ impl Shape {
             Self::Tapered => {
                 let (s, t) = (unit(1.0, 0.0), unit(0.0, 1.0));
                 vec![1.0, s, t, s * t]
-            }
-            Self::Ring(reach) => {
-                let inside = geometry.hole_radii(p).is_some_and(|radii| radii < reach);
-                let inside = f64::from(u8::from(inside));
-                vec![1.0 - inside, inside]
             }
         }
     }
@@ -144,10 +138,6 @@ impl Shape {
                 let (s, t) = (profile.along, profile.across);
                 let least = (1.0 - 0.5 * s.abs()) * (1.0 - 0.5 * t.abs() * widening);
                 (vec![1.0, s, t, s * t], least)
-            }
-            Self::Ring(_) => {
-                let left = 1.0 - profile.annulus.map_or(0.0, |ring| ring.loss);
-                (vec![1.0, left], left.min(1.0))
             }
         }
     }

@@ -51,7 +51,7 @@ impl SpanBasis {
 fn not_one() -> Error {
     Error::program(
         "reduced basis",
-        "queries of one mesh, each either tapered or with a ring",
+        "queries of one mesh whose stiffness varies alike",
     )
 }
 

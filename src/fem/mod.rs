@@ -41,7 +41,7 @@ pub use plastic::{EdgeStress, YieldFrame};
 pub use plastic_table::Metal;
 pub use plasticity::{J2, Plastic};
 pub use plate::{Plate, Solution};
-pub use profile::{Annulus, Profile};
+pub use profile::{EdgeLoss, Profile};
 pub use setup::{Setup, Yield};
 pub use solve::Factor;
 pub use span::{Certificate, span};

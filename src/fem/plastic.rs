@@ -194,7 +194,7 @@ impl Plate {
             ));
         };
         let (mut factor, solution) = self.factorised(setup, ply)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let geometry = self.geometry.morphed(&setup.morph)?;
         let gauss = gauss_points(&solution.mesh);
         let stacks = setup.stacks();
         let thickness = gauss

@@ -44,8 +44,8 @@ pub struct Plate {
     pub assembly: Assembly,
     symbolic: Symbolic,
     pool: Pool,
-    /// Reduced bases and the radii of the ring about the hole in their meshes.
-    pub(super) bases: RwLock<Vec<(Option<f64>, Arc<SpanBasis>)>>,
+    /// Reduced bases.
+    pub(super) bases: RwLock<Vec<Arc<SpanBasis>>>,
     /// Load level at which the declared shape begins to yield.
     pub(super) onset: OnceLock<f64>,
     /// Its plastic parts beyond.
@@ -89,8 +89,7 @@ impl Plate {
         })
     }
 
-    /// Solve a test; any number of threads may at once. A test of another shape, or with a ring about the hole, gets a mesh
-    /// of its own with this one's connectivity; a stiffness that varies gets integrals of its own. What yields adds its plastic part from
+    /// Solve a test; any number of threads may at once. A test of another shape gets a mesh of its own with this one's connectivity; a stiffness that varies gets integrals of its own. What yields adds its plastic part from
     /// [`Plate::plastic_table`].
     ///
     /// # Errors
@@ -137,7 +136,7 @@ impl Plate {
     /// The same as if the plies were linear.
     pub(super) fn linear(&self, setup: &Setup, ply: &Ply) -> Result<(Factor<'_>, Solution<'_>)> {
         let mesh = self.mesh_of(setup)?;
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let geometry = self.geometry.morphed(&setup.morph)?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         setup.profile.validate(&*geometry)?;
         let mut factor = self.factor();
@@ -161,7 +160,7 @@ impl Plate {
         let Some(law) = PlyLaw::new(setup, ply) else {
             return Ok(());
         };
-        let geometry = self.geometry.morphed(&setup.whole_morph())?;
+        let geometry = self.geometry.morphed(&setup.morph)?;
         let scale = |p: [f64; 2]| setup.profile.factor(&*geometry, p);
         let Solution { mesh, nodal } = solution;
         let load = end_forces(mesh, &setup.load);
@@ -203,7 +202,7 @@ impl Plate {
 
     /// The basis of a uniform plate of the declared shape, if there is one.
     pub fn nominal_basis(&self) -> Option<Arc<SpanBasis>> {
-        self.basis_of(None, &Profile::default())
+        self.basis_of(&Profile::default())
     }
 
     /// A test's answer from [`Plate::nominal_basis`]; none where that cannot answer well enough, or is not all of the answer.
@@ -211,8 +210,8 @@ impl Plate {
         if setup.yielding.is_some() {
             return None;
         }
-        let (ring, query) = query(setup, ply)?;
-        if ring.is_some() || !query.profile.is_uniform() {
+        let query = query(setup, ply)?;
+        if !query.profile.is_uniform() {
             return None;
         }
         let answer = self.nominal_basis()?.answer(&query)?;
@@ -221,27 +220,24 @@ impl Plate {
 
     /// The basis for tests like this one, if there is one.
     pub fn basis_for(&self, setup: &Setup, ply: &Ply) -> Option<Arc<SpanBasis>> {
-        let (ring, query) = query(setup, ply)?;
-        self.basis_of(ring, &query.profile)
+        self.basis_of(&query(setup, ply)?.profile)
     }
 
     /// The basis of a kind, if there is one.
-    pub(super) fn basis_of(&self, ring: Option<f64>, profile: &Profile) -> Option<Arc<SpanBasis>> {
+    pub(super) fn basis_of(&self, profile: &Profile) -> Option<Arc<SpanBasis>> {
         let bases = self.bases.read().unwrap_or_else(PoisonError::into_inner);
-        let own = |(r, b): &&(Option<f64>, Arc<SpanBasis>)| *r == ring && b.is_of(profile);
-        bases.iter().find(own).map(|(_, b)| b.clone())
+        bases.iter().find(|b| b.is_of(profile)).cloned()
     }
 
     /// A test's answer without yielding from a basis, where there is one that is good enough.
     pub(super) fn spanned(&self, setup: &Setup, ply: &Ply) -> Option<Vec<f64>> {
-        let (ring, query) = query(setup, ply)?;
-        let basis = self.basis_of(ring, &query.profile)?;
+        let query = query(setup, ply)?;
+        let basis = self.basis_of(&query.profile)?;
         let answer = basis.answer(&query)?;
         answer.is_enough().then(|| basis.nodal(&answer))
     }
 
-    /// The mesh of a test: this one's, or one of the same connectivity where the test has another shape or a ring about
-    /// the hole.
+    /// The mesh of a test: this one's, or one of the same connectivity where the test has another shape.
     ///
     /// # Errors
     /// Of the program, for a test of another geometry or support than the plate's; a shape that cannot be meshed.
@@ -259,13 +255,11 @@ impl Plate {
                     .found(format!("{:?}", setup.regions)),
             );
         }
-        let morph = setup.whole_morph();
-        if morph == Morph::NONE {
+        if setup.morph == Morph::NONE {
             return Ok(Cow::Borrowed(&self.mesh));
         }
-        Ok(Cow::Owned(
-            self.geometry.morphed(&morph)?.mesh(&self.counts),
-        ))
+        let geometry = self.geometry.morphed(&setup.morph)?;
+        Ok(Cow::Owned(geometry.mesh(&self.counts)))
     }
 
     /// A numeric factorisation of the plate's stiffness, for loads that are no [`Setup`]'s.
@@ -285,15 +279,14 @@ impl Plate {
     }
 }
 
-/// What a basis would be asked for a test, apart from its yielding: the ring in its mesh, and the query; none where a basis cannot answer.
-pub(super) fn query(setup: &Setup, ply: &Ply) -> Option<(Option<f64>, Query)> {
+/// What a basis would be asked for a test, apart from its yielding; none where a basis cannot answer.
+pub(super) fn query(setup: &Setup, ply: &Ply) -> Option<Query> {
     if setup.morph != Morph::NONE || PlyLaw::new(setup, ply).is_some() {
         return None;
     }
-    let query = Query {
+    Some(Query {
         membranes: setup.membranes(ply),
         profile: setup.profile,
         load: setup.load,
-    };
-    Some((setup.profile.annulus.map(|ring| ring.reach), query))
+    })
 }

@@ -10,17 +10,25 @@ pub struct Profile {
     pub across: f64,
     /// Relative change of the thickness from end to end: h (1 + along s' / L), s' from the plate's mid-length.
     pub along: f64,
-    /// A ring about the hole that has lost stiffness.
-    pub annulus: Option<Annulus>,
+    /// Stiffness that is lost about the hole.
+    pub worn: Option<EdgeLoss>,
 }
 
-/// A ring about the hole whose stiffness is multiplied by 1 - loss.
+/// What a hole's edge has lost of its stiffness, fading into the plate: a factor of 1 - loss exp(-(r - R) / (depth R)) at a distance r from
+/// the centre of a hole of radius R.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Annulus {
-    /// Outer radius of the ring over the hole's.
-    pub reach: f64,
-    /// Relative loss of stiffness.
+pub struct EdgeLoss {
+    /// Relative loss at the edge.
     pub loss: f64,
+    /// Distance over which it falls by e, over the hole's radius.
+    pub depth: f64,
+}
+
+impl EdgeLoss {
+    /// What is left of the stiffness so many radii from the hole's centre.
+    fn left(&self, radii: f64) -> f64 {
+        1.0 - self.loss * ((1.0 - radii) / self.depth).min(0.0).exp()
+    }
 }
 
 /// Smallest factor on the stiffness that is still solved for.
@@ -37,10 +45,8 @@ impl Profile {
         let [s, t] = geometry.extents();
         let along = self.along * from_middle(s, p[0]);
         let across = self.across * from_middle(t, p[1]);
-        let left = match (self.annulus, geometry.hole_radii(p)) {
-            (Some(ring), Some(radii)) if radii < ring.reach => 1.0 - ring.loss,
-            _ => 1.0,
-        };
+        let worn = self.worn.zip(geometry.hole_radii(p));
+        let left = worn.map_or(1.0, |(worn, radii)| worn.left(radii));
         (1.0 + along) * (1.0 + across) * left
     }
 
@@ -62,7 +68,7 @@ impl Profile {
     }
 
     fn loss(&self) -> f64 {
-        self.annulus.map_or(0.0, |ring| ring.loss)
+        self.worn.map_or(0.0, |worn| worn.loss)
     }
 }
 

@@ -43,7 +43,7 @@ impl Region {
 pub struct Setup {
     /// The declared shape.
     pub geometry: Arc<dyn Geometry>,
-    /// How the shape differs from the declared one, apart from the ring of `profile`.
+    /// How the shape differs from the declared one.
     pub morph: Morph,
     /// The named edge that is held still, if there is one.
     pub held: Option<&'static str>,
@@ -177,20 +177,12 @@ impl Setup {
         }
     }
 
-    /// What the shape differs by, the ring included.
-    pub fn whole_morph(&self) -> Morph {
-        Morph {
-            ring: self.profile.annulus.map(|ring| ring.reach),
-            ..self.morph
-        }
-    }
-
     /// Check that the plate can be meshed and is stiff everywhere.
     ///
     /// # Errors
     /// Those of [`Geometry::morphed`] and [`Profile::validate`].
     pub fn validate(&self) -> Result<()> {
-        let morphed = self.geometry.morphed(&self.whole_morph())?;
+        let morphed = self.geometry.morphed(&self.morph)?;
         self.profile.validate(&*morphed)
     }
 

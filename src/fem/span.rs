@@ -33,7 +33,7 @@ impl Certificate {
     /// # Errors
     /// Those of [`Plate::solve`].
     pub fn of(plate: &Plate, setup: &Setup, ply: &Ply, view: &View) -> Result<Option<Self>> {
-        let Some((_, query)) = query(setup, ply) else {
+        let Some(query) = query(setup, ply) else {
             return Ok(None);
         };
         let basis = &view.basis;
@@ -75,7 +75,6 @@ const MOST_STACKS: usize = 6;
 
 /// Tests that one basis answers.
 struct Alike<'a> {
-    ring: Option<f64>,
     shape: Option<Shape>,
     /// One of them.
     setup: &'a Setup,
@@ -92,14 +91,13 @@ struct Alike<'a> {
 pub fn span(plate: &Plate, tests: &[(Setup, Ply)], least: usize) -> Result<()> {
     let mut kinds: Vec<Alike<'_>> = Vec::new();
     for (setup, ply) in tests {
-        let Some((ring, query)) = query(setup, ply) else {
+        let Some(query) = query(setup, ply) else {
             continue;
         };
-        let same = |k: &&mut Alike<'_>| k.ring == ring && Shape::of(&query.profile) == k.shape;
+        let same = |k: &&mut Alike<'_>| Shape::of(&query.profile) == k.shape;
         match kinds.iter_mut().find(same) {
             Some(kind) => kind.queries.push(query),
             None => kinds.push(Alike {
-                ring,
                 shape: Shape::of(&query.profile),
                 setup,
                 queries: vec![query],
@@ -107,7 +105,6 @@ pub fn span(plate: &Plate, tests: &[(Setup, Ply)], least: usize) -> Result<()> {
         }
     }
     for Alike {
-        ring,
         setup,
         queries,
         shape,
@@ -118,7 +115,7 @@ pub fn span(plate: &Plate, tests: &[(Setup, Ply)], least: usize) -> Result<()> {
         if stacks > MOST_STACKS || queries.len() < least * fields.pow(3) * stacks {
             continue;
         }
-        let known = plate.basis_of(ring, &queries[0].profile);
+        let known = plate.basis_of(&queries[0].profile);
         let is_answered = |b: &SpanBasis, q| b.answer(q).is_some_and(|a| a.is_enough());
         let answered = |b: &Arc<SpanBasis>| queries.iter().all(|q| is_answered(b, q));
         if known.as_ref().is_some_and(answered) {
@@ -127,8 +124,8 @@ pub fn span(plate: &Plate, tests: &[(Setup, Ply)], least: usize) -> Result<()> {
         let mesh = plate.mesh_of(setup)?;
         let basis = Arc::new(SpanBasis::greedy(plate, &mesh, &queries)?);
         let mut bases = plate.bases.write().unwrap_or_else(PoisonError::into_inner);
-        bases.retain(|(_, b)| known.as_ref().is_none_or(|k| !Arc::ptr_eq(k, b)));
-        bases.push((ring, basis));
+        bases.retain(|b| known.as_ref().is_none_or(|k| !Arc::ptr_eq(k, b)));
+        bases.push(basis);
     }
     Ok(())
 }

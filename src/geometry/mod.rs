@@ -76,8 +76,6 @@ pub struct Morph {
     pub hole_size: f64,
     /// Displacement of the hole in the plate along both directions, mm. The origin stays at its centre.
     pub hole_offset: [f64; 2],
-    /// Element edges lie on the circle about the hole of this radius over the hole's.
-    pub ring: Option<f64>,
 }
 
 /// A change of shape that a geometry may offer.
@@ -85,7 +83,6 @@ pub struct Morph {
 pub enum Change {
     HoleSize,
     HoleOffset,
-    Ring,
 }
 
 impl Morph {
@@ -93,7 +90,6 @@ impl Morph {
     pub const NONE: Morph = Morph {
         hole_size: 1.0,
         hole_offset: [0.0; 2],
-        ring: None,
     };
 
     /// What of it is not the declared shape.
@@ -101,7 +97,6 @@ impl Morph {
         let all = [
             (Change::HoleSize, self.hole_size != 1.0),
             (Change::HoleOffset, self.hole_offset != [0.0; 2]),
-            (Change::Ring, self.ring.is_some()),
         ];
         let made = all.into_iter().filter(|(_, made)| *made);
         made.map(|(change, _)| change).collect()

@@ -17,8 +17,6 @@ pub struct StripWithHole {
     pub outline: Outline,
     /// The hole's radius, mm.
     pub radius: f64,
-    /// A circle about the hole on which element edges lie, by its radius over the hole's.
-    pub ring: Option<f64>,
 }
 
 /// Elements of the default mesh (8,280 about a central hole): along each of the four sides of the box about the hole on
@@ -30,14 +28,13 @@ pub fn build(specimen: &SpecimenSpec) -> Option<Arc<dyn Geometry>> {
     Some(Arc::new(StripWithHole {
         outline: Outline::about(specimen, hole.center_mm),
         radius: 0.5 * hole.diameter_mm,
-        ring: None,
     }))
 }
 
 impl StripWithHole {
-    /// Whether a circle about the hole stays clear of the outer edge by at least a twentieth of the hole's radius.
-    fn is_clear(&self, radius: f64) -> bool {
-        self.outline.clearance() - radius >= 0.05 * self.radius
+    /// Whether the hole stays clear of the outer edge by at least a twentieth of its radius.
+    fn is_clear(&self) -> bool {
+        self.outline.clearance() >= 1.05 * self.radius
     }
 }
 
@@ -67,7 +64,7 @@ impl Geometry for StripWithHole {
 
     fn validate(&self) -> Result<()> {
         let Outline { s, t, .. } = self.outline;
-        if !(self.outline.is_sound() && self.radius > 0.0 && self.is_clear(self.radius)) {
+        if !(self.outline.is_sound() && self.radius > 0.0 && self.is_clear()) {
             return Err(Error::input(
                 "plate outline",
                 "a hole that stays clear of the plate's edge",
@@ -78,17 +75,7 @@ impl Geometry for StripWithHole {
             ))
             .hint("make the hole smaller, the plate larger, or move the hole inwards"));
         }
-        match self.ring.map(|ring| ring * self.radius) {
-            Some(ring) if !self.is_clear(ring) => Err(Error::input(
-                "plate stiffness",
-                "a ring about the hole that stays clear of the plate's edge",
-            )
-            .found(format!(
-                "radius {ring} mm with an edge {} mm from the hole's centre",
-                self.outline.clearance()
-            ))),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     fn offers(&self, _change: Change) -> bool {
@@ -105,7 +92,6 @@ impl Geometry for StripWithHole {
                 ..self.outline
             },
             radius: self.radius * morph.hole_size,
-            ring: morph.ring,
         };
         changed.validate()?;
         Ok(Arc::new(changed))
@@ -158,10 +144,7 @@ impl MeshLayout {
         };
         let corner = box_corners(outline, self.strips);
         let rays = ring_rays(plate.radius, &corner, self.sides);
-        let mut places = self.places(plate.radius, &rays);
-        if let Some(ring) = plate.ring {
-            align(&mut places, &rays, ring * plate.radius);
-        }
+        let places = self.places(plate.radius, &rays);
         let ring = self.add_ring(&mut mesh, &rays, &places);
         let rim = |from: usize, count: usize| -> Vec<u32> {
             let nodes = ring[2 * from..=2 * (from + count)].iter();
@@ -270,34 +253,6 @@ fn box_corners(outline: &Outline, strips: [usize; 2]) -> [[f64; 2]; 4] {
     let [high, low] = [side(0), side(1)];
     let [t0, t1] = outline.t;
     [[high, t0], [high, t1], [low, t1], [low, t0]]
-}
-
-/// Move the corners along the rays so that those of one index lie on a circle about the hole; the others keep their
-/// proportions on both sides of it.
-fn align(places: &mut [Vec<f64>], rays: &[[[f64; 2]; 2]], radius: f64) {
-    let crossing: Vec<f64> = rays.iter().map(|ray| cross_circle(ray, radius)).collect();
-    let index = |(places, &at): (&Vec<f64>, &f64)| places.partition_point(|&g| g < at) as f64;
-    let sum: f64 = places.iter().zip(&crossing).map(index).sum();
-    let last = places.first().map_or(0, Vec::len).saturating_sub(2);
-    let middle = ((sum / rays.len() as f64 - 0.5).round() as usize).clamp(1, last.max(1));
-    for (places, at) in places.iter_mut().zip(crossing) {
-        let from = places[middle];
-        for g in places.iter_mut() {
-            *g = if *g <= from {
-                *g * at / from
-            } else {
-                at + (*g - from) * (1.0 - at) / (1.0 - from)
-            };
-        }
-    }
-}
-
-/// Where a ray that starts inside a circle about the origin crosses it, as a fraction of its length.
-fn cross_circle([inner, outer]: &[[f64; 2]; 2], radius: f64) -> f64 {
-    let d = [outer[0] - inner[0], outer[1] - inner[1]];
-    let (a, b) = (d[0] * d[0] + d[1] * d[1], inner[0] * d[0] + inner[1] * d[1]);
-    let c = inner[0] * inner[0] + inner[1] * inner[1] - radius * radius;
-    -c / (b + (b * b - a * c).sqrt())
 }
 
 /// Elements along the four sides of the box: 4 `per_side` in all, shared by the angles under which the hole sees

@@ -386,8 +386,6 @@ impl Geometry for ImportedPlate {
     fn offers(&self, change: Change) -> bool {
         match change {
             Change::HoleSize | Change::HoleOffset => self.changes,
-            // a ring needs no elements of its own: the points of quadrature see it
-            Change::Ring => self.hole.is_some(),
         }
     }
 

@@ -39,7 +39,6 @@ fn setup() -> Setup {
                 clamp: None,
             },
             radius: 2.0,
-            ring: None,
         }),
         morph: Morph::NONE,
         held: None,

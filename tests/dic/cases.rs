@@ -269,7 +269,10 @@ fn cause(name: &'static str, size: f64, series: &Series, draw: &mut Draw) -> Cau
             per_m: bending_per_m(series) * signed,
             lift_mm: 0.05 * draw.normal(),
         },
-        "hole_edge_damage" => Cause::Mechanical(name, vec![(20.0 * size).min(60.0)]),
+        "hole_edge_damage" => {
+            let depth = (0.8 * draw.normal()).clamp(-1.5, 1.5);
+            Cause::Mechanical(name, vec![(20.0 * size).min(60.0), depth])
+        }
         "thickness_taper" => {
             // what a taper along the load does is hardly there
             Cause::Mechanical(name, vec![2.0 * signed, draw.normal()])

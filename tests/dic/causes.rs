@@ -114,7 +114,7 @@ impl Cause {
             Self::Foreign(Stiffness::Patch { loss, .. }) => {
                 ("soft_patch", "load", vec![("loss", *loss)])
             }
-            Self::Foreign(Stiffness::Worn { loss, .. }) => {
+            Self::Foreign(Stiffness::Worn { loss, .. } | Stiffness::Ring { loss, .. }) => {
                 ("hole_edge_damage", "load", vec![("edge_loss", *loss)])
             }
             Self::Foreign(Stiffness::Waves { sd, .. }) => {

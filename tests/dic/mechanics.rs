@@ -96,6 +96,8 @@ pub enum Stiffness {
         depth_mm: f64,
         loss: f64,
     },
+    /// A ring of one loss about such a hole, up to `reach` times its radius.
+    Ring { hole_mm: f64, reach: f64, loss: f64 },
     /// A sum of six waves of some length, of this sd in all.
     Waves { length_mm: f64, sd: f64, phase: f64 },
 }
@@ -113,6 +115,11 @@ impl Stiffness {
                 depth_mm,
                 loss,
             } => 1.0 - loss * (-(x.hypot(y) - hole_mm) / depth_mm).exp(),
+            Self::Ring {
+                hole_mm,
+                reach,
+                loss,
+            } => 1.0 - loss * f64::from(u8::from(x.hypot(y) < reach * hole_mm)),
             Self::Waves {
                 length_mm,
                 sd,

@@ -290,7 +290,6 @@ fn square(density: Density) -> Result<Plate> {
             clamp: None,
         },
         radius: 2.0,
-        ring: None,
     };
     Plate::meshed(Arc::new(square), None, density)
 }

@@ -69,7 +69,6 @@ fn finite_elements_of_a_plate_without_a_hole_agree_with_ritz() {
                 clamp: None,
             },
             radius: 0.2,
-            ring: None,
         };
         let mesh = strip.mesh(&strip.counts(Density(0.5)));
         let mut pinned = Vec::new();

@@ -56,7 +56,6 @@ pub fn factors(
             clamp: None,
         },
         radius: 0.5 * hole.diameter_mm,
-        ring: None,
     };
     strip.validate()?;
     let counts = strip.counts(DENSITY);

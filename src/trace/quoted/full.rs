@@ -2,9 +2,8 @@
 
 use nalgebra::DVector;
 
-use crate::effect::{Acting, Effect, amplitude_name, force_scale};
+use crate::effect::{Effect, amplitude_name, force_scale};
 use crate::error::{Error, Result};
-use crate::experiment::State;
 use crate::experiment::series::SeriesState;
 use crate::infer::EffectUnderLaw;
 use crate::linearise::{Column, Forward, Sensitivities, StepStack};
@@ -24,13 +23,7 @@ pub(super) struct DrawnState<'a> {
     state: SeriesState,
     /// Columns that enter linearly all the same, and how far from where the test was linearised, prior sds.
     left: Vec<(&'a Column, f64)>,
-    /// A ring about the hole that the state has and the point of linearisation has not: its mesh is another, and both sides of a difference
-    /// are to have the same.
-    ring: Option<Acting>,
 }
-
-/// Amplitude over that of a draw with which a ring changes the mesh and nothing else.
-const NOTHING: f64 = 1e-9;
 
 /// What a column's parameter is of the state.
 enum ColumnPlace {
@@ -79,55 +72,24 @@ impl<'a> Full<'a> {
                 ColumnPlace::None => {}
             }
         }
-        let ring = match self.ring(&self.point.state.shared) {
-            Some(_) => None,
-            None => self.ring(&state.shared),
-        };
-        DrawnState { state, left, ring }
+        DrawnState { state, left }
     }
 
-    /// The effect of a state that lays a ring about the hole.
-    fn ring(&self, state: &State) -> Option<Acting> {
-        let scene = self.forward.observing.experiment().scene();
-        let lays = |a: &&Acting| {
-            let mut setup = scene.setup.clone();
-            a.effect.alter(&a.amplitude, &mut setup);
-            setup.profile.annulus.is_some()
-        };
-        state.acting().iter().find(lays).cloned()
-    }
-
-    /// What is shown where the test was linearised, mm: by the nominal mesh, and by that with the ring that some of the draws have.
+    /// What is shown where the test was linearised, mm.
     ///
     /// # Errors
     /// Those of a finite-element solution.
-    pub fn origins(&self, drawn: &[DrawnState<'_>]) -> Result<[Option<StepStack>; 2]> {
-        let plain = drawn.iter().any(|d| d.ring.is_none());
-        let ring = drawn.iter().find_map(|d| d.ring.as_ref());
-        let ringed = ring.map(|ring| {
-            let mut state = self.point.state.clone();
-            let amplitude = ring.amplitude.iter().map(|a| NOTHING * a).collect();
-            state.shared.set(ring.effect, amplitude);
-            state
-        });
-        let own = plain.then(|| self.point.state.clone());
-        let shown = |state: Option<SeriesState>| state.map(|s| self.forward.shown(&s)).transpose();
-        let (own, ringed) = rayon::join(|| shown(own), || shown(ringed));
-        Ok([own?, ringed?])
+    pub fn origin(&self) -> Result<StepStack> {
+        self.forward.shown(&self.point.state)
     }
 
-    /// By how much block averages differ at a draw from those of its origin, mm.
+    /// By how much block averages differ at a draw from the `origin`'s, mm.
     ///
     /// # Errors
     /// Those of a finite-element solution: of amplitudes that cannot be, too; displacements that are not finite.
-    pub fn change(
-        &self,
-        drawn: &DrawnState<'_>,
-        origins: &[Option<StepStack>; 2],
-    ) -> Result<StepStack> {
+    pub fn change(&self, drawn: &DrawnState<'_>, origin: &StepStack) -> Result<StepStack> {
         let mut change = self.forward.shown(&drawn.state)?;
-        let origin = origins[usize::from(drawn.ring.is_some())].iter();
-        for (u, here) in change.iter_mut().zip(origin.flatten()) {
+        for (u, here) in change.iter_mut().zip(origin) {
             *u -= here;
         }
         for (column, by) in &drawn.left {

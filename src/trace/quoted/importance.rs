@@ -193,12 +193,12 @@ impl PosedDraws<'_> {
             .iter()
             .map(|&k| test.full.drawn(&points[k], &posed.amplitudes(&drawn[k])))
             .collect();
-        let origins = test.full.origins(&states)?;
+        let origin = test.full.origin()?;
         let residuals: Vec<Option<[StepStack; 2]>> = chosen
             .par_iter()
             .zip(&states)
             .map(|(&k, state)| {
-                let change = test.full.change(state, &origins).ok()?;
+                let change = test.full.change(state, &origin).ok()?;
                 let linear = self.left(&posed.columns, k);
                 let there = self.left(&test.columns, k);
                 let own = [0, 1].map(|c| {
