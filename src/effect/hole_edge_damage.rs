@@ -1,13 +1,14 @@
 //! Drilling has damaged the laminate about the hole.
 
-use super::{Companions, Effect, EffectParameter, Entry, Kind, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene};
 use crate::fem::{EdgeLoss, Setup};
-use crate::quantity::significant;
+use crate::quantity::plus_minus;
 
 pub struct HoleEdgeDamage;
 
-/// Depth of the damage over the hole's radius, before the data tell: between the two depths, 0.12 and 0.4, of a prototype study.
-const DEPTH: f64 = 0.22;
+/// Depths over the hole's radius of which the damage's own is a mixture (prototype study). Two of a fixed depth each are linear in what was
+/// lost, as one of an unknown depth is not.
+const DEPTHS: [f64; 2] = [0.12, 0.4];
 
 impl Effect for HoleEdgeDamage {
     fn entry(&self) -> Entry {
@@ -17,10 +18,10 @@ impl Effect for HoleEdgeDamage {
             parameters: const {
                 &[
                     EffectParameter::positive("loss_percent", 20.0, 95.0),
-                    EffectParameter::new("depth_doublings", 0.8, 2.5),
+                    EffectParameter::new("deeper_percent", 20.0, 95.0),
                 ]
             },
-            about: "The laminate has lost this percentage of its stiffness at the hole's edge. The loss falls by e over a depth of 0.22 radii, or of that doubled so many times.",
+            about: "The laminate has lost this percentage of its stiffness at the hole's edge. Half of the loss falls by e over 0.12 radii, half over 0.4; of `deeper_percent` the second half is larger and the first smaller by half of it.",
             confirm: "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat.",
         }
     }
@@ -30,27 +31,25 @@ impl Effect for HoleEdgeDamage {
     }
 
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
+        let [loss, deeper] = [0, 1].map(|k| 0.01 * amplitude[k]);
+        let halves = [0.5 * (loss - deeper), 0.5 * (loss + deeper)];
         setup.profile.worn = Some(EdgeLoss {
-            loss: 0.01 * amplitude[0],
-            depth: DEPTH * amplitude[1].exp2(),
+            parts: [0, 1].map(|k| [halves[k], DEPTHS[k]]),
         });
-    }
-
-    fn companions(&self) -> Companions {
-        Companions::Centre
     }
 
     fn meaning(&self, amplitude: &[[f64; 2]], scene: &Scene) -> Option<String> {
         let radius = scene.setup.geometry.hole_radius()?;
-        let [doublings, sd] = *amplitude.get(1)?;
-        let depth = |by: f64| {
-            let depth = radius * DEPTH * (doublings + by).exp2();
-            significant(depth, 0.1 * depth)
+        let [[loss, _], [deeper, sd]] = *amplitude else {
+            return None;
         };
+        let [near, far] = DEPTHS.map(|depth| depth * radius);
+        let depth = |share: f64| 0.5 * (near + far) + 0.5 * share * (far - near);
+        let share = (deeper / loss).clamp(-1.0, 1.0);
+        let sd = (depth(share + sd / loss.abs()) - depth(share)).min(0.5 * (far - near));
+        let depth = plus_minus(depth(share), sd);
         Some(format!(
-            "A third of the lost stiffness is left {} to {} mm from the hole's edge",
-            depth(-sd),
-            depth(sd)
+            "The stiffness that is lost lies {depth} mm from the hole's edge on average"
         ))
     }
 

@@ -223,7 +223,7 @@ pub enum RecordingError {
 #[derive(Clone, Copy)]
 pub enum Companions {
     None,
-    /// The centre about which it acts, or how deep: its parameters after the first, which is its strength. Without strength they do not matter.
+    /// The centre about which it acts: its parameters after the first, which is its strength. Without strength the centre does not matter.
     Centre,
     /// The camera's axis, and the pivot about which the specimen turns; a pivot off the origin lifts the specimen by the effect `lift`.
     AxisAndPivot {

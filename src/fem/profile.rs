@@ -14,20 +14,19 @@ pub struct Profile {
     pub worn: Option<EdgeLoss>,
 }
 
-/// What a hole's edge has lost of its stiffness, fading into the plate: a factor of 1 - loss exp(-(r - R) / (depth R)) at a distance r from
-/// the centre of a hole of radius R.
+/// What a hole's edge has lost of its stiffness, fading into the plate: a factor of 1 less the sum of loss exp(-(r - R) / (depth R)) at a
+/// distance r from the centre of a hole of radius R.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgeLoss {
-    /// Relative loss at the edge.
-    pub loss: f64,
-    /// Distance over which it falls by e, over the hole's radius.
-    pub depth: f64,
+    /// Relative loss at the edge, and the distance over which it falls by e, over the hole's radius, of every part.
+    pub parts: [[f64; 2]; 2],
 }
 
 impl EdgeLoss {
     /// What is left of the stiffness so many radii from the hole's centre.
     fn left(&self, radii: f64) -> f64 {
-        1.0 - self.loss * ((1.0 - radii) / self.depth).min(0.0).exp()
+        let lost = |[loss, depth]: [f64; 2]| loss * ((1.0 - radii) / depth).min(0.0).exp();
+        1.0 - self.parts.map(lost).iter().sum::<f64>()
     }
 }
 
@@ -68,7 +67,10 @@ impl Profile {
     }
 
     fn loss(&self) -> f64 {
-        self.worn.map_or(0.0, |worn| worn.loss)
+        self.worn.map_or(0.0, |worn| {
+            let lost = worn.parts.map(|[loss, _]| loss.max(0.0));
+            lost.iter().sum()
+        })
     }
 }
 

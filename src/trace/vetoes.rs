@@ -100,6 +100,10 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
         // taken out of the field as it was found
         return None;
     }
+    let over_points = in_the_hole(model, refit);
+    if over_points.is_some() {
+        return over_points;
+    }
     let mut acts = false;
     let traced = accepted.amplitude.iter();
     for (k, (parameter, &(traced, traced_sd))) in effect.parameters().iter().zip(traced).enumerate()
@@ -126,6 +130,26 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
             effect.name()
         )
     })
+}
+
+/// So many stray points may lie in a hole.
+const STRAY: usize = 3;
+
+/// Points that were measured where a refit, by two of its sds, has a hole.
+fn in_the_hole(model: &Model, refit: &Identification) -> Option<String> {
+    let sure = |name: &str| {
+        let (mean, sd) = refit.moments(name)?;
+        Some((mean.abs() - ACTS_SDS * sd).max(0.0).copysign(mean))
+    };
+    let mut setup = model.scene().setup;
+    for acting in model.state(&sure).acting() {
+        acting.effect.alter(&acting.amplitude, &mut setup);
+    }
+    let radius = setup.geometry.morphed(&setup.morph).ok()?.hole_radius()?;
+    let points = refit.inverse.prepared.observation.field.points.iter();
+    let inside = points.filter(|p| p[0].hypot(p[1]) < radius).count();
+    (inside > STRAY)
+        .then(|| format!("the hole that was fitted reaches over {inside} measured points"))
 }
 
 /// 4. Amplitudes that cannot be.

@@ -270,8 +270,9 @@ fn cause(name: &'static str, size: f64, series: &Series, draw: &mut Draw) -> Cau
             lift_mm: 0.05 * draw.normal(),
         },
         "hole_edge_damage" => {
-            let depth = (0.8 * draw.normal()).clamp(-1.5, 1.5);
-            Cause::Mechanical(name, vec![(20.0 * size).min(60.0), depth])
+            let loss = (20.0 * size).min(60.0);
+            let deeper = loss * draw.normal().clamp(-1.0, 1.0);
+            Cause::Mechanical(name, vec![loss, deeper])
         }
         "thickness_taper" => {
             // what a taper along the load does is hardly there
