@@ -12,7 +12,7 @@ use super::tracing::{HeldOutStep, StepMaps, StepResidual, StiffnessField, Traced
 use crate::experiment::series::{SeriesState, rigid_free};
 use crate::infer::TracedSeries;
 use crate::laminate::MeanSd;
-use crate::linearise::Column;
+use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::quantity::NM_PER_MM;
 
@@ -37,6 +37,21 @@ impl Evidence {
             stiffness,
             noise: noise_words(&self.weighing, pair),
         }
+    }
+
+    /// The linearisation with the best subset's effects as parts of the model, and those that are none of them as candidates.
+    pub(super) fn with_best(&self) -> Sensitivities {
+        let mut all = self.sensitivities.clone();
+        let best = self
+            .subsets
+            .best()
+            .iter()
+            .map(|&k| &self.sensitivities.candidates[k]);
+        all.base
+            .extend(best.clone().flat_map(|c| c.columns.clone()));
+        let named: Vec<&str> = best.map(|c| c.effect.name()).collect();
+        all.candidates.retain(|c| !named.contains(&c.effect.name()));
+        all
     }
 
     /// Columns of the base model and of the best subset, among all.

@@ -16,7 +16,7 @@ use crate::experiment::Softening;
 use crate::experiment::series::SeriesState;
 use crate::fem::Bump;
 use crate::field::bounds;
-use crate::linearise::{Forward, Sensitivities};
+use crate::linearise::Forward;
 use crate::noise::series::DISCREPANCY;
 use crate::numeric::log_sum_exp;
 
@@ -43,7 +43,7 @@ pub fn stiffness_field(
     let measured = &evidence.measured;
     let places = &measured.blocks.centroid;
     let bumps = bumps(places);
-    let mut sensitivities = with_best(evidence);
+    let mut sensitivities = evidence.with_best();
     sensitivities.near_edge = forward.about(state)?.softened(Softening::Bumps(&bumps))?;
     let weighing = Weighing::new(measured, &sensitivities, &|| ())?;
     let mut soft: Vec<(AveragedPart, [f64; 2], NoisePair)> = Vec::new();
@@ -113,18 +113,4 @@ fn bumps(places: &[[f64; 2]]) -> Vec<Bump> {
             sd_mm: WIDTH * apart,
         })
         .collect()
-}
-
-/// The linearisation with the best subset's effects as parts of the model, and those that are none of them as candidates.
-fn with_best(evidence: &Evidence) -> Sensitivities {
-    let mut all = evidence.sensitivities.clone();
-    let best = evidence.subsets.best();
-    let named: Vec<&str> = best
-        .iter()
-        .map(|&k| all.candidates[k].effect.name())
-        .collect();
-    let acting = best.iter().flat_map(|&k| all.candidates[k].columns.clone());
-    all.base.extend(acting);
-    all.candidates.retain(|c| !named.contains(&c.effect.name()));
-    all
 }
