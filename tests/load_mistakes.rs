@@ -166,6 +166,7 @@ fn acting_loads(name: &str, amplitude: f64, declared: &[f64]) -> Vec<f64> {
         loads: declared.to_vec(),
         rigid: vec![RigidMotion::NONE; declared.len()],
         moving: Vec::new(),
+        shifts: Vec::new(),
     };
     let scene = model.scene();
     assert!(obstacle(effect, &scene).is_none(), "{name}");

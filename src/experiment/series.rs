@@ -93,6 +93,8 @@ pub struct SeriesState {
     pub rigid: Vec<RigidMotion>,
     /// Effects that move the specimen or change the force, with their amplitudes in each step.
     pub moving: Vec<Moving>,
+    /// How far in each step a wave of the exported displacement is shifted along the data's axes, px; empty where it is not.
+    pub shifts: Vec<[f64; 2]>,
 }
 
 /// An effect whose amplitude is another in each step, by one law.
@@ -109,7 +111,8 @@ stored!(SeriesState {
     shared,
     loads,
     rigid,
-    moving
+    moving,
+    shifts
 });
 stored!(Moving {
     effect,
@@ -152,6 +155,7 @@ impl SeriesState {
             loads: vec![1.0],
             rigid: vec![RigidMotion::NONE],
             moving: Vec::new(),
+            shifts: Vec::new(),
         }
     }
 

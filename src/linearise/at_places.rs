@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-use super::column::{Column, StepStack};
+use super::column::{Column, PHASES, StepStack};
 use super::exported::{self, Waves};
 use super::observing::{ObservedAbout, Observing, quotient};
 use super::slopes::averages;
@@ -35,6 +35,10 @@ pub struct AtPlaces<'a> {
 const LOAD_STEP: f64 = 0.01;
 
 const PERCENT: f64 = 0.01;
+
+/// Prior sd of the shift of a wave in one step, px (prototype study), and a quarter of one.
+const SHIFT_PX: f64 = 0.015;
+const QUARTER: f64 = 0.25;
 
 /// Prior sd of a force that is not known, over the nominal one and over its own size.
 const UNKNOWN: [f64; 2] = [0.05, 0.5];
@@ -105,7 +109,7 @@ impl<'a> AtPlaces<'a> {
     ) -> StepStack {
         let plain = exported::without(state, scene);
         let mut steps = reported(&plain, solved, loaded, scene, self.places);
-        if let Some(added) = waves.added(state) {
+        if let Some(added) = waves.added(state, scene) {
             exported::add(&mut steps, &added);
         }
         let free = |u: &Vec<[f64; 2]>| rigid_free(self.places, self.counts, u);
@@ -144,6 +148,7 @@ impl Observing for AtPlaces<'_> {
             loads: self.steps.loads.clone(),
             rigid: self.steps.rigid.clone(),
             moving: Vec::new(),
+            shifts: Vec::new(),
         }
     }
 
@@ -264,6 +269,32 @@ impl AboutPlaces<'_> {
         declared.into_iter().map(of_step).collect()
     }
 
+    /// Columns of the shifts of a wave in each step, where the state has some.
+    fn phases(&self) -> Vec<Column> {
+        let mut columns = Vec::new();
+        let names = &self.observing.steps.names;
+        let wave = exported::acting(self.at, self.observing.experiment.scene()).next();
+        let shifts = self.at.shifts.iter().zip(names).enumerate();
+        for (step, (shift, name)) in shifts.filter(|_| wave.is_some()) {
+            for axis in 0..2 {
+                // a quarter of a pixel on, a sine is its slope over 2 pi
+                let moved = [QUARTER, -QUARTER].map(|by| {
+                    let mut state = self.at.clone();
+                    state.shifts[step][axis] += by;
+                    state
+                });
+                let slope = self.pictured(moved.each_ref(), std::f64::consts::PI.recip());
+                let effect = wave.map_or("", |a| a.effect.name());
+                let own = Parameter::amplitude(effect, PHASES[axis]).in_step(name);
+                columns.push(Column {
+                    product: true,
+                    ..Column::new(own.name(), [0.0, SHIFT_PX], shift[axis], slope)
+                });
+            }
+        }
+        columns
+    }
+
     /// Columns of the motion in the plane in one step.
     fn motion(&self, step: usize) -> [Column; 3] {
         let places = self.observing.places;
@@ -355,6 +386,7 @@ impl ObservedAbout for AboutPlaces<'_> {
         forces
             .chain(self.force_errors())
             .chain(all.flat_map(|step| self.motion(step)))
+            .chain(self.phases())
             .collect()
     }
 }

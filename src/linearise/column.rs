@@ -39,6 +39,9 @@ stored!(Column {
     values
 });
 
+/// Own names of the shifts of a wave in one step, along the data's axes.
+pub(super) const PHASES: [&str; 2] = ["phase_x_px", "phase_y_px"];
+
 /// Share of an effect's bound beyond which no linearisation goes.
 const INSIDE: f64 = 0.9;
 
@@ -103,6 +106,11 @@ impl Column {
     pub fn is_rigid(&self) -> bool {
         self.is_of(|effect| effect.is_rigid())
             || Parameter::read(&self.name).is(ParameterKind::Motion)
+    }
+
+    /// Whether it is the shift of a wave in one step.
+    pub fn is_phase(&self) -> bool {
+        PHASES.contains(&&*Parameter::read(&self.name).own)
     }
 
     /// Whether it is a force that is not declared.

@@ -1,6 +1,6 @@
 //! What the recording of a series adds by the displacement as it was exported.
 
-use crate::effect::{EFFECTS, Effect, Scene};
+use crate::effect::{Acting, Scene};
 use crate::experiment::series::{SeriesState, rigid_free};
 
 /// What is seen or added in each step at every place, mm.
@@ -14,8 +14,8 @@ const SOLUTIONS: usize = 3;
 /// a hundredth (prototype study). It is the displacement of the state and not the measured one, whose noise would be its own cause: smooth
 /// noise of a hundredth of a pixel was called a wave.
 pub(super) struct Waves {
-    /// Of every such effect what an amplitude of 1 adds.
-    units: Vec<(&'static dyn Effect, InSteps)>,
+    /// The displacement as it is exported, mm.
+    exported: InSteps,
 }
 
 impl Waves {
@@ -26,71 +26,61 @@ impl Waves {
         scene: &Scene,
         (places, counts): (&[[f64; 2]], &[usize]),
     ) -> Self {
-        let effects = EFFECTS.iter().filter(|e| is_exported(**e, scene));
-        let effects: Vec<&'static dyn Effect> = effects.copied().collect();
-        let of = |exported: &InSteps| Self {
-            units: effects
-                .iter()
-                .map(|e| (*e, waves(*e, scene, exported)))
-                .collect(),
-        };
-        let mut found = of(seen);
+        let of = |exported: InSteps| Self { exported };
+        let mut found = of(seen.clone());
         for _ in 1..SOLUTIONS {
-            let Some(added) = found.added(at) else {
+            let Some(added) = found.added(at, scene) else {
                 break;
             };
             // the motion of every step was found from what is exported, and has what is added to all places alike
             let free = |u: &Vec<[f64; 2]>| rigid_free(places, counts, u);
-            let mut exported = seen.clone();
-            add(&mut exported, &added.iter().map(free).collect());
-            found = of(&exported);
+            found = of(seen.clone());
+            add(&mut found.exported, &added.iter().map(free).collect());
         }
         found
     }
 
-    /// What such effects add in a state; none where none of them acts.
-    pub(super) fn added(&self, state: &SeriesState) -> Option<InSteps> {
-        let mut sum: Option<InSteps> = None;
-        for (effect, unit) in &self.units {
-            let amplitude = state.shared.amplitude(*effect)[0];
-            if amplitude == 0.0 {
-                continue;
-            }
-            let scaled = |step: &Vec<[f64; 2]>| {
-                let places = step.iter().map(|u| u.map(|u| amplitude * u));
-                places.collect::<Vec<_>>()
-            };
-            let own: InSteps = unit.iter().map(scaled).collect();
-            match &mut sum {
-                None => sum = Some(own),
-                Some(sum) => add(sum, &own),
-            }
+    /// What such effects add in a state, with the shifts of their wave; none where none of them acts.
+    pub(super) fn added(&self, state: &SeriesState, scene: &Scene) -> Option<InSteps> {
+        let mut read = self.exported.clone();
+        for (step, shift) in read.iter_mut().zip(&state.shifts) {
+            let pixel = scene.pixel_mm.unwrap_or_default();
+            let by = scene.frame.vector(shift.map(|s| s * pixel));
+            step.iter_mut()
+                .for_each(|u| *u = [u[0] + by[0], u[1] + by[1]]);
         }
-        sum
+        let of = |a: &Acting| {
+            let wave = |u: &[f64; 2]| a.effect.exported(scene, *u);
+            let in_step = |step: &Vec<[f64; 2]>| {
+                let waves = step.iter().filter_map(wave);
+                waves.map(|u| u.map(|u| a.amplitude[0] * u)).collect()
+            };
+            read.iter().map(in_step).collect()
+        };
+        let all = acting(state, scene).map(of);
+        all.reduce(|mut sum: InSteps, own| {
+            add(&mut sum, &own);
+            sum
+        })
     }
+}
+
+/// Effects of a state that act through the exported displacement.
+pub(super) fn acting<'a>(
+    state: &'a SeriesState,
+    scene: &'a Scene,
+) -> impl Iterator<Item = &'a Acting> {
+    let acting = state.shared.acting().iter();
+    acting.filter(|a| a.effect.exported(scene, [0.0; 2]).is_some())
 }
 
 /// A state without the effects that act through the exported displacement.
 pub(super) fn without(state: &SeriesState, scene: &Scene) -> SeriesState {
     let mut without = state.clone();
-    for a in state.shared.acting() {
-        if is_exported(a.effect, scene) {
-            without.shared.set(a.effect, vec![0.0; a.amplitude.len()]);
-        }
+    for a in acting(state, scene) {
+        without.shared.set(a.effect, vec![0.0; a.amplitude.len()]);
     }
     without
-}
-
-fn is_exported(effect: &dyn Effect, scene: &Scene) -> bool {
-    effect.exported(scene, [0.0; 2]).is_some()
-}
-
-fn waves(effect: &dyn Effect, scene: &Scene, exported: &InSteps) -> InSteps {
-    let in_step = |step: &Vec<[f64; 2]>| {
-        let wave = step.iter().filter_map(|u| effect.exported(scene, *u));
-        wave.collect()
-    };
-    exported.iter().map(in_step).collect()
 }
 
 /// Add fields of every step to others.

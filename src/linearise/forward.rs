@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::column::{Column, StepStack};
+use super::exported;
 use super::linearisation::Linearisation;
 use super::observing::Observing;
 use super::sensitivities::{Candidate, Sensitivities};
@@ -66,6 +67,22 @@ impl Forward<'_> {
             observed: self.observing.about(at)?,
             at,
         })
+    }
+
+    /// Columns of the shifts of a wave that acts in a state of a series: along both axes of the data in the first step, then in the others.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn phases(&self, at: &SeriesState) -> Result<Vec<Column>> {
+        let mut at = at.clone();
+        let wave = exported::acting(&at, self.observing.experiment().scene()).next();
+        if wave.is_none() || !self.observing.of_each_step() {
+            return Ok(Vec::new());
+        }
+        at.shifts.resize(at.loads.len(), [0.0; 2]);
+        let mut columns = self.observing.about(&at)?.of_steps();
+        columns.retain(Column::is_phase);
+        Ok(columns)
     }
 
     /// Prior sd of an amplitude, border units.

@@ -68,7 +68,7 @@ pub trait ObservedAbout: Sync {
     /// What all steps show of a field at the points that grows with the load, mm under a full one.
     fn with_the_load(&self, field: &[[f64; 2]]) -> StepStack;
 
-    /// Columns of what is every step's own: forces that are not known, motion in the plane.
+    /// Columns of what is every step's own: forces that are not known, motion in the plane, shifts of a wave that a state has.
     fn of_steps(&self) -> Vec<Column>;
 }
 

@@ -66,6 +66,12 @@ impl Forward<'_> {
         let wanted = solution.as_slice();
         let mut moved = constants_moved(&mut state.shared, sensitivities, wanted, 1.0);
         let base = &sensitivities.base;
+        let shifts = state.shifts.iter_mut().flatten();
+        let phases = base.iter().zip(wanted).filter(|(c, _)| c.is_phase());
+        for (shift, (column, wanted)) in shifts.zip(phases) {
+            *shift = column.mean + column.sd * wanted;
+            moved = moved.max((*shift - column.at).abs() / column.sd);
+        }
         for effect in declared {
             for amplitude in effect.amplitudes(&state.loads, self.observing.names()) {
                 let Some(at) = base.iter().position(|c| c.name == amplitude.name) else {

@@ -105,6 +105,7 @@ fn observed(
         loads: truth.loads.clone(),
         rigid: rigid.to_vec(),
         moving: moving.cloned().collect(),
+        shifts: Vec::new(),
     };
     let loads = state.acting_loads(scene);
     let loaded = solver.loaded(None, &state.shared, &loads)?;
