@@ -67,9 +67,15 @@ impl PointSearch<'_> {
                 return Ok((found, self.point));
             }
             let found = self.weighed(pass, sensitivities)?;
-            if self.is_moved(&found)? {
-                self.progress
-                    .say("again, from the constants that the measured noise asks for");
+            let again = match self.is_moved(&found)? {
+                true => Some("again, from the constants that the measured noise asks for"),
+                false if self.is_shifted(&found)? => {
+                    Some("again, with the phase that the wave has in each step")
+                }
+                false => None,
+            };
+            if let Some(why) = again {
+                self.progress.say(why);
                 self.progress.end();
                 pass -= 1;
                 before = None;
@@ -116,6 +122,16 @@ impl PointSearch<'_> {
         constants_moved(state, &found.sensitivities, &wanted, LONGEST);
         self.restarts += 1;
         Ok(true)
+    }
+
+    /// Shift a wave of the state in each step, where that is called for and was not done; whether it is now.
+    fn is_shifted(&mut self, found: &Evidence) -> Result<bool> {
+        let state = &mut self.point.state;
+        if !state.shifts.is_empty() {
+            return Ok(false);
+        }
+        state.shifts = found.shifts(&self.forward.phases(state)?)?;
+        Ok(!state.shifts.is_empty())
     }
 
     /// Linearise about the ridge estimate. After the first pass constants, declared effects and what has moved are taken anew, nothing else.
@@ -179,9 +195,10 @@ impl PointSearch<'_> {
         Ok(found)
     }
 
-    /// The number of a pass, and how often the constants had been moved.
+    /// The number of a pass, how often the constants had been moved, and in how many steps a wave is shifted.
     fn numbered(&self, pass: usize) -> String {
-        format!("{pass}-{}", self.restarts)
+        let shifted = self.point.state.shifts.len();
+        format!("{pass}-{}-{shifted}", self.restarts)
     }
 
     fn weighed(&self, pass: usize, sensitivities: Sensitivities) -> Result<Evidence> {

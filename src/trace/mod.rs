@@ -24,6 +24,7 @@ mod noise_choices;
 mod noise_words;
 mod patched;
 pub mod patches;
+mod phases;
 mod priors;
 mod quoted;
 mod recording;

@@ -90,11 +90,13 @@ impl Round {
         &self.tracing.patches
     }
 
-    /// What the noise is and what a mask of its patches would do, as sentences.
+    /// What the noise is and what phases a wave has and what a mask of patches would do, as sentences.
     pub fn noise_and_patches(&self) -> String {
         let noise = self.tracing.series.as_ref().map(|s| s.noise.clone());
         let noise = noise.filter(|s| !s.is_empty());
-        let all = noise.into_iter().chain(self.patches().words());
+        let phases = self.traced.evidence.phase_words();
+        let all = noise.into_iter().chain(phases);
+        let all = all.chain(self.patches().words());
         all.map(|sentence| format!(" {sentence}")).collect()
     }
 
