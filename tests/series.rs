@@ -3,6 +3,7 @@
 
 mod real;
 
+use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 use nalgebra::DVector;
@@ -323,6 +324,57 @@ fn an_interpolation_wave_is_named_alone() {
         assert!(judged.ended.names_alone("interpolation_bias"), "{line}");
         assert!(!judged.is_wrong(), "{line}");
         assert_eq!(judged.ended.held(), judged.ended.truth.len(), "{line}");
+    }
+}
+
+/// A wave whose argument is another part of a pixel off in every frame, as where the file's own scale holds a gain that the wave did not see:
+/// its phases are estimated, and its size and the constants hold. Without that it has no phases.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn phases_of_an_interpolation_wave_are_estimated_where_they_differ() {
+    const AMPLITUDE_PX: f64 = 0.0168;
+    let off = [
+        [0.07, -0.03],
+        [-0.05, 0.06],
+        [0.02, -0.07],
+        [-0.06, 0.04],
+        [0.05, 0.01],
+    ];
+    for shifts in [off, [[0.0; 2]; 5]] {
+        let seed = 4610;
+        let series = case(&Kind::Null, true, seed);
+        let pixel = series.layout.pixel_mm;
+        let (_, exact) = series.exact();
+        let mut observed = series.observed();
+        for ((frame, exact), shift) in observed.frames.iter_mut().zip(&exact).zip(shifts) {
+            for (u, exact) in frame.iter_mut().zip(exact) {
+                let wave = |c: usize| (TAU * (exact[c] / pixel + shift[c])).sin();
+                *u = [0, 1].map(|c| u[c] + AMPLITUDE_PX * pixel * wave(c));
+            }
+        }
+        let folder = fresh("series-with-phases");
+        let simulated = Simulated {
+            kind: Kind::Single("interpolation_bias"),
+            truth: series.write(&observed, &folder),
+            folder,
+        };
+        let ended = simulated.judged(SERIES).ended;
+        let line = ended.line();
+        println!("{line} {}", ended.text);
+        assert_eq!(ended.effects, ["interpolation_bias"], "{line}");
+        assert!(ended.names_alone("interpolation_bias"), "{line}");
+        assert_eq!(ended.held(), ended.truth.len(), "{line}");
+        let said = ended.text.contains("shifted by another part of a pixel");
+        assert_eq!(said, shifts == off, "{}", ended.text);
+        let size = ended.text.split("interpolation_bias (").nth(1).unwrap();
+        let (mean, sd) = size
+            .split_once(" px)")
+            .unwrap()
+            .0
+            .split_once(" +- ")
+            .unwrap();
+        let [mean, sd] = [mean, sd].map(|x| x.parse::<f64>().unwrap());
+        assert!((mean - AMPLITUDE_PX).abs() < 2.5 * sd, "{}", ended.text);
     }
 }
 
