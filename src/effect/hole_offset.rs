@@ -1,8 +1,7 @@
 //! The hole was drilled beside its place.
 
-use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_offered};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_movable};
 use crate::fem::Setup;
-use crate::geometry::Change;
 
 pub struct HoleOffset;
 
@@ -29,6 +28,6 @@ impl Effect for HoleOffset {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        unless_offered(scene, Change::HoleOffset)
+        unless_movable(scene)
     }
 }

@@ -1,8 +1,7 @@
 //! The hole is larger or smaller than nominal.
 
-use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_offered};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_movable};
 use crate::fem::Setup;
-use crate::geometry::Change;
 
 pub struct HoleSize;
 
@@ -22,6 +21,6 @@ impl Effect for HoleSize {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        unless_offered(scene, Change::HoleSize)
+        unless_movable(scene)
     }
 }

@@ -51,7 +51,6 @@ use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
 use crate::files::{Stored, stored};
-use crate::geometry::Change;
 use crate::laminate::{Material, MeanSd, Ply};
 
 pub use optics::displacements_are_imaged;
@@ -153,10 +152,10 @@ fn unless_same_plies(scene: &Scene) -> Option<&'static str> {
         .then_some("regions of the mesh have plies of other directions (mesh.regions): they expand differently, and hold each other")
 }
 
-/// The obstacle of an effect that changes the shape, where the geometry does not offer it.
-fn unless_offered(scene: &Scene, change: Change) -> Option<&'static str> {
+/// The obstacle of an effect that changes the hole, where the geometry does not offer it.
+fn unless_movable(scene: &Scene) -> Option<&'static str> {
     let geometry = &scene.setup.geometry;
-    if geometry.offers(change) {
+    if geometry.has_movable_hole() {
         return None;
     }
     if !scene.setup.regions.is_empty() && geometry.hole_radius().is_some() {

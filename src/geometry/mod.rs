@@ -78,29 +78,12 @@ pub struct Morph {
     pub hole_offset: [f64; 2],
 }
 
-/// A change of shape that a geometry may offer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Change {
-    HoleSize,
-    HoleOffset,
-}
-
 impl Morph {
     /// The declared shape.
     pub const NONE: Morph = Morph {
         hole_size: 1.0,
         hole_offset: [0.0; 2],
     };
-
-    /// What of it is not the declared shape.
-    pub fn changes(&self) -> Vec<Change> {
-        let all = [
-            (Change::HoleSize, self.hole_size != 1.0),
-            (Change::HoleOffset, self.hole_offset != [0.0; 2]),
-        ];
-        let made = all.into_iter().filter(|(_, made)| *made);
-        made.map(|(change, _)| change).collect()
-    }
 }
 
 /// The shape of a flat specimen. Points are (direction 1, direction 2) in mm, from the geometry's own origin: the
@@ -151,8 +134,8 @@ pub trait Geometry: Debug + Send + Sync {
     /// A dimension that is not finite, or a hole too close to an edge.
     fn validate(&self) -> Result<()>;
 
-    /// Whether a change of shape is on offer.
-    fn offers(&self, _change: Change) -> bool {
+    /// Whether its hole may have another size and place.
+    fn has_movable_hole(&self) -> bool {
         false
     }
 
@@ -177,9 +160,6 @@ impl PartialEq for dyn Geometry {
 
 /// A change that a geometry does not offer.
 pub(crate) fn not_offered(geometry: &dyn Geometry, morph: &Morph) -> Error {
-    Error::program("Geometry::morphed", "a change that the geometry offers").found(format!(
-        "{:?} of a {}",
-        morph.changes(),
-        geometry.name()
-    ))
+    Error::program("Geometry::morphed", "a change that the geometry offers")
+        .found(format!("{morph:?} of a {}", geometry.name()))
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::grading::{at_half, graded, ring_grading};
 use super::mesh::{Lattice, Mesh, NONE};
 use super::outline::Outline;
-use super::{Change, Density, Geometry, HIGH, HOLE, LOW, Morph, SIDES};
+use super::{Density, Geometry, HIGH, HOLE, LOW, Morph, SIDES};
 use crate::error::{Error, Result};
 use crate::laminate::{End, SpecimenSpec};
 
@@ -78,7 +78,7 @@ impl Geometry for StripWithHole {
         Ok(())
     }
 
-    fn offers(&self, _change: Change) -> bool {
+    fn has_movable_hole(&self) -> bool {
         true
     }
 

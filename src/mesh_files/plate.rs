@@ -14,7 +14,7 @@ use super::{file, raise, read};
 use crate::error::Result;
 use crate::files::hex;
 use crate::geometry::{
-    Boundary, Change, Density, EdgeForce, Geometry, HIGH, HOLE, LOW, Mesh, Morph, not_offered,
+    Boundary, Density, EdgeForce, Geometry, HIGH, HOLE, LOW, Mesh, Morph, not_offered,
 };
 use crate::numeric::range;
 
@@ -383,14 +383,12 @@ impl Geometry for ImportedPlate {
         Ok(())
     }
 
-    fn offers(&self, change: Change) -> bool {
-        match change {
-            Change::HoleSize | Change::HoleOffset => self.changes,
-        }
+    fn has_movable_hole(&self) -> bool {
+        self.changes
     }
 
     fn morphed(&self, morph: &Morph) -> Result<Arc<dyn Geometry>> {
-        if morph.changes().iter().any(|c| !self.offers(*c)) {
+        if *morph != Morph::NONE && !self.changes {
             return Err(not_offered(self, morph));
         }
         Ok(Arc::new(Self {
