@@ -26,15 +26,17 @@ impl Waves {
         scene: &Scene,
         (places, counts): (&[[f64; 2]], &[usize]),
     ) -> Self {
-        let of = |exported: InSteps| Self { exported };
-        let mut found = of(seen.clone());
+        let of = |exported: &InSteps| Self {
+            exported: exported.clone(),
+        };
+        let mut found = of(seen);
         for _ in 1..SOLUTIONS {
             let Some(added) = found.added(at, scene) else {
                 break;
             };
             // the motion of every step was found from what is exported, and has what is added to all places alike
             let free = |u: &Vec<[f64; 2]>| rigid_free(places, counts, u);
-            found = of(seen.clone());
+            found = of(seen);
             add(&mut found.exported, &added.iter().map(free).collect());
         }
         found
@@ -42,26 +44,24 @@ impl Waves {
 
     /// What such effects add in a state, with the shifts of their wave; none where none of them acts.
     pub(super) fn added(&self, state: &SeriesState, scene: &Scene) -> Option<InSteps> {
-        let mut read = self.exported.clone();
-        for (step, shift) in read.iter_mut().zip(&state.shifts) {
-            let pixel = scene.pixel_mm.unwrap_or_default();
-            let by = scene.frame.vector(shift.map(|s| s * pixel));
-            step.iter_mut()
-                .for_each(|u| *u = [u[0] + by[0], u[1] + by[1]]);
+        let acting: Vec<&Acting> = acting(state, scene).collect();
+        if acting.is_empty() {
+            return None;
         }
-        let of = |a: &Acting| {
-            let wave = |u: &[f64; 2]| a.effect.exported(scene, *u);
-            let in_step = |step: &Vec<[f64; 2]>| {
-                let waves = step.iter().filter_map(wave);
-                waves.map(|u| u.map(|u| a.amplitude[0] * u)).collect()
-            };
-            read.iter().map(in_step).collect()
+        let wave = |u: [f64; 2]| {
+            acting.iter().fold([0.0; 2], |sum, a| {
+                let unit = a.effect.exported(scene, u).unwrap_or_default();
+                [0, 1].map(|c| sum[c] + a.amplitude[0] * unit[c])
+            })
         };
-        let all = acting(state, scene).map(of);
-        all.reduce(|mut sum: InSteps, own| {
-            add(&mut sum, &own);
-            sum
-        })
+        let pixel = scene.pixel_mm.unwrap_or_default();
+        let steps = self.exported.iter().enumerate().map(|(step, all)| {
+            let shift = state.shifts.get(step).copied().unwrap_or_default();
+            let by = scene.frame.vector(shift.map(|s| s * pixel));
+            let places = all.iter().map(|u| wave([u[0] + by[0], u[1] + by[1]]));
+            places.collect()
+        });
+        Some(steps.collect())
     }
 }
 

@@ -90,7 +90,7 @@ impl Round {
         &self.tracing.patches
     }
 
-    /// What the noise is and what phases a wave has and what a mask of patches would do, as sentences.
+    /// What the noise is, whether a wave has phases, and what a mask of patches would do, as sentences.
     pub fn noise_and_patches(&self) -> String {
         let noise = self.tracing.series.as_ref().map(|s| s.noise.clone());
         let noise = noise.filter(|s| !s.is_empty());
