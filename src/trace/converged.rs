@@ -7,6 +7,7 @@ use super::averaged::likeliest;
 use super::by_component::ComponentNoise;
 use super::evidence::Evidence;
 use super::noise_choices::with_data;
+use super::phases::shifts;
 use super::sought::shares;
 use super::traced::{LinearisationPoint, bytes_of};
 use super::weighing::Weighing;
@@ -130,7 +131,7 @@ impl PointSearch<'_> {
         if !state.shifts.is_empty() {
             return Ok(false);
         }
-        state.shifts = found.shifts(&self.forward.phases(state)?)?;
+        state.shifts = shifts(found, &self.forward.phases(state)?)?;
         Ok(!state.shifts.is_empty())
     }
 

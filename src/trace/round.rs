@@ -1,6 +1,7 @@
 //! One turn of the loop.
 
 use super::patches::Patches;
+use super::phases::phase_words;
 use super::traced::{Traced, forward};
 use super::tracing::Tracing;
 use crate::identify::{Identification, Patterns};
@@ -94,7 +95,7 @@ impl Round {
     pub fn noise_and_patches(&self) -> String {
         let noise = self.tracing.series.as_ref().map(|s| s.noise.clone());
         let noise = noise.filter(|s| !s.is_empty());
-        let phases = self.traced.evidence.phase_words();
+        let phases = phase_words(&self.traced.evidence);
         let all = noise.into_iter().chain(phases);
         let all = all.chain(self.patches().words());
         all.map(|sentence| format!(" {sentence}")).collect()
