@@ -23,6 +23,10 @@ pub struct EdgeLoss {
 }
 
 impl EdgeLoss {
+    fn is_nothing(&self) -> bool {
+        self.parts.iter().all(|[loss, _]| *loss == 0.0)
+    }
+
     /// What is left of the stiffness so many radii from the hole's centre.
     fn left(&self, radii: f64) -> f64 {
         let lost = |[loss, depth]: [f64; 2]| loss * ((1.0 - radii) / depth).min(0.0).exp();
