@@ -248,7 +248,7 @@ fn tapers_and_skew_loads_are_spanned() {
                 Profile {
                     across: 0.02 * (share - 0.4),
                     along: 0.02 * (7.0 * share).cos(),
-                    worn: None,
+                    damage: None,
                 }
             } else {
                 Profile::default()

@@ -21,7 +21,7 @@ impl Effect for HoleEdgeDamage {
                     EffectParameter::new("deeper_percent", 20.0, 95.0),
                 ]
             },
-            about: "The laminate has lost this percentage of its stiffness at the hole's edge. Half of the loss falls by e over 0.12 radii, half over 0.4; of `deeper_percent` the second half is larger and the first smaller by half of it.",
+            about: "The laminate has lost `loss_percent` of its stiffness at the hole's edge. Half of the loss fades over 0.12 radii (a factor of e), half over 0.4. Half of `deeper_percent` is added to the deep part and taken from the other.",
             confirm: "Ultrasonic C-scan, or X-ray with a penetrant, about the hole; or ream the damaged ring away, declare the new diameter, and repeat.",
         }
     }
@@ -33,7 +33,7 @@ impl Effect for HoleEdgeDamage {
     fn alter(&self, amplitude: &[f64], setup: &mut Setup) {
         let [loss, deeper] = [0, 1].map(|k| 0.01 * amplitude[k]);
         let halves = [0.5 * (loss - deeper), 0.5 * (loss + deeper)];
-        setup.profile.worn = Some(EdgeLoss {
+        setup.profile.damage = Some(EdgeLoss {
             parts: [0, 1].map(|k| [halves[k], DEPTHS[k]]),
         });
     }

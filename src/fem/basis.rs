@@ -92,7 +92,7 @@ pub enum Shape {
 impl Shape {
     /// The shape of a query; none of a hole that has lost stiffness, which is no sum of few fields.
     pub fn of(profile: &Profile) -> Option<Self> {
-        if profile.worn.is_some() {
+        if profile.damage.is_some() {
             return None;
         }
         let tapered = profile.along != 0.0 || profile.across != 0.0;
@@ -117,7 +117,7 @@ impl Shape {
             let profile = Profile {
                 along,
                 across,
-                worn: None,
+                damage: None,
             };
             profile.factor(geometry, p) - 1.0
         };

@@ -89,7 +89,8 @@ impl Plate {
         })
     }
 
-    /// Solve a test; any number of threads may at once. A test of another shape gets a mesh of its own with this one's connectivity; a stiffness that varies gets integrals of its own. What yields adds its plastic part from
+    /// Solve a test; any number of threads may at once. A test of another shape gets a mesh of its own with this one's
+    /// connectivity; a stiffness that varies gets integrals of its own. What yields adds its plastic part from
     /// [`Plate::plastic_table`].
     ///
     /// # Errors

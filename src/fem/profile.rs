@@ -11,7 +11,7 @@ pub struct Profile {
     /// Relative change of the thickness from end to end: h (1 + along s' / L), s' from the plate's mid-length.
     pub along: f64,
     /// Stiffness that is lost about the hole.
-    pub worn: Option<EdgeLoss>,
+    pub damage: Option<EdgeLoss>,
 }
 
 /// What a hole's edge has lost of its stiffness, fading into the plate: a factor of 1 less the sum of loss exp(-(r - R) / (depth R)) at a
@@ -40,7 +40,8 @@ const LEAST: f64 = 0.01;
 impl Profile {
     /// Whether the factor is 1 everywhere.
     pub fn is_uniform(&self) -> bool {
-        self.across == 0.0 && self.along == 0.0 && self.loss() == 0.0
+        let undamaged = self.damage.is_none_or(|loss| loss.is_nothing());
+        self.across == 0.0 && self.along == 0.0 && undamaged
     }
 
     /// The factor at a point.
@@ -48,8 +49,8 @@ impl Profile {
         let [s, t] = geometry.extents();
         let along = self.along * from_middle(s, p[0]);
         let across = self.across * from_middle(t, p[1]);
-        let worn = self.worn.zip(geometry.hole_radii(p));
-        let left = worn.map_or(1.0, |(worn, radii)| worn.left(radii));
+        let damage = self.damage.zip(geometry.hole_radii(p));
+        let left = damage.map_or(1.0, |(loss, radii)| loss.left(radii));
         (1.0 + along) * (1.0 + across) * left
     }
 
@@ -71,8 +72,8 @@ impl Profile {
     }
 
     fn loss(&self) -> f64 {
-        self.worn.map_or(0.0, |worn| {
-            let lost = worn.parts.map(|[loss, _]| loss.max(0.0));
+        self.damage.map_or(0.0, |damage| {
+            let lost = damage.parts.map(|[loss, _]| loss.max(0.0));
             lost.iter().sum()
         })
     }

@@ -36,8 +36,10 @@ const LOAD_STEP: f64 = 0.01;
 
 const PERCENT: f64 = 0.01;
 
-/// Prior sd of the shift of a wave in one step, px (prototype study), and a quarter of one.
+/// Prior sd of the shift of a wave in one step, px (prototype study).
 const SHIFT_PX: f64 = 0.015;
+
+/// A quarter of a wave, px.
 const QUARTER: f64 = 0.25;
 
 /// Prior sd of a force that is not known, over the nominal one and over its own size.

@@ -12,6 +12,8 @@ use crate::noise::NormalEquations;
 /// Log evidence that the phases of all steps together must gain.
 const LEAST_GAIN: f64 = 3.0;
 
+const SHIFTED: &str = "In each picture the interpolation wave is shifted by another part of a pixel. plychain estimates this shift for each picture.";
+
 /// The shifts of a wave in each step (px, along the data's axes), by the columns of its `phases`; none where these do not gain enough
 /// beside the best subset, under the likeliest noise.
 ///
@@ -54,5 +56,3 @@ pub(super) fn phase_words(evidence: &Evidence) -> Option<String> {
     let mut base = evidence.sensitivities.base.iter();
     base.any(Column::is_phase).then(|| SHIFTED.into())
 }
-
-const SHIFTED: &str = "In each picture the interpolation wave is shifted by another part of a pixel. plychain estimates this shift for each picture.";

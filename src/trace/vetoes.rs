@@ -135,19 +135,22 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
 /// So many stray points may lie in a hole.
 const STRAY: usize = 3;
 
-/// Points that were measured where a refit, by two of its sds, has a hole.
+/// Points that were measured between the edge of the declared hole and that of a refit, by two of its sds.
 fn in_the_hole(model: &Model, refit: &Identification) -> Option<String> {
     let sure = |name: &str| {
         let (mean, sd) = refit.moments(name)?;
         Some((mean.abs() - ACTS_SDS * sd).max(0.0).copysign(mean))
     };
     let mut setup = model.scene().setup;
+    let declared = setup.geometry.hole_radius()?;
     for acting in model.state(&sure).acting() {
         acting.effect.alter(&acting.amplitude, &mut setup);
     }
     let radius = setup.geometry.morphed(&setup.morph).ok()?.hole_radius()?;
     let points = refit.inverse.prepared.observation.field.points.iter();
-    let inside = points.filter(|p| p[0].hypot(p[1]) < radius).count();
+    let inside = points
+        .filter(|p| (declared..radius).contains(&p[0].hypot(p[1])))
+        .count();
     (inside > STRAY)
         .then(|| format!("the hole that was fitted reaches over {inside} measured points"))
 }
