@@ -429,7 +429,7 @@ fn the_ellipse_that_is_a_circle_is_kirschs_hole() {
 #[ignore = "slow: run by .ci/run"]
 fn a_fit_counts_the_smooth_noise_of_pictures() {
     for of in [Specimen::Steel, Specimen::Laminate] {
-        let cases = [0.0, 0.3, 0.6, 1.2].map(|size| (70..74).map(move |seed| (size, seed)));
+        let cases = [0.0, 0.3, 0.6, 1.2].map(|size| (70..72).map(move |seed| (size, seed)));
         let mut squares = Vec::new();
         for (size, seed) in cases.into_iter().flatten() {
             let model = Attack::Hazy.measured(of, size, seed);
@@ -441,13 +441,14 @@ fn a_fit_counts_the_smooth_noise_of_pictures() {
             let z = constants.map(|(k, truth)| (fit.mode[k] - truth) / sd(k));
             let z: Vec<f64> = z.collect();
             println!("{} {size} {seed} {z:.1?}", of.name());
-            // of 96 constants chance takes one beyond 3.5 sds in one of twenty runs
+            // of 48 constants chance takes one beyond 3.5 sds in one of forty runs
             assert!(z.iter().all(|z| z.abs() < 3.5), "{size} {seed}: {z:?}");
             squares.extend(z.iter().map(|z| z * z));
         }
         let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-        // three standard errors above 1 for 32 values
-        assert!(rms < 1.4, "{}: {rms}", of.name());
+        // three standard errors above 1
+        let most = 1.0 + 3.0 / (2.0 * squares.len() as f64).sqrt();
+        assert!(rms < most, "{}: {rms}", of.name());
     }
 }
 
@@ -481,19 +482,21 @@ fn words(ended: &Ended) -> String {
     }
 }
 
-#[test]
-#[ignore = "slow: run by .ci/run"]
-fn what_no_dictionary_has_is_never_sure_and_wrong() {
-    let only = std::env::var("PLYCHAIN_ONLY").unwrap_or_default();
-    let mut cases: Vec<(Specimen, &str, f64)> = Vec::new();
+/// The loops over every attack on both specimens, of those sizes (by number) that `of_sizes` takes from each in turn; none may be sure and wrong.
+fn attacked(
+    only: &str,
+    of_sizes: impl Fn(usize) -> Vec<usize>,
+) -> Vec<(Specimen, &'static str, Ended)> {
+    let mut cases = Vec::new();
     let mut loops: Vec<Case> = Vec::new();
     for of in [Specimen::Steel, Specimen::Laminate] {
-        let asked = ATTACKS.iter().filter(|a| a.0.contains(&only));
-        for (name, attack, sizes) in asked.filter(|a| a.1.applies(of)) {
-            for (k, size) in sizes.iter().enumerate() {
-                cases.push((of, name, *size));
+        let asked = ATTACKS.iter().filter(|a| a.0.contains(only));
+        for (turn, (name, attack, sizes)) in asked.filter(|a| a.1.applies(of)).enumerate() {
+            for k in of_sizes(turn) {
+                let size = sizes[k];
+                cases.push((of, *name));
                 loops.push(Box::new(move || {
-                    let model = attack.measured(of, *size, 70 + k as u64);
+                    let model = attack.measured(of, size, 70 + k as u64);
                     let case = format!("{} {name}: {size}", of.name());
                     looped(&case, &model, of.constants())
                 }));
@@ -507,20 +510,42 @@ fn what_no_dictionary_has_is_never_sure_and_wrong() {
         .map(Ended::line)
         .collect();
     assert!(wrong.is_empty(), "{wrong:#?}");
-    let held: usize = ended.iter().map(Ended::held).sum();
-    let count: usize = ended.iter().map(|e| e.truth.len()).sum();
+    let (held, count) = held(&ended);
     println!("{held} of {count} intervals hold");
     assert!(20 * held >= 19 * count, "{held} of {count}");
-    if !only.is_empty() {
-        return;
-    }
+    let pairs = cases.into_iter().zip(ended);
+    pairs.map(|((of, name), ended)| (of, name, ended)).collect()
+}
+
+/// How many intervals hold, and of how many.
+fn held(ended: &[Ended]) -> (usize, usize) {
+    let held = ended.iter().map(Ended::held).sum();
+    (held, ended.iter().map(|e| e.truth.len()).sum())
+}
+
+/// Each attack at one of its sizes.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn what_no_dictionary_has_is_never_sure_and_wrong() {
+    let only = std::env::var("PLYCHAIN_ONLY").unwrap_or_default();
+    let cases = attacked(&only, |turn| vec![(turn + 1) % 3]);
+    assert!(cases.len() > 15 || !only.is_empty());
+}
+
+/// Each at its three sizes, and what the manual says of them.
+#[test]
+#[ignore = "48 loops, 10 minutes"]
+fn the_manual_prints_what_attacks_end_with() {
+    let cases = attacked("", |_| vec![0, 1, 2]);
     let page = fs::read_to_string(root().join("models/README.md")).unwrap();
-    assert!(page.contains(&format!("{held} of {count} intervals hold")));
     let rows = table(&page, "| what was wrong, at three sizes |");
     assert_eq!(3 * rows.len(), cases.len());
     for (row, (of, name, _)) in rows.iter().zip(cases.iter().step_by(3)) {
         assert_eq!(row[..2], [*name, of.name()]);
     }
+    let ended: Vec<Ended> = cases.into_iter().map(|(_, _, ended)| ended).collect();
+    let (held, count) = held(&ended);
+    assert!(page.contains(&format!("{held} of {count} intervals hold")));
     let cells = rows.iter().flat_map(|row| &row[2..]);
     for (cell, own) in cells.zip(&ended) {
         assert_eq!(cell.replace('`', ""), words(own), "{}", own.case);

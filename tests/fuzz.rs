@@ -35,7 +35,7 @@ fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
 }
 
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "length: 4 minutes"]
 fn five_times_as_many_mutated_files_never_panic_hang_or_take_memory_without_bound() {
     readers_stand("1");
 }

@@ -1,14 +1,16 @@
 //! Whole loops, chains and all, over fields whose truth is known: nothing, every effect at several sizes, culprits withheld from the dictionary
 //! or never in it. No loop ends with an error, no verdict stands against its own checks, and the intervals to quote hold the constants.
 
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use plychain::diagnose::Rule;
-use plychain::effect::EFFECTS;
+use plychain::effect::{Acting, EFFECTS};
+use plychain::experiment::simulate::Truth;
 use plychain::identify::Options;
 use plychain::identify::doubts::Doubting;
-use plychain::infer::Model;
+use plychain::infer::{Model, simulated_field};
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Sampler, Schedule};
@@ -17,7 +19,7 @@ use plychain::trace::{Interval, Status, explain};
 use crate::foreign;
 use crate::program::{changed, coarse, set_coarse, workplace};
 use crate::suspect::WITHHELD;
-use crate::tracing::{COARSE_GRID, COARSE_NOISE, Noise, TRUTH, measured_with};
+use crate::tracing::{COARSE_GRID, COARSE_NOISE, Noise, TRUTH, measured_with, written};
 
 /// How a loop ended.
 pub struct Ended {
@@ -208,6 +210,53 @@ fn a_subset_that_is_larger_than_declared_is_named_with_its_size() {
         .unwrap();
     let side: f64 = said.split(' ').next().unwrap().parse().unwrap();
     assert!((side - 1.6).abs() < 0.25, "{}", ended.text);
+}
+
+/// The default field with a hole that is 4 % larger than declared: that is found. Where points were measured inside that hole, by the value of
+/// the nearest one outside, it cannot be.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_hole_over_measured_points_is_not_accepted() {
+    let nominal = Model::load(Path::new(&coarse())).unwrap();
+    let truth = Truth {
+        constants: TRUTH.to_vec(),
+        thickness_mm: 0.78,
+        effects: vec![Acting::parse("test", "hole_size=4").unwrap()],
+        noise_nm: 10.0,
+        correlation_mm: 0.0,
+        grid: 121,
+        seed: 3,
+    };
+    let mut field = simulated_field(&nominal, &truth).unwrap();
+    let outlined = looped("outlined", &written(nominal.clone(), &field), &TRUTH);
+    assert!(outlined.names("hole_size"), "{}", outlined.line());
+    assert_eq!(outlined.status, Status::Closed, "{}", outlined.line());
+
+    let points = field.points.clone();
+    let [inside, outside]: [Vec<usize>; 2] = [false, true].map(|outside| {
+        let all = 0..points.len();
+        all.filter(|&i| (points[i][0].hypot(points[i][1]) > 2.08) == outside)
+            .collect()
+    });
+    let declared = 0.5 * 4.0;
+    for i in inside {
+        let [x, y] = points[i];
+        if x.hypot(y) > declared {
+            let distance = |j: &usize| (points[*j][0] - x).hypot(points[*j][1] - y);
+            let nearest = outside
+                .iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            field.displacement[i] = field.displacement[*nearest.unwrap()];
+        }
+    }
+    let filled = looped("filled", &written(nominal, &field), &TRUTH);
+    assert_eq!(filled.status, Status::Unexplained, "{}", filled.line());
+    let said = "the hole that was fitted reaches over";
+    assert!(
+        filled.vetoes.iter().any(|veto| veto.contains(said)),
+        "{}",
+        filled.line()
+    );
 }
 
 fn simulated(case: String, file: String, noise: Noise, effects: Vec<String>, seed: u64) -> Case {

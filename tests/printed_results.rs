@@ -267,7 +267,7 @@ fn moments<'a>(report: &'a Value, path: &str) -> &'a Value {
 
 /// Both tables of the measured strip, and the sentence about the one with a camera.
 #[test]
-#[ignore = "needs ../shared, 3 minutes"]
+#[ignore = "two loops, 5 minutes; needs ../shared"]
 fn the_manual_prints_what_the_measured_strip_gives() {
     let page = read(&root().join("models/README.md"));
     let data = shared("steel-s235/displacements_raw.csv")
@@ -321,7 +321,7 @@ fn the_manual_prints_what_the_measured_strip_gives() {
 
 /// What a declared scatter of the plies does to the default test.
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "three loops, 3 minutes"]
 fn the_manual_prints_what_declared_plies_do() {
     let page = read(&root().join("models/README.md"));
     let declared = [

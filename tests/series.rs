@@ -278,6 +278,17 @@ fn a_far_axis_of_a_rotation_is_no_translation() {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn damage_of_another_profile_is_taken_for_no_other_effect() {
+    taken_for_no_other(&[0, 2, 5]);
+}
+
+#[test]
+#[ignore = "3 series, 3 minutes"]
+fn damage_of_more_profiles_is_taken_for_no_other_effect() {
+    taken_for_no_other(&[1, 3, 4]);
+}
+
+/// Some of six profiles.
+fn taken_for_no_other(profiles: &[usize]) {
     // of the hole's radius: depth and loss, reach and loss
     let fading = [(0.1, 0.4), (0.2, 0.3), (0.4, 0.2), (0.8, 0.15)];
     let rings = [(1.3, 0.3), (1.6, 0.25)];
@@ -294,9 +305,10 @@ fn damage_of_another_profile_is_taken_for_no_other_effect() {
         });
         [&fading[..], &rings].concat()
     };
-    let judged: Vec<Judged> = (0..fading.len() + rings.len())
-        .zip(4700..)
-        .map(|(k, seed)| {
+    let judged: Vec<Judged> = profiles
+        .iter()
+        .map(|&k| {
+            let seed = 4700 + k as u64;
             let mut series = case(&Kind::Null, true, seed);
             let stiffness = worn(0.5 * series.specimen.diameter_mm)[k];
             series.causes = vec![Cause::Foreign(stiffness)];
@@ -308,9 +320,9 @@ fn damage_of_another_profile_is_taken_for_no_other_effect() {
     for j in &judged {
         assert!(!j.is_wrong(), "{}", j.ended.line());
     }
-    // of 24 intervals of 95 % fewer than 21 hold once in 33 times
+    // of 12 intervals of 95 % fewer than 10 hold once in 51 times
     let held: usize = judged.iter().map(|j| j.ended.held()).sum();
-    assert!(held >= 21, "{held} of 24");
+    assert!(held + 2 >= 4 * profiles.len(), "{held}");
 }
 
 /// A wave of the interpolation, at half to twice its usual size, is named, and nothing that would strain the field likewise.

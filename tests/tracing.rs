@@ -8,6 +8,7 @@ use rand_pcg::Pcg64Dxsm;
 
 use plychain::effect::{Acting, Kind};
 use plychain::experiment::simulate::Truth;
+use plychain::field::Grid;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::{Marginal, Model, simulated_field};
@@ -83,10 +84,14 @@ pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, se
             *u += 10e-6 * z;
         }
     }
+    written(nominal, &grid)
+}
+
+/// A model whose measurement is that field.
+pub fn written(mut model: Model, field: &Grid) -> Model {
     let folder = fresh("field");
     std::fs::create_dir_all(&folder).unwrap();
-    write_matrices(&folder, &grid, None).unwrap();
-    let mut model = nominal;
+    write_matrices(&folder, field, None).unwrap();
     model.experiment_mut().measurement = model.experiment().measurement.clone().with_path(folder);
     model
 }

@@ -61,7 +61,7 @@ fn real() -> Value {
 /// declared every step is predicted better by all others, and less is left of it. Only angles over the camera's distance, which is not known,
 /// matter.
 #[test]
-#[ignore = "needs ../shared, a real series twice, 3 minutes"]
+#[ignore = "a real series twice, 3 minutes; needs ../shared"]
 fn steps_of_the_real_series_are_predicted_better_where_it_may_turn() {
     let steps = |turns: bool| {
         let mut model = real();

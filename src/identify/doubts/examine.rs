@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::mistake::{Mistake, Shown, is_another_size, mistakes, void_mm};
+use super::mistake::{Mistake, Shown, Void, is_another_size, mistakes};
 use super::{NATS, NATS_OF_SCALE};
 use crate::effect::{EFFECTS, Effect, Kind, obstacle};
 use crate::error::Result;
@@ -58,7 +58,7 @@ pub fn doubts(model: &Model, prepared: &Prepared) -> Vec<String> {
     let noise = (0.5 * (noise[0].powi(2) + noise[1].powi(2))).sqrt();
     let (farthest, z) = as_declared.farthest();
     let left = as_declared.variance.sqrt() / noise;
-    let void = void_mm(measured);
+    let void = Void::of(measured);
     let odd = z.abs() > ODD || left > LEFT || as_declared.largest() > FAR;
     if !odd && !is_another_size(model, void) {
         return Vec::new();
@@ -86,7 +86,7 @@ fn likeliest(
     model: &Model,
     (field, window): (&Field, &dyn FieldSolver),
     declared: &InputFit,
-    void: Option<f64>,
+    void: Option<Void>,
 ) -> Vec<String> {
     let weighed = |mistake: Mistake| {
         let field = few(field, mistake.shown, mistake.turned);

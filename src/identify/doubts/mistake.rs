@@ -77,15 +77,15 @@ const LAYUPS: [(&str, TrueAngle); 4] = [
     ("Is `layup_deg` turned by 45 degrees", |a| a - 45.0),
 ];
 
-/// What may have been done to the input of a model and its field, whose points leave a void of this diameter about the hole's centre, mm.
-pub(super) fn mistakes(model: &Model, void_mm: Option<f64>) -> Vec<Mistake> {
+/// What may have been done to the input of a model and its field, whose points leave this void about the hole's centre.
+pub(super) fn mistakes(model: &Model, void: Option<Void>) -> Vec<Mistake> {
     let mut all = forces(model);
     all.extend(COLUMNS.map(|(asked, shown)| Mistake {
         shown,
         ..Mistake::of(format!("{asked}?"), model.clone())
     }));
     all.extend(other_axis(model));
-    all.extend(holes(model, void_mm));
+    all.extend(holes(model, void));
     all.extend(layups(model));
     all.extend(minor_ratio(model));
     all
@@ -161,14 +161,16 @@ fn forces(model: &Model) -> Vec<Mistake> {
 const VOID: f64 = 1.08;
 
 /// Whether the points leave a void about the hole's centre of another size than the declared hole.
-pub(super) fn is_another_size(model: &Model, void_mm: Option<f64>) -> bool {
+pub(super) fn is_another_size(model: &Model, void: Option<Void>) -> bool {
     let hole = model.experiment().specimen.hole;
-    let both = hole.map(|h| h.diameter_mm).zip(void_mm);
-    both.is_some_and(|(declared, void)| (void / declared).max(declared / void) > VOID)
+    let both = hole.map(|h| h.diameter_mm).zip(void);
+    both.is_some_and(|(declared, void)| {
+        (void.least_mm / declared).max(declared / void.most_mm) > VOID
+    })
 }
 
 /// A hole of another diameter.
-fn holes(model: &Model, void_mm: Option<f64>) -> Vec<Mistake> {
+fn holes(model: &Model, void: Option<Void>) -> Vec<Mistake> {
     let Some(hole) = model.experiment().specimen.hole else {
         return Vec::new();
     };
@@ -188,11 +190,11 @@ fn holes(model: &Model, void_mm: Option<f64>) -> Vec<Mistake> {
             ),
         ),
     ];
-    if let Some(void) = void_mm.filter(|_| is_another_size(model, void_mm)) {
+    if let Some(Void { most_mm, .. }) = void.filter(|_| is_another_size(model, void)) {
         let asked = format!(
-            "`hole.diameter_mm` is {declared}, and the points leave a void of at most {void:.1} mm. A hole of that size fits the field: measure the hole."
+            "`hole.diameter_mm` is {declared}, and the points leave a void of at most {most_mm:.1} mm. A hole of that size fits the field: measure the hole."
         );
-        sizes.push((void, asked));
+        sizes.push((most_mm, asked));
     }
     let wrong = |(diameter_mm, asked): (f64, String)| {
         let mut model = model.clone();
@@ -261,13 +263,28 @@ fn minor_ratio(model: &Model) -> Option<Mistake> {
     (ratio > 1.5 && mean * ratio < 0.6).then_some(wrong)
 }
 
-/// Diameter of the empty disc about the hole's centre, mm, less what a subset that was dropped at the edge adds; none where points do not
-/// surround the centre.
-pub(super) fn void_mm(field: &Field) -> Option<f64> {
-    let [low, high] = crate::field::bounds(&field.points);
-    let surrounded = (0..2).all(|k| low[k] < 0.0 && high[k] > 0.0);
-    let nearest = field.points.iter().map(|p| p[0].hypot(p[1]));
-    let nearest = nearest.fold(f64::INFINITY, f64::min);
-    let void = 2.0 * nearest - field.subset_mm.unwrap_or(0.0);
-    (surrounded && void > 0.0).then_some(void)
+/// The empty disc about the hole's centre: diameters that a hole may have which leaves it, mm.
+#[derive(Clone, Copy)]
+pub(super) struct Void {
+    /// Less than the largest by the distance of two points: a hole's edge runs between them.
+    least_mm: f64,
+    /// The disc, less what a subset that was dropped at the edge adds.
+    most_mm: f64,
+}
+
+impl Void {
+    /// That of a field; none where points do not surround the centre.
+    pub(super) fn of(field: &Field) -> Option<Self> {
+        let [low, high] = crate::field::bounds(&field.points);
+        let surrounded = (0..2).all(|k| low[k] < 0.0 && high[k] > 0.0);
+        let nearest = field.points.iter().map(|p| p[0].hypot(p[1]));
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        let most_mm = 2.0 * nearest - field.subset_mm.unwrap_or(0.0);
+        let area = (high[0] - low[0]) * (high[1] - low[1]);
+        let spacing = (area / field.points.len() as f64).sqrt();
+        (surrounded && most_mm > 0.0).then_some(Self {
+            least_mm: most_mm - spacing,
+            most_mm,
+        })
+    }
 }
