@@ -6,7 +6,7 @@ use crate::files::Keyed;
 use crate::infer::{Model, prior_box};
 
 /// Half-width of the box of an added effect's amplitude: this many of its standard deviations, and this share of its prior's.
-const BOX_SDS: f64 = 8.0;
+pub const BOX_SDS: f64 = 8.0;
 const BOX_SHARE: f64 = 0.1;
 
 /// The model with one more declared effect. The DoE box lies about the amplitude's estimate and the averaged posterior.

@@ -45,7 +45,7 @@ pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
 pub use conclusion::{Conclusion, texts};
 pub use evidence::LARGEST_MULTIPLE;
-pub use extend::extended;
+pub use extend::{BOX_SDS, extended};
 pub use facts::Status;
 pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;

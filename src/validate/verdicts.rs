@@ -1,5 +1,6 @@
 //! Verdicts as a whole: constants, forces, motion, noise and up to three effects are drawn, a measurement is simulated, the loop is closed on
-//! it, and its names and intervals are compared with what acted. The oracle is the same identification with the true effects declared.
+//! it, and its names and intervals are compared with what acted. The oracle is the same loop over a model that declares what acted, of sizes
+//! unknown, and adds nothing.
 
 use std::path::Path;
 
@@ -12,12 +13,11 @@ use super::whole_loop::{OF_THE_LOOP, ROUNDS, held, measured, options, refuse_unk
 use crate::diagnose::sorted;
 use crate::error::Result;
 use crate::files::Keyed;
-use crate::identify::{Identification, identify};
 use crate::infer::{EffectUnderLaw, Model};
 use crate::numeric::quantile;
 use crate::progress::{Progress, Silent};
 use crate::sample::SAMPLERS;
-use crate::trace::{Finding, Interval, LoopStage, Status, close, explain, extended};
+use crate::trace::{BOX_SDS, Finding, Interval, LoopStage, Status, close, explain, extended};
 
 /// Effects that act, at most.
 pub const MOST: usize = 3;
@@ -42,7 +42,7 @@ pub struct VerdictReplicate {
     pub status: String,
     /// Whether the 95 % interval to quote holds each constant.
     pub held: Vec<bool>,
-    /// Root mean square distance of the constants from the oracle's, oracle's sds: by the model as it was given, and by the last round.
+    /// Root mean square distance of the constants from those that the oracle quotes, in its sds: by the model as it was given, and as quoted.
     pub bias: [f64; 2],
 }
 
@@ -120,7 +120,7 @@ fn judged(
         let intervals = explained.closed_form();
         (explained.rounds, explained.conclusion, intervals)
     };
-    let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
+    let first = &rounds[0];
     let shows = |acts: &EffectUnderLaw| {
         let same = |f: &&Finding| f.effect.name() == acts.effect.name();
         let mut own = first
@@ -144,10 +144,15 @@ fn judged(
     let bias = match drawn.acted.is_empty() {
         true => [0.0; 2],
         false => {
-            let oracle = oracle(model, drawn, &first.tracing.averaged);
-            let oracle = identify(&oracle, &options(LoopStage::Attempt(ROUNDS + 1)), &Silent)?;
-            [&first.identification, &last.identification]
-                .map(|found| distance(model, found, &oracle))
+            let model = oracle(model, drawn, &first.tracing.averaged);
+            let of_oracle = |stage: LoopStage| match stage {
+                LoopStage::Attempt(attempt) => options(LoopStage::Attempt(OF_ORACLE + attempt)),
+                answer @ LoopStage::Answer(_) => options(answer),
+            };
+            let told = explain(&model, 0, &of_oracle, &Silent)?.closed_form();
+            let as_given = |name: &str| Some(first.identification.moments(name)?.0);
+            let quoted = |name: &str| Some(intervals.get(name)?.mean);
+            [distance(&as_given, &told), distance(&quoted, &told)]
         }
     };
     Ok(VerdictReplicate {
@@ -160,7 +165,10 @@ fn judged(
     })
 }
 
-/// The model with everything declared that acts.
+/// Number of the oracle's first attempt: its chains are not the loop's.
+const OF_ORACLE: usize = 50;
+
+/// The model with everything declared that acts. The box of a sampled amplitude reaches a plausible size to both sides.
 fn oracle(model: &Model, drawn: &Drawn, averaged: &Keyed<Interval>) -> Model {
     let marginals = model.marginals().into_iter().zip(averaged);
     let wide = marginals.map(|(prior, (name, found))| {
@@ -174,7 +182,10 @@ fn oracle(model: &Model, drawn: &Drawn, averaged: &Keyed<Interval>) -> Model {
     let wide: Keyed<Interval> = wide.collect();
     let mut declared = model.clone();
     for acts in &drawn.acted {
-        let amplitude: Vec<(f64, f64)> = drawn.amplitude(acts).iter().map(|a| (*a, 0.0)).collect();
+        let sizes = drawn.amplitude(acts).iter().enumerate();
+        let around =
+            |(k, a): (usize, &f64)| (*a, model.prior_sd(acts.effect, k).unwrap_or(0.0) / BOX_SDS);
+        let amplitude: Vec<(f64, f64)> = sizes.map(around).collect();
         declared = extended(&declared, acts.effect, &amplitude, &wide);
         let law = acts.law.map(|law| (acts.effect.name().to_string(), law));
         declared.experiment_mut().laws.extend(law);
@@ -182,13 +193,11 @@ fn oracle(model: &Model, drawn: &Drawn, averaged: &Keyed<Interval>) -> Model {
     declared
 }
 
-/// Root mean square distance of the constants of two identifications, sds of the second.
-fn distance(model: &Model, found: &Identification, oracle: &Identification) -> f64 {
-    let of = |name: &&str| {
-        let ((a, _), (b, sd)) = (found.moments(name)?, oracle.moments(name)?);
-        Some(((a - b) / sd).powi(2))
-    };
-    let squares: Vec<f64> = model.constants().iter().filter_map(of).collect();
+/// Root mean square distance of some constants from those that the oracle quotes, in its sds.
+fn distance(of: &dyn Fn(&str) -> Option<f64>, oracle: &Keyed<Interval>) -> f64 {
+    let square =
+        |(name, told): (&String, &Interval)| Some(((of(name)? - told.mean) / told.sd).powi(2));
+    let squares: Vec<f64> = oracle.iter().filter_map(square).collect();
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
@@ -223,8 +232,7 @@ impl HowOften {
     }
 }
 
-/// Distance from the oracle, in its sds, from which a bias is counted. Of a smaller one closing takes little: the oracle is told the effects'
-/// sizes, and to estimate them costs some tenths of its sd.
+/// Distance from the oracle, in its sds, from which a bias is counted: a smaller one is no bias to speak of.
 const BIASED: f64 = 1.0;
 
 /// How the verdicts fared.
