@@ -106,6 +106,6 @@ fn hard_densities_are_right_or_said_not_to_be() {
 
 #[test]
 #[ignore = "more seeds, 2 minutes"]
-fn more_seeds_of_hard_densities_are_right_or_said_not_to_be() {
+fn hard_densities_for_more_seeds() {
     right_or_said(2..5);
 }
