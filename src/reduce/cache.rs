@@ -16,7 +16,7 @@ use crate::files::hex;
 use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 11;
+const FORMAT: u32 = 10;
 
 /// What a file of the cache holds below a first line with the SHA-256 of the rest.
 #[derive(Serialize, Deserialize)]

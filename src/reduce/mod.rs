@@ -1,7 +1,6 @@
 //! The reduced model: Latin hypercube, snapshots, POD, response surfaces.
 
 pub mod cache;
-mod changes;
 mod cross;
 mod design;
 mod model;

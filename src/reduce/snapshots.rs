@@ -3,9 +3,9 @@
 use faer::Mat;
 use rayon::prelude::*;
 
-use super::changes::{Changes, MeshDifference, bare, is_in_the_plate, is_unknown};
 use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
+use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
 use crate::experiment::{FieldSolver, Gauge, Sight, State, predict};
 use crate::field::rigid::{self, RigidMotion};
@@ -71,34 +71,16 @@ impl Snapshots {
             let answer = experiment.coordinates(state)?;
             Some(sum(&spanning, answer.coordinates.as_slice(), count))
         };
-        let off = changes.as_ref().map(|changes| {
-            let by_fine = |state: &State| {
-                let mut field = predict(experiment, state, support)?.field;
-                let without = match spanned(&bare(state)) {
-                    Some(field) => field,
-                    None => predict(experiment, &bare(state), support)?.field,
-                };
-                add_scaled(&mut field, &changes.added_to(without, state)?, -1.0);
-                Ok(field)
-            };
-            MeshDifference::of(problem, &by_fine)
-        });
-        let off = off.transpose()?;
         let solutions: Vec<Vec<[f64; 2]>> = states
             .par_iter()
-            .zip(&points)
-            .map(|(state, point)| {
+            .map(|state| {
                 let known = match state.acting().iter().all(is_in_the_plate) {
                     true => spanned(state),
                     false => None,
                 };
                 let changed = || {
                     let changes = changes.as_ref().filter(|_| is_unknown(experiment, state))?;
-                    let changed = changes.added_to(spanned(&bare(state))?, state);
-                    Some(changed.map(|mut field| {
-                        off.iter().for_each(|off| off.add_to(&mut field, point));
-                        field
-                    }))
+                    Some(changes.added_to(spanned(&bare(state))?, state))
                 };
                 let field = match known.map(Ok).or_else(changed) {
                     Some(field) => field?,
@@ -144,6 +126,56 @@ impl Snapshots {
             points,
         }
     }
+}
+
+/// What effects change, by two solutions on a coarse mesh.
+struct Changes<'a> {
+    coarse: &'a dyn FieldSolver,
+    /// The fine mesh's support.
+    sight: Sight,
+}
+
+impl<'a> Changes<'a> {
+    /// None where the reduced basis knows all states, or there is no coarse mesh.
+    fn of(problem: &'a Problem, states: &[State]) -> Result<Option<Self>> {
+        let experiment = &*problem.experiment;
+        let coarse = problem.coarse.as_deref();
+        let Some(coarse) = coarse.filter(|_| states.iter().any(|s| is_unknown(experiment, s)))
+        else {
+            return Ok(None);
+        };
+        let plain: Vec<State> = states.iter().map(bare).collect();
+        experiment.span(&plain)?;
+        coarse.span(&plain)?;
+        let sight = coarse.extended(experiment.support().points(), &[]);
+        Ok(Some(Self { coarse, sight }))
+    }
+
+    /// What a specimen shows in a state, from the `field` that it shows where nothing acts.
+    fn added_to(&self, mut field: Vec<[f64; 2]>, state: &State) -> Result<Vec<[f64; 2]>> {
+        let with = predict(self.coarse, state, &self.sight)?.field;
+        let without = predict(self.coarse, &bare(state), &self.sight)?.field;
+        add_scaled(&mut field, &with, 1.0);
+        add_scaled(&mut field, &without, -1.0);
+        Ok(field)
+    }
+}
+
+/// Whether the reduced basis does not know the specimen and its load in a state.
+fn is_unknown(experiment: &dyn FieldSolver, state: &State) -> bool {
+    let in_the_plate = state.acting().iter().filter(|a| is_in_the_plate(a));
+    let plate = bare(state).with(in_the_plate.cloned());
+    experiment.coordinates(&plate).is_none()
+}
+
+/// A state without its effects.
+fn bare(state: &State) -> State {
+    State::new(&state.constants, state.thickness_mm)
+}
+
+/// Whether an effect changes the specimen or its load, and adds nothing to what that shows.
+fn is_in_the_plate(acting: &Acting) -> bool {
+    acting.effect.kind() == Kind::Mechanical
 }
 
 /// A sum of fields.

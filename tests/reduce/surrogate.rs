@@ -259,7 +259,23 @@ fn what_effects_change_is_taken_from_a_coarse_mesh() {
         let Ok(problem) = problem_within(&model, [[-12.0; 2], [12.0; 2]]) else {
             continue;
         };
-        let off_nm = off_the_fine_mesh(&problem);
+        let points = spread_over(&problem, 8, 3);
+        let many = spread_over(&problem, 60, 4);
+        let bare = many.iter().map(|p| State::new(&p[..4], p[p.len() - 1]));
+        problem.experiment.span(&bare.collect::<Vec<_>>()).unwrap();
+        let fine = Problem {
+            coarse: None,
+            ..problem.clone()
+        };
+        let solved = |problem: &Problem| Snapshots::at(problem, points.clone(), &|| ()).unwrap();
+        let [a, b] = [&problem, &fine].map(solved);
+        let off_nm: Vec<f64> = (0..2)
+            .flat_map(|c| {
+                let (a, b) = (&a.seen[c], &b.seen[c]);
+                let of = move |j| (0..a.nrows()).map(move |i| 1e6 * (a[(i, j)] - b[(i, j)]).abs());
+                (0..a.ncols()).flat_map(of)
+            })
+            .collect();
         let far = off_nm.iter().filter(|off| **off > 0.2).count();
         let largest = off_nm.iter().fold(0.0_f64, |m, off| m.max(*off));
         println!("{name}: {far} of {}, {largest:.3} nm at most", off_nm.len());
@@ -270,55 +286,4 @@ fn what_effects_change_is_taken_from_a_coarse_mesh() {
     }
     // all but those of metals, of measured edges and of a third ply
     assert!(compared > 12, "{compared}");
-}
-
-/// About amplitudes that were found, in a box as wide as a posterior, they are those of the fine mesh to a fiftieth of a nanometre.
-#[test]
-#[ignore = "slow: run by .ci/run"]
-fn about_what_was_found_nothing_of_the_coarse_mesh_is_left() {
-    for (name, found) in [
-        ("hole_size", &[4.0][..]),
-        ("hole_edge_damage", &[20.0, 30.0]),
-        ("hole_offset", &[0.1, -0.1]),
-    ] {
-        let file = changed("openhole.json", |m| {
-            m["experiments"][0]["effects"] = json!([name])
-        });
-        let model = Model::load(file.as_ref()).unwrap();
-        let mut problem = problem_within(&model, [[-12.0; 2], [12.0; 2]]).unwrap();
-        let constants = problem.constants();
-        for (k, side) in problem.dimensions.iter_mut().enumerate() {
-            let middle = match k.checked_sub(constants).and_then(|k| found.get(k)) {
-                Some(found) => *found,
-                None => side.at(0.5),
-            };
-            let half = 0.04 * middle.abs();
-            (side.low, side.high) = (middle - half, middle + half);
-        }
-        let off_nm = off_the_fine_mesh(&problem);
-        let square = off_nm.iter().map(|off| off * off).sum::<f64>() / off_nm.len() as f64;
-        println!("{name}: {:.4} nm rms", square.sqrt());
-        assert!(square.sqrt() < 0.02, "{name}: {} nm", square.sqrt());
-    }
-}
-
-/// Differences at the lattice between snapshots whose changes are from the coarse mesh and those of the fine mesh, nm.
-fn off_the_fine_mesh(problem: &Problem) -> Vec<f64> {
-    let points = spread_over(problem, 8, 3);
-    let many = spread_over(problem, 60, 4);
-    let bare = many.iter().map(|p| State::new(&p[..4], p[p.len() - 1]));
-    problem.experiment.span(&bare.collect::<Vec<_>>()).unwrap();
-    let fine = Problem {
-        coarse: None,
-        ..problem.clone()
-    };
-    let solved = |problem: &Problem| Snapshots::at(problem, points.clone(), &|| ()).unwrap();
-    let [a, b] = [problem, &fine].map(solved);
-    (0..2)
-        .flat_map(|c| {
-            let (a, b) = (&a.seen[c], &b.seen[c]);
-            let of = move |j| (0..a.nrows()).map(move |i| 1e6 * (a[(i, j)] - b[(i, j)]).abs());
-            (0..a.ncols()).flat_map(of).collect::<Vec<_>>()
-        })
-        .collect()
 }
