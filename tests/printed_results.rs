@@ -418,7 +418,7 @@ fn the_manual_prints_what_design_says() {
 
 /// The population of the five specimens that the manual describes.
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "five loops, 5 minutes"]
 fn the_manual_prints_what_five_specimens_give() {
     let page = read(&root().join("runs/README.md"));
     let folder = tempfile::tempdir().unwrap();

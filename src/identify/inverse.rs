@@ -13,6 +13,7 @@ use crate::infer::{
     drawn_in, problem_of, problem_within,
 };
 use crate::noise::{Hyperparameters, Noise};
+use crate::numeric::add_scaled;
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
@@ -46,6 +47,34 @@ impl Prepared {
     /// Those of a finite-element solution.
     pub fn predict(&self, state: &State) -> Result<Prediction> {
         predict(&*self.problem.experiment, state, &self.observation.sight)
+    }
+
+    /// The columns at the measured points. Effects move the mesh, and change it on a coarse one: modes that are given at the nodes are not quite
+    /// what the finite elements show between them. So the modes sum to that in the middle of the box, which refinement puts where the posterior is.
+    fn columns(&self, model: &Model) -> Result<UnitColumns> {
+        let problem = &self.problem;
+        let mut columns = (self.observation).columns(&self.reduced, &*problem.experiment, model)?;
+        if problem.amplitudes() == 0 || problem.given().is_some() {
+            return Ok(columns);
+        }
+        let middle: Vec<f64> = problem.dimensions.iter().map(|d| d.at(0.5)).collect();
+        let mut off = self.predict(&problem.state(&middle))?.loaded;
+        add_scaled(&mut off, &self.reduced.field(&columns.modes, &middle), -1.0);
+        let coefficients = self.reduced.surface.evaluate(&middle);
+        let each = self.reduced.modes_per_component().max(1);
+        let components = columns
+            .modes
+            .chunks_mut(each)
+            .zip(coefficients.chunks(each));
+        for (c, (modes, a)) in components.enumerate() {
+            let square: f64 = a.iter().map(|a| a * a).sum();
+            for (mode, a) in modes.iter_mut().zip(a) {
+                for (u, off) in mode.iter_mut().zip(&off) {
+                    u[c] += a * off[c] / square.max(f64::MIN_POSITIVE);
+                }
+            }
+        }
+        Ok(columns)
     }
 }
 
@@ -246,10 +275,7 @@ pub(super) fn inverse_problem_kept(
     kept: &KeptStages,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
-    let columns =
-        prepared
-            .observation
-            .columns(&prepared.reduced, &*prepared.problem.experiment, model)?;
+    let columns = prepared.columns(model)?;
     check_size(
         &prepared.observation.field,
         &prepared.reduced,

@@ -163,7 +163,7 @@ impl Problem {
     }
 
     /// Number of the effects' amplitudes.
-    fn amplitudes(&self) -> usize {
+    pub fn amplitudes(&self) -> usize {
         self.effects.iter().map(|e| e.parameters().len()).sum()
     }
 

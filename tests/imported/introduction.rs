@@ -194,7 +194,7 @@ fn only_a_measured_edge_has_an_unknown_introduction() {
 /// A sheet is pulled through half of one end. The analyst's mesh ends 12 mm before it, at a line where nobody knows how the force is spread,
 /// 3 mm from the window.
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "two loops on a fine mesh, 2 minutes"]
 fn the_spread_of_a_force_over_a_cut_is_measured() {
     let mut whole = sheet(ElementKind::Q8, [58, 20], [72.0, SIZE[1]]);
     let is_half = |piece: &&Vec<usize>| {
