@@ -308,13 +308,13 @@ fn a_plate_with_two_holes_closes() {
 }
 
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "a loop, 1 minute"]
 fn an_off_axis_coupon_with_oblique_ends_closes() {
     closes("oblique", "magnification");
 }
 
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "a loop, 1 minute"]
 fn a_v_notched_shear_specimen_closes() {
     closes("iosipescu", "thickness_taper");
 }

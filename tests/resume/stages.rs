@@ -122,7 +122,7 @@ fn a_loop_killed_after_every_stage_does_none_twice() {
 }
 
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "length: a loop for each stage, 3 minutes"]
 fn a_loop_over_a_series_killed_after_every_stage_does_none_twice() {
     let (bench, model) = leaning_series();
     killed_after_every_stage(&bench, &model);
