@@ -237,7 +237,7 @@ fn of_names(summary: &VerdictSummary) -> Vec<String> {
     let names = f1.is_finite().then(|| format!("F1 of the names: {f1:.2}"));
     let left = summary.bias_left;
     let of = summary.biased;
-    let left = left.is_finite().then(|| format!("The effects moved the constants of {of} explained measurements by more than one sd. Closing left {left:.3} of this distance (median), beside a loop that is told which effects act"));
+    let left = left.is_finite().then(|| format!("In {of} explained measurements the constants lay more than one sd from those of a loop that is told what acts. Closing left {left:.3} of this distance (median)"));
     names.into_iter().chain(left).collect()
 }
 
