@@ -1,16 +1,14 @@
 //! Whole loops, chains and all, over fields whose truth is known: nothing, every effect at several sizes, culprits withheld from the dictionary
 //! or never in it. No loop ends with an error, no verdict stands against its own checks, and the intervals to quote hold the constants.
 
-use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use plychain::diagnose::Rule;
-use plychain::effect::{Acting, EFFECTS};
-use plychain::experiment::simulate::Truth;
+use plychain::effect::EFFECTS;
 use plychain::identify::Options;
 use plychain::identify::doubts::Doubting;
-use plychain::infer::{Model, simulated_field};
+use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Sampler, Schedule};
@@ -19,7 +17,7 @@ use plychain::trace::{Interval, Status, explain};
 use crate::foreign;
 use crate::program::{changed, coarse, set_coarse, workplace};
 use crate::suspect::WITHHELD;
-use crate::tracing::{COARSE_GRID, COARSE_NOISE, Noise, TRUTH, measured_with, written};
+use crate::tracing::{COARSE_GRID, COARSE_NOISE, Noise, TRUTH, field_with, measured_with, written};
 
 /// How a loop ended.
 pub struct Ended {
@@ -212,22 +210,12 @@ fn a_subset_that_is_larger_than_declared_is_named_with_its_size() {
     assert!((side - 1.6).abs() < 0.25, "{}", ended.text);
 }
 
-/// The default field with a hole that is 4 % larger than declared: that is found. Where points were measured inside that hole, by the value of
-/// the nearest one outside, it cannot be.
+/// A hole that is 4 % larger than declared is found in the default field. If points were measured inside of it (here with the displacement of
+/// the nearest one outside), it is not accepted.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn a_hole_over_measured_points_is_not_accepted() {
-    let nominal = Model::load(Path::new(&coarse())).unwrap();
-    let truth = Truth {
-        constants: TRUTH.to_vec(),
-        thickness_mm: 0.78,
-        effects: vec![Acting::parse("test", "hole_size=4").unwrap()],
-        noise_nm: 10.0,
-        correlation_mm: 0.0,
-        grid: 121,
-        seed: 3,
-    };
-    let mut field = simulated_field(&nominal, &truth).unwrap();
+    let (nominal, mut field) = field_with(&coarse(), 121, &["hole_size=4"], Noise::White, 3);
     let outlined = looped("outlined", &written(nominal.clone(), &field), &TRUTH);
     assert!(outlined.names("hole_size"), "{}", outlined.line());
     assert_eq!(outlined.status, Status::Closed, "{}", outlined.line());

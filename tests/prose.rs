@@ -182,7 +182,8 @@ pub fn paragraphs_of_terminal(text: &str) -> String {
     let mut before = "";
     for line in text.lines() {
         let words = line.trim();
-        let is_row = words.contains("  ");
+        // a stage that takes long says so every few seconds, without a full stop
+        let is_row = words.contains("  ") || words.ends_with(" s so far");
         let goes_on = FILLED.contains(&before.len()) && !words.starts_with("- ");
         paragraphs += if goes_on { " " } else { "\n\n" };
         paragraphs += if is_row { "" } else { words };

@@ -53,6 +53,18 @@ pub const COARSE_NOISE: Noise = Noise::Of(10.0 * 51.0 / 121.0);
 
 /// A simulated measurement of a model with some effects, on a grid of so many points along each side.
 pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, seed: u64) -> Model {
+    let (nominal, field) = field_with(file, grid, effects, noise, seed);
+    written(nominal, &field)
+}
+
+/// The same as the model and the field.
+pub fn field_with(
+    file: &str,
+    grid: usize,
+    effects: &[&str],
+    noise: Noise,
+    seed: u64,
+) -> (Model, Grid) {
     let nominal = Model::load(Path::new(file)).unwrap();
     let acting: Vec<Acting> = effects
         .iter()
@@ -84,7 +96,7 @@ pub fn measured_with(file: &str, grid: usize, effects: &[&str], noise: Noise, se
             *u += 10e-6 * z;
         }
     }
-    written(nominal, &grid)
+    (nominal, grid)
 }
 
 /// A model whose measurement is that field.

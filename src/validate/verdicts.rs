@@ -1,6 +1,6 @@
 //! Verdicts as a whole: constants, forces, motion, noise and up to three effects are drawn, a measurement is simulated, the loop is closed on
-//! it, and its names and intervals are compared with what acted. The oracle is the same loop over a model that declares what acted, of sizes
-//! unknown, and adds nothing.
+//! it, and its names and intervals are compared with what acted. The oracle is the same loop, told which effects act and not how large they are:
+//! they are declared, and nothing is added.
 
 use std::path::Path;
 

@@ -263,12 +263,12 @@ fn minor_ratio(model: &Model) -> Option<Mistake> {
     (ratio > 1.5 && mean * ratio < 0.6).then_some(wrong)
 }
 
-/// The empty disc about the hole's centre: diameters that a hole may have which leaves it, mm.
+/// The empty disc about the hole's centre, as diameters of the hole that may have left it, mm.
 #[derive(Clone, Copy)]
 pub(super) struct Void {
-    /// Less than the largest by the distance of two points: a hole's edge runs between them.
+    /// The largest, less the distance of neighbouring points: the hole's edge lies between two of them.
     least_mm: f64,
-    /// The disc, less what a subset that was dropped at the edge adds.
+    /// The disc's, less what a subset that was dropped at the edge adds.
     most_mm: f64,
 }
 
