@@ -85,7 +85,7 @@ fn a_layup_that_opens_is_not_quoted_as_sure() {
         .collect();
     let truth = CONSTANTS.map(|(_, x)| x);
     let file = changed("openhole.json", set_coarse);
-    for (degrees, seed) in [(-2.0, 1), (2.0, 2), (-2.0, 3)] {
+    for (degrees, seed) in [(-2.0, 1), (2.0, 2)] {
         let arguments = format!(
             "--grid 51 --noise-nm 2 --seed {seed} --effect balanced_misorientation={degrees} {}",
             set.join(" ")

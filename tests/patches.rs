@@ -417,7 +417,7 @@ fn noise_holds_no_patch() {
 }
 
 #[test]
-#[ignore = "slow: 300 series"]
+#[ignore = "length: 300 series, 4 minutes"]
 fn noise_holds_a_patch_in_two_percent_at_most() {
     let [named, above] = nulls(300);
     assert!(named <= 0.02 && above <= 0.025);

@@ -107,7 +107,9 @@ fn narrow_priors_that_are_wrong_are_named() {
             if matches!(kind, Kind::LaminateSeries) && *name == "E2_GPa" {
                 continue;
             }
-            for (j, sds) in [4.0, -8.0, 12.0].into_iter().enumerate() {
+            // one distance of each constant in turn
+            let distances = [4.0, -8.0, 12.0].into_iter().enumerate();
+            for (j, sds) in distances.skip(k % 3).take(1) {
                 let prior = (*name, true_value(kind, name) - sds * sd, *sd);
                 let model = measured(kind, &[prior], 10 * k as u64 + j as u64 + 1);
                 let case = format!("{kind:?} {name} {sds:+}");
@@ -126,12 +128,12 @@ fn narrow_priors_that_are_wrong_are_named() {
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
-/// Of 100 measurements with narrow priors of three constants, or two, as far off as their sds say, none is in doubt.
+/// Of 40 measurements with narrow priors of three constants, or two, as far off as their sds say, none is in doubt.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn narrow_priors_that_are_right_are_not_in_doubt() {
     let mut doubted = Vec::new();
-    for seed in 0..100 {
+    for seed in 0..40 {
         let kind = [Kind::Moire, Kind::Strip][seed as usize % 2];
         let rng = &mut Pcg64::seed_from_u64(seed);
         let mut prior = |(name, sd): &(&'static str, f64)| {

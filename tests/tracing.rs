@@ -478,39 +478,6 @@ fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     );
 }
 
-/// The measured steel strip: the loop finds the rigid motion that the published calibration lacks, goes on to structure that it
-/// cannot name, and its averaged posterior does not exclude what steel is known to have.
-#[test]
-#[ignore = "needs ../shared"]
-fn the_loop_on_measured_steel_ends_honestly() {
-    let data = shared("steel-s235/displacements_raw.csv");
-    let data = data.display().to_string();
-    let out = fresh("steel");
-    let run = out.display().to_string();
-    succeed(&[
-        "loop",
-        &model("steel-s235.json"),
-        "--data",
-        &data,
-        "--quiet",
-        "--out",
-        &run,
-    ]);
-    let report: Value =
-        serde_json::from_str(&std::fs::read_to_string(out.join("report.json")).unwrap()).unwrap();
-    assert_eq!(report["verdict"]["status"], "unexplained");
-    let effects: Vec<&str> = report["verdict"]["effects"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|e| e.as_str().unwrap())
-        .collect();
-    assert!(effects.contains(&"rigid_translation"), "{effects:?}");
-    let e = &report["averaged_posterior"]["E_GPa"];
-    let (low, high) = (e["q2.5"].as_f64().unwrap(), e["q97.5"].as_f64().unwrap());
-    assert!(low < 212.0 && high > 205.0, "E from {low} to {high} GPa");
-}
-
 /// Weakly observable effects at sizes that a laboratory may well have.
 const WEAK: [&str; 6] = [
     "magnification=0.5",

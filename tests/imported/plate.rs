@@ -344,7 +344,7 @@ fn a_mesh_that_is_too_coarse_is_warned_of() {
 
 /// The steel example as T6 of Gmsh: the posterior of the built-in strip.
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "length: two samplings, 3 minutes"]
 fn the_clamped_strip_as_a_mesh_gives_its_posterior() {
     let file = changed("steel-s235.json", |m| {
         let e = &mut m["experiments"][0];

@@ -102,7 +102,7 @@ fn steps_of_the_real_series_are_predicted_better_where_it_may_turn() {
 }
 
 #[test]
-#[ignore = "needs ../shared, a real series, 6 minutes"]
+#[ignore = "length: a real series, 6 minutes; needs ../shared"]
 fn a_real_series_is_closed_only_where_its_misfit_is_explained() {
     let file = fresh("cfrp.json");
     std::fs::write(&file, real().to_string()).unwrap();
