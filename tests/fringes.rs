@@ -53,7 +53,7 @@ fn errors_are_those_of_the_noise_whatever_the_steps_were() {
 #[test]
 fn a_bent_response_of_the_detector_is_found() {
     for n in [3, 4, 5] {
-        for seed in 0..3 {
+        for seed in 0..2 {
             let camera = Camera {
                 gamma: 1.12,
                 ..frames(n)
@@ -69,7 +69,7 @@ fn a_bent_response_of_the_detector_is_found() {
 #[test]
 fn few_fringes_are_no_worse_than_nominal_steps() {
     for n in [3, 4, 5] {
-        for seed in 0..3 {
+        for seed in 0..2 {
             let camera = Camera {
                 initial_fringes: 0.6,
                 jitter_deg: 4.0,
@@ -105,7 +105,7 @@ fn the_data_say_whether_steps_are_nominal() {
 /// Up to 0.4 fringes a pixel no pixel is off by an order.
 #[test]
 fn dense_fringes_are_unwrapped() {
-    for seed in 0..3 {
+    for seed in 0..2 {
         let camera = Camera {
             density: 0.4,
             ..Camera::default()
@@ -201,7 +201,7 @@ fn large_errors_of_steps_and_brightness_are_found() {
         ("20 percent", far, 1.15),
     ];
     for (name, camera, most) in cases {
-        for seed in 0..3 {
+        for seed in 0..2 {
             for judged in measured(&taken("large", &camera, seed)) {
                 check(&format!("{name}, seed {seed}"), &judged, most);
             }
@@ -245,7 +245,7 @@ fn the_camera_may_use_a_part_of_the_range() {
 /// Frames that the black level cuts off are left out, and that is said; what is left of three is not enough.
 #[test]
 fn frames_cut_off_at_black_are_left_out() {
-    for seed in 0..3 {
+    for seed in 0..2 {
         let camera = Camera {
             black: 35.0,
             ..frames(5)
@@ -277,7 +277,7 @@ fn sds_are_honest_where_noise_and_light_are_uneven() {
         noise: 0.5,
         ..frames(frames_)
     };
-    for seed in 0..3 {
+    for seed in 0..2 {
         for n in [3, 4] {
             for judged in measured(&taken("shot", &shot(n), seed)) {
                 check(&format!("shot, {n} frames, seed {seed}"), &judged, 1.08);

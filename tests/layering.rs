@@ -238,39 +238,34 @@ fn circles_of_files_stay_few_and_inside_rooms() {
         used.insert(module.clone(), uses);
         handed_on.insert(module.clone(), hands_on);
     }
-    let mut reach: BTreeMap<&Vec<String>, BTreeSet<Vec<String>>> = BTreeMap::new();
+    let mut imports: BTreeMap<&Vec<String>, BTreeSet<Vec<String>>> = BTreeMap::new();
     for (module, uses) in &used {
         let targets = uses.iter().filter_map(|p| {
             let path = absolute(&modules, module, p)?;
             defined(&modules, &handed_on, &path, 0)
         });
-        reach.insert(module, targets.filter(|t| t != module).collect());
+        imports.insert(module, targets.filter(|t| t != module).collect());
     }
-    let direct: usize = reach.values().map(BTreeSet::len).sum();
+    let direct: usize = imports.values().map(BTreeSet::len).sum();
     assert!(direct > 400, "only {direct} imports seen");
     // everything that can be reached
-    let mut grows = true;
-    while grows {
-        grows = false;
-        for module in modules.keys() {
-            let further: BTreeSet<Vec<String>> = reach[module]
-                .iter()
-                .flat_map(|t| reach[t].iter().cloned())
-                .collect();
-            let own = reach.get_mut(module).unwrap();
-            let before = own.len();
-            own.extend(further);
-            grows |= own.len() > before;
-        }
-    }
+    let reach: BTreeMap<&Vec<String>, BTreeSet<&Vec<String>>> = modules
+        .keys()
+        .map(|module| {
+            let mut reached = BTreeSet::new();
+            let mut open = vec![module];
+            while let Some(at) = open.pop() {
+                open.extend(imports[at].iter().filter(|t| reached.insert(*t)));
+            }
+            (module, reached)
+        })
+        .collect();
     let circles: BTreeSet<Vec<&Vec<String>>> = modules
         .keys()
         .filter(|m| reach[m].contains(*m))
         .map(|m| {
-            let mutual = reach[m].iter().filter(|t| reach[t].contains(m));
-            mutual
-                .map(|t| modules.get_key_value(t).unwrap().0)
-                .collect()
+            let reached = reach[m].iter().copied();
+            reached.filter(|t| reach[t].contains(m)).collect()
         })
         .collect();
     for circle in &circles {

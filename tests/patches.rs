@@ -425,7 +425,7 @@ fn noise_holds_a_patch_in_two_percent_at_most() {
 
 /// The share of the strain that must be lost to be found in half of the places: as in the prototype study, within a factor of 1.5.
 #[test]
-#[ignore = "slow: 80 series"]
+#[ignore = "length: 80 series, 1 minute"]
 fn power_is_that_of_the_prototype() {
     let plate = Plate::new();
     for (radius, half) in [(1.7, 0.27), (3.0, 0.09)] {

@@ -21,7 +21,7 @@ use plychain::trace::{Accepted, Suspect, Tracing, attribute, extended};
 
 use serde_json::Value;
 
-use crate::program::{coarse, fresh, model, shared, succeed, workplace};
+use crate::program::{coarse, fresh, model, succeed, workplace};
 
 /// Constants of the simulated specimens.
 pub const TRUTH: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
