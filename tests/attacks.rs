@@ -441,7 +441,7 @@ fn a_fit_counts_the_smooth_noise_of_pictures() {
             let z = constants.map(|(k, truth)| (fit.mode[k] - truth) / sd(k));
             let z: Vec<f64> = z.collect();
             println!("{} {size} {seed} {z:.1?}", of.name());
-            // of 24 constants chance takes one beyond 3.5 sds in one of eighty runs
+            // of 24 constants chance takes one beyond 3.5 sds in one of ninety runs
             assert!(z.iter().all(|z| z.abs() < 3.5), "{size} {seed}: {z:?}");
             squares.extend(z.iter().map(|z| z * z));
         }
@@ -531,12 +531,12 @@ fn never_sure_and_wrong(numbers: &[usize]) {
     let only = std::env::var("PLYCHAIN_ONLY").unwrap_or_default();
     let cases = attacked(&only, |of, number| {
         let is_its_turn = (of == Specimen::Steel) == (number % 2 == 0);
-        match is_its_turn && numbers.contains(&number) {
+        match is_its_turn && (numbers.contains(&number) || !only.is_empty()) {
             true => vec![(number + 1) % 3],
             false => Vec::new(),
         }
     });
-    assert!(cases.len() == numbers.len() || !only.is_empty());
+    assert!(cases.len() == numbers.len() || !only.is_empty() && !cases.is_empty());
 }
 
 /// What moves the constants most: a bow, an elliptic hole, a clamped end, a rolled sheet.

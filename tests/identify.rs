@@ -183,7 +183,7 @@ fn declared_mechanical_effects_are_sampled_with_the_right_sign() {
 /// The published calibration trusts the clamp, and misses steel by a wide margin; with a free translation it comes
 /// near. Figures of an independent finite-element analysis.
 #[test]
-#[ignore = "needs ../shared"]
+#[ignore = "length: two samplings, a minute; needs ../shared"]
 fn measured_steel_gives_the_published_calibration() {
     let data = shared("steel-s235/displacements_raw.csv");
     let data = data.to_str().unwrap();

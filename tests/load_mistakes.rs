@@ -482,7 +482,8 @@ fn no_wrong_name(is_asked: impl Fn(bool, usize) -> bool) {
         let sort = if is_steel { "steel" } else { "laminate" };
         for (k, (name, loads, declared, effects, right)) in TABLE.iter().enumerate() {
             let name = format!("{sort}: {name}");
-            if !name.contains(&only) || !is_asked(is_steel, k) {
+            let is_chosen = !only.is_empty() || is_asked(is_steel, k);
+            if !name.contains(&only) || !is_chosen {
                 continue;
             }
             let case = Mistaken {

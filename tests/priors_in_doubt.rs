@@ -102,14 +102,14 @@ const KINDS: [Kind; 4] = [
 #[ignore = "slow: run by .ci/run"]
 fn narrow_priors_that_are_wrong_are_named() {
     let mut failed = Vec::new();
-    for kind in KINDS {
+    for (i, kind) in KINDS.into_iter().enumerate() {
         for (k, (name, sd)) in narrow(kind).iter().enumerate() {
             if matches!(kind, Kind::LaminateSeries) && *name == "E2_GPa" {
                 continue;
             }
-            // one distance of each constant in turn
+            // one distance of each constant; that of E1 of one field is 8 and 12 in a test below
             let distances = [4.0, -8.0, 12.0].into_iter().enumerate();
-            for (j, sds) in distances.skip(k % 3).take(1) {
+            for (j, sds) in distances.skip((i + k) % 3).take(1) {
                 let prior = (*name, true_value(kind, name) - sds * sd, *sd);
                 let model = measured(kind, &[prior], 10 * k as u64 + j as u64 + 1);
                 let case = format!("{kind:?} {name} {sds:+}");
@@ -128,12 +128,12 @@ fn narrow_priors_that_are_wrong_are_named() {
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
-/// Of 40 measurements with narrow priors of three constants, or two, as far off as their sds say, none is in doubt.
+/// Of 20 measurements with narrow priors of three constants, or two, as far off as their sds say, none is in doubt.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn narrow_priors_that_are_right_are_not_in_doubt() {
     let mut doubted = Vec::new();
-    for seed in 0..40 {
+    for seed in 0..20 {
         let kind = [Kind::Moire, Kind::Strip][seed as usize % 2];
         let rng = &mut Pcg64::seed_from_u64(seed);
         let mut prior = |(name, sd): &(&'static str, f64)| {

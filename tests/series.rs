@@ -185,19 +185,20 @@ fn declared(folder: &str) -> (String, Vec<f64>) {
 }
 
 #[test]
-#[ignore = "needs ../shared, two series, 2 minutes"]
+#[ignore = "needs ../shared, a series, a minute"]
 fn reference_series_are_read_right() {
     let both = &["hole_size", "out_of_plane_translation"];
-    read_right(&[("hole-and-approach", both), ("yield", &["yielding"])]);
+    read_right(&[("hole-and-approach", both)]);
 }
 
 #[test]
-#[ignore = "length: three series, 3 minutes; needs ../shared"]
-fn rest_tilt_and_lens_of_reference_are_read_right() {
+#[ignore = "length: four series, 4 minutes; needs ../shared"]
+fn rest_tilt_lens_and_yielding_of_reference_are_read_right() {
     read_right(&[
         ("still", &[]),
         ("tilt-with-load", &["out_of_plane_rotation"]),
         ("lens", &["lens_distortion"]),
+        ("yield", &["yielding"]),
     ]);
 }
 
@@ -292,13 +293,13 @@ fn turned_about_a_far_axis(seed: u64, law: causes::Law) {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn damage_of_another_profile_is_taken_for_no_other_effect() {
-    taken_for_no_other(&[2, 5]);
+    taken_for_no_other(&[5]);
 }
 
 #[test]
-#[ignore = "length: 4 series, 4 minutes"]
+#[ignore = "length: 5 series, 5 minutes"]
 fn damage_of_more_profiles_is_taken_for_no_other_effect() {
-    taken_for_no_other(&[0, 1, 3, 4]);
+    taken_for_no_other(&[0, 1, 2, 3, 4]);
 }
 
 /// Some of six profiles.
@@ -334,7 +335,7 @@ fn taken_for_no_other(profiles: &[usize]) {
     for j in &judged {
         assert!(!j.is_wrong(), "{}", j.ended.line());
     }
-    // of 16 intervals of 95 % fewer than 14 hold once in 23 times, of 8 fewer than 6 once in 173 times
+    // of 20 intervals of 95 % fewer than 18 hold once in 13 times, of 4 fewer than 2 once in 2000 times
     let held: usize = judged.iter().map(|j| j.ended.held()).sum();
     assert!(held + 2 >= 4 * profiles.len(), "{held}");
 }

@@ -163,7 +163,7 @@ impl Problem {
     }
 
     /// Number of the effects' amplitudes.
-    pub fn amplitudes(&self) -> usize {
+    fn amplitudes(&self) -> usize {
         self.effects.iter().map(|e| e.parameters().len()).sum()
     }
 

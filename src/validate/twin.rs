@@ -69,14 +69,13 @@ impl Twin {
             subset_mm: None,
             files: Vec::new(),
         };
-        let observation = Observation::new(field, &*experiment)?;
-        let columns = observation.columns(&prepared.reduced, &*experiment, model)?;
+        let prepared = Prepared {
+            observation: Observation::new(field, &*experiment)?,
+            ..prepared
+        };
         Ok(Self {
-            prepared: Prepared {
-                observation,
-                ..prepared
-            },
-            columns,
+            columns: prepared.columns(model)?,
+            prepared,
             nominal_mm: experiment.scene().setup.thickness,
             shape: [side, side],
             spacing,

@@ -105,7 +105,7 @@ fn a_small_calibration_of_the_loop_is_resumable() {
 
 /// Load series of image correlation are drawn, simulated and closed as single fields are: motions act by laws, each step moves.
 #[test]
-#[ignore = "slow: run by .ci/run"]
+#[ignore = "length: three series, 2 minutes"]
 fn the_loop_is_calibrated_over_load_series() {
     let out = fresh("sbc-series");
     let file = |forces: [Value; 4]| {

@@ -266,7 +266,7 @@ fn minor_ratio(model: &Model) -> Option<Mistake> {
 /// The empty disc about the hole's centre, as diameters of the hole that may have left it, mm.
 #[derive(Clone, Copy)]
 pub(super) struct Void {
-    /// The largest, less the distance of neighbouring points: the hole's edge lies between two of them.
+    /// The largest, less the distance of neighbouring points: half of it on either side, because the edge lies between points.
     least_mm: f64,
     /// The disc's, less what a subset that was dropped at the edge adds.
     most_mm: f64,
@@ -280,11 +280,13 @@ impl Void {
         let nearest = field.points.iter().map(|p| p[0].hypot(p[1]));
         let nearest = nearest.fold(f64::INFINITY, f64::min);
         let most_mm = 2.0 * nearest - field.subset_mm.unwrap_or(0.0);
-        let area = (high[0] - low[0]) * (high[1] - low[1]);
-        let spacing = (area / field.points.len() as f64).sqrt();
-        (surrounded && most_mm > 0.0).then_some(Self {
-            least_mm: most_mm - spacing,
+        (surrounded && most_mm > 0.0).then(|| Self {
+            least_mm: most_mm - field.spacing_mm(),
             most_mm,
         })
     }
 }
+
+#[cfg(test)]
+#[path = "../../../tests/unit/void.rs"]
+mod tests;
