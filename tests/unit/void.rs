@@ -1,10 +1,13 @@
 use super::*;
 use crate::field::DATA_AXES;
 
-/// Points of a lattice about a hole, and where they lie on it.
+/// Points along a side.
+const SIDE: usize = 161;
+
+/// Points of a lattice about a hole, whose centre lies somewhere between them.
 fn around(radius_mm: f64, spacing_mm: f64, off: [f64; 2]) -> Field {
-    let at = |k: usize, c: usize| spacing_mm * ((k % 41) as f64 - 20.0 + off[c]);
-    let all = (0..41 * 41).map(|k| [at(k, 0), at(k / 41, 1)]);
+    let at = |k: usize, c: usize| spacing_mm * ((k % SIDE) as f64 - 80.0 + off[c]);
+    let all = (0..SIDE * SIDE).map(|k| [at(k, 0), at(k / SIDE, 1)]);
     let points: Vec<[f64; 2]> = all.filter(|p| p[0].hypot(p[1]) > radius_mm).collect();
     Field {
         displacement: vec![[0.0; 2]; points.len()],

@@ -266,7 +266,7 @@ fn minor_ratio(model: &Model) -> Option<Mistake> {
 /// The empty disc about the hole's centre, as diameters of the hole that may have left it, mm.
 #[derive(Clone, Copy)]
 pub(super) struct Void {
-    /// The largest, less the distance of neighbouring points: half of it on either side, because the edge lies between points.
+    /// The largest, less twice the distance of neighbouring points: on either side the edge lies as far as that from the nearest.
     least_mm: f64,
     /// The disc's, less what a subset that was dropped at the edge adds.
     most_mm: f64,
@@ -281,7 +281,7 @@ impl Void {
         let nearest = nearest.fold(f64::INFINITY, f64::min);
         let most_mm = 2.0 * nearest - field.subset_mm.unwrap_or(0.0);
         (surrounded && most_mm > 0.0).then(|| Self {
-            least_mm: most_mm - field.spacing_mm(),
+            least_mm: most_mm - 2.0 * field.spacing_mm(),
             most_mm,
         })
     }
