@@ -54,14 +54,8 @@ impl Plate {
         let field = Field {
             displacement: vec![[0.0; 2]; points.len()],
             points,
-            sigma: None,
-            frame: DATA_AXES,
-            grid: None,
-            rejected: Default::default(),
-            outlying: Vec::new(),
-            fringe_frequency_per_mm: None,
             subset_mm: Some(SUBSET),
-            files: Vec::new(),
+            ..Field::empty(DATA_AXES)
         };
         let blocks = Blocks::new(&field, 2.0 * STEP, |_| true);
         assert!(!matches!(blocks.places, BlockPoints::Many));

@@ -256,7 +256,7 @@ fn the_readme_prints_what_the_measured_strip_gives() {
         is_printed(&name, &row[2], &report["averaged_posterior"][&name]);
     }
     assert_eq!(report["verdict"]["status"], "unexplained");
-    // what is left has no name, and what is known of steel is not excluded
+    // what is known of steel is not excluded
     let e = &report["averaged_posterior"]["E_GPa"];
     let [low, high] = ["q2.5", "q97.5"].map(|q| e[q].as_f64().unwrap());
     assert!(low < 212.0 && high > 205.0, "E from {low} to {high} GPa");

@@ -107,7 +107,7 @@ fn narrow_priors_that_are_wrong_are_named() {
             if matches!(kind, Kind::LaminateSeries) && *name == "E2_GPa" {
                 continue;
             }
-            // one distance of each constant; that of E1 of one field is 8 and 12 in a test below
+            // one distance for each constant, in turn; a test below tries E1 of one field at 8 and 12
             let distances = [4.0, -8.0, 12.0].into_iter().enumerate();
             for (j, sds) in distances.skip((i + k) % 3).take(1) {
                 let prior = (*name, true_value(kind, name) - sds * sd, *sd);

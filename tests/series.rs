@@ -335,9 +335,10 @@ fn taken_for_no_other(profiles: &[usize]) {
     for j in &judged {
         assert!(!j.is_wrong(), "{}", j.ended.line());
     }
-    // of 20 intervals of 95 % fewer than 18 hold once in 13 times, of 4 fewer than 2 once in 2000 times
+    // of 20 intervals of 95 % fewer than 17 hold once in 63 times, of 4 fewer than 3 once in 71 times
     let held: usize = judged.iter().map(|j| j.ended.held()).sum();
-    assert!(held + 2 >= 4 * profiles.len(), "{held}");
+    let may_miss = 1 + profiles.len() / 2;
+    assert!(held + may_miss >= 4 * profiles.len(), "{held}");
 }
 
 /// What is said of a wave that has a phase of its own in every frame.

@@ -17,7 +17,7 @@ use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
 use plychain::report::{run, traced};
 use plychain::section::terminal;
-use plychain::trace::{Accepted, Suspect, Tracing, attribute, extended};
+use plychain::trace::{Suspect, Tracing, attribute, extended};
 
 use serde_json::Value;
 
@@ -122,12 +122,10 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
         let suspect = first.get_or_insert_with(|| tracing.suspect.clone());
         tracing.suspect = suspect.beside(&tracing.suspect);
         let called_for = tracing.accepted.clone().filter(|_| accepted.len() < 5);
-        let Some(Accepted {
-            effect, amplitude, ..
-        }) = called_for
-        else {
+        let Some(called_for) = called_for else {
             return (accepted, tracing);
         };
+        let effect = called_for.effect;
         let group = tracing.groups.iter().find(|g| g.leader == effect.name());
         accepted.push((effect.name(), group.unwrap().members.clone()));
         let means: Vec<f64> = tracing.averaged.values().map(|a| a.mean).collect();
@@ -136,7 +134,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
         if means.iter().zip(&priors).all(near) {
             state.constants = means;
         }
-        model = extended(&model, effect, &amplitude, &tracing.averaged);
+        model = extended(&model, &called_for, &tracing.averaged);
         if effect.kind() == Kind::Recorded {
             // corrected in the field, which the reduced model does not depend on
             let mut bare = model.clone();
@@ -144,7 +142,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
                 .retain(|e| e.kind() == Kind::Recorded || e.name() == "rigid_translation");
             prepared = prepare(&bare, &cache, &Silent).unwrap();
         } else {
-            state.set(effect, amplitude.iter().map(|a| a.0).collect());
+            state.set(effect, called_for.amplitude.iter().map(|a| a.0).collect());
         }
     }
 }

@@ -41,9 +41,6 @@ impl Grid {
         Field {
             points: index.iter().map(|&i| frame.point(self.points[i])).collect(),
             displacement: index.iter().map(|&i| self.displacement[i]).collect(),
-            frame,
-            sigma: None,
-            outlying: Vec::new(),
             rejected: Rejected {
                 missing: self.points.len() - index.len(),
                 ..Rejected::default()
@@ -53,9 +50,7 @@ impl Grid {
                 cols: self.cols,
                 index,
             }),
-            fringe_frequency_per_mm: None,
-            subset_mm: None,
-            files: Vec::new(),
+            ..Field::empty(frame)
         }
     }
 }

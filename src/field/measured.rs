@@ -101,8 +101,8 @@ impl Field {
     /// A field with fewer points than this is refused when it is read.
     pub const FEWEST: usize = 24;
 
-    /// Without points yet.
-    pub(super) fn empty(frame: Frame) -> Self {
+    /// Without points yet; all that a field may have beside them is unset.
+    pub fn empty(frame: Frame) -> Self {
         Self {
             points: Vec::new(),
             displacement: Vec::new(),

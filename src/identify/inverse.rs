@@ -53,8 +53,8 @@ impl Prepared {
     /// The columns at the measured points, points x 2 each, mm a mm of coefficient. Modes are given at the nodes of the declared mesh. Where an
     /// effect moves the mesh (a larger hole), they are off between the nodes. So they are corrected by what makes them right in the middle of the
     /// design's box, which a refinement puts about the posterior. Without that, on a coarse mesh with a hole 4 % larger, constants were 30 % of an sd off.
-    /// On the declared mesh nothing is corrected: there a reduced basis answers or not, by what was solved before, and a run that goes on must find
-    /// the same bits.
+    /// On the declared mesh nothing is corrected. There a reduced basis may answer, or the solver, which depends on what was solved before: a run
+    /// that goes on would not find the same bits.
     ///
     /// # Errors
     /// Those of a finite-element solution.

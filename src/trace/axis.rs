@@ -7,7 +7,11 @@ use crate::linearise::{AXIS_MM, PIVOT_MM};
 
 /// Take the strain that the unknown axes leave into the model of a field whose specimen was found to turn, with the size that they may give
 /// it: fitted without it, fields turned by 1.25 mrad were never described by the rotation alone.
-pub fn entail_strain(model: &mut Model, effect: &'static dyn Effect, amplitude: &[(f64, f64)]) {
+pub(super) fn entail_strain(
+    model: &mut Model,
+    effect: &'static dyn Effect,
+    amplitude: &[(f64, f64)],
+) {
     let Some(strain) = effect.entails() else {
         return;
     };

@@ -16,7 +16,6 @@ use std::time::Instant;
 
 use super::attribute::attribute_kept;
 use super::averaged::Interval;
-use super::axis::entail_strain;
 use super::conclusion::{Conclusion, conclude};
 use super::extend::extended;
 use super::facts::Status;
@@ -24,7 +23,7 @@ use super::quoted::{Quoted, Supposing, quote};
 use super::refused::Refused;
 use super::round::Round;
 use super::traced::Traced;
-use super::tracing::{Accepted, Tracing};
+use super::tracing::Tracing;
 use super::vetoes::{contradiction, surrogate};
 use crate::error::{Blame, Error, Result};
 use crate::experiment::State;
@@ -419,28 +418,10 @@ const FAR: f64 = 2.5;
 
 /// The model that a round's tracing calls for.
 fn next_model(round: &Round) -> Option<NextModel> {
-    let Tracing {
-        accepted,
-        averaged,
-        series,
-        ..
-    } = &round.tracing;
-    let Accepted {
-        effect,
-        amplitude,
-        law,
-        plausible,
-    } = accepted.as_ref()?;
-    let mut model = extended(&round.model, *effect, amplitude, averaged);
-    if series.is_none() {
-        entail_strain(&mut model, *effect, amplitude);
-    }
-    let experiment = model.experiment_mut();
-    experiment.plausible.extend(plausible.iter().cloned());
-    let law = law.map(|law| (effect.name().to_string(), law));
-    experiment.laws.extend(law);
+    let tracing = &round.tracing;
+    let accepted = tracing.accepted.as_ref()?;
     Some(NextModel {
-        model,
-        traced: series.as_ref().map(|s| s.found.clone()),
+        model: extended(&round.model, accepted, &tracing.averaged),
+        traced: tracing.series.as_ref().map(|s| s.found.clone()),
     })
 }

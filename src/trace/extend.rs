@@ -1,6 +1,8 @@
 //! A model with one more declared effect.
 
 use super::averaged::Interval;
+use super::axis::entail_strain;
+use super::tracing::Accepted;
 use crate::effect::{Effect, amplitude_name};
 use crate::files::Keyed;
 use crate::infer::{Model, prior_box};
@@ -9,13 +11,16 @@ use crate::infer::{Model, prior_box};
 pub const BOX_SDS: f64 = 8.0;
 const BOX_SHARE: f64 = 0.1;
 
-/// The model with one more declared effect. The DoE box lies about the amplitude's estimate and the averaged posterior.
-pub fn extended(
-    model: &Model,
-    effect: &'static dyn Effect,
-    amplitude: &[(f64, f64)],
-    averaged: &Keyed<Interval>,
-) -> Model {
+/// The model with one more declared effect, and with what that entails. The DoE box lies about the amplitude's estimate and the averaged
+/// posterior.
+pub fn extended(model: &Model, accepted: &Accepted, averaged: &Keyed<Interval>) -> Model {
+    let Accepted {
+        effect,
+        amplitude,
+        law,
+        plausible,
+    } = accepted;
+    let effect = *effect;
     let mut model = model.clone();
     narrow(&mut model, averaged);
     take_effective_subset(&mut model, effect, amplitude);
@@ -55,6 +60,13 @@ pub fn extended(
         }
         model.ask_for_snapshots();
     }
+    if model.experiment().steps.is_none() {
+        entail_strain(&mut model, effect, amplitude);
+    }
+    let experiment = model.experiment_mut();
+    experiment.plausible.extend(plausible.iter().cloned());
+    let law = law.map(|law| (effect.name().to_string(), law));
+    experiment.laws.extend(law);
     model
 }
 

@@ -42,7 +42,6 @@ mod weighing;
 
 pub use attribute::attribute;
 pub use averaged::{BlindSpot, Interval};
-pub use axis::entail_strain;
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
 pub use conclusion::{Conclusion, texts};
 pub use evidence::LARGEST_MULTIPLE;

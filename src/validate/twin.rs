@@ -6,7 +6,7 @@ use rand_pcg::Pcg64Dxsm;
 
 use crate::error::{Error, Result};
 use crate::experiment::load_response;
-use crate::field::{Field, Rejected};
+use crate::field::Field;
 use crate::identify::{self, Prepared};
 use crate::infer::{Model, Observation, Posterior, Statistics, UnitColumns};
 use crate::noise::{Noise, matern_pair};
@@ -60,14 +60,7 @@ impl Twin {
         let field = Field {
             displacement: vec![[0.0; 2]; points.len()],
             points,
-            frame: experiment.scene().frame,
-            grid: None,
-            rejected: Rejected::default(),
-            sigma: None,
-            outlying: Vec::new(),
-            fringe_frequency_per_mm: None,
-            subset_mm: None,
-            files: Vec::new(),
+            ..Field::empty(experiment.scene().frame)
         };
         let prepared = Prepared {
             observation: Observation::new(field, &*experiment)?,

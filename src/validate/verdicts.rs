@@ -1,6 +1,6 @@
 //! Verdicts as a whole: constants, forces, motion, noise and up to three effects are drawn, a measurement is simulated, the loop is closed on
-//! it, and its names and intervals are compared with what acted. The oracle is the same loop, told which effects act and not how large they are
-//! (but for the side of subsets): they are declared, and nothing is added. Its posterior is the closed form.
+//! it, and its names and intervals are compared with what acted. The oracle is the same loop, told which effects act and not how large they are:
+//! they are declared, and nothing is added. Only the side of subsets is told. The oracle's posterior is its closed form.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use crate::numeric::quantile;
 use crate::progress::{Progress, Silent};
 use crate::sample::SAMPLERS;
 use crate::trace::{
-    BOX_SDS, Finding, Interval, LoopStage, Status, close, entail_strain, explain, extended,
+    Accepted, BOX_SDS, Finding, Interval, LoopStage, Status, close, explain, extended,
 };
 
 /// Effects that act, at most.
@@ -103,7 +103,7 @@ pub fn verdicts(
     replicates(of, plan, (OF_THE_LOOP, &one), progress)
 }
 
-/// What a record holds; a line of the first had another oracle.
+/// Format of a record; replicates of format 1 had another oracle.
 const RECORD: &str = "plychain-verdicts/2";
 
 /// Close the loop on a measurement, and compare with what is true.
@@ -190,13 +190,13 @@ fn oracle(model: &Model, drawn: &Drawn, averaged: &Keyed<Interval>) -> Model {
         let sizes = drawn.amplitude(acts).iter().enumerate();
         let around =
             |(k, a): (usize, &f64)| (*a, model.prior_sd(acts.effect, k).unwrap_or(0.0) / BOX_SDS);
-        let amplitude: Vec<(f64, f64)> = sizes.map(around).collect();
-        declared = extended(&declared, acts.effect, &amplitude, &wide);
-        if declared.experiment().steps.is_none() {
-            entail_strain(&mut declared, acts.effect, &amplitude);
-        }
-        let law = acts.law.map(|law| (acts.effect.name().to_string(), law));
-        declared.experiment_mut().laws.extend(law);
+        let told = Accepted {
+            effect: acts.effect,
+            amplitude: sizes.map(around).collect(),
+            law: acts.law,
+            plausible: Vec::new(),
+        };
+        declared = extended(&declared, &told, &wide);
     }
     declared
 }

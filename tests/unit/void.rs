@@ -12,14 +12,7 @@ fn around(radius_mm: f64, spacing_mm: f64, off: [f64; 2]) -> Field {
     Field {
         displacement: vec![[0.0; 2]; points.len()],
         points,
-        sigma: None,
-        frame: DATA_AXES,
-        grid: None,
-        rejected: Default::default(),
-        outlying: Vec::new(),
-        fringe_frequency_per_mm: None,
-        subset_mm: None,
-        files: Vec::new(),
+        ..Field::empty(DATA_AXES)
     }
 }
 

@@ -266,7 +266,7 @@ fn minor_ratio(model: &Model) -> Option<Mistake> {
 /// The empty disc about the hole's centre, as diameters of the hole that may have left it, mm.
 #[derive(Clone, Copy)]
 pub(super) struct Void {
-    /// The largest, less twice the distance of neighbouring points: on either side the edge lies as far as that from the nearest.
+    /// The largest, less twice the distance of neighbouring points. The nearest point lies up to one such distance outside the hole's edge.
     least_mm: f64,
     /// The disc's, less what a subset that was dropped at the edge adds.
     most_mm: f64,
