@@ -175,7 +175,7 @@ pub fn calibration_numbers(summary: &Summary) -> Value {
 }
 
 /// What the verdicts of a loop say, over what acted.
-fn verdict_rows(summary: &VerdictSummary) -> [(&'static str, HowOften); 9] {
+fn verdict_rows(summary: &VerdictSummary) -> [(&'static str, HowOften); 10] {
     [
         ("no effect acts: an effect is named", summary.named_in_nulls),
         (
@@ -183,16 +183,23 @@ fn verdict_rows(summary: &VerdictSummary) -> [(&'static str, HowOften); 9] {
             summary.unexplained_nulls,
         ),
         ("effects act: all are named, and no other", summary.exact),
-        ("effects that act and are named", summary.recalled),
+        (
+            "effects that act and are named, alone or as \"A or B\"",
+            summary.recalled,
+        ),
         (
             "the same, of those that this measurement would show",
             summary.recalled_of_shown,
         ),
-        ("named effects that act", summary.right_names),
         (
-            "named effects that act, or a look-alike of them does",
+            "effects that act and are named alone",
+            summary.recalled_alone,
+        ),
+        (
+            "names, alone or as \"A or B\", of something that acts",
             summary.right_groups,
         ),
+        ("names that stand alone and act", summary.right_alone),
         (
             "explained, with a name for which nothing acts",
             summary.sure_and_wrong,
@@ -233,8 +240,10 @@ pub fn verdicts_section(summary: &VerdictSummary) -> Section {
 
 /// What is said of the names and of the constants beside those with all true effects declared, where effects acted.
 fn of_names(summary: &VerdictSummary) -> Vec<String> {
-    let f1 = summary.f1();
-    let names = f1.is_finite().then(|| format!("F1 of the names: {f1:.2}"));
+    let [named, alone] = summary.f1();
+    let names = named.is_finite().then(|| {
+        format!("F1 of the names: {named:.2}, and {alone:.2} where \"A or B\" counts as no name")
+    });
     let left = summary.bias_left;
     let of = summary.biased;
     let left = left.is_finite().then(|| format!("In {of} explained measurements the constants lay more than one sd from those of a loop that is told what acts. Closing left {left:.3} of this distance (median)"));
@@ -244,6 +253,7 @@ fn of_names(summary: &VerdictSummary) -> Vec<String> {
 /// The same as numbers.
 pub fn verdicts_numbers(summary: &VerdictSummary) -> Value {
     let mut all = json!(summary);
-    all["f1"] = json!(summary.f1());
+    let [named, alone] = summary.f1();
+    (all["f1"], all["f1_alone"]) = (json!(named), json!(alone));
     all
 }

@@ -17,9 +17,7 @@ use crate::infer::{EffectUnderLaw, Model};
 use crate::numeric::quantile;
 use crate::progress::{Progress, Silent};
 use crate::sample::SAMPLERS;
-use crate::trace::{
-    Accepted, BOX_SDS, Finding, Interval, LoopStage, Status, close, explain, extended,
-};
+use crate::trace::{Accepted, BOX_SDS, Interval, LoopStage, Status, close, explain, extended};
 
 /// Effects that act, at most.
 pub const MOST: usize = 3;
@@ -33,14 +31,23 @@ pub struct VerdictPlan {
     pub whole: bool,
 }
 
+/// An effect that acted.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ActedEffect {
+    pub effect: String,
+    /// How its amplitude goes over the steps of a series.
+    pub law: Option<String>,
+    /// Whether it is so large that the first round would have found it, if nothing else acted.
+    pub shows: bool,
+}
+
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct VerdictReplicate {
     pub replicate: usize,
-    /// What acted, each with whether the first round would have shown it.
-    pub acted: Vec<(String, bool)>,
-    /// What the loop named, each with its alias group.
-    pub named: Vec<(String, Vec<String>)>,
+    pub acted: Vec<ActedEffect>,
+    /// Alias groups that the loop named; one effect where it stands alone.
+    pub named: Vec<Vec<String>>,
     pub status: String,
     /// Whether the 95 % interval to quote holds each constant.
     pub held: Vec<bool>,
@@ -56,25 +63,33 @@ impl Numbered for VerdictReplicate {
 
 impl VerdictReplicate {
     fn acts(&self, name: &str) -> bool {
-        self.acted.iter().any(|(acted, _)| acted == name)
+        self.acted.iter().any(|acted| acted.effect == name)
     }
 
     fn is_null(&self) -> bool {
         self.acted.is_empty()
     }
 
-    /// Whether the names are those of what acted, no more and no fewer.
-    fn is_exact(&self) -> bool {
-        self.named.len() == self.acted.len() && self.named.iter().all(|(name, _)| self.acts(name))
+    /// Whether an effect is named, alone or in a group.
+    fn names(&self, effect: &str) -> bool {
+        self.named.iter().flatten().any(|name| name == effect)
     }
 
-    /// Names of which no member of the alias group acted.
+    /// Whether all that acted is named, and no group but those in which something acted.
+    fn is_exact(&self) -> bool {
+        self.acted.iter().all(|a| self.names(&a.effect)) && self.false_names() == 0
+    }
+
+    /// Names that stand alone.
+    fn alone(&self) -> impl Iterator<Item = &String> {
+        let alone = self.named.iter().filter(|group| group.len() == 1);
+        alone.flatten()
+    }
+
+    /// Groups of which no member acted.
     fn false_names(&self) -> usize {
-        let outside = |group: &Vec<String>| !group.iter().any(|name| self.acts(name));
-        self.named
-            .iter()
-            .filter(|(_, group)| outside(group))
-            .count()
+        let outside = |group: &&Vec<String>| !group.iter().any(|name| self.acts(name));
+        self.named.iter().filter(outside).count()
     }
 
     fn is_explained(&self) -> bool {
@@ -103,8 +118,8 @@ pub fn verdicts(
     replicates(of, plan, (OF_THE_LOOP, &one), progress)
 }
 
-/// Format of a record; replicates of format 1 had another oracle.
-const RECORD: &str = "plychain-verdicts/2";
+/// Format of a record; replicates of format 1 had another oracle, those of format 2 other fields.
+const RECORD: &str = "plychain-verdicts/3";
 
 /// Close the loop on a measurement, and compare with what is true.
 fn judged(
@@ -126,25 +141,20 @@ fn judged(
         (explained.rounds, explained.conclusion, intervals)
     };
     let first = &rounds[0];
-    let shows = |acts: &EffectUnderLaw| {
-        let same = |f: &&Finding| f.effect.name() == acts.effect.name();
-        let mut own = first
-            .tracing
-            .candidates
-            .iter()
-            .filter(same)
-            .map(|f| f.detectable);
+    let acted = |acts: &EffectUnderLaw| {
+        let mut found = first.tracing.candidates.iter();
+        let found = found.find(|f| f.effect.name() == acts.effect.name() && f.law == acts.law);
         let size = drawn.amplitude(acts).first().map_or(0.0, |a| a.abs());
-        own.any(|detectable| size > detectable)
+        ActedEffect {
+            effect: acts.effect.name().to_string(),
+            law: acts.law.map(|law| law.key()),
+            shows: found.is_some_and(|f| size > f.detectable),
+        }
     };
-    let acted = drawn
-        .acted
-        .iter()
-        .map(|a| (a.effect.name().to_string(), shows(a)));
     let group = |name: &String| {
         let mut groups = conclusion.alias_groups.iter();
         let own = groups.find(|g| g.contains(name)).cloned();
-        (name.clone(), own.unwrap_or_else(|| vec![name.clone()]))
+        own.unwrap_or_else(|| vec![name.clone()])
     };
     let bias = match drawn.acted.is_empty() {
         true => [0.0; 2],
@@ -162,7 +172,7 @@ fn judged(
     };
     Ok(VerdictReplicate {
         replicate,
-        acted: acted.collect(),
+        acted: drawn.acted.iter().map(acted).collect(),
         named: conclusion.effects.iter().map(group).collect(),
         status: conclusion.status.words().to_string(),
         held: held(model, drawn, &intervals),
@@ -252,15 +262,17 @@ pub struct VerdictSummary {
     /// Nulls in which something was named, and in which structure was called unexplained.
     pub named_in_nulls: HowOften,
     pub unexplained_nulls: HowOften,
-    /// Measurements with effects whose names are exactly those.
+    /// Measurements with effects that are all named, and no group but theirs.
     pub exact: HowOften,
-    /// Effects that acted and were named: of all, and of those that the measurement would show.
+    /// Effects that acted and were named, alone or in a group: of all, and of those that the measurement would show.
     pub recalled: HowOften,
     pub recalled_of_shown: HowOften,
-    /// Names of effects that acted, of all names.
-    pub right_names: HowOften,
-    /// Alias groups in which something acted, of all that were named.
+    /// Effects that acted and were named alone, of all.
+    pub recalled_alone: HowOften,
+    /// Names and groups in which something acted, of all.
     pub right_groups: HowOften,
+    /// Names that stand alone and acted, of all that stand alone.
+    pub right_alone: HowOften,
     /// Measurements that end explained, with a name in whose group nothing acts.
     pub sure_and_wrong: HowOften,
     /// 95 % intervals that hold their constant.
@@ -275,19 +287,11 @@ impl VerdictSummary {
     pub fn new(plan: &ReplicatePlan, asked: VerdictPlan, all: &[VerdictReplicate]) -> Self {
         let nulls = || all.iter().filter(|r| r.is_null());
         let acted = || all.iter().filter(|r| !r.is_null());
-        let effects = || {
-            let of = |r: &'_ VerdictReplicate| {
-                let named = |name: &str| r.named.iter().any(|(n, _)| n == name);
-                r.acted
-                    .iter()
-                    .map(|(name, shows)| (named(name), *shows))
-                    .collect::<Vec<_>>()
-            };
-            all.iter().flat_map(of)
-        };
-        let names = all
-            .iter()
-            .flat_map(|r| r.named.iter().map(|(name, _)| r.acts(name)));
+        let effects = || all.iter().flat_map(|r| r.acted.iter().map(move |a| (r, a)));
+        let named = |(r, a): &(&VerdictReplicate, &ActedEffect)| r.names(&a.effect);
+        let named_alone =
+            |(r, a): &(&VerdictReplicate, &ActedEffect)| r.alone().any(|name| *name == a.effect);
+        let alone = all.iter().flat_map(|r| r.alone().map(|name| r.acts(name)));
         let groups = all.iter().map(|r| (r.false_names(), r.named.len()));
         let (wrong, of) = groups.fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
         let closed = acted().filter(|r| r.is_explained() && r.bias[0] > BIASED);
@@ -299,9 +303,10 @@ impl VerdictSummary {
             named_in_nulls: HowOften::new(nulls(), |r| !r.named.is_empty()),
             unexplained_nulls: HowOften::new(nulls(), |r| !r.is_explained()),
             exact: HowOften::new(acted(), |r| r.is_exact()),
-            recalled: HowOften::new(effects(), |(named, _)| *named),
-            recalled_of_shown: HowOften::new(effects().filter(|e| e.1), |(named, _)| *named),
-            right_names: HowOften::new(names, |acts| *acts),
+            recalled: HowOften::new(effects(), named),
+            recalled_of_shown: HowOften::new(effects().filter(|(_, a)| a.shows), named),
+            recalled_alone: HowOften::new(effects(), named_alone),
+            right_alone: HowOften::new(alone, |acts| *acts),
             right_groups: HowOften {
                 found: of - wrong,
                 of,
@@ -313,12 +318,20 @@ impl VerdictSummary {
         }
     }
 
-    /// Harmonic mean of the share of names that are right and of the share of effects that are named.
-    pub fn f1(&self) -> f64 {
-        let (precision, recall) = (self.right_names.share(), self.recalled.share());
-        match precision + recall > 0.0 {
-            true => 2.0 * precision * recall / (precision + recall),
-            false => f64::NAN,
-        }
+    /// F1 of the names, where "A or B" names both, and where only a name that stands alone counts.
+    pub fn f1(&self) -> [f64; 2] {
+        [
+            harmonic(self.right_groups, self.recalled),
+            harmonic(self.right_alone, self.recalled_alone),
+        ]
+    }
+}
+
+/// Harmonic mean of the share of names that are right and of the share of effects that are named.
+fn harmonic(right: HowOften, recalled: HowOften) -> f64 {
+    let (precision, recall) = (right.share(), recalled.share());
+    match precision + recall > 0.0 {
+        true => 2.0 * precision * recall / (precision + recall),
+        false => f64::NAN,
     }
 }

@@ -1,7 +1,9 @@
 //! Verdicts over simulated measurements: what is counted, and that a record is gone on with.
 
 use plychain::validate::calibration::ReplicatePlan;
-use plychain::validate::verdicts::{HowOften, VerdictPlan, VerdictReplicate, VerdictSummary};
+use plychain::validate::verdicts::{
+    ActedEffect, HowOften, VerdictPlan, VerdictReplicate, VerdictSummary,
+};
 
 use super::*;
 
@@ -16,11 +18,15 @@ fn replicate(
         replicate: 0,
         acted: acted
             .iter()
-            .map(|(name, shows)| (text(name), *shows))
+            .map(|(name, shows)| ActedEffect {
+                effect: text(name),
+                law: None,
+                shows: *shows,
+            })
             .collect(),
         named: named
             .iter()
-            .map(|group| (text(&group[0]), group.iter().map(text).collect()))
+            .map(|group| group.iter().map(text).collect())
             .collect(),
         status: status.into(),
         held: vec![true, true, false, true],
@@ -69,24 +75,28 @@ fn names_are_counted_by_hand() {
         summary.exact,
         summary.recalled,
         summary.recalled_of_shown,
-        summary.right_names,
+        summary.recalled_alone,
         summary.right_groups,
+        summary.right_alone,
         summary.sure_and_wrong,
         summary.held,
     ];
     let expected = [
         [1, 2],
         [0, 2],
-        [2, 5],
-        [4, 7],
-        [4, 6],
+        [3, 5],
+        [5, 7],
+        [5, 6],
         [4, 7],
         [5, 7],
+        [4, 6],
         [2, 7],
         [21, 28],
     ];
     assert_eq!(counts.map(|c| [c.found, c.of]), expected);
-    assert!((summary.f1() - 4.0 / 7.0).abs() < 1e-12);
+    let [named, alone] = summary.f1();
+    assert!((named - 5.0 / 7.0).abs() < 1e-12);
+    assert!((alone - 8.0 / 13.0).abs() < 1e-12);
     // of 0.01, 0.5 and 0.25
     assert_eq!(summary.biased, 3);
     assert!((summary.bias_left - 0.25).abs() < 1e-12);
