@@ -376,6 +376,7 @@ fn what_no_series_can_be_is_refused() {
 }
 
 const CONSTANTS: [f64; 4] = [150.0, 7.58, 0.34, 4.8];
+const PRIOR_MEANS: [f64; 4] = [162.0, 7.58, 0.34, 4.41];
 
 /// The folder of four steps of a moving specimen with this effect.
 fn moving(effect: &str) -> PathBuf {
@@ -403,6 +404,23 @@ fn a_series_that_turns_out_of_its_plane_is_closed() {
     let folder = moving("out_of_plane_rotation=1,4:load");
     let model = Model::load(&folder.join("model.json")).unwrap();
     closes_on("out_of_plane_rotation", &model);
+}
+
+/// A gradient of temperature that goes with the load is probable as one that drifts, too, and beside a softening that is too small to be found.
+/// Its other law is no rival of it: which of them acts is asked after its name.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn an_effect_by_another_law_is_no_rival_of_it() {
+    let folder = simulated(
+        &coupon(),
+        "--steps 0,700,1400,2100,2800 --grid 41 --noise-nm 115 --motion-mm 0.2 --seed 1 \
+         --effect thermal_gradient=0.12,-0.1:load --effect softening=-2.5",
+    );
+    let model = Model::load(&folder.join("model.json")).unwrap();
+    let ended = looped("a gradient beside a softening", &model, &PRIOR_MEANS);
+    println!("{}", ended.line());
+    assert_eq!(ended.effects, ["thermal_gradient"], "{}", ended.line());
+    assert_eq!(ended.held(), 4, "{}", ended.line());
 }
 
 /// A lens off the middle of four times the plausible size is not accepted, and it is said why; declared as plausible it is, and its fit to the

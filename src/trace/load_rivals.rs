@@ -37,7 +37,10 @@ pub(super) fn load_rivals(
         let own = w.subset.iter().filter(|k| !best.subset.contains(k));
         let mut differing = own.chain([&group.leader]);
         let probable = best.log_weight - w.log_weight < SWAP;
-        probable && !w.subset.contains(&group.leader) && differing.any(is_load)
+        // the leader's effect by another law is no rival of it
+        let mut own = w.subset.iter();
+        let without = !own.any(|&k| subsets.layout.same(k, group.leader));
+        probable && without && differing.any(is_load)
     };
     let rivals: Vec<&WeighedSubset> = ranked.iter().filter(is_rival).take(MOST).collect();
     if rivals.is_empty() {
