@@ -143,7 +143,10 @@ impl Evidence {
                 .load_scale()
                 .into_iter()
                 .map(|s| (force_scale().name(), s))
-                .chain(spots.into_iter().map(|(k, spot)| (self.name(k), spot)))
+                // one of each step would have no name of its own
+                .chain((spots.into_iter()).filter_map(|(k, spot)| {
+                    (spot.law != Some(Law::Free)).then(|| (self.name(k), spot))
+                }))
                 .collect(),
             holdout_rms_nm: holdout.rms_nm(&Vec::new()),
             left_out: apart.left_out,

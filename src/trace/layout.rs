@@ -83,6 +83,12 @@ impl CandidateLayout {
         log
     }
 
+    /// Whether no amplitude of some columns, with these means, has a sign that it cannot have.
+    pub fn is_possible(&self, columns: &[usize], mean: &DVector<f64>) -> bool {
+        let mut all = columns.iter().zip(mean.iter());
+        all.all(|(&k, mean)| !self.positive[k] || *mean >= 0.0)
+    }
+
     /// Whether two candidates are one effect by two laws.
     pub fn same(&self, a: usize, b: usize) -> bool {
         self.names[a] == self.names[b]

@@ -37,7 +37,7 @@ pub struct ActedEffect {
     pub effect: String,
     /// How its amplitude goes over the steps of a series.
     pub law: Option<String>,
-    /// Whether it is so large that the first round would have found it, if nothing else acted.
+    /// Whether its first amplitude is so large that the first round would have found it, if nothing else acted.
     pub shows: bool,
 }
 
