@@ -10,7 +10,7 @@ use plychain::trace::Status;
 use serde_json::{Value, json};
 
 use crate::loops::looped;
-use crate::program::{changed, fresh, plychain, set_coarse, simulated};
+use crate::program::{changed, fresh, plychain, set_coarse, simulated, succeed};
 
 type Field = Vec<[f64; 2]>;
 
@@ -421,6 +421,31 @@ fn an_effect_by_another_law_is_no_rival_of_it() {
     println!("{}", ended.line());
     assert_eq!(ended.effects, ["thermal_gradient"], "{}", ended.line());
     assert_eq!(ended.held(), 4, "{}", ended.line());
+}
+
+/// What a smaller hole leaves is no damage: its loss would be negative.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_smaller_hole_is_not_taken_for_damage() {
+    for seed in [1, 2] {
+        let folder = simulated(
+            &coupon(),
+            &format!(
+                "--steps 0,700,1400,2100,2800 --grid 41 --noise-nm 300 --motion-mm 0.2 \
+                 --effect hole_size=-3 --seed {seed}"
+            ),
+        );
+        let run = fresh("run");
+        let out = run.to_str().unwrap();
+        let file = folder.join("model.json").display().to_string();
+        succeed(&["identify", &file, "--quiet", "--out", out]);
+        succeed(&["trace", out]);
+        let trace = read(&run, "trace.json");
+        let groups = trace["groups"].as_array().unwrap();
+        let of_hole = groups.iter().find(|g| g["leader"] == "hole_size");
+        let members = of_hole.unwrap()["members"].as_array().unwrap();
+        assert!(!members.contains(&json!("hole_edge_damage")), "{groups:?}");
+    }
 }
 
 /// A lens off the middle of four times the plausible size is not accepted, and it is said why; declared as plausible it is, and its fit to the

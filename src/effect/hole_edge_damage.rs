@@ -38,6 +38,12 @@ impl Effect for HoleEdgeDamage {
         });
     }
 
+    /// What is lost at the edge is not negative, nor is what is lost over all depths. Else it would stand in for a smaller hole.
+    fn never_negative(&self) -> Option<[f64; 2]> {
+        let [near, far] = DEPTHS;
+        Some([0.5 * (near + far), 0.5 * (far - near)])
+    }
+
     fn meaning(&self, amplitude: &[[f64; 2]], scene: &Scene) -> Option<String> {
         let radius = scene.setup.geometry.hole_radius()?;
         let [[loss, _], [deeper, sd]] = *amplitude else {

@@ -295,6 +295,11 @@ pub trait Effect: Sync {
         self.entry().kind
     }
 
+    /// Weights of its two amplitudes (border units) whose sum cannot be negative, where the first cannot either.
+    fn never_negative(&self) -> Option<[f64; 2]> {
+        None
+    }
+
     /// A mechanical effect's change to the test.
     fn alter(&self, _amplitude: &[f64], _setup: &mut Setup) {}
 

@@ -1,8 +1,9 @@
 //! Which columns belong to which candidate, and the evidence of a subset of them.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::sought::lift_of;
+use super::wedge::{log_in_wedge, log_positive};
 use super::weighing::Projected;
 use crate::linearise::Candidate;
 use crate::noise::NormalEquations;
@@ -16,6 +17,8 @@ pub struct CandidateLayout {
     pub ranges: Vec<Vec<usize>>,
     /// Whether a column's amplitude cannot be negative: its prior is half a normal one.
     positive: Vec<bool>,
+    /// Weights of each candidate's first two columns whose sum cannot be negative, nor can the first.
+    wedges: Vec<Option<[f64; 2]>>,
     /// Names of the candidates' effects: no subset holds one twice, by two laws.
     names: Vec<&'static str>,
     /// Pairs that are one motion: a rotation, and the lift by its law of an axis off the hole.
@@ -38,6 +41,7 @@ impl CandidateLayout {
         Self {
             ranges: ranges.collect(),
             positive: columns.map(|c| c.positive).collect(),
+            wedges: candidates.iter().map(wedge).collect(),
             names: candidates.iter().map(|c| c.effect.name()).collect(),
             one_motion: one_motion(candidates),
         }
@@ -68,14 +72,7 @@ impl CandidateLayout {
         }
         let mean = fit.mean();
         if signed {
-            let covariance = fit.covariance();
-            for (i, _) in columns
-                .iter()
-                .enumerate()
-                .filter(|(_, k)| self.positive[**k])
-            {
-                log += log_positive(mean[i] / covariance[(i, i)].sqrt());
-            }
+            log += self.log_possible(subset, &mean, &fit.covariance());
         }
         if self.opposed(projected, subset, &mean) {
             return f64::NEG_INFINITY;
@@ -83,10 +80,23 @@ impl CandidateLayout {
         log
     }
 
-    /// Whether no amplitude of some columns, with these means, has a sign that it cannot have.
-    pub fn is_possible(&self, columns: &[usize], mean: &DVector<f64>) -> bool {
-        let mut all = columns.iter().zip(mean.iter());
-        all.all(|(&k, mean)| !self.positive[k] || *mean >= 0.0)
+    /// Log of the share of the posterior of a subset's amplitudes where none has a sign that it cannot have, over that of the prior.
+    fn log_possible(&self, subset: &Subset, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+        let (mut log, mut at) = (0.0, 0);
+        for &k in subset {
+            if let Some(weights) = self.wedges[k] {
+                let own = covariance.fixed_view::<2, 2>(at, at).into_owned();
+                log += log_in_wedge(mean.fixed_rows::<2>(at).into_owned(), &own, weights);
+            } else {
+                let columns = self.ranges[k].iter().zip(at..);
+                let positive = columns.filter(|(column, _)| self.positive[**column]);
+                log += positive
+                    .map(|(_, i)| log_positive(mean[i] / covariance[(i, i)].sqrt()))
+                    .sum::<f64>();
+            }
+            at += self.ranges[k].len();
+        }
+        log
     }
 
     /// Whether two candidates are one effect by two laws.
@@ -134,6 +144,12 @@ impl CandidateLayout {
     }
 }
 
+/// Weights of amplitudes in prior sds whose sum cannot be negative.
+fn wedge(candidate: &Candidate) -> Option<[f64; 2]> {
+    let weights = candidate.effect.never_negative()?;
+    Some([0, 1].map(|k| weights[k] * candidate.columns[k].sd))
+}
+
 /// Pairs of a rotation and the lift of its axis by the same law, as indices of candidates.
 fn one_motion(candidates: &[Candidate]) -> Vec<[usize; 2]> {
     let mut pairs = Vec::new();
@@ -146,14 +162,6 @@ fn one_motion(candidates: &[Candidate]) -> Vec<[usize; 2]> {
         pairs.extend(own.map(|(j, _)| [i, j]));
     }
     pairs
-}
-
-/// log (2 Phi(z)): what a half-normal prior makes of evidence under a normal one, for an amplitude `z` sds from zero.
-fn log_positive(z: f64) -> f64 {
-    if z < -30.0 {
-        return -0.5 * z * z;
-    }
-    statrs::function::erf::erfc(-z / std::f64::consts::SQRT_2).ln()
 }
 
 /// Columns of a subset among the candidates' columns.

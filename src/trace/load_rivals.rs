@@ -1,9 +1,9 @@
 //! Where an error of the load and something else explain a residual equally well, and the constants depend on which it is: neither is named
 //! alone, and the interval to quote spans the answers of all. Of two steps whose forces contradict each other either may be wrong.
 
-use super::alias::AliasGroup;
+use super::alias::{AliasGroup, SWAP};
 use super::averaged::supposing;
-use super::subsets::{SWAP, Subset, SubsetPosterior, WeighedSubset};
+use super::subsets::{Subset, SubsetPosterior, WeighedSubset};
 use super::suspect::ConditionalAnswer;
 use super::weighing::Weighing;
 use crate::effect::Scope;

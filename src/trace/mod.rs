@@ -38,6 +38,7 @@ mod together;
 mod traced;
 mod tracing;
 mod vetoes;
+mod wedge;
 mod weighing;
 
 pub use attribute::attribute;

@@ -20,11 +20,6 @@ use crate::numeric::log_sum_exp;
 /// with swaps found the same best one in 58 of 60 fields.
 pub const SIZES: [f64; 5] = [0.5, 0.3, 0.12, 0.05, 0.03];
 
-/// A subset that costs a log Bayes factor below this cannot be excluded. Groups by the cosine of signatures came out too wide for loud
-/// effects and too narrow for quiet ones: even a cosine of 1.000 separates where the effect is large enough to be nonlinear (prototype
-/// study).
-pub const SWAP: f64 = 5.0;
-
 /// Subsets of each enumeration that are weighed under every pair of hyperparameters.
 const WEIGHED: usize = 40;
 
@@ -44,7 +39,7 @@ pub struct WeighedSubset {
 
 /// The posterior over subsets and hyperparameters.
 pub struct SubsetPosterior {
-    /// Weighed subsets, the most probable first; before it one whose amplitudes can be, where its own cannot and the data hardly tell.
+    /// Weighed subsets, the most probable first.
     pub ranked: Vec<WeighedSubset>,
     /// Probability of a smooth discrepancy.
     pub discrepancy: f64,
@@ -139,18 +134,6 @@ impl SubsetPosterior {
                 .total_cmp(&a.log_weight)
                 .then_with(|| a.subset.cmp(&b.subset))
         });
-        let first = self.ranked.first().map_or(0.0, |w| w.log_weight);
-        let mut close = (self.ranked.iter()).take_while(|w| first - w.log_weight < SWAP);
-        if let Some(k) = close.position(|w| self.is_possible(&w.subset)) {
-            self.ranked[..=k].rotate_right(1);
-        }
-    }
-
-    /// Whether no amplitude of a subset has a sign that it cannot have.
-    pub fn is_possible(&self, subset: &Subset) -> bool {
-        let columns = self.layout.columns(subset);
-        self.layout
-            .is_possible(&columns, &self.amplitudes(subset).0)
     }
 
     fn evidence_by_pair(&self, subset: &Subset) -> Vec<f64> {
