@@ -144,9 +144,12 @@ impl Evidence {
                 .into_iter()
                 .map(|s| (force_scale().name(), s))
                 // one of each step would have no name of its own
-                .chain((spots.into_iter()).filter_map(|(k, spot)| {
-                    (spot.law != Some(Law::Free)).then(|| (self.name(k), spot))
-                }))
+                .chain(
+                    (spots
+                        .into_iter()
+                        .filter(|(_, spot)| spot.law != Some(Law::Free)))
+                    .map(|(k, spot)| (self.name(k), spot)),
+                )
                 .collect(),
             holdout_rms_nm: holdout.rms_nm(&Vec::new()),
             left_out: apart.left_out,

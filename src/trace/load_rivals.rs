@@ -37,10 +37,9 @@ pub(super) fn load_rivals(
         let own = w.subset.iter().filter(|k| !best.subset.contains(k));
         let mut differing = own.chain([&group.leader]);
         let probable = best.log_weight - w.log_weight < SWAP;
-        // the leader's effect by another law is no rival of it
-        let mut own = w.subset.iter();
-        let without = !own.any(|&k| subsets.layout.same(k, group.leader));
-        probable && without && differing.any(is_load)
+        // by another law it is the same effect
+        let has_leader = |k: &usize| subsets.layout.same(*k, group.leader);
+        probable && !w.subset.iter().any(has_leader) && differing.any(is_load)
     };
     let rivals: Vec<&WeighedSubset> = ranked.iter().filter(is_rival).take(MOST).collect();
     if rivals.is_empty() {

@@ -11,8 +11,8 @@ pub fn log_positive(z: f64) -> f64 {
 }
 
 /// Log of the posterior mass of a wedge over its prior mass, for two amplitudes in prior sds: the first is not negative, nor is the sum with
-/// these weights. The posterior mass is bounded from above by that of the least probable half-plane that holds the wedge, which has its
-/// exponent.
+/// these weights. The posterior mass is bounded from above by that of the least probable half-plane that holds the wedge; the prior's is
+/// Sheppard's (1899, Phil. Trans. R. Soc. A 192, 101).
 pub fn log_in_wedge(mean: Vector2<f64>, covariance: &Matrix2<f64>, weights: [f64; 2]) -> f64 {
     let edges = Matrix2::new(1.0, 0.0, weights[0], weights[1]);
     let sums = edges * mean;
