@@ -202,6 +202,24 @@ fn rest_tilt_lens_and_yielding_of_reference_are_read_right() {
     ]);
 }
 
+/// Before a camera whose distance nobody declared the rotation has its name, and the constants their values: a picture shows the angle over
+/// the distance alone.
+#[test]
+#[ignore = "needs ../shared, a series, a minute"]
+fn a_rotation_is_named_where_the_distance_is_unknown() {
+    let (model, truth) = declared("tilt-with-load");
+    let mut model: Value = serde_json::from_str(&model).unwrap();
+    let images = &mut model["experiments"][0]["measurement"]["image_correlation"];
+    images.as_object_mut().unwrap().remove("camera_distance_mm");
+    let model = Model::parse(&model.to_string(), "model.json".as_ref()).unwrap();
+    let ended = looped("tilt-with-load of unknown distance", &model, &truth);
+    let line = ended.line();
+    assert_eq!(ended.effects, ["out_of_plane_rotation"], "{line}");
+    assert_eq!(ended.held(), truth.len(), "{line}");
+    let said = "distance of the camera is not declared";
+    assert!(ended.text.contains(said), "{}", ended.text);
+}
+
 /// Folders of reference data, with what acts there.
 fn read_right(cases: &[(&str, &[&str])]) {
     let judged: Vec<Judged> = cases

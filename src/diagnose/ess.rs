@@ -45,7 +45,7 @@ fn guarded(series: &ScalarDraws, estimate: impl Fn() -> f64) -> f64 {
 
 /// The same with the quantile already known.
 pub(super) fn indicator_ess(series: &ScalarDraws, level: f64) -> f64 {
-    ess(&split(&map(series, |v| f64::from(u8::from(v <= level)))))
+    ess(&split(&map(series, |v| f64::from(v <= level))))
 }
 
 /// Effective number of draws: of the walkers, or of the ensembles' means if that is less. NaN if constant.

@@ -22,10 +22,7 @@ impl Effect for ForceOffset {
 
     /// All loaded steps alike.
     fn over_steps(&self, loads: &[f64]) -> Vec<f64> {
-        loads
-            .iter()
-            .map(|f| f64::from(u8::from(*f != 0.0)))
-            .collect()
+        loads.iter().map(|f| f64::from(*f != 0.0)).collect()
     }
 
     fn force(&self, amplitude: &[f64], scene: &Scene) -> f64 {

@@ -1,6 +1,6 @@
 //! Fringes miscounted in a region.
 
-use super::{Effect, EffectParameter, Entry, Kind, NEEDS_FRINGES, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_fringes};
 
 pub struct FringeOrderJump;
 
@@ -47,9 +47,6 @@ impl Effect for FringeOrderJump {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        scene
-            .fringe_frequency_per_mm
-            .is_none()
-            .then_some(NEEDS_FRINGES)
+        unless_fringes(scene)
     }
 }

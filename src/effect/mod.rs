@@ -136,9 +136,12 @@ pub fn load_introductions(count: usize) -> impl Iterator<Item = &'static dyn Eff
     EFFECTS.iter().filter(of_edge).copied()
 }
 
-/// Obstacle of the effects that act on fringes.
-const NEEDS_FRINGES: &str =
-    "displacements are not read from fringes: measurement.fringe_frequency_per_mm is not given";
+/// The obstacle of an effect that acts on fringes.
+fn unless_fringes(scene: &Scene) -> Option<&'static str> {
+    let text =
+        "displacements are not read from fringes: measurement.fringe_frequency_per_mm is not given";
+    scene.fringe_frequency_per_mm.is_none().then_some(text)
+}
 
 /// The obstacle of an effect that bends or turns the specimen in its plane, where stiff grips load it.
 fn unless_moments(scene: &Scene) -> Option<&'static str> {
@@ -248,7 +251,7 @@ pub struct Scene {
     pub expansion_per_k: Option<[f64; 2]>,
     /// How the stiffness is parameterised.
     pub material: Material,
-    /// Distance of the camera from the specimen, mm, where images are correlated and it is declared.
+    /// Distance of the camera from the specimen, mm, where images are correlated; supposed where it is not declared.
     pub camera_distance_mm: Option<f64>,
     /// Size of a pixel on the specimen, mm, where images are correlated and it is declared.
     pub pixel_mm: Option<f64>,

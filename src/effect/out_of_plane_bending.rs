@@ -35,7 +35,7 @@ impl Effect for OutOfPlaneBending {
                     EffectParameter::new("gradient_per_m_per_mm", 0.0025, 10.0),
                 ]
             },
-            about: "The load acts off the middle surface, so that the specimen bends out of its plane. The amplitudes are the gross section's curvature along the load: at the hole, and its change a mm along the load. They are positive where the face that is seen is stretched (z = +h/2). Finite elements of bent plates give what the hole changes. With camera_distance_mm, the deflection also shifts what the camera sees.",
+            about: "The load acts off the middle surface, so that the specimen bends out of its plane. The amplitudes are the gross section's curvature along the load: at the hole, and its change a mm along the load. They are positive where the face that is seen is stretched (z = +h/2). Finite elements of bent plates give what the hole changes. Before a camera the deflection also shifts what is seen.",
             confirm: "Put strain gauges back to back, or measure both faces: this strain changes its sign from one face to the other. A second camera (3-D DIC) shows the deflection itself.",
         }
     }

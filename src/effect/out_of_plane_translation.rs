@@ -5,9 +5,8 @@ use super::{Effect, EffectParameter, Entry, Kind, Scene, Scope};
 
 pub struct OutOfPlaneTranslation;
 
-/// Prior sd in a load series over the camera's distance, and, where that is not known, mm (prototype study).
+/// Prior sd in a load series over the camera's distance (prototype study).
 const OVER_DISTANCE: f64 = 1.5e-4;
-const AT_UNKNOWN_DISTANCE_MM: f64 = 1.0;
 
 impl Effect for OutOfPlaneTranslation {
     fn entry(&self) -> Entry {
@@ -21,8 +20,7 @@ impl Effect for OutOfPlaneTranslation {
     }
 
     fn prior_sd_before_camera(&self, _k: usize, scene: &Scene) -> Option<f64> {
-        let distance = scene.camera_distance_mm;
-        Some(distance.map_or(AT_UNKNOWN_DISTANCE_MM, |z| OVER_DISTANCE * z))
+        scene.camera_distance_mm.map(|z| OVER_DISTANCE * z)
     }
 
     fn motion(&self, amplitude: &[f64], _scene: &Scene, _point: [f64; 2]) -> [f64; 3] {

@@ -1,6 +1,6 @@
 //! Wrong steps of the phase shifter print a ripple at twice the fringe frequency.
 
-use super::{Effect, EffectParameter, Entry, Kind, NEEDS_FRINGES, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_fringes};
 use crate::quantity::NM_PER_MM;
 
 pub struct PhaseShiftError;
@@ -41,9 +41,6 @@ impl Effect for PhaseShiftError {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        scene
-            .fringe_frequency_per_mm
-            .is_none()
-            .then_some(NEEDS_FRINGES)
+        unless_fringes(scene)
     }
 }

@@ -73,7 +73,7 @@ impl Law {
             Self::Kept => vec![acted(loads, true)],
             Self::Drift => vec![(1..=count).map(|k| k as f64 / loaded as f64).collect()],
             Self::Free => (0..count)
-                .map(|s| (0..count).map(|k| f64::from(u8::from(k == s))).collect())
+                .map(|s| (0..count).map(|k| f64::from(k == s)).collect())
                 .collect(),
         }
     }

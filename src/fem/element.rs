@@ -1,5 +1,7 @@
 //! The eight-node serendipity quadrilateral (Q8): shape functions, Jacobian, quadrature.
 
+pub use crate::mesh_files::shape_gradient;
+
 /// Gauss abscissae and weights of the 3-point rule on [-1, 1]; 3 x 3 points integrate Q8 stiffness fully.
 pub const GAUSS: [(f64, f64); 3] = [
     (-0.774_596_669_241_483_4, 5.0 / 9.0),
@@ -20,22 +22,6 @@ pub fn shape(a: f64, b: f64) -> [f64; 8] {
     n[6] = 0.5 * (1.0 - a * a) * (1.0 + b);
     n[7] = 0.5 * (1.0 - a) * (1.0 - b * b);
     n
-}
-
-/// Derivatives of the shape functions with respect to the local coordinates.
-pub fn shape_gradient(a: f64, b: f64) -> [[f64; 2]; 8] {
-    let mut d = [[0.0; 2]; 8];
-    for (k, [ca, cb]) in CORNERS.iter().enumerate() {
-        d[k] = [
-            0.25 * ca * (1.0 + cb * b) * (2.0 * ca * a + cb * b),
-            0.25 * cb * (1.0 + ca * a) * (ca * a + 2.0 * cb * b),
-        ];
-    }
-    d[4] = [-a * (1.0 - b), -0.5 * (1.0 - a * a)];
-    d[5] = [0.5 * (1.0 - b * b), -b * (1.0 + a)];
-    d[6] = [-a * (1.0 + b), 0.5 * (1.0 - a * a)];
-    d[7] = [-0.5 * (1.0 - b * b), -b * (1.0 - a)];
-    d
 }
 
 /// The point of an element with node coordinates `x` at the local coordinates.

@@ -44,7 +44,7 @@ impl EndLoad {
 
     /// A unit of one of these.
     pub fn unit(part: usize) -> Self {
-        let one = |k: usize| f64::from(u8::from(k == part));
+        let one = |k: usize| f64::from(k == part);
         let [axial, shear, moment] = [0, 1, 2].map(one);
         let mut introduction = Introduction::default();
         for (k, a) in introduction.as_flattened_mut().iter_mut().enumerate() {

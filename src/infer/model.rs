@@ -34,6 +34,9 @@ pub const FREE_MM: f64 = 10.0;
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
 const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 
+/// Distance of a camera, in widths of the specimen, where it is not declared: a picture shows motion out of the plane over it alone.
+const USUAL_WIDTHS: f64 = 10.0;
+
 impl Model {
     /// Read and validate a model file.
     pub fn load(path: &Path) -> Result<Self> {
@@ -329,25 +332,27 @@ impl Model {
         let material = &self.file.material;
         let isotropic = material.kind == Material::Isotropic;
         let images = experiment.measurement.image_correlation;
+        let setup = Setup {
+            yield_stress: material.yield_mpa.map(|stress| stress.mean),
+            geometry: experiment.geometry(),
+            ..Setup::nominal(
+                &experiment.specimen,
+                &experiment.nominal_load(),
+                frame.handedness(),
+            )
+            .with_regions(&experiment.stacks())
+        };
+        let supposed_mm = USUAL_WIDTHS * setup.width();
         Scene {
             frame,
-            setup: Setup {
-                yield_stress: material.yield_mpa.map(|stress| stress.mean),
-                geometry: experiment.geometry(),
-                ..Setup::nominal(
-                    &experiment.specimen,
-                    &experiment.nominal_load(),
-                    frame.handedness(),
-                )
-                .with_regions(&experiment.stacks())
-            },
+            setup,
             ply: material.kind.ply(&means),
             fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,
             expansion_per_k: material
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
             material: material.kind,
-            camera_distance_mm: images.and_then(|c| c.camera_distance_mm),
+            camera_distance_mm: images.map(|c| c.camera_distance_mm.unwrap_or(supposed_mm)),
             pixel_mm: images.and_then(|c| {
                 c.pixel_mm
                     .or_else(|| experiment.measurement.mm_per_coordinate())

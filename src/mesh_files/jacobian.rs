@@ -80,19 +80,24 @@ fn gradients(kind: ElementKind, [a, b]: [f64; 2]) -> [[f64; 2]; 8] {
                 *d = [0.25 * ca * (1.0 + cb * b), 0.25 * cb * (1.0 + ca * a)];
             }
         }
-        ElementKind::Q8 => {
-            for (d, [ca, cb]) in d.iter_mut().zip(SQUARE) {
-                *d = [
-                    0.25 * ca * (1.0 + cb * b) * (2.0 * ca * a + cb * b),
-                    0.25 * cb * (1.0 + ca * a) * (ca * a + 2.0 * cb * b),
-                ];
-            }
-            d[4] = [-a * (1.0 - b), -0.5 * (1.0 - a * a)];
-            d[5] = [0.5 * (1.0 - b * b), -b * (1.0 + a)];
-            d[6] = [-a * (1.0 + b), 0.5 * (1.0 - a * a)];
-            d[7] = [-0.5 * (1.0 - b * b), -b * (1.0 - a)];
-        }
+        ElementKind::Q8 => d = shape_gradient(a, b),
     }
+    d
+}
+
+/// Derivatives of the shape functions of the eight-node quadrilateral with respect to the local coordinates.
+pub fn shape_gradient(a: f64, b: f64) -> [[f64; 2]; 8] {
+    let mut d = [[0.0; 2]; 8];
+    for (d, [ca, cb]) in d.iter_mut().zip(SQUARE) {
+        *d = [
+            0.25 * ca * (1.0 + cb * b) * (2.0 * ca * a + cb * b),
+            0.25 * cb * (1.0 + ca * a) * (ca * a + 2.0 * cb * b),
+        ];
+    }
+    d[4] = [-a * (1.0 - b), -0.5 * (1.0 - a * a)];
+    d[5] = [0.5 * (1.0 - b * b), -b * (1.0 + a)];
+    d[6] = [-a * (1.0 + b), 0.5 * (1.0 - a * a)];
+    d[7] = [-0.5 * (1.0 - b * b), -b * (1.0 - a)];
     d
 }
 

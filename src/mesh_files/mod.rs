@@ -27,6 +27,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+pub use jacobian::shape_gradient;
 pub use kind::ElementKind;
 pub use mesh::{BoundaryEdge, Element, ImportedMesh};
 pub use plate::{Circle, ImportedPlate, Part};

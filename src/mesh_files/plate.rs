@@ -303,7 +303,7 @@ fn boundary(spec: &MeshSpec, vector: &dyn Fn([f64; 2]) -> [f64; 2]) -> Boundary 
         }
     });
     let held = spec.supports.iter().map(|held| {
-        let component = |axis| f64::from(u8::from(held.fixed.contains(&axis)));
+        let component = |axis| f64::from(held.fixed.contains(&axis));
         let fixed = vector([component(MeshAxis::X), component(MeshAxis::Y)]);
         (held.edge.clone(), fixed.map(|x| x != 0.0))
     });

@@ -107,7 +107,7 @@ fn columns(draws: &Draws, name: &str) -> Vec<DVector<f64>> {
             kinds.push(*v);
         }
     }
-    let is = |kind: &f64| values.map(|v| f64::from(u8::from(v == *kind)));
+    let is = |kind: &f64| values.map(|v| f64::from(v == *kind));
     let own = kinds.iter().skip(1).map(is);
     own.filter_map(|v| standardised(Some(v))).collect()
 }

@@ -57,7 +57,7 @@ pub fn in_short(model: &Value) -> Table {
     let images = &first["measurement"]["image_correlation"];
     let subset = mm(&images["subset_mm"]).map(|s| {
         let distance = mm(&images["camera_distance_mm"]);
-        s + &distance.map_or_else(String::new, |d| format!(", camera at {d}"))
+        format!("{s}, camera at {}", distance.unwrap_or("? mm".into()))
     });
     let path = ["file", "dir"]
         .iter()

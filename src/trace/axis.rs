@@ -34,8 +34,24 @@ pub(super) fn entail_strain(
     model.effects.sort_by_key(place);
 }
 
-/// What is said of it.
-pub fn words(model: &Model) -> Option<String> {
+/// What is said of it, and of a camera whose distance is not declared.
+pub fn words(model: &Model) -> String {
+    beside(model).unwrap_or_default() + &supposed(model).unwrap_or_default()
+}
+
+fn supposed(model: &Model) -> Option<String> {
+    let images = model.experiment().measurement.image_correlation?;
+    let mut names = model.effects.iter().map(|e| e.name());
+    let out_of_plane = names.any(|name| name.starts_with("out_of_plane_"));
+    let distance_mm = model.scene().camera_distance_mm?;
+    (out_of_plane && images.camera_distance_mm.is_none()).then(|| {
+        format!(
+            " The distance of the camera is not declared: {distance_mm:.0} mm are supposed. Motions out of the plane are in proportion to it, the constants are not."
+        )
+    })
+}
+
+fn beside(model: &Model) -> Option<String> {
     let entailed = model.effects.iter().find_map(|e| e.entails())?;
     let declared = model.effects.iter().any(|e| e.name() == entailed.name());
     let name = amplitude_name(entailed, &entailed.parameters()[0]);

@@ -157,7 +157,7 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
         patches: last.patches().clone(),
         text: words(rounds, &groups, wanted, facts)
             + &last.noise_and_patches()
-            + &axis::words(&last.model).unwrap_or_default()
+            + &axis::words(&last.model)
             + &objections(status, &vetoes, suspect.as_ref())
             + &taken_out(refused),
         vetoes,

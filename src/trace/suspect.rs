@@ -297,8 +297,7 @@ fn alike(
         .iter()
         .take(sensitivities.constants)
         .map(stacked);
-    let translations =
-        [0, 1].map(|c| DVector::from_fn(2 * n, |b, _| f64::from(u8::from(b / n == c))));
+    let translations = [0, 1].map(|c| DVector::from_fn(2 * n, |b, _| f64::from(b / n == c)));
     let absorbed: Vec<DVector<f64>> = constants.chain(translations).collect();
     let absorbed = orthonormal(&DMatrix::from_columns(&absorbed));
     let mut parts: Vec<(String, DVector<f64>)> = Vec::new();

@@ -172,16 +172,20 @@ fn the_deflection_is_seen_in_perspective() {
 
 #[test]
 fn the_camera_of_a_model_is_that_of_its_scene() {
-    let path = changed("openhole.json", |m| {
-        let measurement = m["experiments"][0]["measurement"].as_object_mut().unwrap();
-        measurement.remove("fringe_frequency_per_mm");
-        measurement.insert(
-            "image_correlation".into(),
-            serde_json::json!({ "subset_mm": 1.0, "camera_distance_mm": 750.0 }),
-        );
-    });
-    let model = Model::load(std::path::Path::new(&path)).unwrap();
-    assert_eq!(model.scene().camera_distance_mm, Some(750.0));
+    let distance = |images: serde_json::Value| {
+        let path = changed("openhole.json", |m| {
+            let measurement = m["experiments"][0]["measurement"].as_object_mut().unwrap();
+            measurement.remove("fringe_frequency_per_mm");
+            measurement.insert("image_correlation".into(), images.clone());
+        });
+        let model = Model::load(std::path::Path::new(&path)).unwrap();
+        model.scene().camera_distance_mm
+    };
+    let declared = serde_json::json!({ "subset_mm": 1.0, "camera_distance_mm": 750.0 });
+    assert_eq!(distance(declared), Some(750.0));
+    // ten times 25 mm
+    let supposed = serde_json::json!({ "subset_mm": 1.0 });
+    assert_eq!(distance(supposed), Some(250.0));
     let plain = Model::load(&root().join("models/openhole.json")).unwrap();
     assert_eq!(plain.scene().camera_distance_mm, None);
 }

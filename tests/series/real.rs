@@ -132,6 +132,12 @@ fn a_real_series_is_closed_only_where_its_misfit_is_explained() {
         assert!(!verdict["vetoes"].as_array().unwrap().is_empty() || !verdict["suspect"].is_null());
     }
     assert!(number(&last["linearity"]["p"]) <= 1.0);
+    // an independent analysis saw it turn while it was loaded
+    let names = |key: &str| verdict[key].as_array().unwrap().clone();
+    let mut leaders = names("effects");
+    leaders.extend(names("undecided").iter().map(|group| group[0].clone()));
+    let turns = json!("out_of_plane_rotation");
+    assert!(leaders.contains(&turns), "{leaders:?}");
     let added = verdict["effects"].as_array().unwrap();
     for (before, after) in steps(first).iter().zip(&steps(last)) {
         for component in ["u1", "u2"] {

@@ -42,7 +42,7 @@ pub(super) fn weighted(loads: &[f64], scales: &[f64]) -> Option<DMatrix<f64>> {
     };
     let laws = [whitened(&|_| 1.0), whitened(&|f| f), whitened(&|f| f * f)];
     let mut found: Vec<DVector<f64>> = Vec::new();
-    let unit = (0..count).map(|k| DVector::from_fn(count, |i, _| f64::from(u8::from(i == k))));
+    let unit = (0..count).map(|k| DVector::from_fn(count, |i, _| f64::from(i == k)));
     for (k, of) in laws.into_iter().chain(unit).enumerate() {
         let size = of.norm();
         let mut left = of;

@@ -122,7 +122,7 @@ impl PosedAnswer<'_> {
             Supposing::None => 0.0,
             _ => drawn.size,
         };
-        values.extend([size, f64::from(u8::from(pair.discrepancy)), first, second]);
+        values.extend([size, f64::from(pair.discrepancy), first, second]);
         let amplitudes = linear(here).into_iter().zip(self.amplitudes(drawn));
         values.extend(amplitudes.map(|(c, a)| c.mean + c.sd * a));
         let acts = |k: usize| match self.supposing {
@@ -130,6 +130,6 @@ impl PosedAnswer<'_> {
             Supposing::All => true,
             Supposing::None => false,
         };
-        values.extend((0..here.candidates.len()).map(|k| f64::from(u8::from(acts(k)))));
+        values.extend((0..here.candidates.len()).map(|k| f64::from(acts(k))));
     }
 }
