@@ -202,8 +202,7 @@ fn rest_tilt_lens_and_yielding_of_reference_are_read_right() {
     ]);
 }
 
-/// Before a camera whose distance nobody declared the rotation has its name, and the constants their values: a picture shows the angle over
-/// the distance alone.
+/// Without the camera's distance the rotation is still named, and the intervals hold: only angle divided by distance matters.
 #[test]
 #[ignore = "needs ../shared, a series, a minute"]
 fn a_rotation_is_named_where_the_distance_is_unknown() {

@@ -21,7 +21,7 @@ pub struct TableArguments {
     /// Side of a subset of the image correlation, mm
     #[arg(long, value_name = "MM")]
     pub subset_mm: Option<f64>,
-    /// Distance of the camera from the specimen, mm (a guess will do)
+    /// Distance of the camera from the specimen, mm (a rough value is enough)
     #[arg(long, value_name = "MM", requires = "subset_mm")]
     pub camera_distance_mm: Option<f64>,
 }

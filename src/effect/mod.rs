@@ -251,7 +251,7 @@ pub struct Scene {
     pub expansion_per_k: Option<[f64; 2]>,
     /// How the stiffness is parameterised.
     pub material: Material,
-    /// Distance of the camera from the specimen, mm, where images are correlated; supposed where it is not declared.
+    /// Distance of the camera from the specimen, mm, where images are correlated; assumed where it is not declared.
     pub camera_distance_mm: Option<f64>,
     /// Size of a pixel on the specimen, mm, where images are correlated and it is declared.
     pub pixel_mm: Option<f64>,

@@ -21,5 +21,5 @@ pub fn no_camera(scene: &Scene) -> Option<&'static str> {
     scene
         .camera_distance_mm
         .is_none()
-        .then_some("that images were correlated is not declared: give image_correlation.subset_mm")
+        .then_some("no image correlation is declared: give image_correlation.subset_mm")
 }

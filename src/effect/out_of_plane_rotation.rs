@@ -21,7 +21,7 @@ impl Effect for OutOfPlaneRotation {
                     EffectParameter::new("about_2_mrad", 2.0, 100.0),
                 ]
             },
-            about: "The specimen turns between the exposures about axes in its plane through the hole's centre. A point (s, t) rises towards the camera by a1 t - a2 s. By perspective this is a displacement that grows with the square of the distance from the camera's axis. Only the angle over the camera's distance is seen: where that is not declared, ten widths of the specimen are supposed.",
+            about: "The specimen turns between the exposures about axes in its plane through the hole's centre. A point (s, t) rises towards the camera by a1 t - a2 s. By perspective this is a displacement that grows with the square of the distance from the camera's axis. Only angle divided by camera distance matters. Without camera_distance_mm, ten specimen widths are assumed.",
             confirm: "A mirror or two dial gauges on the face, or a second camera (3-D DIC), show the rotation. Or repeat from twice the distance: its field halves.",
         }
     }

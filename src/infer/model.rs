@@ -34,8 +34,8 @@ pub const FREE_MM: f64 = 10.0;
 /// Thermal expansion of a carbon/epoxy ply along and across its fibres, 1/K.
 const CARBON_EPOXY_EXPANSION: [f64; 2] = [-0.2e-6, 32e-6];
 
-/// Distance of a camera, in widths of the specimen, where it is not declared: a picture shows motion out of the plane over it alone.
-const USUAL_WIDTHS: f64 = 10.0;
+/// Camera distance that is assumed where none is declared, in specimen widths. Only motion divided by distance matters.
+const ASSUMED_WIDTHS: f64 = 10.0;
 
 impl Model {
     /// Read and validate a model file.
@@ -342,7 +342,7 @@ impl Model {
             )
             .with_regions(&experiment.stacks())
         };
-        let supposed_mm = USUAL_WIDTHS * setup.width();
+        let assumed_mm = ASSUMED_WIDTHS * setup.width();
         Scene {
             frame,
             setup,
@@ -352,7 +352,7 @@ impl Model {
                 .expansion_per_k
                 .or((!isotropic).then_some(CARBON_EPOXY_EXPANSION)),
             material: material.kind,
-            camera_distance_mm: images.map(|c| c.camera_distance_mm.unwrap_or(supposed_mm)),
+            camera_distance_mm: images.map(|c| c.camera_distance_mm.unwrap_or(assumed_mm)),
             pixel_mm: images.and_then(|c| {
                 c.pixel_mm
                     .or_else(|| experiment.measurement.mm_per_coordinate())

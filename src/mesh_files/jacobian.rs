@@ -85,7 +85,7 @@ fn gradients(kind: ElementKind, [a, b]: [f64; 2]) -> [[f64; 2]; 8] {
     d
 }
 
-/// Derivatives of the shape functions of the eight-node quadrilateral with respect to the local coordinates.
+/// Derivatives of the Q8 shape functions with respect to local coordinates (a, b) in [-1, 1]^2: a row for each node, corners first.
 pub fn shape_gradient(a: f64, b: f64) -> [[f64; 2]; 8] {
     let mut d = [[0.0; 2]; 8];
     for (d, [ca, cb]) in d.iter_mut().zip(SQUARE) {

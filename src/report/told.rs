@@ -56,8 +56,8 @@ pub fn in_short(model: &Value) -> Table {
     let forces = forces.or_else(|| first["load"]["force_N"].as_f64().map(|f| format!("{f} N")));
     let images = &first["measurement"]["image_correlation"];
     let subset = mm(&images["subset_mm"]).map(|s| {
-        let distance = mm(&images["camera_distance_mm"]);
-        format!("{s}, camera at {}", distance.unwrap_or("? mm".into()))
+        let distance = mm(&images["camera_distance_mm"]).unwrap_or("unknown distance".into());
+        format!("{s}, camera at {distance}")
     });
     let path = ["file", "dir"]
         .iter()

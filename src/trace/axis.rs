@@ -36,17 +36,17 @@ pub(super) fn entail_strain(
 
 /// What is said of it, and of a camera whose distance is not declared.
 pub fn words(model: &Model) -> String {
-    beside(model).unwrap_or_default() + &supposed(model).unwrap_or_default()
+    beside(model).unwrap_or_default() + &assumed(model).unwrap_or_default()
 }
 
-fn supposed(model: &Model) -> Option<String> {
+fn assumed(model: &Model) -> Option<String> {
     let images = model.experiment().measurement.image_correlation?;
     let mut names = model.effects.iter().map(|e| e.name());
     let out_of_plane = names.any(|name| name.starts_with("out_of_plane_"));
     let distance_mm = model.scene().camera_distance_mm?;
     (out_of_plane && images.camera_distance_mm.is_none()).then(|| {
         format!(
-            " The distance of the camera is not declared: {distance_mm:.0} mm are supposed. Motions out of the plane are in proportion to it, the constants are not."
+            " The distance of the camera is not declared: {distance_mm:.0} mm is assumed. The amplitudes out of the plane depend on it."
         )
     })
 }

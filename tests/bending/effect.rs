@@ -184,8 +184,8 @@ fn the_camera_of_a_model_is_that_of_its_scene() {
     let declared = serde_json::json!({ "subset_mm": 1.0, "camera_distance_mm": 750.0 });
     assert_eq!(distance(declared), Some(750.0));
     // ten times 25 mm
-    let supposed = serde_json::json!({ "subset_mm": 1.0 });
-    assert_eq!(distance(supposed), Some(250.0));
+    let without = serde_json::json!({ "subset_mm": 1.0 });
+    assert_eq!(distance(without), Some(250.0));
     let plain = Model::load(&root().join("models/openhole.json")).unwrap();
     assert_eq!(plain.scene().camera_distance_mm, None);
 }
