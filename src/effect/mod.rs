@@ -563,6 +563,13 @@ impl Acting {
     }
 }
 
+/// Amplitudes of an effect: one border unit of its parameter `k`, and nothing of the others.
+pub fn one_unit(effect: &dyn Effect, k: usize) -> Vec<f64> {
+    let mut unit = vec![0.0; effect.parameters().len()];
+    unit[k] = 1.0;
+    unit
+}
+
 /// Fields of one border unit of a recorded effect's parameter `k` at points (s, t), mm, for the displacement `smooth`
 /// (mm, translation included) that the instrument saw there. The measured displacement itself will not do for it: its
 /// noise would be in the argument of the ripple, and take from the amplitude.
@@ -573,8 +580,7 @@ pub fn recorded_column(
     points: &[[f64; 2]],
     smooth: &[[f64; 2]],
 ) -> Vec<[f64; 2]> {
-    let mut unit = vec![0.0; effect.parameters().len()];
-    unit[k] = 1.0;
+    let unit = one_unit(effect, k);
     points
         .iter()
         .zip(smooth)

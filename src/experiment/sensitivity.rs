@@ -1,7 +1,7 @@
 //! What a change of one parameter does to a predicted field.
 
 use super::{FieldSolver, Look, Prediction, Sight, State, gauged, load_response, predict_near};
-use crate::effect::{Effect, Kind, Scene, Seen, force_scale};
+use crate::effect::{Effect, Kind, Scene, Seen, force_scale, one_unit};
 use crate::error::Result;
 use crate::fem::Anchor;
 
@@ -63,9 +63,7 @@ pub fn sensitivity(
         }
         Direction::Load if scales => Ok(times(0.01)),
         Direction::Amplitude(effect, k) if effect.kind() == Kind::Additive => {
-            let mut unit = vec![0.0; effect.parameters().len()];
-            unit[k] = 1.0;
-            experiment.added(effect, &unit, sight)
+            experiment.added(effect, &one_unit(effect, k), sight)
         }
         Direction::Amplitude(effect, _) if effect.kind() == Kind::Optical => {
             Ok(optical(experiment, about, sight, direction, step))
@@ -73,9 +71,7 @@ pub fn sensitivity(
         _ => {
             let high = predict_near(experiment, anchor, &direction.moved(at, step), sight)?.field;
             let low = predict_near(experiment, anchor, &direction.moved(at, -step), sight)?.field;
-            let slope =
-                |(a, b): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step));
-            Ok(high.iter().zip(&low).map(slope).collect())
+            Ok(slope(&high, &low, step))
         }
     }
 }
@@ -93,11 +89,13 @@ fn optical(
         let state = direction.moved(about.at, by);
         pictured(experiment, about, sight, &state, scene)
     });
-    let pairs = high.iter().zip(&low);
-    let slope: Vec<[f64; 2]> = pairs
-        .map(|(a, b)| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step)))
-        .collect();
-    gauged(experiment.gauge(), sight, &slope)
+    gauged(experiment.gauge(), sight, &slope(&high, &low, step))
+}
+
+/// Central difference of two fields.
+fn slope(high: &[[f64; 2]], low: &[[f64; 2]], step: f64) -> Vec<[f64; 2]> {
+    let of = |(a, b): (&[f64; 2], &[f64; 2])| [0, 1].map(|i| (a[i] - b[i]) / (2.0 * step));
+    high.iter().zip(low).map(of).collect()
 }
 
 /// What the camera of a scene reports, mm at all of a sight's points, of a state that differs by optical effects alone.

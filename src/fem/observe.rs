@@ -143,12 +143,8 @@ impl<'a> Locator<'a> {
     pub fn observe(&self, points: &[[f64; 2]]) -> (Observer, Vec<bool>) {
         let spots: Vec<Option<ElementPoint>> = points.par_iter().map(|&p| self.locate(p)).collect();
         let inside = spots.iter().map(Option::is_some).collect();
-        let places = spots
-            .into_iter()
-            .flatten()
-            .map(ObservedPlace::Inside)
-            .collect();
-        (self.observer(places, Vec::new()), inside)
+        let places = spots.into_iter().flatten().map(ObservedPlace::Inside);
+        (self.observer(places.collect(), Vec::new()), inside)
     }
 
     /// Locate all points; those that lie outside, in the hole or across an edge, see the cubic that continues the field
@@ -162,12 +158,8 @@ impl<'a> Locator<'a> {
             .map(|(p, _)| *p)
             .collect();
         if outside.is_empty() {
-            let places = spots
-                .into_iter()
-                .flatten()
-                .map(ObservedPlace::Inside)
-                .collect();
-            return self.observer(places, Vec::new());
+            let places = spots.into_iter().flatten().map(ObservedPlace::Inside);
+            return self.observer(places.collect(), Vec::new());
         }
         let nearby = Nearby::new(self.mesh);
         let patch = |&p: &[f64; 2]| {

@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use super::steps::Steps;
-use crate::effect::{Effect, amplitude_name};
+use crate::effect::{amplitude_name, one_unit};
 use crate::error::{Error, Result};
 use crate::experiment::{FieldSolver, Sight, StepForces};
 use crate::field::deviant::deviant_points;
@@ -151,7 +151,8 @@ impl Observation {
         };
         for effect in model.additive() {
             for (k, parameter) in effect.parameters().iter().enumerate() {
-                columns.effects.push(self.additive(effect, k, experiment)?);
+                let field = experiment.added(effect, &one_unit(effect, k), &self.sight)?;
+                columns.effects.push(field);
                 columns.names.push(amplitude_name(effect, parameter));
                 columns.prior_mean.push(0.0);
                 columns.prior_sd.push(model.prior_sd(effect, k));
@@ -164,17 +165,5 @@ impl Observation {
             columns.prior_sd.push(Some(stepped.prior.sd));
         }
         Ok(columns)
-    }
-
-    /// Field of one border unit of an additive effect's parameter `k`.
-    fn additive(
-        &self,
-        effect: &dyn Effect,
-        k: usize,
-        experiment: &dyn FieldSolver,
-    ) -> Result<Vec<[f64; 2]>> {
-        let mut unit = vec![0.0; effect.parameters().len()];
-        unit[k] = 1.0;
-        experiment.added(effect, &unit, &self.sight)
     }
 }

@@ -1,11 +1,13 @@
 //! Neighbours of scattered points, and the unwrapping of a phase over them.
 
-use crate::numeric::Forest;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
+
+use crate::field::bounds;
+use crate::numeric::Forest;
 
 /// A region has at least this many points; fewer are outliers, which keep the orders around them. (Of a square of 25 points
 /// the outlier rule takes the four corners.)
@@ -123,13 +125,7 @@ struct Buckets {
 
 impl Buckets {
     fn new(points: &[[f64; 2]]) -> Self {
-        let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        for p in points {
-            for k in 0..2 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
-            }
-        }
+        let [low, high] = bounds(points);
         let extent = [0, 1].map(|k| high[k] - low[k]);
         let n = points.len() as f64;
         // points on a line have no area

@@ -3,6 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
+use crate::field::bounds;
 use crate::numeric::median;
 
 type Cubic = SVector<f64, 10>;
@@ -16,13 +17,7 @@ pub(super) fn without(points: &[[f64; 2]], values: &[f64]) -> Vec<f64> {
     const ALIKE: f64 = 0.1;
     /// Deviations beyond this count ever less, orders.
     const FAR: f64 = 0.25;
-    let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    for p in points {
-        for k in 0..2 {
-            low[k] = low[k].min(p[k]);
-            high[k] = high[k].max(p[k]);
-        }
-    }
+    let [low, high] = bounds(points);
     let half = (0..2)
         .map(|k| 0.5 * (high[k] - low[k]))
         .fold(f64::MIN_POSITIVE, f64::max);

@@ -122,8 +122,17 @@ const TOP: u32 = 24;
 const AXIS: u32 = 34;
 const BAR: u32 = 52;
 
+/// Pixels that a title needs.
+const TITLE: u32 = 215;
+
 /// Pixels of a panel whose map is at most `width` wide and 380 high.
 pub fn panel(raster: &Raster, width: u32) -> (u32, u32) {
+    let (width, height) = filled(raster, width);
+    (width.max(LEFT + TITLE), height)
+}
+
+/// Those of them that the map fills with its axes and scale: one of a tall strip is narrower than its title.
+fn filled(raster: &Raster, width: u32) -> (u32, u32) {
     let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
     let aspect = (y[1] - y[0]) / (x[1] - x[0]);
     let height = (f64::from(width) * aspect).clamp(40.0, 380.0);
@@ -189,36 +198,64 @@ pub fn map(
     scale: Scale,
     title: &str,
 ) -> Result<()> {
-    let (_, height) = area.dim_in_pixel();
+    let (width, height) = area.dim_in_pixel();
+    area.draw(&Text::new(title.to_string(), (LEFT as i32, 4), text(13)))?;
+    let (width, _) = filled(raster, width - LEFT - RIGHT);
+    let area = area.clone().shrink((0, 0), (width, height));
     let (upper, lower) = area.split_vertically(height - BAR);
-    let over = axes(&upper, raster, title)?;
-    images.push(Stretched {
-        data: scale
-            .palette
-            .image(&raster.top_down(), raster.x.len(), scale.range)?,
-        over,
-        range: Some((scale.range, scale.unit)),
-    });
+    let edges = [&raster.x, &raster.y].map(|a| Raster::edges(a));
+    let tall = edges[1][1] - edges[1][0] > 0.4 * (edges[0][1] - edges[0][0]);
+    let frame = Frame {
+        margins: [TOP, RIGHT, AXIS, LEFT],
+        numbers: [numbers(&upper), if tall { 5 } else { 3 }],
+        letters: 11,
+    };
+    let values = (&raster.top_down()[..], raster.x.len());
+    framed(&upper, images, (values, edges), scale, &frame)?;
     bar(&lower, images, scale)
 }
 
-type Pixels = (std::ops::Range<i32>, std::ops::Range<i32>);
+/// What stands about a map.
+pub struct Frame {
+    /// Pixels above, on the right, below, on the left.
+    pub margins: [u32; 4],
+    /// Numbers along x and y, at most.
+    pub numbers: [usize; 2],
+    /// Size of the type, pixels.
+    pub letters: u32,
+}
 
-fn axes(area: &Area<'_>, raster: &Raster, title: &str) -> Result<Pixels> {
-    let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
-    area.draw(&Text::new(title.to_string(), (LEFT as i32, 4), text(13)))?;
+/// Values from the top row down, so many to a row, over places between edges along x and y, with axes.
+pub fn framed(
+    area: &Area<'_>,
+    images: &mut Vec<Stretched>,
+    ((values, columns), [x, y]): ((&[f64], usize), [[f64; 2]; 2]),
+    scale: Scale,
+    frame: &Frame,
+) -> Result<()> {
+    let [above, right, below, left] = frame.margins;
     let mut chart = ChartBuilder::on(area)
-        .margin_top(TOP)
-        .margin_right(RIGHT)
-        .x_label_area_size(AXIS)
-        .y_label_area_size(LEFT)
+        .margin_top(above)
+        .margin_right(right)
+        .x_label_area_size(below)
+        .y_label_area_size(left)
         .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-    let tall = (y[1] - y[0]) > 0.4 * (x[1] - x[0]);
-    axes_mm(&mut chart, [5, if tall { 5 } else { 3 }], 11)?;
+    axes_mm(&mut chart, frame.numbers, frame.letters)?;
     let ends = [(x[0], y[0]), (x[1], y[1])];
     let blank = Rectangle::new(ends, NOT_MEASURED.filled());
     chart.plotting_area().draw(&blank)?;
-    Ok(chart.plotting_area().get_pixel_range())
+    images.push(Stretched {
+        data: scale.palette.image(values, columns, scale.range)?,
+        over: chart.plotting_area().get_pixel_range(),
+        range: Some((scale.range, scale.unit)),
+    });
+    Ok(())
+}
+
+/// Numbers below a map or a scale, at most: as many as its width has room for.
+fn numbers(area: &Area<'_>) -> usize {
+    let (width, _) = area.dim_in_pixel();
+    (width.saturating_sub(LEFT + RIGHT) as usize / 40).clamp(2, 5)
 }
 
 /// The scale under maps.
@@ -237,7 +274,7 @@ pub fn bar(area: &Area<'_>, images: &mut Vec<Stretched>, scale: Scale) -> Result
         .axis_style(INK)
         .label_style(text(11))
         .x_desc(scale.unit)
-        .x_labels(5)
+        .x_labels(numbers(area))
         .x_label_formatter(&step)
         .draw()?;
     let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();

@@ -1,11 +1,10 @@
 //! Small maps on one scale: what is left of every step of a series, and the stiffness that would make what grows with its load.
 
 use indexmap::IndexSet;
-use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::canvas::{Area, Figure, NOT_MEASURED, Stretched, axes_mm, draw, say};
-use super::maps::{Scale, bar, covering};
+use super::canvas::{Area, Figure, Stretched, draw, say};
+use super::maps::{Frame, Scale, bar, covering, framed};
 use crate::error::Result;
 use crate::report::numbers::{StepCell, StiffnessCell};
 
@@ -187,21 +186,10 @@ fn map(
         title.into()
     };
     say(area, title, (LEFT as i32, 12), 12, HPos::Left)?;
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(TOP)
-        .margin_right(RIGHT)
-        .x_label_area_size(AXIS)
-        .y_label_area_size(LEFT)
-        .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-    axes_mm(&mut chart, [3, 7], 10)?;
-    let ends = [(x[0], y[0]), (x[1], y[1])];
-    chart
-        .plotting_area()
-        .draw(&Rectangle::new(ends, NOT_MEASURED.filled()))?;
-    images.push(Stretched {
-        data: scale.palette.image(values, columns, scale.range)?,
-        over: chart.plotting_area().get_pixel_range(),
-        range: Some((scale.range, scale.unit)),
-    });
-    Ok(())
+    let frame = Frame {
+        margins: [TOP, RIGHT, AXIS, LEFT],
+        numbers: [3, 7],
+        letters: 10,
+    };
+    framed(area, images, ((values, columns), [x, y]), scale, &frame)
 }

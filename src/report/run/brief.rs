@@ -49,20 +49,26 @@ pub fn verdict(page: &Page, last: &RoundReport) -> Piece {
     }
 }
 
+/// Noise over what is left of the data, at least, where the fit takes up smooth noise.
+const WELL_ABOVE: f64 = 1.2;
+
 /// What is left of the data, before and after.
 fn residual(page: &Page, last: &RoundReport) -> String {
     let nm = |r: &RoundReport| Digits::Three.write(r.residual.rms_nm.all);
     let noise = &last.residual.noise_nm;
     let noise = (0.5 * (noise.u1.powi(2) + noise.u2.powi(2))).sqrt();
-    let noise = Digits::Three.write(noise);
-    match &page.report.rounds[..] {
-        [first, .., last] => format!(
-            "Residual: {} nm before, {} nm after; the noise is {noise} nm.",
-            nm(first),
-            nm(last)
-        ),
-        _ => format!("Residual: {} nm; the noise is {noise} nm.", nm(last)),
-    }
+    let smooth = match noise > WELL_ABOVE * last.residual.rms_nm.all {
+        true => ", and so smooth that the fit takes up a part of it",
+        false => "",
+    };
+    let left = match &page.report.rounds[..] {
+        [first, .., last] => format!("{} nm before, {} nm after", nm(first), nm(last)),
+        _ => format!("{} nm", nm(last)),
+    };
+    format!(
+        "Residual: {left}; the noise is {} nm{smooth}.",
+        Digits::Three.write(noise)
+    )
 }
 
 /// Why a verdict is open.

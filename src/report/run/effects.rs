@@ -1,5 +1,7 @@
 //! What the residual was traced to, what could hide in it, and the intervals to quote.
 
+use indexmap::IndexMap;
+
 use super::rounds::names;
 use crate::parameter::Parameter;
 use crate::report::document::{Closing, Report};
@@ -53,9 +55,13 @@ pub fn ranking(page: &Page) -> Section {
             true => "No effect was accepted.".into(),
             false => format!("Accepted: {}.", tracing.accepted.join(", ")),
         };
-        let left = tracing.left_out.iter();
+        let mut left: IndexMap<&str, Vec<&str>> = IndexMap::new();
+        for out in &tracing.left_out {
+            left.entry(&out.reason).or_default().push(&out.effect);
+        }
+        let left = left.iter();
         let left: Vec<String> = left
-            .map(|l| format!("{}: {}", l.effect, l.reason))
+            .map(|(why, effects)| format!("{}: {why}", effects.join(", ")))
             .collect();
         section = section
             .with(Piece::Heading(format!(
