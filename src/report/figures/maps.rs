@@ -131,7 +131,7 @@ pub fn panel(raster: &Raster, width: u32) -> (u32, u32) {
     (width.max(LEFT + TITLE), height)
 }
 
-/// Those of them that the map fills with its axes and scale: one of a tall strip is narrower than its title.
+/// Those of them that the map fills with its axes: one of a tall strip is narrower than its title.
 fn filled(raster: &Raster, width: u32) -> (u32, u32) {
     let [x, y] = [&raster.x, &raster.y].map(|a| Raster::edges(a));
     let aspect = (y[1] - y[0]) / (x[1] - x[0]);
@@ -201,13 +201,14 @@ pub fn map(
     let (width, height) = area.dim_in_pixel();
     area.draw(&Text::new(title.to_string(), (LEFT as i32, 4), text(13)))?;
     let (width, _) = filled(raster, width - LEFT - RIGHT);
-    let area = area.clone().shrink((0, 0), (width, height));
     let (upper, lower) = area.split_vertically(height - BAR);
+    let upper = upper.shrink((0, 0), (width, height - BAR));
     let edges = [&raster.x, &raster.y].map(|a| Raster::edges(a));
+    let slim = width < LEFT + RIGHT + 100;
     let tall = edges[1][1] - edges[1][0] > 0.4 * (edges[0][1] - edges[0][0]);
     let frame = Frame {
         margins: [TOP, RIGHT, AXIS, LEFT],
-        numbers: [numbers(&upper), if tall { 5 } else { 3 }],
+        numbers: [if slim { 4 } else { 5 }, if tall { 5 } else { 3 }],
         letters: 11,
     };
     let values = (&raster.top_down()[..], raster.x.len());
@@ -252,12 +253,6 @@ pub fn framed(
     Ok(())
 }
 
-/// Numbers below a map or a scale, at most: as many as its width has room for.
-fn numbers(area: &Area<'_>) -> usize {
-    let (width, _) = area.dim_in_pixel();
-    (width.saturating_sub(LEFT + RIGHT) as usize / 40).clamp(2, 5)
-}
-
 /// The scale under maps.
 pub fn bar(area: &Area<'_>, images: &mut Vec<Stretched>, scale: Scale) -> Result<()> {
     let [low, high] = scale.range;
@@ -274,7 +269,7 @@ pub fn bar(area: &Area<'_>, images: &mut Vec<Stretched>, scale: Scale) -> Result
         .axis_style(INK)
         .label_style(text(11))
         .x_desc(scale.unit)
-        .x_labels(numbers(area))
+        .x_labels(5)
         .x_label_formatter(&step)
         .draw()?;
     let ramp: Vec<f64> = (0..255).map(|k| f64::from(k) / 254.0).collect();
