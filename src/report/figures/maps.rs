@@ -206,18 +206,21 @@ pub fn map(
     let edges = [&raster.x, &raster.y].map(|a| Raster::edges(a));
     let slim = width < LEFT + RIGHT + 100;
     let tall = edges[1][1] - edges[1][0] > 0.4 * (edges[0][1] - edges[0][0]);
-    let frame = Frame {
+    let axes = MapAxes {
+        edges,
         margins: [TOP, RIGHT, AXIS, LEFT],
         numbers: [if slim { 4 } else { 5 }, if tall { 5 } else { 3 }],
         letters: 11,
     };
     let values = (&raster.top_down()[..], raster.x.len());
-    framed(&upper, images, (values, edges), scale, &frame)?;
+    framed(&upper, images, values, scale, &axes)?;
     bar(&lower, images, scale)
 }
 
 /// What stands about a map.
-pub struct Frame {
+pub struct MapAxes {
+    /// Places of its edges along x and y, mm.
+    pub edges: [[f64; 2]; 2],
     /// Pixels above, on the right, below, on the left.
     pub margins: [u32; 4],
     /// Numbers along x and y, at most.
@@ -226,22 +229,22 @@ pub struct Frame {
     pub letters: u32,
 }
 
-/// Values from the top row down, so many to a row, over places between edges along x and y, with axes.
+/// Values from the top row down, so many to a row, with axes.
 pub fn framed(
     area: &Area<'_>,
     images: &mut Vec<Stretched>,
-    ((values, columns), [x, y]): ((&[f64], usize), [[f64; 2]; 2]),
+    (values, columns): (&[f64], usize),
     scale: Scale,
-    frame: &Frame,
+    axes: &MapAxes,
 ) -> Result<()> {
-    let [above, right, below, left] = frame.margins;
+    let ([above, right, below, left], [x, y]) = (axes.margins, axes.edges);
     let mut chart = ChartBuilder::on(area)
         .margin_top(above)
         .margin_right(right)
         .x_label_area_size(below)
         .y_label_area_size(left)
         .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-    axes_mm(&mut chart, frame.numbers, frame.letters)?;
+    axes_mm(&mut chart, axes.numbers, axes.letters)?;
     let ends = [(x[0], y[0]), (x[1], y[1])];
     let blank = Rectangle::new(ends, NOT_MEASURED.filled());
     chart.plotting_area().draw(&blank)?;

@@ -4,7 +4,7 @@ use indexmap::IndexSet;
 use plotters::style::text_anchor::HPos;
 
 use super::canvas::{Area, Figure, Stretched, draw, say};
-use super::maps::{Frame, Scale, bar, covering, framed};
+use super::maps::{MapAxes, Scale, bar, covering, framed};
 use crate::error::Result;
 use crate::report::numbers::{StepCell, StiffnessCell};
 
@@ -186,10 +186,11 @@ fn map(
         title.into()
     };
     say(area, title, (LEFT as i32, 12), 12, HPos::Left)?;
-    let frame = Frame {
+    let axes = MapAxes {
+        edges: [x, y],
         margins: [TOP, RIGHT, AXIS, LEFT],
         numbers: [3, 7],
         letters: 10,
     };
-    framed(area, images, ((values, columns), [x, y]), scale, &frame)
+    framed(area, images, (values, columns), scale, &axes)
 }
