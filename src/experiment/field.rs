@@ -267,9 +267,9 @@ impl Mechanics for FieldExperiment {
         Ok(self.on_specimen(&Locator::new(&mesh), &places))
     }
 
-    fn added(&self, effect: &dyn Effect, by: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
-        let Some(curvature) = effect.curvature(by) else {
-            return Ok(in_closed_form(&self.scene, effect, by, sight));
+    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
+        let Some(curvature) = of.curvature(amplitude) else {
+            return Ok(in_closed_form(&self.scene, of, amplitude, sight));
         };
         self.bent(sight, |bending, observer| {
             bending.shown(curvature, observer, sight)

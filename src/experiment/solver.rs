@@ -43,13 +43,13 @@ pub trait Mechanics: Send + Sync {
     /// Those of the mechanics; constants that are not admissible.
     fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
 
-    /// The displacement, mm, that an additive effect adds `by` its amplitudes (border units) at a sight's points, without `further` ones. It is
+    /// The displacement, mm, that an additive effect of some amplitudes (border units) adds at a sight's points, without `further` ones. It is
     /// linear in the amplitudes.
     ///
     /// # Errors
     /// Those of the mechanics.
-    fn added(&self, effect: &dyn Effect, by: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
-        Ok(in_closed_form(self.scene(), effect, by, sight))
+    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
+        Ok(in_closed_form(self.scene(), of, amplitude, sight))
     }
 
     /// What an additive effect that bends the specimen towards the camera adds, at a sight's points without `further` ones, along each direction

@@ -168,8 +168,8 @@ impl Mechanics for SnapshotExperiment {
         self.own.shows(state, points)
     }
 
-    fn added(&self, effect: &dyn Effect, by: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
-        self.own.added(effect, by, sight)
+    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
+        self.own.added(of, amplitude, sight)
     }
 
     fn off_axis(

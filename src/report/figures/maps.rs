@@ -122,8 +122,9 @@ const TOP: u32 = 24;
 const AXIS: u32 = 34;
 const BAR: u32 = 52;
 
-/// Pixels that a title needs.
+/// Pixels that a title needs, and those below which a map has no room for five numbers.
 const TITLE: u32 = 215;
+const SLIM: u32 = 100;
 
 /// Pixels of a panel whose map is at most `width` wide and 380 high.
 pub fn panel(raster: &Raster, width: u32) -> (u32, u32) {
@@ -204,7 +205,7 @@ pub fn map(
     let (upper, lower) = area.split_vertically(height - BAR);
     let upper = upper.shrink((0, 0), (width, height - BAR));
     let edges = [&raster.x, &raster.y].map(|a| Raster::edges(a));
-    let slim = width < LEFT + RIGHT + 100;
+    let slim = width - LEFT - RIGHT < SLIM;
     let tall = edges[1][1] - edges[1][0] > 0.4 * (edges[0][1] - edges[0][0]);
     let axes = MapAxes {
         edges,
