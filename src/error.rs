@@ -93,9 +93,11 @@ impl Error {
     pub fn found(mut self, value: impl fmt::Display) -> Self {
         const LONGEST: usize = 120;
         let text = value.to_string().replace(['\n', '\r'], " ");
+        // the system's number for what its words say
+        let text = text.split(" (os error ").next().unwrap_or_default();
         self.0.found = Some(match text.char_indices().nth(LONGEST) {
             Some((cut, _)) => format!("{}...", &text[..cut]),
-            None => text,
+            None => text.to_string(),
         });
         self
     }

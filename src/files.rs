@@ -351,7 +351,13 @@ fn located(file: &str, key: &str, (error, start): (&serde_json::Error, [usize; 2
             Some((inner, found)) => {
                 Error::input(format!("{place}: {inner}"), expected).found(found)
             }
-            None => Error::input(place, expected).found(found),
+            None => {
+                let found = found.trim_start_matches("invalid type: ");
+                // the name of a type says nothing to who wrote the file
+                let object = "an object: keys and values between { and }";
+                let is_type = expected.starts_with("struct ");
+                Error::input(place, if is_type { object } else { expected }).found(found)
+            }
         };
     }
     if let Some((place_in, expected)) = text.split_once(": expected ") {

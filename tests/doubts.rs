@@ -254,7 +254,7 @@ const WRONG: &[Wrong] = &[
     },
     Wrong {
         name: "19 template not edited",
-        says: &["Not changed since", "load.force_N", "prior of E1_GPa"],
+        says: &["As in the template", "load.force_N", "prior of E1_GPa"],
         change: template,
         ..PLAIN
     },

@@ -313,7 +313,7 @@ fn what_would_not_show_and_leaves_an_interval_is_said_first() {
         let html = read(&folder.join("report.html"));
         html.split_once("</header>").unwrap().0.to_string()
     };
-    let said = "balanced_misorientation of 0.23 deg would not show, and it moves nu12 by 13.1 %. The intervals take it for absent.";
+    let said = "balanced_misorientation of 0.23 deg would not show, and it moves nu12 by 13.1 %. The intervals do not reach so far.";
     assert!(first_screen(0.46).contains(said));
     assert!(!first_screen(0.08).contains("would not show"));
 }

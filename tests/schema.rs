@@ -3,12 +3,27 @@
 use std::path::Path;
 
 use plychain::files::parse_json;
+use plychain::infer::Model;
 use plychain::report::Report;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::program::succeed;
 use crate::report::{changed, looped, read, run};
+
+/// Windows' editors begin a file with a byte order mark, or write UTF-16.
+#[test]
+fn a_model_file_is_read_in_the_encodings_of_editors() {
+    let text = read(Path::new("models/openhole.json"));
+    let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+    let utf16: Vec<u8> = units.flat_map(u16::to_le_bytes).collect();
+    let place = tempfile::tempdir().unwrap();
+    for bytes in [format!("\u{feff}{text}").into_bytes(), utf16] {
+        let file = place.path().join("model.json");
+        std::fs::write(&file, bytes).unwrap();
+        assert_eq!(Model::text(&file).unwrap(), text);
+    }
+}
 
 /// Every key of a report comes back from its type as it was, in order: that of one identification, and that of a loop.
 #[test]

@@ -54,13 +54,17 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         [folder] => loop_verdict(folder),
         _ => None,
     };
-    if let (Some((constants, _)), false) = (&own, arguments.all) {
+    if let (Some((constants, ..)), false) = (&own, arguments.all) {
         draws = draws.only(constants)?;
         let remark = "These are the constants; --all shows all that was sampled.";
         draws.info.remarks.push(remark.into());
     }
     let mut verdict = diagnose(&draws, &rule_of(&arguments.files));
-    if let Some((_, reasons)) = own {
+    if let Some((_, reasons, answers)) = own {
+        if answers > 1 {
+            let remark = "Several explanations fit, and these draws pool them. The intervals to quote span all of them and are wider: they are in the report.";
+            draws.info.remarks.push(remark.into());
+        }
         let remark = "The verdict is the loop's own, of all draws that it made. Those that are stored are fewer.";
         draws.info.remarks.push(remark.into());
         verdict.converged = reasons.is_empty();
@@ -110,16 +114,16 @@ fn rule_of(files: &[PathBuf]) -> Rule {
     }
 }
 
-/// The names of a loop's constants and what has not converged of each answer, by the report in its folder; none of anything else. Draws that
+/// The names of a loop's constants what has not converged of each answer, and the number of answers, by the report in its folder; none of anything else. Draws that
 /// were weighed stand there again and again, and few of those that were sampled: their autocorrelation is another.
-fn loop_verdict(folder: &Path) -> Option<(Vec<String>, Vec<String>)> {
+fn loop_verdict(folder: &Path) -> Option<(Vec<String>, Vec<String>, usize)> {
     folder.join(AVERAGED).is_dir().then_some(())?;
     let report: serde_json::Value = load(folder, "report.json").ok()?;
     let quoted: QuotedReport = serde_json::from_value(report["quoted"].clone()).ok()?;
     let constants = quoted.answers.first()?.constants.keys().cloned().collect();
     let open = quoted.answers.iter().filter(|a| !a.converged);
     let said = open.map(|a| format!("answer {}: {}", a.name, a.convergence));
-    Some((constants, said.collect()))
+    Some((constants, said.collect(), quoted.answers.len()))
 }
 
 /// The chain store that `path` is or holds.

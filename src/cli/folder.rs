@@ -306,7 +306,7 @@ pub fn say_round(folder: &Path) {
     }
     if folder.join(AVERAGED).is_dir() {
         line(&format!(
-            "  These are the draws to quote, of the averaged posterior. Those of the model as it was given are in {}.",
+            "  These are the draws of the averaged posterior. Those of the model as it was given are in {}.",
             folder.join("chain.zarr").display()
         ));
     }

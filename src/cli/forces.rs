@@ -57,6 +57,9 @@ const FORCES: [&str; 10] = [
     "force", "load", "kraft", "charge", "effort", "fuerza", "carga", "forza", "f", "p",
 ];
 
+/// Words of columns of a stress, a force per width or a rate of loading.
+const NO_FORCES: [&str; 8] = ["per", "rate", "stress", "mm", "mm2", "mm\u{b2}", "m", "s"];
+
 /// What columns of picture numbers are called.
 const NUMBERS: [&str; 14] = [
     "index", "count", "image", "picture", "frame", "photo", "bild", "stage", "step", "number",
@@ -160,7 +163,8 @@ impl ForceArguments {
         }
         let is_force = |name: &String| {
             let (words, _) = parts(name);
-            words.iter().any(|w| FORCES.contains(&w.as_str()))
+            let is_other = words.iter().any(|w| NO_FORCES.contains(&w.as_str()));
+            !is_other && words.iter().any(|w| FORCES.contains(&w.as_str()))
         };
         let all = file.names.iter().enumerate().filter(|(_, n)| is_force(n));
         let all: Vec<usize> = all.map(|(k, _)| k).collect();

@@ -15,13 +15,13 @@ use crate::progress::Progress;
 use crate::report::fringes::{FringeReport, page};
 use crate::section::terminal;
 
-/// Arguments of `fringes`.
+/// Arguments of `fringes`. clap makes a new line of `{n}`, but not where a sequence without effect stands in it.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   plychain fringes fringes.json --out measured
 
 The file:
-  { \"schema\": \"plychain-fringes/1\", \"images\": \"{component}_{state}_{n}.png\", \"frames\": 4, \"step_deg\": 90, \"steps\": \"auto\",
+  { \"schema\": \"plychain-fringes/1\", \"images\": \"{component}_{state}_{\u{1b}[0mn}.png\", \"frames\": 4, \"step_deg\": 90, \"steps\": \"auto\",
     \"fringe_frequency_per_mm\": 2400, \"pixel_mm\": 0.06075, \"first_row\": \"low_y\", \"U_along\": \"y\" }
   component: U or V; state: initial or final; n: 1 to frames. steps: nominal, estimated, or auto (as the images say)")]
 pub struct FringesArguments {

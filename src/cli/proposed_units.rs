@@ -115,7 +115,7 @@ impl Unsettled<'_> {
             ""
         };
         Ok(Error::input(self.place(), "a unit of length")
-            .found(format!("the columns {a}, {b} without a unit{seen}"))
+            .found(format!("the columns {a}, {b} without a unit that is known{seen}"))
             .hint("say it: --mm-per-pixel MM if they are pixels (the size of one on the specimen), or --units mm (m, um, nm, in; two for coordinates,displacements); measurement.columns and measurement.units hold the answer"))
     }
 }

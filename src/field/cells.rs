@@ -24,6 +24,15 @@ const NO_VALUE: &[(&str, &[&str])] = &[
             "#null!",
         ],
     ),
+    (
+        ".NET in Italian, German, French, Spanish",
+        &[
+            "non un numero reale",
+            "n. def.",
+            "non num\u{e9}rique",
+            "neun",
+        ],
+    ),
     ("R, pandas, Origin", &["na", "n/a", "n.a.", "<na>", "--"]),
     ("JSON, databases", &["null", "none", "nil"]),
     (

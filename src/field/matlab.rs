@@ -53,6 +53,10 @@ pub(super) fn as_text(path: &Path, bytes: &[u8]) -> Result<Option<String>> {
     }
     let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
     let mut text = names.join(",") + "\n";
+    if names.contains(&"U") && !names.contains(&"sigma") {
+        // somebody's own arrays and not VIC-3D's: a row of units that are not known
+        text += &(vec!["unknown"; names.len()].join(",") + "\n");
+    }
     for row in 0..rows {
         for (k, (_, values)) in columns.iter().enumerate() {
             // writing to a String cannot fail

@@ -12,6 +12,7 @@ use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::{FARTHEST_MM, Field};
 use super::reader::{ColumnMap, Reader, number, read_text, unwritable};
+use super::table::drop_unmoved;
 use crate::error::{Error, Result};
 use crate::quantity::UM_PER_MM;
 
@@ -113,6 +114,7 @@ pub fn read(dir: &Path, frame: Frame) -> Result<Field> {
     let grid = assemble(x, y, u, v)?;
     let sd = read_sds(dir, [u, v])?;
     let mut field = grid.field(frame);
+    drop_unmoved(&mut field);
     if field.is_empty() {
         return Err(Error::input(
             u.path.display(),

@@ -205,6 +205,7 @@ impl Field {
             unmatched,
             outside_window,
             outliers,
+            masked,
             ..
         } = self.rejected;
         let failed = if uncorrelated > 0 {
@@ -222,10 +223,10 @@ impl Field {
             format!("at least {} measured points in the window", Self::FEWEST),
         )
         .found(format!(
-            "{} ({missing} missing, {failed}{elsewhere}{outside_window} outside the window, {outliers} outliers)",
+            "{} ({missing} missing, {failed}{elsewhere}{outside_window} outside the window, {masked} masked, {outliers} outliers)",
             self.len()
         ))
-        .hint("check window_mm (data's coordinates) and the units"))
+        .hint("check window_mm and the mask (both in the data's coordinates), and the units"))
     }
 
     /// The smallest and largest (s, t), mm. Both are zero for an empty field.

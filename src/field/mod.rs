@@ -44,3 +44,4 @@ pub use reader::{ColumnMap, Columns, LEAST_CORRELATION, PIXEL, Reader, Units, un
 pub use series::{Series, Step};
 pub use spec::{MeasurementSpec, READERS, Source};
 pub use step::StepSpec;
+pub use text::of_settings;

@@ -8,6 +8,9 @@ use super::reader::{ColumnMap, LEAST_CORRELATION};
 use super::sheet::Sheet;
 use crate::error::{Error, Result};
 
+/// Coefficients may be above 1 by so much, as single precision rounds them.
+const ROUNDED: f64 = 1e-3;
+
 /// Where the declared columns are and what their units are.
 pub(super) struct CsvRow<'a> {
     /// Index, name and mm a unit of x, y, ux, uy; below 0 where the sign is changed.
@@ -115,6 +118,11 @@ impl<'a> CsvRow<'a> {
             Some((index, name)) => plain(index, name)?,
             None => 1.0,
         };
+        if correlation > 1.0 + ROUNDED {
+            let name = self.correlation.map_or("", |(_, name)| name);
+            return Err(Error::input(at(name), "a correlation coefficient of at most 1").found(correlation)
+                .hint("percent, or another measure? leave columns.correlation out, or export the coefficient"));
+        }
         let [x, y, ux, uy] = values;
         let at = if self.deformed {
             [x - ux, y - uy]

@@ -124,7 +124,19 @@ impl Sheet {
         let no_number = cells
             .iter()
             .all(|c| number(c, false).is_none_or(f64::is_nan));
-        if units.len() < self.names.len() || !no_number || units.iter().all(Option::is_none) {
+        // words that are neither are units too: ones that are not known
+        let is_words = !COMMENTS
+            .iter()
+            .any(|sign| line.trim_start().starts_with(sign))
+            && !TECPLOT.iter().any(|word| begins(line, word))
+            && !self.is_header(&cells)
+            && cells
+                .iter()
+                .all(|c| number(c, false).is_none() && number(c, true).is_none());
+        if units.len() < self.names.len()
+            || !no_number
+            || units.iter().all(Option::is_none) && !is_words
+        {
             return;
         }
         let end = line.as_ptr() as usize - self.text.as_ptr() as usize + line.len();

@@ -100,7 +100,7 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
         ..Field::empty(frame)
     };
     let mut sigmas = Vec::new();
-    let mut faint = 0;
+    let (mut faint, mut of_zeros) = (0, 0);
     let mut known = KnownColumns::default();
     let said = sheet.rows(&mut |line, cells| {
         let place = |line| format!("{}:{line}", path.display());
@@ -108,10 +108,14 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
             Point::Missing => field.rejected.missing += 1,
             Point::Failed => field.rejected.uncorrelated += 1,
             Point::Faint => faint += 1,
+            Point::Measured { at, u, .. } if [at, u] == [[0.0; 2]; 2] && of_zeros > 0 => {
+                of_zeros += 1
+            }
             Point::Measured { at, u, .. } if known.has(at, (u, line), &place)? => {
                 field.rejected.repeated += 1;
             }
             Point::Measured { at, u, sigma } => {
+                of_zeros += usize::from([at, u] == [[0.0; 2]; 2]);
                 field.points.push(frame.point(at));
                 field.displacement.push(frame.vector(u));
                 sigmas.push(sigma);
@@ -121,6 +125,18 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
     })?;
     let mut remarks = sheet.remarks;
     remarks.extend(said);
+    if of_zeros > 1 {
+        // a point is measured once: these are rows that a program did not fill
+        let is_kept: Vec<bool> = std::iter::zip(&field.points, &field.displacement)
+            .map(|(p, u)| *p != [0.0; 2] || *u != [0.0; 2])
+            .collect();
+        drop_points(&mut field, &is_kept);
+        sigmas = kept(sigmas, &is_kept);
+        field.rejected.uncorrelated += of_zeros;
+        remarks.push(format!(
+            "{of_zeros} rows of zeros alone are not measured: dropped"
+        ));
+    }
     remarks.extend(take_sigmas(&mut field, sigmas, row.keeps_sigma()));
     remarks.extend(drop_unmoved(&mut field));
     field.rejected.uncorrelated += faint;
@@ -143,24 +159,25 @@ fn take_sigmas(field: &mut Field, sigmas: Vec<f64>, keeps: bool) -> Option<Strin
 /// Keep some of the points; returns how many went.
 fn drop_points(field: &mut Field, is_kept: &[bool]) -> usize {
     let before = field.len();
-    let mut kept = is_kept.iter().copied();
-    field.points.retain(|_| kept.next().unwrap_or(true));
-    let mut kept = is_kept.iter().copied();
-    field.displacement.retain(|_| kept.next().unwrap_or(true));
-    let mut kept = is_kept.iter().copied();
-    if let Some(sigma) = &mut field.sigma {
-        sigma.retain(|_| kept.next().unwrap_or(true));
-    }
+    field.points = kept(std::mem::take(&mut field.points), is_kept);
+    field.displacement = kept(std::mem::take(&mut field.displacement), is_kept);
+    field.sigma = field.sigma.take().map(|sigma| kept(sigma, is_kept));
     before - field.len()
 }
 
-/// Programs write zeros where they correlated nothing: points with both displacements exactly 0 that lie beside points that moved are
-/// dropped. In a field that is continuous they would be among points that hardly moved.
-fn drop_unmoved(field: &mut Field) -> Option<String> {
+fn kept<T>(all: Vec<T>, is_kept: &[bool]) -> Vec<T> {
+    let both = all.into_iter().zip(is_kept);
+    both.filter_map(|(one, kept)| kept.then_some(one)).collect()
+}
+
+/// Programs write zeros, or another number, where they correlated nothing: points with both displacements exactly this number that lie
+/// beside points that moved are dropped. In a field that is continuous they would be among points that hardly moved from it.
+pub(super) fn drop_unmoved(field: &mut Field) -> Option<String> {
     const FEWEST: usize = 3;
     const MOVED: f64 = 0.25;
     const COARSE: f64 = 20.0;
-    let size = |u: &[f64; 2]| u[0].hypot(u[1]);
+    let filled = filled_with(&field.displacement);
+    let size = |u: &[f64; 2]| (u[0] - filled[0]).hypot(u[1] - filled[1]);
     let (still, moved): (Vec<usize>, Vec<usize>) =
         (0..field.len()).partition(|&i| size(&field.displacement[i]) == 0.0);
     if still.len() < FEWEST || moved.is_empty() {
@@ -197,8 +214,22 @@ fn drop_unmoved(field: &mut Field) -> Option<String> {
     let dropped = drop_points(field, &is_kept);
     field.rejected.uncorrelated += dropped;
     Some(format!(
-        "{dropped} points with both displacements exactly 0 beside points that moved are not measured: dropped"
+        "{dropped} points with both displacements exactly {} beside points that moved are not measured: dropped",
+        if filled == [0.0; 2] {
+            "0"
+        } else {
+            "one number"
+        }
     ))
+}
+
+/// The number that two displacements share most often, or 0.
+fn filled_with(displacement: &[[f64; 2]]) -> [f64; 2] {
+    let equal = displacement.iter().filter(|u| u[0] == u[1]);
+    let mut equal: Vec<f64> = equal.map(|u| u[0]).collect();
+    equal.sort_by(f64::total_cmp);
+    let most = equal.chunk_by(|a, b| a == b).max_by_key(|same| same.len());
+    most.map_or([0.0; 2], |same| [same[0]; 2])
 }
 
 /// The points of a table so far, by the bits of their coordinates: what was measured there, and in which line.

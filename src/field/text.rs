@@ -47,6 +47,14 @@ pub(super) fn read(path: &Path) -> Result<(String, Option<&'static str>)> {
     Ok((text, encoding))
 }
 
+/// The text of a file of settings, in whatever encoding an editor saves.
+///
+/// # Errors
+/// Of the input: a file that is no text.
+pub fn of_settings(path: &Path, bytes: &[u8]) -> Result<String> {
+    Ok(decoded(path, bytes)?.0)
+}
+
 fn decoded(path: &Path, bytes: &[u8]) -> Result<(String, Option<&'static str>)> {
     if let Some((encoding, mark)) = Encoding::for_bom(bytes).or_else(|| unmarked_utf16(bytes)) {
         let (text, failed) = encoding.decode_without_bom_handling(&bytes[mark..]);

@@ -10,7 +10,7 @@ use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, ob
 use crate::error::{Error, Result};
 use crate::experiment::{ExperimentSpec, State, Subsets, check_gauge};
 use crate::fem::Setup;
-use crate::field::Field;
+use crate::field::{Field, of_settings};
 use crate::files::absolute;
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::{SnapshotsSpec, exponents};
@@ -49,11 +49,12 @@ impl Model {
     /// The input's fault: a file that cannot be read.
     pub fn text(path: &Path) -> Result<String> {
         let place = path.display().to_string();
-        std::fs::read_to_string(path).map_err(|e| {
+        let bytes = std::fs::read(path).map_err(|e| {
             Error::input(&place, "a readable model file")
                 .found(e)
                 .hint("give the path of a model, for example models/openhole.json")
-        })
+        })?;
+        of_settings(path, &bytes)
     }
 
     /// Read a model, with its measurement elsewhere if `data` says so.

@@ -42,7 +42,10 @@ pub struct HoleSpec {
 
 /// A quantity that is known with some uncertainty, in the unit of its key.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = r#"a mean and its sd, as { "mean": 4.0, "sd": 0.1 }"#
+)]
 pub struct MeanSd {
     pub mean: f64,
     /// Standard deviation; 0 if it is known exactly.

@@ -103,7 +103,7 @@ pub fn not_changed(model: &Value) -> Option<String> {
     let left = unchanged(model);
     (!left.is_empty()).then(|| {
         format!(
-            "Not changed since `plychain init` wrote them: {}. Check that they are those of your test.",
+            "As in the template of `plychain init`: {}. Check that they are those of your test.",
             left.join(", ")
         )
     })

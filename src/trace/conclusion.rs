@@ -22,6 +22,9 @@ pub struct Conclusion {
     /// Effects added, in order.
     #[serde(default)]
     pub effects: Vec<String>,
+    /// The same, each with those that the evidence does not tell from it, where there are some.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_told_apart: Vec<Vec<String>>,
     /// What the sizes of added effects mean for the fields or the constants, where that is not plain: a sentence an effect.
     #[serde(default, skip_serializing_if = "Keyed::is_empty")]
     pub meanings: Keyed<String>,
@@ -55,9 +58,19 @@ impl Conclusion {
     pub fn words(&self) -> String {
         match self.status {
             Status::NothingMissing => "explained by noise alone".into(),
-            Status::Closed => format!("explained by: {}", self.effects.join(", ")),
+            Status::Closed => {
+                let names: Vec<String> = self.effects.iter().map(|e| self.name(e)).collect();
+                format!("explained by: {}", names.join(", "))
+            }
             Status::Unexplained => "not explained".into(),
         }
+    }
+
+    /// An added effect, with those that the evidence does not tell from it.
+    pub fn name(&self, effect: &String) -> String {
+        let mut groups = self.not_told_apart.iter();
+        let group = groups.find(|group| group.first() == Some(effect));
+        group.map_or_else(|| effect.clone(), |group| group.join(" or "))
     }
 }
 
@@ -103,6 +116,9 @@ impl Confirming {
     }
 }
 
+/// What no field shows, and no verdict therefore speaks of.
+pub const FORCE_UNSEEN: &str = "A force or a thickness that is wrong by 1 % makes all moduli wrong by 1 %, and no field shows it.";
+
 /// Names as the report keeps them.
 pub fn texts(names: &[&str]) -> Vec<String> {
     names.iter().map(|n| (*n).to_string()).collect()
@@ -143,6 +159,11 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     Conclusion {
         status,
         effects: groups.iter().map(|g| g.leader.into()).collect(),
+        not_told_apart: groups
+            .iter()
+            .filter(|g| g.members.len() > 1)
+            .map(|g| texts(&led(g)))
+            .collect(),
         meanings: groups
             .iter()
             .filter_map(|g| Some((g.leader.into(), meaning(rounds, g.leader)?)))
@@ -164,6 +185,15 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
         suspect: suspect.clone(),
         confirm,
     }
+}
+
+/// An effect, and what the evidence does not tell from it.
+fn led(group: &Named) -> Vec<&'static str> {
+    let others = group.members.iter().filter(|m| **m != group.leader);
+    std::iter::once(&group.leader)
+        .chain(others)
+        .copied()
+        .collect()
 }
 
 /// An effect, what the evidence does not tell from it, and what leaves almost the same field.
@@ -306,12 +336,7 @@ fn consistent(rounds: &[Round], group: &Named) -> String {
     if !amplitude.is_empty() {
         text += &format!(" ({amplitude})");
     }
-    let others: Vec<&str> = group
-        .members
-        .iter()
-        .copied()
-        .filter(|m| *m != group.leader)
-        .collect();
+    let others = &led(group)[1..];
     if !others.is_empty() {
         text += &format!(
             ", or with {}, which this measurement cannot tell from it",
@@ -421,7 +446,7 @@ fn words(
     // what an effect makes that was not added is no pattern of its own
     said.extend(patterns.into_iter().filter(|_| wanted.is_none()));
     let undecided = &rounds[rounds.len() - 1].tracing.undecided;
-    said.push("A force or a thickness that is wrong by 1 % makes all moduli wrong by 1 %, and no field shows it.".into());
+    said.push(FORCE_UNSEEN.into());
     said.extend(rounds[rounds.len() - 1].tracing.leaning.iter().cloned());
     if !undecided.is_empty() {
         let names: Vec<String> = undecided.iter().map(|g| g.join(" or ")).collect();

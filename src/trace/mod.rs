@@ -44,7 +44,7 @@ mod weighing;
 pub use attribute::attribute;
 pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
-pub use conclusion::{Conclusion, texts};
+pub use conclusion::{Conclusion, FORCE_UNSEEN, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::{BOX_SDS, extended};
 pub use facts::Status;

@@ -200,6 +200,49 @@ fn zeros_beside_points_that_moved_are_not_measured() {
 }
 
 #[test]
+fn what_fills_points_that_failed_is_not_measured() {
+    let mut rows = strip();
+    let is_lost = |r: &FieldRow| r[0] < -9.0;
+    let lost = rows.iter().filter(|r| is_lost(r)).count();
+    rows.iter_mut()
+        .filter(|r| is_lost(r))
+        .for_each(|r| (r[2], r[3]) = (-9999.0, -9999.0));
+    let text = remarks(&rows);
+    assert!(
+        text.contains(&format!(
+            "{lost} points with both displacements exactly one number"
+        )),
+        "{text}"
+    );
+    let mut rows = strip();
+    rows.extend([[0.0; 4]; 5]);
+    let text = remarks(&rows);
+    assert!(text.contains("5 rows of zeros alone"), "{text}");
+}
+
+#[test]
+fn a_quality_column_is_what_it_says() {
+    let with = |cell: &str| {
+        lines(&strip(), ",", |k, v| match k {
+            3 => format!("{v:.6},{cell}"),
+            _ => decimals(k, v),
+        })
+    };
+    let percent = format!("X,Y,U,V,ZNCC\n{}", with("98.0"));
+    let (model, said) = proposed(percent.as_bytes(), "a.csv", &[]).unwrap();
+    assert!(
+        measurement(&model)["columns"]["correlation"].is_null(),
+        "{said}"
+    );
+    assert!(said.contains("at most 1"), "{said}");
+    // named columns do not switch the program's own account of failures off
+    let failed = format!("X,Y,U,V,sigma\n{}50.0,50.0,0.0,0.0,-1\n", with("0.01"));
+    let options = ["--columns", "x=X,y=Y,ux=U,uy=V", "--units", "mm"];
+    let (_, said) = proposed(failed.as_bytes(), "a.csv", &options).unwrap();
+    assert!(said.contains("1 that did not correlate"), "{said}");
+}
+
+#[test]
 fn a_sigma_that_is_zero_everywhere_is_not_used() {
     let with = |sigma: &str| {
         let text = lines(&strip(), ",", |k, v| {

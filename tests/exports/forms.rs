@@ -506,6 +506,35 @@ fn a_unit_that_nothing_states_is_asked_for() {
     assert!(said.contains("whole number"), "{said}");
 }
 
+/// What the file says goes before what its program writes, also where nobody knows the unit.
+#[test]
+fn a_stated_unit_goes_before_the_habit() {
+    let rows = plain(",");
+    let heads = [
+        ("# unit: um\nX,Y,U,V", Some("um")),
+        ("# units in mm\nX,Y,U,V", Some("mm")),
+        ("# Units: angle:deg length:um time:s\nX,Y,U,V", Some("um")),
+        ("# Units: length:cm angle:deg\nX,Y,U,V", None),
+        ("# units: pixel\nX,Y,U,V", None),
+        ("X,Y,U,V\n[cm],[cm],[cm],[cm]", None),
+        ("X,Y,U,V\nmil,mil,mil,mil", None),
+        ("X,Y,U,V\n10^-3 mm,10^-3 mm,10^-3 mm,10^-3 mm", None),
+        ("x,y,dx,dy", None),
+        ("# load unit: kN\nX,Y,U,V", Some("mm")),
+    ];
+    for (head, unit) in heads {
+        let table = format!("{head}\n{rows}");
+        match (proposed(table.as_bytes(), "a.csv", &[]), unit) {
+            (Ok((model, _)), Some(unit)) => {
+                assert_eq!(measurement(&model)["units"]["coordinates"], unit, "{head}");
+            }
+            (Err(_), None) => {}
+            (Ok((model, _)), None) => panic!("{head}: {}", measurement(&model)["units"]),
+            (Err(error), Some(_)) => panic!("{head}: {error}"),
+        }
+    }
+}
+
 #[test]
 fn an_option_that_is_not_used_is_an_error() {
     let table = format!("X [mm];Y [mm];U [mm];V [mm]\n{}", plain(";"));

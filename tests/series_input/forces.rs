@@ -176,6 +176,14 @@ fn what_the_file_does_not_say_is_asked_for() {
             .0,
         [1000.0, 2000.0, 3000.0]
     );
+    for other in [
+        "Force per width [N/mm]",
+        "Force rate [kN/s]",
+        "Load [N/mm^2]",
+    ] {
+        let error = forces(folder, &table.replace("load", other), &[]).unwrap_err();
+        assert!(error.contains("a column of forces"), "{error}");
+    }
     let none = table.replace("load", "stress");
     let error = forces(folder, &none, &["--force-unit", "N"]).unwrap_err();
     assert!(

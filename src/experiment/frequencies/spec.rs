@@ -91,7 +91,10 @@ pub struct AddedMassSpec {
 
 /// How edges are held: all alike, or each by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected free, simply_supported or clamped, or a pair of them for x and for y"
+)]
 pub enum SupportSpec {
     All(EdgeSpec),
     /// At both ends of the length (x) and of the width (y).

@@ -57,7 +57,10 @@ pub struct FringeImages {
 
 /// Names of the images: one with `{component}` (U, V), `{state}` (initial, final) and `{n}` (1 to N), or lists of them by component and state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a pattern with {component}, {state} and {n}, or lists of names for U and V"
+)]
 pub enum Images {
     Pattern(String),
     Named(Components<States>),

@@ -5,7 +5,6 @@ use super::program::{COLUMNS_ONLY, Program, columns};
 
 pub const PROGRAM: Program = Program {
     exports: &[columns("COMSOL", ["X", "Y", "u", "v"], Asked)],
-    length: Some("length unit"),
     mark: Some("model,"),
     ..COLUMNS_ONLY
 };

@@ -1,6 +1,6 @@
 //! GOM and ZEISS (Correlate, INSPECT, ARAMIS). The tables of GOM hold deformed places, x + displacement; node maps hold both apart.
 
-use super::program::Habit::Of;
+use super::program::Habit::{Asked, Of};
 use super::program::{COLUMNS_ONLY, ExportColumns, Program, columns};
 
 const fn deformed(names: [&'static str; 4]) -> ExportColumns {
@@ -18,10 +18,16 @@ pub const PROGRAM: Program = Program {
             Of("mm"),
         ),
         deformed(["x", "y", "displacement_x", "displacement_y"]),
-        deformed(["x", "y", "dx", "dy"]),
+        ExportColumns {
+            also: &["z"],
+            ..deformed(["x", "y", "dx", "dy"])
+        },
+        // any program may call them so
+        ExportColumns {
+            unit: Asked,
+            ..deformed(["x", "y", "dx", "dy"])
+        },
     ],
-    // # Units: length:mm angle:deg time:s
-    length: Some("units: length"),
     subset_px: Some("facet_size"),
     step_px: Some("facet_distance"),
     ..COLUMNS_ONLY

@@ -104,14 +104,14 @@ pub fn matching(
             }
         })
         .collect();
+    let no_unit_known = row.is_some_and(|units| units.iter().all(Option::is_none));
+    let stated = units::before(preamble).or(no_unit_known.then_some(None));
     let mut best: Option<([usize; 4], MatchedColumns)> = None;
     for program in PROGRAMS {
         let lower = program.mark.map(|_| preamble.to_lowercase());
         let marked = program
             .mark
             .is_some_and(|mark| lower.is_some_and(|l| l.contains(mark)));
-        let stated = program.length.and_then(|words| stated(preamble, words));
-        let stated = stated.and_then(|text| text.split([' ', ',', ';']).find_map(unit_of));
         for export in program.exports {
             let among = export.among(&named, program, stated);
             let marked = among.map(|(mut rank, found)| {
@@ -136,12 +136,13 @@ struct NamedColumn<'a> {
 }
 
 impl ExportColumns {
-    /// These columns among others; the larger the rank, the better they fit.
+    /// These columns among others; the larger the rank, the better they fit. `stated` is the unit of the lines about the header,
+    /// which may be one that is not known: then no habit holds.
     fn among(
         &self,
         header: &[NamedColumn],
         program: &'static Program,
-        stated: Option<&'static str>,
+        stated: Option<Option<&'static str>>,
     ) -> Option<([usize; 4], MatchedColumns)> {
         let has = |name: &&str| header.iter().any(|c| c.stem.eq_ignore_ascii_case(name));
         if !self.also.iter().all(has) {
@@ -162,9 +163,9 @@ impl ExportColumns {
             .all(|(c, name)| c.stem == name);
         let unit = |a: &NamedColumn, b: &NamedColumn| match (a.unit, b.unit, stated, self.unit) {
             (Some(a), Some(b), _, _) if a == b => Some(FoundUnit::Stated(a)),
-            (None, None, Some(unit), _) => Some(FoundUnit::Stated(unit)),
+            (None, None, Some(Some(unit)), _) => Some(FoundUnit::Stated(unit)),
             (None, None, None, Habit::Of(unit)) => Some(FoundUnit::Usual(unit)),
-            (None, None, None, Habit::Asked) => Some(FoundUnit::Unknown),
+            (None, None, _, _) => Some(FoundUnit::Unknown),
             // two units side by side
             _ => None,
         };

@@ -12,9 +12,7 @@ pub struct Program {
     pub sigma_in_pixels: &'static [&'static str],
     /// Whether y counts downwards in the picture.
     pub y_downwards: bool,
-    /// Words before the unit of length, the side of a subset, the step of the grid (both in pixels) and the picture in the lines
-    /// before the table.
-    pub length: Option<&'static str>,
+    /// Words before the side of a subset, the step of the grid (both in pixels) and the picture in the lines before the table.
     pub subset_px: Option<&'static str>,
     pub step_px: Option<&'static str>,
     pub picture: Option<&'static str>,
@@ -26,7 +24,6 @@ pub const COLUMNS_ONLY: Program = Program {
     mark: None,
     sigma_in_pixels: &[],
     y_downwards: false,
-    length: None,
     subset_px: None,
     step_px: None,
     picture: None,

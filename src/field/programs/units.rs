@@ -63,3 +63,30 @@ pub fn split(name: &str) -> (&str, Option<&'static str>) {
     }
     (name, None)
 }
+
+/// The unit of length that a line before a table states (`# Units: length:mm angle:deg`, `% Length unit: mm`, `# unit: px`), if one
+/// does; `None` inside is a unit that is not known.
+pub fn before(preamble: &str) -> Option<Option<&'static str>> {
+    const OTHERS: [&str; 6] = ["force", "load", "strain", "stress", "time", "angle"];
+    preamble.lines().find_map(|line| {
+        let line = line.to_lowercase();
+        let words = line.split(|c: char| !c.is_alphanumeric());
+        let words: Vec<&str> = words.filter(|w| !w.is_empty()).collect();
+        let at = words.iter().position(|w| ["unit", "units"].contains(w))?;
+        let (first, after) = (words[..at].last(), &words[at + 1..]);
+        if let Some(k) = after.iter().position(|w| *w == "length") {
+            return Some(after.get(k + 1).and_then(|w| unit_of(w)));
+        }
+        if after.is_empty() || OTHERS.iter().any(|o| first == Some(o) || after.contains(o)) {
+            return None;
+        }
+        // "units in mm" are no inches
+        let known: Vec<&str> = after.iter().filter_map(|w| unit_of(w)).collect();
+        Some(
+            known
+                .iter()
+                .find(|u| **u != "in" || known.len() == 1)
+                .copied(),
+        )
+    })
+}

@@ -9,7 +9,7 @@ use crate::report::page::Page;
 use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::tracing::BlindSpotReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
-use crate::trace::{Conclusion, Status};
+use crate::trace::{Conclusion, FORCE_UNSEEN, Status};
 
 /// Warnings that are shown.
 const SHOWN: usize = 3;
@@ -82,9 +82,15 @@ fn why(verdict: &Conclusion) -> String {
         said.push(format!("A check failed: {veto}{more}."));
     }
     if verdict.suspect.is_some() {
-        said.push("Several explanations fit, and the intervals contain all of them.".to_string());
+        let reasons = verdict.suspect.iter().flat_map(|s| s.reasons.first());
+        let reason = reasons.filter(|_| verdict.vetoes.is_empty());
+        let reason: String = reason.map(|r| format!(": {r}")).collect();
+        said.push(format!("Several explanations fit{reason}."));
+        said.push("The intervals contain all of them.".into());
     } else if verdict.status == Status::Unexplained && verdict.vetoes.is_empty() {
         said.push("Structure remains. Look at the map of the residual.".into());
+    } else if verdict.status != Status::Unexplained {
+        said.push(FORCE_UNSEEN.into());
     }
     said.join(" ")
 }
@@ -142,7 +148,13 @@ pub fn found(report: &Report, last: &RoundReport) -> Piece {
         let tests = verdict.confirm.iter().flat_map(|group| &group.tests);
         let test = tests.clone().find(|t| t.effect == *effect);
         let test = test.map_or_else(String::new, |t| format!(". Test: {}", t.test));
-        (effect.clone(), format!("{}{means}{test}", sizes.join(", ")))
+        let alone = if sizes.is_empty() {
+            ""
+        } else {
+            ", if no other effect acts"
+        };
+        let sizes = sizes.join(", ");
+        (verdict.name(effect), format!("{sizes}{alone}{means}{test}"))
     };
     let mut items: Vec<(String, String)> = verdict.effects.iter().map(item).collect();
     if !verdict.undecided.is_empty() {
@@ -197,7 +209,7 @@ fn unseen(report: &Report) -> Option<String> {
     } = spot;
     let [size, percent] = [size, percent].map(|x| significant(x, 0.5 * x));
     Some(format!(
-        "{effect} of {size} {unit} would not show, and it moves {} by {percent} %. The intervals take it for absent. If your specimen may have it, declare its sd in plausible: \"{effect}.{parameter}\".",
+        "{effect} of {size} {unit} would not show, and it moves {} by {percent} %. The intervals do not reach so far. If your specimen may have it, declare its sd in plausible: \"{effect}.{parameter}\".",
         Parameter::read(name).symbol()
     ))
 }
