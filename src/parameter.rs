@@ -58,6 +58,22 @@ pub const HYPER: [&str; 4] = [
 ];
 /// Which answer a draw is of.
 const ANSWER: &str = "answer";
+/// Units that stand alone at the end of a name.
+const UNITS: [&str; 13] = [
+    "deg",
+    "urad",
+    "mrad",
+    "mm",
+    "um",
+    "nm",
+    "px",
+    "percent",
+    "microstrain",
+    "N",
+    "K",
+    "MPa",
+    "GPa",
+];
 /// Between an amplitude and the step in which it acts.
 const IN_STEP: &str = " in ";
 /// Between an effect and the law by which it acts over a series.
@@ -206,7 +222,11 @@ impl Parameter {
         let head = parts.next().unwrap_or(own);
         let below: Vec<&str> = parts.collect();
         match below[..] {
-            [] => head.rsplit('_').next().unwrap_or(head).to_string(),
+            [] if self.is(ParameterKind::Load) => "N".into(),
+            [] => {
+                let last = head.rsplit('_').next().filter(|unit| UNITS.contains(unit));
+                last.unwrap_or_default().to_string()
+            }
             // before it stands a symbol, or a temperature
             [one] if head.ends_with("_K") => format!("K/{one}"),
             [one] => format!("1/{one}"),

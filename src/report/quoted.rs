@@ -189,6 +189,15 @@ fn under_the_full_model(of: &Importance, answer: &str) -> String {
 }
 
 impl QuotedReport {
+    /// A warning where the full model cannot be said to agree.
+    pub fn doubt(&self) -> Option<String> {
+        let loose = |a: &QuotedAnswer| a.full_model.draws > 0 && a.full_model.effective < SAYS;
+        self.answers.iter().any(loose).then(|| {
+            "The full nonlinear model differs from the sampled posterior by more than draws can be weighted for. The intervals lack this difference."
+                .into()
+        })
+    }
+
     /// What there is to say beside the intervals.
     pub fn words(&self) -> String {
         let mut said = String::from("Sampled");

@@ -153,7 +153,8 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
         let group = last.tracing.groups.iter().find(|g| g.members == *members);
         let is_named = |c: &Confirming| c.tests.iter().any(|t| t.effect == members[0]);
         if !confirm.iter().any(is_named) {
-            confirm.extend(group.map(|g| confirming(g, false)));
+            // what was refused for good has no group any more
+            confirm.push(group.map_or_else(|| tests(members, false), |g| confirming(g, false)));
         }
     }
     Conclusion {
@@ -273,15 +274,19 @@ fn confirming(group: &Named, added: bool) -> Confirming {
             names.push(name);
         }
     }
-    let test = |name: &str| {
+    tests(&names, added)
+}
+
+fn tests(names: &[&str], added: bool) -> Confirming {
+    let test = |name: &&str| {
         Some(ConfirmingTest {
-            effect: name.into(),
+            effect: (*name).into(),
             test: effect(name)?.entry().confirm.into(),
         })
     };
     Confirming {
         added,
-        tests: names.into_iter().filter_map(test).collect(),
+        tests: names.iter().filter_map(test).collect(),
     }
 }
 

@@ -2,42 +2,24 @@
 
 use crate::field::reader::PIXEL;
 
-/// Units of length and the pixel, as they are written, by their names in a model file.
+/// Units of length and the pixel, as they are written in the singular, by their names in a model file.
 const UNITS: &[(&str, &[&str])] = &[
-    ("m", &["m", "metre", "meter", "metres", "meters"]),
-    (
-        "mm",
-        &[
-            "mm",
-            "millimetre",
-            "millimeter",
-            "millimetres",
-            "millimeters",
-        ],
-    ),
-    (
-        "um",
-        &[
-            "um",
-            "\u{b5}m",
-            "\u{3bc}m",
-            "micron",
-            "microns",
-            "micrometre",
-            "micrometer",
-        ],
-    ),
+    ("m", &["m", "metre", "meter"]),
+    ("mm", &["mm", "millimetre", "millimeter"]),
+    ("um", &["um", "\u{b5}m", "\u{3bc}m"]),
+    ("um", &["micron", "micrometre", "micrometer"]),
     ("nm", &["nm", "nanometre", "nanometer"]),
-    ("in", &["in", "inch", "inches"]),
-    (PIXEL, &["px", "pix", "pixel", "pixels"]),
+    ("in", &["in", "inch", "inche"]),
+    (PIXEL, &["px", "pix", "pixel"]),
 ];
 
 /// The name in a model file of a unit as it is written.
 pub fn unit_of(written: &str) -> Option<&'static str> {
     let written = written.trim().to_lowercase();
-    let known = UNITS
-        .iter()
-        .find(|(_, words)| words.contains(&written.as_str()));
+    // ms are no metres
+    let plural = written.strip_suffix('s').filter(|one| one.len() > 3);
+    let written = plural.unwrap_or(&written);
+    let known = UNITS.iter().find(|(_, words)| words.contains(&written));
     known.map(|(name, _)| *name)
 }
 

@@ -219,6 +219,12 @@ pub fn checks(report: &Report, last: &RoundReport, most: usize) -> Piece {
     let doubts = report.rounds.first().into_iter().flat_map(|r| &r.doubts);
     let mut all: Vec<String> = doubts.chain(&last.warnings).cloned().collect();
     all.extend(unseen(report));
+    all.extend(
+        report
+            .closing
+            .as_ref()
+            .and_then(|c| c.quoted.as_ref()?.doubt()),
+    );
     if !last.convergence.converged {
         all.insert(
             0,
