@@ -31,11 +31,12 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
     let rounds: Vec<RoundReport> = closed.rounds.iter().map(traced).collect();
     let [first, last] = [&closed.rounds[0], &closed.rounds[closed.rounds.len() - 1]];
     let blind_spots = blind_spots(&last.tracing);
+    let averaged = closed.quoted();
     let note = rounds
         .last()
-        .and_then(|r| widening(&r.alone(), r.tracing.as_ref()?, &blind_spots));
+        .and_then(|r| widening((&r.alone(), &averaged), r.tracing.as_ref()?, &blind_spots));
     let closing = Closing {
-        averaged_posterior: closed.quoted(),
+        averaged_posterior: averaged,
         quoted: quoted(closed),
         averaged_note: note,
         with_discrepancy: closed

@@ -4,7 +4,7 @@ use super::json::Keyed;
 use super::round::MeanAndSd;
 use super::tracing::{BlindSpotReport, TracingReport};
 use crate::identify::PRIOR_SDS;
-use crate::trace::UNEXPLAINED;
+use crate::trace::{Interval, UNEXPLAINED};
 
 /// Shifts of a constant are by sensitivities; beyond this many percent of it they say no more than that they are large.
 pub const LINEAR_PERCENT: f64 = 20.0;
@@ -41,11 +41,10 @@ const SIMILAR: std::ops::Range<f64> = 0.8..1.1;
 /// Why the averaged sd of a constant is larger, or smaller, than that of the model `alone`; nothing where all are alike. Of
 /// the most widened constant it is said which unseen effects move it most.
 pub fn widening(
-    alone: &Keyed<MeanAndSd>,
+    (alone, averaged): (&Keyed<MeanAndSd>, &Keyed<Interval>),
     tracing: &TracingReport,
     spots: &[BlindSpotReport],
 ) -> Option<String> {
-    let averaged = &tracing.averaged_posterior;
     let mut ratios: Vec<(f64, &str)> = alone
         .iter()
         .filter_map(|(name, bare)| Some((averaged.get(name)?.sd / bare.sd, name.as_str())))
@@ -69,7 +68,7 @@ pub fn widening(
         return Some(format!(
             "The averaged sd is larger than that of the model alone ({}), {cause}.{} These effects could move {most_of} most without being seen: {}. In brackets: the shift by the largest plausible amplitude that would not show.",
             list(&|ratio| ratio >= SIMILAR.end),
-            moved(alone, tracing),
+            moved(alone, averaged),
             movers(spots, most_of)
         ));
     }
@@ -89,9 +88,9 @@ pub fn widening(
 const MOVED_SDS: f64 = 2.0;
 
 /// A sentence about the constants whose averaged mean lies far from the model's own.
-fn moved(alone: &Keyed<MeanAndSd>, tracing: &TracingReport) -> String {
+fn moved(alone: &Keyed<MeanAndSd>, averaged: &Keyed<Interval>) -> String {
     let shifts = alone.iter().filter_map(|(name, bare)| {
-        let shift = tracing.averaged_posterior.get(name)?.mean - bare.mean;
+        let shift = averaged.get(name)?.mean - bare.mean;
         let far = shift.abs() > MOVED_SDS * bare.sd;
         far.then(|| format!("{name} by {:+.1} %", 100.0 * shift / bare.mean.abs()))
     });

@@ -254,7 +254,7 @@ pub fn averaged(
     let names: Vec<&str> = to_quote.keys().map(String::as_str).collect();
     let mut section = quoted(to_quote, suspect, alone, learned);
     if suspect.is_none() {
-        section = section.say(widening(alone, tracing, spots).unwrap_or_default());
+        section = section.say(widening((alone, to_quote), tracing, spots).unwrap_or_default());
     }
     [blind_spots(spots, &names), section]
 }
