@@ -305,7 +305,11 @@ fn of_programs() -> Vec<Form> {
             "VIC-2D (calibrated)",
             MM,
         ),
-        form("matlab5.mat", matlab_5(["X", "Y", "U", "V"]), "VIC-3D", MM),
+        // somebody's own arrays have no habit
+        Form {
+            options: &["--units", "mm"],
+            ..form("matlab5.mat", matlab_5(["X", "Y", "U", "V"]), "VIC-3D", MM)
+        },
     ]
 }
 

@@ -1,7 +1,7 @@
 //! DICe: pixels, y downwards; stereo beside them in the unit of its calibration. SIGMA and MATCH are -1 where the correlation failed.
 
 use super::program::Habit::Of;
-use super::program::{COLUMNS_ONLY, Program, columns};
+use super::program::{Program, columns};
 use crate::field::reader::PIXEL;
 
 pub const PROGRAM: Program = Program {
@@ -33,5 +33,4 @@ pub const PROGRAM: Program = Program {
     step_px: Some("step size"),
     picture: Some("deformed image"),
     mark: Some("digital image correlation engine"),
-    ..COLUMNS_ONLY
 };
