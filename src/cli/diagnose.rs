@@ -114,8 +114,8 @@ fn rule_of(files: &[PathBuf]) -> Rule {
     }
 }
 
-/// The names of a loop's constants what has not converged of each answer, and the number of answers, by the report in its folder; none of anything else. Draws that
-/// were weighed stand there again and again, and few of those that were sampled: their autocorrelation is another.
+/// The names of a loop's constants, what has not converged of each answer, and the number of answers, by the report in its folder; none of
+/// anything else. Draws that were weighed stand there again and again, and few of those that were sampled: their autocorrelation is another.
 fn loop_verdict(folder: &Path) -> Option<(Vec<String>, Vec<String>, usize)> {
     folder.join(AVERAGED).is_dir().then_some(())?;
     let report: serde_json::Value = load(folder, "report.json").ok()?;

@@ -223,13 +223,15 @@ pub(super) fn drop_unmoved(field: &mut Field) -> Option<String> {
     ))
 }
 
-/// The number that two displacements share most often, or 0.
+/// The number that two displacements share most often, if none is larger, or 0.
 fn filled_with(displacement: &[[f64; 2]]) -> [f64; 2] {
     let equal = displacement.iter().filter(|u| u[0] == u[1]);
     let mut equal: Vec<f64> = equal.map(|u| u[0]).collect();
     equal.sort_by(f64::total_cmp);
     let most = equal.chunk_by(|a, b| a == b).max_by_key(|same| same.len());
-    most.map_or([0.0; 2], |same| [same[0]; 2])
+    let all = displacement.as_flattened();
+    let is_largest = |fill: &f64| all.iter().all(|u| u.abs() <= fill.abs());
+    [most.map_or(0.0, |same| same[0]); 2].map(|fill| if is_largest(&fill) { fill } else { 0.0 })
 }
 
 /// The points of a table so far, by the bits of their coordinates: what was measured there, and in which line.
