@@ -282,13 +282,13 @@ fn quality(
             .find(|h| stem(h) == word.to_lowercase())
             .cloned()
     };
-    let in_pixels = program.and_then(|p| p.sigma_in_pixels.iter().find_map(|word| find(word)));
     if let Some(columns) = &user.columns {
         // whose sigma it is, is not known: it tells the points that failed
         let found = || Some((find(SIGMA)?, Some(PIXEL)));
         let sigma = columns.sigma.clone().map(with_unit).or_else(found);
         return (sigma, columns.correlation.clone());
     }
+    let in_pixels = program.and_then(|p| p.sigma_in_pixels.iter().find_map(|word| find(word)));
     let in_pixels = in_pixels.map(with_unit);
     let in_pixels = in_pixels.map(|(name, unit)| (name, unit.or(Some(PIXEL))));
     let sigma = in_pixels.or_else(|| find(SIGMA).map(with_unit));

@@ -86,6 +86,8 @@ pub struct Rejected {
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,
+    /// The images did not correlate there.
+    Uncorrelated,
     /// In the declared mask.
     Masked,
     /// At the place of another point.
@@ -166,6 +168,7 @@ impl Field {
         }
         *match reason {
             Reason::OutsideWindow => &mut self.rejected.outside_window,
+            Reason::Uncorrelated => &mut self.rejected.uncorrelated,
             Reason::Masked => &mut self.rejected.masked,
             Reason::Repeated => &mut self.rejected.repeated,
             Reason::Unmatched => &mut self.rejected.unmatched,

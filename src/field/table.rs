@@ -11,7 +11,7 @@ use rstar::primitives::GeomWithData;
 use super::cells::number;
 use super::frame::Frame;
 use super::grid::Grid;
-use super::measured::{Field, Rejected};
+use super::measured::{Field, Reason, Rejected};
 use super::programs::{MatchedColumns, matching};
 use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
 use super::row::{CsvRow, Point};
@@ -130,9 +130,10 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
         let is_kept: Vec<bool> = std::iter::zip(&field.points, &field.displacement)
             .map(|(p, u)| *p != [0.0; 2] || *u != [0.0; 2])
             .collect();
-        drop_points(&mut field, &is_kept);
-        sigmas = kept(sigmas, &is_kept);
-        field.rejected.uncorrelated += of_zeros;
+        let mut of_points = is_kept.iter().copied();
+        sigmas.retain(|_| of_points.next().unwrap_or(true));
+        let one = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
+        field.rejected.uncorrelated += of_zeros - one;
         remarks.push(format!(
             "{of_zeros} rows of zeros alone are not measured: dropped"
         ));
@@ -152,22 +153,8 @@ fn take_sigmas(field: &mut Field, sigmas: Vec<f64>, keeps: bool) -> Option<Strin
     }
     let is_kept: Vec<bool> = sigmas.iter().map(|s| *s > 0.0).collect();
     field.sigma = keeps.then_some(sigmas);
-    field.rejected.uncorrelated += drop_points(field, &is_kept);
+    field.retain(Reason::Uncorrelated, |i| is_kept[i]);
     None
-}
-
-/// Keep some of the points; returns how many went.
-fn drop_points(field: &mut Field, is_kept: &[bool]) -> usize {
-    let before = field.len();
-    field.points = kept(std::mem::take(&mut field.points), is_kept);
-    field.displacement = kept(std::mem::take(&mut field.displacement), is_kept);
-    field.sigma = field.sigma.take().map(|sigma| kept(sigma, is_kept));
-    before - field.len()
-}
-
-fn kept<T>(all: Vec<T>, is_kept: &[bool]) -> Vec<T> {
-    let both = all.into_iter().zip(is_kept);
-    both.filter_map(|(one, kept)| kept.then_some(one)).collect()
 }
 
 /// Programs write zeros, or another number, where they correlated nothing: points with both displacements exactly this number that lie
@@ -211,8 +198,7 @@ pub(super) fn drop_unmoved(field: &mut Field) -> Option<String> {
         return None;
     }
     let is_kept: Vec<bool> = field.displacement.iter().map(|u| size(u) > 0.0).collect();
-    let dropped = drop_points(field, &is_kept);
-    field.rejected.uncorrelated += dropped;
+    let dropped = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
     Some(format!(
         "{dropped} points with both displacements exactly {} beside points that moved are not measured: dropped",
         if filled == [0.0; 2] {

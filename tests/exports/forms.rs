@@ -532,7 +532,7 @@ fn a_stated_unit_goes_before_the_habit() {
             (Ok((model, _)), Some(unit)) => {
                 assert_eq!(measurement(&model)["units"]["coordinates"], unit, "{head}");
             }
-            (Err(_), None) => {}
+            (Err(error), None) => assert!(error.contains("a unit of length"), "{head}: {error}"),
             (Ok((model, _)), None) => panic!("{head}: {}", measurement(&model)["units"]),
             (Err(error), Some(_)) => panic!("{head}: {error}"),
         }
