@@ -462,3 +462,41 @@ fn forces_go_to_the_steps_that_stay() {
         "{text}"
     );
 }
+
+/// What is dropped of a grid goes from its index and its sds too.
+#[test]
+fn zeros_in_matrices_are_not_measured() {
+    const SIDE: usize = 12;
+    let place = tempfile::tempdir().unwrap();
+    let lost = |i: usize, j: usize| i < 3 && j < 3;
+    let sd = |i: usize, j: usize| 1.0 + 0.1 * i as f64 + 0.01 * j as f64;
+    let moved = |i: usize, j: usize, u: usize| if lost(i, j) { 0.0 } else { u as f64 };
+    let write = |names: &[&str], value: &dyn Fn(usize, usize) -> f64| {
+        let row = |i: usize| -> String {
+            let cells: Vec<_> = (0..SIDE).map(|j| value(i, j).to_string()).collect();
+            cells.join(" ") + "\n"
+        };
+        let text: String = (0..SIDE).map(row).collect();
+        for name in names {
+            std::fs::write(place.path().join(name), &text).unwrap();
+        }
+    };
+    write(&["X.txt"], &|_, j| j as f64);
+    write(&["Y.txt"], &|i, _| i as f64);
+    write(&["U.txt"], &|i, j| moved(i, j, 40 + j));
+    write(&["V.txt"], &|i, j| moved(i, j, 30 - i));
+    write(&["SU.txt", "SV.txt"], &sd);
+    let mut readers = plychain::field::READERS.iter();
+    let reader = readers.find(|r| r.format() == "matrices").unwrap();
+    let axes = plychain::field::DATA_AXES;
+    let field = reader.read(place.path(), None, axes).unwrap();
+    assert_eq!(field.len(), SIDE * SIDE - 9);
+    assert_eq!(field.rejected.uncorrelated, 9);
+    let index = &field.grid.as_ref().unwrap().index;
+    assert_eq!(index.len(), field.len());
+    for (k, sigma) in field.sigma.as_ref().unwrap().iter().enumerate() {
+        let (i, j) = (index[k] / SIDE, index[k] % SIDE);
+        assert_eq!(field.points[k], [j as f64, i as f64]);
+        assert!((sigma - 1e-3 * sd(i, j)).abs() < 1e-12);
+    }
+}
