@@ -10,7 +10,7 @@ use crate::field::{Columns, programs};
 #[derive(Debug, Args)]
 pub struct TableArguments {
     /// Size of a pixel on the specimen, mm, for exports in pixels
-    #[arg(long, value_name = "MM", requires = "csv")]
+    #[arg(long, value_name = "MM", requires = "csv", value_parser = length_mm)]
     pub mm_per_pixel: Option<f64>,
     /// Columns of a table of any program: x=NAME,y=NAME,ux=NAME,uy=NAME[,uz=NAME,sigma=NAME,correlation=NAME]
     #[arg(long, value_name = "KEY=NAME,..", requires = "csv")]
@@ -19,10 +19,10 @@ pub struct TableArguments {
     #[arg(long, value_name = "UNIT", requires = "csv")]
     pub units: Option<String>,
     /// Side of a subset of the image correlation, mm
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = length_mm)]
     pub subset_mm: Option<f64>,
     /// Distance of the camera from the specimen, mm (a rough value is enough)
-    #[arg(long, value_name = "MM", requires = "subset_mm")]
+    #[arg(long, value_name = "MM", requires = "subset_mm", value_parser = length_mm)]
     pub camera_distance_mm: Option<f64>,
 }
 
@@ -35,6 +35,13 @@ impl TableArguments {
         }
         images
     }
+}
+
+/// A size as it is typed.
+fn length_mm(text: &str) -> std::result::Result<f64, String> {
+    let size = text.trim().parse::<f64>().ok();
+    let size = size.filter(|s| s.is_finite() && *s > 0.0);
+    size.ok_or_else(|| "expected a length in mm above 0".into())
 }
 
 /// What the user says of the tables.
@@ -55,10 +62,6 @@ impl TableOptions {
     pub fn of(arguments: &TableArguments) -> Result<Self> {
         let columns = arguments.columns.as_deref().map(parsed).transpose()?;
         let (columns, uz) = columns.unzip();
-        let mm_per_pixel = arguments.mm_per_pixel;
-        if let Some(size) = mm_per_pixel.filter(|s| !(s.is_finite() && *s > 0.0)) {
-            return Err(Error::input("--mm-per-pixel", "a length in mm above 0").found(size));
-        }
         let units = arguments.units.as_deref().map(|text| {
             let parts: Vec<_> = text.split(',').map(programs::unit_of).collect();
             match parts[..] {
@@ -71,7 +74,7 @@ impl TableOptions {
             columns,
             uz: uz.flatten(),
             units: units.transpose()?,
-            mm_per_pixel,
+            mm_per_pixel: arguments.mm_per_pixel,
         })
     }
 }

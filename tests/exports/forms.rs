@@ -555,6 +555,13 @@ fn an_option_that_is_not_used_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let (done, _) = super::said(folder.path(), &["init", "a", "--units", "mm"]);
     assert!(!done);
+    for size in ["nan", "inf", "0", "-1", "1 mm"] {
+        for option in ["--subset-mm", "--camera-distance-mm", "--mm-per-pixel"] {
+            let option = format!("{option}={size}");
+            let (done, text) = super::said(folder.path(), &["init", "a", &option]);
+            assert!(!done && text.contains("a length in mm above 0"), "{text}");
+        }
+    }
 }
 
 #[test]
