@@ -406,6 +406,34 @@ fn a_series_that_turns_out_of_its_plane_is_closed() {
     closes_on("out_of_plane_rotation", &model);
 }
 
+/// Two effects beside each other have the sizes that they have, and not those that they would have of the ridge's constants.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn sizes_hold_the_truth_where_two_effects_act() {
+    let folder = simulated(
+        &coupon(),
+        "--steps 0,700,1400,2100,2800 --grid 41 --noise-nm 60 --motion-mm 0.2 --seed 1 \
+         --effect camera_rotation=-0.71 --effect magnification=2",
+    );
+    let run = fresh("run");
+    let file = folder.join("model.json").display().to_string();
+    succeed(&["loop", &file, "--quiet", "--out", run.to_str().unwrap()]);
+    let report = read(&run, "report.json");
+    let last = report["rounds"].as_array().unwrap().last().unwrap();
+    for (name, truth) in [
+        ("camera_rotation.angle_deg", -0.71),
+        ("magnification.percent", 2.0),
+    ] {
+        let found = &last["effect_amplitudes"][name];
+        let [mean, sd] = ["mean", "sd"].map(|key| found[key].as_f64().unwrap());
+        println!("{name}: {mean} +- {sd} for {truth}");
+        assert!(
+            (mean - truth).abs() < 3.0 * sd,
+            "{name}: {mean} +- {sd} for {truth}"
+        );
+    }
+}
+
 /// A gradient of temperature goes with the load, beside a softening that is too small to be found. One that drifts, with an error of the load,
 /// fits almost as well. That is no rival: the gradient acts in both.
 #[test]
