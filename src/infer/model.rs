@@ -24,6 +24,9 @@ pub struct Model {
     pub effects: Vec<&'static dyn Effect>,
     /// What experiments beside the field say of the constants.
     pub known: Option<Arc<Known>>,
+    /// Constants with which the specimen is bent out of its plane and expands, border units: the best known so far; the prior's means where
+    /// there are none.
+    pub nominal: Option<Vec<f64>>,
     /// The field, where it was measured by the caller and stands in no file.
     pub measured: Option<Arc<Field>>,
 }
@@ -148,6 +151,7 @@ impl Model {
             path: path.to_path_buf(),
             effects,
             known: None,
+            nominal: None,
             measured: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
@@ -325,11 +329,11 @@ impl Model {
         effect.is_manufacturing() && parameters.any(|p| declared(amplitude_name(effect, p)))
     }
 
-    /// What effects may need to know of the nominal test: prior means, mean thickness.
+    /// What effects may need to know of the nominal test: the nominal constants, the mean thickness.
     pub fn scene(&self) -> Scene {
         let experiment = self.experiment();
         let frame = experiment.measurement.frame;
-        let means = self.means();
+        let constants = self.nominal.clone().unwrap_or_else(|| self.means());
         let material = &self.file.material;
         let isotropic = material.kind == Material::Isotropic;
         let images = experiment.measurement.image_correlation;
@@ -347,7 +351,7 @@ impl Model {
         Scene {
             frame,
             setup,
-            ply: material.kind.ply(&means),
+            ply: material.kind.ply(&constants),
             fringe_frequency_per_mm: experiment.measurement.fringe_frequency_per_mm,
             expansion_per_k: material
                 .expansion_per_k

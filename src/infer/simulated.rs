@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Those of [`simulate`]; a model of a load series.
 pub fn simulated_field(model: &Model, truth: &Truth) -> Result<Grid> {
     model.refuse_series()?;
-    let (experiment, half) = simulating(model)?;
+    let (experiment, half) = simulating(model, &truth.constants)?;
     simulate(&*experiment, truth, half)
 }
 
@@ -24,16 +24,20 @@ pub fn simulated_field(model: &Model, truth: &Truth) -> Result<Grid> {
 /// # Errors
 /// Those of [`simulate_series`].
 pub fn simulated_series(model: &Model, truth: &SeriesTruth) -> Result<SimulatedSeries> {
-    let (experiment, half) = simulating(model)?;
+    let (experiment, half) = simulating(model, &truth.shared.constants)?;
     simulate_series(&*experiment, truth, half)
 }
 
 /// The experiment on a finer mesh, and half the side of the window.
-fn simulating(model: &Model) -> Result<(Arc<dyn FieldSolver>, f64)> {
+fn simulating(model: &Model, constants: &[f64]) -> Result<(Arc<dyn FieldSolver>, f64)> {
     let spec = model.experiment();
     let [s, t] = spec.geometry().extents().map(|[low, high]| high - low);
     let narrow = if spec.mesh.is_some() { s.min(t) } else { t };
     let half = HALF_WINDOW * narrow;
+    let model = &Model {
+        nominal: Some(constants.to_vec()),
+        ..model.clone()
+    };
     let experiment = experiment_over(model, [[-half; 2], [half; 2]], FINER)?;
     Ok((experiment, half))
 }

@@ -12,7 +12,7 @@ pub const BOX_SDS: f64 = 8.0;
 const BOX_SHARE: f64 = 0.1;
 
 /// The model with one more declared effect, and with what that entails. The DoE box lies about the amplitude's estimate and the averaged
-/// posterior.
+/// posterior, whose means are the nominal constants: bending solved at prior means, one prior sd off, was found 6 % too large.
 pub fn extended(model: &Model, accepted: &Accepted, averaged: &Keyed<Interval>) -> Model {
     let Accepted {
         effect,
@@ -23,6 +23,7 @@ pub fn extended(model: &Model, accepted: &Accepted, averaged: &Keyed<Interval>) 
     let effect = *effect;
     let mut model = model.clone();
     narrow(&mut model, averaged);
+    model.nominal = Some(averaged.iter().map(|(_, constant)| constant.mean).collect());
     take_effective_subset(&mut model, effect, amplitude);
     model
         .experiment_mut()

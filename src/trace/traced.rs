@@ -45,7 +45,7 @@ pub fn bytes_of(model: &Model, measured: &Measured) -> Vec<u8> {
     let mut of = Vec::new();
     let file = model.file.to_json().unwrap_or_default();
     file.to_string().put(&mut of);
-    model.known.put(&mut of);
+    (model.known.clone(), model.nominal.clone()).put(&mut of);
     measured.averages.put(&mut of);
     of
 }

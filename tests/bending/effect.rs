@@ -216,6 +216,32 @@ fn a_camera_off_the_middle_sees_the_deflection() {
     assert_eq!(none, None);
 }
 
+/// A specimen far from the prior means bends as it does and not as they would, in what is simulated and in what was found of it.
+#[test]
+fn a_specimen_bends_by_its_own_constants() {
+    let mut model = Model::load(&root().join("models/openhole.json")).unwrap();
+    let own = [150.0, 9.0, 0.28, 5.4];
+    model.nominal = Some(own.to_vec());
+    let window = [[-12.15; 2], [12.15; 2]];
+    let experiment = experiment_over(&model, window, 1.0).unwrap();
+    let points = lattice(window);
+    let sight = experiment.locate(&points, &[]).0;
+    let found = experiment.added(bending(), &[0.04, 0.0], &sight).unwrap();
+    // a hole changes it by some percent
+    let off = |scene: &Scene| {
+        let plain = points
+            .iter()
+            .map(|&p| bending().displacement(&[0.04, 0.0], scene, p));
+        let plain: Field = plain.collect();
+        difference(&found, &plain) / rms(plain.into_iter().flatten())
+    };
+    let by_own = off(&model.scene());
+    model.nominal = None;
+    let by_means = off(&model.scene());
+    println!("{by_own} of its own, {by_means} of the prior means");
+    assert!(by_own < 0.03 && by_means > 2.0 * by_own);
+}
+
 /// What a hole changes in the default model's window: printed, and bounded to what plates with a hole of a sixth of their width do.
 #[test]
 fn a_hole_changes_the_default_field_by_some_percent() {
