@@ -25,6 +25,9 @@ pub struct Conclusion {
     /// The same, each with those that the evidence does not tell from it, where there are some.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_told_apart: Vec<Vec<String>>,
+    /// Pairs of other effects that explain together what an added one does, by its name.
+    #[serde(default, skip_serializing_if = "Keyed::is_empty")]
+    pub pairs_instead: Keyed<Vec<[String; 2]>>,
     /// What the sizes of added effects mean for the fields or the constants, where that is not plain: a sentence an effect.
     #[serde(default, skip_serializing_if = "Keyed::is_empty")]
     pub meanings: Keyed<String>,
@@ -70,7 +73,22 @@ impl Conclusion {
     pub fn name(&self, effect: &String) -> String {
         let mut groups = self.not_told_apart.iter();
         let group = groups.find(|group| group.first() == Some(effect));
-        group.map_or_else(|| effect.clone(), |group| group.join(" or "))
+        let alone = group.map_or_else(|| effect.clone(), |group| group.join(" or "));
+        let pairs = self.pairs_instead.get(effect);
+        pairs.map_or_else(|| alone.clone(), |p| format!("{alone} or {}", together(p)))
+    }
+}
+
+/// Pairs in words, by the effect that they share where there is one.
+fn together(pairs: &[[String; 2]]) -> String {
+    let all = pairs.iter().flatten();
+    let shared = all.clone().find(|a| pairs.iter().all(|p| p.contains(a)));
+    match shared {
+        Some(shared) => {
+            let others: Vec<&str> = all.filter(|a| *a != shared).map(String::as_str).collect();
+            format!("{shared} with {}", others.join(" or "))
+        }
+        None => format!("one of {} pairs of others", pairs.len()),
     }
 }
 
@@ -164,6 +182,16 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
             .iter()
             .filter(|g| g.members.len() > 1)
             .map(|g| texts(&led(g)))
+            .collect(),
+        pairs_instead: groups
+            .iter()
+            .filter(|g| !g.pairs.is_empty())
+            .map(|g| {
+                (
+                    g.leader.into(),
+                    g.pairs.iter().map(|p| p.map(String::from)).collect(),
+                )
+            })
             .collect(),
         meanings: groups
             .iter()

@@ -1,4 +1,19 @@
-use super::size_of;
+use super::{size_of, together};
+
+#[test]
+fn pairs_are_said_by_what_they_share() {
+    let said = |pairs: &[[&str; 2]]| {
+        together(
+            &pairs
+                .iter()
+                .map(|p| p.map(String::from))
+                .collect::<Vec<_>>(),
+        )
+    };
+    assert_eq!(said(&[["a", "b"]]), "a with b");
+    assert_eq!(said(&[["c", "a"], ["a", "b"]]), "a with c or b");
+    assert_eq!(said(&[["a", "b"], ["c", "d"]]), "one of 2 pairs of others");
+}
 
 #[test]
 fn sizes_are_said_in_any_unit() {

@@ -144,17 +144,17 @@ pub fn found(report: &Report, last: &RoundReport) -> Piece {
         });
         let sizes: Vec<String> = own.map(|(name, a)| size(name, a)).collect();
         let means = verdict.meanings.get(effect);
-        let means = means.map_or_else(String::new, |m| format!(". {m}"));
+        let means = means.cloned().unwrap_or_default();
         let tests = verdict.confirm.iter().flat_map(|group| &group.tests);
         let test = tests.clone().find(|t| t.effect == *effect);
-        let test = test.map_or_else(String::new, |t| format!(". Test: {}", t.test));
-        let alone = if sizes.is_empty() {
-            ""
-        } else {
-            ", if no other effect acts"
+        let test = test.map_or_else(String::new, |t| format!("Test: {}", t.test));
+        let sizes = match sizes.is_empty() {
+            true => String::new(),
+            false => format!("{}, if no other effect acts", sizes.join(", ")),
         };
-        let sizes = sizes.join(", ");
-        (verdict.name(effect), format!("{sizes}{alone}{means}{test}"))
+        let said = [sizes, means, test].into_iter().filter(|s| !s.is_empty());
+        let said: Vec<String> = said.collect();
+        (verdict.name(effect), said.join(". "))
     };
     let mut items: Vec<(String, String)> = verdict.effects.iter().map(item).collect();
     if !verdict.undecided.is_empty() {
