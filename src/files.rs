@@ -175,7 +175,7 @@ pub fn in_place_of(bytes: &[u8]) -> Option<(String, &'static str)> {
 fn binary(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const MATLAB: &str =
         "save it in MATLAB with save('field.mat', 'x', 'y', 'u', 'v', '-v7'), or as a table";
-    const HDF5: &str = "of MATLAB save with '-v7'; of ArviZ or PyMC arviz.from_netcdf(FILE).to_zarr('chains.zarr'); of emcee numpy.savez('chain.npz', chain=backend.get_chain(), log_prob=backend.get_log_prob())";
+    const HDF5: &str = "of MATLAB save with '-v7'; of ArviZ or PyMC xarray.open_datatree(FILE).to_zarr('chains.zarr'); of emcee numpy.savez('chain.npz', chain=backend.get_chain(), log_prob=backend.get_log_prob())";
     const KINDS: [(&[u8], &str, &str); 6] = [
         (b"\x89HDF", "an HDF5 file", HDF5),
         (b"MATLAB 7.3", "a .mat file of MATLAB 7.3 (HDF5)", MATLAB),

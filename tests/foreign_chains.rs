@@ -89,6 +89,23 @@ fn groups_of_nuts_rs_are_read() {
     assert_eq!(draws.point(1, 4), [-1.0, 104.0, 104.0, 104.25, 104.5]);
     assert_eq!(draws.lp()[..5], [0.0, -1.0, -2.0, -3.0, -4.0]);
     assert!(draws.info.remarks[0].contains("warm-up"));
+    // packed numbers are unpacked; draws that stand before chains are not left out
+    let meta = posterior.join("mu/zarr.json");
+    let plain = fs::read_to_string(&meta).unwrap();
+    let mut packed: Value = serde_json::from_str(&plain).unwrap();
+    packed["attributes"] = json!({"scale_factor": 0.5, "add_offset": 7, "_FillValue": 103});
+    fs::write(&meta, packed.to_string()).unwrap();
+    let mu = |draw: usize| read_groups(&store).unwrap().point(1, draw)[1];
+    assert_eq!(mu(4), 59.0);
+    assert!(mu(3).is_nan());
+    packed["dimension_names"] = json!(["draw", "chain"]);
+    fs::write(&meta, packed.to_string()).unwrap();
+    let error = read_groups(&store).unwrap_err().to_string();
+    assert!(
+        error.contains("mu") && error.contains("draw x chain"),
+        "{error}"
+    );
+    fs::write(&meta, plain).unwrap();
     fs::remove_file(posterior.join("mu/c/0/2")).unwrap();
     assert!(read_groups(&store).unwrap().point(0, 4)[1].is_nan());
     fs::write(posterior.join("mu/c/0/1"), [0; 9]).unwrap();
@@ -271,6 +288,108 @@ fn chains_of_cobaya_are_read_by_their_first_line() {
     }
 }
 
+/// All chains of a root are read, and no other's; a chain alone may have no number.
+#[test]
+fn chains_of_getdist_are_those_of_their_root() {
+    let rows = |c: usize, by: f64| -> String {
+        let row = |d: usize| {
+            let [a, b] = value(c, d);
+            format!("1 0.5 {} {b}\n", a + by)
+        };
+        (0..10).map(row).collect()
+    };
+    let [one, two, far] = [(0, 0.0), (1, 0.0), (0, 100.0)].map(|(c, by)| rows(c, by));
+    let names = "a\nb\n";
+    let files = [
+        ("run.paramnames", names),
+        ("run_1.txt", &one[..]),
+        ("run_3.txt", &two[..]),
+        ("run_far.paramnames", names),
+        ("run_far.txt", &far[..]),
+    ];
+    for named in ["run", "run_1.txt", "run.paramnames"] {
+        assert_both_chains(diagnosed(&files, &[named]), named);
+    }
+    let own = diagnosed(&files, &["run_far.txt"]).unwrap();
+    assert_eq!(own["parameters"]["a"]["mean"].as_f64(), Some(104.5));
+    let several = diagnosed(&files, &["run_1.txt", "run_3.txt"]).unwrap_err();
+    assert!(
+        several.contains("give ") && several.contains("run"),
+        "{several}"
+    );
+    let copied = diagnosed(
+        &[
+            ("c.paramnames", names),
+            ("c_1.txt", &one),
+            ("c_2.txt", &one),
+        ],
+        &["c"],
+    );
+    let copied = copied.unwrap_err();
+    assert!(
+        copied.contains("chain 2") && copied.contains("chain 1"),
+        "{copied}"
+    );
+    let place = fresh("latin");
+    fs::create_dir(&place).unwrap();
+    fs::write(place.join("c.paramnames"), names).unwrap();
+    fs::write(place.join("c_1.txt"), &one).unwrap();
+    fs::write(place.join("c_2.txt"), b"1 0.5 3 \xb5\n").unwrap();
+    let end = plychain(&["diagnose", place.join("c").to_str().unwrap()]);
+    let error = String::from_utf8(end.stderr).unwrap();
+    assert!(
+        !end.status.success() && error.contains("c_2.txt"),
+        "{error}"
+    );
+}
+
+/// Columns that count draws are no parameters, weights are no draws, and a divergent transition is said.
+#[test]
+fn columns_of_samplers_are_no_parameters() {
+    let table = |head: &str, row: &dyn Fn(usize, usize) -> String| {
+        let rows = (0..2).flat_map(|c| (0..10).map(move |d| (c, d)));
+        head.to_string() + &rows.map(|(c, d)| row(c, d)).collect::<String>()
+    };
+    let of = |c: usize, d: usize| {
+        let [a, b] = value(c, d);
+        format!("{a},{b}")
+    };
+    let counted = table("iter,chain_id,a,b\n", &|c, d| {
+        format!("{d},{},{}\n", c + 1, of(c, d))
+    });
+    assert_both_chains(diagnosed(&[("c.csv", &counted)], &["c.csv"]), "iter");
+    let beast = |c: usize| {
+        let row = |d: usize| format!("{}\t{}\n", 1000 * d, of(c, d).replace(',', "\t"));
+        String::from("state\ta\tb\n") + &(0..10).map(row).collect::<String>()
+    };
+    let [one, two] = [0, 1].map(beast);
+    let files = [("a.log", &one[..]), ("b.log", &two[..])];
+    assert_both_chains(diagnosed(&files, &["a.log", "b.log"]), "state");
+    let weighted = table("weight,chain,a,b\n", &|c, d| {
+        format!("{},{c},{}\n", 1 + d % 3, of(c, d))
+    });
+    let error = diagnosed(&[("c.csv", &weighted)], &["c.csv"]).unwrap_err();
+    assert!(error.contains("equal weight"), "{error}");
+    let stan = table("chain,lp__,divergent__,a,b\n", &|c, d| {
+        format!("{c},-1,{},{}\n", d % 2, of(c, d))
+    });
+    let found = diagnosed(&[("c.csv", &stan)], &["c.csv"]).unwrap();
+    assert!(
+        found["remarks"].to_string().contains("10 of 20 draws"),
+        "{found}"
+    );
+    // RStan's own words for the warm-up
+    let rstan = |c: usize| {
+        let early = "9e9,9e9\n".repeat(5);
+        let row = |d: usize| of(c, d) + "\n";
+        format!("# warmup=5\n# save_warmup=1\n# thin=1\na,b\n{early}")
+            + &(0..10).map(row).collect::<String>()
+    };
+    let [one, two] = [0, 1].map(rstan);
+    let files = [("r_1.csv", &one[..]), ("r_2.csv", &two[..])];
+    assert_both_chains(diagnosed(&files, &["r_1.csv", "r_2.csv"]), "rstan");
+}
+
 /// What holds no draws of a Markov chain, and what is no text, is an error that says what to do.
 #[test]
 fn files_without_chains_are_refused_with_what_to_do() {
@@ -311,7 +430,8 @@ fn impossible_draws_and_constants_are_said() {
     let row = |chain: u64, k: u64| {
         let x = (chain * 7919 + k * 104_729) % 1009;
         let lp = if k == 17 { "-inf" } else { "-1.5" };
-        format!("{chain},{k},{lp},{},2.5\n", x as f64 / 1009.0)
+        // no sum of 3.7 is exact
+        format!("{chain},{k},{lp},{},3.7\n", x as f64 / 1009.0)
     };
     let rows: String = (0..4)
         .flat_map(|c| (0..500).map(move |k| row(c, k)))

@@ -35,8 +35,18 @@ pub fn read_groups(path: &Path) -> Result<Draws> {
     let mut folders: Vec<_> = entries.flatten().map(|e| e.path()).collect();
     folders.sort();
     for folder in &folders {
-        if let Some(array) = GroupArray::open(folder)?.filter(GroupArray::is_drawn) {
+        let Some(array) = GroupArray::open(folder)? else {
+            continue;
+        };
+        if array.is_drawn() {
             variables.push(array);
+        } else if ["chain", "draw"].iter().all(|d| array.has(d)) {
+            let found = format!("{} ({:?})", array.dimensions.join(" x "), array.shape);
+            return Err(
+                Error::input(folder.display(), "chain x draw x ..., none of 0")
+                    .found(found)
+                    .hint("transpose('chain', 'draw', ...)"),
+            );
         }
     }
     let Some(first) = variables.first() else {
@@ -110,6 +120,8 @@ struct GroupArray {
     kind: NumberKind,
     filters: Filters,
     fill: f64,
+    /// Factor and offset of packed numbers, and the one that stands for none (conventions CF, as xarray writes them).
+    packed: [f64; 3],
     /// What stands before and between the numbers of a chunk's name.
     key: (&'static str, String),
 }
@@ -146,7 +158,7 @@ impl GroupArray {
             None => json(".zarray")?,
             Some(_) => None,
         };
-        let attributes = json(".zattrs")?.unwrap_or_default();
+        let old_attributes = json(".zattrs")?.unwrap_or_default();
         let Some((meta, is_old)) = whole.map(|m| (m, false)).or(old.map(|m| (m, true))) else {
             return Ok(None);
         };
@@ -177,18 +189,26 @@ impl GroupArray {
                 false => sides(&meta["chunk_grid"]["configuration"]["chunk_shape"]),
             },
             dimensions: match is_old {
-                true => texts(&attributes["_ARRAY_DIMENSIONS"]),
+                true => texts(&old_attributes["_ARRAY_DIMENSIONS"]),
                 false => texts(&meta["dimension_names"]),
             },
             kind,
             filters,
             fill: meta["fill_value"].as_f64().unwrap_or(f64::NAN),
+            packed: packed(match is_old {
+                true => &old_attributes,
+                false => &meta["attributes"],
+            }),
             key: match (is_old, of_version_2) {
                 (true, _) => ("", separator(&meta["dimension_separator"], ".")),
                 (_, true) => ("", separator(&encoding["configuration"]["separator"], ".")),
                 _ => ("c", separator(&encoding["configuration"]["separator"], "/")),
             },
         }))
+    }
+
+    fn has(&self, dimension: &str) -> bool {
+        self.dimensions.iter().any(|own| own == dimension)
     }
 
     fn is_drawn(&self) -> bool {
@@ -225,7 +245,15 @@ impl GroupArray {
                 })?;
             self.place(&chunk, &own, &mut values);
         }
-        Ok(values)
+        let [factor, offset, none] = self.packed;
+        let unpacked = |v: f64| {
+            if v == none {
+                f64::NAN
+            } else {
+                v * factor + offset
+            }
+        };
+        Ok(values.into_iter().map(unpacked).collect())
     }
 
     /// Put the numbers of a chunk where they belong.
@@ -247,6 +275,15 @@ impl GroupArray {
             }
         }
     }
+}
+
+fn packed(attributes: &Value) -> [f64; 3] {
+    let usual = [
+        ("scale_factor", 1.0),
+        ("add_offset", 0.0),
+        ("_FillValue", f64::NAN),
+    ];
+    usual.map(|(name, usual)| attributes[name].as_f64().unwrap_or(usual))
 }
 
 /// The place along each axis of the element number `index`, the last axis fastest.

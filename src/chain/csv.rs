@@ -154,7 +154,7 @@ impl CsvTable {
             .chains
             .first()
             .ok_or_else(|| Error::input(&place, "at least one draw"))?;
-        for (k, (other, theirs)) in self.chains.iter().enumerate() {
+        for (other, theirs) in &self.chains {
             let [own, first] = [theirs.len() / width, rows.len() / width];
             if own != first {
                 let (short, long) = match own < first {
@@ -165,12 +165,6 @@ impl CsvTable {
                 return Err(Error::input(short[0], expected)
                     .found(short[1])
                     .hint("a chain that was stopped has fewer: leave it out, or cut the others"));
-            }
-            let twin = |(_, earlier): &&(String, Vec<f64>)| earlier == theirs;
-            if let Some((twin, _)) = self.chains[..k].iter().find(twin) {
-                return Err(Error::input(other, "draws of its own")
-                    .found(format!("the draws of {twin}"))
-                    .hint("copies are not independent chains: give one of them (did all tasks of an array have one seed?)"));
             }
         }
         let column = |at: usize| -> Vec<f64> {
@@ -183,7 +177,12 @@ impl CsvTable {
         for (at, name) in self.columns.iter().enumerate() {
             match name.as_str() {
                 "lp__" => lp = column(at),
-                name if DRAW.contains(&name) => {}
+                _ if is_draw(at, name) => {}
+                "weight" | "weights" if column(at).windows(2).any(|w| w[0] != w[1]) => {
+                    return Err(Error::input(&place, "draws of equal weight")
+                        .found(format!("a column {name} of unequal numbers"))
+                        .hint("give the files with weights that GetDist or Cobaya writes, or resample; if it is a parameter, rename it"));
+                }
                 _ if name.ends_with("__") => apart.push((name.clone(), column(at))),
                 _ => {
                     names.push(name.clone());
@@ -196,8 +195,10 @@ impl CsvTable {
             .flat_map(|row| kept.iter().map(|&at| row[at]))
             .collect();
         let mut draws = Draws::new(names, (0..self.chains.len()).collect(), values, lp)?;
-        draws.info.columns = apart;
+        draws.refuse_copies(&|k| self.chains[k].0.clone())?;
         draws.info.remarks = self.remarks;
+        draws.info.remarks.extend(diverged(&apart));
+        draws.info.columns = apart;
         Ok(draws)
     }
 }
@@ -206,7 +207,7 @@ impl CsvTable {
 const LONGEST_LINE: u64 = 1 << 26;
 
 /// What programs call the number of a chain (ours and ArviZ; posterior of R; coda of R), and that of a draw.
-const CHAIN: &[&str] = &["chain", ".chain", "CHAIN", "Chain"];
+const CHAIN: &[&str] = &["chain", ".chain", "CHAIN", "Chain", "chain_id"];
 const DRAW: &[&str] = &[
     "draw",
     ".draw",
@@ -215,6 +216,22 @@ const DRAW: &[&str] = &[
     "ITER",
     "Iteration",
 ];
+
+/// The same where it is the first column alone (BEAST and others): further on it is a parameter.
+const COUNTER: &[&str] = &["state", "Sample", "iter", "Iter", "Gen"];
+
+/// Whether the column number `at` counts draws.
+fn is_draw(at: usize, name: &str) -> bool {
+    DRAW.contains(&name) || at == 0 && COUNTER.contains(&name)
+}
+
+/// What Stan's column of divergent transitions says.
+fn diverged(columns: &[(String, Vec<f64>)]) -> Option<String> {
+    let (_, column) = columns.iter().find(|(name, _)| name == "divergent__")?;
+    let count = column.iter().filter(|d| **d != 0.0).count();
+    let of = column.len();
+    (count > 0).then(|| format!("{count} of {of} draws ended in a divergent transition: the chains may miss a part of the posterior, whatever the figures say"))
+}
 
 /// The cells of a line, without blanks and quotation marks; no sign is any number of blanks.
 fn cells(line: &str, sign: Option<char>) -> Vec<&str> {
@@ -339,7 +356,7 @@ fn finished(
     mut chains: Vec<(String, Vec<f64>)>,
     settings: &StanSettings,
 ) -> Result<CsvTable> {
-    let draw = columns.iter().position(|c| DRAW.contains(&c.as_str()));
+    let draw = (0..columns.len()).find(|&at| is_draw(at, &columns[at]));
     for (label, rows) in &mut chains {
         *label = match label.is_empty() {
             true => path.display().to_string(),
@@ -392,7 +409,8 @@ impl StanSettings {
         let value = value.split_whitespace().next().unwrap_or_default();
         let number = value.parse().unwrap_or(0);
         match key.trim() {
-            "num_warmup" => self.warmup = number,
+            // of RStan the second
+            "num_warmup" | "warmup" => self.warmup = number,
             "thin" => self.thin = number,
             "save_warmup" => self.saved = ["1", "true"].contains(&value),
             "method" if OTHER.contains(&value) => {
@@ -453,11 +471,11 @@ fn check_header(fields: &[String]) -> Result<()> {
             return Err(Error::input(format!("column {}", at + 1), "each name once").found(field));
         }
     }
-    let is_parameter = |f: &&String| {
-        let counts = CHAIN.contains(&f.as_str()) || DRAW.contains(&f.as_str());
+    let is_parameter = |(at, f): (usize, &String)| {
+        let counts = CHAIN.contains(&f.as_str()) || is_draw(at, f);
         !f.ends_with("__") && !f.is_empty() && !counts
     };
-    if !fields.iter().any(|f| is_parameter(&f)) {
+    if !fields.iter().enumerate().any(is_parameter) {
         return Err(Error::input("header", "at least one parameter").found(fields.join(",")));
     }
     Ok(())

@@ -281,6 +281,22 @@ impl Draws {
         self.values.chunks_exact(self.dim().max(1))
     }
 
+    /// Refuses chains that are copies of others: they are not independent. `name` names them.
+    ///
+    /// # Errors
+    /// The input's fault, with the names of both.
+    pub fn refuse_copies(&self, name: &dyn Fn(usize) -> String) -> Result<()> {
+        let size = self.draws * self.dim();
+        let chain = |c: usize| &self.values[c * size..(c + 1) * size];
+        let mut pairs = (0..self.chains()).flat_map(|b| (0..b).map(move |a| (a, b)));
+        match pairs.find(|(a, b)| chain(*a) == chain(*b)) {
+            Some((first, again)) if self.draws > 1 => Err(Error::input(name(again), "draws of its own")
+                .found(format!("the draws of {}", name(first)))
+                .hint("copies are not independent chains: give one of them (did all tasks of an array have one seed?)")),
+            _ => Ok(()),
+        }
+    }
+
     /// One parameter over the run.
     pub fn series(&self, parameter: usize) -> ScalarDraws {
         self.map(|point| point[parameter])

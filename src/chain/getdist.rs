@@ -111,27 +111,25 @@ fn header(root: &Path) -> Option<Vec<String>> {
     (begins == [true; 2]).then(|| words.map(String::from).collect())
 }
 
-/// Whether there is a chain with its names at this root.
+/// No chain stays in one place for so many steps, and no memory holds as many draws.
+const MOST_WEIGHT: f64 = 1e7;
+
+/// Whether there are the names of chains at this root.
 pub fn is_getdist(root: &Path) -> bool {
     beside(root, ".paramnames").is_file() || header(root).is_some()
 }
 
-/// Reads `ROOT_1.txt`, `ROOT_2.txt`, ... with `ROOT.paramnames`. Weights are repetitions, as Metropolis writes them.
+/// Reads `ROOT_1.txt`, `ROOT_2.txt`, ..., or `ROOT.txt` alone, with `ROOT.paramnames`. Weights are repetitions, as Metropolis writes them.
 ///
 /// # Errors
 /// The input's fault, naming file and line: missing files, a weight that is no whole number, chains of different length.
 pub fn read_getdist(root: &Path) -> Result<Draws> {
     let names = names(root)?;
-    // GetDist and CosmoMC write ROOT_1.txt, Cobaya ROOT.1.txt
-    let file = |between: &str, number: usize| beside(root, &format!("{between}{number}.txt"));
-    let between = ["_", "."].into_iter().find(|b| file(b, 1).is_file());
-    let Some(between) = between else {
-        let expected = "a GetDist chain, or ROOT.1.txt of Cobaya";
-        return Err(Error::input(file("_", 1).display(), expected).found("no such file"));
-    };
     let mut chains: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
-    while let Ok(text) = std::fs::read_to_string(file(between, chains.len() + 1)) {
-        let place = file(between, chains.len() + 1);
+    let places = chain_files(root)?;
+    for place in &places {
+        let text = std::fs::read_to_string(place)
+            .map_err(|e| Error::input(place.display(), "a GetDist chain, UTF-8 text").found(e))?;
         let (mut values, mut lp) = (Vec::new(), Vec::new());
         for (index, line) in text.lines().enumerate() {
             read_line(line, &names, &mut values, &mut lp)
@@ -144,7 +142,7 @@ pub fn read_getdist(root: &Path) -> Result<Draws> {
     if 2 * shortest < longest {
         let short = lengths().position(|n| n == shortest).unwrap_or(0);
         let expected = format!("at least half as many draws as in the longest chain, {longest}");
-        return Err(Error::input(file(between, short + 1).display(), expected)
+        return Err(Error::input(places[short].display(), expected)
             .found(shortest)
             .hint("a chain that was stopped has fewer: leave it out"));
     }
@@ -163,6 +161,21 @@ pub fn read_getdist(root: &Path) -> Result<Draws> {
     Ok(draws)
 }
 
+/// The files of a root's chains: GetDist and CosmoMC write `ROOT_1.txt`, Cobaya `ROOT.1.txt`; a single one is `ROOT.txt`.
+fn chain_files(root: &Path) -> Result<Vec<PathBuf>> {
+    const MOST: usize = 1000;
+    let numbered = ["_", "."].map(|between| {
+        let all = (0..MOST).map(|k| beside(root, &format!("{between}{k}.txt")));
+        all.filter(|place| place.is_file()).collect()
+    });
+    let single = Some(beside(root, ".txt")).filter(|place| place.is_file());
+    let mut found = numbered.into_iter().chain([Vec::from_iter(single)]);
+    found.find(|places| !places.is_empty()).ok_or_else(|| {
+        let expected = "a GetDist chain, ROOT_1.txt or ROOT.txt, or ROOT.1.txt of Cobaya";
+        Error::input(beside(root, "_1.txt").display(), expected).found("no such file")
+    })
+}
+
 fn read_line(line: &str, names: &[String], values: &mut Vec<f64>, lp: &mut Vec<f64>) -> Result<()> {
     if line.trim_start().starts_with('#') {
         return Ok(());
@@ -176,7 +189,7 @@ fn read_line(line: &str, names: &[String], values: &mut Vec<f64>, lp: &mut Vec<f
         return Err(Error::input("row", format!("{} numbers", names.len() + 2)).found(row.len()));
     }
     let weight = row[0];
-    if weight.fract() != 0.0 || !(0.0..1e9).contains(&weight) {
+    if weight.fract() != 0.0 || !(0.0..MOST_WEIGHT).contains(&weight) {
         return Err(Error::input("weight", "a whole number of repetitions")
             .found(weight)
             .hint("these are reweighted or nested samples, not a chain: draw samples of equal weight from them first"));

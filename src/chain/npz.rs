@@ -158,6 +158,12 @@ fn of_variables(arrays: &BTreeMap<String, NpyArray>) -> Result<Draws> {
         .first()
         .ok_or_else(|| Error::input("arrays", expected).found("none"))?;
     let shape = [first.shape[0], first.shape[1]];
+    let flat = arrays.iter().find(|(_, a)| a.shape == shape[..1]);
+    if let Some((name, _)) = flat.filter(|_| shape[0] > shape[1]) {
+        return Err(Error::input(name, "chain x draw")
+            .found(format!("{} numbers", shape[0]))
+            .hint("the chains were joined: in NumPyro get_samples(group_by_chain=True)"));
+    }
     let count = shape[0] * shape[1];
     let mut lp = vec![f64::NAN; count];
     let (mut names, mut columns) = (Vec::new(), Vec::new());

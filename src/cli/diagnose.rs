@@ -47,6 +47,7 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         say_round(folder);
     }
     let mut draws = read(&arguments.files, MOST)?;
+    draws.refuse_copies(&|k| format!("chain {}", k + 1))?;
     if let Some(walkers) = arguments.walkers {
         draws = draws.with_walkers(walkers)?;
     }
@@ -76,7 +77,10 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
             draws.info.thin
         ));
     }
-    if draws.ensembles() > MANY && arguments.walkers.is_none() {
+    if draws.ensembles() > draws.draws() {
+        let remark = "There are more chains than draws. Is it the other way round, or were the chains joined?";
+        draws.info.remarks.push(remark.into());
+    } else if draws.ensembles() > MANY && arguments.walkers.is_none() {
         let remark =
             "if these are walkers of ensembles, not chains of their own, say so: --walkers N";
         draws.info.remarks.push(remark.into());
@@ -139,6 +143,13 @@ fn store(path: &Path) -> Option<PathBuf> {
 /// Read chains in whichever format they are; of a store about `most` draws.
 fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
     let [path] = files else {
+        if let Some(root) = files.first().and_then(|path| getdist_root(path)) {
+            return Err(
+                Error::input("chain files", "the root of GetDist files alone")
+                    .found(format!("{} of them", files.len()))
+                    .hint(format!("give {}", root.display())),
+            );
+        }
         let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
         return read_csv(&paths);
     };
@@ -181,11 +192,13 @@ fn getdist_root(path: &Path) -> Option<PathBuf> {
     let text = path.to_str()?;
     let mut roots = vec![text];
     roots.extend(text.strip_suffix(".paramnames"));
-    roots.extend(
-        text.strip_suffix(".txt")
-            .and_then(|t| t.rsplit_once(['_', '.']))
-            .map(|(root, _)| root),
-    );
+    if let Some(stem) = text.strip_suffix(".txt") {
+        let numbered = stem.rsplit_once(['_', '.']);
+        let numbered = numbered.filter(|(_, k)| k.parse::<usize>().is_ok());
+        // a root of its own may end in a number too
+        roots.push(stem);
+        roots.extend(numbered.map(|(root, _)| root));
+    }
     roots
         .into_iter()
         .map(PathBuf::from)

@@ -197,12 +197,25 @@ pub fn diagnose(draws: &Draws, rule: &Rule) -> Verdict {
 fn row(name: String, series: &ScalarDraws) -> Row {
     let ordered = sorted(&series.values);
     let levels = [0.025, 0.5, 0.975];
-    let [low, median, high] = levels.map(|p| quantile(&ordered, p));
+    // NaN has no place in an order
+    let known = !ordered.iter().any(|x| x.is_nan());
+    let at = |p: f64| {
+        if known {
+            quantile(&ordered, p)
+        } else {
+            f64::NAN
+        }
+    };
+    let [low, median, high] = levels.map(at);
     let tau = tau(series);
     Row {
         name,
         mean: mean(&series.values),
-        sd: sd(&series.values),
+        // that of equal numbers may be a rounding error
+        sd: match &ordered[..] {
+            [first, .., last] if first == last => 0.0,
+            _ => sd(&series.values),
+        },
         low,
         median,
         high,
