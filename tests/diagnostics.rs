@@ -141,16 +141,23 @@ fn nan_and_constants_are_nan_and_not_converged() {
         assert!(all.iter().all(|f| f(series).is_nan()));
         assert!(mcse_quantile(series, 0.5).is_nan());
     }
-    let values: Vec<f64> = good.values.iter().flat_map(|&v| [v, 0.1]).collect();
-    let names = vec!["a".to_string(), "stuck".to_string()];
-    let draws = Draws::new(names, (0..4).collect(), values, vec![0.0; 4000]).unwrap();
-    let verdict = diagnose(&draws, &Rule::default());
-    assert!(!verdict.converged);
-    assert!(
-        verdict.reasons.iter().any(|r| r.starts_with("stuck: ")),
-        "{verdict}"
-    );
-    assert!(verdict.rhat_max().is_nan());
+    // what never moves is no chain; beside others that move it has no spread, whatever rounding makes of its sd
+    for fixed in [0.1, 0.5, 3.7] {
+        let judged = |names: &[&str], values: Vec<f64>| {
+            let names = names.iter().map(|n| (*n).to_string()).collect();
+            let draws = Draws::new(names, (0..4).collect(), values, vec![0.0; 4000]).unwrap();
+            diagnose(&draws, &Rule::default())
+        };
+        let alone = judged(&["stuck"], vec![fixed; 4000]);
+        assert!(
+            !alone.converged && alone.reasons[0].starts_with("stuck: "),
+            "{alone}"
+        );
+        let beside = good.values.iter().flat_map(|&v| [v, fixed]).collect();
+        let beside = judged(&["a", "fixed"], beside);
+        assert!(beside.converged && beside.rows[1].sd == 0.0, "{beside}");
+        assert!(beside.rhat_max().is_nan());
+    }
 }
 
 #[test]

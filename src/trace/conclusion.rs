@@ -86,7 +86,10 @@ fn together(pairs: &[[String; 2]]) -> String {
     match shared {
         Some(shared) => {
             let others: Vec<&str> = all.filter(|a| *a != shared).map(String::as_str).collect();
-            format!("{shared} with {}", others.join(" or "))
+            match others.len() {
+                ..=2 => format!("{shared} with {}", others.join(" or ")),
+                more => format!("{shared} with one of {more} others"),
+            }
         }
         None => format!("one of {} pairs of others", pairs.len()),
     }

@@ -12,6 +12,8 @@ fn pairs_are_said_by_what_they_share() {
     };
     assert_eq!(said(&[["a", "b"]]), "a with b");
     assert_eq!(said(&[["c", "a"], ["a", "b"]]), "a with c or b");
+    let many = [["c", "a"], ["a", "b"], ["d", "a"]];
+    assert_eq!(said(&many), "a with one of 3 others");
     assert_eq!(said(&[["a", "b"], ["c", "d"]]), "one of 2 pairs of others");
 }
 
