@@ -8,9 +8,10 @@ use serde_json::{Value, json};
 
 use super::exports;
 use super::points::{hole, loading_axis, strain};
-use super::proposed::Export;
+use super::proposed::{Export, quality};
 use super::table_options::{TableArguments, TableOptions};
 use crate::error::{Error, Result};
+use crate::field::programs::FoundUnit;
 use crate::field::{ColumnMap, Columns, Field, PIXEL, Units, bounds, conventions, table};
 
 /// What a key has that is not settled: no verb takes it.
@@ -100,17 +101,28 @@ fn put(files: &[PathBuf], experiment: &mut Value) -> Result<(Vec<PathBuf>, Strin
 /// Of the input: options that say nothing, a file that is no table.
 pub fn draft(files: &[PathBuf], arguments: &TableArguments, experiment: &mut Value) -> Result<()> {
     let user = TableOptions::of(arguments)?;
-    let found = table::described(&files[0], &[])?.found;
-    let columns = match (user.columns, &found) {
+    let header = table::described(&files[0], &[])?;
+    let found = &header.found;
+    let program = found.as_ref().map(|f| f.program);
+    let (sigma, correlation) = quality(&header.names, program, &user);
+    let mut columns = match (user.columns, found) {
         (Some(columns), _) => columns,
         (None, Some(found)) => Columns::new(found.columns.clone()),
         (None, None) => Columns::new([OPEN; 4].map(String::from)),
     };
-    let unit = |k: usize| {
-        let stated = found.as_ref().and_then(|f| f.units[k].name());
-        user.units.map(|u| u[k]).or(stated).unwrap_or(OPEN)
+    // a habit of the program is what may be wrong
+    let unit = |k: usize| match (user.units, found.as_ref().map(|f| f.units[k])) {
+        (Some(units), _) => units[k],
+        (_, Some(FoundUnit::Stated(unit) | FoundUnit::Usual(unit @ PIXEL))) => unit,
+        _ if user.mm_per_pixel.is_some() => PIXEL,
+        _ => OPEN,
     };
     let mut units = Units::new(unit(0), unit(1));
+    if let Some((name, unit)) = sigma {
+        units.sigma = unit.map(String::from);
+        columns.sigma = Some(name);
+    }
+    columns.correlation = correlation;
     units.mm_per_pixel = user.mm_per_pixel;
     experiment["measurement"] = json!({
         "format": "csv",

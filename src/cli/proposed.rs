@@ -105,6 +105,7 @@ impl Export {
             map.units.sigma = unit.map(String::from);
             map.columns.sigma = Some(name);
         }
+        said += &unused_marks(&header.names, &map.columns);
         let in_pixels = units.contains(&PIXEL) || sigma_in_pixels;
         map.units.mm_per_pixel = user.mm_per_pixel.filter(|_| in_pixels);
         if let (Some(scale), None, true) = (found.scale, user.mm_per_pixel, sigma_in_pixels) {
@@ -265,8 +266,34 @@ fn unknown(csv: &Path, header: &TableHeader) -> Error {
     ))
 }
 
+/// Names of columns that mark points, as programs and people have them; which values mark a failed one, they do not say.
+const MARKS: [&str; 8] = [
+    "mask",
+    "valid",
+    "status",
+    "converged",
+    "flag",
+    "flags",
+    "typevector",
+    "outlier",
+];
+
+/// What is said of columns that mark points and are not used.
+fn unused_marks(header: &[String], used: &Columns) -> String {
+    let used = used.named();
+    let is_used = |name: &String| used.iter().any(|(_, own)| own == name);
+    let is_mark = |name: &&String| MARKS.contains(&name.trim().to_lowercase().as_str());
+    let marks = header.iter().filter(is_mark).filter(|name| !is_used(name));
+    let say = |name: &String| {
+        format!(
+            "  column \"{name}\" is not used: if it marks points that failed, take them out of the file\n"
+        )
+    };
+    marks.map(say).collect()
+}
+
 /// A column of standard deviations with its unit, if that is not the displacements', and one of correlation coefficients.
-fn quality(
+pub fn quality(
     header: &[String],
     program: Option<&Program>,
     user: &TableOptions,

@@ -1,5 +1,7 @@
 //! The forms of programs, each written here with the numbers of [`super::strip`].
 
+use serde_json::{Value, json};
+
 use super::{decimals, lines, measurement, proposed, strip};
 
 /// A table, what `init` is to call its program, its units, and the options that it needs.
@@ -618,6 +620,34 @@ fn columns_that_were_never_calibrated_are_pixels() {
         asked.contains("in pixels") && asked.contains("--mm-per-pixel"),
         "{asked}"
     );
+    // nor does the file of open places say mm, or forget the column of points that failed
+    let folder = tempfile::tempdir().unwrap();
+    let with_sigma = |(k, line): (usize, &str)| match k {
+        0 => format!("{line},sigma\n"),
+        _ => format!("{line},{}\n", if k % 9 == 0 { -1.0 } else { 0.01 }),
+    };
+    let marked: String = table.lines().enumerate().map(with_sigma).collect();
+    std::fs::write(folder.path().join("a.csv"), marked).unwrap();
+    let (done, _) = super::said(folder.path(), &["init", "a", "--csv", "a.csv"]);
+    let draft = std::fs::read_to_string(folder.path().join("a.json")).unwrap();
+    let draft: Value = serde_json::from_str(&draft).unwrap();
+    let own = measurement(&draft);
+    assert!(!done && own["units"]["coordinates"] == "?", "{own}");
+    assert_eq!(own["columns"]["sigma"], "sigma", "{own}");
+}
+
+/// Beside vx and vy, ux and uy are gradients; a column that marks points and is not used is said.
+#[test]
+fn gradients_are_no_displacements_and_marks_are_said() {
+    let rows: String = strip()
+        .iter()
+        .map(|[x, y, u, v]| format!("{x},{y},{u},1e-3,2e-4,{v},1e-4,-3e-4,1\n"))
+        .collect();
+    let table = format!("x,y,u,ux,uy,v,vx,vy,valid\n{rows}");
+    let (model, said) = proposed(table.as_bytes(), "a.csv", &["--units", "mm"]).unwrap();
+    let columns = &measurement(&model)["columns"];
+    assert_eq!((&columns["ux"], &columns["uy"]), (&json!("u"), &json!("v")));
+    assert!(said.contains("\"valid\" is not used"), "{said}");
 }
 
 #[test]

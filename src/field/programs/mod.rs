@@ -145,7 +145,9 @@ impl ExportColumns {
         stated: Option<Option<&'static str>>,
     ) -> Option<([usize; 4], MatchedColumns)> {
         let has = |name: &&str| header.iter().any(|c| c.stem.eq_ignore_ascii_case(name));
-        if !self.also.iter().all(has) {
+        // beside vx and vy they are gradients
+        let gradients = self.names.contains(&"ux") && has(&"vx") && has(&"vy");
+        if gradients || !self.also.iter().all(has) {
             return None;
         }
         let column = |name: &&'static str| {
