@@ -519,6 +519,15 @@ fn a_stated_unit_goes_before_the_habit() {
     let heads = [
         ("# unit: um\nX,Y,U,V", Some("um")),
         ("# units in mm\nX,Y,U,V", Some("mm")),
+        (
+            "# Coordinate unit: mm\n# Displacement unit: m\nX,Y,U,V",
+            None,
+        ),
+        ("# Units: coordinates mm, displacements um\nX,Y,U,V", None),
+        (
+            "# Coordinate unit: um\n# Displacement unit: um\nX,Y,U,V",
+            Some("um"),
+        ),
         ("# Units: angle:deg length:um time:s\nX,Y,U,V", Some("um")),
         ("# Units: length:cm angle:deg\nX,Y,U,V", None),
         ("# units: pixel\nX,Y,U,V", None),

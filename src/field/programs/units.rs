@@ -47,10 +47,10 @@ pub fn split(name: &str) -> (&str, Option<&'static str>) {
 }
 
 /// The unit of length that a line before a table states (`# Units: length:mm angle:deg`, `% Length unit: mm`, `# unit: px`), if one
-/// does; `None` inside is a unit that is not known.
+/// does; `None` inside is a unit that is not known, or two of them: whose is which, they do not say in one way.
 pub fn before(preamble: &str) -> Option<Option<&'static str>> {
     const OTHERS: [&str; 6] = ["force", "load", "strain", "stress", "time", "angle"];
-    preamble.lines().find_map(|line| {
+    let stated = preamble.lines().filter_map(|line| {
         let line = line.to_lowercase();
         let words = line.split(|c: char| !c.is_alphanumeric());
         let words: Vec<&str> = words.filter(|w| !w.is_empty()).collect();
@@ -63,12 +63,18 @@ pub fn before(preamble: &str) -> Option<Option<&'static str>> {
             return None;
         }
         // "units in mm" are no inches
-        let known: Vec<&str> = after.iter().filter_map(|w| unit_of(w)).collect();
+        let mut known: Vec<&'static str> = after.iter().filter_map(|w| unit_of(w)).collect();
+        if known.len() > 1 {
+            known.retain(|u| *u != "in");
+        }
         Some(
             known
-                .iter()
-                .find(|u| **u != "in" || known.len() == 1)
-                .copied(),
+                .first()
+                .copied()
+                .filter(|unit| known.iter().all(|u| u == unit)),
         )
-    })
+    });
+    let stated: Vec<Option<&'static str>> = stated.collect();
+    let first = *stated.first()?;
+    Some(first.filter(|_| stated.iter().all(|unit| *unit == first)))
 }
