@@ -41,10 +41,10 @@ fn after_line(text: &str, line: &str) -> usize {
 
 /// The names of the columns in a line.
 fn names_in(line: &str, delimiter: Delimiter) -> Vec<String> {
-    let mut cells = Vec::new();
     if let Some(names) = of_davis(line) {
         return names;
     }
+    let mut cells = Vec::new();
     delimiter.split(line, &mut cells);
     let mut names: Vec<String> = Vec::new();
     for cell in &cells {
@@ -58,10 +58,9 @@ fn names_in(line: &str, delimiter: Delimiter) -> Vec<String> {
         }
     }
     if delimiter == Delimiter::Blanks {
-        // what remains of "# x y" and "VARIABLES = x y"
-        names.retain(|name| {
-            !name.is_empty() && name != "=" && !name.eq_ignore_ascii_case("variables")
-        });
+        // what remains of "# x y", "# Format: x y" and "VARIABLES = x y"
+        let rest = ["", "=", "variables", "format:"];
+        names.retain(|name| !rest.contains(&name.to_lowercase().as_str()));
     }
     while names.last().is_some_and(String::is_empty) {
         names.pop();

@@ -294,6 +294,33 @@ fn a_hole_is_round_and_closed_and_the_plate_holds_it() {
     }
 }
 
+/// Few points, and the plate ends near the hole, so that no ring about it can be counted: the gap's own area, in whatever order the rows are.
+#[test]
+fn a_hole_among_few_points_is_as_large_as_its_gap() {
+    for [x, y] in [[0.2, -0.1], [0.9, 0.4], [-0.6, 0.8], [0.3, 0.9]] {
+        let all = (0..9 * 27).map(|k| {
+            let (x, y) = (f64::from(k % 9) - 4.0, f64::from(k / 9) - 13.0);
+            (1.75 * x, 1.75 * y)
+        });
+        let mut rows: Vec<FieldRow> = all
+            .filter(|(s, t)| (s - x).hypot(t - y) > 3.55)
+            .map(|(x, y)| [x, y, -3e-4 * x, 1e-3 * y])
+            .collect();
+        let mut diameter = || {
+            rows.reverse();
+            let text = lines(&rows, ";", decimals);
+            let text = format!("X [mm];Y [mm];U [mm];V [mm]\n{text}");
+            let (model, said) = proposed(text.as_bytes(), "a.csv", &[]).unwrap();
+            assert!(!said.contains("not settled"), "{said}");
+            let specimen = &model["experiments"][0]["specimen"];
+            specimen["hole"]["diameter_mm"].as_f64().unwrap()
+        };
+        let [forwards, backwards] = [diameter(), diameter()];
+        assert!((forwards / 7.1 - 1.0).abs() < 0.2, "{forwards}");
+        assert_eq!(forwards, backwards);
+    }
+}
+
 /// One field exported in millimetres, in micrometres with decimal commas, and in pixels: the same model file, but for the names and units of the columns.
 #[test]
 fn three_exports_of_one_field_give_one_model() {

@@ -284,6 +284,25 @@ fn of_programs() -> Vec<Form> {
             MM,
         ),
         form(
+            "davis10.csv",
+            format!(
+                "x [mm];y [mm];x-displacement [mm];y-displacement [mm];Displacement [mm]\n{}",
+                plain(";").replace('\n', ";0.01\n")
+            ),
+            "DaVis",
+            MM,
+        ),
+        form(
+            "davis10-stereo.csv",
+            format!(
+                "x [mm];y [mm];z [mm];X-displacement [mm];Y-displacement [mm]\n{}",
+                lines(&strip(), ";", |k, v| decimals(k, v)
+                    + if k == 1 { ";0.3" } else { "" })
+            ),
+            "DaVis",
+            MM,
+        ),
+        form(
             "comsol.csv",
             format!(
                 "% Model,Untitled.mph\n% Version,COMSOL 6.1\n% Length unit,mm\n% X,Y,u (mm),v (mm)\n{}",
@@ -327,6 +346,14 @@ fn of_editors() -> Vec<Form> {
         vic(
             "title.csv",
             format!("Project;coupon 7\nDate;2024-05-01\n\n{}", semicolons()).into(),
+        ),
+        vic(
+            "format.txt",
+            format!(
+                "# Project: coupon 7\n# Format: X[mm] Y[mm] U[mm] V[mm]\n{}",
+                plain(" ")
+            )
+            .into(),
         ),
         vic("bom.csv", format!("\u{feff}{}", semicolons()).into()),
         vic("cr.csv", semicolons().replace('\n', "\r").into()),

@@ -107,11 +107,9 @@ pub fn matching(
     let no_unit_known = row.is_some_and(|units| units.iter().all(Option::is_none));
     let stated = units::before(preamble).or(no_unit_known.then_some(None));
     let mut best: Option<([usize; 4], MatchedColumns)> = None;
+    let lower = preamble.to_lowercase();
     for program in PROGRAMS {
-        let lower = program.mark.map(|_| preamble.to_lowercase());
-        let marked = program
-            .mark
-            .is_some_and(|mark| lower.is_some_and(|l| l.contains(mark)));
+        let marked = program.mark.is_some_and(|mark| lower.contains(mark));
         for export in program.exports {
             let among = export.among(&named, program, stated);
             let marked = among.map(|(mut rank, found)| {
