@@ -27,7 +27,7 @@ pub fn hole(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
         ];
         let spacing = [&cells.x, &cells.y].map(|x| (x[x.len() - 1] - x[0]) / (x.len() - 1) as f64);
         let (centre, rim) = circle(points, middle, spacing[0].max(spacing[1]))?;
-        // of a few points the rim is far outside
+        // among few points the rim lies far outside the gap
         let of_cells = (4.0 / std::f64::consts::PI * n * spacing[0] * spacing[1]).sqrt();
         let diameter = missing(points, centre, rim).filter(|d| *d < rim);
         let diameter = diameter.unwrap_or(of_cells.min(rim));

@@ -47,7 +47,7 @@ pub fn split(name: &str) -> (&str, Option<&'static str>) {
 }
 
 /// The unit of length that a line before a table states (`# Units: length:mm angle:deg`, `% Length unit: mm`, `# unit: px`), if one
-/// does; `None` inside is a unit that is not known, or two of them: whose is which, they do not say in one way.
+/// does. `None` inside: the unit is not known, or two units are stated (tables say in many ways which is whose).
 pub fn before(preamble: &str) -> Option<Option<&'static str>> {
     const OTHERS: [&str; 6] = ["force", "load", "strain", "stress", "time", "angle"];
     let stated = preamble.lines().filter_map(|line| {
