@@ -17,7 +17,7 @@ const VALUES: usize = 6;
 const SPREAD_TYPES: usize = 0;
 
 /// Type names that stand twice.
-const NAMES_TWICE: usize = 1;
+const NAMES_TWICE: usize = 0;
 
 /// Lines of `src`.
 const SIZE: usize = 95_600;

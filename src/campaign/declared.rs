@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::file::{CampaignFile, Options, RunSpec, Verb};
+use super::file::{CampaignFile, RunOptions, RunSpec, Verb};
 use super::pattern;
 use crate::error::{Error, Result};
 use crate::experiment::check_name;
@@ -53,7 +53,7 @@ pub fn read(path: &Path, seed: u64) -> Result<(String, Vec<Declared>)> {
 fn options(file: &CampaignFile) -> Result<Vec<String>> {
     file.options.check(file.verb, "options")?;
     match (file.verb, &file.calibration) {
-        (Verb::Calibrate, Some(_)) if file.options != Options::default() => Err(Error::input(
+        (Verb::Calibrate, Some(_)) if file.options != RunOptions::default() => Err(Error::input(
             "options",
             "no such key beside \"calibration\"",
         )),

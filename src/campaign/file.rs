@@ -57,7 +57,7 @@ pub struct CampaignFile {
     #[serde(default)]
     pub sweep: Keyed<Vec<Value>>,
     #[serde(default)]
-    pub options: Options,
+    pub options: RunOptions,
     /// Of the verb `calibrate`, and of no other.
     #[serde(default)]
     pub calibration: Option<CalibrationSpec>,
@@ -81,7 +81,7 @@ pub struct RunSpec {
     #[serde(default)]
     pub verb: Option<Verb>,
     #[serde(default)]
-    pub options: Option<Options>,
+    pub options: Option<RunOptions>,
     /// Values by key of the model file.
     #[serde(default)]
     pub set: Keyed<Value>,
@@ -90,7 +90,7 @@ pub struct RunSpec {
 /// Options of a run, as the command line has them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Options {
+pub struct RunOptions {
     /// Most effects that a loop adds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rounds: Option<u8>,
@@ -106,7 +106,7 @@ pub struct Options {
     pub full_order: bool,
 }
 
-impl Options {
+impl RunOptions {
     /// As arguments of a verb.
     pub fn arguments(&self) -> Vec<String> {
         let valued = [
