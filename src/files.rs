@@ -2,7 +2,7 @@
 
 mod kept;
 mod natural;
-mod stored;
+pub mod stored;
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -3,24 +3,24 @@
 use std::ops::{Deref, DerefMut};
 
 /// Points evaluated together.
-pub(crate) const WIDTH: usize = 16;
+pub const WIDTH: usize = 16;
 
 /// One number for each of [`WIDTH`] points, where a vector of any length can be loaded at once.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub(crate) struct Lanes([f64; WIDTH]);
+pub struct Lanes([f64; WIDTH]);
 
 impl Lanes {
     /// The same number for all.
     #[inline(always)]
-    pub(crate) fn splat(value: f64) -> Self {
+    pub fn splat(value: f64) -> Self {
         Self([value; WIDTH])
     }
 
     /// The first numbers, 1 beyond the last. A copy, because the compiler cannot tell that parts of one slice do not
     /// overlap, and then makes no vectors.
     #[inline(always)]
-    pub(crate) fn of(values: &[f64]) -> Self {
+    pub fn of(values: &[f64]) -> Self {
         match values.first_chunk() {
             Some(whole) => Self(*whole),
             None => {
@@ -33,7 +33,7 @@ impl Lanes {
 
     /// Puts the first numbers where they belong, as many as there is room for.
     #[inline(always)]
-    pub(crate) fn put(&self, values: &mut [f64]) {
+    pub fn put(&self, values: &mut [f64]) {
         match values.first_chunk_mut() {
             Some(whole) => *whole = self.0,
             None => {
@@ -62,14 +62,14 @@ impl DerefMut for Lanes {
 
 /// Parameters of a vector of points. Not a closure: those are compiled for themselves, without the instructions that
 /// vectors need.
-pub(crate) trait Parameters<S: pulp::Simd> {
+pub trait Parameters<S: pulp::Simd> {
     /// One parameter of all points.
     fn get(&self, simd: S, k: usize) -> S::f64s;
 }
 
 /// A vector of points whose parameters lie parameter by parameter.
 #[derive(Clone, Copy)]
-pub(crate) struct Together<'a> {
+pub struct Together<'a> {
     /// Parameter k of point i is number k `stride` + i.
     pub values: &'a [f64],
     /// From parameter to parameter; no less than the number of points.
@@ -86,7 +86,7 @@ impl<S: pulp::Simd> Parameters<S> for Together<'_> {
 }
 
 /// One point, in every lane.
-pub(crate) struct Repeated<'a>(pub &'a [f64]);
+pub struct Repeated<'a>(pub &'a [f64]);
 
 impl<S: pulp::Simd> Parameters<S> for Repeated<'_> {
     #[inline(always)]
@@ -97,7 +97,7 @@ impl<S: pulp::Simd> Parameters<S> for Repeated<'_> {
 
 /// The number in the first lane.
 #[inline(always)]
-pub(crate) fn first<S: pulp::Simd>(_simd: S, x: S::f64s) -> f64 {
+pub fn first<S: pulp::Simd>(_simd: S, x: S::f64s) -> f64 {
     let mut lanes = Lanes::splat(0.0);
     S::as_mut_simd_f64s(&mut lanes).0[0] = x;
     lanes[0]
@@ -105,7 +105,7 @@ pub(crate) fn first<S: pulp::Simd>(_simd: S, x: S::f64s) -> f64 {
 
 /// A number for every lane, computed by the same expression.
 #[inline(always)]
-pub(crate) fn each(f: impl Fn(usize) -> f64) -> Lanes {
+pub fn each(f: impl Fn(usize) -> f64) -> Lanes {
     let mut out = Lanes::splat(0.0);
     for (lane, value) in out.iter_mut().enumerate() {
         *value = f(lane);
@@ -145,7 +145,7 @@ fn split(x: f64) -> (f64, f64) {
 /// Natural logarithm of a positive normal number, to 1 ulp, without branches or tables (fdlibm's `e_log.c`), so that a
 /// loop over it vectorises. Zero, negative, subnormal and infinite arguments give a finite number without meaning.
 #[inline(always)]
-pub(crate) fn ln(x: f64) -> f64 {
+pub fn ln(x: f64) -> f64 {
     let (k, f) = split(x);
     let s = f / (2.0 + f);
     let z = s * s;
@@ -158,7 +158,7 @@ pub(crate) fn ln(x: f64) -> f64 {
 
 /// [`ln`] of a vector, to 2 ulp and with fewer operations, fused where the processor can.
 #[inline(always)]
-pub(crate) fn ln_vector<S: pulp::Simd>(simd: S, x: S::f64s) -> S::f64s {
+pub fn ln_vector<S: pulp::Simd>(simd: S, x: S::f64s) -> S::f64s {
     let mut powers = Lanes::splat(0.0);
     let mut fractions = Lanes::splat(1.0);
     S::as_mut_simd_f64s(&mut fractions).0[0] = x;
@@ -185,7 +185,7 @@ pub(crate) fn ln_vector<S: pulp::Simd>(simd: S, x: S::f64s) -> S::f64s {
 /// Sine and cosine of 2 pi times a number of [0, 1] to 1e-15, without branches (fdlibm's `k_sin.c` and `k_cos.c` on the
 /// nearest quarter of a turn).
 #[inline(always)]
-pub(crate) fn sin_cos_turns(turns: f64) -> (f64, f64) {
+pub fn sin_cos_turns(turns: f64) -> (f64, f64) {
     // 1.5 x 2^52: adding it leaves the nearest whole number in the mantissa.
     const CARRIER: f64 = 6_755_399_441_055_744.0;
     let carried = 4.0 * turns + CARRIER;
@@ -218,7 +218,7 @@ pub(crate) fn sin_cos_turns(turns: f64) -> (f64, f64) {
 }
 
 /// Natural logarithms, in place, as [`ln`] has them.
-pub(crate) fn ln_all(values: &mut [f64]) {
+pub fn ln_all(values: &mut [f64]) {
     struct All<'a>(&'a mut [f64]);
     impl pulp::WithSimd for All<'_> {
         type Output = ();
@@ -229,7 +229,3 @@ pub(crate) fn ln_all(values: &mut [f64]) {
     }
     pulp::Arch::new().dispatch(All(values));
 }
-
-#[cfg(test)]
-#[path = "../tests/unit/lanes.rs"]
-mod tests;

@@ -74,8 +74,8 @@ pub mod infer;
 #[cfg(feature = "identify")]
 #[doc(hidden)]
 pub mod laminate;
-#[cfg_attr(not(feature = "identify"), allow(dead_code))]
-mod lanes;
+#[doc(hidden)]
+pub mod lanes;
 #[cfg(feature = "identify")]
 #[doc(hidden)]
 pub mod linearise;

@@ -1,7 +1,7 @@
 //! One table of all runs of a campaign: constants side by side, verdicts, and specimens unlike the others.
 
 mod collected;
-mod outlying;
+pub mod outlying;
 mod row;
 mod write;
 

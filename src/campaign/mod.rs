@@ -8,14 +8,14 @@ mod engine;
 pub mod file;
 mod local;
 pub mod manifest;
-mod pattern;
+pub mod pattern;
 mod plan;
 pub mod population;
 mod process;
 mod settle;
 mod slurm;
 mod status;
-mod sweep;
+pub mod sweep;
 
 use crate::error::{Error, Result};
 

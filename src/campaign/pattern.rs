@@ -47,7 +47,3 @@ fn matching(pattern: &str, base: &Path) -> Vec<PathBuf> {
     });
     found
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/pattern.rs"]
-mod tests;

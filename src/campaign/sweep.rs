@@ -30,7 +30,7 @@ pub fn changed(path: &Path, set: &Keyed<Value>) -> Result<Value> {
 }
 
 /// Put a value where a key says; the object that it stands in must be there.
-fn put(file: &mut Value, key: &str, value: &Value) -> Result<()> {
+pub fn put(file: &mut Value, key: &str, value: &Value) -> Result<()> {
     let pointer = match key.starts_with('/') {
         true => key.to_string(),
         false => format!("/{}", key.replace('.', "/")),
@@ -53,7 +53,3 @@ fn put(file: &mut Value, key: &str, value: &Value) -> Result<()> {
     parent.ok_or_else(missing)?.insert(name, value.clone());
     Ok(())
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/sweep.rs"]
-mod tests;

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::machine_file::MachineFile;
 use crate::error::{Error, Result};
+use crate::field::programs::{FORCE_UNITS, newtons};
 
 /// Where forces come from.
 #[derive(Debug, Args)]
@@ -31,25 +32,6 @@ pub struct ForceArguments {
         allow_negative_numbers = true
     )]
     force_offset: Option<i64>,
-}
-
-/// Newtons of a unit. A millinewton is nobody's, and a meganewton would be taken for it.
-const UNITS: [(&str, f64); 8] = [
-    ("N", 1.0),
-    ("kN", 1e3),
-    ("daN", 10.0),
-    ("kgf", 9.806_65),
-    ("lbf", 4.448_221_615_260_5),
-    ("lb", 4.448_221_615_260_5),
-    ("kip", 4_448.221_615_260_5),
-    ("klbf", 4_448.221_615_260_5),
-];
-
-/// A unit by its name, whatever the case.
-fn unit_of(name: &str) -> Option<(&'static str, f64)> {
-    UNITS
-        .into_iter()
-        .find(|(u, _)| u.eq_ignore_ascii_case(name))
 }
 
 /// What columns of forces are called.
@@ -76,7 +58,7 @@ fn parts(name: &str) -> (Vec<String>, Option<(&'static str, f64)>) {
     let words = lower.split(apart).filter(|w| !w.is_empty());
     let words: Vec<String> = words.map(String::from).collect();
     // the first word is the name, whatever else it means
-    let unit = words.iter().skip(1).find_map(|w| unit_of(w));
+    let unit = words.iter().skip(1).find_map(|w| newtons(w));
     (words, unit)
 }
 
@@ -191,8 +173,8 @@ impl ForceArguments {
                     .hint("say it: --force-unit N, kN or lbf; or write it into the name, as Force [kN]")
             });
         };
-        let known = UNITS.map(|(u, _)| u);
-        let asked = unit_of(asked).ok_or_else(|| Error::one_of("--force-unit", known, asked))?;
+        let known = FORCE_UNITS.map(|(u, _)| u);
+        let asked = newtons(asked).ok_or_else(|| Error::one_of("--force-unit", known, asked))?;
         match stated.filter(|stated| *stated != asked) {
             Some((stated, _)) => Err(Error::input(
                 "--force-unit",

@@ -12,7 +12,7 @@ use super::cells::number;
 use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::{Field, Reason, Rejected};
-use super::programs::{MatchedColumns, matching};
+use super::programs::{MatchedColumns, matching, newtons};
 use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
 use super::row::{CsvRow, Point};
 use super::sheet::Sheet;
@@ -353,15 +353,7 @@ fn force_in(line: &str) -> Option<f64> {
         return None;
     }
     let size = number(value.first()?, false).filter(|f| f.is_finite())?;
-    let newtons: Option<Vec<f64>> = key[1..]
-        .iter()
-        .chain(&value[1..])
-        .map(|unit| match unit.as_str() {
-            "n" => Some(1.0),
-            "kn" => Some(1e3),
-            "mn" => Some(1e6),
-            _ => None,
-        })
-        .collect();
+    let units = key[1..].iter().chain(&value[1..]);
+    let newtons: Option<Vec<f64>> = units.map(|unit| Some(newtons(unit)?.1)).collect();
     Some(size * newtons?.first().unwrap_or(&1.0))
 }

@@ -185,7 +185,3 @@ impl Stored for DMatrix<f64> {
         Some(Self::from_vec(rows, columns, values?))
     }
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/stored.rs"]
-mod tests;

@@ -21,7 +21,7 @@ mod structure;
 mod surrogate;
 mod tiles;
 mod warnings;
-mod waves;
+pub mod waves;
 
 pub use force::settle_force;
 pub use identification::{Identification, Refinement};

@@ -35,7 +35,7 @@ pub struct Wave {
 pub const IMPROBABLE: f64 = 1e-4;
 
 /// Side of a part in which waves are sought, in spacings of the points.
-const PART: f64 = 24.0;
+pub const PART: f64 = 24.0;
 
 /// Parts looked at, at most.
 const MOST_PARTS: usize = 64;
@@ -359,7 +359,7 @@ fn expected(
 
 /// The power that white pixel noise has at each wave number after averages over square subsets of this width, in parts of 1, under a Hann
 /// window: of the main lobe's top.
-fn of_subsets(numbers: &[[f64; 2]], width: f64) -> Vec<f64> {
+pub fn of_subsets(numbers: &[[f64; 2]], width: f64) -> Vec<f64> {
     let sinc2 = |x: f64| {
         let x = std::f64::consts::PI * x;
         if x == 0.0 { 1.0 } else { (x.sin() / x).powi(2) }
@@ -404,7 +404,3 @@ fn wave_numbers() -> Vec<[f64; 2]> {
 /// Terms of the quadratic that is taken out of a part, and points that a part needs.
 const TERMS: usize = 6;
 const FEWEST_POINTS: usize = 100;
-
-#[cfg(test)]
-#[path = "../../tests/unit/waves.rs"]
-mod tests;

@@ -10,7 +10,7 @@ mod problem;
 mod reference;
 mod snapshot_experiment;
 mod snapshots;
-mod supplied;
+pub mod supplied;
 mod surface;
 mod variables;
 

@@ -11,7 +11,7 @@ use crate::error::Result;
 
 /// Draws of all ensembles, chain by chain, each chain with room for the same number: beyond it every second draw is let
 /// go, again and again.
-pub(super) struct Memory {
+pub struct Memory {
     /// Chain x room x parameter.
     values: Vec<f64>,
     /// Chain x room.
@@ -32,7 +32,7 @@ struct MemoryShape {
 
 /// How far the draws of each chain have come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Count {
+pub struct Count {
     held: usize,
     /// Draws from one held one to the next.
     stride: usize,
@@ -41,7 +41,7 @@ pub(super) struct Count {
 }
 
 /// The part of one ensemble, which takes draws beside the others.
-pub(super) struct MemoryShare<'a> {
+pub struct MemoryShare<'a> {
     values: &'a mut [f64],
     lp: &'a mut [f64],
     shape: MemoryShape,
@@ -50,7 +50,7 @@ pub(super) struct MemoryShare<'a> {
 
 impl Memory {
     /// Of `ensembles` ensembles of `walkers` in `dim` dimensions, without room yet.
-    pub(super) fn new(ensembles: usize, walkers: usize, dim: usize) -> Self {
+    pub fn new(ensembles: usize, walkers: usize, dim: usize) -> Self {
         Self {
             values: Vec::new(),
             lp: Vec::new(),
@@ -69,17 +69,17 @@ impl Memory {
     }
 
     /// Draws from one held one to the next.
-    pub(super) fn stride(&self) -> usize {
+    pub fn stride(&self) -> usize {
         self.count.stride
     }
 
     /// Draws of each chain so far, held or not.
-    pub(super) fn seen(&self) -> usize {
+    pub fn seen(&self) -> usize {
         self.count.seen
     }
 
     /// Room for `room` draws of each chain, unless there is more already.
-    pub(super) fn reserve(&mut self, room: usize) {
+    pub fn reserve(&mut self, room: usize) {
         let from = self.shape.room;
         if room <= from {
             return;
@@ -101,7 +101,7 @@ impl Memory {
     }
 
     /// The parts of the ensembles, and the count that [`Memory::taken`] wants to hear of again.
-    pub(super) fn shares(&mut self) -> impl IndexedParallelIterator<Item = MemoryShare<'_>> {
+    pub fn shares(&mut self) -> impl IndexedParallelIterator<Item = MemoryShare<'_>> {
         let (shape, count) = (self.shape, self.count);
         let each = (shape.walkers * shape.room).max(1);
         self.values
@@ -116,12 +116,12 @@ impl Memory {
     }
 
     /// Every share has come as far as `count`.
-    pub(super) fn taken(&mut self, count: Count) {
+    pub fn taken(&mut self, count: Count) {
         self.count = count;
     }
 
     /// Lends the draws held; [`Memory::restore`] takes them back.
-    pub(super) fn lend(&mut self, names: &[String]) -> Result<Draws> {
+    pub fn lend(&mut self, names: &[String]) -> Result<Draws> {
         let (chains, dim, held) = (self.chains(), self.shape.dim, self.count.held);
         let (mut values, mut lp) = (
             std::mem::take(&mut self.values),
@@ -135,7 +135,7 @@ impl Memory {
     }
 
     /// Takes lent draws back.
-    pub(super) fn restore(&mut self, draws: Draws) {
+    pub fn restore(&mut self, draws: Draws) {
         (self.values, self.lp) = draws.into_arrays();
         self.shape.room = self.count.held;
     }
@@ -165,12 +165,12 @@ fn pack(values: &mut Vec<f64>, rows: usize, length: usize, held: usize) {
 
 impl MemoryShare<'_> {
     /// How far the draws have come.
-    pub(super) fn count(&self) -> Count {
+    pub fn count(&self) -> Count {
         self.count
     }
 
     /// Takes the draws of a block.
-    pub(super) fn take(&mut self, block: &Block) {
+    pub fn take(&mut self, block: &Block) {
         /// Draws at a time, so that they stay in the cache while every chain takes its own.
         const TILE: usize = 16;
         let MemoryShape { walkers, dim, .. } = self.shape;
@@ -189,7 +189,7 @@ impl MemoryShare<'_> {
     }
 
     /// Takes one draw of all walkers: parameter x walker, and walker.
-    pub(super) fn push(&mut self, x: &[f64], lp: &[f64]) {
+    pub fn push(&mut self, x: &[f64], lp: &[f64]) {
         self.count.seen += 1;
         if !self.count.seen.is_multiple_of(self.count.stride) {
             return;
@@ -238,7 +238,3 @@ impl MemoryShare<'_> {
         self.count.stride *= 2;
     }
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/memory.rs"]
-mod tests;

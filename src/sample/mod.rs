@@ -14,7 +14,7 @@ mod gaussian;
 mod independence;
 mod keep;
 mod laplace;
-mod memory;
+pub mod memory;
 mod mixture;
 mod moves;
 mod numbers;
@@ -22,7 +22,7 @@ mod run;
 mod schedule;
 mod snooker;
 mod start;
-mod stream;
+pub mod stream;
 mod stretch;
 
 pub use adapted::{Adapted, NormalPart, POOR, adapted};

@@ -25,11 +25,7 @@ const PARITY: u64 = 0x1BD1_1BDA_A9FC_1A22;
 
 /// The two numbers of each of `N` lanes at one place.
 #[inline(always)]
-pub(super) fn blocks<const N: usize>(
-    key: Key,
-    mut lane: [u64; N],
-    place: u64,
-) -> ([u64; N], [u64; N]) {
+pub fn blocks<const N: usize>(key: Key, mut lane: [u64; N], place: u64) -> ([u64; N], [u64; N]) {
     let keys = [key.seed, key.ensemble, PARITY ^ key.seed ^ key.ensemble];
     let mut other = [place.wrapping_add(keys[1]); N];
     lane.iter_mut().for_each(|x| *x = x.wrapping_add(keys[0]));
@@ -128,7 +124,3 @@ impl TryRng for Stream {
         Ok(())
     }
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/stream.rs"]
-mod tests;

@@ -63,10 +63,10 @@ pub struct BlindSpot {
 /// A normal component of a mixture.
 pub struct AveragedPart {
     pub log_weight: f64,
-    mean: Vec<f64>,
-    sd: Vec<f64>,
+    pub mean: Vec<f64>,
+    pub sd: Vec<f64>,
     /// Constants x constants, row-major.
-    covariance: Vec<f64>,
+    pub covariance: Vec<f64>,
 }
 
 impl AveragedPart {
@@ -152,7 +152,7 @@ pub fn choices(
 ///
 /// # Errors
 /// Those of [`averaged`].
-pub(super) fn likeliest(
+pub fn likeliest(
     weighing: &Weighing,
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
@@ -379,7 +379,7 @@ fn not_finite() -> Error {
 }
 
 /// A normal distribution above zero: its share of all, mean and sd.
-fn above_zero(mean: f64, sd: f64) -> (f64, f64, f64) {
+pub fn above_zero(mean: f64, sd: f64) -> (f64, f64, f64) {
     let a = mean / sd;
     let share = 0.5 * erfc(-a / SQRT_2);
     let hazard = (-0.5 * a * a).exp() / (TAU.sqrt() * share);
@@ -391,7 +391,7 @@ fn above_zero(mean: f64, sd: f64) -> (f64, f64, f64) {
 const LEAST_SHARE: f64 = 1e-12;
 
 /// The mixture of one constant; of a modulus, what lies above zero of it.
-fn mixture(parts: &[AveragedPart], total: f64, k: usize, modulus: bool) -> Interval {
+pub fn mixture(parts: &[AveragedPart], total: f64, k: usize, modulus: bool) -> Interval {
     let share = |p: &AveragedPart| above_zero(p.mean[k], p.sd[k]).0;
     let positive: Vec<&AveragedPart> = parts.iter().filter(|p| share(p) > LEAST_SHARE).collect();
     let cut = modulus && !positive.is_empty();
@@ -498,14 +498,10 @@ fn prior_odds(candidates: usize) -> f64 {
 }
 
 /// Amplitude, in prior sds, whose expected evidence brings prior odds up to a probability of 0.95, for an amplitude known to 1/sqrt(g).
-pub(super) fn detectable(g: f64, prior_odds: f64) -> f64 {
+pub fn detectable(g: f64, prior_odds: f64) -> f64 {
     if g <= 0.0 {
         return f64::INFINITY;
     }
     let needed = (19.0 / prior_odds).ln() + 0.5 * (1.0 + g).ln();
     (2.0 * needed * (1.0 + g)).sqrt() / g
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/averaged.rs"]
-mod tests;

@@ -80,7 +80,7 @@ impl Conclusion {
 }
 
 /// Pairs in words, by the effect that they share where there is one.
-fn together(pairs: &[[String; 2]]) -> String {
+pub fn together(pairs: &[[String; 2]]) -> String {
     let all = pairs.iter().flatten();
     let shared = all.clone().find(|a| pairs.iter().all(|p| p.contains(a)));
     match shared {
@@ -405,7 +405,7 @@ fn consistent(rounds: &[Round], group: &Named) -> String {
 }
 
 /// Amplitudes in words, without those that are nothing beside the largest.
-fn size_of(amplitude: &[(String, f64)]) -> String {
+pub fn size_of(amplitude: &[(String, f64)]) -> String {
     let largest = amplitude.iter().fold(0.0, |m: f64, (_, v)| m.max(v.abs()));
     let kept = amplitude.iter().filter(|(_, v)| v.abs() > 1e-3 * largest);
     let with_value = |(name, value): &(String, f64)| {
@@ -530,7 +530,3 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
     });
     exceedance.into_iter().chain(wave).collect()
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/conclusion.rs"]
-mod tests;

@@ -34,7 +34,7 @@ const LONGEST: f64 = 2.5;
 const MISSED: f64 = 0.5;
 
 /// The search for the point about which effects are weighed.
-pub(super) struct PointSearch<'a> {
+pub struct PointSearch<'a> {
     pub forward: &'a Forward<'a>,
     /// The test on a coarse mesh, from which columns of candidates are taken at first.
     pub coarse: Option<&'a Forward<'a>>,
@@ -291,7 +291,7 @@ impl PointSearch<'_> {
 }
 
 /// Whether the strongest effect of the last pass is that of the pass before the one before, and another came between.
-fn is_in_turn(leaders: &[EffectUnderLaw]) -> bool {
+pub fn is_in_turn(leaders: &[EffectUnderLaw]) -> bool {
     match leaders {
         [.., first, other, last] => last.is(first) && !last.is(other),
         _ => false,
@@ -299,7 +299,7 @@ fn is_in_turn(leaders: &[EffectUnderLaw]) -> bool {
 }
 
 /// The state midway between two, in constants and in amplitudes: as far from the one's account as from the other's.
-fn midway(a: &SeriesState, b: &SeriesState) -> SeriesState {
+pub fn midway(a: &SeriesState, b: &SeriesState) -> SeriesState {
     let mean = |a: &[f64], b: &[f64]| -> Vec<f64> {
         a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect()
     };
@@ -319,7 +319,3 @@ fn midway(a: &SeriesState, b: &SeriesState) -> SeriesState {
     }
     state
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/converged.rs"]
-mod tests;

@@ -27,7 +27,7 @@ impl Status {
 
 /// What of a residual a loop has found, and what it has not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct VerdictFacts {
+pub struct VerdictFacts {
     /// Effects were added.
     pub added: bool,
     /// An effect is called for that was not added.
@@ -74,7 +74,3 @@ impl VerdictFacts {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/facts.rs"]
-mod tests;

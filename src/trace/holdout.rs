@@ -34,9 +34,9 @@ pub struct Holdout<'a> {
 
 /// Log probabilities of what was held out, each given all else.
 pub struct Scores {
-    regions: [f64; DIVISIONS],
+    pub regions: [f64; DIVISIONS],
     /// Of each step.
-    steps: Option<Vec<f64>>,
+    pub steps: Option<Vec<f64>>,
 }
 
 /// Log probability of one step that an account may cost and still stand: less is within what noise does to a right one.
@@ -215,7 +215,3 @@ pub fn gains(with: &Scores, without: &Scores, tell: bool) -> bool {
     let worse = all.iter().filter(|gain| **gain < -least).count();
     all.iter().sum::<f64>() > 0.0 && worse <= 1
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/holdout.rs"]
-mod tests;

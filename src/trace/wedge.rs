@@ -26,7 +26,3 @@ pub fn log_in_wedge(mean: Vector2<f64>, covariance: &Matrix2<f64>, weights: [f64
     let prior = 0.25 + cosine.asin() / std::f64::consts::TAU;
     log_positive(z) - (2.0 * prior).ln()
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/wedge.rs"]
-mod tests;

@@ -45,7 +45,7 @@ pub enum Acts {
 /// A draw from the priors.
 pub struct Drawn {
     /// All but what is another from step to step.
-    truth: Truth,
+    pub truth: Truth,
     /// What moves the specimen or changes the force, with the stated amplitude.
     moving: Vec<(EffectUnderLaw, Vec<f64>)>,
     /// True force of every step of a series over the nominal one, with the error that it has of its own.
@@ -278,7 +278,3 @@ fn amplitude(
     };
     parameters.map(one).collect()
 }
-
-#[cfg(test)]
-#[path = "../../tests/unit/drawn.rs"]
-mod tests;

@@ -3,12 +3,12 @@
 pub mod article;
 pub mod calibration;
 pub mod design;
-mod drawn;
+pub mod drawn;
 pub mod grid;
 pub mod priors;
 pub mod quadrature;
 pub mod record;
-mod replicates;
+pub mod replicates;
 pub mod thickness;
 pub mod twin;
 pub mod verdicts;

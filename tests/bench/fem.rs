@@ -1,11 +1,11 @@
 //! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate; with the argument `bases`, a
 //! table of what reduced bases cost.
 
+use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
-use divan::{Bencher, black_box};
-use plychain::effect::{EFFECTS, Kind, find};
+use plychain::effect::{EFFECTS, Effect, Kind};
 use plychain::error::Result;
 use plychain::fem::{EndLoad, Plate, Profile, Setup, end_forces, span};
 use plychain::geometry::{Density, Morph, Outline, StripWithHole};
@@ -26,8 +26,23 @@ fn main() -> Result<()> {
     if std::env::args().any(|argument| argument == "bases") {
         return bases();
     }
-    divan::main();
+    parts();
+    for effect in EFFECTS.iter().filter(|e| e.kind() == Kind::Mechanical) {
+        of_effect(*effect);
+    }
     Ok(())
+}
+
+/// Quickest and median of some runs, ms.
+fn timed<T>(what: &str, mut run: impl FnMut() -> T) {
+    let once = |_| {
+        let begin = Instant::now();
+        black_box(run());
+        1e3 * begin.elapsed().as_secs_f64()
+    };
+    let mut all: Vec<f64> = (0..10).map(once).collect();
+    all.sort_by(f64::total_cmp);
+    println!("{what:40} {:9.3} {:9.3}", all[0], all[5]);
 }
 
 fn setup() -> Setup {
@@ -67,45 +82,40 @@ fn plate(factor: f64) -> Plate {
     Plate::new(&setup(), Density::DEFAULT.scaled(factor)).expect("a plate that meshes")
 }
 
-#[divan::bench(args = FACTORS, sample_count = 10)]
-fn refill(bencher: Bencher, factor: f64) {
-    let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
-    let mut values = vec![0.0; plate.assembly.stored()];
-    bencher.bench_local(|| {
+/// The parts of a solution, for each mesh.
+fn parts() {
+    println!("{:40} {:>9} {:>9}", "ms", "quickest", "median");
+    for factor in FACTORS {
+        let (plate, setup) = (plate(factor), setup());
+        let a = setup.membrane(&NOMINAL);
+        let unknowns = plate.mesh.unknowns();
+        let said = |what: &str| format!("{what}, {unknowns} unknowns");
+        let mut values = vec![0.0; plate.assembly.stored()];
         let integrals = plate.assembly.nominal();
-        plate
-            .assembly
-            .refill(integrals, black_box(&[a]), &mut values);
-    });
-}
-
-#[divan::bench(args = FACTORS, sample_count = 10)]
-fn refill_and_factor(bencher: Bencher, factor: f64) {
-    let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
-    let mut work = plate.factor();
-    bencher.bench_local(|| work.factorise(black_box(&a)));
-}
-
-#[divan::bench(args = FACTORS, sample_count = 10)]
-fn solve(bencher: Bencher, factor: f64) {
-    let setup = setup();
-    let plate = plate(factor);
-    let mut work = plate.factor();
-    work.factorise(&setup.membrane(&NOMINAL))
-        .expect("a positive definite stiffness");
-    let load = end_forces(&plate.mesh, &setup.load);
-    bencher
-        .with_inputs(|| load.clone())
-        .bench_local_values(|mut u| {
+        timed(&said("refill"), || {
+            plate
+                .assembly
+                .refill(integrals, black_box(&[a]), &mut values);
+        });
+        let mut work = plate.factor();
+        timed(&said("refill and factor"), || work.factorise(black_box(&a)));
+        let load = end_forces(&plate.mesh, &setup.load);
+        timed(&said("solve"), || {
+            let mut u = load.clone();
             work.solve(&mut u);
             u
         });
-}
-
-#[divan::bench(sample_count = 10)]
-fn snapshot(bencher: Bencher) {
+        // what every mesh of another shape costs before anything is solved
+        timed(&said("integrals"), || {
+            plate.assembly.integrals(black_box(&plate.mesh), &|_| 1.0)
+        });
+        let field = vec![1e-3; plate.mesh.unknowns()];
+        timed(&said("product with a field"), || {
+            plate.assembly.multiply(integrals, &[a], black_box(&field))
+        });
+    }
     let (plate, setup) = (plate(1.0), setup());
-    bencher.bench_local(|| nodal(&plate, black_box(&setup)));
+    timed("snapshot", || nodal(&plate, black_box(&setup)));
 }
 
 fn nodal(plate: &Plate, setup: &Setup) -> Result<Vec<f64>> {
@@ -172,40 +182,14 @@ fn bases() -> Result<()> {
     Ok(())
 }
 
-/// What every mesh of another shape costs before anything is solved.
-#[divan::bench(args = FACTORS, sample_count = 10)]
-fn integrals(bencher: Bencher, factor: f64) {
-    let plate = plate(factor);
-    bencher.bench_local(|| plate.assembly.integrals(black_box(&plate.mesh), &|_| 1.0));
-}
-
-/// One product of the stiffness with a field.
-#[divan::bench(args = FACTORS, sample_count = 10)]
-fn multiply(bencher: Bencher, factor: f64) {
-    let (plate, a) = (plate(factor), setup().membrane(&NOMINAL));
-    let field = vec![1e-3; plate.mesh.unknowns()];
-    let integrals = plate.assembly.nominal();
-    bencher.bench_local(|| plate.assembly.multiply(integrals, &[a], black_box(&field)));
-}
-
-/// One test with each mechanical effect at its plausible amplitude, from the nominal plate's mesh.
-#[divan::bench(args = mechanical(), sample_count = 10)]
-fn effect(bencher: Bencher, name: &str) {
+/// One test with a mechanical effect at its plausible amplitude, from the nominal plate's mesh.
+fn of_effect(effect: &dyn Effect) {
     let plate = plate(1.0);
     let mut setup = setup();
-    let effect = find("bench", name).expect("a known effect");
-    let amplitude: Vec<f64> = effect
+    let plausible = effect
         .parameters()
         .iter()
-        .map(|p| p.prior_sd.unwrap_or(1.0))
-        .collect();
-    effect.alter(&amplitude, &mut setup);
-    bencher.bench_local(|| nodal(&plate, black_box(&setup)));
-}
-
-fn mechanical() -> impl Iterator<Item = &'static str> {
-    EFFECTS
-        .iter()
-        .filter(|e| e.kind() == Kind::Mechanical)
-        .map(|e| e.name())
+        .map(|p| p.prior_sd.unwrap_or(1.0));
+    effect.alter(&plausible.collect::<Vec<f64>>(), &mut setup);
+    timed(effect.name(), || nodal(&plate, black_box(&setup)));
 }

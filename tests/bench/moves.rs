@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench moves`.
 
-#[path = "../targets.rs"]
+#[path = "../unit/targets.rs"]
 #[allow(dead_code)]
 mod targets;
 

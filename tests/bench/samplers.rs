@@ -12,7 +12,7 @@
 //! constants of 35 dimensions, what enters linearly being integrated out. Beside other work on two such cores: 5.2 and 1.8 times on the table
 //! (mixture, stretch), 48 and 8 to 15 times on the posterior to quote, of which batches make a factor of ten.
 
-#[path = "../tabulated.rs"]
+#[path = "../common/tabulated.rs"]
 #[allow(dead_code)]
 mod tabulated;
 

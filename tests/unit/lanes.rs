@@ -1,4 +1,4 @@
-use super::{first, ln, ln_vector, sin_cos_turns};
+use plychain::lanes::{first, ln, ln_vector, sin_cos_turns};
 
 #[test]
 fn sine_and_cosine_are_exact_to_1e_15() {

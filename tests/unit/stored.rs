@@ -1,4 +1,7 @@
-use super::*;
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+use plychain::files::{Keyed, Stored};
 
 fn back<T: Stored>(value: &T) -> T {
     let mut bytes = Vec::new();

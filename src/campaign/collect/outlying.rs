@@ -47,7 +47,3 @@ pub fn mark(rows: &mut [CampaignRow], constant: &str) {
         own.robust_z = z;
     }
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/outlying.rs"]
-mod tests;

@@ -6,7 +6,7 @@ mod density;
 mod gather;
 mod report;
 mod sampled;
-mod specimen;
+pub mod specimen;
 mod unlike;
 mod write;
 

@@ -15,10 +15,10 @@ use crate::parameter::is_modulus;
 use crate::report::json::load;
 
 /// Draws of a chain that are read.
-const MOST_DRAWS: usize = 1 << 14;
+pub const MOST_DRAWS: usize = 1 << 14;
 
 /// Kernels of a specimen.
-const KERNELS: usize = 1 << SPLITS;
+pub const KERNELS: usize = 1 << SPLITS;
 const SPLITS: usize = 6;
 
 /// A specimen's likelihood of its constants, unnormalised: kernels of equal weight and covariance, whose mixture has the mean and the covariance
@@ -188,7 +188,7 @@ fn divided(points: &[DVector<f64>], priors: &[[f64; 2]]) -> Option<(DVector<f64>
     ))
 }
 
-fn moments<'a>(
+pub fn moments<'a>(
     points: impl Iterator<Item = &'a DVector<f64>> + Clone,
     weights: &[f64],
 ) -> (DVector<f64>, DMatrix<f64>) {
@@ -254,7 +254,3 @@ fn part(
     part(points, weights, low, splits - 1, taken);
     part(points, weights, high, splits - 1, taken);
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/specimen.rs"]
-mod tests;

@@ -10,7 +10,7 @@ mod measure;
 mod noise;
 mod parameters;
 mod phase;
-mod picture;
+pub mod picture;
 mod reader;
 mod render;
 mod residuals;

@@ -282,7 +282,3 @@ pub fn write_png(path: &Path, size: [usize; 2], values: &[u16], deep: bool) -> R
     writer.finish().map_err(failed)?;
     std::fs::write(path, bytes).map_err(|e| unwritable(path, &e))
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/fringe_images.rs"]
-mod tests;

@@ -13,7 +13,27 @@ const UNITS: &[(&str, &[&str])] = &[
     (PIXEL, &["px", "pix", "pixel"]),
 ];
 
-/// The name in a model file of a unit as it is written.
+/// Units of force and their newtons (NIST SP 811, appendix B.8). Without mN: few machines write millinewtons, and a meganewton would be
+/// taken for one.
+pub const FORCE_UNITS: [(&str, f64); 8] = [
+    ("N", 1.0),
+    ("kN", 1e3),
+    ("daN", 10.0),
+    ("kgf", 9.806_65),
+    ("lbf", 4.448_221_615_260_5),
+    ("lb", 4.448_221_615_260_5),
+    ("kip", 4_448.221_615_260_5),
+    ("klbf", 4_448.221_615_260_5),
+];
+
+/// A unit of force by its name in upper or lower case, and its newtons.
+pub fn newtons(written: &str) -> Option<(&'static str, f64)> {
+    FORCE_UNITS
+        .into_iter()
+        .find(|(unit, _)| unit.eq_ignore_ascii_case(written))
+}
+
+/// The name in a model file of a unit of length as it is written.
 pub fn unit_of(written: &str) -> Option<&'static str> {
     let written = written.trim().to_lowercase();
     // ms are no metres

@@ -6,7 +6,7 @@ use crate::laminate::Material;
 use crate::parameter::is_modulus;
 
 /// A mistake that may have been made.
-pub(super) struct Mistake {
+pub struct Mistake {
     /// The question that names it.
     pub asked: String,
     /// The declared test without it.
@@ -20,7 +20,7 @@ pub(super) struct Mistake {
 }
 
 /// What a displacement (direction 1, direction 2) is without a mistake.
-pub(super) type Shown = fn([f64; 2]) -> [f64; 2];
+pub type Shown = fn([f64; 2]) -> [f64; 2];
 
 const THOUSAND: &str = "is the force in kN in place of N, or is a unit of the displacements 1000 times off (nm, um, mm, m)";
 
@@ -78,7 +78,7 @@ const LAYUPS: [(&str, TrueAngle); 4] = [
 ];
 
 /// What may have been done to the input of a model and its field, whose points leave this void about the hole's centre.
-pub(super) fn mistakes(model: &Model, void: Option<Void>) -> Vec<Mistake> {
+pub fn mistakes(model: &Model, void: Option<Void>) -> Vec<Mistake> {
     let mut all = forces(model);
     all.extend(COLUMNS.map(|(asked, shown)| Mistake {
         shown,
@@ -161,7 +161,7 @@ fn forces(model: &Model) -> Vec<Mistake> {
 const VOID: f64 = 1.08;
 
 /// Whether the points leave a void about the hole's centre of another size than the declared hole.
-pub(super) fn is_another_size(model: &Model, void: Option<Void>) -> bool {
+pub fn is_another_size(model: &Model, void: Option<Void>) -> bool {
     let hole = model.experiment().specimen.hole;
     let both = hole.map(|h| h.diameter_mm).zip(void);
     both.is_some_and(|(declared, void)| {
@@ -265,16 +265,16 @@ fn minor_ratio(model: &Model) -> Option<Mistake> {
 
 /// The empty disc about the hole's centre, as diameters of the hole that may have left it, mm.
 #[derive(Clone, Copy)]
-pub(super) struct Void {
+pub struct Void {
     /// The largest, less twice the distance of neighbouring points. The nearest point lies up to one such distance outside the hole's edge.
-    least_mm: f64,
+    pub least_mm: f64,
     /// The disc's, less what a subset that was dropped at the edge adds.
-    most_mm: f64,
+    pub most_mm: f64,
 }
 
 impl Void {
     /// That of a field; none where points do not surround the centre.
-    pub(super) fn of(field: &Field) -> Option<Self> {
+    pub fn of(field: &Field) -> Option<Self> {
         let [low, high] = crate::field::bounds(&field.points);
         let surrounded = (0..2).all(|k| low[k] < 0.0 && high[k] > 0.0);
         let nearest = field.points.iter().map(|p| p[0].hypot(p[1]));
@@ -286,7 +286,3 @@ impl Void {
         })
     }
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/void.rs"]
-mod tests;

@@ -5,7 +5,7 @@
 //! load that leans, or a hole that is a little larger, is no reason to doubt the input.
 
 mod examine;
-mod mistake;
+pub mod mistake;
 
 pub use examine::doubts;
 

@@ -4,7 +4,7 @@
 mod doe;
 mod files;
 mod nodes;
-mod spread;
+pub mod spread;
 mod vtu;
 
 use std::path::{Path, PathBuf};

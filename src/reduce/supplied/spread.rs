@@ -93,7 +93,3 @@ fn cubic([x, y]: [f64; 2]) -> [f64; 10] {
     let (xx, xy, yy) = (x * x, x * y, y * y);
     [1.0, x, y, xx, xy, yy, xx * x, xx * y, x * yy, yy * y]
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/spread.rs"]
-mod tests;

@@ -2,7 +2,7 @@
 //! every test of all blocks together.
 
 mod masked;
-mod parts;
+pub mod parts;
 mod scan;
 mod templates;
 

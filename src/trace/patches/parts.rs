@@ -22,7 +22,7 @@ pub enum PatchPart {
 }
 
 /// A weighted sum of the frames.
-pub(super) struct FramePart {
+pub struct FramePart {
     pub part: PatchPart,
     pub weights: DVector<f64>,
     /// Variance of its noise over that of a frame of scale 1.
@@ -44,7 +44,7 @@ fn vary(loads: &[f64]) -> bool {
 }
 
 /// All parts of frames of the noise scales `scales`, whose reference picture has the share `reference` of the noise.
-pub(super) fn parts(loads: &[f64], scales: &[f64], reference: f64) -> Vec<FramePart> {
+pub fn parts(loads: &[f64], scales: &[f64], reference: f64) -> Vec<FramePart> {
     let n = loads.len();
     let count = n as f64;
     let mean = loads.iter().sum::<f64>() / count;
@@ -86,11 +86,7 @@ const SEEN: f64 = 0.02;
 
 /// The part that explains most, and more than half, of what is left of all frames, nm: by blocks, of frames of these loads and noise scales. Each
 /// is taken alone, as one field times the loads, in all frames or in one, under noise of which the reference picture has as much as a frame.
-pub(in crate::trace) fn largest_part(
-    left_nm: &[[Vec<f64>; 2]],
-    loads: &[f64],
-    scales: &[f64],
-) -> Option<PatchPart> {
+pub fn largest_part(left_nm: &[[Vec<f64>; 2]], loads: &[f64], scales: &[f64]) -> Option<PatchPart> {
     if !vary(loads) {
         return None;
     }
@@ -114,7 +110,3 @@ pub(in crate::trace) fn largest_part(
     let most = sizes.max_by(|a, b| a.0.total_cmp(&b.0))?;
     (most.0 > 0.5 * all).then_some(most.1)
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/parts.rs"]
-mod tests;

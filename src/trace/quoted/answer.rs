@@ -44,15 +44,15 @@ pub struct AnswerDensity {
     constants: Vec<(Marginal, f64)>,
     /// What other experiments say of them.
     known: Option<Arc<Known>>,
-    pub(super) space: Space,
+    pub space: Space,
     /// The data under every choice of the noise.
-    pub(super) noise: Vec<Equations>,
+    pub noise: Vec<Equations>,
     parts: Vec<MixturePart>,
 }
 
 impl AnswerDensity {
     /// `constants` come with where the test was linearised; `noise` are choices of the noise, `choices` the parts.
-    pub(super) fn new(
+    pub fn new(
         (material, constants): (Material, Vec<(Marginal, f64)>),
         space: Space,
         noise: Vec<Equations>,
@@ -87,7 +87,7 @@ impl AnswerDensity {
     }
 
     /// Distances of the constants from where the test was linearised, prior sds.
-    pub(super) fn distances(&self, x: &[f64]) -> Vec<f64> {
+    pub fn distances(&self, x: &[f64]) -> Vec<f64> {
         let distance = |(x, (m, at)): (&f64, &(Marginal, f64))| (x - at) / m.sd;
         x.iter().zip(&self.constants).map(distance).collect()
     }
@@ -122,19 +122,19 @@ impl AnswerDensity {
     }
 
     /// Log weights of all parts at each of some points.
-    pub(super) fn weights(&self, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub fn weights(&self, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let all = self.weights_at(points);
         let own = |k: usize| all.iter().skip(k).step_by(points.len()).copied().collect();
         (0..points.len()).map(own).collect()
     }
 
     /// How much a density has to do.
-    pub(super) fn size_in_words(&self) -> String {
+    pub fn size_in_words(&self) -> String {
         let [parts, directions] = [self.parts.len(), self.space.directions()];
         format!("{parts} choices of noise and effects, {directions} directions")
     }
 
-    pub(super) fn choice(&self, part: usize) -> &MixtureChoice {
+    pub fn choice(&self, part: usize) -> &MixtureChoice {
         &self.parts[part].choice
     }
 }
@@ -172,7 +172,7 @@ impl LogDensity for AnswerDensity {
 }
 
 /// The lower factor of a covariance that may lack rank.
-pub(super) fn lower(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn lower(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     /// Part of the identity that gives it full rank.
     const JITTER: f64 = 1e-12;
     let n = covariance.nrows();

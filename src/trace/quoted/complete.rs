@@ -10,7 +10,7 @@ use crate::sample::Stream;
 
 /// What is drawn beside a point.
 #[derive(Debug, Clone)]
-pub(super) struct CompletedDraw {
+pub struct CompletedDraw {
     pub noise: usize,
     /// Candidates that act with their full prior sds, and the size of all others over theirs.
     pub own: Vec<usize>,
@@ -24,7 +24,7 @@ pub(super) struct CompletedDraw {
 const SWEEPS: usize = 5;
 
 /// What may act: the prior log probability of so many effects, and which candidates exclude each other.
-pub(super) struct Inclusion<'a> {
+pub struct Inclusion<'a> {
     /// Number of candidates; none where inclusion is not drawn.
     pub candidates: usize,
     pub log_prior: &'a (dyn Fn(usize) -> Option<f64> + Sync),
@@ -32,7 +32,7 @@ pub(super) struct Inclusion<'a> {
 }
 
 /// Draw what was integrated out at points of an answer, each with a stream of its own.
-pub(super) fn complete(
+pub fn complete(
     answer: &AnswerDensity,
     points: &[Vec<f64>],
     inclusion: &Inclusion<'_>,
@@ -83,7 +83,7 @@ fn choose(answer: &AnswerDensity, weights: &[f64], rng: &mut Stream) -> MixtureC
 }
 
 /// The linear amplitudes' normal distribution, given all else: gamma = K e, e of precision P = I + K' H K about P^-1 K' z.
-struct GivenChoice<'a> {
+pub struct GivenChoice<'a> {
     answer: &'a AnswerDensity,
     /// G and z.
     at: (&'a DMatrix<f64>, &'a DVector<f64>),
@@ -97,7 +97,7 @@ struct GivenChoice<'a> {
 }
 
 impl<'a> GivenChoice<'a> {
-    fn new(
+    pub fn new(
         answer: &'a AnswerDensity,
         at: (&'a DMatrix<f64>, &'a DVector<f64>),
         choice: &MixtureChoice,
@@ -135,7 +135,7 @@ impl<'a> GivenChoice<'a> {
     }
 
     /// Amplitudes of all columns, in their prior sds: what the data see of them, and the rest by the prior.
-    fn amplitudes(&self, rng: &mut Stream) -> DVector<f64> {
+    pub fn amplitudes(&self, rng: &mut Stream) -> DVector<f64> {
         let prior = self.sds.map(|sd| sd * rng.normal());
         let gamma = self.gamma(rng);
         let space = &self.answer.space;
@@ -180,7 +180,7 @@ impl<'a> GivenChoice<'a> {
 
 /// Offer a candidate drawn at random to enter the account with its full prior sds, or to leave it, and take the offer by the ratio of
 /// the posterior probabilities, all amplitudes integrated out (a Metropolis step on the set of acting effects).
-fn birth_or_death<'a>(
+pub fn birth_or_death<'a>(
     given: GivenChoice<'a>,
     choice: &mut MixtureChoice,
     inclusion: &Inclusion<'_>,
@@ -221,7 +221,7 @@ fn birth_or_death<'a>(
 impl GivenChoice<'_> {
     /// Log ratio of the evidence if a candidate's amplitudes had another prior sd (over the prior's own): the mean, over the amplitudes
     /// as they are now, of the ratio of the two priors.
-    fn log_ratio(&self, candidate: usize, sd: f64) -> f64 {
+    pub fn log_ratio(&self, candidate: usize, sd: f64) -> f64 {
         let space = &self.answer.space;
         let columns: Vec<usize> = (0..space.whose.len())
             .filter(|&k| space.whose[k] == Whose::Candidate(candidate))
@@ -247,7 +247,3 @@ impl GivenChoice<'_> {
         normal - 0.5 * quadratic - 0.5 * det.ln()
     }
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/complete.rs"]
-mod tests;

@@ -7,7 +7,7 @@ use super::quadratic::Equations;
 use crate::lanes::ln_vector;
 
 /// [`Equations`] in directions of unit prior: every number's coefficients beside each other.
-pub(super) struct Compiled {
+pub struct Compiled {
     directions: usize,
     monomials: Vec<[usize; 2]>,
     /// Lower triangle of G, column after column, in the monomials.
@@ -138,7 +138,7 @@ struct Powers<'a, S: Simd> {
 
 /// Log evidence of every part at every point, part by part: the coefficients of one stay near the processor while all points have them.
 /// `distances` lie constant by constant, prior sds.
-pub(super) fn log_evidences(parts: &[&Compiled], distances: &[f64], count: usize) -> Vec<f64> {
+pub fn log_evidences(parts: &[&Compiled], distances: &[f64], count: usize) -> Vec<f64> {
     let mut out = vec![0.0; parts.len() * count];
     if count > 0 {
         pulp::Arch::new().dispatch(EvidenceBatch {
@@ -210,7 +210,3 @@ impl WithSimd for EvidenceBatch<'_> {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/evidence.rs"]
-mod tests;

@@ -303,7 +303,7 @@ fn residual(columns: &[DMatrix<f64>; 2], distances: &[f64], gamma: &DVector<f64>
 }
 
 /// The k-th of draws that lie evenly over all `count` of them, however many of them are taken (multiples of the golden ratio).
-fn spread_out(k: usize, count: usize) -> usize {
+pub fn spread_out(k: usize, count: usize) -> usize {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let place = ((k as f64 + 0.5) * GOLDEN).fract() * count as f64;
     (place as usize).min(count - 1)
@@ -315,7 +315,7 @@ fn beyond(errors: f64) -> impl Fn(&[f64; 2]) -> bool {
 }
 
 /// Whether more draws than so many would say nothing else.
-fn is_told(weighed: &Weighed, shifts: &[[f64; 2]], draws: usize) -> bool {
+pub fn is_told(weighed: &Weighed, shifts: &[[f64; 2]], draws: usize) -> bool {
     match draws {
         0..DOZEN => weighed.effective < HOPELESS,
         DOZEN => weighed.effective > CALM && !shifts.iter().any(beyond(1.0)),
@@ -324,7 +324,7 @@ fn is_told(weighed: &Weighed, shifts: &[[f64; 2]], draws: usize) -> bool {
 }
 
 /// Each of zero mean and unit variance; what does not vary stays 0.
-fn standardised(mut raw: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+pub fn standardised(mut raw: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     let n = raw.len() as f64;
     for k in 0..raw.first().map_or(0, Vec::len) {
         let mean = raw.iter().map(|x| x[k]).sum::<f64>() / n;
@@ -338,7 +338,12 @@ fn standardised(mut raw: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
 
 /// Whether weights of all draws say what was found at the draws where they are known: as many are effective, and the means move as far.
 /// (A regression that was quadratic in twelve features of 192 draws put all weight on a single draw in 5 of 200 calibrated loops.)
-fn is_sound(weights: &[f64], points: &[Vec<f64>], known: &Weighed, shifts: &[[f64; 2]]) -> bool {
+pub fn is_sound(
+    weights: &[f64],
+    points: &[Vec<f64>],
+    known: &Weighed,
+    shifts: &[[f64; 2]],
+) -> bool {
     /// Share of the effective draws that must be left, and of a shift that may be missed.
     const LEFT: f64 = 0.5;
     let logs: Vec<f64> = weights.iter().map(|w| w.ln()).collect();
@@ -350,7 +355,7 @@ fn is_sound(weights: &[f64], points: &[Vec<f64>], known: &Weighed, shifts: &[[f6
 }
 
 /// Shifts of means and their errors in sds of some points.
-fn in_sds(weighed: &Weighed, points: &[Vec<f64>]) -> Vec<[f64; 2]> {
+pub fn in_sds(weighed: &Weighed, points: &[Vec<f64>]) -> Vec<[f64; 2]> {
     let n = points.len() as f64;
     let sd = |k: usize| {
         let mean = points.iter().map(|x| x[k]).sum::<f64>() / n;
@@ -363,7 +368,7 @@ fn in_sds(weighed: &Weighed, points: &[Vec<f64>]) -> Vec<[f64; 2]> {
 
 /// Log weights of all draws by a ridge regression on their features, within the range of those draws of which they are known: what moves
 /// means is linear in them.
-fn regressed(features: &[Vec<f64>], chosen: &[usize], logs: &[f64]) -> Vec<f64> {
+pub fn regressed(features: &[Vec<f64>], chosen: &[usize], logs: &[f64]) -> Vec<f64> {
     let row =
         |x: &Vec<f64>| -> Vec<f64> { std::iter::once(1.0).chain(x.iter().copied()).collect() };
     let known: Vec<(Vec<f64>, f64)> = chosen
@@ -392,7 +397,7 @@ fn regressed(features: &[Vec<f64>], chosen: &[usize], logs: &[f64]) -> Vec<f64> 
 }
 
 /// Systematic resampling: every draw as often as it weighs, in their order.
-fn resampled(weights: &[f64], start: f64) -> Vec<usize> {
+pub fn resampled(weights: &[f64], start: f64) -> Vec<usize> {
     let n = weights.len();
     let step = weights.iter().sum::<f64>() / n as f64;
     let (mut order, mut sum) = (Vec::with_capacity(n), 0.0);
@@ -405,7 +410,3 @@ fn resampled(weights: &[f64], start: f64) -> Vec<usize> {
     order.resize(n, n - 1);
     order
 }
-
-#[cfg(test)]
-#[path = "../../../tests/unit/importance.rs"]
-mod tests;

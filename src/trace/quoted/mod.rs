@@ -2,17 +2,17 @@
 //! thickness, the amplitudes of all effects) is integrated out of the density, the choices of noise, of acting effects and of the size of all
 //! others are summed, and all of these are drawn afterwards (DESIGN: posterior, samplers, chains).
 
-mod answer;
+pub mod answer;
 mod choices;
-mod complete;
-mod evidence;
+pub mod complete;
+pub mod evidence;
 mod expanded;
 mod full;
-mod importance;
+pub mod importance;
 mod pose;
-mod quadratic;
+pub mod quadratic;
 mod run;
-mod space;
+pub mod space;
 mod variables;
 
 pub use importance::Importance;

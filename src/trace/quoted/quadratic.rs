@@ -7,7 +7,7 @@ use super::space::{monomials, values};
 /// H(d) = sum of monomials times matrices, z(d) and r(d): G = X' C^-1 X of the directions' columns, X' C^-1 y of what the data leave,
 /// and y' C^-1 y.
 #[derive(Clone)]
-pub(super) struct Equations {
+pub struct Equations {
     pub monomials: Vec<[usize; 2]>,
     /// One a monomial.
     pub gram: Vec<DMatrix<f64>>,

@@ -7,7 +7,7 @@ use crate::linearise::{Column, Measured, Sensitivities};
 
 /// Whose a column is that enters linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Whose {
+pub enum Whose {
     /// Thickness, load, motion, declared effects, what the data would not show: it acts with its own prior.
     Always,
     /// A candidate's.
@@ -18,7 +18,7 @@ pub(super) enum Whose {
 
 /// Columns that enter linearly, each at its largest prior sd, and an orthonormal basis of what the data see of them: amplitudes in
 /// those units are V gamma and something in the null space of V', of which the data know nothing.
-pub(super) struct Space {
+pub struct Space {
     pub whose: Vec<Whose>,
     /// Largest prior sds of the columns, in units of their own.
     pub largest: DVector<f64>,
@@ -77,24 +77,24 @@ impl Space {
 }
 
 /// Products of up to two of the constants' distances from where the test was linearised, 1 first: which distances each is of.
-pub(super) fn monomials(constants: usize) -> Vec<[usize; 2]> {
+pub fn monomials(constants: usize) -> Vec<[usize; 2]> {
     let pairs = (0..=constants).flat_map(|a| (a..=constants).map(move |b| [a, b]));
     pairs.collect()
 }
 
 /// Values of [`monomials`] at distances d, of which d[0] is 1.
-pub(super) fn values(of: &[[usize; 2]], d: &[f64]) -> Vec<f64> {
+pub fn values(of: &[[usize; 2]], d: &[f64]) -> Vec<f64> {
     of.iter().map(|[a, b]| d[*a] * d[*b]).collect()
 }
 
 /// Columns that enter linearly: the base columns beyond the constants, the candidates' and the rival's.
-pub(super) fn linear(of: &Sensitivities) -> Vec<&Column> {
+pub fn linear(of: &Sensitivities) -> Vec<&Column> {
     let sought = of.candidates.iter().flat_map(|c| &c.columns);
     of.base[of.constants..].iter().chain(sought).collect()
 }
 
 /// Some linear columns of one component, the near-edge rival's behind all others.
-pub(super) fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64> {
+pub fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64> {
     let own = linear(of);
     let column = |&k: &usize| match own.get(k) {
         Some(column) => column.values[c].clone(),
@@ -106,7 +106,7 @@ pub(super) fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64
 /// One component's columns for an account, from the test as it is linearised `here` on one of the meshes: those of `space` in its
 /// directions, at the point and then their changes for a prior sd of each constant; and what the data leave where all amplitudes in the
 /// directions are zero, a column for each of [`monomials`].
-pub(super) fn stacked(
+pub fn stacked(
     here: &Sensitivities,
     expanded: &TestExpansion,
     measured: &Measured,

@@ -1,0 +1,36 @@
+//! Finite elements, effects, reduction, and what is inferred from fields whose truth is known.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod attacks;
+mod bending;
+mod copied;
+mod dic;
+mod experiment;
+mod fem;
+mod foreign;
+mod frequencies;
+mod geometry;
+mod imported;
+mod joint;
+mod layup;
+mod load_mistakes;
+mod loops;
+mod marginal;
+mod mechanics;
+mod nulls;
+mod patterns;
+mod priors_in_doubt;
+mod quoted;
+mod reduce;
+mod reduced_basis;
+mod ringing;
+mod series;
+mod simulated_series;
+mod steps;
+mod supplied;
+mod suspect;
+mod tracing;
+mod unseen;
+mod yielding;

@@ -1,0 +1,213 @@
+//! Studies: any number and mixture of experiments on one material.
+
+use std::path::Path;
+
+use plychain::chain::read_zarr;
+use plychain::infer::{Known, Moments};
+use plychain::study::Study;
+use serde_json::{Value, json};
+
+use crate::common::{changed, fresh, plychain, posterior, set_coarse, simulated, succeed};
+
+fn report(folder: &str) -> Value {
+    let text = std::fs::read_to_string(format!("{folder}/report.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// A scalar, linear in the two constants of an isotropic material.
+fn scalar(name: &str, terms: &Value, value: f64) -> Value {
+    json!({ "name": name, "kind": "linear", "terms": terms, "value": value, "sd": 0.5, "offset_sd": 50.0 })
+}
+
+/// Three scalars of E 205 GPa and nu 0.3, the last off by `offset`.
+fn scalars(offset: f64) -> String {
+    let prior = |mean: f64, sd: f64| json!({ "prior": { "normal": { "mean": mean, "sd": sd } } });
+    let model = json!({
+        "schema": "plychain-model/2", "name": "scalars",
+        "material": { "kind": "isotropic", "parameters": { "E_GPa": prior(200.0, 20.0), "nu": prior(0.29, 0.03) } },
+        "experiments": [
+            scalar("first", &json!({ "E_GPa": 1.0 }), 205.0),
+            scalar("second", &json!({ "E_GPa": 1.0, "nu": 100.0 }), 235.0),
+            scalar("third", &json!({ "E_GPa": 1.0, "nu": -100.0 }), 175.0 + offset),
+        ],
+    });
+    let file = fresh("scalars.json");
+    std::fs::write(&file, model.to_string()).unwrap();
+    file.display().to_string()
+}
+
+/// Another kind of experiment goes through every verb: a scalar that is one file and one line of the registry.
+#[test]
+fn a_toy_kind_goes_through_every_verb() {
+    let file = scalars(0.0);
+    let out = fresh("toy").display().to_string();
+    let text = succeed(&["identify", &file, "--quiet", "--out", &out]);
+    assert!(text.contains("second and third"), "{text}");
+    let found = report(&out);
+    // (A'A / s^2 + S^-1)^-1 of the rows (1, 0), (1, 100), (1, -100)
+    let precision =
+        nalgebra::Matrix2::new(3.0 / 0.25 + 1.0 / 400.0, 0.0, 0.0, 2e4 / 0.25 + 1.0 / 9e-4);
+    let covariance = precision.try_inverse().unwrap();
+    for (k, (name, truth)) in [("E_GPa", 205.0), ("nu", 0.3)].into_iter().enumerate() {
+        let of = |key: &str| found["posterior"][name][key].as_f64().unwrap();
+        let sd = f64::sqrt(covariance[(k, k)]);
+        assert!(
+            (of("sd") / sd - 1.0).abs() < 0.1,
+            "{name} {} {sd}",
+            of("sd")
+        );
+        assert!(
+            (of("mean") - truth).abs() < 0.3 * sd,
+            "{name} {}",
+            of("mean")
+        );
+    }
+    std::fs::remove_file(format!("{out}/report.html")).unwrap();
+    succeed(&["report", &out]);
+    let page = std::fs::read_to_string(format!("{out}/report.html")).unwrap();
+    assert!(page.contains("id=\"third\"") && page.contains("id=\"all-experiments\""));
+    let folder = simulated(&file, "--set E_GPa=210 --seed 4");
+    let text = std::fs::read_to_string(folder.join("model.json")).unwrap();
+    let model: Value = serde_json::from_str(&text).unwrap();
+    let value = model["experiments"][0]["value"].as_f64().unwrap();
+    assert!((value - 210.0).abs() < 2.5 && value != 210.0, "{value}");
+    let text = succeed(&["design", &file]);
+    assert!(
+        text.contains("third") && text.contains("all of these together"),
+        "{text}"
+    );
+}
+
+/// An offset that nobody declared is named in the scalar that has it.
+#[test]
+fn a_loop_names_the_effect_of_a_toy_kind() {
+    let file = scalars(30.0);
+    let out = fresh("toy-loop").display().to_string();
+    succeed(&["loop", &file, "--quiet", "--out", &out]);
+    let found = report(&out);
+    let together = &found["together"];
+    assert_eq!(
+        together["effects"],
+        json!({ "third": ["offset"] }),
+        "{together}"
+    );
+    let p = |key: &str| {
+        let all = together[key].as_array().unwrap().iter();
+        let all = all.map(|t| t["p"].as_f64().unwrap());
+        all.fold(1.0, f64::min)
+    };
+    assert!(
+        p("tensions") < 1e-6 && p("tensions_after") > 1e-3,
+        "{together}"
+    );
+    let offset = &found["posterior"]["offset.value"];
+    let off = offset["mean"].as_f64().unwrap() - 30.0;
+    assert!(off.abs() < 4.0 * offset["sd"].as_f64().unwrap(), "{offset}");
+    let text = std::fs::read_to_string(format!("{out}/model.extended.json")).unwrap();
+    let model: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(model["experiments"][2]["effects"], json!(["offset"]));
+    assert_eq!(model["experiments"][0]["effects"], json!([]));
+}
+
+/// The default test twice, front and back.
+fn front_and_back(arguments: &str) -> String {
+    let model = changed("openhole.json", |m| {
+        set_coarse(m);
+        m["experiments"][0]["name"] = "front".into();
+        let mut back = m["experiments"][0].clone();
+        back["name"] = "back".into();
+        m["experiments"].as_array_mut().unwrap().push(back);
+    });
+    let folder = simulated(&model, &format!("--grid 61 --noise-nm 20 {arguments}"));
+    folder.join("model.json").display().to_string()
+}
+
+/// Two fields of one material say what their information adds up to.
+#[test]
+fn two_fields_add_their_information() {
+    let file = front_and_back("--seed 11");
+    let out = fresh("two").display().to_string();
+    succeed(&["identify", &file, "--quiet", "--out", &out]);
+    let found = report(&out);
+    let priors = Study::load(Path::new(&file)).unwrap().shared().priors();
+    let moments = ["front", "back"].map(|name| {
+        let place = format!("{out}/alone/{name}/chain.zarr");
+        Moments::of(read_zarr(Path::new(&place), None).unwrap().points(), 4)
+    });
+    let said = moments.clone().map(|own| {
+        let mean: Vec<f64> = own.mean.iter().copied().collect();
+        Known::beyond_prior(&mean, &own.covariance, &priors).unwrap()
+    });
+    let normal = said[0].and(&said[1]).moments().unwrap();
+    let names = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
+    for (k, name) in names.into_iter().enumerate() {
+        let (mean, sd) = posterior(&found["rounds"][0], name);
+        let expected = normal.covariance[(k, k)].sqrt();
+        assert!((sd / expected - 1.0).abs() < 0.05, "{name} {sd} {expected}");
+        assert!((mean - normal.mean[k]).abs() < 0.2 * sd, "{name} {mean}");
+        for own in &moments {
+            assert!(sd < own.covariance[(k, k)].sqrt(), "{name}");
+        }
+        let other: Value = report(&format!("{out}/back"));
+        let (again, _) = posterior(&other["rounds"][0], name);
+        assert!(
+            (again - mean).abs() < 1e-9 * mean.abs(),
+            "{name} {again} {mean}"
+        );
+    }
+    let tension = &found["together"]["tensions"][0];
+    assert!(tension["p"].as_f64().unwrap() > 1e-3, "{tension}");
+}
+
+/// An effect that acts in one of two fields is named there, and the two agree afterwards.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_loop_names_the_effect_in_the_right_field() {
+    for culprit in ["front", "back"] {
+        let file = front_and_back(&format!("--seed 12 --effect {culprit}.magnification=0.5"));
+        let out = fresh("right").display().to_string();
+        succeed(&["loop", &file, "--quiet", "--out", &out]);
+        let together = report(&out)["together"].clone();
+        let p = |key: &str| together[key][0]["p"].as_f64().unwrap();
+        assert!(
+            p("tensions") < 1e-3 && p("tensions_after") > 1e-3,
+            "{together}"
+        );
+        for name in ["front", "back"] {
+            let effects = &together["effects"][name];
+            let expected = if name == culprit {
+                json!(["magnification"])
+            } else {
+                json!([])
+            };
+            assert_eq!(*effects, expected, "{culprit}: {together}");
+        }
+        // both fields of the finished run are traced again
+        let text = succeed(&["trace", &out]);
+        let at = |name: &str| text.find(&format!("{name}\n")).unwrap();
+        assert!(at("front") < at("back"), "{text}");
+        for file in ["trace.json", "back/trace.json"] {
+            let file = std::path::Path::new(&out).join(file);
+            assert!(file.exists(), "{}", file.display());
+        }
+    }
+}
+
+/// What stands in the file but no experiment asks for, and what is no experiment, is refused by place.
+#[test]
+fn studies_that_cannot_be_are_refused() {
+    let refused = |text: &str| {
+        let file = fresh("refused.json");
+        std::fs::write(&file, text).unwrap();
+        let output = plychain(&["identify", file.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let text = std::fs::read_to_string(scalars(0.0)).unwrap();
+    let error = refused(&text.replace("\"offset_sd\":50.0", "\"offset_sd\":0"));
+    assert!(error.contains("experiments[0].offset_sd"), "{error}");
+    let error = refused(&text.replace("\"third\"", "\"first\""));
+    assert!(error.contains("a second first"), "{error}");
+    let error = refused(&text.replace("\"E_GPa\":1.0", "\"E1_GPa\":1.0"));
+    assert!(error.contains("terms"), "{error}");
+}

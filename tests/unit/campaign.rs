@@ -1,0 +1,4 @@
+mod outlying;
+mod pattern;
+mod specimen;
+mod sweep;

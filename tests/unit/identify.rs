@@ -1,0 +1,2 @@
+mod void;
+mod waves;
