@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use plychain::diagnose::Rule;
 use plychain::effect::EFFECTS;
+use plychain::experiment::series::Law;
 use plychain::identify::Options;
 use plychain::identify::doubts::Doubting;
 use plychain::infer::Model;
@@ -35,6 +36,14 @@ pub struct Ended {
     pub truth: Vec<f64>,
     /// Groups that were sure, and those of them that predict held-out regions.
     held_out: [usize; 2],
+    /// Effects of the model as it was given.
+    pub declared: Vec<&'static str>,
+    /// Groups that the data speak for without being sure.
+    pub undecided: Vec<Vec<String>>,
+    /// Laws over the steps by which an added effect may act.
+    pub laws: Vec<Law>,
+    /// Effects that the last round would not have shown below a size (border units), with the name of the parameter.
+    pub blind: Vec<(&'static str, String, f64)>,
 }
 
 impl Ended {
@@ -120,8 +129,12 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
     let sampler = (SAMPLERS[0].build)();
     let closed = explain(model, 5, &|_| options(&*sampler), &Silent)
         .unwrap_or_else(|e| panic!("{case}: {e}"));
-    let sure = closed.rounds.iter().flat_map(|r| &r.tracing.groups);
-    let sure: Vec<_> = sure.filter(|g| g.probability > 0.95).collect();
+    let groups = || closed.rounds.iter().flat_map(|r| &r.tracing.groups);
+    let sure: Vec<_> = groups().filter(|g| g.probability > 0.95).collect();
+    let is_added = |name: &str| closed.conclusion.effects.iter().any(|e| e == name);
+    let added = groups().filter(|g| is_added(g.leader));
+    let spots = closed.rounds.last().map(|r| &r.tracing.blind_spots);
+    let spots = spots.into_iter().flatten();
     Ended {
         case: case.into(),
         status: closed.conclusion.status,
@@ -138,6 +151,12 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
         quoted: closed.closed_form().into_values().collect(),
         truth: truth.to_vec(),
         held_out: [sure.len(), sure.iter().filter(|g| g.predicts).count()],
+        declared: model.effects.iter().map(|e| e.name()).collect(),
+        undecided: closed.conclusion.undecided.clone(),
+        laws: added.flat_map(|g| g.laws.clone()).collect(),
+        blind: spots
+            .map(|(effect, spot)| (*effect, spot.parameter.clone(), spot.detectable))
+            .collect(),
     }
 }
 

@@ -7,6 +7,7 @@ mod attacks;
 mod bending;
 mod copied;
 mod dic;
+mod every_effect;
 mod experiment;
 mod fem;
 mod foreign;

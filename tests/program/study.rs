@@ -4,10 +4,13 @@ use std::path::Path;
 
 use plychain::chain::read_zarr;
 use plychain::infer::{Known, Moments};
-use plychain::study::Study;
+use plychain::study::{EXPERIMENTS, Study};
 use serde_json::{Value, json};
 
-use crate::common::{changed, fresh, plychain, posterior, set_coarse, simulated, succeed};
+use crate::common::{
+    changed, fresh, identify, json as read_json, model, plychain, posterior, set_coarse, simulated,
+    succeed,
+};
 
 fn report(folder: &str) -> Value {
     let text = std::fs::read_to_string(format!("{folder}/report.json")).unwrap();
@@ -210,4 +213,49 @@ fn studies_that_cannot_be_are_refused() {
     assert!(error.contains("a second first"), "{error}");
     let error = refused(&text.replace("\"E_GPa\":1.0", "\"E1_GPa\":1.0"));
     assert!(error.contains("terms"), "{error}");
+}
+
+/// A model file with one experiment of a kind, small.
+fn declared(kind: &str) -> String {
+    match kind {
+        "field" => changed("openhole.json", set_coarse),
+        "mock" => changed("openhole.json", |m| {
+            m["experiments"][0]["kind"] = "mock".into();
+        }),
+        "frequencies" => model("plate.json"),
+        "linear" => scalars(0.0),
+        other => panic!("no example of the kind {other}"),
+    }
+}
+
+/// Every kind of experiment simulates what its own likelihood expects: the constants that were set are found, and are known no worse than
+/// before.
+#[test]
+fn every_kind_of_experiment_finds_what_it_simulates() {
+    for kind in EXPERIMENTS {
+        let folder = simulated(&declared(kind.name), "--grid 41 --seed 5");
+        let file = folder.join("model.json").display().to_string();
+        let study = Study::load(Path::new(&file)).unwrap();
+        let truth = read_json(&folder.join("truth.json"));
+        let round = identify(&file, &[]);
+        for (name, prior) in &study.shared().constants {
+            let truth = find(&truth, name).unwrap_or_else(|| panic!("{}: {name}", kind.name));
+            let (mean, sd) = posterior(&round, name);
+            let said = format!("{} {name}: {mean} +- {sd}, {truth}", kind.name);
+            assert!((mean - truth).abs() < 4.0 * sd, "{said}");
+            assert!(sd < 1.1 * prior.sd, "{said}, prior sd {}", prior.sd);
+        }
+    }
+}
+
+/// The number under a key, wherever in the file it is.
+fn find(value: &Value, key: &str) -> Option<f64> {
+    match value {
+        Value::Object(all) => all
+            .get(key)
+            .and_then(Value::as_f64)
+            .or_else(|| all.values().find_map(|v| find(v, key))),
+        Value::Array(all) => all.iter().find_map(|v| find(v, key)),
+        _ => None,
+    }
 }

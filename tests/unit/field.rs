@@ -1,6 +1,7 @@
 //! The measured field: readers, frame, outliers, noise, blocks and their covariance.
 
 mod fringe_images;
+mod programs;
 mod readers;
 mod statistics;
 mod units;
