@@ -17,7 +17,7 @@ const TOLERANCE: f64 = 1e-10;
 const MOST: usize = 600;
 
 /// Largest increment of the load over the load at which the first Gauss point yields. A quarter of it changes the plastic part by less than
-/// 0.1 % (`tests/yielding.rs`): under a load that only grows the stresses hardly turn.
+/// 0.1 % (`tests/physics/yielding.rs`): under a load that only grows the stresses hardly turn.
 const INCREMENT: f64 = 0.2;
 
 /// An isotropic plate and its elastic answer to a load.

@@ -20,7 +20,7 @@ pub const ALIKE: f64 = 0.5;
 pub const PROBABLE: f64 = 0.5;
 
 /// Share of the constants that the quoted intervals hold where a culprit acts that the dictionary lacks and whose field is nearly a change
-/// of the constants (50 of 56 in whole loops over seven such effects at one and two prior sds, `tests/loops.rs`).
+/// of the constants (50 of 56 in whole loops over seven such effects at one and two prior sds, `tests/physics/loops.rs`).
 pub const SILENT_HELD_PERCENT: u32 = 89;
 
 /// What no row can say.

@@ -10,7 +10,7 @@ use crate::infer::Model;
 use crate::quantity::NM_PER_MM;
 
 /// A phase-shift error is accepted above this log Bayes factor, the prototype study's: no field without an error reaches it, and an
-/// amplitude of 3 nm in 10 nm of noise does (`tests/phase.rs`).
+/// amplitude of 3 nm in 10 nm of noise does (`tests/unit/phase.rs`).
 const PHASE_LOG_BAYES_FACTOR: f64 = 4.0;
 
 /// Whether an effect of the recording may be sought: not declared, not ruled out by the model's candidates.

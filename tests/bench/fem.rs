@@ -1,14 +1,17 @@
 //! Cost of one finite-element solution, in its parts and whole, for three meshes of the article's plate; with the argument `bases`, a
 //! table of what reduced bases cost.
 
+#[path = "../common/article.rs"]
+#[allow(dead_code)]
+mod article;
+
 use std::hint::black_box;
-use std::sync::Arc;
 use std::time::Instant;
 
 use plychain::effect::{EFFECTS, Effect, Kind};
 use plychain::error::Result;
-use plychain::fem::{EndLoad, Plate, Profile, Setup, end_forces, span};
-use plychain::geometry::{Density, Morph, Outline, StripWithHole};
+use plychain::fem::{Plate, Setup, end_forces, span};
+use plychain::geometry::Density;
 use plychain::laminate::Ply;
 use plychain::reduce::latin_hypercube;
 
@@ -46,36 +49,7 @@ fn timed<T>(what: &str, mut run: impl FnMut() -> T) {
 }
 
 fn setup() -> Setup {
-    Setup {
-        geometry: Arc::new(StripWithHole {
-            outline: Outline {
-                s: [-100.0, 100.0],
-                t: [-12.5, 12.5],
-                clamp: None,
-            },
-            radius: 2.0,
-        }),
-        morph: Morph::NONE,
-        held: None,
-        angles: [45.0, -45.0, 0.0, 0.0, -45.0, 45.0]
-            .map(f64::to_radians)
-            .to_vec(),
-        thickness: 0.78,
-        thicker: Vec::new(),
-        regions: Vec::new(),
-        profile: Profile::default(),
-        shear_cubic: 0.0,
-        fibre_quadratic: 0.0,
-        anisotropy: [0.0; 2],
-        yield_stress: None,
-        yielding: None,
-        peak_before: 0.0,
-        load: EndLoad {
-            axial: 700.0,
-            ..EndLoad::default()
-        },
-        handedness: 1.0,
-    }
+    article::setup(4.0, [0.0; 2], 1.0)
 }
 
 fn plate(factor: f64) -> Plate {

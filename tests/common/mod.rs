@@ -1,6 +1,7 @@
 //! What the three binaries of tests share: a folder of their own with the cache of reduced models, changed models, the program, pictures.
 #![allow(dead_code)] // each binary needs some of it
 
+pub mod article;
 pub mod pictures;
 pub mod tabulated;
 
@@ -92,6 +93,17 @@ pub fn succeed(arguments: &[&str]) -> String {
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{arguments:?}\n{text}\n{errors}");
     text
+}
+
+/// Run, expect exit code 1 and one line of an error with all of `words`.
+pub fn refused(arguments: &[&str], words: &[&str]) {
+    let output = plychain(arguments);
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}\n{errors}");
+    let line = errors.lines().find(|l| l.starts_with("error: ")).unwrap();
+    for word in words {
+        assert!(line.contains(word), "{word:?} is missing in\n{errors}");
+    }
 }
 
 /// The folder of what `simulate` makes of a model with these arguments.

@@ -3,18 +3,17 @@
 
 use std::path::Path;
 
-use plychain::effect::{EFFECTS, Effect, Kind, Scope, obstacle};
+use plychain::effect::{EFFECTS, Effect, Scope, obstacle};
 use plychain::experiment::series::Law;
 use plychain::infer::Model;
 use plychain::mesh_files::ElementKind;
-use plychain::trace::Status;
 use serde_json::{Value, json};
 
 use crate::common::{changed, coarse, fresh, simulated};
 use crate::imported::regions::sheet;
 use crate::imported::writers::msh41;
 use crate::load_mistakes::{OF_LAMINATE, laminate, steel};
-use crate::loops::{Case, Ended, all, looped};
+use crate::loops::{Case, Ended, acting, all, judge_intervals, judge_names, looped};
 
 /// A test in which effects may act: its model, what `simulate` is told of it, and the constants that are set.
 struct Stage {
@@ -146,9 +145,58 @@ fn plausible(effect: &dyn Effect, model: &Model) -> Vec<f64> {
     (0..needed).map(one).collect()
 }
 
+/// An entry of the dictionary with amplitudes, border units.
+pub struct SizedEffect {
+    pub effect: &'static dyn Effect,
+    pub amplitude: Vec<f64>,
+}
+
+impl SizedEffect {
+    /// Every effect that is sought in a model, or in how its field was recorded, at its plausible size.
+    pub fn all_in(model: &Model) -> Vec<Self> {
+        let declared = |e: &&dyn Effect| model.effects.iter().any(|d| d.name() == e.name());
+        let sought = EFFECTS.iter().copied();
+        sought
+            .filter(|e| acts(*e, model) && !e.is_force_scale() && !declared(e))
+            .map(|effect| Self {
+                effect,
+                amplitude: plausible(effect, model),
+            })
+            .collect()
+    }
+
+    /// So many times as large; whole orders stay what they are, and what cannot be negative is not.
+    pub fn times(&self, factor: f64) -> Self {
+        let parameters = self.effect.parameters().iter().zip(&self.amplitude);
+        let scaled = parameters.map(|(p, a)| match p.prior_sd {
+            None => *a,
+            Some(_) if p.positive => a * factor.abs(),
+            Some(_) => a * factor,
+        });
+        Self {
+            effect: self.effect,
+            amplitude: scaled.collect(),
+        }
+    }
+
+    /// `name=a,b`.
+    pub fn text(&self) -> String {
+        let values: Vec<String> = self.amplitude.iter().map(f64::to_string).collect();
+        format!("{}={}", self.effect.name(), values.join(","))
+    }
+
+    /// Whether no data like these would show so much of it, by the blind spots (effect, parameter, detectable amplitude) of a tracing.
+    pub fn is_hidden(&self, blind: &[(&'static str, String, f64)]) -> bool {
+        let name = self.effect.name();
+        let size = self.amplitude.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
+        let mut own = blind.iter().filter(|(of, ..)| *of == name);
+        own.any(|(_, _, detectable)| size < *detectable)
+    }
+}
+
 /// How a loop told of an effect.
 #[derive(Debug, PartialEq)]
-enum Told {
+pub enum Told {
     /// In its model from the beginning.
     TakesPart,
     Named,
@@ -159,24 +207,36 @@ enum Told {
     Not,
 }
 
-fn told(ended: &Ended, effect: &dyn Effect, amplitude: &[f64]) -> Told {
-    let name = effect.name();
+/// What a loop said of an effect that acted.
+pub fn told(ended: &Ended, acted: &SizedEffect) -> Told {
+    let name = acted.effect.name();
     let grouped = |groups: &[Vec<String>]| groups.iter().flatten().any(|n| n == name);
-    if ended.declared.iter().any(|n| *n == name) || effect.is_force_scale() {
-        return Told::TakesPart;
+    if ended.declared.contains(&name) || acted.effect.is_force_scale() {
+        Told::TakesPart
+    } else if ended.names_alone(name) {
+        Told::Named
+    } else if grouped(&ended.alias_groups) || grouped(&ended.undecided) {
+        Told::InGroup
+    } else if acted.is_hidden(&ended.blind) {
+        Told::Hidden
+    } else {
+        Told::Not
     }
-    if ended.names_alone(name) {
-        return Told::Named;
+}
+
+/// Loops in which one effect each acted: it is told of, no other is named as the only cause, and the constants hold in 93 % of the intervals.
+pub fn judge(ended: &[Ended], acted: &[SizedEffect]) {
+    let mut silent = Vec::new();
+    for (ended, acted) in ended.iter().zip(acted) {
+        let told = told(ended, acted);
+        println!("{:50} {told:?}", acted.text());
+        if told == Told::Not {
+            silent.push(ended.line());
+        }
     }
-    if grouped(&ended.alias_groups) || grouped(&ended.undecided) {
-        return Told::InGroup;
-    }
-    let mut spots = ended.blind.iter().filter(|(of, ..)| *of == name);
-    let size = amplitude.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
-    match spots.any(|(_, _, detectable)| size < *detectable) {
-        true => Told::Hidden,
-        false => Told::Not,
-    }
+    assert!(silent.is_empty(), "{silent:#?}");
+    judge_intervals(ended);
+    judge_names(ended, acting);
 }
 
 #[test]
@@ -190,42 +250,24 @@ fn every_effect_is_named_or_is_a_blind_spot() {
             false => Model::load(Path::new(&s.model)).unwrap(),
         })
         .collect();
-    let amplitudes: Vec<(usize, Vec<f64>)> = EFFECTS
-        .iter()
-        .map(|effect| {
-            let stage = nominal.iter().position(|m| acts(*effect, m));
-            let stage = stage.unwrap_or_else(|| panic!("{} can act nowhere", effect.name()));
-            (stage, plausible(*effect, &nominal[stage]))
-        })
-        .collect();
-    let cases: Vec<Case> = EFFECTS
-        .iter()
-        .zip(&amplitudes)
-        .enumerate()
-        .map(|(k, (effect, (stage, amplitude)))| {
-            let stage = &stages[*stage];
-            let values: Vec<String> = amplitude.iter().map(f64::to_string).collect();
-            let moves = effect.scope() == Scope::Motion && stage.arguments.contains("--steps");
-            let law = if moves { ":constant" } else { "" };
-            let text = format!("{}={}{law}", effect.name(), values.join(","));
-            let case: Case = Box::new(move || stage.looped(&text, &text, 7000 + k));
-            case
-        })
-        .collect();
-    let ended = all(&cases);
-    let mut silent = Vec::new();
-    for ((effect, (_, amplitude)), ended) in EFFECTS.iter().zip(&amplitudes).zip(&ended) {
-        let told = told(ended, *effect, amplitude);
-        println!("{:28} {told:?}", effect.name());
-        if told == Told::Not {
-            silent.push(ended.line());
-        }
-        // no other effect is named as the only cause
-        let wrong = ended.status == Status::Closed && ended.names_another_than(effect.name());
-        assert!(!wrong, "{}", ended.line());
-        assert!(ended.worst() < 5.0, "{}", ended.line());
+    let mut cases: Vec<Case> = Vec::new();
+    let mut acted = Vec::new();
+    for (k, effect) in EFFECTS.iter().enumerate() {
+        let place = nominal.iter().position(|m| acts(*effect, m));
+        let place = place.unwrap_or_else(|| panic!("{} can act nowhere", effect.name()));
+        let (stage, model) = (&stages[place], &nominal[place]);
+        let one = SizedEffect {
+            effect: *effect,
+            amplitude: plausible(*effect, model),
+        };
+        let moves = effect.scope() == Scope::Motion && model.experiment().steps.is_some();
+        let text = one.text() + if moves { ":constant" } else { "" };
+        cases.push(Box::new(move || {
+            stage.looped(&format!("{place} {text}"), &text, 7000 + k)
+        }));
+        acted.push(one);
     }
-    assert!(silent.is_empty(), "{silent:#?}");
+    judge(&all(&cases), &acted);
 }
 
 /// A motion of the specimen by every law is named, and the law is the one that acts or one that the loads do not tell from it.

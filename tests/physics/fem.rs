@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use plychain::fem::verify::{self, Check};
-use plychain::fem::{EndLoad, Locator, Plate, Profile, Setup, end_forces};
-use plychain::geometry::{Density, Geometry, Morph, Outline, StripWithHole};
+use plychain::fem::{EndLoad, Locator, Plate, Setup, end_forces};
+use plychain::geometry::{Density, Geometry, Outline, StripWithHole};
 use plychain::laminate::{Membrane, Ply};
 
+use crate::common::article;
 use crate::common::shared;
 
 mod checks;
@@ -22,29 +23,7 @@ const NOMINAL: Ply = Ply {
 };
 
 fn setup() -> Setup {
-    Setup {
-        geometry: strip(4.0, [0.0, 0.0]),
-        morph: Morph::NONE,
-        held: None,
-        angles: [45.0, -45.0, 0.0, 0.0, -45.0, 45.0]
-            .map(|a: f64| -a.to_radians())
-            .to_vec(),
-        thickness: 0.78,
-        thicker: Vec::new(),
-        regions: Vec::new(),
-        profile: Profile::default(),
-        shear_cubic: 0.0,
-        fibre_quadratic: 0.0,
-        anisotropy: [0.0; 2],
-        yield_stress: None,
-        yielding: None,
-        peak_before: 0.0,
-        load: EndLoad {
-            axial: 700.0,
-            ..EndLoad::default()
-        },
-        handedness: -1.0,
-    }
+    article::setup(4.0, [0.0; 2], -1.0)
 }
 
 fn strip(diameter: f64, center: [f64; 2]) -> Arc<dyn Geometry> {

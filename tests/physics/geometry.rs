@@ -2,20 +2,19 @@
 
 use std::sync::Arc;
 
-use plychain::diagnose::Rule;
 use plychain::effect::{self, EFFECTS};
 use plychain::experiment::simulate::Truth;
 use plychain::fem::element::{GAUSS, physical_gradient};
 use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::field::matrices::write_matrices;
 use plychain::geometry::{Density, GEOMETRIES, Geometry, HIGH, HOLE, LOW, Morph, SIDES, declared};
-use plychain::identify::doubts::Doubting;
 use plychain::identify::{Options, identify};
 use plychain::infer::{Model, simulated_field};
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
 use plychain::progress::Silent;
 use plychain::sample::{SAMPLERS, Schedule};
 
+use crate::loops::options;
 use crate::reduce::{scene, small_test};
 
 const HOLE_RADIUS: f64 = 3.0;
@@ -303,19 +302,14 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
     .unwrap();
     let sampler = (SAMPLERS[0].build)();
     let options = Options {
-        sampler: &*sampler,
         schedule: Schedule {
             seed: 1,
             max_draws: 4000,
             ..Schedule::default()
         },
-        rule: Rule::default(),
         cache: directory.path().join("cache"),
         refinements: 0,
-        keeping: None,
-        discrepancy: [None, None],
-        deadline: None,
-        doubting: Doubting::Unasked,
+        ..options(&*sampler)
     };
     let found = identify(&model, &options, &Silent).unwrap();
     // half a percent of the load is half a percent of E

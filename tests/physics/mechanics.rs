@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::common::article;
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, EffectParameter, Entry, Kind, Scene};
@@ -11,7 +12,7 @@ use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
 use plychain::geometry::{Density, PlainStrip};
-use plychain::laminate::{LoadSpec, Material, Ply, SpecimenSpec, strain_rotation};
+use plychain::laminate::{Material, Ply, strain_rotation};
 use plychain::reduce::{Dimension, Snapshots, SnapshotsSpec};
 
 use crate::reduce::{scene, small_problem, small_test};
@@ -27,16 +28,7 @@ type Field = Vec<[f64; 2]>;
 
 /// The article's plate, loaded along y, with a hole of some diameter at some place (direction 1, direction 2).
 fn nominal(diameter: f64, center: [f64; 2]) -> Setup {
-    let specimen = strip(200.0, diameter, center);
-    Setup::nominal(&specimen, &LoadSpec { force_n: 700.0 }, -1.0)
-}
-
-fn strip(length: f64, diameter: f64, center: [f64; 2]) -> SpecimenSpec {
-    serde_json::from_value(serde_json::json!({
-        "length_mm": length, "width_mm": 25.0, "hole": { "diameter_mm": diameter, "center_mm": center },
-        "layup_deg": [45, -45, 0, 0, -45, 45], "thickness_mm": { "mean": 0.78, "sd": 0.005 }
-    }))
-    .unwrap()
+    article::setup(diameter, center, -1.0)
 }
 
 fn with(name: &str, amplitude: &[f64]) -> Setup {
@@ -136,7 +128,7 @@ fn an_offset_along_x_is_direction_1_where_the_load_is_along_x() {
 /// A plate without a hole.
 fn unnotched() -> (Setup, Plate) {
     let mut setup = nominal(4.0, [0.0; 2]);
-    setup.geometry = Arc::new(PlainStrip::of(&strip(200.0, 4.0, [0.0; 2])));
+    setup.geometry = Arc::new(PlainStrip::of(&article::strip(200.0, 4.0, [0.0; 2])));
     let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
     (setup, plate)
 }
@@ -356,7 +348,7 @@ fn changes_of_the_field_converge_and_are_linear_where_small() {
 
 #[test]
 fn a_quadratic_field_goes_on_beyond_the_mesh() {
-    let geometry = plychain::geometry::declared(&strip(120.0, 4.0, [0.0; 2]));
+    let geometry = plychain::geometry::declared(&article::strip(120.0, 4.0, [0.0; 2]));
     let plate = Plate::meshed(geometry, None, Density::DEFAULT).unwrap();
     let exact = |[x, y]: [f64; 2]| {
         [

@@ -58,6 +58,7 @@ pub fn with(noise: Noise, seed: u64, mut added: impl FnMut([f64; 2]) -> [f64; 2]
 
 /// Fields of noise; each has a pattern with a probability of 1e-4.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn noise_alone_has_no_patterns() {
     without_patterns(0..3);
 }
@@ -78,6 +79,7 @@ fn without_patterns(fields: std::ops::Range<usize>) {
 
 /// White noise averaged over squares of 3 x 3 or 7 x 7 points, as subsets of image correlation do, prefers some directions; it has no wave.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn noise_of_square_subsets_has_no_patterns() {
     without_patterns_of_squares(&[(750, 1)]);
 }
@@ -113,6 +115,7 @@ fn without_patterns_of_squares(cases: &[(u64, usize)]) {
 
 /// A wave of half the noise's sd: its length, direction and amplitude are found.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_fine_wave_is_found_in_noise_twice_as_large() {
     let (length, angle) = (0.73, 30_f64.to_radians());
     for (seed, noise) in [Noise::White, Noise::Correlated(0.5)]
@@ -143,6 +146,7 @@ fn a_fine_wave_is_found_in_noise_twice_as_large() {
 
 /// A patch that is off by 60 nm is an exceedance, and it is where the patch is.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_patch_is_found_where_it_is() {
     let patch = |[x, y]: [f64; 2]| {
         let inside = (x - 5.0).hypot(y + 6.0) < 2.0;

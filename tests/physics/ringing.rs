@@ -260,6 +260,7 @@ fn laminate(ply: [f64; 4], point_mass: f64) -> VibratingPlate {
 
 /// An accelerometer of 3 % of the plate's mass that nobody declared is asked for; declared it is not, and the constants are right.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn an_accelerometer_is_found_or_declared() {
     const AT: [f64; 2] = [0.5, 0.5];
     let body_t = 0.03 * 37.4e-6;

@@ -1,5 +1,5 @@
 //! Load series of image correlation through whole loops: reference data of an independent program, and series whose camera, subsets and
-//! noise are simulated a second time (`tests/dic`). No wrong name, and the intervals to quote hold the constants.
+//! noise are simulated a second time (`tests/physics/dic`). No wrong name, and the intervals to quote hold the constants.
 
 mod real;
 
@@ -546,6 +546,7 @@ fn a_turned_specimen_is_not_taken_for_a_strained_one() {
 
 /// A lens is called for before anything else, wherever its centre is: of no strength it has none, and the first pass has to tell both.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_lens_off_the_middle_is_the_first_suspect() {
     for seed in 0..3 {
         let (model, truth) = written(Ordinary::Lens, seed);

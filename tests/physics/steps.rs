@@ -1,5 +1,5 @@
 //! Steps of a series held out of the fit, and the test of linearity in the load: against dense algebra, on frames of known noise, and on
-//! series that are simulated a second time (`tests/dic`).
+//! series that are simulated a second time (`tests/physics/dic`).
 
 use nalgebra::{DMatrix, DVector};
 use plychain::effect::{Scope, find};

@@ -175,6 +175,7 @@ fn a_run_whose_server_failed_goes_on_to_the_same_bits() {
 
 /// A posterior with a prior beside the server's density: that of a normal times a normal.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn priors_are_added_and_moments_are_right() {
     let (url, _) = hosted(usize::MAX);
     let place = fresh("prior.json");
@@ -272,6 +273,7 @@ fn sheet() -> &'static str {
 /// The posterior of a model over HTTP, sampled by this program: moments are those of `identify`, in their standard errors. The server is
 /// killed on the way and started again, and the run waits for it.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_served_posterior_is_that_of_identify() {
     let alone = fresh("alone");
     let end = plychain(&[

@@ -278,6 +278,7 @@ fn a_killed_campaign_repeats_nothing() {
 
 /// SIGTERM reaches the runs, which flush and can be gone on with; exit status 75 says so.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 #[cfg(unix)]
 fn a_campaign_that_is_told_to_stop_is_gone_on_with() {
     let bench = Bench::new(2);
@@ -316,6 +317,7 @@ fn a_campaign_that_is_told_to_stop_is_gone_on_with() {
 
 /// A run alone that is told to stop keeps its folder.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 #[cfg(unix)]
 fn a_run_that_is_told_to_stop_is_gone_on_with() {
     let bench = Bench::new(1);

@@ -218,6 +218,7 @@ fn broken_matrices_are_named_with_file_and_place() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_time_limit_that_leaves_no_draws_is_refused_in_words() {
     for verb in ["identify", "loop"] {
         let out = fresh("out");
@@ -239,6 +240,7 @@ fn a_time_limit_that_leaves_no_draws_is_refused_in_words() {
 
 /// A folder that cannot be traced is refused before any work, with the file that says so.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn runs_that_cannot_be_traced_are_refused_at_once() {
     let run = fresh("run");
     copy(crate::report::run(), &run);
@@ -380,6 +382,7 @@ fn bad_arguments_of_simulate_are_refused() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn the_second_run_solves_nothing_and_says_so() {
     let file = coarse();
     let run = || {

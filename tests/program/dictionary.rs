@@ -7,18 +7,7 @@ use plychain::effect::EFFECTS;
 use plychain::parameter::{Parameter, ParameterKind};
 use serde_json::Value;
 
-use crate::common::{changed, coarse, fresh, model, plychain, succeed};
-
-/// Run, expect exit code 1 and one line with all of `words`.
-fn refused(arguments: &[&str], words: &[&str]) {
-    let output = plychain(arguments);
-    let errors = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}\n{errors}");
-    let line = errors.lines().find(|l| l.starts_with("error: ")).unwrap();
-    for word in words {
-        assert!(line.contains(word), "{word:?} is missing in\n{errors}");
-    }
-}
+use crate::common::{changed, coarse, fresh, model, refused, succeed};
 
 fn dictionary(model: &str) -> Vec<Value> {
     let text = succeed(&["effects", model, "--json"]);

@@ -282,6 +282,7 @@ fn template(model: &mut Value) {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn wrong_inputs_are_named_before_anything_is_sampled() {
     let mut missed = Vec::new();
     let mut ask = |name: &'static str, says: &[&str], folder: &Path| {
@@ -312,6 +313,7 @@ fn wrong_inputs_are_named_before_anything_is_sampled() {
 
 /// Neither does a force that is 10 % too large, which no field shows.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_right_input_raises_no_doubt() {
     let large = |m: &mut Value| *force(m) = 990.0.into();
     for (balanced, change) in [(true, PLAIN.change), (false, PLAIN.change), (true, large)] {

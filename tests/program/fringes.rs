@@ -210,6 +210,7 @@ fn large_errors_of_steps_and_brightness_are_found() {
 
 /// Cameras of 10 and 12 bits at the lower end of files of 16, dim ones too, with few frames.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn the_camera_may_use_a_part_of_the_range() {
     for (bits, frames_) in [(10, 3), (10, 4), (12, 3), (12, 5)] {
         for background in [35.0, 100.0] {

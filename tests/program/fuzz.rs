@@ -30,6 +30,7 @@ fn share_of(count: usize) -> usize {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn mutated_files_never_panic_hang_or_take_memory_without_bound() {
     readers_stand("0.2");
 }

@@ -229,6 +229,7 @@ fn measured_steel_gives_the_published_calibration() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn both_samplers_agree_within_monte_carlo_error() {
     let [ensemble, adaptive] =
         ["ensemble", "adaptive"].map(|sampler| identify(&coarse(), &["--sampler", sampler]));
@@ -244,6 +245,7 @@ fn both_samplers_agree_within_monte_carlo_error() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn draws_are_the_same_bits_for_any_number_of_threads() {
     let chains = ["1", "2", "3"].map(|threads| {
         let out = fresh("run");
@@ -267,6 +269,7 @@ fn draws_are_the_same_bits_for_any_number_of_threads() {
 /// is left in block averages, and the noise is the noise again. An undeclared misalignment does not hide it (but raises
 /// the noise by itself).
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_declared_phase_shift_error_is_measured_and_taken_out() {
     let file = changed("openhole.json", |m| {
         set_coarse(m);

@@ -506,6 +506,7 @@ fn values_of_the_template_are_named() {
 
 /// What a person reads first fits on a screen of a terminal: verdict, constants with priors, effects with tests, what to check, where the report is.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn the_terminal_has_a_screen_and_the_rest_on_request() {
     let folder = changed(looped);
     let page = Page::load(&folder).unwrap();

@@ -230,6 +230,7 @@ fn declared(kind: &str) -> String {
 /// Every kind of experiment simulates what its own likelihood expects: the constants that were set are found, and are known no worse than
 /// before.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn every_kind_of_experiment_finds_what_it_simulates() {
     for kind in EXPERIMENTS {
         let folder = simulated(&declared(kind.name), "--grid 41 --seed 5");

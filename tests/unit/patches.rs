@@ -405,6 +405,7 @@ fn nulls(count: u64) -> [f64; 2] {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn noise_holds_no_patch() {
     let [named, above] = nulls(24);
     assert!(named <= 1.0 / 24.0 && above <= 0.04);

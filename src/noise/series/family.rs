@@ -24,7 +24,7 @@ pub(super) const RATIOS: [f64; 5] = [0.01, 0.1, 1.0, 10.0, 100.0];
 
 /// Part of the noise that no subset correlates: what interpolation and rounding add, relative to the mean block's variance. Blocks
 /// smaller than a subset have fine patterns in which overlapping subsets leave next to nothing; there a part of 2 % where there is
-/// none made s2 18 % too small (tests/series_noise.rs). None at all would trust the model's own errors of that size.
+/// none made s2 18 % too small (tests/unit/series_noise.rs). None at all would trust the model's own errors of that size.
 pub(super) const NUGGETS: [f64; 6] = [0.02, 0.001, 0.003, 0.01, 0.05, 0.2];
 
 /// The family of one series.

@@ -14,7 +14,7 @@
 //!
 //! *Both components share (l, rho)* unless the data ask for two: they are read from the same pictures by the same subsets, and every
 //! covariance and its eigenvectors are then needed once; s2 is each component's own. Two shapes are taken where they beat one by 5
-//! nats: so it was in one of 20 series whose components had the same (tests/series_noise.rs).
+//! nats: so it was in one of 20 series whose components had the same (tests/unit/series_noise.rs).
 
 use std::sync::Arc;
 

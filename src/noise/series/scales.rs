@@ -2,7 +2,7 @@
 //!
 //! The logarithms of the scales are N(0, tau^2), tau by their marginal likelihood: frames that the contrasts hardly see (few frames, or
 //! the largest load, which decides what grows with the load) take their scale from the others, and frames that are alike have one
-//! scale. Independent scales left 10 % of error in each, in what grows with the load above all (tests/series_noise.rs).
+//! scale. Independent scales left 10 % of error in each, in what grows with the load above all (tests/unit/series_noise.rs).
 
 use nalgebra::{DMatrix, DVector};
 

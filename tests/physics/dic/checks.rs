@@ -6,7 +6,7 @@ use plychain::infer::Model;
 
 use super::bending::Bent;
 use super::camera::{Exposure, Motion, Picture, Pinhole};
-use super::cases::{Kind, campaign, case};
+use super::cases::{Kind, ON_LAMINATE, ON_STEEL, campaign, case};
 use super::causes::{Cause, Law};
 use super::folder::{SERIES, SINGLE};
 use super::mechanics::{Loaded, Specimen, hold};
@@ -395,4 +395,35 @@ fn what_acts_is_as_large_as_it_should_be() {
         }
     }
     assert!(faults.is_empty(), "{faults:?}");
+}
+
+/// Every effect of the dictionary is among the causes that are drawn here, or stands below with where it is simulated instead: an effect that is
+/// new to the dictionary has to be put into one of the lists.
+#[test]
+fn every_effect_is_drawn_here_or_simulated_elsewhere() {
+    let elsewhere = |name: &str| match name {
+        "rigid_translation" | "rigid_rotation" => "in every series",
+        "interpolation_bias" => "in the campaign, without a law",
+        "phase_shift_error" | "fringe_order_jump" => {
+            "fringes: unit effect::recording, phase, jumps"
+        }
+        "load_introduction_1" | "load_introduction_2" => "meshes: imported::introduction",
+        "yielding" => "metal beyond its yield stress: yielding",
+        "subset_size" => "loops: subsets that are larger than declared",
+        "ply_share_1" | "ply_share_2" | "balanced_misorientation" => "layup",
+        "load_scale" => "every series has its own error of the force",
+        "force_offset" | "residual_load" | "softening" | "hysteresis" => "load_mistakes",
+        "thermal_gradient" | "component_sensitivity" | "fibre_nonlinearity" | "anisotropy" => {
+            "every_effect"
+        }
+        ply if ply.starts_with("single_ply_misorientation") => "every_effect",
+        step if step.starts_with("step_force") => "load_mistakes",
+        _ => "",
+    };
+    let drawn: Vec<&str> = ON_LAMINATE.iter().chain(&ON_STEEL).copied().collect();
+    for effect in plychain::effect::EFFECTS {
+        let name = effect.name();
+        let known = [drawn.contains(&name), !elsewhere(name).is_empty()];
+        assert_eq!(known.iter().filter(|k| **k).count(), 1, "{name}");
+    }
 }

@@ -3,12 +3,10 @@
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
-use plychain::diagnose::Rule;
 use plychain::effect::{EFFECTS, Kind};
 use plychain::experiment::State;
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
-use plychain::identify::doubts::Doubting;
 use plychain::identify::{CHECKED_DRAWS, Options, TOLERANCE, identify};
 use plychain::infer::{
     Likelihood, Marginal, Model, Posterior, Statistics, problem_within, simulated_field,
@@ -23,6 +21,7 @@ use serde_json::json;
 
 use super::{design, small_problem};
 use crate::common::changed;
+use crate::loops::options;
 
 /// A reduced model on the coarse mesh.
 fn reduced_model() -> (Problem, ReducedModel) {
@@ -200,19 +199,14 @@ fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
     let model = coarse_model(directory.path(), 3, [150.0, 210.0]);
     let sampler = (SAMPLERS[0].build)();
     let options = Options {
-        sampler: &*sampler,
         schedule: Schedule {
             seed: 1,
             max_draws: 4000,
             ..Schedule::default()
         },
-        rule: Rule::default(),
         cache: directory.path().join("cache"),
         refinements: 3,
-        keeping: None,
-        discrepancy: [None, None],
-        deadline: None,
-        doubting: Doubting::Unasked,
+        ..options(&*sampler)
     };
     let round = identify(&model, &options, &Silent).unwrap();
     let steps = &round.refinements;

@@ -14,6 +14,7 @@ use crate::common::{fresh, identify, plychain, posterior, set_coarse, succeed};
 
 /// Images of a simulated test give the constants that the matrices made of them give, and those hold the truth.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn constants_follow_from_images() {
     let folder = fresh("images");
     let place = folder.display().to_string();

@@ -8,6 +8,7 @@ fn text(bytes: &[u8]) -> String {
 
 /// A second process is refused as long as the first one lives, whatever end that has.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 #[cfg(target_os = "linux")]
 fn one_process_works_on_a_run() {
     let bench = Bench::new();
@@ -47,6 +48,7 @@ fn one_process_works_on_a_run() {
 
 /// Chains that are complete stay when the table of their draws finds no room.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 #[cfg(unix)]
 fn a_file_too_large_leaves_the_chains_and_resume_goes_on() {
     let bench = Bench::new();

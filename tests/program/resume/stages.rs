@@ -293,6 +293,7 @@ fn a_loop_killed_at_fifty_places_ends_with_the_same_bits() {
 /// A finished loop that is asked for again prints its result from its files; other arguments, another model or draws that were changed are
 /// not passed over.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_finished_loop_answers_from_its_files() {
     let (bench, model) = leaning();
     let first = close(&bench, &model, "run", &["--rounds", "1"])

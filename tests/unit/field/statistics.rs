@@ -419,6 +419,7 @@ fn reml_recovers_white_and_correlated_noise() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn reml_takes_short_correlation_for_noise_not_discrepancy() {
     let blocks = blocks_of(&simulated(101, 10.0, 1));
     let lengths = [noise_lengths_mm(&blocks), discrepancy_lengths_mm(&blocks)].concat();
