@@ -246,7 +246,7 @@ fn every_effect_is_named_or_is_a_blind_spot() {
     let nominal: Vec<Model> = stages
         .iter()
         .map(|s| match s.arguments.contains("--steps") {
-            true => s.simulated("--noise-nm 0"),
+            true => s.simulated(""),
             false => Model::load(Path::new(&s.model)).unwrap(),
         })
         .collect();

@@ -270,6 +270,7 @@ fn a_pixel_scale_is_found_over_supplied_fields() {
 
 /// Tables, archives of NumPy and grids of VTK say the same.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn all_formats_hold_the_same_fields() {
     let built = [
         ("csv", write_csv as fn(&Path, &[[f64; 2]], &[[f64; 2]])),
@@ -289,6 +290,7 @@ fn all_formats_hold_the_same_fields() {
 
 /// Every fault is the input's, named with its file.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn supplied_fields_that_do_not_fit_are_refused() {
     let bench = Bench::new("csv", 0.4, |_| {});
     assert!(bench.refused().contains("a folder of fields"));

@@ -598,6 +598,7 @@ fn mutilated(draws: &Draws, change: &dyn Fn(f64, f64, f64) -> f64) -> Draws {
 /// Good chains are converged, and chains of which one is stuck, stands elsewhere or is too narrow are not: at most one in twenty wrong of
 /// every kind. The first draws of each kind are as many as anybody would call a short run.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn verdicts_are_right_nineteen_times_of_twenty() {
     const TIMES: u64 = 60;
     let most = TIMES as usize / 20;

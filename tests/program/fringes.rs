@@ -66,6 +66,7 @@ fn a_bent_response_of_the_detector_is_found() {
 
 /// Where a state holds less than a fringe, its frames alone do not tell their steps.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn few_fringes_are_no_worse_than_nominal_steps() {
     for n in [3, 4, 5] {
         for seed in 0..2 {
@@ -175,6 +176,7 @@ fn independent_images_are_measured_to_the_floor() {
 
 /// Steps so wrong that nominal ones leave more than the fringes' modulation hide none of them.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn large_errors_of_steps_and_brightness_are_found() {
     let off = |step_deg: f64, frames: usize| Camera {
         frames,
@@ -265,6 +267,7 @@ fn frames_cut_off_at_black_are_left_out() {
 
 /// Noise that grows with the light, and states that differ smoothly: the stated sds stay those of the errors.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn sds_are_honest_where_noise_and_light_are_uneven() {
     let uneven = |frames_: usize| Camera {
         background_change: 0.08,

@@ -336,6 +336,7 @@ fn smeared_jumps_are_exact_away_from_their_borders() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn outlier_rules_leave_a_region_to_be_found() {
     const SPACING: f64 = 24.3 / 120.0;
     const SMALL: [Shape; 5] = [

@@ -179,6 +179,7 @@ fn silent(plain: u64, misfits: u64) {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_small_error_is_found_in_correlated_noise_and_misfit() {
     for correlation_mm in [0.0, 0.3, 1.0] {
         let case = Case {

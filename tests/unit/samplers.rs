@@ -211,6 +211,7 @@ fn after(sampler: &dyn Sampler, target: &Known, key: Key, dim: usize) -> Vec<f64
 /// among posterior draws is uniform. 400 data sets, 16 bins; chi^2 of 15 degrees of freedom above 60 has probability
 /// 2e-7, and there are 12 of them.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn ranks_on_prior_predictive_data_are_uniform() {
     uniform(0..200);
 }
@@ -318,6 +319,7 @@ fn exact(seeds: &[u64]) {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn the_funnel_is_flagged() {
     flagged(&[1]);
 }

@@ -193,6 +193,7 @@ fn coarse_model(directory: &Path, modes: usize, e1: [f64; 2]) -> Model {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn refinement_brings_the_finite_elements_and_the_box_to_the_posterior() {
     let directory = tempfile::tempdir().unwrap();
     // Three modes are too few, and the box misses the truth.

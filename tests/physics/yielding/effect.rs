@@ -214,6 +214,7 @@ fn an_edge_beyond_the_yield_stress_is_said() {
 
 /// A strip that yields is traced to yielding, or to a group that holds it; one that does not is not.
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn a_strip_that_yields_is_traced() {
     let file = free_strip(&|m| {
         m["experiments"][0]["effects"] = json!(["rigid_translation", "rigid_rotation"]);

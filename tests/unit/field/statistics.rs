@@ -410,6 +410,7 @@ fn recovered(lengths: &[f64], ratios: &[f64], fields: u64) -> (f64, f64, f64, Ve
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn reml_recovers_white_and_correlated_noise() {
     let fine = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0];
     let (white, rough, variance, _) = recovered(&[0.5], &fine, 10);
@@ -432,6 +433,7 @@ fn reml_takes_short_correlation_for_noise_not_discrepancy() {
 }
 
 #[test]
+#[ignore = "slow: run by .ci/run"]
 fn reml_finds_no_correlation_in_white_noise() {
     let (fields, mut kept) = (8, 0);
     for seed in 0..fields {
