@@ -9,7 +9,7 @@ use plychain::infer::Model;
 use plychain::mesh_files::ElementKind;
 use serde_json::{Value, json};
 
-use crate::common::{changed, coarse, fresh, simulated};
+use crate::common::{changed, coarse, fresh, set_coarse, simulated};
 use crate::imported::regions::sheet;
 use crate::imported::writers::msh41;
 use crate::load_mistakes::{OF_LAMINATE, laminate, steel};
@@ -29,15 +29,19 @@ const LAMINATE: [(&str, f64); 4] = [
     ("G12_GPa", 4.6),
 ];
 
-/// Forces of a series of `count` steps up to the largest, and the unloaded specimen.
+/// Forces of a series of `count` steps up to the largest, half of that, and the unloaded specimen.
 fn steps(count: usize, largest: f64) -> String {
     let forces = (1..=count).map(|k| (largest * k as f64 / count as f64).round().to_string());
     let forces: Vec<String> = forces.collect();
-    format!("--steps {},0 --motion-mm 0.1", forces.join(","))
+    format!(
+        "--steps {},{},0 --motion-mm 0.1",
+        forces.join(","),
+        0.5 * largest
+    )
 }
 
 /// Moire of one load; series of image correlation, of a laminate with a short one and one of twelve loads, and of steel that yields; a mesh
-/// with edges whose load introduction is measured. The first in which an effect can act is its stage.
+/// with edges whose load introduction is measured; plies of three angles. The first in which an effect can act is its stage.
 fn stages() -> &'static [Stage] {
     let with = |file: &str, change: &dyn Fn(&mut Value)| {
         let text = std::fs::read_to_string(file).unwrap();
@@ -50,8 +54,13 @@ fn stages() -> &'static [Stage] {
     let pictured = with(&laminate(), &|m| {
         let e = &mut m["experiments"][0];
         e["measurement"]["image_correlation"]["pixel_mm"] = json!(0.05);
-        e["plausible"] = json!({ "ply_share_1.ply_percent": 2.0, "ply_share_2.ply_percent": 2.0,
-            "balanced_misorientation.angle_deg": 1.0 });
+        e["plausible"] = json!({ "ply_share_1.ply_percent": 2.0 });
+    });
+    let three_angles = changed("openhole.json", |m| {
+        set_coarse(m);
+        let e = &mut m["experiments"][0];
+        e["specimen"]["layup_deg"] = json!([0, 45, -45, 90, 90, -45, 45, 0]);
+        e["plausible"] = json!({ "ply_share_2.ply_percent": 2.0 });
     });
     let yielding = with(&steel(), &|m| {
         m["material"]["yield_MPa"] = json!({ "mean": 290.0, "sd": 30.0 });
@@ -88,6 +97,7 @@ fn stages() -> &'static [Stage] {
             constants: vec![("E_GPa", 208.0), ("nu", 0.285)],
         },
         laminate(&spread, "--grid 61 --noise-nm 20".into()),
+        laminate(&three_angles, "--grid 51 --noise-nm 4.2".into()),
         laminate(
             &pictured,
             format!("--grid 28 --noise-nm 100 {}", steps(12, OF_LAMINATE)),
