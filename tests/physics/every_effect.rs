@@ -134,13 +134,11 @@ fn acts(effect: &dyn Effect, nominal: &Model) -> bool {
     declared && effect.concerns(&scene) && obstacle(effect, &scene).is_none()
 }
 
-/// Amplitudes of one prior sd; what nothing bounds, at the sizes that stand here.
+/// Amplitudes that are one prior sd together; what nothing bounds, at the sizes that stand here.
 fn plausible(effect: &dyn Effect, model: &Model) -> Vec<f64> {
-    match effect.name() {
-        "rigid_translation" => return vec![5.0, -3.0],
-        // an order in the rectangle about a point, lost in one component
-        "fringe_order_jump" => return vec![1.0, 0.0, 5.0, 6.0, 3.0],
-        _ => {}
+    if effect.name() == "fringe_order_jump" {
+        // an order in the disc about a point, lost in one component
+        return vec![1.0, 0.0, 5.0, 6.0, 3.0];
     }
     let scene = model.scene();
     let is_series = model.experiment().steps.is_some();
@@ -150,7 +148,8 @@ fn plausible(effect: &dyn Effect, model: &Model) -> Vec<f64> {
             true => Some(model.prior_sd_in_series(&scene, effect, k)),
             false => model.prior_sd(effect, k),
         };
-        sd.unwrap_or_else(|| panic!("no size of {} is plausible", effect.name()))
+        let sd = sd.unwrap_or_else(|| panic!("no size of {} is plausible", effect.name()));
+        sd / (needed as f64).sqrt()
     };
     (0..needed).map(one).collect()
 }
@@ -207,8 +206,6 @@ impl SizedEffect {
 /// How a loop told of an effect.
 #[derive(Debug, PartialEq)]
 pub enum Told {
-    /// In its model from the beginning.
-    TakesPart,
     Named,
     /// With others that leave the same field, or nearly, or as undecided.
     InGroup,
@@ -221,9 +218,7 @@ pub enum Told {
 pub fn told(ended: &Ended, acted: &SizedEffect) -> Told {
     let name = acted.effect.name();
     let grouped = |groups: &[Vec<String>]| groups.iter().flatten().any(|n| n == name);
-    if ended.declared.contains(&name) || acted.effect.is_force_scale() {
-        Told::TakesPart
-    } else if ended.names_alone(name) {
+    if ended.names_alone(name) {
         Told::Named
     } else if grouped(&ended.alias_groups) || grouped(&ended.undecided) {
         Told::InGroup
@@ -266,6 +261,11 @@ fn every_effect_is_named_or_is_a_blind_spot() {
         let place = nominal.iter().position(|m| acts(*effect, m));
         let place = place.unwrap_or_else(|| panic!("{} can act nowhere", effect.name()));
         let (stage, model) = (&stages[place], &nominal[place]);
+        // what takes part in the model from the beginning needs no naming
+        let takes_part = model.effects.iter().any(|e| e.name() == effect.name());
+        if takes_part || effect.is_force_scale() {
+            continue;
+        }
         let one = SizedEffect {
             effect: *effect,
             amplitude: plausible(*effect, model),

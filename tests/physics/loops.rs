@@ -38,8 +38,6 @@ pub struct Ended {
     pub truth: Vec<f64>,
     /// Groups that were sure, and those of them that predict held-out regions.
     held_out: [usize; 2],
-    /// Effects of the model as it was given.
-    pub declared: Vec<&'static str>,
     /// Groups that the data speak for without being sure.
     pub undecided: Vec<Vec<String>>,
     /// Laws over the steps by which an added effect may act.
@@ -153,7 +151,6 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
         quoted: closed.closed_form().into_values().collect(),
         truth: truth.to_vec(),
         held_out: [sure.len(), sure.iter().filter(|g| g.predicts).count()],
-        declared: model.effects.iter().map(|e| e.name()).collect(),
         undecided: closed.conclusion.undecided.clone(),
         laws: added.flat_map(|g| g.laws.clone()).collect(),
         blind: spots
