@@ -134,7 +134,8 @@ fn acts(effect: &dyn Effect, nominal: &Model) -> bool {
     declared && effect.concerns(&scene) && obstacle(effect, &scene).is_none()
 }
 
-/// Amplitudes that are one prior sd together; what nothing bounds, at the sizes that stand here.
+/// Amplitudes that are one prior sd together, of alternating signs (two sensitivities of one sign are a scale of the force, of which every
+/// verdict speaks); what nothing bounds, at the sizes that stand here.
 fn plausible(effect: &dyn Effect, model: &Model) -> Vec<f64> {
     if effect.name() == "fringe_order_jump" {
         // an order in the disc about a point, lost in one component
@@ -149,7 +150,11 @@ fn plausible(effect: &dyn Effect, model: &Model) -> Vec<f64> {
             false => model.prior_sd(effect, k),
         };
         let sd = sd.unwrap_or_else(|| panic!("no size of {} is plausible", effect.name()));
-        sd / (needed as f64).sqrt()
+        let sign = match k % 2 == 1 && !effect.parameters()[k].positive {
+            true => -1.0,
+            false => 1.0,
+        };
+        sign * sd / (needed as f64).sqrt()
     };
     (0..needed).map(one).collect()
 }
