@@ -2,7 +2,7 @@
 //! interpolate from fitted neighbours. Of squares of 3 mm among fitted ones, 19 of 20 wrong groups predicted those too. By these regions 46
 //! of 49 right groups and 47 of 66 wrong ones did, over fields with an effect of the dictionary and with one that had been withheld from
 //! it (`tests/physics/loops.rs`): what they refuse is refused rightly, what they let pass is not proved. Of a series whole steps are held out as well
-//! ([`HeldOutSteps`]).
+//! (`HeldOutSteps`).
 
 use nalgebra::{DMatrix, DVector};
 

@@ -82,7 +82,7 @@ pub fn monomials(constants: usize) -> Vec<[usize; 2]> {
     pairs.collect()
 }
 
-/// Values of [`monomials`] at distances d, of which d[0] is 1.
+/// Values of [`monomials`] at distances d, of which the first is 1.
 pub fn values(of: &[[usize; 2]], d: &[f64]) -> Vec<f64> {
     of.iter().map(|[a, b]| d[*a] * d[*b]).collect()
 }
