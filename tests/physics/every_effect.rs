@@ -250,7 +250,7 @@ pub fn judge(ended: &[Ended], acted: &[SizedEffect]) {
 }
 
 #[test]
-#[ignore = "slow: a loop for each effect, 10 minutes"]
+#[ignore = "slow: a loop for each effect, 7 minutes"]
 fn every_effect_is_named_or_is_a_blind_spot() {
     let stages = stages();
     let nominal: Vec<Model> = stages
