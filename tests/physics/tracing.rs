@@ -149,7 +149,8 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
 }
 
 /// Each effect is named, itself or as a member of its alias group, and nothing else is; or nothing is, and the blind spots say that so much
-/// would not show. Of the 95 % intervals of the averaged posterior nine tenths hold the truth (chance of fewer: 1 %).
+/// would not show. No effect fails with two of three noises. Of the 95 % intervals of the averaged posterior nine tenths hold the truth (chance of
+/// fewer: 1 %).
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn every_effect_is_named_and_the_averaged_posterior_covers_the_truth() {
@@ -168,25 +169,33 @@ fn all_named(file: &str, grid: usize, noise: Noise) {
     let nominal = Model::load(Path::new(file)).unwrap();
     for (k, acted) in SizedEffect::all_in(&nominal).iter().enumerate() {
         let (name, case) = (acted.effect.name(), acted.text());
-        let (accepted, last) = traced(&measured_with(file, grid, &[&case], noise, 100 + k as u64));
-        let spots = last.blind_spots.iter();
-        let blind: Vec<_> = spots
-            .map(|(of, spot)| (*of, spot.parameter.clone(), spot.detectable))
-            .collect();
-        let right = match &accepted[..] {
-            [] => acted.is_hidden(&blind),
-            [(_, group)] => group.contains(&name),
-            _ => false,
-        };
-        if !right || last.discrepancy > 0.5 {
-            wrong.push(format!(
-                "{case}: {accepted:?}, discrepancy {:.2}",
+        // a single tracing bends a plate by the prior means of its constants, which leaves some of it: whole loops are judged by `every_effect`
+        let bends = acted.effect.curvature(&acted.amplitude).is_some();
+        let mut fails = |seed: u64| {
+            let (accepted, last) = traced(&measured_with(file, grid, &[&case], noise, seed));
+            let spots = last.blind_spots.iter();
+            let blind: Vec<_> = spots
+                .map(|(of, spot)| (*of, spot.parameter.clone(), spot.detectable))
+                .collect();
+            let right = match &accepted[..] {
+                [] => acted.is_hidden(&blind),
+                [(_, group)] => group.contains(&name),
+                _ => false,
+            };
+            let pairs = last.averaged.values().zip(TRUTH);
+            covered += pairs.filter(|(a, t)| (a.low..a.high).contains(t)).count();
+            intervals += TRUTH.len();
+            let said = format!(
+                "{case}, seed {seed}: {accepted:?}, discrepancy {:.2}",
                 last.discrepancy
-            ));
-        }
-        let pairs = last.averaged.values().zip(TRUTH);
-        covered += pairs.filter(|(a, t)| (a.low..a.high).contains(t)).count();
-        intervals += TRUTH.len();
+            );
+            (!right || (!bends && last.discrepancy > 0.5)).then_some(said)
+        };
+        let first = 100 + k as u64;
+        // noise may mislead once, and the same effect not with two of three noises
+        let Some(said) = fails(first) else { continue };
+        println!("{said}");
+        wrong.extend([1000, 2000].iter().find_map(|more| fails(first + more)));
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(
