@@ -354,6 +354,6 @@ fn force_in(line: &str) -> Option<f64> {
     }
     let size = number(value.first()?, false).filter(|f| f.is_finite())?;
     let units = key[1..].iter().chain(&value[1..]);
-    let newtons: Option<Vec<f64>> = units.map(|unit| Some(newtons(unit)?.1)).collect();
-    Some(size * newtons?.first().unwrap_or(&1.0))
+    let factors: Option<Vec<f64>> = units.map(|unit| Some(newtons(unit)?.1)).collect();
+    Some(size * factors?.first().unwrap_or(&1.0))
 }

@@ -290,9 +290,10 @@ fn every_effect_is_named_or_is_a_blind_spot() {
 #[ignore = "slow: a loop for each law, 2 minutes"]
 fn every_law_is_told() {
     let stage = &stages()[1];
-    let cases: Vec<Case> = Law::ALL
+    // an amplitude of its own in every step is no law
+    let laws: Vec<Law> = Law::ALL.into_iter().filter(|l| *l != Law::Free).collect();
+    let cases: Vec<Case> = laws
         .iter()
-        .filter(|law| **law != Law::Free)
         .enumerate()
         .map(|(k, law)| {
             let text = format!("out_of_plane_rotation=3,-2:{}", law.key());
@@ -300,7 +301,7 @@ fn every_law_is_told() {
             case
         })
         .collect();
-    for (law, ended) in Law::ALL.iter().zip(all(&cases)) {
+    for (law, ended) in laws.iter().zip(all(&cases)) {
         assert!(ended.names("out_of_plane_rotation"), "{}", ended.line());
         let told = ended.laws.iter().any(|l| l == law);
         assert!(told, "{law:?} {:?}: {}", ended.laws, ended.line());

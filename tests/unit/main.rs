@@ -1,4 +1,4 @@
-//! Without finite elements, in seconds: samplers, chains, diagnostics, readers, noise, effects in closed form, and the order of the sources.
+//! Without finite elements: samplers, chains, diagnostics, readers, noise, effects in closed form, and the order of the sources.
 
 #[path = "../common/mod.rs"]
 mod common;
