@@ -279,7 +279,7 @@ fn a_run_is_validated_and_what_is_not_one_is_refused() {
     let mut other: Value = serde_json::from_str(&text).unwrap();
     other["likelihood"]["noise_nm"] = serde_json::json!(10.0);
     std::fs::write(&file, other.to_string()).unwrap();
-    refused(&["validate", out], &["another model"]);
+    refused(&["validate", out], &["as the run's model has"]);
     std::fs::write(&file, text).unwrap();
     std::fs::rename(run.join("chain.zarr"), run.join("gone")).unwrap();
     refused(&["validate", out], &["chain.zarr"]);
