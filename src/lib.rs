@@ -89,6 +89,9 @@ pub mod noise;
 pub mod numeric;
 #[doc(hidden)]
 pub mod parameter;
+#[cfg(feature = "identify")]
+#[doc(hidden)]
+pub mod posterior;
 #[doc(hidden)]
 pub mod progress;
 #[doc(hidden)]

@@ -5,7 +5,7 @@ mod cross;
 mod design;
 mod model;
 mod modes;
-mod pod;
+pub mod pod;
 mod problem;
 mod reference;
 mod snapshot_experiment;

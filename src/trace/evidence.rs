@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::{DMatrix, DVector};
+
 use super::alias::{AliasGroup, SIMILAR, cosine, groups, lookalikes};
 use super::averaged::{BlindSpot, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
@@ -16,7 +18,7 @@ use super::weighing::Weighing;
 use crate::effect::{EFFECTS, Effect, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::Law;
-use crate::linearise::{Column, Measured, Sensitivities};
+use crate::linearise::{Column, Measured, Sensitivities, StepStack};
 use crate::parameter::{Parameter, is_modulus};
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -67,6 +69,25 @@ impl Evidence {
             sensitivities,
             weighing,
         })
+    }
+
+    /// Norms of some errors of the block averages, mm, by the likeliest noise.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub fn norms(&self, errors: &[StepStack]) -> Result<Vec<f64>> {
+        let pair = self.weighing.pairs[self.subsets.best_pair];
+        let columns = [0, 1].map(|c| {
+            let own: Vec<DVector<f64>> = errors.iter().map(|e| e[c].clone()).collect();
+            DMatrix::from_columns(&own)
+        });
+        let blocks = &self.measured.blocks;
+        let grams = self
+            .weighing
+            .noise
+            .grams(blocks, [&columns[0], &columns[1]], &[pair])?;
+        let square = |k: usize| grams.iter().map(|g| g[(k, k)]).sum::<f64>();
+        Ok((0..errors.len()).map(|k| square(k).sqrt()).collect())
     }
 
     fn name(&self, k: usize) -> &'static str {

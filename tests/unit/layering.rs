@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules from left to right: each may use only those to its left.
-const ORDER: [&[&str]; 25] = [
+const ORDER: [&[&str]; 26] = [
     &[
         "dense",
         "error",
@@ -33,6 +33,7 @@ const ORDER: [&[&str]; 25] = [
     &["reduce"],
     &["infer"],
     &["linearise"],
+    &["posterior"],
     &["identify"],
     &["trace"],
     &["study"],

@@ -1,9 +1,9 @@
 //! What an answer sums over: choices of the noise, of the effects that act, of the size of all others and of the near-edge rival's.
 
 use super::Supposing;
-use super::answer::MixtureChoice;
 use crate::error::Result;
 use crate::numeric::log_sum_exp;
+use crate::posterior::MixtureChoice;
 use crate::sample::NormalPart;
 use crate::trace::averaged::{PAIRS, choices, part};
 use crate::trace::evidence::Evidence;

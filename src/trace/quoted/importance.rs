@@ -7,15 +7,14 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::complete::CompletedDraw;
 use super::full::{DrawnState, Full};
 use super::pose::PosedAnswer;
-use super::space::{Whose, linear, monomials, stacked, values};
 use crate::diagnose::{Weighed, weigh};
 use crate::error::Result;
 use crate::files::{Keyed, stored};
 use crate::linearise::{Sensitivities, StepStack};
 use crate::numeric::relative_weights;
+use crate::posterior::{CompletedDraw, Whose, linear, stacked};
 use crate::sample::LogDensity;
 use crate::sample::{Key, Stream};
 
@@ -245,8 +244,7 @@ impl PosedDraws<'_> {
         let space = &self.posed.answer.space;
         let amplitudes = &self.drawn[k].amplitudes;
         let gamma = space.seen.tr_mul(&amplitudes.component_div(&space.largest));
-        let distances = self.posed.answer.distances(&self.points[k]);
-        residual(columns, &distances, &gamma)
+        residual(columns, &self.posed.answer.place(&self.points[k]), &gamma)
     }
 
     /// What the near-edge rival does at a draw, which enters linearly in the full model too.
@@ -287,18 +285,29 @@ fn left_at_linearisation(posed: &PosedAnswer<'_>, columns: &[DMatrix<f64>; 2]) -
     let at = posed.kept.iter().zip(space.largest.iter());
     let at = at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
     let at = DVector::from_iterator(posed.kept.len(), at);
-    let nowhere = vec![0.0; posed.answer.constants()];
-    residual(columns, &nowhere, &space.seen.tr_mul(&at))
+    let about = posed
+        .expanded
+        .surface
+        .ratios
+        .constants(&vec![0.0; posed.answer.constants()]);
+    residual(
+        columns,
+        &posed.answer.place(&about),
+        &space.seen.tr_mul(&at),
+    )
 }
 
-/// What columns of [`stacked`] leave at distances of the constants and amplitudes in the directions.
-fn residual(columns: &[DMatrix<f64>; 2], distances: &[f64], gamma: &DVector<f64>) -> StepStack {
-    let d: Vec<f64> = std::iter::once(1.0)
-        .chain(distances.iter().copied())
-        .collect();
-    let left = values(&monomials(distances.len()), &d);
-    let directions = d.iter().flat_map(|d| gamma.iter().map(move |g| -d * g));
-    let coefficients = DVector::from_vec(directions.chain(left).collect());
+/// What columns of [`stacked`] leave at coordinates of the constants with the factors there, and amplitudes in the directions.
+fn residual(
+    columns: &[DMatrix<f64>; 2],
+    (coordinates, factors): &(Vec<f64>, Vec<f64>),
+    gamma: &DVector<f64>,
+) -> StepStack {
+    let directions = coordinates
+        .iter()
+        .flat_map(|x| gamma.iter().map(move |g| -x * g));
+    let all = directions.chain(factors.iter().copied());
+    let coefficients = DVector::from_vec(all.collect());
     [0, 1].map(|c| &columns[c] * &coefficients)
 }
 

@@ -2,17 +2,11 @@
 //! thickness, the amplitudes of all effects) is integrated out of the density, the choices of noise, of acting effects and of the size of all
 //! others are summed, and all of these are drawn afterwards (DESIGN: posterior, samplers, chains).
 
-pub mod answer;
 mod choices;
-pub mod complete;
-pub mod evidence;
-mod expanded;
 mod full;
 pub mod importance;
 mod pose;
-pub mod quadratic;
 mod run;
-pub mod space;
 mod variables;
 
 pub use importance::Importance;

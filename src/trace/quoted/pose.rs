@@ -3,14 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Supposing;
-use super::answer::AnswerDensity;
 use super::choices::{AnswerChoices, likeliest, with_rival};
-use super::expanded::TestExpansion;
-use super::quadratic::Equations;
-use super::space::{Space, Whose, shown, stacked};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::infer::{Marginal, Model};
+use crate::posterior::{
+    ConstantsPrior, Density, Equations, Expansion, Space, Whose, shown, stacked,
+};
 use crate::sample::{LogDensity, NormalPart};
 use crate::trace::averaged::{Interval, MULTIPLES, unseen};
 use crate::trace::noise_choices::NoisePair;
@@ -19,9 +18,9 @@ use crate::trace::weighing::Weighing;
 
 /// An answer ready to be sampled, with what its draws need to be completed.
 pub(super) struct PosedAnswer<'a> {
-    pub answer: AnswerDensity,
+    pub answer: Density,
     pub traced: &'a Traced,
-    pub expanded: &'a TestExpansion,
+    pub expanded: &'a Expansion,
     /// Which of the linear columns the answer has.
     pub kept: Vec<usize>,
     pub pairs: Vec<NoisePair>,
@@ -34,17 +33,27 @@ pub(super) struct PosedAnswer<'a> {
     wide: Option<Weighing>,
 }
 
-/// Steps of the constants beside which slopes are taken: posterior sds in prior sds, within these.
+/// Posterior sds of the constants in prior sds, within these: the steps beside which slopes are taken, and so many times as far the surface
+/// of the mean reaches, within others.
 const STEP: [f64; 2] = [0.03, 0.5];
+const REACH: f64 = 8.0;
+const BOX: [f64; 2] = [0.5, 3.0];
 
-/// How far constants are raised for their slopes to follow them, prior sds.
-pub(super) fn steps(model: &Model, averaged: &Keyed<Interval>) -> Vec<f64> {
+/// How far constants are raised for slopes, and how far the surface reaches, border units; over the whole prior where answers are asked for
+/// that are wider than the `averaged` one.
+pub(super) fn reaches(
+    model: &Model,
+    averaged: &Keyed<Interval>,
+    is_wider: bool,
+) -> (Vec<f64>, Vec<f64>) {
     let names = model.constants().iter().zip(model.marginals());
     let of = |(name, m): (&&str, Marginal)| {
-        let sd = averaged.get(*name).map_or(m.sd, |i| i.sd);
-        (sd / m.sd).clamp(STEP[0], STEP[1])
+        let sd = averaged.get(*name).map_or(m.sd, |i| i.sd) / m.sd;
+        let reach = if is_wider { BOX[1] } else { REACH * sd };
+        let step = m.sd * sd.clamp(STEP[0], STEP[1]);
+        (step, m.sd * reach.clamp(BOX[0], BOX[1]))
     };
-    names.map(of).collect()
+    names.map(of).unzip()
 }
 
 impl<'a> PosedAnswer<'a> {
@@ -55,7 +64,7 @@ impl<'a> PosedAnswer<'a> {
     pub fn new(
         model: &Model,
         traced: &'a Traced,
-        expanded: &'a TestExpansion,
+        expanded: &'a Expansion,
         supposing: Supposing,
     ) -> Result<Self> {
         let evidence = &traced.evidence;
@@ -101,17 +110,12 @@ impl<'a> PosedAnswer<'a> {
             .iter()
             .map(|g| Equations::new(g, directions, here.constants))
             .collect();
-        let constants = model
-            .marginals()
-            .into_iter()
-            .zip(here.base.iter().map(|c| c.at));
-        let answer = AnswerDensity::new(
-            (model.material(), constants.collect()),
-            space,
-            noise,
-            parts,
-            model.known.clone(),
-        );
+        let prior = ConstantsPrior {
+            material: model.material(),
+            marginals: model.marginals(),
+            known: model.known.clone(),
+        };
+        let answer = Density::new(prior, expanded.surface.clone(), space, noise, parts);
         Ok(Self {
             answer,
             traced,
@@ -149,7 +153,7 @@ impl<'a> PosedAnswer<'a> {
 /// Linear columns of an answer, and whose they are; of the candidates' columns those that are `unseen`.
 fn kept(
     traced: &Traced,
-    expanded: &TestExpansion,
+    expanded: &Expansion,
     supposing: Supposing,
     unseen: &[bool],
 ) -> (Vec<usize>, Vec<Whose>) {

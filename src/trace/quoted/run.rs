@@ -5,18 +5,19 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::Supposing;
-use super::expanded::{CoarseForwards, TestExpansion};
 use super::full::Full;
 use super::importance::{FullModels, Importance};
-use super::pose::{PosedAnswer, steps};
+use super::pose::{PosedAnswer, reaches};
 use super::variables::Completed;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, Keyed, Stored, stored};
 use crate::identify::Options;
+use crate::linearise::Forward;
 use crate::numeric::diagonal;
 use crate::parameter::Parameter;
+use crate::posterior::{About, CoarseForwards, Expansion};
 use crate::progress::Progress;
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
@@ -26,7 +27,7 @@ use crate::trace::averaged::Interval;
 use crate::trace::coarse::CoarseTest;
 use crate::trace::round::Round;
 use crate::trace::suspect::hull;
-use crate::trace::traced::forward;
+use crate::trace::traced::{Traced, forward};
 
 /// The posterior to quote.
 pub struct Quoted {
@@ -173,12 +174,30 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let fine = forward(model, prepared, measured, &|| ());
     let coarse = CoarseTest::new(model, prepared, measured)?;
     let coarse = coarse.as_ref().map(|c| on_coarse(c, round));
-    let steps = steps(model, averaged);
-    let expanded = TestExpansion::new(&round.traced.point, &fine, coarse.as_ref(), steps)?;
+    let expanded = expanded(round, (&fine, coarse.as_ref()), false)?;
     let sampled = PosedAnswer::new(model, &round.traced, &expanded, Supposing::Small)?;
     let (centre, sd) = sampled.start(averaged);
     act(&sampled.answer, &centre, &sd);
     Ok(())
+}
+
+/// A round's test about its point.
+fn expanded(
+    round: &Round,
+    (fine, coarse): (&Forward<'_>, Option<&CoarseForwards<'_>>),
+    is_wider: bool,
+) -> Result<Expansion> {
+    let Traced { evidence, point } = &round.traced;
+    let (steps, reach) = reaches(&round.model, &round.tracing.averaged, is_wider);
+    let at = About {
+        state: &point.state,
+        declared: &point.declared,
+        sought: &point.sought,
+        steps,
+        reach,
+        norms: &|errors| evidence.norms(errors),
+    };
+    Expansion::new(&at, fine, coarse)
 }
 
 /// The forward models of a round's test on a coarse mesh.
@@ -208,8 +227,8 @@ fn sampled(
     let expand = || {
         let what = "quoted posterior: sensitivities that follow the constants";
         progress.begin(what, None);
-        let steps = steps(model, averaged);
-        let expanded = TestExpansion::new(&traced.point, &fine, coarse.as_ref(), steps);
+        let is_wider = which.iter().any(|s| *s != Supposing::Small);
+        let expanded = expanded(round, (&fine, coarse.as_ref()), is_wider);
         progress.end();
         expanded
     };
@@ -246,7 +265,7 @@ fn sampled(
 /// A round's test with its expansion, of which answers are sampled.
 struct AnsweredTest<'a> {
     round: &'a Round,
-    expanded: &'a TestExpansion,
+    expanded: &'a Expansion,
     models: FullModels<'a>,
 }
 

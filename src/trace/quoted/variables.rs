@@ -1,14 +1,13 @@
 //! The variables of the quoted draws: what a file of them has, in border units.
 
 use super::Supposing;
-use super::complete::{CompletedDraw, Inclusion, complete};
 use super::importance::{FullModels, Importance, PosedDraws};
 use super::pose::PosedAnswer;
-use super::space::linear;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::linearise::Column;
 use crate::parameter::{HYPER, Parameter};
+use crate::posterior::{CompletedDraw, Inclusion, complete, linear};
 use crate::sample::{Key, Stream};
 use crate::trace::subsets::SIZES;
 

@@ -3,11 +3,12 @@
 use nalgebra::{DMatrix, DVector};
 
 use plychain::laminate::Material;
+use plychain::posterior::{
+    ConstantsPrior, Density, GivenChoice, Inclusion, MixtureChoice, Ratios, Space, Surface, Whose,
+    birth_or_death,
+};
 use plychain::sample::Key;
 use plychain::sample::Stream;
-use plychain::trace::quoted::answer::{AnswerDensity, MixtureChoice};
-use plychain::trace::quoted::complete::{GivenChoice, Inclusion, birth_or_death};
-use plychain::trace::quoted::space::{Space, Whose};
 
 const COLUMNS: usize = 6;
 
@@ -17,7 +18,7 @@ fn scattered(rng: &mut Stream, rows: usize, columns: usize) -> DMatrix<f64> {
 }
 
 struct Toy {
-    answer: AnswerDensity,
+    answer: Density,
     gram: DMatrix<f64>,
     /// G and z in the directions, and in the columns.
     right: DVector<f64>,
@@ -50,12 +51,16 @@ fn toy() -> Toy {
     Toy {
         gram: by.tr_mul(&whole.0) * &by,
         right: by.tr_mul(&whole.1),
-        answer: AnswerDensity::new(
-            (Material::Isotropic, Vec::new()),
+        answer: Density::new(
+            ConstantsPrior {
+                material: Material::Isotropic,
+                marginals: Vec::new(),
+                known: None,
+            },
+            Surface::flat(Ratios::about(&[])),
             space,
             Vec::new(),
             Vec::new(),
-            None,
         ),
         whole,
     }

@@ -1,18 +1,19 @@
-//! The data under one choice of the noise, as the constants move: normal equations that are polynomials of their distances.
+//! The data under one choice of the noise, as the constants move: normal equations that are polynomials of their coordinates.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::space::{monomials, values};
 
-/// H(d) = sum of monomials times matrices, z(d) and r(d): G = X' C^-1 X of the directions' columns, X' C^-1 y of what the data leave,
-/// and y' C^-1 y.
+/// G(x) = sum of monomials of the coordinates times matrices, z(x) and r(x): G = X' C^-1 X of the directions' columns, X' C^-1 y of what the data
+/// leave, and y' C^-1 y. What they leave is a sum of fields with factors that depend on the constants.
 #[derive(Clone)]
 pub struct Equations {
     pub monomials: Vec<[usize; 2]>,
     /// One a monomial.
     pub gram: Vec<DMatrix<f64>>,
-    /// For every constant's distance, directions x monomials.
+    /// For 1 and every coordinate, directions x factors.
     pub right: Vec<DMatrix<f64>>,
+    /// Factors x factors.
     pub rest: DMatrix<f64>,
 }
 
@@ -26,13 +27,13 @@ impl Equations {
             if a == b { of } else { &of + of.transpose() }
         });
         let tail = (constants + 1) * n;
-        let count = monomials.len();
+        let factors = all.nrows() - tail;
         Self {
             gram: gram.collect(),
             right: (0..=constants)
-                .map(|a| all.view((a * n, tail), (n, count)).into_owned())
+                .map(|a| all.view((a * n, tail), (n, factors)).into_owned())
                 .collect(),
-            rest: all.view((tail, tail), (count, count)).into_owned(),
+            rest: all.view((tail, tail), (factors, factors)).into_owned(),
             monomials,
         }
     }
@@ -46,20 +47,18 @@ impl Equations {
         }
     }
 
-    /// G and z at distances of the constants from where the test was linearised, prior sds.
-    pub fn at(&self, distances: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
-        let d: Vec<f64> = std::iter::once(1.0)
-            .chain(distances.iter().copied())
-            .collect();
-        let m = DVector::from_vec(values(&self.monomials, &d));
+    /// G and z at coordinates of the constants, 1 first, and factors of what is left.
+    pub fn at(&self, coordinates: &[f64], factors: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+        let m = values(&self.monomials, coordinates);
+        let left = DVector::from_column_slice(factors);
         let n = self.right[0].nrows();
         let mut gram = DMatrix::zeros(n, n);
-        for (g, w) in self.gram.iter().zip(m.iter()) {
-            gram += g * *w;
+        for (g, w) in self.gram.iter().zip(m) {
+            gram += g * w;
         }
         let mut right = DVector::zeros(n);
-        for (z, d) in self.right.iter().zip(&d) {
-            right += z * &m * *d;
+        for (z, x) in self.right.iter().zip(coordinates) {
+            right += z * &left * *x;
         }
         (gram, right)
     }

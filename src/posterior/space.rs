@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::expanded::TestExpansion;
+use super::expansion::Expansion;
 use crate::linearise::{Column, Measured, Sensitivities};
 
 /// Whose a column is that enters linearly.
@@ -76,13 +76,13 @@ impl Space {
     }
 }
 
-/// Products of up to two of the constants' distances from where the test was linearised, 1 first: which distances each is of.
+/// Products of up to two of the constants' coordinates, 1 first: which of them each is of.
 pub fn monomials(constants: usize) -> Vec<[usize; 2]> {
     let pairs = (0..=constants).flat_map(|a| (a..=constants).map(move |b| [a, b]));
     pairs.collect()
 }
 
-/// Values of [`monomials`] at distances d, of which the first is 1.
+/// Values of [`monomials`] at coordinates of which the first is 1.
 pub fn values(of: &[[usize; 2]], d: &[f64]) -> Vec<f64> {
     of.iter().map(|[a, b]| d[*a] * d[*b]).collect()
 }
@@ -104,42 +104,47 @@ pub fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64> {
 }
 
 /// One component's columns for an account, from the test as it is linearised `here` on one of the meshes: those of `space` in its
-/// directions, at the point and then their changes for a prior sd of each constant; and what the data leave where all amplitudes in the
-/// directions are zero, a column for each of [`monomials`].
+/// directions, at the point and then their changes along each coordinate of the constants; and what the data leave where all amplitudes in the
+/// directions are zero: at the point, by the surface's modes, and along each coordinate where the mesh, or amplitudes that are not zero at the
+/// point, make that another than the surface has it.
 pub fn stacked(
     here: &Sensitivities,
-    expanded: &TestExpansion,
+    expanded: &Expansion,
     measured: &Measured,
     space: &Space,
     kept: &[usize],
     c: usize,
 ) -> DMatrix<f64> {
-    let all = linear(here);
-    let about = linear(&expanded.about);
-    let rows = here.predicted[c].len();
-    let matrix = |of: &Sensitivities| shown(of, kept, c);
+    let surface = &expanded.surface;
     let mut scaled = space.seen.clone();
     for (mut row, sd) in scaled.row_iter_mut().zip(space.largest.iter()) {
         row *= *sd;
     }
-    let first = matrix(here);
-    let before = matrix(&expanded.about);
-    let mut parts = vec![&first * &scaled];
-    // an amplitude that is not zero where the test was linearised: its column bends with the constants from there
-    let at: DVector<f64> =
-        DVector::from_iterator(all.len(), all.iter().map(|k| (k.at - k.mean) / k.sd));
-    let mut bent = vec![DVector::zeros(rows); expanded.raised.len()];
-    for ((raised, by), bent) in expanded.raised.iter().zip(&expanded.by).zip(&mut bent) {
-        parts.push((matrix(raised) - &before) * &scaled / *by);
-        for (k, (a, b)) in linear(raised).into_iter().zip(&about).enumerate() {
-            if at[k] != 0.0 {
-                bent.axpy(at[k] / by, &(&a.values[c] - &b.values[c]), 1.0);
+    let before = shown(&expanded.about, kept, c);
+    let mut parts = vec![shown(here, kept, c) * &scaled];
+    let mut left = vec![DMatrix::from_column_slice(
+        measured.averages[c].len(),
+        1,
+        (&measured.averages[c] - at_point(here, c)).as_slice(),
+    )];
+    left.push(-&surface.modes[c]);
+    let own = linear(here);
+    let about = linear(&expanded.about);
+    for (j, (raised, by)) in expanded.raised.iter().zip(&expanded.by).enumerate() {
+        parts.push((shown(raised, kept, c) - &before) * &scaled / *by);
+        let mut bent = &surface.modes[c] * surface.slope(j) - &expanded.slope(here, j)[c];
+        // an amplitude that is not zero at the point: its column bends with the constants from there
+        for ((k, a), b) in own.iter().zip(linear(raised)).zip(&about) {
+            let at = (k.at - k.mean) / k.sd;
+            if at != 0.0 {
+                bent.axpy(at / by, &(&a.values[c] - &b.values[c]), 1.0);
             }
         }
+        left.push(DMatrix::from_columns(&[bent]));
     }
-    parts.push(left((here, expanded), measured, &bent, c));
+    parts.extend(left);
     let width = parts.iter().map(DMatrix::ncols).sum();
-    let mut together = DMatrix::zeros(rows, width);
+    let mut together = DMatrix::zeros(measured.averages[c].len(), width);
     let mut next = 0;
     for part in parts {
         together.columns_mut(next, part.ncols()).copy_from(&part);
@@ -148,43 +153,13 @@ pub fn stacked(
     together
 }
 
-/// What the data leave, by [`monomials`]: the difference to the prediction at the point, with amplitudes taken back to their prior
-/// means, the constants' columns and half their changes.
-fn left(
-    (here, expanded): (&Sensitivities, &TestExpansion),
-    measured: &Measured,
-    bent: &[DVector<f64>],
-    c: usize,
-) -> DMatrix<f64> {
-    let constants = here.constants;
-    let mut there = measured.averages[c].clone() - &here.predicted[c];
-    // the prediction is that at the prior means: carry it to where the constants were
-    for column in &here.base[..constants] {
-        there.axpy(
-            -(column.at - column.mean) / column.sd,
-            &column.values[c],
-            1.0,
-        );
+/// One component of the prediction at the point, with amplitudes taken back to their prior means; the linearised one is that at the prior means
+/// of the constants too.
+fn at_point(here: &Sensitivities, c: usize) -> DVector<f64> {
+    let mut predicted = here.predicted[c].clone();
+    for column in &here.base[..here.constants] {
+        let by = (column.at - column.mean) / column.sd;
+        predicted.axpy(by, &column.values[c], 1.0);
     }
-    let slope = |k: usize| -&here.base[k].values[c] + &bent[k];
-    let curve = |i: usize, j: usize| -> DVector<f64> {
-        let of = |i: usize, j: usize| {
-            let change = &expanded.raised[i].base[j].values[c] - &expanded.about.base[j].values[c];
-            change / expanded.by[i]
-        };
-        if i == j {
-            -0.5 * of(i, i)
-        } else {
-            -0.5 * (of(i, j) + of(j, i))
-        }
-    };
-    let columns: Vec<DVector<f64>> = monomials(constants)
-        .into_iter()
-        .map(|[a, b]| match (a, b) {
-            (0, 0) => there.clone(),
-            (0, b) => slope(b - 1),
-            (a, b) => curve(a - 1, b - 1),
-        })
-        .collect();
-    DMatrix::from_columns(&columns)
+    predicted
 }

@@ -3,18 +3,20 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::quadratic::Equations;
+use super::equations::Equations;
+use super::space::monomials;
 use crate::lanes::ln_vector;
 
 /// [`Equations`] in directions of unit prior: every number's coefficients beside each other.
 pub struct Compiled {
     directions: usize,
-    monomials: Vec<[usize; 2]>,
+    /// Number of factors of what the data leave.
+    factors: usize,
     /// Lower triangle of G, column after column, in the monomials.
     gram: Vec<f64>,
-    /// z, in the monomials times 1 and each distance.
+    /// z, in the factors times 1 and each coordinate.
     right: Vec<f64>,
-    /// Of r, in monomials twice.
+    /// Of r, in the factors twice.
     rest: Vec<f64>,
 }
 
@@ -34,7 +36,7 @@ impl Compiled {
             .map(|r| r.iter().copied().collect());
         Self {
             directions: n,
-            monomials: equations.monomials.clone(),
+            factors: equations.rest.nrows(),
             gram: interleaved(&below.map(gram).collect::<Vec<Vec<f64>>>()),
             right: interleaved(&(0..n).map(right).collect::<Vec<Vec<f64>>>()),
             rest: interleaved(&rest.collect::<Vec<Vec<f64>>>()),
@@ -44,7 +46,7 @@ impl Compiled {
     /// Vectors of room that [`Self::evidence`] needs.
     fn room(&self) -> usize {
         let n = self.directions;
-        [self.monomials.len(), n, n * (n + 1) / 2]
+        [self.factors, n, n * (n + 1) / 2]
             .map(|k| k.next_multiple_of(TOGETHER))
             .iter()
             .sum()
@@ -59,12 +61,12 @@ impl Compiled {
         let n = self.directions;
         let whole = |k: usize| k.next_multiple_of(TOGETHER);
         let (right, room) = room.split_at_mut(whole(n));
-        let (rest, gram) = room.split_at_mut(whole(self.monomials.len()));
+        let (rest, gram) = room.split_at_mut(whole(self.factors));
         sums(simd, &self.gram, powers.monomials, gram);
         sums(simd, &self.right, powers.products, right);
-        sums(simd, &self.rest, powers.monomials, rest);
+        sums(simd, &self.rest, powers.factors, rest);
         let mut square = zero;
-        for (by, m) in rest.iter().zip(powers.monomials) {
+        for (by, m) in rest.iter().zip(powers.factors) {
             square = simd.mul_add_e_f64s(*by, *m, square);
         }
         let (mut log_det, mut least) = (zero, one);
@@ -129,22 +131,48 @@ fn sums<S: Simd>(simd: S, coefficients: &[f64], of: &[S::f64s], out: &mut [S::f6
     }
 }
 
-/// Monomials of the distances of a vector of points, and their products with 1 and each distance.
+/// Of a vector of points: monomials of their coordinates, the factors of what the data leave, and the products of these with 1 and each
+/// coordinate.
 #[derive(Clone, Copy)]
 struct Powers<'a, S: Simd> {
     monomials: &'a [S::f64s],
+    factors: &'a [S::f64s],
     products: &'a [S::f64s],
 }
 
-/// Log evidence of every part at every point, part by part: the coefficients of one stay near the processor while all points have them.
-/// `distances` lie constant by constant, prior sds.
-pub fn log_evidences(parts: &[&Compiled], distances: &[f64], count: usize) -> Vec<f64> {
-    let mut out = vec![0.0; parts.len() * count];
-    if count > 0 {
+/// Places of some points: coordinates of the constants, 1 first, and factors of what the data leave; one row for each, a number a point.
+pub struct PlacesOf {
+    pub coordinates: Vec<Vec<f64>>,
+    pub factors: Vec<Vec<f64>>,
+}
+
+impl PlacesOf {
+    /// Of points one by one.
+    pub fn new(points: &[(Vec<f64>, Vec<f64>)]) -> Self {
+        let rows = |of: &dyn Fn(&(Vec<f64>, Vec<f64>)) -> Vec<f64>| -> Vec<Vec<f64>> {
+            let all: Vec<Vec<f64>> = points.iter().map(of).collect();
+            let count = all.first().map_or(0, Vec::len);
+            let row = |k: usize| all.iter().map(|p| p[k]).collect();
+            (0..count).map(row).collect()
+        };
+        Self {
+            coordinates: rows(&|p| p.0.clone()),
+            factors: rows(&|p| p.1.clone()),
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.coordinates.first().map_or(0, Vec::len)
+    }
+}
+
+/// Log evidence of every part at every place, part by part: the coefficients of one stay near the processor while all places have them.
+pub fn log_evidences(parts: &[&Compiled], places: &PlacesOf) -> Vec<f64> {
+    let mut out = vec![0.0; parts.len() * places.count()];
+    if !out.is_empty() {
         pulp::Arch::new().dispatch(EvidenceBatch {
             parts,
-            distances,
-            count,
+            places,
             out: &mut out,
         });
     }
@@ -158,8 +186,7 @@ pub fn log_evidences(parts: &[&Compiled], distances: &[f64], count: usize) -> Ve
 
 struct EvidenceBatch<'a> {
     parts: &'a [&'a Compiled],
-    distances: &'a [f64],
-    count: usize,
+    places: &'a PlacesOf,
     out: &'a mut [f64],
 }
 
@@ -171,37 +198,43 @@ impl WithSimd for EvidenceBatch<'_> {
         let Some(first) = self.parts.first() else {
             return;
         };
-        let constants = self.distances.len() / self.count;
-        let monomials = first.monomials.len();
-        let each = monomials * (constants + 2);
-        let vectors = self.count.div_ceil(S::F64_LANES);
+        let PlacesOf {
+            coordinates,
+            factors,
+        } = self.places;
+        let count = self.places.count();
+        let pairs = monomials(coordinates.len() - 1);
+        let each = pairs.len() + factors.len() * (1 + coordinates.len());
+        let vectors = count.div_ceil(S::F64_LANES);
         let mut powers = vec![0.0; vectors * each * S::F64_LANES];
         let (powers, _) = S::as_mut_simd_f64s(&mut powers);
-        let own = |v: usize| v * S::F64_LANES..self.count.min((v + 1) * S::F64_LANES);
+        let own = |v: usize| v * S::F64_LANES..count.min((v + 1) * S::F64_LANES);
         for (v, powers) in powers.chunks_exact_mut(each).enumerate() {
-            let (m, products) = powers.split_at_mut(monomials);
-            // the last vector's missing points lie where the test was linearised
-            let distance = |k: usize| match k {
-                0 => simd.splat_f64s(1.0),
-                k => simd.partial_load_f64s(&self.distances[(k - 1) * self.count..][own(v)]),
-            };
-            for (m, [a, b]) in m.iter_mut().zip(&first.monomials) {
-                *m = simd.mul_f64s(distance(*a), distance(*b));
+            let (m, rest) = powers.split_at_mut(pairs.len());
+            let (left, products) = rest.split_at_mut(factors.len());
+            let of = |row: &Vec<f64>| simd.partial_load_f64s(&row[own(v)]);
+            for (m, [a, b]) in m.iter_mut().zip(&pairs) {
+                *m = simd.mul_f64s(of(&coordinates[*a]), of(&coordinates[*b]));
             }
-            for (k, products) in products.chunks_exact_mut(monomials).enumerate() {
-                let d = distance(k);
-                for (product, m) in products.iter_mut().zip(&*m) {
-                    *product = simd.mul_f64s(*m, d);
+            for (left, row) in left.iter_mut().zip(factors) {
+                *left = of(row);
+            }
+            for (products, row) in products.chunks_exact_mut(factors.len()).zip(coordinates) {
+                let x = of(row);
+                for (product, left) in products.iter_mut().zip(&*left) {
+                    *product = simd.mul_f64s(*left, x);
                 }
             }
         }
         let mut room = vec![0.0; first.room() * S::F64_LANES];
         let (room, _) = S::as_mut_simd_f64s(&mut room);
-        for (part, out) in self.parts.iter().zip(self.out.chunks_exact_mut(self.count)) {
+        for (part, out) in self.parts.iter().zip(self.out.chunks_exact_mut(count)) {
             for (v, powers) in powers.chunks_exact(each).enumerate() {
-                let (monomials, products) = powers.split_at(monomials);
+                let (monomials, rest) = powers.split_at(pairs.len());
+                let (factors, products) = rest.split_at(factors.len());
                 let powers = Powers {
                     monomials,
+                    factors,
                     products,
                 };
                 let value = part.evidence(simd, powers, room);

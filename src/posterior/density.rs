@@ -1,14 +1,15 @@
-//! One conditional answer: the density of the constants, with all amplitudes that enter linearly integrated out, and the choices of noise,
-//! of acting effects and of the size of all others summed. The noise keeps the scale that its contrasts have, to which no effect
-//! contributes: left free, an answer that does not describe the data took its misfit for noise and was 60 times as wide.
+//! The density of the constants, with all amplitudes that enter linearly integrated out, and the choices of noise, of acting effects and of the
+//! size of all others summed. The noise keeps the scale that its contrasts have, to which no effect contributes: left free, an answer that does
+//! not describe the data took its misfit for noise and was 60 times as wide.
 
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::evidence::{Compiled, log_evidences};
-use super::quadratic::Equations;
+use super::equations::Equations;
+use super::evidence::{Compiled, PlacesOf, log_evidences};
 use super::space::Space;
+use super::surface::Surface;
 use crate::error::Result;
 use crate::infer::{Known, Marginal};
 use crate::laminate::Material;
@@ -36,30 +37,36 @@ struct MixturePart {
     equations: Compiled,
 }
 
-/// The density of one answer.
-pub struct AnswerDensity {
-    names: Vec<String>,
-    material: Material,
-    /// Priors of the constants, and where the test was linearised, border units.
-    constants: Vec<(Marginal, f64)>,
+/// What is known of the constants beside the data.
+pub struct ConstantsPrior {
+    pub material: Material,
+    /// Border units.
+    pub marginals: Vec<Marginal>,
     /// What other experiments say of them.
-    known: Option<Arc<Known>>,
+    pub known: Option<Arc<Known>>,
+}
+
+/// A mixture of parts, each with its noise and its prior of the amplitudes.
+pub struct Density {
+    names: Vec<String>,
+    prior: ConstantsPrior,
+    surface: Surface,
     pub space: Space,
     /// The data under every choice of the noise.
     pub noise: Vec<Equations>,
     parts: Vec<MixturePart>,
 }
 
-impl AnswerDensity {
-    /// `constants` come with where the test was linearised; `noise` are choices of the noise, `choices` the parts.
+impl Density {
+    /// `noise` are choices of the noise, `choices` the parts.
     pub fn new(
-        (material, constants): (Material, Vec<(Marginal, f64)>),
+        prior: ConstantsPrior,
+        surface: Surface,
         space: Space,
         noise: Vec<Equations>,
         choices: Vec<MixtureChoice>,
-        known: Option<Arc<Known>>,
     ) -> Self {
-        let names = material.constants().iter();
+        let names = prior.material.constants().iter();
         let names: Vec<String> = names.map(|n| (*n).to_string()).collect();
         let part = |choice: MixtureChoice| {
             let sds = space.sds(&choice.own, choice.size, choice.rival);
@@ -73,9 +80,8 @@ impl AnswerDensity {
         Self {
             parts: choices.into_iter().map(part).collect(),
             names,
-            material,
-            constants,
-            known,
+            prior,
+            surface,
             space,
             noise,
         }
@@ -83,32 +89,41 @@ impl AnswerDensity {
 
     /// Number of constants.
     pub fn constants(&self) -> usize {
-        self.constants.len()
+        self.prior.marginals.len()
     }
 
-    /// Distances of the constants from where the test was linearised, prior sds.
-    pub fn distances(&self, x: &[f64]) -> Vec<f64> {
-        let distance = |(x, (m, at)): (&f64, &(Marginal, f64))| (x - at) / m.sd;
-        x.iter().zip(&self.constants).map(distance).collect()
+    /// Coordinates of the constants, 1 first, and the factors of what the data leave there: 1, of the modes, the coordinates again.
+    pub fn place(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let own = self.surface.ratios.of(x);
+        let modes = self.surface.change(&own);
+        let one = || std::iter::once(1.0);
+        let factors = one()
+            .chain(modes.iter().copied())
+            .chain(own.iter().copied());
+        let factors = factors.collect();
+        (one().chain(own).collect(), factors)
     }
 
     /// Log prior density of a point with what other experiments say of it, -inf outside.
     fn log_prior(&self, x: &[f64]) -> f64 {
-        if !self.material.ply(x).is_admissible() {
+        let ConstantsPrior {
+            material,
+            marginals,
+            known,
+        } = &self.prior;
+        if !material.ply(x).is_admissible() {
             return f64::NEG_INFINITY;
         }
-        let of = |(x, (m, _)): (&f64, &(Marginal, f64))| m.log_density(*x);
-        let prior: f64 = x.iter().zip(&self.constants).map(of).sum();
-        prior + self.known.as_ref().map_or(0.0, |k| k.log_density(x))
+        let of = |(x, m): (&f64, &Marginal)| m.log_density(*x);
+        let prior: f64 = x.iter().zip(marginals).map(of).sum();
+        prior + known.as_ref().map_or(0.0, |k| k.log_density(x))
     }
 
     /// Log weight of every part at some points, part by part.
     fn weights_at(&self, points: &[Vec<f64>]) -> Vec<f64> {
         let parts: Vec<&Compiled> = self.parts.iter().map(|p| &p.equations).collect();
-        let places: Vec<Vec<f64>> = points.iter().map(|x| self.distances(x)).collect();
-        let by_constant = (0..self.constants()).flat_map(|k| places.iter().map(move |d| d[k]));
-        let distances: Vec<f64> = by_constant.collect();
-        let mut weights = log_evidences(&parts, &distances, points.len());
+        let places: Vec<(Vec<f64>, Vec<f64>)> = points.iter().map(|x| self.place(x)).collect();
+        let mut weights = log_evidences(&parts, &PlacesOf::new(&places));
         for (part, weights) in self
             .parts
             .iter()
@@ -139,7 +154,7 @@ impl AnswerDensity {
     }
 }
 
-impl LogDensity for AnswerDensity {
+impl LogDensity for Density {
     fn names(&self) -> &[String] {
         &self.names
     }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::answer::{AnswerDensity, MixtureChoice, lower};
+use super::density::{Density, MixtureChoice, lower};
 use super::space::Whose;
 use crate::numeric::relative_weights;
 use crate::sample::Stream;
@@ -33,15 +33,15 @@ pub struct Inclusion<'a> {
 
 /// Draw what was integrated out at points of an answer, each with a stream of its own.
 pub fn complete(
-    answer: &AnswerDensity,
+    density: &Density,
     points: &[Vec<f64>],
     inclusion: &Inclusion<'_>,
     stream: &(dyn Fn(usize) -> Stream + Sync),
 ) -> Vec<CompletedDraw> {
     let batches = points.par_chunks(BATCH);
-    let weights: Vec<Vec<f64>> = batches.flat_map_iter(|x| answer.weights(x)).collect();
+    let weights: Vec<Vec<f64>> = batches.flat_map_iter(|x| density.weights(x)).collect();
     let at = |(k, (x, weights)): (usize, (&Vec<f64>, &Vec<f64>))| {
-        drawn(answer, (x, weights), inclusion, &mut stream(k))
+        drawn(density, (x, weights), inclusion, &mut stream(k))
     };
     let all = points.par_iter().zip(&weights).enumerate();
     all.map(at).collect()
@@ -51,15 +51,15 @@ pub fn complete(
 const BATCH: usize = 500;
 
 fn drawn(
-    answer: &AnswerDensity,
+    density: &Density,
     (x, weights): (&[f64], &[f64]),
     inclusion: &Inclusion<'_>,
     rng: &mut Stream,
 ) -> CompletedDraw {
-    let place = answer.distances(x);
-    let mut choice = choose(answer, weights, rng);
-    let (gram, right) = answer.noise[choice.noise].at(&place);
-    let mut given = GivenChoice::new(answer, (&gram, &right), &choice);
+    let (coordinates, factors) = density.place(x);
+    let mut choice = choose(density, weights, rng);
+    let (gram, right) = density.noise[choice.noise].at(&coordinates, &factors);
+    let mut given = GivenChoice::new(density, (&gram, &right), &choice);
     for _ in 0..SWEEPS * inclusion.candidates {
         given = birth_or_death(given, &mut choice, inclusion, rng);
     }
@@ -72,19 +72,19 @@ fn drawn(
 }
 
 /// A part of the mixture by its weight.
-fn choose(answer: &AnswerDensity, weights: &[f64], rng: &mut Stream) -> MixtureChoice {
+fn choose(density: &Density, weights: &[f64], rng: &mut Stream) -> MixtureChoice {
     let shares = relative_weights(weights);
     let mut left = rng.uniform() * shares.iter().sum::<f64>();
     let place = shares.iter().position(|s| {
         left -= s;
         left < 0.0
     });
-    answer.choice(place.unwrap_or(0)).clone()
+    density.choice(place.unwrap_or(0)).clone()
 }
 
 /// The linear amplitudes' normal distribution, given all else: gamma = K e, e of precision P = I + K' H K about P^-1 K' z.
 pub struct GivenChoice<'a> {
-    answer: &'a AnswerDensity,
+    density: &'a Density,
     /// G and z.
     at: (&'a DMatrix<f64>, &'a DVector<f64>),
     /// Prior sds of the columns over the largest ones.
@@ -98,12 +98,12 @@ pub struct GivenChoice<'a> {
 
 impl<'a> GivenChoice<'a> {
     pub fn new(
-        answer: &'a AnswerDensity,
+        density: &'a Density,
         at: (&'a DMatrix<f64>, &'a DVector<f64>),
         choice: &MixtureChoice,
     ) -> Self {
-        let sds = answer.space.sds(&choice.own, choice.size, choice.rival);
-        let root = lower(&answer.space.covariance(&sds));
+        let sds = density.space.sds(&choice.own, choice.size, choice.rival);
+        let root = lower(&density.space.covariance(&sds));
         let n = root.nrows();
         let mut factor = root.tr_mul(at.0) * &root;
         for k in 0..n {
@@ -113,7 +113,7 @@ impl<'a> GivenChoice<'a> {
         let solved = root.tr_mul(at.1);
         let solved = factor.solve_lower_triangular(&solved).unwrap_or(solved);
         Self {
-            answer,
+            density,
             at,
             sds,
             root,
@@ -138,7 +138,7 @@ impl<'a> GivenChoice<'a> {
     pub fn amplitudes(&self, rng: &mut Stream) -> DVector<f64> {
         let prior = self.sds.map(|sd| sd * rng.normal());
         let gamma = self.gamma(rng);
-        let space = &self.answer.space;
+        let space = &self.density.space;
         let missing = gamma - space.seen.tr_mul(&prior);
         self.towards(&missing, &prior).component_mul(&space.largest)
     }
@@ -149,7 +149,7 @@ impl<'a> GivenChoice<'a> {
         let solved = self.root.solve_lower_triangular(missing);
         let solved = solved.and_then(|y| self.root.transpose().solve_upper_triangular(&y));
         let solved = solved.unwrap_or_else(|| DVector::zeros(n));
-        let back = &self.answer.space.seen * solved;
+        let back = &self.density.space.seen * solved;
         prior + back.component_mul(&self.sds).component_mul(&self.sds)
     }
 
@@ -157,7 +157,7 @@ impl<'a> GivenChoice<'a> {
     fn moments(&self, columns: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
         let n = self.root.nrows();
         // rows of S^2 V K'^-1: what a column's amplitude has of e
-        let seen = &self.answer.space.seen;
+        let seen = &self.density.space.seen;
         let rows = DMatrix::from_fn(n, columns.len(), |i, j| {
             seen[(columns[j], i)] * self.sds[columns[j]].powi(2)
         });
@@ -215,14 +215,14 @@ pub fn birth_or_death<'a>(
         choice.own.push(candidate);
         choice.own.sort_unstable();
     }
-    GivenChoice::new(given.answer, given.at, choice)
+    GivenChoice::new(given.density, given.at, choice)
 }
 
 impl GivenChoice<'_> {
     /// Log ratio of the evidence if a candidate's amplitudes had another prior sd (over the prior's own): the mean, over the amplitudes
     /// as they are now, of the ratio of the two priors.
     pub fn log_ratio(&self, candidate: usize, sd: f64) -> f64 {
-        let space = &self.answer.space;
+        let space = &self.density.space;
         let columns: Vec<usize> = (0..space.whose.len())
             .filter(|&k| space.whose[k] == Whose::Candidate(candidate))
             .collect();
