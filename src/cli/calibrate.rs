@@ -55,7 +55,8 @@ pub fn article_twin(
         noise_nm: TWIN_NOISE_NM,
     };
     let u = twin.finite_elements(&truth)?;
-    let posterior = twin.posterior(model, u, &twin.noise(TWIN_NOISE_NM, 0.0, seed))?;
+    let noise = twin.noise(TWIN_NOISE_NM, 0.0, seed);
+    let posterior = twin.posterior(model, u, &noise)?.posed.density;
     let mut marginals = posterior.marginals().to_vec();
     for (m, cut) in marginals.iter_mut().zip(article::TRUNCATION) {
         m.truncate = Some(cut);
@@ -97,9 +98,6 @@ pub struct CalibrationArguments {
     /// Number of shares, N
     #[arg(long, value_name = "N", requires = "task", value_parser = clap::value_parser!(u32).range(1..))]
     of: Option<u32>,
-    /// With --sbc, simulate by the reduced model and not by the finite elements
-    #[arg(long)]
-    reduced: bool,
 }
 
 /// A calibration before its first replicate: what is calibrated, and a plan for each correlation length of the noise.
@@ -141,7 +139,6 @@ impl CalibrationArguments {
             Ok(ReplicatePlan {
                 replicates: replicates as usize,
                 correlation_mm,
-                reduced: self.reduced && !self.whole_loop,
                 seed,
                 grid: self.grid,
                 share,

@@ -11,7 +11,6 @@ use super::running::{RunPlan, Running};
 use super::{Global, cache, field_run, print, results, study};
 use crate::chain::check_stores;
 use crate::error::{Error, Result};
-use crate::experiment::State;
 use crate::files;
 use crate::infer::Model;
 use crate::report::json::Keyed;
@@ -149,9 +148,10 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
 
 /// Trace what is left of a field whose results are in a folder: the file that says so, and what it holds.
 fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathBuf, Value)> {
-    let (start, alone) = state(place, model)?;
+    let alone = alone(place, model)?;
     let prepared = crate::identify::prepare(model, &cache(), console)?;
-    let (tracing, _) = trace::attribute(model, &prepared, start, &|_| true, console)?;
+    let inverse = crate::identify::inverse_problem(model, prepared, console)?;
+    let (tracing, _) = trace::attribute(model, &inverse, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
 
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
@@ -168,8 +168,8 @@ fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathB
     Ok((path, value))
 }
 
-/// Posterior means of the last round in `report.json`, and mean and sd of the constants.
-fn state(run: &Path, model: &Model) -> Result<(State, Keyed<MeanAndSd>)> {
+/// Mean and sd of the constants by the last round in `report.json`.
+fn alone(run: &Path, model: &Model) -> Result<Keyed<MeanAndSd>> {
     let report = Report::load(run)?;
     let mismatch = |found: String| {
         let path = run.join("report.json");
@@ -193,6 +193,5 @@ fn state(run: &Path, model: &Model) -> Result<(State, Keyed<MeanAndSd>)> {
     {
         return Err(mismatch(format!("no posterior of {name}")));
     }
-    let mean = |name: &str| round.moments(name).map(|m| m.mean);
-    Ok((model.state(&mean), round.alone()))
+    Ok(round.alone())
 }

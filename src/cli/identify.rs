@@ -12,7 +12,7 @@ use crate::identify;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain identify
-  plychain identify specimen.json --data other.csv --refine --strict
+  plychain identify specimen.json --data other.csv --strict
   plychain identify specimen.json --out runs/long --resume    go on with an interrupted run")]
 pub struct IdentifyArguments {
     #[command(flatten)]

@@ -39,14 +39,10 @@ pub struct Running {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Continue the interrupted run in --out; the result is the same to the last bit
-    #[arg(long, requires = "out", conflicts_with = "refine")]
+    #[arg(long, requires = "out")]
     resume: bool,
     #[command(flatten)]
     sampler: SamplerOptions,
-    /// Refine the reduced model (fast approximation of the finite elements) where the posterior is, at most ROUNDS times (1 to 20). It stops when
-    /// the finite elements agree within 1 % of a posterior sd and no draw lies outside the model's bounds
-    #[arg(long, value_name = "ROUNDS", num_args = 0..=1, require_equals = true, default_missing_value = "3", value_parser = clap::value_parser!(u8).range(1..=20))]
-    refine: Option<u8>,
     /// Exit with an error if the input is doubtful (before sampling), or if chains have not converged
     #[arg(long)]
     strict: bool,
@@ -70,7 +66,6 @@ pub struct RunPlan {
     rule: Rule,
     deadline: Option<Instant>,
     identity: Value,
-    refinements: usize,
     resume: bool,
     /// Whether figures are written as PNG too.
     pub png: bool,
@@ -91,8 +86,8 @@ impl Running {
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<RunPlan> {
         let study = Study::load_with(&self.model, self.data.as_ref())?;
-        if study.fields().next().is_none() && (self.refine.is_some() || self.full_order) {
-            return Err(Error::input("--refine, --full-order", "a model of a field")
+        if study.fields().next().is_none() && self.full_order {
+            return Err(Error::input("--full-order", "a model of a field")
                 .found("experiments without a reduced model"));
         }
         let study = study.settled(self.full_order)?;
@@ -136,7 +131,6 @@ impl Running {
             rule,
             deadline,
             identity,
-            refinements: self.refine.map_or(0, usize::from),
             resume: self.resume,
             png: self.png,
             tables: true,
@@ -156,7 +150,6 @@ impl RunPlan {
         Options {
             schedule: self.schedule.clone(),
             rule: self.rule,
-            refinements: self.refinements,
             keeping: Some(Keeping::within(place, self.identity.clone(), self.resume)),
             deadline: self.deadline,
             ..Options::new(&*self.sampler, cache())

@@ -48,7 +48,7 @@ pub fn run(arguments: &ServeArguments, console: &Console) -> Result<()> {
     };
     let prepared = prepare(model, &cache(), console)?;
     let inverse = inverse_problem(model, prepared, console)?;
-    let names = inverse.posterior.names();
+    let names = inverse.posed.density.names();
     let unknowns = unknowns(model);
     let points = inverse.prepared.observation.field.len();
     let url = &bound.url;
@@ -88,7 +88,7 @@ fn unknowns(model: &Model) -> Vec<String> {
 }
 
 fn density(inverse: &InverseProblem, x: &[f64]) -> ModelAnswer {
-    let value = inverse.posterior.value(x).map_err(|e| e.to_string())?;
+    let value = inverse.posed.density.value(x).map_err(|e| e.to_string())?;
     match value.is_nan() {
         true => Err(format!("the log posterior is not defined at {x:?}")),
         false => Ok(vec![value]),

@@ -16,9 +16,9 @@ use super::{DEFAULT_MODEL, Global, cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::identify::{self, InverseProblem, Options, Prepared, SurrogateError};
-use crate::infer::{Model, Posterior};
-use crate::report::Report;
+use crate::identify::{self, InverseProblem, Options, SurrogateError};
+use crate::infer::Model;
+use crate::posterior::Density;
 use crate::report::calibration::{article_numbers, article_section};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
@@ -93,7 +93,6 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         inverse: &found.inverse,
         draws: &found.draws,
         surrogate: &found.surrogate,
-        refinements: 0,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
     finish(arguments, numbers, &model, (&folder, global.seed), console)?;
@@ -121,14 +120,14 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
     let model = Model::load_with(&path.join("model.json"), None)?;
     check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;
-    let (prepared, refinements) = as_refined(path, &model, console)?;
+    let prepared = identify::prepare(&model, &cache(), console)?;
     let inverse = identify::inverse_problem(&model, prepared, console)?;
-    if draws.names() != inverse.posterior.names() {
+    if draws.names() != inverse.posed.density.names() {
         return Err(Error::input(
             path.join("chain.zarr").display(),
             format!(
                 "a chain of {}, as the run's model has",
-                inverse.posterior.names().join(", ")
+                inverse.posed.density.names().join(", ")
             ),
         )
         .found(draws.names().join(", "))
@@ -139,34 +138,15 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
             Error::input(path.join("chain.zarr").display(), "a chain with draws").found("none"),
         );
     }
-    let surrogate = SurrogateError::measure(&inverse, &draws, console)?;
+    let surrogate = identify::checked(&model, (&inverse, &draws), global.seed, console)?;
     let run = FinishedRun {
         folder: &folder,
         inverse: &inverse,
         draws: &draws,
         surrogate: &surrogate,
-        refinements,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
     finish(arguments, numbers, &model, (&folder, global.seed), console)
-}
-
-/// The measurement with the reduced model that the run's chain was drawn with: the first one, or what it was refined to.
-fn as_refined(path: &Path, model: &Model, console: &Console) -> Result<(Prepared, usize)> {
-    let prepared = identify::prepare(model, &cache(), console)?;
-    // the first round's: its model and its chain lie in the folder itself
-    let report = Report::load(path)?;
-    let steps = report
-        .rounds
-        .first()
-        .map_or(&[][..], |r| &r.surrogate.refinement);
-    let Some((last, before)) = steps.split_last().filter(|(_, before)| !before.is_empty()) else {
-        return Ok((prepared, 0));
-    };
-    let side = |name: &str| last.doe.get(name).copied();
-    let prepared = identify::refined(prepared, &side, last.modes, &cache(), console)
-        .map_err(|e| e.within(path.join("report.json").display()))?;
-    Ok((prepared, before.len()))
 }
 
 /// An identification that is held against other ways to its posterior.
@@ -174,14 +154,11 @@ struct FinishedRun<'a> {
     folder: &'a Folder,
     inverse: &'a InverseProblem,
     draws: &'a Draws,
-    /// The reduced model against the finite elements at draws.
+    /// The density against the finite elements at draws.
     surrogate: &'a SurrogateError,
-    /// How often the reduced model was refined.
-    refinements: usize,
 }
 
-/// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it. The
-/// reduced model's error comes with how often it had been refined.
+/// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it.
 fn validate(
     arguments: &ValidateArguments,
     run: &FinishedRun<'_>,
@@ -189,11 +166,11 @@ fn validate(
     console: &Console,
 ) -> Result<Value> {
     let (inverse, draws) = (run.inverse, run.draws);
-    let posterior = &inverse.posterior;
+    let posterior = &inverse.posed.density;
     let chain = diagnose(draws, &Rule::default()).rows;
     let mode = identify::start(posterior)?;
     let bounds = bounds(arguments, posterior, &chain)?;
-    let small = is_small(arguments.nodes, posterior.structural());
+    let small = is_small(arguments.nodes, posterior.constants());
     let began = Instant::now();
     let evaluated = small
         .then(|| PosteriorGrid::new(posterior, &mode, &bounds, arguments.nodes))
@@ -203,9 +180,9 @@ fn validate(
         write_grid(grid, &run.folder.path().join("grid"))?;
     }
     let compared = thickness::compare(
-        posterior,
+        &inverse.posed,
         &bounds,
-        posterior.scale(&mode.mode),
+        mode.mode.get(posterior.constants()).copied(),
         [arguments.monte_carlo, thickness::SAMPLES],
         seed,
         console,
@@ -222,7 +199,6 @@ fn validate(
         thickness: compared.as_ref(),
         priors: priors.as_ref(),
         truth: run.surrogate,
-        refinements: run.refinements,
     };
     let section = validation.section(&arguments.target.display().to_string());
     print(&terminal(&[section]))?;
@@ -249,10 +225,10 @@ const GRID_DRAWS: usize = 2500;
 /// The grid's bounds: about the chain, or as declared.
 fn bounds(
     arguments: &ValidateArguments,
-    posterior: &Posterior,
+    posterior: &Density,
     chain: &[Row],
 ) -> Result<Vec<[f64; 2]>> {
-    let rows = chain[..posterior.structural()].iter();
+    let rows = chain[..posterior.constants()].iter();
     let (mean, sd): (Vec<f64>, Vec<f64>) = rows.map(|r| (r.mean, r.sd)).unzip();
     let mut bounds = grid::automatic(posterior, &mean, &sd);
     declared_bounds(&arguments.bounds, posterior, &mut bounds)?;
@@ -287,8 +263,8 @@ fn finish(
 }
 
 /// Put `NAME=LOW:HIGH` into the bounds.
-fn declared_bounds(texts: &[String], posterior: &Posterior, bounds: &mut [[f64; 2]]) -> Result<()> {
-    let names = posterior.parameter_names();
+fn declared_bounds(texts: &[String], posterior: &Density, bounds: &mut [[f64; 2]]) -> Result<()> {
+    let names = posterior.constant_names();
     for text in texts {
         let wrong = || {
             Error::input(

@@ -2,18 +2,15 @@
 
 use std::path::PathBuf;
 
-use nalgebra::DVector;
-use serde::{Deserialize, Serialize};
-
 use super::inverse::InverseProblem;
 use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
 use super::residual::Residual;
 use super::structure::Structure;
-use super::surrogate::{SurrogateError, TOLERANCE};
+use super::surrogate::SurrogateError;
 use crate::chain::Draws;
 use crate::diagnose::Verdict;
-use crate::files::Keyed;
+use crate::linearise::StepStack;
 use crate::sample::Stopped;
 
 /// One identification: the inverse problem, its draws and what they are worth.
@@ -24,16 +21,14 @@ pub struct Identification {
     pub stopped: Stopped,
     /// Convergence of the chains, and moments of every parameter.
     pub verdict: Verdict,
-    /// Draws whose constants lie outside the DoE box, as a fraction.
-    pub outside_doe: f64,
-    /// The reduced model against the finite elements at draws of the posterior.
+    /// The density against the finite elements at draws.
     pub surrogate: SurrogateError,
-    /// The reduced models used, the first and every refinement; the last is this identification's.
-    pub refinements: Vec<Refinement>,
-    /// Mean and sd of each declared closed-form effect's amplitude, border units.
+    /// Mean and sd of each declared effect's amplitudes, border units.
     pub effect_amplitudes: Vec<(String, f64, f64)>,
     /// What the posterior mean leaves unexplained.
     pub residual: Residual,
+    /// The same of the block averages of all steps, mm.
+    pub left: StepStack,
     /// Autocorrelation of the residual, and where it lies.
     pub structure: Structure,
     /// What stationary noise does not do.
@@ -68,13 +63,10 @@ impl Identification {
         self
     }
 
-    /// The same identification, its misfit held against noise and effects that may act too: of each, what one prior sd of every
-    /// amplitude does to the block averages of (u1, u2) at all measured points, mm.
+    /// The same identification, its misfit held against noise and effects that may act too: `p` is the probability of a larger one by both.
     #[must_use]
-    pub fn with_effects(mut self, columns: &[[DVector<f64>; 2]]) -> Self {
-        let mean: Vec<f64> = self.verdict.rows.iter().map(|row| row.mean).collect();
-        let of = (&self.inverse, &self.residual);
-        self.misfit = self.misfit.with_effects(of, &mean, columns);
+    pub fn with_effects(mut self, p: f64) -> Self {
+        self.misfit = self.misfit.with_effects(p);
         self
     }
 
@@ -85,41 +77,5 @@ impl Identification {
         sampled
             .map(|r| (r.mean, r.sd))
             .or_else(|| closed().map(|a| (a.1, a.2)))
-    }
-}
-
-/// One reduced model on the way: what it worked with and how far it got.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Refinement {
-    /// Largest shift of any parameter, posterior sds.
-    pub max_error_in_posterior_sd: f64,
-    /// Largest error of the field at a measured point, nm.
-    pub max_field_error_nm: f64,
-    /// Draws outside the DoE box, as a fraction.
-    pub draws_outside_doe: f64,
-    pub snapshots: usize,
-    /// Modes kept for each component.
-    pub modes: usize,
-    /// Low and high side of the box.
-    pub doe: Keyed<[f64; 2]>,
-}
-
-impl Refinement {
-    /// Where an identification stands.
-    pub fn of(found: &Identification) -> Self {
-        let reduced = &found.inverse.prepared.reduced;
-        Self {
-            max_error_in_posterior_sd: found.surrogate.max_sd(),
-            max_field_error_nm: found.surrogate.max_field_nm,
-            draws_outside_doe: found.outside_doe,
-            snapshots: reduced.snapshots,
-            modes: reduced.modes_per_component(),
-            doe: reduced.sides(),
-        }
-    }
-
-    /// Whether the reduced model needs no refinement: its error is within the tolerance, and no draw extrapolates.
-    pub fn is_enough(&self) -> bool {
-        self.max_error_in_posterior_sd <= TOLERANCE && self.draws_outside_doe == 0.0
     }
 }

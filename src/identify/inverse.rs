@@ -1,8 +1,14 @@
 //! The question before it is answered: reduced model, observation, noise, posterior.
 
-use crate::effect::amplitude_name;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::DVector;
+
+use crate::effect::Effect;
 use crate::effect::limit::alter_checked;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::experiment::series::SeriesState;
 use crate::experiment::{Prediction, State, predict};
 use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
@@ -10,23 +16,32 @@ use crate::field::{Field, Series};
 use crate::files::KeptStages;
 use crate::geometry::{Geometry, Morph};
 use crate::infer::{
-    Likelihood, Marginal, Model, Observation, Posterior, Statistics, TracedSeries, UnitColumns,
-    drawn_in, problem_of, problem_within,
+    EffectUnderLaw, Model, Observation, UnitColumns, drawn_in, problem_of, problem_within,
 };
-use crate::noise::{Hyperparameters, Noise};
+use crate::linearise::{
+    CandidateColumns, Forward, Insoluble, Measured, Sensitivities, StepStack, acting_in,
+    candidates, insoluble, is_of_a_rotation, without_insoluble,
+};
+use crate::noise::{Noise, NormalEquations};
 use crate::numeric::add_scaled;
+use crate::posterior::{
+    About, Account, CoarseForwards, Density, Expansion, LinearisationPoint, MixtureChoice,
+    NoisePair, NoiseScale, Posed, Weighing, Whose, linear,
+};
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
 
+use super::coarse::CoarseTest;
+use super::forward::forward;
 use super::fringes::{without_jumps, without_phase_error};
-use super::of_frames::measured_by_frames;
 use super::own_rotation::own_rotation;
 use super::reduction::{Reduction, With};
-use super::series::combined;
 use super::size::check_size;
+use super::weighed::{bytes_of, weighed};
 
 /// A reduced model and the measurement it is held against.
+#[derive(Clone)]
 pub struct Prepared {
     /// The problem it solves.
     pub problem: Problem,
@@ -35,10 +50,8 @@ pub struct Prepared {
     pub cached: bool,
     /// The measurement on the plate.
     pub observation: Observation,
-    /// Structure that is to be counted as a discrepancy of the model.
-    pub discrepancy: [Option<Hyperparameters>; 2],
-    /// What tracing found of a series before: about that it is linear in the declared effects.
-    pub traced: Option<TracedSeries>,
+    /// Where an earlier round left the test; the search for where to linearise it begins there.
+    pub begun: Option<SeriesState>,
 }
 
 impl Prepared {
@@ -92,35 +105,25 @@ impl Prepared {
 pub struct InverseProblem {
     /// What is solved.
     pub prepared: Prepared,
-    /// Columns at the measured points.
-    pub columns: UnitColumns,
+    /// The blocks of all steps.
+    pub measured: Arc<Measured>,
+    /// Where the test is linearised, with what may act in it.
+    pub point: LinearisationPoint,
+    /// The test linearised there, with all candidates: what the noise is orthogonal to.
+    pub sensitivities: Sensitivities,
+    pub weighing: Weighing,
+    /// Effects left out of the candidates, with the reason.
+    pub left_out: Insoluble,
+    /// The noise of a point: what a residual is looked at with.
     pub noise: Noise,
-    pub statistics: Statistics,
-    pub posterior: Posterior,
+    pub posed: Posed,
 }
 
 /// Read the measurement and obtain the reduced model for it.
 ///
 /// # Errors
 /// Those of reading the measurement, of finite-element solutions and of `REDUCTIONS`.
-pub fn prepare(
-    model: &Model,
-    cache_dir: &std::path::Path,
-    progress: &dyn Progress,
-) -> Result<Prepared> {
-    prepare_traced(model, None, cache_dir, progress)
-}
-
-/// The same of a model whose series was traced before.
-///
-/// # Errors
-/// Those of [`prepare`].
-pub fn prepare_traced(
-    model: &Model,
-    traced: Option<TracedSeries>,
-    cache_dir: &std::path::Path,
-    progress: &dyn Progress,
-) -> Result<Prepared> {
+pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Result<Prepared> {
     let (problem, observation) = observed(model, progress)?;
     if let Some(sides) = drawn_in(model) {
         progress.begin(
@@ -133,7 +136,6 @@ pub fn prepare_traced(
     let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
     let with = With {
         model,
-        traced: traced.as_ref(),
         reduced: &reduced,
         experiment: &*problem.experiment,
         nominal: nominal_point(&problem, model),
@@ -145,18 +147,12 @@ pub fn prepare_traced(
         reduced,
         cached,
         observation,
-        discrepancy: [None, None],
-        traced,
+        begun: None,
     })
 }
 
-/// In this order: a region of miscounted orders would be taken for outliers, outliers for a ripple, and a series is combined last.
-const REDUCTIONS: [Reduction; 4] = [
-    without_jumps,
-    without_deviant_points,
-    without_phase_error,
-    combined,
-];
+/// In this order: a region of miscounted orders would be taken for outliers, and outliers for a ripple.
+const REDUCTIONS: [Reduction; 3] = [without_jumps, without_deviant_points, without_phase_error];
 
 /// Drop points that lie far from what the reduced model can predict, where the measurement asks for it.
 fn without_deviant_points(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
@@ -272,17 +268,17 @@ pub fn inverse_problem(
     prepared: Prepared,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
-    inverse_problem_kept(model, prepared, &KeptStages::default(), progress)
+    inverse_problem_kept(model, prepared, (&KeptStages::default(), false), progress)
 }
 
-/// The same with the noise as a stage that is kept.
+/// The same with stages that are kept; with structure that is left as a discrepancy of the model, where that is asked for.
 ///
 /// # Errors
 /// Those of [`inverse_problem`]; a folder that cannot be written.
 pub(super) fn inverse_problem_kept(
     model: &Model,
     prepared: Prepared,
-    kept: &KeptStages,
+    (kept, discrepancy): (&KeptStages, bool),
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
     let columns = prepared.columns(model)?;
@@ -292,83 +288,325 @@ pub(super) fn inverse_problem_kept(
         &columns,
         &nominal_point(&prepared.problem, model),
     )?;
-    progress.begin("noise of the measurement", None);
+    let measured = blocks_of(&prepared, &prepared.observation.field);
+    let coarse = CoarseTest::new(model, &prepared, &measured)?;
+    let step = || progress.step();
+    let fine = forward(model, &prepared, &measured, &step);
+    let everywhere = coarse
+        .as_ref()
+        .map(|c| c.everywhere(model, &prepared, &measured));
+    let beginning = Beginning {
+        forward: &fine,
+        coarse: everywhere.as_ref(),
+        measured: &measured,
+        kept,
+        progress,
+    };
+    let begun = begun(&fine, &prepared);
+    let (effects, left_out) = candidates(model);
+    let (point, sensitivities, left_out) = without_insoluble(
+        sought(&fine, &prepared, &effects, &begun),
+        &|sought| insoluble(&fine, &begun, sought),
+        &|sought, left| {
+            let point = LinearisationPoint {
+                state: begun.clone(),
+                declared: fine.declared(),
+                sought,
+            };
+            let (point, sensitivities) = beginning.at_ridge(point)?;
+            Ok((point, sensitivities, [&left_out[..], &left].concat()))
+        },
+    )?;
+    let weighing = weighed(
+        (&fine, &measured),
+        (&sensitivities, "0-0-0"),
+        "noise of the measurement",
+        (kept, progress),
+    )?;
+    let field = &prepared.observation.field;
     let of = (&*columns.modes, &*columns.effects);
-    let noise = Noise::estimate_kept(&prepared.observation.field, of, kept, progress)?;
-    let (noise, smooth) = measured_by_frames(noise, &prepared.observation, &columns)?;
-    let noise = noise.with(&prepared.discrepancy)?;
-    let smooth = smooth.map(|mm| format!(", smooth over {mm:.1} mm in every picture"));
+    let noise = Noise::estimate_kept(field, of, kept, progress)?;
     progress.say(&format!(
-        "{:.3} and {:.3} nm a point, n_eff {:.0}{}",
+        "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),
         noise.point_sd_nm(1),
         noise.effective_points,
-        smooth.unwrap_or_default()
     ));
     progress.end();
-    let statistics = Statistics::new(&prepared.observation, &columns, &noise)?;
-    let posterior = posterior(model, &prepared.reduced, &statistics, &noise)?;
+    let chosen = Chosen::of(&weighing, &sensitivities, discrepancy)?;
+    let few = coarse.as_ref().map(|c| CoarseForwards {
+        everywhere: c.everywhere(model, &prepared, &measured),
+        at_few_points: c.at_few_points(model, &prepared, &measured),
+    });
+    let test = (&fine, few.as_ref(), &measured);
+    let posed = posed(model, test, (&point, &weighing, &sensitivities), &chosen)?;
+    prepared.problem.experiment.rest();
+    drop((fine, everywhere, few));
     Ok(InverseProblem {
         prepared,
-        columns,
+        measured,
+        point,
+        sensitivities,
+        weighing,
+        left_out,
         noise,
-        statistics,
-        posterior,
+        posed,
     })
 }
 
-/// The posterior of the constants, mechanical amplitudes and noise that a model declares, given the data's statistics.
-///
-/// # Errors
-/// Of the program, if the eigendecomposition of the data's precision does not converge.
-pub fn posterior(
-    model: &Model,
-    reduced: &ReducedModel,
-    statistics: &Statistics,
-    noise: &Noise,
-) -> Result<Posterior> {
-    let thickness = model.loaded_thickness_mm();
-    let likelihood = Likelihood::new(
-        statistics,
-        reduced,
-        model.file.likelihood.model_error_fraction,
-        (thickness.mean, thickness.sd),
-    )?;
-    let mut names: Vec<String> = model.constants().iter().map(|n| (*n).to_string()).collect();
-    let mut marginals = model.marginals();
-    for effect in model.sampled() {
-        for (k, parameter) in effect.parameters().iter().enumerate() {
-            names.push(amplitude_name(effect, parameter));
-            let sd = model.prior_sd(effect, k).unwrap_or(parameter.bound);
-            marginals.push(Marginal {
-                mean: 0.0,
-                sd,
-                truncate: parameter.positive.then_some([0.0, parameter.bound]),
-            });
-        }
+/// The blocks of a field, of a series those of all steps.
+pub fn blocks_of(prepared: &Prepared, field: &Field) -> Arc<Measured> {
+    let Prepared {
+        problem,
+        observation,
+        ..
+    } = prepared;
+    let geometry = &*problem.experiment.scene().setup.geometry;
+    let used = |i: usize| is_clear(geometry, field.points[i]);
+    let observed = (&observation.sight, observation.steps.as_ref());
+    Arc::new(Measured::new(field, &*problem.experiment, observed, used))
+}
+
+/// Where the search for the point begins.
+pub fn begun(forward: &Forward<'_>, prepared: &Prepared) -> SeriesState {
+    let model = forward.model;
+    let anew = || forward.beginning(model.state(&|_| None));
+    prepared.begun.clone().unwrap_or_else(anew)
+}
+
+/// How effects may act.
+pub fn sought(
+    forward: &Forward<'_>,
+    prepared: &Prepared,
+    effects: &[&'static dyn Effect],
+    begun: &SeriesState,
+) -> Vec<EffectUnderLaw> {
+    let Some(steps) = &prepared.observation.steps else {
+        return EffectUnderLaw::without_laws(effects);
+    };
+    let declared = forward.declared();
+    let mut sought = acting_in(effects, &steps.loads);
+    sought.retain(|acts| {
+        let prior_sd = forward.prior_sd(acts, 0);
+        !is_of_a_rotation(acts, &declared, begun, prior_sd)
+    });
+    sought
+}
+
+/// What the first linearisation is made of.
+struct Beginning<'a> {
+    forward: &'a Forward<'a>,
+    coarse: Option<&'a Forward<'a>>,
+    measured: &'a Arc<Measured>,
+    kept: &'a KeptStages,
+    progress: &'a dyn Progress,
+}
+
+impl Beginning<'_> {
+    /// The test linearised about the ridge estimate, with all candidates.
+    fn at_ridge(&self, point: LinearisationPoint) -> Result<(LinearisationPoint, Sensitivities)> {
+        let LinearisationPoint {
+            state,
+            declared,
+            sought,
+        } = point;
+        let columns = match self.coarse {
+            // the steps of a series tell more of a column than one field does: there the discrepancy's probability went from 0.72 to 0.49
+            Some(coarse) if !self.forward.observing.of_each_step() => CandidateColumns::On(coarse),
+            _ => CandidateColumns::Here,
+        };
+        let mut of = bytes_of(self.forward.model, self.measured);
+        crate::files::Stored::put(&(state.clone(), declared.clone()), &mut of);
+        crate::files::Stored::put(&(sought.clone(), self.coarse.is_some()), &mut of);
+        let always = state.shared.constants.len() + self.forward.count(&declared, &state);
+        let most = (1 + crate::linearise::STEPS) * always + self.forward.count(&sought, &state);
+        let at_ridge = || {
+            let what = format!("sensitivities to {} effects", sought.len());
+            self.progress.begin(&what, Some(most as u64));
+            let mut at = state.clone();
+            let found = self
+                .forward
+                .at_ridge(self.measured, &mut at, &declared, &sought, columns);
+            self.progress.end();
+            Ok((at, found?))
+        };
+        let (state, found) =
+            self.kept
+                .stage("sensitivities-1-0-0", &of, at_ridge, self.progress)?;
+        let point = LinearisationPoint {
+            state,
+            declared,
+            sought,
+        };
+        Ok((point, found))
     }
-    let posterior = Posterior::new(
-        names,
-        model.material(),
-        marginals,
-        likelihood,
-        noise.reference_nm(),
-        model.file.likelihood.noise_nm,
-    );
-    Ok(match &model.known {
-        Some(known) => posterior.beside(known),
-        None => posterior,
-    })
+}
+
+/// The noise of the declared model, and what it says of the parameters in closed form.
+struct Chosen {
+    pair: NoisePair,
+    /// Sds of the constants, border units.
+    sds: Vec<f64>,
+}
+
+impl Chosen {
+    /// The likeliest choice under the declared effects, as noise or, where that is asked for, as a discrepancy.
+    fn of(weighing: &Weighing, sensitivities: &Sensitivities, discrepancy: bool) -> Result<Self> {
+        let mut best: Option<(f64, NoisePair)> = None;
+        for pair in weighing
+            .pairs
+            .iter()
+            .filter(|p| p.discrepancy == discrepancy)
+        {
+            let log = weighing.project(pair)?.log_base;
+            if best.is_none_or(|(most, _)| log > most) {
+                best = Some((log, *pair));
+            }
+        }
+        let none = || Error::program("identify", "a choice of the noise");
+        let (_, pair) = best.ok_or_else(none)?;
+        let gram = weighing.gram(&pair);
+        let data = gram.nrows() - 1;
+        let own: Vec<(usize, f64)> = (0..sensitivities.base.len()).map(|k| (k, 1.0)).collect();
+        let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &own);
+        let covariance = fit.map(|f| f.covariance());
+        let constants = sensitivities.base[..sensitivities.constants].iter();
+        let sd = |(k, c): (usize, &crate::linearise::Column)| {
+            let own = covariance.as_ref().map_or(1.0, |c| c[(k, k)].sqrt());
+            c.sd * own.min(1.0)
+        };
+        Ok(Self {
+            pair,
+            sds: constants.enumerate().map(sd).collect(),
+        })
+    }
+}
+
+/// Posterior sds in prior sds, within these, beside which slopes are taken; so many times as far reaches the surface of the mean, within others.
+const STEP: [f64; 2] = [0.03, 0.5];
+const REACH: f64 = 8.0;
+const BOX: [f64; 2] = [0.5, 3.0];
+
+/// Steps beside which slopes are taken, and how far the surface reaches, border units, of constants with some posterior sds.
+pub fn reaches(model: &Model, sds: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let each = model.marginals().into_iter().zip(sds);
+    let of = |(m, sd): (crate::infer::Marginal, &f64)| {
+        let own = sd / m.sd;
+        let step = m.sd * own.clamp(STEP[0], STEP[1]);
+        (step, m.sd * (REACH * own).clamp(BOX[0], BOX[1]))
+    };
+    each.map(of).unzip()
+}
+
+/// A mode farther from where the test was linearised than this share of the surface's box is where it is linearised next.
+const OFF_CENTRE: f64 = 0.4;
+
+/// How often the box is moved.
+const MOVES: usize = 2;
+
+/// A test on its meshes with its measurement.
+type OnMeshes<'a> = (
+    &'a Forward<'a>,
+    Option<&'a CoarseForwards<'a>>,
+    &'a Arc<Measured>,
+);
+
+/// The density of the declared model, about its own mode.
+fn posed(
+    model: &Model,
+    (fine, coarse, measured): OnMeshes<'_>,
+    (point, weighing, sensitivities): (&LinearisationPoint, &Weighing, &Sensitivities),
+    chosen: &Chosen,
+) -> Result<Posed> {
+    let mut state = point.state.clone();
+    let mut moves = 0;
+    loop {
+        let (steps, reach) = reaches(model, &chosen.sds);
+        let norms = |errors: &[StepStack]| weighing.norms(measured, &chosen.pair, errors);
+        let about = About {
+            state: &state,
+            declared: &point.declared,
+            sought: &[],
+            steps,
+            reach: reach.clone(),
+            norms: &norms,
+        };
+        let expanded = Arc::new(Expansion::new(&about, fine, coarse)?);
+        let posed = declared(model, (expanded, measured), weighing, chosen)?.without_contrasts();
+        let scale = noise_scale(model, &posed, (weighing, sensitivities), chosen);
+        let posed = Posed {
+            density: posed.density.clone().with_noise(scale),
+            ..posed
+        };
+        let mode = start(&posed.density).ok();
+        let mode = mode.filter(|m| posed.density.is_credible(&m.mode));
+        let Some(mode) = mode.filter(|_| moves < MOVES) else {
+            return Ok(posed);
+        };
+        let each = mode.mode.iter().zip(&state.shared.constants).zip(&reach);
+        let is_off = each.map(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
+        if !is_off.fold(false, |any, off| any | off) {
+            return Ok(posed);
+        }
+        let constants = state.shared.constants.len();
+        state.shared.constants = mode.mode[..constants].to_vec();
+        moves += 1;
+    }
+}
+
+/// The density of the declared effects alone.
+fn declared(
+    model: &Model,
+    (expanded, measured): (Arc<Expansion>, &Arc<Measured>),
+    weighing: &Weighing,
+    chosen: &Chosen,
+) -> Result<Posed> {
+    let count = linear(&expanded.here).len();
+    let account = Account {
+        kept: (0..count).collect(),
+        whose: vec![Whose::Always; count],
+        largest: DVector::repeat(count, 1.0),
+        pairs: vec![chosen.pair],
+        parts: vec![MixtureChoice {
+            noise: 0,
+            own: Vec::new(),
+            size: 0.0,
+            rival: 0.0,
+            log_weight: 0.0,
+        }],
+    };
+    let test = (expanded, Arc::clone(measured));
+    Posed::new(model, test, Arc::clone(&weighing.noise), account)
+}
+
+/// The noise of a point as a parameter. What is left orthogonally to all that the density can follow is taken out of it: that is the contrasts'.
+fn noise_scale(
+    model: &Model,
+    posed: &Posed,
+    (weighing, sensitivities): (&Weighing, &Sensitivities),
+    chosen: &Chosen,
+) -> NoiseScale {
+    let blocks = &posed.measured.blocks;
+    let [first, second] = weighing.noise.point_mm(&chosen.pair, blocks);
+    let reference = (0.5 * (first * first + second * second)).sqrt();
+    let values: usize = posed.measured.averages.iter().map(DVector::len).sum();
+    let explained = sensitivities.columns().count() + sensitivities.near_edge.len();
+    NoiseScale {
+        reference_nm: reference * crate::quantity::NM_PER_MM,
+        freedom: values.saturating_sub(explained).max(1) as f64,
+        followed: posed.followed() as f64,
+        declared_nm: model.file.likelihood.noise_nm,
+    }
 }
 
 /// Where chains start: the mode without the priors' cuts, moved inside them.
 ///
 /// # Errors
 /// Those of [`laplace`].
-pub fn start(posterior: &Posterior) -> Result<Laplace> {
-    let (centre, sd) = posterior.start();
-    let mut mode = laplace(&posterior.untruncated(), &centre, &sd)?;
-    for (k, (x, m)) in mode.mode.iter_mut().zip(posterior.marginals()).enumerate() {
+pub fn start(density: &Density) -> Result<Laplace> {
+    let (centre, sd) = density.start();
+    let mut mode = laplace(&density.untruncated(), &centre, &sd)?;
+    for (k, (x, m)) in mode.mode.iter_mut().zip(density.marginals()).enumerate() {
         let Some([low, high]) = m.truncate else {
             continue;
         };

@@ -1,14 +1,9 @@
 //! Whether noise explains what a fit leaves. One probability a fit: verdict and warnings ask for it here, and
 //! agree. For the last fit of a loop, effects on which the data do not decide may take part in it.
 
-use nalgebra::DVector;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
 use super::inverse::InverseProblem;
 use super::residual::Residual;
-use super::surrogate::field_error;
 use crate::field::rigid;
-use crate::infer::Whitened;
 use crate::quantity::{NM_PER_MM, URAD_PER_RAD};
 
 /// Smallest probability of a misfit that noise may have made.
@@ -31,24 +26,18 @@ pub struct AgainstNoise {
 }
 
 impl AgainstNoise {
-    /// Of a field, at a point of its posterior: the smaller probability of the modes' misfit and of the block averages'.
-    pub(super) fn of_field(
+    /// Of what a fit leaves at a point of its posterior.
+    pub(super) fn of(
         inverse: &InverseProblem,
         residual: &Residual,
         mean: &[f64],
         noise_is_declared: bool,
     ) -> Self {
-        let (modes, freedom, p_of_modes) = modal_misfit(inverse, mean, &[]);
-        let p = p_of_modes.min(residual.p_chi2);
+        let p = residual.p_chi2;
         let mut warnings = Vec::new();
         if p < MISFIT {
             warnings.extend(structure(inverse, residual));
-            if p_of_modes < MISFIT {
-                warnings.push(format!(
-                    "No constants within the priors fit the shape of the field: the misfit of its modes is {modes:.1}, with {freedom} degrees of freedom."
-                ));
-            }
-            let scale = inverse.posterior.scale(mean);
+            let scale = inverse.posed.density.noise_scale(mean);
             if scale > LARGE_SCALE && !noise_is_declared {
                 warnings.push(format!("The fit calls for {scale:.1} times the noise that the data show: the model cannot follow the data."));
             }
@@ -76,17 +65,10 @@ impl AgainstNoise {
         }
     }
 
-    /// A field's misfit, held against noise and effects on which the data do not decide: of each, what one prior sd of every amplitude does to
-    /// the block averages of (u1, u2), mm. Unchanged where these do not explain it either.
+    /// The same held against noise and effects on which the data do not decide, with the probability of a larger one by both. Unchanged where
+    /// these do not explain it either.
     #[must_use]
-    pub(super) fn with_effects(
-        self,
-        (inverse, residual): (&InverseProblem, &Residual),
-        mean: &[f64],
-        columns: &[[DVector<f64>; 2]],
-    ) -> Self {
-        let (_, _, p_of_modes) = modal_misfit(inverse, mean, columns);
-        let p = p_of_modes.min(residual.p_chi2);
+    pub(super) fn with_effects(self, p: f64) -> Self {
         if p < MISFIT {
             return self;
         }
@@ -102,34 +84,6 @@ impl AgainstNoise {
     pub fn is_too_large(&self) -> bool {
         self.p < MISFIT
     }
-}
-
-/// Misfit of the measured modes at a point of the posterior, its degrees of freedom, and the probability of a larger one, with effects that may
-/// act too ([`AgainstNoise::with_effects`]). What the finite elements add to the surface is no misfit of the model; they are asked where it
-/// matters.
-fn modal_misfit(
-    of: &InverseProblem,
-    mean: &[f64],
-    columns: &[[DVector<f64>; 2]],
-) -> (f64, usize, f64) {
-    let posterior = &of.posterior;
-    let at = (&mean[..posterior.structural()], posterior.scale(mean));
-    let probability = |gained: Option<&DVector<f64>>, effects: &[DVector<f64>]| {
-        let (misfit, coordinates) = posterior.likelihood().misfit(at, gained, effects);
-        let freedom = coordinates.saturating_sub(at.0.len()).max(1);
-        let p = ChiSquared::new(freedom as f64).map_or(1.0, |d| d.sf(misfit));
-        (misfit, freedom, p)
-    };
-    let of_surface = probability(None, &[]);
-    if of_surface.2 >= MISFIT {
-        return of_surface;
-    }
-    let whitened = Whitened::new(&of.columns, &of.noise);
-    let projected =
-        |c: &[DVector<f64>; 2]| of.statistics.weighted_of_averages(&whitened, &of.noise, c);
-    let effects: Vec<DVector<f64>> = columns.iter().map(projected).collect();
-    let error = field_error(of, &whitened, at.0).ok();
-    probability(error.as_ref().map(|e| &e.weighted), &effects)
 }
 
 /// What is said of structure that is left.

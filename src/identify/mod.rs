@@ -1,20 +1,19 @@
 //! One identification: inverse problem, sample, residual, checks.
 
+mod coarse;
 pub mod doubts;
 mod force;
+mod forward;
 pub mod fringes;
 mod identification;
 mod inverse;
 pub mod jumps;
 mod misfit;
-mod of_frames;
 mod own_rotation;
 mod patterns;
 pub mod phase;
 mod reduction;
-mod refine;
 mod residual;
-mod series;
 mod size;
 mod solve;
 mod structure;
@@ -22,15 +21,21 @@ mod surrogate;
 mod tiles;
 mod warnings;
 pub mod waves;
+mod weighed;
 
+pub use coarse::CoarseTest;
 pub use force::settle_force;
-pub use identification::{Identification, Refinement};
-pub use inverse::{InverseProblem, Prepared, inverse_problem, is_clear, posterior, prepare, start};
+pub use forward::{forward, over_blocks};
+pub use identification::Identification;
+pub use inverse::{
+    InverseProblem, Prepared, begun, blocks_of, inverse_problem, is_clear, prepare, reaches,
+    sought, start,
+};
 pub use misfit::MISFIT;
 pub use patterns::Patterns;
-pub use refine::refined;
 pub use residual::Residual;
-pub use solve::{Options, Reporting, identify, identify_traced, redrawn, refine};
+pub use solve::{Options, Reporting, checked, identify, identify_from, redrawn};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{CHECKED_DRAWS, SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;
+pub use weighed::{bytes_of, weighed};

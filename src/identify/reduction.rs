@@ -2,14 +2,12 @@
 
 use crate::error::Result;
 use crate::experiment::FieldSolver;
-use crate::infer::{Model, Observation, TracedSeries};
+use crate::infer::{Model, Observation};
 use crate::reduce::ReducedModel;
 
 /// What an observation is reduced with.
 pub struct With<'a> {
     pub model: &'a Model,
-    /// What tracing found of a series before.
-    pub traced: Option<&'a TracedSeries>,
     pub reduced: &'a ReducedModel,
     pub experiment: &'a dyn FieldSolver,
     /// The point of the reduced model's parameters nearest to the prior means.

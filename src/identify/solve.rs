@@ -3,29 +3,35 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use nalgebra::DVector;
+
+use super::coarse::CoarseTest;
 use super::doubts::{Doubting, doubts};
-use super::identification::{Identification, Refinement};
-use super::inverse::{
-    InverseProblem, Prepared, inverse_problem_kept, is_clear, prepare_traced, start,
-};
+use super::forward::forward;
+use super::identification::Identification;
+use super::inverse::{InverseProblem, Prepared, inverse_problem_kept, is_clear, prepare, start};
 use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
-use super::refine::enrich;
-use super::residual::{Residual, effect_amplitudes};
+use super::residual::Residual;
 use super::structure::Structure;
 use super::surrogate::SurrogateError;
 use super::warnings::{NO_MODE, first_fit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Blame, Error, Result};
+use crate::experiment::series::SeriesState;
 use crate::files::{KeptStages, Stored};
-use crate::infer::{Model, Posterior, TracedSeries};
-use crate::noise::Hyperparameters;
+use crate::infer::Model;
+use crate::linearise::Column;
+use crate::parameter::Parameter;
+use crate::posterior::{
+    CompletedDraw, Density, Full, FullModels, Inclusion, LinearisationPoint, complete, linear,
+};
 use crate::progress::Progress;
 use crate::sample::{
-    self, Keeping, Monitor, Phase, PhaseReport, Regime, Sampler, Schedule, Start, Stopped,
+    self, Keeping, Key, Laplace, LogDensity, Monitor, Phase, PhaseReport, Regime, Sampler,
+    Schedule, Start, Stopped, Stream,
 };
-use crate::sample::{Laplace, LogDensity};
 
 /// How to identify.
 pub struct Options<'a> {
@@ -37,12 +43,10 @@ pub struct Options<'a> {
     pub rule: Rule,
     /// Directory of cached reduced models.
     pub cache: PathBuf,
-    /// At most this many refinements of the reduced model about the posterior.
-    pub refinements: usize,
     /// Where the chains are kept while the run goes.
     pub keeping: Option<Keeping>,
-    /// Structure that is to be counted as a discrepancy of the model.
-    pub discrepancy: [Option<Hyperparameters>; 2],
+    /// Whether structure is to be counted as a discrepancy of the model.
+    pub discrepancy: bool,
     /// When to stop sampling in any case.
     pub deadline: Option<Instant>,
     /// What is done with doubts about the input.
@@ -57,9 +61,8 @@ impl<'a> Options<'a> {
             schedule: Schedule::default(),
             rule: Rule::default(),
             cache: cache.into(),
-            refinements: 0,
             keeping: None,
-            discrepancy: [None, None],
+            discrepancy: false,
             deadline: None,
             doubting: Doubting::Unasked,
         }
@@ -80,29 +83,31 @@ impl<'a> Options<'a> {
     }
 }
 
-/// Identify the constants of a model from its measurement. The reduced model is refined about the posterior, and the
-/// posterior sampled again, while the finite elements ask for it and `options.refinements` allows it.
+/// Identify the constants of a model from its measurement.
+///
+/// # Errors
+/// Those of reading the measurement, of finite-element solutions and of the samplers.
 pub fn identify(
     model: &Model,
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    identify_traced(model, None, options, progress)
+    identify_from(model, None, options, progress)
 }
 
-/// The same of a model whose series was traced before.
+/// The same from where an earlier round left the test.
 ///
 /// # Errors
 /// Those of [`identify`].
-pub fn identify_traced(
+pub fn identify_from(
     model: &Model,
-    traced: Option<TracedSeries>,
+    begun: Option<SeriesState>,
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
     let prepared = Prepared {
-        discrepancy: options.discrepancy,
-        ..prepare_traced(model, traced, &options.cache, progress)?
+        begun,
+        ..prepare(model, &options.cache, progress)?
     };
     let doubts = doubted(model, &prepared, (options.doubting, progress))?;
     let hint = |e: Error| match doubts.first() {
@@ -111,49 +116,7 @@ pub fn identify_traced(
     };
     let mut found = identify_prepared(model, prepared, options, progress).map_err(hint)?;
     found.doubts = doubts;
-    found.refinements = vec![Refinement::of(&found)];
-    if !found.determined {
-        return Ok(found);
-    }
-    let refined = refine(model, &found, options, progress)?;
-    Ok(refined.unwrap_or(found))
-}
-
-/// Refine the reduced model about the posterior, and sample that again, while the finite elements ask for it and `options.refinements`
-/// allows it; nothing where they do not.
-///
-/// # Errors
-/// Those of [`identify`].
-pub fn refine(
-    model: &Model,
-    found: &Identification,
-    options: &Options<'_>,
-    progress: &dyn Progress,
-) -> Result<Option<Identification>> {
-    let mut history = found.refinements.clone();
-    let mut newest: Option<Identification> = None;
-    for k in 1..=options.refinements {
-        if history.last().is_some_and(Refinement::is_enough) {
-            break;
-        }
-        let most = options.refinements;
-        let what = format!("refinement {k} of at most {most}: a box about the posterior");
-        progress.begin(&what, None);
-        progress.end();
-        let prepared = enrich(newest.as_ref().unwrap_or(found), &options.cache, progress)?;
-        if let Some(keeping) = &options.keeping {
-            keeping.clear()?;
-        }
-        let next = identify_prepared(model, prepared, options, progress)?;
-        history.push(Refinement::of(&next));
-        newest = Some(next);
-    }
-    let doubts = &found.doubts;
-    Ok(newest.map(|newest| Identification {
-        refinements: history,
-        doubts: doubts.clone(),
-        ..newest
-    }))
+    Ok(found)
 }
 
 /// Doubts about the input, as they are asked for: said at once, or an error.
@@ -184,23 +147,23 @@ fn doubted(
     }
 }
 
-/// Identify with a given reduced model.
 fn identify_prepared(
     model: &Model,
     prepared: Prepared,
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let mut inverse = inverse_problem_kept(model, prepared, &options.stages(), progress)?;
-    let mode = start(&inverse.posterior).ok();
-    let mode = mode.filter(|mode| inverse.posterior.is_credible(&mode.mode));
+    let asked = (&options.stages(), options.discrepancy);
+    let mut inverse = inverse_problem_kept(model, prepared, asked, progress)?;
+    let mode = start(&inverse.posed.density).ok();
+    let mode = mode.filter(|mode| inverse.posed.density.is_credible(&mode.mode));
     let determined = mode.is_some();
     if !determined {
-        inverse.posterior = inverse.posterior.within_reason();
+        inverse.posed.density = inverse.posed.density.within_reason();
     }
     let mode = match mode {
         Some(mode) => mode,
-        None => from_prior(&inverse.posterior)?,
+        None => from_prior(&inverse.posed.density)?,
     };
     if options.doubting != Doubting::Unasked {
         let said = match determined {
@@ -209,7 +172,7 @@ fn identify_prepared(
         };
         said.iter().for_each(|said| progress.warn(said));
     }
-    let (draws, stopped) = draw(&inverse.posterior, &mode, options, progress)?;
+    let (draws, stopped) = draw(&inverse.posed.density, &mode, options, progress)?;
     let verdict = diagnose(&draws, &options.rule);
     let drawn = DrawnPosterior {
         draws,
@@ -241,16 +204,12 @@ pub fn redrawn(
         draws,
         stopped,
     };
-    let (misfit, refinements) = (found.misfit, found.refinements);
+    let misfit = found.misfit;
     let inverse = (found.inverse, found.determined);
     let again = assessed(model, inverse, drawn, (options, progress))?;
-    let again = match misfit.of_series {
+    Ok(match misfit.of_series {
         true => again.held_against(misfit.p),
         false => again,
-    };
-    Ok(Identification {
-        refinements,
-        ..again
     })
 }
 
@@ -267,8 +226,12 @@ fn assessed(
         verdict,
     } = drawn;
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
-    let residual = Residual::at(&inverse, &mean);
-    let misfit = AgainstNoise::of_field(
+    let completed = completed(&inverse, &draws, options.schedule.seed)?;
+    let fine = forward(model, &inverse.prepared, &inverse.measured, &|| ());
+    let amplitudes = moments(&completed.1);
+    let residual = Residual::at(&inverse, &fine, &mean, &amplitudes.0)?;
+    drop(fine);
+    let misfit = AgainstNoise::of(
         &inverse,
         &residual,
         &mean,
@@ -276,21 +239,22 @@ fn assessed(
     );
     let mut of = Vec::new();
     draws.lp().to_vec().put(&mut of);
-    let measure = || SurrogateError::measure(&inverse, &draws, progress);
+    let own = (&*completed.0, &*completed.1);
+    let measure = || against_elements(model, (&inverse, &draws), own, progress);
     let surrogate = options
         .stages()
-        .stage("reduced-model", &of, measure, progress)?;
+        .stage("finite-elements", &of, measure, progress)?;
     let field = &inverse.prepared.observation.field;
     let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
     let clear = |point: [f64; 2]| is_clear(geometry, point);
+    let left = inverse.posed.left(&mean, &amplitudes.0);
     let mut found = Identification {
-        outside_doe: outside(&inverse, &draws),
-        effect_amplitudes: amplitudes(&inverse, &draws),
+        left,
+        effect_amplitudes: of_effects(model, &inverse, amplitudes),
         patterns: Patterns::of(field, &residual.field, &inverse.noise, &clear),
         structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
         doubts: Vec::new(),
         warnings: Vec::new(),
-        refinements: Vec::new(),
         determined,
         misfit,
         inverse,
@@ -304,6 +268,126 @@ fn assessed(
     Ok(found)
 }
 
+/// Draws that are completed.
+const COMPLETED: usize = 1000;
+
+/// Streams with which draws are completed, apart from those of any ensemble.
+const COMPLETION: u64 = u64::MAX - 4;
+
+/// Some of the draws, with the amplitudes that were integrated out.
+fn completed(
+    inverse: &InverseProblem,
+    draws: &Draws,
+    seed: u64,
+) -> Result<(Vec<Vec<f64>>, Vec<CompletedDraw>)> {
+    let some = draws.every(draws.len().div_ceil(COMPLETED))?;
+    let points: Vec<Vec<f64>> = some.points().map(<[f64]>::to_vec).collect();
+    let inclusion = Inclusion {
+        candidates: 0,
+        log_prior: &|_| None,
+        excludes: &|_, _| false,
+    };
+    let key = Key {
+        seed,
+        ensemble: COMPLETION,
+    };
+    let stream = |k: usize| Stream::at(key, k as u64, 0);
+    let found = complete(&inverse.posed.density, &points, &inclusion, &stream);
+    Ok((points, found))
+}
+
+/// Means and sds of amplitudes, prior sds from their means.
+fn moments(drawn: &[CompletedDraw]) -> (DVector<f64>, DVector<f64>) {
+    let n = drawn.len().max(1) as f64;
+    let count = drawn.first().map_or(0, |d| d.amplitudes.len());
+    let mean = drawn
+        .iter()
+        .fold(DVector::zeros(count), |m, d| m + &d.amplitudes / n);
+    let square = |d: &CompletedDraw| (&d.amplitudes - &mean).map(|v| v * v / n);
+    let variance: DVector<f64> = drawn
+        .iter()
+        .fold(DVector::zeros(count), |v, d| v + square(d));
+    (mean, variance.map(f64::sqrt))
+}
+
+/// Name, mean and sd of the amplitudes of the declared effects, border units: of those that enter linearly, and as estimated from the
+/// recording.
+fn of_effects(
+    model: &Model,
+    inverse: &InverseProblem,
+    (mean, sd): (DVector<f64>, DVector<f64>),
+) -> Vec<(String, f64, f64)> {
+    let columns = linear(&inverse.posed.expanded.here);
+    let is_declared = |c: &Column| {
+        let own = Parameter::read(&c.name).effect;
+        own.is_some_and(|own| model.effects.iter().any(|e| e.name() == own))
+    };
+    let each = columns.into_iter().zip(mean.iter().zip(sd.iter()));
+    let declared = each.filter(|(c, _)| is_declared(c));
+    let recorded = &inverse.prepared.observation.recorded;
+    declared
+        .map(|(c, (mean, sd))| (c.name.clone(), c.mean + c.sd * mean, c.sd * sd))
+        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
+        .collect()
+}
+
+/// The density against the finite elements at draws of it.
+///
+/// # Errors
+/// Those of a finite-element solution; draws of another density.
+pub fn checked(
+    model: &Model,
+    (inverse, draws): (&InverseProblem, &Draws),
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<SurrogateError> {
+    let (points, drawn) = completed(inverse, draws, seed)?;
+    against_elements(model, (inverse, draws), (&points, &drawn), progress)
+}
+
+/// The same at completed draws.
+fn against_elements(
+    model: &Model,
+    (inverse, draws): (&InverseProblem, &Draws),
+    completed: (&[Vec<f64>], &[CompletedDraw]),
+    progress: &dyn Progress,
+) -> Result<SurrogateError> {
+    progress.begin("finite elements at posterior draws", None);
+    let InverseProblem {
+        prepared, measured, ..
+    } = inverse;
+    let fine = forward(model, prepared, measured, &|| ());
+    let coarse = CoarseTest::new(model, prepared, measured)?;
+    let coarse = coarse
+        .as_ref()
+        .map(|c| c.at_few_points(model, prepared, measured));
+    let point = LinearisationPoint {
+        sought: Vec::new(),
+        ..inverse.point.clone()
+    };
+    let expanded = &inverse.posed.expanded;
+    let full = |forward, here| Full {
+        forward,
+        point: &point,
+        here,
+    };
+    let rough = coarse
+        .as_ref()
+        .map(|forward| full(forward, &expanded.about));
+    let models = FullModels {
+        fine: &full(&fine, &expanded.here),
+        coarse: rough.as_ref(),
+    };
+    let error = SurrogateError::measure(inverse, draws, completed, models)?;
+    progress.say(&format!(
+        "{:.3} % of a posterior sd",
+        100.0 * error.max_sd()
+    ));
+    progress.end();
+    prepared.problem.experiment.rest();
+    Ok(error)
+}
+
 /// Draws of each chain below which nothing can be said, not even how uncertain it is.
 const FEWEST_DRAWS: usize = 4;
 
@@ -314,7 +398,7 @@ const SPREAD: f64 = 3.0;
 const PRIOR_SPREAD: f64 = 0.1;
 
 /// Where chains start that have no mode: about the prior's mean.
-fn from_prior(posterior: &Posterior) -> Result<Laplace> {
+fn from_prior(posterior: &Density) -> Result<Laplace> {
     let (mode, sd) = posterior.start();
     let mut covariance = vec![0.0; sd.len() * sd.len()];
     for (k, sd) in sd.iter().enumerate() {
@@ -328,7 +412,7 @@ fn from_prior(posterior: &Posterior) -> Result<Laplace> {
 }
 
 fn draw(
-    posterior: &Posterior,
+    posterior: &Density,
     mode: &Laplace,
     options: &Options<'_>,
     progress: &dyn Progress,
@@ -347,11 +431,6 @@ fn draw(
         ),
         None,
     );
-    let measured = posterior.likelihood().measured();
-    let keeping = options.keeping.clone().map(|keeping| Keeping {
-        observed: vec![("alpha_mm".into(), measured.as_slice().to_vec())],
-        ..keeping
-    });
     let outcome = sample::run_kept(
         posterior,
         options.sampler,
@@ -361,7 +440,7 @@ fn draw(
             stop: &options.rule,
             monitor: &options.reporting(progress),
         },
-        keeping.as_ref(),
+        options.keeping.as_ref(),
     )?;
     progress.end();
     if outcome.draws.draws() < FEWEST_DRAWS {
@@ -395,41 +474,4 @@ impl Monitor for Reporting<'_> {
         ));
         self.deadline.is_none_or(|end| Instant::now() < end)
     }
-}
-
-/// Draws used for the amplitudes of closed-form effects.
-const AMPLITUDE_DRAWS: usize = 1000;
-
-/// Name, mean and sd of the amplitude of each closed-form effect: given the coefficients of every draw, and as estimated
-/// from the recording.
-fn amplitudes(inverse: &InverseProblem, draws: &Draws) -> Vec<(String, f64, f64)> {
-    let posterior = &inverse.posterior;
-    let stride = (draws.len() / AMPLITUDE_DRAWS).max(1);
-    let expected: Vec<_> = draws
-        .points()
-        .step_by(stride)
-        .map(|x| {
-            let scale = posterior.scale(x);
-            let theta = &x[..posterior.structural()];
-            let (alpha, covariance) = posterior
-                .likelihood()
-                .expected_with_covariance(theta, scale);
-            (alpha, covariance, scale)
-        })
-        .collect();
-    let (beta, covariance) = effect_amplitudes(&inverse.statistics, &expected);
-    let names = inverse.columns.names.iter().enumerate();
-    let recorded = &inverse.prepared.observation.recorded;
-    names
-        .map(|(k, name)| (name.clone(), beta[k], covariance[(k, k)].sqrt()))
-        .chain(recorded.iter().map(|r| (r.name.clone(), r.mean, r.sd)))
-        .collect()
-}
-
-/// Share of the draws outside the box in which the reduced model was built.
-fn outside(inverse: &InverseProblem, draws: &Draws) -> f64 {
-    let sides = &inverse.prepared.reduced.dimensions[..inverse.posterior.structural()];
-    let is_out = |x: &&[f64]| !sides.iter().zip(*x).all(|(side, &x)| side.contains(x));
-    let count = draws.points().filter(is_out).count();
-    count as f64 / draws.len().max(1) as f64
 }

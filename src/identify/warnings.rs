@@ -2,13 +2,14 @@
 
 use super::identification::Identification;
 use super::inverse::InverseProblem;
-use super::residual::Residual;
+use super::residual::chi2;
 use super::surrogate::TOLERANCE;
 use crate::effect::EFFECTS;
-use crate::infer::{Model, REASON_SDS};
+use crate::infer::Model;
 use crate::laminate::Material;
 use crate::parameter::Parameter;
 use crate::parameter::is_modulus;
+use crate::posterior::REASON_SDS;
 use crate::quantity::{NM_PER_MM, plus_minus};
 
 /// A posterior mean this many prior sd away from the prior's mean contradicts it.
@@ -17,10 +18,10 @@ pub const PRIOR_SDS: f64 = 4.0;
 /// Sentences about results that should not be trusted as they stand; none if nothing is wrong.
 pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     let mut said = Vec::new();
-    let posterior = &of.inverse.posterior;
+    let posterior = &of.inverse.posed.density;
     let declared_noise_nm = model.file.likelihood.noise_nm;
     let mean: Vec<f64> = of.verdict.rows.iter().map(|row| row.mean).collect();
-    let theta = &mean[..posterior.structural()];
+    let theta = &mean[..posterior.constants()];
     if !of.determined {
         said.push(format!("These constants are not determined: what the model lacks drives them beyond {REASON_SDS} prior sd, and they were held within. Only the further rounds of a loop can say more."));
     }
@@ -33,7 +34,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     for (m, (x, name)) in posterior
         .marginals()
         .iter()
-        .zip(theta.iter().zip(posterior.parameter_names()))
+        .zip(theta.iter().zip(posterior.constant_names()))
     {
         let z = (x - m.mean) / m.sd;
         if z.abs() > PRIOR_SDS {
@@ -50,15 +51,9 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {
         said.push(format!(
-            "The reduced model's own error moves a constant by {:.1} % of its posterior sd, more than {} %. Use --refine, or raise modes and snapshots.",
+            "The density's own error moves a constant by {:.1} % of its posterior sd, more than {} %. Raise degree, modes and snapshots, or leave them to \"auto\".",
             100.0 * error,
             100.0 * TOLERANCE
-        ));
-    }
-    if of.outside_doe > 0.01 {
-        said.push(format!(
-            "{:.1} % of the draws lie outside the box in which the reduced model was built: it extrapolates there. Use --refine, or widen the priors if the data are right.",
-            100.0 * of.outside_doe
         ));
     }
     said
@@ -70,10 +65,10 @@ const FIRST_SCALE: f64 = 2.0;
 
 /// What the mode of a posterior already shows, before it is sampled; nothing where it is as one would expect.
 pub fn first_fit(of: &InverseProblem, mode: &[f64]) -> Option<String> {
-    let posterior = &of.posterior;
-    let scale = posterior.scale(mode);
-    let chi2 = Residual::at(of, mode).chi2_reduced;
-    let names = posterior.parameter_names().iter();
+    let posterior = &of.posed.density;
+    let scale = posterior.noise_scale(mode);
+    let (chi2, _) = chi2(of, mode);
+    let names = posterior.constant_names().iter();
     let off = posterior.marginals().iter().zip(names.zip(mode));
     let off = off.filter_map(|(m, (name, x))| {
         let z = (x - m.mean) / m.sd;

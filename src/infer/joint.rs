@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use super::posterior::Posterior;
 use super::prior::Marginal;
 use crate::error::{Error, Result};
 use crate::sample::{DensityError, LogDensity};
@@ -15,25 +14,6 @@ pub struct Member {
     pub density: Box<dyn LogDensity>,
     /// A point to start from, and the sd to start with.
     pub start: (Vec<f64>, Vec<f64>),
-}
-
-impl Member {
-    /// The experiment of a posterior, whose priors of the parameters `shared` are taken out.
-    pub fn of(name: &str, posterior: &Posterior, shared: &[String]) -> Self {
-        let names = posterior.parameter_names().iter();
-        let marginals = names.zip(posterior.marginals()).map(|(name, m)| {
-            if shared.contains(name) {
-                Marginal::flat(m.mean)
-            } else {
-                *m
-            }
-        });
-        Self {
-            name: name.into(),
-            density: Box::new(posterior.with_marginals(marginals.collect())),
-            start: posterior.start(),
-        }
-    }
 }
 
 /// Log posterior over the shared parameters, in their order, and then each experiment's own.

@@ -97,19 +97,6 @@ impl Known {
         self.towards.dot(&d) - 0.5 * d.dot(&(&self.precision * &d))
     }
 
-    /// The same as quadratic form and slope of border units about the prior means, row by row.
-    pub(super) fn in_border_units(&self) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
-        let n = self.constants();
-        let sd = |k: usize| self.scales[k][1];
-        let rows = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
-        (
-            self.scales.iter().map(|s| s[0]).collect(),
-            rows.map(|(i, j)| self.precision[(i, j)] / (sd(i) * sd(j)))
-                .collect(),
-            (0..n).map(|k| self.towards[k] / sd(k)).collect(),
-        )
-    }
-
     /// As rows of normal equations whose first columns are the constants in prior sds from their means: A, b, and the square b'A^-1 b over
     /// what is determined.
     pub fn equations(&self) -> (&DMatrix<f64>, &DVector<f64>, f64) {

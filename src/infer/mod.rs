@@ -4,23 +4,17 @@ mod design_box;
 mod effect_under_law;
 mod experiment;
 mod joint;
-mod kernel;
 mod known;
-mod likelihood;
 mod model;
-mod monomials;
 mod observation;
-mod posterior;
 mod prior;
 mod schema;
 mod series;
 mod shipped;
 mod simulated;
-mod statistics;
 mod steps;
 mod supplied;
 mod tension;
-mod traced;
 mod version1;
 
 pub use design_box::{drawn_in, may_have_side, prior_box};
@@ -30,18 +24,14 @@ pub use experiment::{
 };
 pub use joint::{Joint, Member};
 pub use known::Known;
-pub use likelihood::Likelihood;
 pub use model::{FREE_MM, Model};
 pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns};
-pub use posterior::{Posterior, REASON_SDS};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{
     ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, RunNote, SCHEMA,
 };
 pub use shipped::{OPENHOLE, STEEL, unchanged};
 pub use simulated::{simulated_field, simulated_series};
-pub use statistics::{Statistics, Whitened};
 pub use steps::Steps;
 pub use supplied::box_to_solve;
 pub use tension::{Moments, Tension};
-pub use traced::TracedSeries;

@@ -15,6 +15,7 @@ mod observing;
 mod ridge;
 mod sensitivities;
 mod slopes;
+mod sought;
 mod unknown_places;
 
 pub use at_places::AtPlaces;
@@ -27,4 +28,5 @@ pub use observing::Observing;
 pub use ridge::{CONVERGED, STEPS, constants_moved};
 pub use sensitivities::{Candidate, Sensitivities};
 pub use slopes::Slopes;
+pub use sought::{acting_in, candidates, is_of_a_rotation, lift_of, shares};
 pub use unknown_places::{AXIS_MM, PIVOT_MM};

@@ -59,9 +59,11 @@ fn drawn(
     let (coordinates, factors) = density.place(x);
     let mut choice = choose(density, weights, rng);
     let (gram, right) = density.noise[choice.noise].at(&coordinates, &factors);
+    let precision = density.noise_scale(x).powi(-2);
+    let (gram, right) = (gram * precision, right * precision);
     let mut given = GivenChoice::new(density, (&gram, &right), &choice);
     for _ in 0..SWEEPS * inclusion.candidates {
-        given = birth_or_death(given, &mut choice, inclusion, rng);
+        given = birth_or_death(given, (&gram, &right), &mut choice, inclusion, rng);
     }
     CompletedDraw {
         amplitudes: given.amplitudes(rng),
@@ -85,8 +87,6 @@ fn choose(density: &Density, weights: &[f64], rng: &mut Stream) -> MixtureChoice
 /// The linear amplitudes' normal distribution, given all else: gamma = K e, e of precision P = I + K' H K about P^-1 K' z.
 pub struct GivenChoice<'a> {
     density: &'a Density,
-    /// G and z.
-    at: (&'a DMatrix<f64>, &'a DVector<f64>),
     /// Prior sds of the columns over the largest ones.
     sds: DVector<f64>,
     /// K, with K K' the prior covariance of gamma.
@@ -99,7 +99,7 @@ pub struct GivenChoice<'a> {
 impl<'a> GivenChoice<'a> {
     pub fn new(
         density: &'a Density,
-        at: (&'a DMatrix<f64>, &'a DVector<f64>),
+        at: (&DMatrix<f64>, &DVector<f64>),
         choice: &MixtureChoice,
     ) -> Self {
         let sds = density.space.sds(&choice.own, choice.size, choice.rival);
@@ -114,12 +114,23 @@ impl<'a> GivenChoice<'a> {
         let solved = factor.solve_lower_triangular(&solved).unwrap_or(solved);
         Self {
             density,
-            at,
             sds,
             root,
             factor,
             solved,
         }
+    }
+
+    /// z' P^-1 z: what the amplitudes explain of the data.
+    pub fn explained(&self) -> f64 {
+        self.solved.norm_squared()
+    }
+
+    /// z' P^-1 w of another right side w.
+    pub fn along(&self, other: &DVector<f64>) -> f64 {
+        let turned = self.root.tr_mul(other);
+        let half = self.factor.solve_lower_triangular(&turned);
+        half.map_or(0.0, |half| half.dot(&self.solved))
     }
 
     /// A draw of gamma.
@@ -154,7 +165,7 @@ impl<'a> GivenChoice<'a> {
     }
 
     /// Mean and covariance of the amplitudes of some columns, over their largest prior sds.
-    fn moments(&self, columns: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+    pub fn moments(&self, columns: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
         let n = self.root.nrows();
         // rows of S^2 V K'^-1: what a column's amplitude has of e
         let seen = &self.density.space.seen;
@@ -178,10 +189,11 @@ impl<'a> GivenChoice<'a> {
     }
 }
 
-/// Offer a candidate drawn at random to enter the account with its full prior sds, or to leave it, and take the offer by the ratio of
+/// Offer a candidate drawn at random to enter the account with its full prior sds, or to leave it, where G and z are `at`, and take the offer by the ratio of
 /// the posterior probabilities, all amplitudes integrated out (a Metropolis step on the set of acting effects).
 pub fn birth_or_death<'a>(
     given: GivenChoice<'a>,
+    at: (&DMatrix<f64>, &DVector<f64>),
     choice: &mut MixtureChoice,
     inclusion: &Inclusion<'_>,
     rng: &mut Stream,
@@ -215,7 +227,7 @@ pub fn birth_or_death<'a>(
         choice.own.push(candidate);
         choice.own.sort_unstable();
     }
-    GivenChoice::new(given.density, given.at, choice)
+    GivenChoice::new(given.density, at, choice)
 }
 
 impl GivenChoice<'_> {

@@ -1,11 +1,13 @@
 //! The density of the constants, with all amplitudes that enter linearly integrated out, and the choices of noise, of acting effects and of the
-//! size of all others summed. The noise keeps the scale that its contrasts have, to which no effect contributes: left free, an answer that does
-//! not describe the data took its misfit for noise and was 60 times as wide.
+//! size of all others summed. The scale of the noise is a parameter where the model is the declared one; of the posterior to quote it is that of
+//! the contrasts, to which no effect contributes: left free, an answer that does not describe the data took its misfit for noise and was 60
+//! times as wide.
 
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
+use super::complete::GivenChoice;
 use super::equations::Equations;
 use super::evidence::{Compiled, PlacesOf, log_evidences};
 use super::space::Space;
@@ -14,12 +16,16 @@ use crate::error::Result;
 use crate::infer::{Known, Marginal};
 use crate::laminate::Material;
 use crate::numeric::log_sum_exp;
+use crate::parameter;
 use crate::sample::{DensityError, LogDensity};
+
+/// Parameters farther from their priors' means, prior sds, are no finding: what the model lacks has driven them there.
+pub const REASON_SDS: f64 = 6.0;
 
 /// What distinguishes a part of the mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MixtureChoice {
-    /// Which of the answer's choices of the noise.
+    /// Which of the choices of the noise.
     pub noise: usize,
     /// Candidates that act with their full prior sds.
     pub own: Vec<usize>,
@@ -32,12 +38,14 @@ pub struct MixtureChoice {
 }
 
 /// A part of the mixture, in directions of unit prior.
+#[derive(Clone)]
 struct MixturePart {
     choice: MixtureChoice,
     equations: Compiled,
 }
 
 /// What is known of the constants beside the data.
+#[derive(Clone)]
 pub struct ConstantsPrior {
     pub material: Material,
     /// Border units.
@@ -46,7 +54,35 @@ pub struct ConstantsPrior {
     pub known: Option<Arc<Known>>,
 }
 
+/// The noise of a point as a parameter, with the prior 1 / noise.
+#[derive(Debug, Clone, Copy)]
+pub struct NoiseScale {
+    /// The noise of a point, nm, at the scale that its contrasts have.
+    pub reference_nm: f64,
+    /// Degrees of freedom of those contrasts.
+    pub freedom: f64,
+    /// Values that the model can follow beside them.
+    pub followed: f64,
+    /// Where it is declared.
+    pub declared_nm: Option<f64>,
+}
+
+impl NoiseScale {
+    /// What the contrasts and the prior say of a scale.
+    fn log_density(&self, scale: f64) -> f64 {
+        if self.declared_nm.is_some() {
+            return 0.0;
+        }
+        if scale.is_nan() || scale <= 0.0 || scale.is_infinite() {
+            return f64::NEG_INFINITY;
+        }
+        let log = (self.freedom + self.followed + 1.0) * scale.ln();
+        -0.5 * self.freedom / (scale * scale) - log
+    }
+}
+
 /// A mixture of parts, each with its noise and its prior of the amplitudes.
+#[derive(Clone)]
 pub struct Density {
     names: Vec<String>,
     prior: ConstantsPrior,
@@ -55,6 +91,7 @@ pub struct Density {
     /// The data under every choice of the noise.
     pub noise: Vec<Equations>,
     parts: Vec<MixturePart>,
+    scale: Option<NoiseScale>,
 }
 
 impl Density {
@@ -84,6 +121,29 @@ impl Density {
             surface,
             space,
             noise,
+            scale: None,
+        }
+    }
+
+    /// The same with the noise of a point as a last parameter, unless it is declared.
+    #[must_use]
+    pub fn with_noise(mut self, scale: NoiseScale) -> Self {
+        if scale.declared_nm.is_none() {
+            self.names.push(parameter::NOISE.into());
+        }
+        self.scale = Some(scale);
+        self
+    }
+
+    /// Take some of the data's square, which no parameter changes, out of every part.
+    pub(super) fn take_from_rest(&mut self, square: f64) {
+        for noise in &mut self.noise {
+            noise.rest[(0, 0)] -= square;
+        }
+        for part in &mut self.parts {
+            let sds = (self.space).sds(&part.choice.own, part.choice.size, part.choice.rival);
+            let root = lower(&self.space.covariance(&sds));
+            part.equations = Compiled::new(&self.noise[part.choice.noise].turned(&root));
         }
     }
 
@@ -92,9 +152,83 @@ impl Density {
         self.prior.marginals.len()
     }
 
+    /// Names of the constants.
+    pub fn constant_names(&self) -> &[String] {
+        &self.names[..self.constants()]
+    }
+
+    /// Priors of the constants.
+    pub fn marginals(&self) -> &[Marginal] {
+        &self.prior.marginals
+    }
+
+    /// The same density with other priors of the constants, in their order.
+    #[must_use]
+    pub fn with_marginals(&self, marginals: Vec<Marginal>) -> Self {
+        let mut other = self.clone();
+        other.prior.marginals = marginals;
+        other
+    }
+
+    /// The same density without the priors' cuts.
+    #[must_use]
+    pub fn untruncated(&self) -> Self {
+        let whole = |m: &Marginal| Marginal {
+            truncate: None,
+            ..*m
+        };
+        self.with_marginals(self.marginals().iter().map(whole).collect())
+    }
+
+    /// Whether a point's constants lie within [`REASON_SDS`] of their priors' means.
+    pub fn is_credible(&self, x: &[f64]) -> bool {
+        let mut pairs = self.marginals().iter().zip(x);
+        pairs.all(|(m, x)| (x - m.mean).abs() <= REASON_SDS * m.sd)
+    }
+
+    /// The same density, cut off [`REASON_SDS`] from the priors' means and a tenth of the constants' from zero.
+    #[must_use]
+    pub fn within_reason(&self) -> Self {
+        let cut = |m: &Marginal| {
+            let [low, high] = m.bounds();
+            let reach = REASON_SDS * m.sd;
+            let low = low.max(m.mean - reach).max(0.1 * m.mean);
+            Marginal {
+                truncate: Some([low, high.min(m.mean + reach)]),
+                ..*m
+            }
+        };
+        self.with_marginals(self.marginals().iter().map(cut).collect())
+    }
+
+    /// Whether constants are those of a material.
+    pub fn is_admissible(&self, constants: &[f64]) -> bool {
+        self.prior.material.ply(constants).is_admissible()
+    }
+
+    /// Scale of the noise at a point of the parameters.
+    pub fn noise_scale(&self, x: &[f64]) -> f64 {
+        let own = |scale: NoiseScale| {
+            let noise = scale.declared_nm.unwrap_or_else(|| x[self.constants()]);
+            noise / scale.reference_nm
+        };
+        self.scale.map_or(1.0, own)
+    }
+
+    /// A point to start from and the sd to start with: where the test was linearised, and the noise as it was estimated.
+    pub fn start(&self) -> (Vec<f64>, Vec<f64>) {
+        let mut centre = self.surface.ratios.constants(&vec![0.0; self.constants()]);
+        let mut sd: Vec<f64> = self.marginals().iter().map(|m| m.sd).collect();
+        if let Some(scale) = self.scale.filter(|s| s.declared_nm.is_none()) {
+            centre.push(scale.reference_nm);
+            sd.push(0.05 * scale.reference_nm);
+        }
+        (centre, sd)
+    }
+
     /// Coordinates of the constants, 1 first, and the factors of what the data leave there: 1, of the modes, the coordinates again.
     pub fn place(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let own = self.surface.ratios.of(x);
+        let own = self.surface.ratios.of(&x[..self.constants()]);
         let modes = self.surface.change(&own);
         let one = || std::iter::once(1.0);
         let factors = one()
@@ -104,7 +238,16 @@ impl Density {
         (one().chain(own).collect(), factors)
     }
 
-    /// Log prior density of a point with what other experiments say of it, -inf outside.
+    /// The amplitudes at a point, given a part.
+    pub fn given(&self, x: &[f64], part: usize) -> GivenChoice<'_> {
+        let choice = &self.parts[part].choice;
+        let (coordinates, factors) = self.place(x);
+        let (gram, right) = self.noise[choice.noise].at(&coordinates, &factors);
+        let precision = self.noise_scale(x).powi(-2);
+        GivenChoice::new(self, (&(gram * precision), &(right * precision)), choice)
+    }
+
+    /// Log prior density of a point with what other experiments and contrasts say of it, -inf outside.
     fn log_prior(&self, x: &[f64]) -> f64 {
         let ConstantsPrior {
             material,
@@ -116,14 +259,23 @@ impl Density {
         }
         let of = |(x, m): (&f64, &Marginal)| m.log_density(*x);
         let prior: f64 = x.iter().zip(marginals).map(of).sum();
-        prior + known.as_ref().map_or(0.0, |k| k.log_density(x))
+        let noise = self
+            .scale
+            .map_or(0.0, |s| s.log_density(self.noise_scale(x)));
+        prior
+            + noise
+            + known
+                .as_ref()
+                .map_or(0.0, |k| k.log_density(&x[..k.constants()]))
     }
 
     /// Log weight of every part at some points, part by part.
     fn weights_at(&self, points: &[Vec<f64>]) -> Vec<f64> {
         let parts: Vec<&Compiled> = self.parts.iter().map(|p| &p.equations).collect();
         let places: Vec<(Vec<f64>, Vec<f64>)> = points.iter().map(|x| self.place(x)).collect();
-        let mut weights = log_evidences(&parts, &PlacesOf::new(&places));
+        let precision = |x: &Vec<f64>| self.noise_scale(x).powi(-2);
+        let precisions = points.iter().map(precision).collect();
+        let mut weights = log_evidences(&parts, &PlacesOf::new(&places, precisions));
         for (part, weights) in self
             .parts
             .iter()

@@ -8,6 +8,7 @@ use super::space::monomials;
 use crate::lanes::ln_vector;
 
 /// [`Equations`] in directions of unit prior: every number's coefficients beside each other.
+#[derive(Clone)]
 pub struct Compiled {
     directions: usize,
     /// Number of factors of what the data leave.
@@ -65,6 +66,9 @@ impl Compiled {
         sums(simd, &self.gram, powers.monomials, gram);
         sums(simd, &self.right, powers.products, right);
         sums(simd, &self.rest, powers.factors, rest);
+        for sum in gram.iter_mut().chain(&mut *right).chain(&mut *rest) {
+            *sum = simd.mul_f64s(*sum, powers.precision);
+        }
         let mut square = zero;
         for (by, m) in rest.iter().zip(powers.factors) {
             square = simd.mul_add_e_f64s(*by, *m, square);
@@ -138,17 +142,20 @@ struct Powers<'a, S: Simd> {
     monomials: &'a [S::f64s],
     factors: &'a [S::f64s],
     products: &'a [S::f64s],
+    precision: S::f64s,
 }
 
 /// Places of some points: coordinates of the constants, 1 first, and factors of what the data leave; one row for each, a number a point.
 pub struct PlacesOf {
     pub coordinates: Vec<Vec<f64>>,
     pub factors: Vec<Vec<f64>>,
+    /// By which the noise's precision differs, a number a point.
+    pub precision: Vec<f64>,
 }
 
 impl PlacesOf {
     /// Of points one by one.
-    pub fn new(points: &[(Vec<f64>, Vec<f64>)]) -> Self {
+    pub fn new(points: &[(Vec<f64>, Vec<f64>)], precision: Vec<f64>) -> Self {
         let rows = |of: &dyn Fn(&(Vec<f64>, Vec<f64>)) -> Vec<f64>| -> Vec<Vec<f64>> {
             let all: Vec<Vec<f64>> = points.iter().map(of).collect();
             let count = all.first().map_or(0, Vec::len);
@@ -158,6 +165,7 @@ impl PlacesOf {
         Self {
             coordinates: rows(&|p| p.0.clone()),
             factors: rows(&|p| p.1.clone()),
+            precision,
         }
     }
 
@@ -201,6 +209,7 @@ impl WithSimd for EvidenceBatch<'_> {
         let PlacesOf {
             coordinates,
             factors,
+            precision,
         } = self.places;
         let count = self.places.count();
         let pairs = monomials(coordinates.len() - 1);
@@ -236,6 +245,7 @@ impl WithSimd for EvidenceBatch<'_> {
                     monomials,
                     factors,
                     products,
+                    precision: simd.partial_load_f64s(&precision[own(v)]),
                 };
                 let value = part.evidence(simd, powers, room);
                 simd.partial_store_f64s(&mut out[own(v)], value);

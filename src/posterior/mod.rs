@@ -6,20 +6,35 @@
 //! order about a point. Products of modes, columns and data under each noise are made once: a value costs microseconds, whatever the number
 //! of points and steps.
 
+mod by_component;
+mod by_frames;
 mod complete;
 mod density;
 mod equations;
 mod evidence;
 mod expansion;
+mod full;
+pub mod importance;
+mod noise_choices;
+mod point;
+mod posed;
 mod ratios;
 mod space;
 mod surface;
+mod weighing;
 
+pub use by_component::ComponentNoise;
 pub use complete::{CompletedDraw, GivenChoice, Inclusion, birth_or_death, complete};
-pub use density::{ConstantsPrior, Density, MixtureChoice, lower};
+pub use density::{ConstantsPrior, Density, MixtureChoice, NoiseScale, REASON_SDS, lower};
 pub use equations::Equations;
 pub use evidence::{Compiled, PlacesOf, log_evidences};
 pub use expansion::{About, CoarseForwards, Expansion};
+pub use full::Full;
+pub use importance::{FullModels, Importance, PosedDraws};
+pub use noise_choices::{NoiseChoices, NoisePair, with_data};
+pub use point::LinearisationPoint;
+pub use posed::{Account, Posed};
 pub use ratios::Ratios;
 pub use space::{Space, Whose, linear, monomials, shown, stacked, values};
 pub use surface::{Snapshots, Surface};
+pub use weighing::{Projected, Weighing};

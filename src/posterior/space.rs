@@ -18,6 +18,7 @@ pub enum Whose {
 
 /// Columns that enter linearly, each at its largest prior sd, and an orthonormal basis of what the data see of them: amplitudes in
 /// those units are V gamma and something in the null space of V', of which the data know nothing.
+#[derive(Clone)]
 pub struct Space {
     pub whose: Vec<Whose>,
     /// Largest prior sds of the columns, in units of their own.

@@ -73,17 +73,13 @@ pub fn calibration_section(summary: &Summary) -> Section {
         0.0 => "white noise".into(),
         mm => format!("noise correlated over {mm} mm"),
     };
-    let fields = match plan.reduced {
-        true => "reduced model",
-        false => "finite elements",
-    };
     let share = |n: usize| 100.0 * n as f64 / summary.done[0].max(1) as f64;
     let bands = summary.bands.iter();
     let bands: Vec<String> = bands
         .map(|[a, b]| format!("{:.1} to {:.1}", share(*a), share(*b)))
         .collect();
     Section::new(format!(
-        "calibration: {} replicates ({} converged). Fields are by the {fields}, with {noise} of {} to {} nm, {} x {} points.",
+        "calibration: {} replicates ({} converged). Fields are by the finite elements, with {noise} of {} to {} nm, {} x {} points.",
         summary.done[0], summary.done[1], NOISE_NM[0], NOISE_NM[1], plan.grid, plan.grid
     ))
     .with(parameters_table(&summary.parameters))

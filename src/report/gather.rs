@@ -260,17 +260,11 @@ fn surrogate(round: &Identification) -> SurrogateReport {
             max: error.max_field_nm,
             rms: error.rms_field_nm,
         },
-        over_the_box: error
-            .over_the_box_nm
-            .map(|[max, rms]| FieldErrorReport { max, rms }),
-        basis_bound_nm: error.basis_bound_nm,
-        draws_outside_doe: round.outside_doe,
         variables: reduced.surface.variables.choice,
-        modes: reduced.modes_per_component(),
+        modes: round.inverse.posed.expanded.surface.count(),
         doe: reduced.sides(),
         press_mm: map(&reduced.surface.quality, |q| q.press),
         cached: round.inverse.prepared.cached,
-        refinement: round.refinements.clone(),
     }
 }
 

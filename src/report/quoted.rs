@@ -6,7 +6,8 @@ use super::json::Keyed;
 use super::sources::{WidthSource, sources};
 use crate::chain::Draws;
 use crate::parameter::{Parameter, ParameterKind};
-use crate::trace::{Closed, Importance, Interval, Proposals, ToQuote, closed_forms};
+use crate::posterior::Importance;
+use crate::trace::{Closed, Interval, Proposals, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::json::Keyed;
-use crate::identify::Refinement;
 use crate::reduce::Choice;
 
 /// The reduced model's own error, measured by the finite elements at draws of the posterior.
@@ -21,13 +20,6 @@ pub struct SurrogateReport {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub supplied: bool,
     pub field_error_nm: FieldErrorReport,
-    /// The same at random points of the box, where a reduced basis of the finite elements makes it known.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub over_the_box: Option<FieldErrorReport>,
-    /// Bound of what the basis itself is off at a measured point, nm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub basis_bound_nm: Option<f64>,
-    pub draws_outside_doe: f64,
     pub variables: Choice,
     pub modes: usize,
     /// Low and high side of the box.
@@ -36,9 +28,6 @@ pub struct SurrogateReport {
     #[serde(default)]
     pub press_mm: Vec<f64>,
     pub cached: bool,
-    /// The reduced models used: the first, then every refinement.
-    #[serde(default)]
-    pub refinement: Vec<Refinement>,
 }
 
 impl SurrogateReport {

@@ -35,8 +35,6 @@ pub struct Validation<'a> {
     pub priors: Option<&'a PriorTable>,
     /// The finite elements at posterior draws.
     pub truth: &'a SurrogateError,
-    /// How often the run had refined the reduced model that is validated.
-    pub refinements: usize,
 }
 
 /// Difference of moments from the chain: mean in the chain's sd, sd in %.
@@ -90,7 +88,6 @@ impl Validation<'_> {
                     "mean": m.plain[0], "sd": m.plain[1], "weighted_mean": m.weighted[0], "weighted_sd": m.weighted[1],
                 }))).collect::<Map<_, _>>(),
             },
-            "refinements": self.refinements,
         });
         if let Some((grid, seconds)) = self.grid {
             let mut numbers = moments_json(self.chain, &grid.moments);
@@ -149,7 +146,7 @@ impl Validation<'_> {
         }
         if self.truth.max_sd() > crate::identify::TOLERANCE {
             doubts.push(format!(
-                "the reduced model's error moves a constant by {:.1} % of a posterior sd; with the finite elements' likelihood {:.1} of {} draws count",
+                "the density's error moves a constant by {:.1} % of a posterior sd; with the finite elements' likelihood {:.1} of {} draws count",
                 100.0 * self.truth.max_sd(), self.truth.effective_draws(), self.truth.draws
             ));
         }
@@ -219,12 +216,6 @@ impl Validation<'_> {
             100.0 * t.max_sd(),
             t.effective_draws()
         ));
-        if self.refinements > 0 {
-            lines.push(format!(
-                "reduced model: as the run had it after {} refinement(s)",
-                self.refinements
-            ));
-        }
         let mut pieces = vec![Piece::list(lines)];
         if t.max_sd() > crate::identify::TOLERANCE {
             pieces.push(reweighted(t).into());

@@ -12,7 +12,7 @@ use crate::chain::Draws;
 use crate::error::Result;
 use crate::experiment::simulate::HALF_WINDOW;
 use crate::identify::{Identification, Options, identify};
-use crate::infer::{ExperimentEntry, Member, Model, ModelOutline};
+use crate::infer::{ExperimentEntry, Marginal, Member, Model, ModelOutline};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::trace::{Information, field_information};
@@ -111,8 +111,17 @@ impl Observed for IdentifiedField {
         let names: Vec<String> = shared.constants.iter().map(|c| c.0.clone()).collect();
         let rows = &self.found.verdict.rows;
         let start = rows.iter().map(|row| (row.mean, row.sd)).unzip();
-        let member = Member::of(&self.name, &self.found.inverse.posterior, &names);
-        Member { start, ..member }
+        let density = &self.found.inverse.posed.density;
+        let each = density.constant_names().iter().zip(density.marginals());
+        let marginals = each.map(|(name, m)| match names.contains(name) {
+            true => Marginal::flat(m.mean),
+            false => *m,
+        });
+        Member {
+            name: self.name.clone(),
+            density: Box::new(density.with_marginals(marginals.collect())),
+            start,
+        }
     }
 
     fn section(&self, _draws: &Draws) -> Result<ExperimentSection> {

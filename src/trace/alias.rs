@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 use super::subsets::{Subset, SubsetPosterior};
-use super::weighing::Projected;
 use crate::noise::NormalEquations;
+use crate::posterior::Projected;
 
 /// A swap that costs a log Bayes factor below this cannot be excluded. Groups by the cosine of signatures came out too wide for loud
 /// effects and too narrow for quiet ones: even a cosine of 1.000 separates where the effect is large enough to be nonlinear (prototype

@@ -7,40 +7,40 @@
 
 use std::sync::Arc;
 
-use super::coarse::CoarseTest;
 use super::converged::PointSearch;
 use super::patched::{PatchedData, patches};
 use super::patches::Patches;
 use super::recording;
-use super::sought::{acting_in, candidates, is_of_a_rotation};
 use super::stiffness::stiffness_field;
-use super::traced::{LinearisationPoint, Traced, forward};
+use super::traced::Traced;
 use super::tracing::{FoundApart, Tracing, leaves_structure};
 use crate::effect::Effect;
 use crate::error::Result;
-use crate::experiment::State;
 use crate::experiment::series::SeriesState;
 use crate::field::Field;
 use crate::files::KeptStages;
-use crate::identify::{Prepared, is_clear};
+use crate::identify::CoarseTest;
+use crate::identify::forward;
+use crate::identify::{InverseProblem, blocks_of};
 use crate::infer::{EffectUnderLaw, Model};
+use crate::linearise::candidates;
 use crate::linearise::{Forward, Insoluble, Measured, insoluble, without_insoluble};
+use crate::posterior::LinearisationPoint;
 use crate::progress::Progress;
 
-/// Trace what a fitted model leaves unexplained, from the constants and declared amplitudes of `start`, to the effects that are
-/// `wanted` by name; with what this rests on.
+/// Trace what a fitted model leaves unexplained, from where its identification was linearised, to the effects that are `wanted` by name; with
+/// what this rests on.
 ///
 /// # Errors
 /// Those of finite-element solutions; too few blocks for the dictionary.
 pub fn attribute(
     model: &Model,
-    prepared: &Prepared,
-    start: State,
+    inverse: &InverseProblem,
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
 ) -> Result<(Tracing, Traced)> {
     let kept = KeptStages::default();
-    attribute_kept((model, prepared), start, wanted, &kept, progress)
+    attribute_kept((model, inverse), wanted, &kept, progress)
 }
 
 /// The same with stages that are kept.
@@ -48,48 +48,35 @@ pub fn attribute(
 /// # Errors
 /// Those of [`attribute`]; a folder that cannot be written.
 pub(super) fn attribute_kept(
-    (model, prepared): (&Model, &Prepared),
-    start: State,
+    (model, inverse): (&Model, &InverseProblem),
     wanted: &dyn Fn(&str) -> bool,
     kept: &KeptStages,
     progress: &dyn Progress,
 ) -> Result<(Tracing, Traced)> {
-    let (mut effects, left_out) = candidates(model);
-    effects.retain(|e| wanted(e.name()));
-    let measured = measured(prepared, &prepared.observation.field);
+    let (_, left_out) = candidates(model);
     let step = || progress.step();
     let tracer = Tracer {
-        forward: &forward(model, prepared, &measured, &step),
-        measured: &measured,
-        prepared,
+        forward: &forward(model, &inverse.prepared, &inverse.measured, &step),
+        measured: &inverse.measured,
+        inverse,
+        is_whole: true,
         progress,
         kept,
     };
-    let begun = match &prepared.traced {
-        Some(traced) => traced.state.clone(),
-        None => tracer.forward.beginning(start),
-    };
+    let point = &inverse.point;
+    let mut sought = point.sought.clone();
+    sought.retain(|e| wanted(e.effect.name()));
     without_insoluble(
-        tracer.sought(&effects, &begun),
-        &|sought| insoluble(tracer.forward, &begun, sought),
+        sought,
+        &|sought| insoluble(tracer.forward, &point.state, sought),
         &|sought, left| {
-            let left_out = left_out.iter().cloned().chain(left).collect();
-            tracer.trace(&begun, sought, left_out)
+            let left_out = left_out.iter().chain(&inverse.left_out).cloned();
+            let mut left_out: Insoluble = left_out.chain(left).collect();
+            left_out.sort_by_key(|(name, _)| *name);
+            left_out.dedup_by_key(|(name, _)| *name);
+            tracer.trace(&point.state, sought, left_out)
         },
     )
-}
-
-/// The blocks of a field, of a series those of all steps.
-fn measured(prepared: &Prepared, field: &Field) -> Arc<Measured> {
-    let Prepared {
-        problem,
-        observation,
-        ..
-    } = prepared;
-    let geometry = &*problem.experiment.scene().setup.geometry;
-    let used = |i: usize| is_clear(geometry, field.points[i]);
-    let observed = (&observation.sight, observation.steps.as_ref());
-    Arc::new(Measured::new(field, &*problem.experiment, observed, used))
 }
 
 /// What was measured, and its forward model.
@@ -97,33 +84,21 @@ fn measured(prepared: &Prepared, field: &Field) -> Arc<Measured> {
 struct Tracer<'a> {
     forward: &'a Forward<'a>,
     measured: &'a Arc<Measured>,
-    prepared: &'a Prepared,
+    inverse: &'a InverseProblem,
+    /// Whether the data are those of the identification.
+    is_whole: bool,
     progress: &'a dyn Progress,
     kept: &'a KeptStages,
 }
 
 impl Tracer<'_> {
-    /// How effects may act.
-    fn sought(&self, effects: &[&'static dyn Effect], begun: &SeriesState) -> Vec<EffectUnderLaw> {
-        let Some(steps) = &self.prepared.observation.steps else {
-            return EffectUnderLaw::without_laws(effects);
-        };
-        let declared = self.forward.declared();
-        let mut sought = acting_in(effects, &steps.loads);
-        sought.retain(|acts| {
-            let prior_sd = self.forward.prior_sd(acts, 0);
-            !is_of_a_rotation(acts, &declared, begun, prior_sd)
-        });
-        sought
-    }
-
     fn trace(
         &self,
         begun: &SeriesState,
         sought: Vec<EffectUnderLaw>,
         left_out: Insoluble,
     ) -> Result<(Tracing, Traced)> {
-        if self.prepared.observation.steps.is_some() {
+        if self.inverse.prepared.observation.steps.is_some() {
             return self.series(begun, sought, left_out);
         }
         self.field(begun, sought, left_out)
@@ -136,7 +111,7 @@ impl Tracer<'_> {
         sought: Vec<EffectUnderLaw>,
         left_out: Insoluble,
     ) -> Result<(Tracing, Traced)> {
-        let (model, prepared) = (self.forward.model, self.prepared);
+        let (model, prepared) = (self.forward.model, &self.inverse.prepared);
         let own = &prepared.observation.field;
         self.progress
             .begin("the field at the constants found", None);
@@ -216,9 +191,9 @@ impl Tracer<'_> {
 
     /// Patches of what is left of a series.
     fn patches(&self, traced: &Traced) -> Result<Patches> {
-        let observation = &self.prepared.observation;
+        let observation = &self.inverse.prepared.observation;
         let names = observation.steps.as_ref().map_or(&[][..], |s| &s.names[..]);
-        let expected = self.prepared.predict(&traced.point.state.shared)?;
+        let expected = self.inverse.prepared.predict(&traced.point.state.shared)?;
         let measurement = &self.forward.model.experiment().measurement;
         let data = PatchedData {
             field: &observation.field,
@@ -236,11 +211,12 @@ impl Tracer<'_> {
         begun: &SeriesState,
         sought: &[EffectUnderLaw],
     ) -> Result<Traced> {
-        let measured = measured(self.prepared, field);
+        let measured = blocks_of(&self.inverse.prepared, field);
         let Forward { model, step, .. } = *self.forward;
         Tracer {
-            forward: &forward(model, self.prepared, &measured, step),
+            forward: &forward(model, &self.inverse.prepared, &measured, step),
             measured: &measured,
+            is_whole: false,
             ..*self
         }
         .converged(begun, sought)
@@ -249,12 +225,20 @@ impl Tracer<'_> {
     /// What was measured, linearised and weighed until the strongest effect repeats.
     fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
         let Forward { model, step, .. } = *self.forward;
-        let coarse = CoarseTest::new(model, self.prepared, self.measured)?;
+        let prepared = &self.inverse.prepared;
+        let coarse = CoarseTest::new(model, prepared, self.measured)?;
         let coarse = coarse.as_ref();
         let coarse = coarse.map(|c| Forward {
             step,
-            ..c.everywhere(model, self.prepared, self.measured)
+            ..c.everywhere(model, prepared, self.measured)
         });
+        let InverseProblem {
+            point,
+            sensitivities,
+            weighing,
+            ..
+        } = self.inverse;
+        let is_same = self.is_whole && sought.len() == point.sought.len();
         let search = PointSearch {
             forward: self.forward,
             coarse: coarse.as_ref(),
@@ -267,6 +251,7 @@ impl Tracer<'_> {
                 sought: sought.to_vec(),
             },
             restarts: 0,
+            first: is_same.then_some((sensitivities, weighing)),
         };
         let (evidence, point) = search.converged()?;
         Ok(Traced { evidence, point })

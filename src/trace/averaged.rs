@@ -7,9 +7,7 @@ use statrs::function::erf::erfc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::noise_choices::NoisePair;
 use super::subsets::{SIZES, Subset, SubsetPosterior};
-use super::weighing::Weighing;
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
 use crate::files::{Keyed, stored};
@@ -18,6 +16,8 @@ use crate::noise::NormalEquations;
 use crate::numeric::bisect;
 use crate::numeric::log_sum_exp;
 use crate::parameter::is_modulus;
+use crate::posterior::NoisePair;
+use crate::posterior::Weighing;
 use crate::sample::NormalPart;
 
 /// Sizes of the effects that are not declared, as multiples of their prior sds: which one holds is weighed by

@@ -6,7 +6,6 @@
 //! | step | from | to |
 //! |---|---|---|
 //! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
-//! | [`Loop::followed`] | the rounds | the rounds, the last with a reduced model that follows its posterior |
 //! | [`Loop::with_undecided`] | the rounds | the rounds, the last held against what is undecided too |
 //! | [`conclude`] | the rounds | the [`Conclusion`] |
 //! | [`with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
@@ -24,12 +23,12 @@ use super::refused::Refused;
 use super::round::Round;
 use super::traced::Traced;
 use super::tracing::Tracing;
-use super::vetoes::{contradiction, surrogate};
+use super::vetoes::contradiction;
 use crate::error::{Blame, Error, Result};
-use crate::experiment::State;
+use crate::experiment::series::SeriesState;
 use crate::files::Keyed;
-use crate::identify::{Identification, Options, Prepared, identify_traced, refine};
-use crate::infer::{Model, TracedSeries};
+use crate::identify::{Identification, InverseProblem, Options, identify_from};
+use crate::infer::Model;
 use crate::progress::Progress;
 
 /// What a loop samples: each has chains and a checkpoint of its own.
@@ -148,8 +147,8 @@ pub fn finished<'a>(
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline, and conclude. A later round that the
 /// deadline cuts off before there is anything to say of it does not count.
 ///
-/// An added effect whose refit contradicts its tracing, or cannot be fitted at all, is taken out again and its residual traced anew
-/// about the refit, once; then it is left undecided. The reduced model of the last round follows the posterior.
+/// An added effect whose refit contradicts its tracing, does not lower the misfit or cannot be fitted at all is taken out again, and left
+/// undecided: an effect is added at most once, and taken out at most once. `most` bounds all attempts, not only those that stay.
 ///
 /// # Errors
 /// Those of identifying and tracing the model as it was given; work that was told to stop; files that cannot be written.
@@ -166,13 +165,13 @@ pub fn explain<'a>(
     };
     let given = NextModel {
         model: model.clone(),
-        traced: None,
+        begun: None,
     };
     let mut turn = Turn::Identify(Course::default(), Box::new(given));
     let course = loop {
         turn = match turn {
             Turn::Identify(course, next) => context.turn(course, *next)?,
-            Turn::Ended(course) => break context.with_undecided(context.followed(course)?),
+            Turn::Ended(course) => break context.with_undecided(course),
         };
     };
     Ok(Explained {
@@ -198,17 +197,17 @@ enum Turn {
     Ended(Course),
 }
 
-/// A model to be identified: what is declared, with the effects that were added, and beside it what the round before found of a series.
+/// A model to be identified: what is declared, with the effects that were added, and where the round before left the test.
 struct NextModel {
     model: Model,
-    traced: Option<TracedSeries>,
+    begun: Option<SeriesState>,
 }
 
 impl Course {
-    /// Identify the model that the last round calls for, if there is one and at most `most` effects were added.
+    /// Identify the model that the last round calls for, if there is one and after at most `most` attempts to add an effect.
     fn next(self, most: usize) -> Turn {
         let model = self.rounds.last().and_then(next_model);
-        match model.filter(|_| self.rounds.len() <= most) {
+        match model.filter(|_| self.attempts <= most) {
             Some(next) => Turn::Identify(self, Box::new(next)),
             None => Turn::Ended(self),
         }
@@ -218,9 +217,7 @@ impl Course {
     fn contradicted(&self) -> Option<(usize, String)> {
         let (last, before) = self.rounds.split_last()?;
         let mut called = before.iter().enumerate();
-        called.find_map(|(k, round)| {
-            Some((k, contradiction(round, &last.model, &last.identification)?))
-        })
+        called.find_map(|(k, round)| Some((k, contradiction(round, last)?)))
     }
 }
 
@@ -234,10 +231,10 @@ struct Loop<'l, 'o> {
 impl Loop<'_, '_> {
     /// Identify a model and trace what it leaves.
     fn turn(&self, course: Course, next: NextModel) -> Result<Turn> {
-        let NextModel { model, traced } = next;
+        let NextModel { model, begun } = next;
         let attempt = course.attempts;
         let options = (self.options)(LoopStage::Attempt(attempt));
-        let identified = identify_traced(&model, traced, &options, self.progress);
+        let identified = identify_from(&model, begun, &options, self.progress);
         let round = identified.and_then(|found| self.round(&course, model, found));
         let mut course = Course {
             attempts: attempt + 1,
@@ -248,7 +245,7 @@ impl Loop<'_, '_> {
             Err(e) if course.rounds.is_empty() || e.ends_all() => return Err(e),
             Err(e) if e.blame() == Blame::Limit => return Ok(Turn::Ended(course)),
             // the fit of what was called for: without it the loop goes on
-            Err(e) => return self.retraced(course, None, e.to_string()),
+            Err(e) => return self.retraced(course, e.to_string()),
         }
         if is_over(&options) {
             return Ok(Turn::Ended(course));
@@ -256,8 +253,8 @@ impl Loop<'_, '_> {
         match course.next(self.most) {
             Turn::Ended(mut course) => match course.contradicted() {
                 Some((at, why)) => {
-                    let refit = course.rounds.split_off(at + 1).pop();
-                    self.retraced(course, refit, why)
+                    course.rounds.truncate(at + 1);
+                    self.retraced(course, why)
                 }
                 None => Ok(Turn::Ended(course)),
             },
@@ -267,49 +264,41 @@ impl Loop<'_, '_> {
 
     /// What an identification leaves, traced.
     fn round(&self, course: &Course, model: Model, found: Identification) -> Result<Round> {
-        let start = start(&model, &found);
-        let prepared = &found.inverse.prepared;
         let of = (&course.refused, course.attempts);
-        let traced = self.attribute(of, &model, prepared, start)?;
-        prepared.problem.experiment.rest();
+        let traced = self.attribute(of, &model, &found.inverse)?;
+        found.inverse.prepared.problem.experiment.rest();
         Ok(Round::new(course.attempts, model, found, traced))
     }
 
-    /// Take back the effect that the last round called for and trace that round anew, about the refit where there is one.
-    fn retraced(&self, mut course: Course, refit: Option<Round>, why: String) -> Result<Turn> {
+    /// Take back the effect that the last round called for and trace that round anew.
+    fn retraced(&self, mut course: Course, why: String) -> Result<Turn> {
         let Some(round) = course.rounds.pop() else {
             return Ok(Turn::Ended(course));
         };
         let refused = course.refused.and(&round, why);
-        let about = refit.as_ref().unwrap_or(&round);
-        let start = start(&about.model, &about.identification);
-        let prepared = &round.identification.inverse.prepared;
-        let traced = self.attribute((&refused, round.attempt), &round.model, prepared, start)?;
         let Round {
             attempt,
             model,
             identification,
             ..
         } = round;
+        let traced = self.attribute((&refused, attempt), &model, &identification.inverse)?;
         course
             .rounds
             .push(Round::new(attempt, model, identification, traced));
         Ok(Course { refused, ..course }.next(self.most))
     }
 
-    /// Trace a residual to the effects that have not been refused for good; those are undecided. Stages are kept where the chains of an
-    /// attempt are.
+    /// Trace a residual to the effects that have not been refused; those are undecided. Stages are kept where the chains of an attempt are.
     fn attribute(
         &self,
         (refused, attempt): (&Refused, usize),
         model: &Model,
-        prepared: &Prepared,
-        start: State,
+        inverse: &InverseProblem,
     ) -> Result<(Tracing, Traced)> {
         let wanted = |name: &str| refused.may_be_sought(name);
         let kept = (self.options)(LoopStage::Attempt(attempt)).stages();
-        let of = (model, prepared);
-        let (tracing, traced) = attribute_kept(of, start, &wanted, &kept, self.progress)?;
+        let (tracing, traced) = attribute_kept((model, inverse), &wanted, &kept, self.progress)?;
         Ok((tracing.without(refused), traced))
     }
 
@@ -322,39 +311,6 @@ impl Loop<'_, '_> {
             course.rounds.extend(last);
         }
         course
-    }
-
-    /// Let the reduced model of the last round follow its posterior where the finite elements ask for it, as another attempt. One that
-    /// cannot, or not in time, leaves the round as it is, and the verdict says of the reduced model what it is worth.
-    fn followed(&self, mut course: Course) -> Result<Course> {
-        let Some(round) = course.rounds.pop() else {
-            return Ok(course);
-        };
-        let attempt = course.attempts;
-        let round = match self.refined(&round, attempt)? {
-            Some(identification) => {
-                course.attempts += 1;
-                let traced = (round.tracing, round.traced);
-                Round::new(attempt, round.model, identification, traced)
-            }
-            None => round,
-        };
-        course.rounds.push(round);
-        Ok(course)
-    }
-
-    fn refined(&self, round: &Round, attempt: usize) -> Result<Option<Identification>> {
-        let found = &round.identification;
-        let options = (self.options)(LoopStage::Attempt(attempt));
-        if is_over(&options) || !found.determined || surrogate(found).is_none() {
-            return Ok(None);
-        }
-        let options = Options {
-            refinements: options.refinements.max(REFINEMENTS),
-            ..options
-        };
-        let refined = refine(&round.model, found, &options, self.progress);
-        Ok(unless_ended(refined)?.flatten())
     }
 }
 
@@ -371,15 +327,15 @@ fn with_discrepancy(
     let unexplained = explained.conclusion.status == Status::Unexplained;
     let wanted = unexplained && structure.iter().any(Option::is_some);
     let options = Options {
-        discrepancy: structure,
+        discrepancy: true,
         ..options
     };
     // the loop has ended without it: where it cannot be identified, nothing is lost
-    let traced = last.identification.inverse.prepared.traced.clone();
+    let begun = Some(last.identification.inverse.point.state.clone());
     if !wanted || is_over(&options) {
         return Ok(None);
     }
-    unless_ended(identify_traced(&last.model, traced, &options, progress))
+    unless_ended(identify_from(&last.model, begun, &options, progress))
 }
 
 /// What was found; none where it failed and the loop goes on without it.
@@ -395,33 +351,12 @@ fn is_over(options: &Options<'_>) -> bool {
     options.deadline.is_some_and(|end| Instant::now() >= end)
 }
 
-/// Refinements of the last round's reduced model, at most.
-const REFINEMENTS: usize = 3;
-
-/// Where tracing starts: at the posterior means, or at the prior means where constants are not determined, because the ridge's steps from
-/// there are too short to come back from absurd ones.
-fn start(model: &Model, identification: &Identification) -> State {
-    let moments = |name: &str| identification.moments(name).map(|(mean, _)| mean);
-    let mut state = model.state(&moments);
-    let far = model.marginals().into_iter().zip(&state.constants);
-    if far
-        .into_iter()
-        .any(|(m, x)| (x - m.mean).abs() > FAR * m.sd)
-    {
-        state.constants = model.state(&|_| None).constants;
-    }
-    state
-}
-
-/// Constants that lie farther from their prior means, prior sds, are no start for tracing.
-const FAR: f64 = 2.5;
-
 /// The model that a round's tracing calls for.
 fn next_model(round: &Round) -> Option<NextModel> {
     let tracing = &round.tracing;
     let accepted = tracing.accepted.as_ref()?;
     Some(NextModel {
         model: extended(&round.model, accepted, &tracing.averaged),
-        traced: tracing.series.as_ref().map(|s| s.found.clone()),
+        begun: Some(round.traced.point.state.clone()),
     })
 }

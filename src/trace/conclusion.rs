@@ -8,7 +8,7 @@ use super::patches::Patches;
 use super::round::Round;
 use super::suspect::Suspect;
 use super::tracing::{Named, Resembling};
-use super::vetoes::{surrogate, vetoes};
+use super::vetoes::vetoes;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
 use crate::files::Keyed;
 use crate::identify::Patterns;
@@ -153,11 +153,9 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     let wanted = accepted(last).and_then(|_| groups.pop());
     let structure = last.tracing.leaves_structure();
     let patterns = last.patterns().any();
-    let mut vetoes = vetoes(rounds);
+    let vetoes = vetoes(rounds);
     let mut suspect = rounds[0].tracing.suspect.beside(&last.tracing.suspect);
     suspect.reasons.extend(vetoes.iter().cloned());
-    // the quoted constants do not come from the reduced model
-    vetoes.extend(surrogate(&last.identification));
     let suspect = (!suspect.reasons.is_empty()).then_some(suspect);
     let facts = VerdictFacts {
         added: !groups.is_empty(),

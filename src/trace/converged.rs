@@ -4,22 +4,20 @@ use std::sync::Arc;
 
 use super::alias::groups;
 use super::averaged::likeliest;
-use super::by_component::ComponentNoise;
 use super::evidence::Evidence;
-use super::noise_choices::with_data;
 use super::phases::shifts;
-use super::sought::shares;
-use super::traced::{LinearisationPoint, bytes_of};
-use super::weighing::Weighing;
 use crate::effect::Kind;
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::files::{KeptStages, Stored};
+use crate::identify::{bytes_of, weighed};
 use crate::infer::EffectUnderLaw;
+use crate::linearise::shares;
 use crate::linearise::{
     CONVERGED, CandidateColumns, Forward, Measured, STEPS, Sensitivities, constants_moved, divide,
 };
-use crate::noise::series::{found_noise, settings_under};
+use crate::posterior::LinearisationPoint;
+use crate::posterior::Weighing;
 use crate::progress::Progress;
 
 /// Passes of linearisation, each with the strongest effect at its estimate: linearising at several new effects at once oscillated on a
@@ -44,6 +42,8 @@ pub struct PointSearch<'a> {
     pub point: LinearisationPoint,
     /// How often the constants were moved to where the noise has them. From then on they are not those of the ridge.
     pub restarts: usize,
+    /// What is known of the first pass: the identification's.
+    pub first: Option<(&'a Sensitivities, &'a Weighing)>,
 }
 
 impl PointSearch<'_> {
@@ -59,7 +59,11 @@ impl PointSearch<'_> {
         loop {
             pass += 1;
             let evidence = before.as_ref().map(|(evidence, _)| evidence);
-            let sensitivities = self.linearised(pass, evidence, &leaders)?;
+            let first = self.first.take().filter(|_| pass == 1);
+            let sensitivities = match first {
+                Some((known, _)) => known.clone(),
+                None => self.linearised(pass, evidence, &leaders)?,
+            };
             if !sensitivities.is_finite()
                 && let Some((found, at)) = before
             {
@@ -67,7 +71,12 @@ impl PointSearch<'_> {
                 self.point.state = at;
                 return Ok((found, self.point));
             }
-            let found = self.weighed(pass, sensitivities)?;
+            let found = match first {
+                Some((_, weighing)) => {
+                    Evidence::new(weighing.clone(), sensitivities, self.measured)?
+                }
+                None => self.weighed(pass, sensitivities)?,
+            };
             let again = match self.is_moved(&found)? {
                 true => Some("again, from the constants that the measured noise asks for"),
                 false if self.is_shifted(&found)? => {
@@ -204,37 +213,10 @@ impl PointSearch<'_> {
 
     fn weighed(&self, pass: usize, sensitivities: Sensitivities) -> Result<Evidence> {
         let what = format!("tracing, pass {pass}: effects against noise");
-        let steps = Weighing::steps(self.measured);
-        let mut of = bytes_of(self.forward.model, self.measured);
-        sensitivities.put(&mut of);
-        let step = || self.progress.step();
-        let begin = || self.progress.begin(&what, Some(steps as u64));
-        let weighing = match self.measured.frames() {
-            // the search is nearly all of it, and its numbers are few
-            Some(frames) => {
-                let [first, second] = [0, 1].map(|c| with_data(self.measured, &sensitivities, c));
-                let columns = [&first, &second];
-                let search = || {
-                    begin();
-                    found_noise(&frames, columns, &step)
-                };
-                let name = format!("noise-{}", self.numbered(pass));
-                let found = self.kept.stage(&name, &of, search, self.progress)?;
-                Weighing::by(
-                    Arc::new(settings_under(&frames, columns, &found, &step)?),
-                    &sensitivities,
-                )
-            }
-            None => {
-                let by_component = || {
-                    begin();
-                    ComponentNoise::new(self.measured, &sensitivities, &step)
-                };
-                let name = format!("evidence-{}", self.numbered(pass));
-                let noise = self.kept.stage(&name, &of, by_component, self.progress)?;
-                Weighing::by(Arc::new(noise), &sensitivities)
-            }
-        };
+        let test = (self.forward, &**self.measured);
+        let number = self.numbered(pass);
+        let of = (&sensitivities, &*number);
+        let weighing = weighed(test, of, &what, (self.kept, self.progress))?;
         Evidence::new(weighing, sensitivities, self.measured)
     }
 

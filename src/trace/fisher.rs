@@ -4,13 +4,13 @@ use nalgebra::{DMatrix, DVector};
 
 use super::averaged::detectable;
 
-use super::sought::candidates;
 use super::subsets::SIZES;
 use crate::effect::Scope;
 use crate::error::{Error, Result};
 use crate::experiment::predict;
 use crate::experiment::series::SeriesState;
 use crate::infer::{EffectUnderLaw, Model, experiment_over};
+use crate::linearise::candidates;
 use crate::linearise::{AtPoints, Column, Forward, Slopes};
 use crate::noise::NormalEquations;
 

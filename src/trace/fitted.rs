@@ -5,15 +5,14 @@ use nalgebra::DVector;
 use super::evidence::Evidence;
 use super::left_out::HeldOutSteps;
 use super::linearity::linearity;
-use super::noise_choices::NoisePair;
 use super::noise_words::noise_words;
 use super::subsets::Subset;
 use super::tracing::{HeldOutStep, StepMaps, StepResidual, StiffnessField, TracedSteps};
 use crate::experiment::series::{SeriesState, rigid_free};
-use crate::infer::TracedSeries;
 use crate::laminate::MeanSd;
 use crate::linearise::{Column, Sensitivities, constants_moved};
 use crate::noise::NormalEquations;
+use crate::posterior::NoisePair;
 use crate::quantity::NM_PER_MM;
 
 impl Evidence {
@@ -36,11 +35,12 @@ impl Evidence {
             constants_moved(&mut state.shared, &self.sensitivities, &solution, f64::MAX);
         }
         TracedSteps {
-            found: TracedSeries { state, amplitudes },
+            state,
+            amplitudes,
             residuals: self.steps(pair, held_out),
             maps: self.step_maps(pair),
             linearity: linearity(self),
-            misfit: self.misfit(pair),
+            misfit: self.misfit(),
             stiffness,
             noise: noise_words(&self.weighing, pair),
         }
@@ -158,12 +158,23 @@ impl Evidence {
     }
 
     /// Probability of a misfit as large by the noise of a series, with the best subset; none of a single field.
-    pub(super) fn misfit(&self, pair: &NoisePair) -> Option<f64> {
-        let series = self.weighing.noise.by_frames()?;
-        let (_, fit) = self.fit(pair, self.subsets.best())?;
+    pub(super) fn misfit(&self) -> Option<f64> {
+        self.weighing.noise.by_frames()?;
+        self.misfit_of(self.subsets.best())
+    }
+
+    /// Probability of a misfit as large by the likeliest noise, with a subset.
+    pub(super) fn misfit_of(&self, subset: &Subset) -> Option<f64> {
+        let pair = &self.weighing.pairs[self.subsets.best_pair];
+        let (_, fit) = self.fit(pair, subset)?;
         let gram = self.weighing.gram(pair);
         let data = gram.nrows() - 1;
-        let values = 2.0 * (self.measured.blocks.len() * series.noise.scales.len()) as f64;
+        let values = self
+            .measured
+            .averages
+            .iter()
+            .map(DVector::len)
+            .sum::<usize>() as f64;
         // of a linear model with normal priors the whole has as many degrees of freedom as values
         let square = gram[(data, data)] - fit.quadratic();
         let z = (square - values) / (2.0 * values).sqrt();

@@ -2,11 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::sought::lift_of;
 use super::wedge::{log_in_wedge, log_positive};
-use super::weighing::Projected;
 use crate::linearise::Candidate;
+use crate::linearise::lift_of;
 use crate::noise::NormalEquations;
+use crate::posterior::Projected;
 
 /// A subset of the candidates, in increasing order.
 pub type Subset = Vec<usize>;

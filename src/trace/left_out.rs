@@ -8,10 +8,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::layout::columns;
 use super::subsets::{Subset, SubsetPosterior};
-use super::weighing::Weighing;
 use crate::linearise::{Column, Measured, Sensitivities};
 use crate::noise::series::{FramesInformation, InFrames};
 use crate::noise::{NormalEquations, solve};
+use crate::posterior::Weighing;
 use crate::quantity::NM_PER_MM;
 
 /// Steps from which the others can be held out: fewer do not know their noise.

@@ -5,10 +5,10 @@ use super::alias::{AliasGroup, SWAP};
 use super::averaged::supposing;
 use super::subsets::{Subset, SubsetPosterior, WeighedSubset};
 use super::suspect::ConditionalAnswer;
-use super::weighing::Weighing;
 use crate::effect::Scope;
 use crate::error::Result;
 use crate::linearise::Sensitivities;
+use crate::posterior::Weighing;
 
 /// Answers of constants that differ by more of their sds are different.
 const APART: f64 = 1.0;

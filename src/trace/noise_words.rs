@@ -1,8 +1,8 @@
 //! What the noise of a series is, in words.
 
-use super::noise_choices::NoisePair;
-use super::weighing::Weighing;
 use crate::noise::series::{Growth, SmoothKernel};
+use crate::posterior::NoisePair;
+use crate::posterior::Weighing;
 use crate::quantity::UM_PER_MM;
 
 /// Share of the reference picture in the likeliest noise without a discrepancy; 1 where all noise has one.

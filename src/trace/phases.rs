@@ -4,10 +4,10 @@
 //! .3 % and 25 px. Phases that are not needed cost a third of the precision of a gain (prototype study): they must gain some nats.
 
 use super::evidence::Evidence;
-use super::noise_choices::with_data;
 use crate::error::Result;
 use crate::linearise::Column;
 use crate::noise::NormalEquations;
+use crate::posterior::with_data;
 
 /// Log evidence that the phases of all steps together must gain.
 const LEAST_GAIN: f64 = 3.0;

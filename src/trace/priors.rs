@@ -4,10 +4,10 @@
 use super::averaged::{Interval, normal};
 use super::subsets::SubsetPosterior;
 use super::suspect::{ConditionalAnswer, PriorInDoubt};
-use super::weighing::Weighing;
 use crate::files::Keyed;
 use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
+use crate::posterior::Weighing;
 use crate::quantity::plus_minus;
 
 /// By how much a prior under suspicion is widened.

@@ -3,12 +3,9 @@
 use super::round::Round;
 use super::tracing::Tracing;
 
-/// Effects that were added and taken out again, each with the reason, once for each time.
+/// Effects that were added and taken out again, each with the reason: none is sought again.
 #[derive(Debug, Clone, Default)]
 pub struct Refused(Vec<(&'static str, String)>);
-
-/// An effect that is refused so often is not traced any more.
-const REFUSALS: usize = 2;
 
 impl Refused {
     /// These and what a round called for, which did not hold.
@@ -23,19 +20,19 @@ impl Refused {
         &self.0
     }
 
-    /// Whether an effect has not been refused for good.
+    /// Whether an effect has not been refused.
     pub fn may_be_sought(&self, name: &str) -> bool {
-        self.0.iter().filter(|(n, _)| *n == name).count() < REFUSALS
+        self.0.iter().all(|(n, _)| *n != name)
     }
 }
 
 impl Tracing {
-    /// The same with what was refused for good among the effects left out, undecided.
+    /// The same with what was refused among the effects left out, undecided.
     #[must_use]
     pub fn without(mut self, refused: &Refused) -> Self {
         for (name, why) in refused.all() {
             let known = self.left_out.iter().any(|(n, _)| n == name);
-            if !refused.may_be_sought(name) && !known {
+            if !known {
                 self.left_out
                     .push((name, format!("added and taken out again: {why}")));
                 self.undecided.push(vec![name]);

@@ -2,11 +2,10 @@
 
 use super::patches::Patches;
 use super::phases::phase_words;
-use super::traced::{Traced, forward};
+use super::traced::Traced;
 use super::tracing::Tracing;
 use crate::identify::{Identification, Patterns};
 use crate::infer::Model;
-use crate::linearise::{Measured, StepStack};
 
 /// An identification and what tracing made of its residual.
 pub struct Round {
@@ -46,44 +45,32 @@ impl Round {
     pub fn with_undecided(mut self) -> Self {
         let misfit = &self.identification.misfit;
         if misfit.is_too_large() && !misfit.of_series {
-            let columns = self.undecided();
-            if !columns.is_empty() {
-                self.identification = self.identification.with_effects(&columns);
+            let undecided = self.undecided();
+            let p = self.traced.evidence.misfit_of(&undecided);
+            if let Some(p) = p.filter(|_| !undecided.is_empty()) {
+                self.identification = self.identification.with_effects(p);
             }
         }
         self
     }
 
-    /// Columns of the effects on which tracing does not decide, the leader of each group, at all points of a field: tracing itself keeps off
-    /// edges. None of a group that does not predict what was held out, whose sign cannot be, or whose field cannot be had.
-    fn undecided(&self) -> Vec<StepStack> {
+    /// Effects on which tracing does not decide, the leader of each group: none of a group that does not predict what was held out, or whose
+    /// sign cannot be.
+    fn undecided(&self) -> Vec<usize> {
         let groups = self.tracing.groups.iter().filter(|g| g.predicts);
         let groups = groups.filter(|g| self.tracing.undecided.contains(&g.members));
-        let leaders = groups.map(|g| g.leader);
         let cannot_act = |name: &str| {
             let mut found = self.tracing.candidates.iter();
             found.any(|c| c.effect.name() == name && c.is_impossible())
         };
-        let leaders: Vec<&str> = leaders.filter(|name| !cannot_act(name)).collect();
-        if leaders.is_empty() {
-            return Vec::new();
-        }
-        let prepared = &self.identification.inverse.prepared;
-        let observation = &prepared.observation;
-        let experiment = &*prepared.problem.experiment;
-        let sight = (&observation.sight, None);
-        let measured = Measured::new(&observation.field, experiment, sight, |_| true);
-        let forward = forward(&self.model, prepared, &measured, &|| ());
-        let point = &self.traced.point;
-        let Ok(here) = forward.about(&point.state) else {
-            return Vec::new();
-        };
-        let sought = point.sought.iter();
-        let sought = sought.filter(|e| leaders.contains(&e.effect.name()));
-        let columns = sought.filter_map(|effect| here.columns(effect).ok());
-        let columns = columns.flatten().map(|column| column.values).collect();
-        experiment.rest();
-        columns
+        let leaders: Vec<&str> = groups
+            .map(|g| g.leader)
+            .filter(|l| !cannot_act(l))
+            .collect();
+        let candidates = self.traced.evidence.sensitivities.candidates.iter();
+        let all = candidates.enumerate();
+        let own = all.filter(|(_, c)| leaders.contains(&c.effect.name()));
+        own.map(|(k, _)| k).collect()
     }
 
     /// Patches that the residual holds.

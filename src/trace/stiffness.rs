@@ -8,9 +8,7 @@ use nalgebra::DVector;
 
 use super::averaged::{AveragedPart, LEAST_MULTIPLE, MULTIPLES, mixtures, part, rival_of};
 use super::evidence::Evidence;
-use super::noise_choices::NoisePair;
 use super::tracing::{StiffnessAt, StiffnessField};
-use super::weighing::Weighing;
 use crate::error::Result;
 use crate::experiment::Softening;
 use crate::experiment::series::SeriesState;
@@ -19,6 +17,8 @@ use crate::field::bounds;
 use crate::linearise::Forward;
 use crate::noise::series::DISCREPANCY;
 use crate::numeric::log_sum_exp;
+use crate::posterior::NoisePair;
+use crate::posterior::Weighing;
 
 /// Bumps along the window's shorter side, and their sd over the distance between them.
 const ALONG: f64 = 6.0;

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 
 pub use super::layout::Subset;
 use super::layout::{CandidateLayout, restrict};
-use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::linearise::Candidate;
 use crate::numeric::log_sum_exp;
+use crate::posterior::{Projected, Weighing};
 
 /// Prior probabilities of 0, 1, .. effects, shared equally by the subsets of each size. In the prototype study they named 51 of 51
 /// single effects, 12 of 12 pairs and 12 of 16 triples exactly. All subsets up to four are enumerated (5,036 of 19 effects): greedy growth

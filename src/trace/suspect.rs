@@ -9,9 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::averaged::{Interval, NORMAL_95, mixtures, part};
-use super::noise_choices::NoisePair;
 use super::subsets::SubsetPosterior;
-use super::weighing::{Projected, Weighing};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::linearise::{Column, Sensitivities};
@@ -19,6 +17,8 @@ use crate::noise::NormalEquations;
 use crate::noise::reml::orthonormal;
 use crate::numeric::log_sum_exp;
 use crate::parameter::Parameter;
+use crate::posterior::NoisePair;
+use crate::posterior::{Projected, Weighing};
 
 /// Whether an account of the residual is not unique, and what the constants are under others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

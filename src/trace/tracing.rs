@@ -8,7 +8,7 @@ use super::suspect::{ConditionalAnswer, PriorInDoubt, Suspect, UNEXPLAINED};
 use crate::effect::Effect;
 use crate::experiment::series::{Law, SeriesState};
 use crate::files::{Keyed, stored};
-use crate::infer::TracedSeries;
+use crate::laminate::MeanSd;
 use crate::noise::Hyperparameters;
 use crate::noise::series::Linearity;
 
@@ -110,8 +110,10 @@ pub fn leaves_structure(discrepancy: f64) -> bool {
 
 /// What tracing finds of a series.
 pub struct TracedSteps {
-    /// Where it is linearised, and what all its steps say of every amplitude.
-    pub found: TracedSeries,
+    /// Where it is linearised.
+    pub state: SeriesState,
+    /// What all its steps say of every amplitude, border units.
+    pub amplitudes: Vec<(String, MeanSd)>,
     /// What is left of every step.
     pub residuals: Vec<StepResidual>,
     /// What the declared model leaves of every step.

@@ -1,6 +1,5 @@
 //! What forbids a verdict of `closed` or `nothing_missing`, one function a condition. Each says in words what it objects to.
 
-use super::averaged::Interval;
 use super::evidence::LARGEST_MULTIPLE;
 use super::patches::{PatchPart, largest_part};
 use super::round::Round;
@@ -10,10 +9,6 @@ use crate::identify::{Identification, MISFIT};
 use crate::infer::Model;
 use crate::quantity::plus_minus;
 
-/// Largest error of the reduced model, posterior sds, and share of draws outside its box.
-const SURROGATE_SDS: f64 = 0.05;
-const OUTSIDE: f64 = 0.01;
-
 /// A refit and its tracing agree within so many combined sds, and a refit lies so many sds from zero.
 const AGREE_SDS: f64 = 4.0;
 const ACTS_SDS: f64 = 2.0;
@@ -21,13 +16,10 @@ const ACTS_SDS: f64 = 2.0;
 /// By so many prior sds a traced amplitude may be off, because it is that beside the other effects of the best subset.
 const CONDITIONAL: f64 = 0.1;
 
-/// The quoted posterior and the last model's agree within so many combined sds.
-const QUOTED_SDS: f64 = 3.0;
-
 /// A step is predicted by all others within so many sds of its misfit (prototype study).
 const STEP_SDS: f64 = 4.5;
 
-/// All objections to the last round of a loop but that to its reduced model ([`surrogate`]).
+/// All objections to the last round of a loop.
 pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     let (first, last) = (&rounds[0], &rounds[rounds.len() - 1]);
     let found = &last.identification;
@@ -36,7 +28,7 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
         .flatten()
         .collect();
     for pair in rounds.windows(2) {
-        let refit = contradiction(&pair[0], &pair[1].model, &last.identification);
+        let refit = contradiction(&pair[0], last);
         said.extend(refit);
         said.extend(held_out(&pair[0]));
     }
@@ -45,7 +37,6 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     for effect in last.model.effects.iter().filter(|e| !is_declared(e)) {
         said.extend(impossible(*effect, &last.model, found));
     }
-    said.extend(quoted(last));
     said.extend(steps_apart(last));
     said.extend(last.patches().objections());
     said.extend(in_tension(last));
@@ -63,24 +54,7 @@ fn determined(found: &Identification) -> Option<String> {
         .then(|| "the constants are not determined: the data drive them beyond 6 prior sd".into())
 }
 
-/// 1. The reduced model at draws of the posterior: what it does to the constants. Amplitudes of effects are quoted from elsewhere.
-pub fn surrogate(found: &Identification) -> Option<String> {
-    let error = found.surrogate.max_sd_of_constants();
-    if error > SURROGATE_SDS {
-        let percent = 100.0 * error;
-        return Some(format!(
-            "the reduced model is {percent:.0} % of a posterior sd off, after refinement"
-        ));
-    }
-    let percent = 100.0 * found.outside_doe;
-    (found.outside_doe > OUTSIDE).then(|| {
-        format!(
-            "{percent:.1} % of the draws lie outside the box of the reduced model, after refinement"
-        )
-    })
-}
-
-/// 2. The misfit of modes and of block averages.
+/// 1. The misfit of block averages.
 fn misfit(last: &Round) -> Option<String> {
     let misfit = &last.identification.misfit;
     let p = misfit.p;
@@ -89,8 +63,9 @@ fn misfit(last: &Round) -> Option<String> {
         .then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
 }
 
-/// 3. The refit of what a round called for against its tracing.
-pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> Option<String> {
+/// 2. The refit of what a round called for, in the last round, against the round without it and against its tracing.
+pub fn contradiction(before: &Round, last: &Round) -> Option<String> {
+    let (model, refit) = (&last.model, &last.identification);
     let accepted = before.tracing.accepted.as_ref()?;
     let effect = accepted.effect;
     if model.effects.iter().all(|e| e.name() != effect.name()) {
@@ -100,9 +75,9 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
         // taken out of the field as it was found
         return None;
     }
-    let over_points = in_the_hole(model, refit);
-    if over_points.is_some() {
-        return over_points;
+    let refused = in_the_hole(model, refit).or_else(|| no_gain(before, refit, effect));
+    if refused.is_some() {
+        return refused;
     }
     let mut acts = false;
     let traced = accepted.amplitude.iter();
@@ -132,6 +107,22 @@ pub fn contradiction(before: &Round, model: &Model, refit: &Identification) -> O
     })
 }
 
+/// An effect whose addition does not lower the misfit, under one noise and over the same places and steps.
+fn no_gain(before: &Round, refit: &Identification, effect: &dyn Effect) -> Option<String> {
+    let [old, new] = [&before.identification, refit].map(|f| &f.left);
+    if old[0].len() != new[0].len() {
+        // points that are measured or dropped by what was found
+        return None;
+    }
+    let posed = &refit.inverse.posed;
+    let weighing = &refit.inverse.weighing;
+    let both = [old.clone(), new.clone()];
+    let norms = weighing
+        .norms(&posed.measured, &posed.pairs[0], &both)
+        .ok()?;
+    (norms[1] >= norms[0]).then(|| format!("{} does not lower the misfit", effect.name()))
+}
+
 /// So many stray points may lie in a hole.
 const STRAY: usize = 3;
 
@@ -155,7 +146,7 @@ fn in_the_hole(model: &Model, refit: &Identification) -> Option<String> {
         .then(|| format!("the hole that was fitted reaches over {inside} measured points"))
 }
 
-/// 4. Amplitudes that cannot be.
+/// 3. Amplitudes that cannot be.
 fn impossible(
     effect: &'static dyn Effect,
     model: &Model,
@@ -180,18 +171,7 @@ fn impossible(
         })
 }
 
-/// 5. The quoted constants against the last model's.
-fn quoted(last: &Round) -> Option<String> {
-    let far = |(name, quoted): (&String, &Interval)| {
-        let (mean, sd) = last.identification.moments(name)?;
-        let sds = (quoted.mean - mean) / sd.hypot(quoted.sd);
-        (sds.abs() > QUOTED_SDS)
-            .then(|| format!("the quoted {name} lies {sds:+.1} sd from that of the last model"))
-    };
-    last.tracing.averaged.iter().find_map(far)
-}
-
-/// 6. Prediction of held-out regions by what a round called for.
+/// 4. Prediction of held-out regions by what a round called for.
 fn held_out(before: &Round) -> Option<String> {
     let effect = before.tracing.accepted.as_ref()?.effect;
     let group = before
@@ -202,7 +182,7 @@ fn held_out(before: &Round) -> Option<String> {
     (!group.predicts).then(|| format!("{} does not predict held-out regions", effect.name()))
 }
 
-/// 7. Steps of a series that the others do not predict, and what they leave: not the step that was last is to blame, but a part of all.
+/// 5. Steps of a series that the others do not predict, and what they leave: not the step that was last is to blame, but a part of all.
 fn steps_apart(last: &Round) -> Option<String> {
     let steps = last
         .identification
@@ -240,7 +220,7 @@ fn steps_apart(last: &Round) -> Option<String> {
     ))
 }
 
-/// 8. Experiments beside the field that contradict it, with all that was found.
+/// 6. Experiments beside the field that contradict it, with all that was found.
 fn in_tension(last: &Round) -> Option<String> {
     let p = tension(last)?.p;
     (p < MISFIT).then(|| {

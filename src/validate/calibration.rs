@@ -213,14 +213,10 @@ fn identify(
     replicate: usize,
 ) -> Result<Replicate> {
     let truth = draw(model, plan, replicate);
-    let u = if plan.reduced {
-        twin.reduced(&truth)
-    } else {
-        twin.finite_elements(&truth)?
-    };
+    let u = twin.finite_elements(&truth)?;
     let seed = plan.seed_of(replicate, 2);
     let noise = twin.noise(truth.noise_nm, plan.correlation_mm, seed);
-    let posterior = twin.posterior(model, u, &noise)?;
+    let posterior = twin.posterior(model, u, &noise)?.posed.density;
     let mode = start(&posterior)?;
     let ball = Start::Ball {
         centre: &mode.mode,
@@ -240,7 +236,7 @@ fn identify(
         &rule,
         &Quiet,
     )?;
-    let mut values = truth.theta;
+    let mut values = truth.theta[..posterior.constants()].to_vec();
     values.push(truth.noise_nm);
     let known = posterior.names().iter().cloned().zip(values);
     let known: Vec<(String, f64)> = known.collect();

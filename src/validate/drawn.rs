@@ -16,8 +16,9 @@ use crate::experiment::simulate::Truth;
 use crate::experiment::simulate::series::SeriesTruth;
 use crate::field::{READERS, Source};
 use crate::infer::{EffectUnderLaw, Model, simulated_field, simulated_series};
+use crate::linearise::{acting_in, candidates};
 use crate::parameter::Parameter;
-use crate::trace::{SIZES, acting_in, candidates};
+use crate::trace::SIZES;
 
 /// The true noise sd of a point of image correlation is drawn from this interval, evenly in its logarithm, nm.
 const IMAGES_NM: [f64; 2] = [50.0, 500.0];

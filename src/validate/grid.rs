@@ -5,9 +5,9 @@ use nalgebra::DMatrix;
 use super::quadrature::{GridMoments, Marginalised, Node};
 use crate::chain::Draws;
 use crate::error::{Error, Result};
-use crate::infer::Posterior;
 use crate::numeric::shares;
 use crate::parameter::is_modulus;
+use crate::posterior::Density;
 use crate::sample::Laplace;
 
 /// Nodes along a side by default, as in the article.
@@ -21,7 +21,7 @@ const MOST: usize = 4_000_000;
 
 /// A posterior on a grid, noise integrated.
 pub struct PosteriorGrid {
-    /// Bounds of each structural parameter.
+    /// Bounds of each constant.
     pub bounds: Vec<[f64; 2]>,
     /// Nodes along each side.
     pub side: usize,
@@ -30,18 +30,18 @@ pub struct PosteriorGrid {
     pub marginals: Vec<Vec<(f64, f64)>>,
     /// Sentences about a grid that is too coarse or too narrow.
     pub warnings: Vec<String>,
-    /// All nodes, points x structural parameters.
+    /// All nodes, points x constants.
     pub thetas: Vec<f64>,
     /// Their integrals over the noise.
     pub nodes: Vec<Node>,
 }
 
-/// Check bounds of the structural parameters.
+/// Check bounds of the constants.
 ///
 /// # Errors
 /// Of the input: bounds that are reversed or not finite, or leave no admissible ply between them.
-pub fn check_bounds(posterior: &Posterior, bounds: &[[f64; 2]]) -> Result<()> {
-    for (name, [low, high]) in posterior.parameter_names().iter().zip(bounds) {
+pub fn check_bounds(posterior: &Density, bounds: &[[f64; 2]]) -> Result<()> {
+    for (name, [low, high]) in posterior.constant_names().iter().zip(bounds) {
         if !(low.is_finite() && high.is_finite() && low < high) {
             return Err(Error::input(
                 format!("--bounds {name}"),
@@ -76,12 +76,12 @@ pub fn check_bounds(posterior: &Posterior, bounds: &[[f64; 2]]) -> Result<()> {
 }
 
 /// Bounds of mean +- 5 sd, within the priors' cuts.
-pub fn automatic(posterior: &Posterior, mean: &[f64], sd: &[f64]) -> Vec<[f64; 2]> {
+pub fn automatic(posterior: &Density, mean: &[f64], sd: &[f64]) -> Vec<[f64; 2]> {
     posterior
         .marginals()
         .iter()
         .zip(mean.iter().zip(sd))
-        .zip(posterior.parameter_names())
+        .zip(posterior.constant_names())
         .map(|((m, (mean, sd)), name)| {
             let [low, high] = m.bounds();
             let floor = if is_modulus(name) {
@@ -103,13 +103,13 @@ impl PosteriorGrid {
     /// # Errors
     /// Of the input: too many nodes, fewer than 3 a side, bounds that make no sense, no probability anywhere.
     pub fn new(
-        posterior: &Posterior,
+        posterior: &Density,
         mode: &Laplace,
         bounds: &[[f64; 2]],
         side: usize,
     ) -> Result<Self> {
         check_bounds(posterior, bounds)?;
-        let d = posterior.structural();
+        let d = posterior.constants();
         let count = side
             .checked_pow(d as u32)
             .filter(|n| side >= 3 && *n <= MOST);
@@ -166,14 +166,14 @@ impl PosteriorGrid {
         Ok(grid)
     }
 
-    fn judge(&mut self, posterior: &Posterior) {
+    fn judge(&mut self, posterior: &Density) {
         let d = self.bounds.len();
         let spacing: Vec<f64> = self
             .bounds
             .iter()
             .map(|[low, high]| (high - low) / (self.side - 1) as f64)
             .collect();
-        let names = posterior.parameter_names();
+        let names = posterior.constant_names();
         for k in 0..d {
             let sd = self.moments.sd[k];
             // A grid that misses the posterior puts everything on one node: its own sd is no measure then.

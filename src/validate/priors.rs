@@ -5,7 +5,8 @@ use super::grid::{PosteriorGrid, automatic};
 use super::quadrature::GridMoments;
 use crate::chain::Draws;
 use crate::error::Result;
-use crate::infer::{Marginal, Posterior};
+use crate::infer::Marginal;
+use crate::posterior::Density;
 use crate::sample::{LogDensity, laplace};
 
 /// One choice of prior.
@@ -27,7 +28,7 @@ pub struct PriorTable {
 /// # Errors
 /// Those of a mode without maximum and of the grid.
 pub fn compare(
-    posterior: &Posterior,
+    posterior: &Density,
     side: usize,
     published: bool,
     draws: Option<&Draws>,
@@ -85,12 +86,12 @@ pub fn compare(
 
 /// None where a cut leaves nothing of the posterior: `outside` says so.
 fn row(
-    posterior: &Posterior,
+    posterior: &Density,
     prior: String,
     marginals: Vec<Marginal>,
     side: usize,
 ) -> Result<Option<PriorRow>> {
-    let d = posterior.structural();
+    let d = posterior.constants();
     let other = posterior.with_marginals(marginals);
     let (centre, sd) = other.start();
     let mode = laplace(&other.untruncated(), &centre, &sd)?;

@@ -1,14 +1,14 @@
-//! The log posterior of the structural parameters with the noise integrated out.
+//! The log posterior of the constants with the noise integrated out.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::infer::Posterior;
 use crate::numeric::{hermite, relative_weights};
+use crate::posterior::Density;
 use crate::sample::{Laplace, LogDensity};
 
-/// What is known of a point of the structural parameters once the noise is integrated out.
+/// What is known of a point of the constants once the noise is integrated out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Node {
     /// Log of the integral of the density over the noise; -inf outside the support.
@@ -19,7 +19,7 @@ pub struct Node {
 
 /// A posterior with its noise integrated out, by a rule about the mode's noise.
 pub struct Marginalised<'a> {
-    posterior: &'a Posterior,
+    posterior: &'a Density,
     /// Noise (nm) and log weight of each node; one node without noise if it is declared.
     rule: Vec<(f64, f64)>,
 }
@@ -32,8 +32,8 @@ const CHUNK: usize = 256;
 
 impl<'a> Marginalised<'a> {
     /// The rule's place and width are those of the normal approximation in the logarithm of the noise.
-    pub fn new(posterior: &'a Posterior, mode: &Laplace) -> Self {
-        let d = posterior.structural();
+    pub fn new(posterior: &'a Density, mode: &Laplace) -> Self {
+        let d = posterior.constants();
         let rule = if posterior.dim() == d {
             vec![(0.0, 0.0)]
         } else {
@@ -53,12 +53,12 @@ impl<'a> Marginalised<'a> {
         Self { posterior, rule }
     }
 
-    /// The integral at every point of `thetas` (points x structural parameters), in parallel.
+    /// The integral at every point of `thetas` (points x constants), in parallel.
     ///
     /// # Errors
     /// Fatal ones of the density.
     pub fn evaluate(&self, thetas: &[f64]) -> Result<Vec<Node>> {
-        let d = self.posterior.structural();
+        let d = self.posterior.constants();
         let chunks = thetas.par_chunks(CHUNK * d);
         let nodes: Vec<Vec<Node>> = chunks.map(|c| self.chunk(c)).collect::<Result<_>>()?;
         Ok(nodes.concat())
@@ -66,7 +66,7 @@ impl<'a> Marginalised<'a> {
 
     fn chunk(&self, thetas: &[f64]) -> Result<Vec<Node>> {
         let (d, dim, k) = (
-            self.posterior.structural(),
+            self.posterior.constants(),
             self.posterior.dim(),
             self.rule.len(),
         );
@@ -119,22 +119,22 @@ pub struct GridMoments {
     pub names: Vec<String>,
     pub mean: Vec<f64>,
     pub sd: Vec<f64>,
-    /// Correlation of the structural parameters, row by row.
+    /// Correlation of the constants, row by row.
     pub correlation: Vec<Vec<f64>>,
     /// Log of the integral of the density.
     pub log_evidence: f64,
 }
 
 impl GridMoments {
-    /// Moments of points (points x structural parameters) with their integrals over the noise and the log of the weight
+    /// Moments of points (points x constants) with their integrals over the noise and the log of the weight
     /// of each point.
     pub fn of(
-        posterior: &Posterior,
+        posterior: &Density,
         thetas: &[f64],
         nodes: &[Node],
         log_weight: impl Fn(usize) -> f64,
     ) -> Self {
-        let d = posterior.structural();
+        let d = posterior.constants();
         let logs: Vec<f64> = nodes
             .iter()
             .enumerate()
@@ -178,8 +178,8 @@ impl GridMoments {
 }
 
 /// The quick second opinion: five nodes a direction, about the mode and scaled by its curvature, noise integrated.
-pub fn preview(posterior: &Posterior, mode: &Laplace) -> Option<GridMoments> {
-    let (d, dim) = (posterior.structural(), posterior.dim());
+pub fn preview(posterior: &Density, mode: &Laplace) -> Option<GridMoments> {
+    let (d, dim) = (posterior.constants(), posterior.dim());
     if d > MOST_DIRECTIONS {
         return None;
     }

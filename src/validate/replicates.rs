@@ -18,8 +18,6 @@ pub struct ReplicatePlan {
     pub replicates: usize,
     /// Correlation length of the noise, mm; 0 for white noise.
     pub correlation_mm: f64,
-    /// Fields by the reduced model instead of the finite elements.
-    pub reduced: bool,
     pub seed: u64,
     /// Points along a side of the lattice.
     pub grid: usize,

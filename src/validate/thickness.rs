@@ -4,9 +4,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use crate::infer::Posterior;
+use crate::linearise::Column;
+use crate::posterior::{Posed, linear};
 use crate::progress::Progress;
-use crate::sample::{Key, Stream};
+use crate::reduce::THICKNESS;
+use crate::sample::{Key, LogDensity, Stream};
 
 /// Samples of the thickness at each node, as in the article.
 pub const SAMPLES: usize = 4000;
@@ -42,18 +44,74 @@ impl Comparison {
     }
 }
 
-/// Compare at `nodes` random points of the box `bounds`, at noise scale `scale`; none where the thickness is known.
+/// The thickness as a column of a density: its place among those that take part, its mean and its sd, mm.
+fn thickness(posed: &Posed) -> Option<(usize, f64, f64)> {
+    let all = linear(&posed.expanded.here);
+    let is_thickness = |k: &&usize| all.get(**k).is_some_and(|c| c.name == THICKNESS);
+    let place = posed.kept.iter().position(|k| is_thickness(&k))?;
+    let Column { mean, sd, .. } = all[posed.kept[place]];
+    Some((place, *mean, *sd))
+}
+
+/// The log likelihood of a point as a function of one amplitude, up to a constant: b t - g t^2 / 2.
+#[derive(Clone, Copy)]
+struct InAmplitude {
+    slope: f64,
+    precision: f64,
+}
+
+impl InAmplitude {
+    /// At a point of a density, of the column at a place.
+    fn at(posed: &Posed, x: &[f64], place: usize) -> Self {
+        let (mean, covariance) = posed.density.given(x, 0).moments(&[place]);
+        let variance = covariance[(0, 0)];
+        Self {
+            slope: mean[0] / variance,
+            precision: 1.0 / variance - 1.0,
+        }
+    }
+
+    /// Its logarithm with the amplitude integrated out over a normal distribution.
+    fn integrated(&self, mean: f64, variance: f64) -> f64 {
+        let whole = 1.0 + self.precision * variance;
+        let square = (self.slope * variance + mean).powi(2) / whole - mean * mean;
+        0.5 * (square / variance - whole.ln())
+    }
+
+    /// The same by the article's way, mean and variance of the response from samples of the thickness, and its standard error, by a jackknife
+    /// over a hundred groups of samples. `responses` are amplitudes for which the linear column has the exact response.
+    fn sampled(&self, responses: &[f64]) -> (f64, f64) {
+        const GROUPS: usize = 100;
+        let mut sums = [[0.0; 3]; GROUPS];
+        for (k, t) in responses.iter().enumerate() {
+            let sum = &mut sums[k % GROUPS];
+            *sum = [sum[0] + 1.0, sum[1] + t, sum[2] + t * t];
+        }
+        let add = |a: [f64; 3], b: &[f64; 3], sign: f64| [0, 1, 2].map(|k| a[k] + sign * b[k]);
+        let total = sums.iter().fold([0.0; 3], |a, b| add(a, b, 1.0));
+        let value = |[n, sum, square]: [f64; 3]| {
+            let mean = sum / n;
+            self.integrated(mean, square / n - mean * mean)
+        };
+        let without: Vec<f64> = sums.iter().map(|s| value(add(total, s, -1.0))).collect();
+        let groups = GROUPS as f64;
+        let mean = without.iter().sum::<f64>() / groups;
+        let square: f64 = without.iter().map(|v| (v - mean).powi(2)).sum();
+        (value(total), ((groups - 1.0) / groups * square).sqrt())
+    }
+}
+
+/// Compare at `nodes` random points of the box `bounds`, at a noise of a point, nm, where it is a parameter; none where the thickness is known.
 pub fn compare(
-    posterior: &Posterior,
+    posed: &Posed,
     bounds: &[[f64; 2]],
-    scale: f64,
+    noise: Option<f64>,
     [nodes, samples]: [usize; 2],
     seed: u64,
     progress: &dyn Progress,
 ) -> Option<Comparison> {
-    let likelihood = posterior.likelihood();
-    let (mean, sd) = likelihood.thickness();
-    if sd <= 0.0 || nodes == 0 {
+    let (place, mean, sd) = thickness(posed)?;
+    if nodes == 0 {
         return None;
     }
     // a stream for the nodes, then one for each: another seed shares none of them, nor do walkers
@@ -69,8 +127,8 @@ pub fn compare(
             .map(|[low, high]| low + (high - low) * rng.uniform())
             .collect();
         // bounds hold admissible plies (checked), but not every point of them is one
-        if posterior.is_admissible(&theta) {
-            thetas.push(theta);
+        if posed.density.is_admissible(&theta) {
+            thetas.push(theta.into_iter().chain(noise).collect());
         }
     }
     progress.begin("Monte Carlo over the thickness", Some(nodes as u64));
@@ -81,13 +139,13 @@ pub fn compare(
             let mut rng = stream(1 + i);
             let began = Instant::now();
             let thicknesses: Vec<f64> = (0..samples).map(|_| mean + sd * rng.normal()).collect();
-            let (value, error) = likelihood.sampled_log_likelihood(theta, scale, &thicknesses);
+            let response = |h: &f64| (1.0 - mean / h) * mean / sd;
+            let responses: Vec<f64> = thicknesses.iter().map(response).collect();
+            let own = InAmplitude::at(posed, theta, place);
+            let (value, error) = own.sampled(&responses);
             let seconds = began.elapsed().as_secs_f64();
             progress.step();
-            (
-                (value - likelihood.log_likelihood(theta, scale), error),
-                seconds,
-            )
+            ((value - own.integrated(0.0, 1.0), error), seconds)
         })
         .collect();
     progress.end();
@@ -97,7 +155,7 @@ pub fn compare(
     for _ in 0..REPEAT {
         sum += thetas
             .iter()
-            .map(|t| likelihood.log_likelihood(t, scale))
+            .map(|t| posed.density.value(t).unwrap_or(f64::NAN))
             .sum::<f64>();
     }
     std::hint::black_box(sum);

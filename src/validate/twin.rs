@@ -5,12 +5,12 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
 use crate::error::{Error, Result};
-use crate::experiment::load_response;
 use crate::field::Field;
-use crate::identify::{self, Prepared};
-use crate::infer::{Model, Observation, Posterior, Statistics, UnitColumns};
-use crate::noise::{Noise, matern_pair};
+use crate::identify::{InverseProblem, Prepared, inverse_problem};
+use crate::infer::{Model, Observation, UnitColumns};
+use crate::noise::matern_pair;
 use crate::numeric::add_scaled;
+use crate::progress::Silent;
 use crate::quantity::NM_PER_MM;
 
 /// What is true of one simulated measurement.
@@ -31,7 +31,6 @@ pub struct Twin {
     pub prepared: Prepared,
     /// Columns at the points.
     pub columns: UnitColumns,
-    nominal_mm: f64,
     shape: [usize; 2],
     spacing: [f64; 2],
     /// Place of each point in the lattice.
@@ -69,7 +68,6 @@ impl Twin {
         Ok(Self {
             columns: prepared.columns(model)?,
             prepared,
-            nominal_mm: experiment.scene().setup.thickness,
             shape: [side, side],
             spacing,
             index,
@@ -79,37 +77,17 @@ impl Twin {
     /// The posterior of a field `u` (mm) with noise on it.
     ///
     /// # Errors
-    /// Noise that cannot be estimated, and what the statistics may fail with.
+    /// Those of [`inverse_problem`].
     pub fn posterior(
         &self,
         model: &Model,
         mut u: Vec<[f64; 2]>,
         noise: &[[f64; 2]],
-    ) -> Result<Posterior> {
+    ) -> Result<InverseProblem> {
         add_scaled(&mut u, noise, 1.0);
-        let mut observation = self.prepared.observation.clone();
-        observation.field.displacement = u;
-        let (modes, effects) = (&self.columns.modes, &self.columns.effects);
-        let noise = Noise::estimate(&observation.field, modes, effects)?;
-        let statistics = Statistics::new(&observation, &self.columns, &noise)?;
-        identify::posterior(model, &self.prepared.reduced, &statistics, &noise)
-    }
-
-    /// The noise-free field (mm) of the response surfaces and modes.
-    pub fn reduced(&self, truth: &TwinTruth) -> Vec<[f64; 2]> {
-        let point = self.point(truth);
-        let mut alpha = self.prepared.reduced.surface.evaluate(&point);
-        if !self.prepared.problem.varies_thickness() {
-            let ratio =
-                load_response(1.0, truth.thickness_mm) / load_response(1.0, self.nominal_mm);
-            alpha.iter_mut().for_each(|a| *a *= ratio);
-        }
-        let mut u = vec![[0.0; 2]; self.index.len()];
-        let columns = self.columns.modes.iter().chain(&self.columns.effects);
-        for (column, a) in columns.zip(alpha.iter().chain(&truth.additive)) {
-            add_scaled(&mut u, column, *a);
-        }
-        u
+        let mut prepared = self.prepared.clone();
+        prepared.observation.field.displacement = u;
+        inverse_problem(model, prepared, &Silent)
     }
 
     /// The noise-free field (mm) by the finite elements.

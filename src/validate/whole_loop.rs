@@ -15,9 +15,10 @@ use crate::error::{Error, Result};
 use crate::files::Keyed;
 use crate::identify::Options;
 use crate::infer::Model;
+use crate::linearise::candidates;
 use crate::progress::{Progress, Silent};
 use crate::sample::{SAMPLERS, Sampler, Schedule};
-use crate::trace::{Interval, LoopStage, ToQuote, candidates, close, quoted_rule};
+use crate::trace::{Interval, LoopStage, ToQuote, close, quoted_rule};
 
 /// One line of the record.
 #[derive(Debug, Clone, Serialize, Deserialize)]

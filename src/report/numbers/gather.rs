@@ -188,7 +188,7 @@ fn maps(round: &Identification) -> Vec<MapCell> {
 }
 
 fn parameters(round: &Identification, truth: Option<&KnownTruth>) -> Vec<ParameterLine> {
-    let priors = round.inverse.posterior.marginals();
+    let priors = round.inverse.posed.density.marginals();
     let rows = round.verdict.rows.iter().enumerate();
     rows.map(|(i, row)| parameter(row, priors.get(i), truth))
         .collect()

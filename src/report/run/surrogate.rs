@@ -5,7 +5,7 @@ use crate::report::page::Page;
 use crate::report::round::RoundReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 
-/// What the finite elements say of the reduced model, and how refinement went.
+/// What the finite elements say of the reduced model.
 pub fn errors(round: &RoundReport) -> Vec<Piece> {
     let s = &round.surrogate;
     let mut said = format!(
@@ -15,46 +15,8 @@ pub fn errors(round: &RoundReport) -> Vec<Piece> {
         100.0 * s.max_error_in_posterior_sd,
         s.field_error_nm.max
     );
-    if let Some(error) = &s.over_the_box {
-        said += &format!(
-            " Over its whole box: {:.3} nm, {:.3} nm at most.",
-            error.rms, error.max
-        );
-    }
-    if let Some(bound) = s.basis_bound_nm {
-        said += &format!(
-            " The reduced basis that stands for the finite elements there is off by {bound:.1e} nm at most."
-        );
-    }
-    let outside = Digits::Three.write(100.0 * s.draws_outside_doe);
-    said += &format!(" {outside} % of the draws lie outside its box.");
-    let rows = s.refinement.iter().enumerate().map(|(k, r)| {
-        let name = match k {
-            0 => "first".to_string(),
-            _ => format!("refined {k}"),
-        };
-        let cells = [
-            TableCell::count(r.snapshots),
-            TableCell::count(r.modes),
-            TableCell::fixed(100.0 * r.max_error_in_posterior_sd, 3),
-            TableCell::fixed(r.max_field_error_nm, 4),
-            TableCell::fixed(100.0 * r.draws_outside_doe, 3),
-        ];
-        row(name, cells)
-    });
-    let header = [
-        "reduced model",
-        "snapshots",
-        "modes",
-        "error % of sd",
-        "field nm",
-        "draws outside %",
-    ];
-    let mut pieces = vec![Piece::Paragraph(said)];
-    if s.refinement.len() > 1 {
-        pieces.push(Table::new("", header, rows).into());
-    }
-    pieces
+    said += &format!(" Its surface has {} modes.", s.modes);
+    vec![Piece::Paragraph(said)]
 }
 
 /// The reduced model's errors.

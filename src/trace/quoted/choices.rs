@@ -4,12 +4,12 @@ use super::Supposing;
 use crate::error::Result;
 use crate::numeric::log_sum_exp;
 use crate::posterior::MixtureChoice;
+use crate::posterior::NoisePair;
+use crate::posterior::Weighing;
 use crate::sample::NormalPart;
 use crate::trace::averaged::{PAIRS, choices, part};
 use crate::trace::evidence::Evidence;
-use crate::trace::noise_choices::NoisePair;
 use crate::trace::suspect::{RIVAL, settings};
-use crate::trace::weighing::Weighing;
 
 /// Parts count until they hold this much of the probability, at most so many.
 const MOST_OF_IT: f64 = 0.99;

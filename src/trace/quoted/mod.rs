@@ -3,13 +3,10 @@
 //! others are summed, and all of these are drawn afterwards (DESIGN: posterior, samplers, chains).
 
 mod choices;
-mod full;
-pub mod importance;
 mod pose;
 mod run;
 mod variables;
 
-pub use importance::Importance;
 pub use run::{Proposals, Quoted, quote, rule, with_density};
 
 /// What an answer supposes beside what is declared.

@@ -1,33 +1,35 @@
 //! The answers to quote, sampled.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use super::Supposing;
-use super::full::Full;
-use super::importance::{FullModels, Importance};
-use super::pose::{PosedAnswer, reaches};
+use super::pose::PosedAnswer;
 use super::variables::Completed;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, Keyed, Stored, stored};
+use crate::identify::CoarseTest;
 use crate::identify::Options;
+use crate::identify::forward;
+use crate::identify::reaches;
+use crate::infer::Marginal;
 use crate::linearise::Forward;
 use crate::numeric::diagonal;
 use crate::parameter::Parameter;
-use crate::posterior::{About, CoarseForwards, Expansion};
+use crate::posterior::{About, CoarseForwards, Expansion, Full, FullModels, Importance};
 use crate::progress::Progress;
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
     adapted,
 };
 use crate::trace::averaged::Interval;
-use crate::trace::coarse::CoarseTest;
 use crate::trace::round::Round;
 use crate::trace::suspect::hull;
-use crate::trace::traced::{Traced, forward};
+use crate::trace::traced::Traced;
 
 /// The posterior to quote.
 pub struct Quoted {
@@ -175,9 +177,9 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let coarse = CoarseTest::new(model, prepared, measured)?;
     let coarse = coarse.as_ref().map(|c| on_coarse(c, round));
     let expanded = expanded(round, (&fine, coarse.as_ref()), false)?;
-    let sampled = PosedAnswer::new(model, &round.traced, &expanded, Supposing::Small)?;
+    let sampled = PosedAnswer::new(model, &round.traced, Arc::new(expanded), Supposing::Small)?;
     let (centre, sd) = sampled.start(averaged);
-    act(&sampled.answer, &centre, &sd);
+    act(&sampled.posed.density, &centre, &sd);
     Ok(())
 }
 
@@ -188,7 +190,15 @@ fn expanded(
     is_wider: bool,
 ) -> Result<Expansion> {
     let Traced { evidence, point } = &round.traced;
-    let (steps, reach) = reaches(&round.model, &round.tracing.averaged, is_wider);
+    let marginals = round.model.marginals().into_iter();
+    let names = round.model.constants().iter().zip(marginals);
+    // answers beside the account may be as wide as the prior
+    let sd = |(name, m): (&&str, Marginal)| match round.tracing.averaged.get(*name) {
+        Some(own) if !is_wider => own.sd,
+        _ => m.sd,
+    };
+    let sds: Vec<f64> = names.map(sd).collect();
+    let (steps, reach) = reaches(&round.model, &sds);
     let at = About {
         state: &point.state,
         declared: &point.declared,
@@ -237,7 +247,7 @@ fn sampled(
     let Some(kept) = which.first().map(|first| options(*first).stages()) else {
         return Ok(Vec::new());
     };
-    let expanded = kept.stage("slopes", &of, expand, progress)?;
+    let expanded = Arc::new(kept.stage("slopes", &of, expand, progress)?);
     let full = |forward, here| Full {
         forward,
         point: &traced.point,
@@ -265,7 +275,7 @@ fn sampled(
 /// A round's test with its expansion, of which answers are sampled.
 struct AnsweredTest<'a> {
     round: &'a Round,
-    expanded: &'a Expansion,
+    expanded: &'a Arc<Expansion>,
     models: FullModels<'a>,
 }
 
@@ -310,8 +320,8 @@ impl AnsweredTest<'_> {
         let averaged = &self.round.tracing.averaged;
         let what = format!("quoted posterior: {}", supposing.words());
         progress.begin(&what, None);
-        let sampled = PosedAnswer::new(model, traced, self.expanded, supposing)?;
-        progress.say(&sampled.answer.size_in_words());
+        let sampled = PosedAnswer::new(model, traced, Arc::clone(self.expanded), supposing)?;
+        progress.say(&sampled.posed.density.size_in_words());
         let (draws, proposals) = draw(&sampled, averaged, options, progress)?;
         let mut verdict = diagnose(&draws, &rule(&options.rule));
         progress.end();
@@ -376,7 +386,7 @@ fn draw(
         let draws = by_walkers(sampled, averaged, (options, given), progress)?;
         return Ok((draws, None));
     }
-    let target = &sampled.answer;
+    let target = &sampled.posed.density;
     let key = Key {
         seed: options.schedule.seed,
         ensemble: FITTING,
@@ -437,7 +447,7 @@ fn by_walkers(
         ..given.clone()
     };
     run(
-        &sampled.answer,
+        &sampled.posed.density,
         (sampler, &start),
         &schedule,
         options,

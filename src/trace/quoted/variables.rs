@@ -1,13 +1,14 @@
 //! The variables of the quoted draws: what a file of them has, in border units.
 
 use super::Supposing;
-use super::importance::{FullModels, Importance, PosedDraws};
 use super::pose::PosedAnswer;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::linearise::Column;
 use crate::parameter::{HYPER, Parameter};
-use crate::posterior::{CompletedDraw, Inclusion, complete, linear};
+use crate::posterior::{
+    CompletedDraw, FullModels, Importance, Inclusion, PosedDraws, complete, linear,
+};
 use crate::sample::{Key, Stream};
 use crate::trace::subsets::SIZES;
 
@@ -36,7 +37,7 @@ pub(super) struct Completed {
 impl PosedAnswer<'_> {
     /// Names of the completed draws' variables.
     fn names(&self) -> Vec<String> {
-        let here = &self.expanded.here;
+        let here = &self.posed.expanded.here;
         let mut names: Vec<String> = here.base[..here.constants]
             .iter()
             .map(|c| c.name.clone())
@@ -63,7 +64,7 @@ impl PosedAnswer<'_> {
         let draws = &draws.every(draws.len().div_ceil(MOST_COMPLETED))?;
         let points: Vec<Vec<f64>> = draws.points().map(<[f64]>::to_vec).collect();
         let candidates = if self.supposing == Supposing::Small {
-            self.expanded.here.candidates.len()
+            self.posed.expanded.here.candidates.len()
         } else {
             0
         };
@@ -78,9 +79,9 @@ impl PosedAnswer<'_> {
             ensemble: COMPLETION,
         };
         let stream = |k: usize| Stream::at(key, k as u64, 0);
-        let found = complete(&self.answer, &points, &inclusion, &stream);
+        let found = complete(&self.posed.density, &points, &inclusion, &stream);
         let (importance, order) = PosedDraws {
-            posed: self,
+            posed: &self.posed,
             points: &points,
             drawn: &found,
         }
@@ -99,22 +100,11 @@ impl PosedAnswer<'_> {
         })
     }
 
-    /// Amplitudes of all linear columns, prior sds from their means, zeros of those that the answer does not have.
-    pub fn amplitudes(&self, drawn: &CompletedDraw) -> Vec<f64> {
-        let mut all = vec![0.0; linear(&self.expanded.here).len()];
-        for (&k, a) in self.kept.iter().zip(drawn.amplitudes.iter()) {
-            if let Some(amplitude) = all.get_mut(k) {
-                *amplitude = *a;
-            }
-        }
-        all
-    }
-
     /// A completed draw.
     fn write(&self, x: &[f64], drawn: &CompletedDraw, values: &mut Vec<f64>) {
-        let here = &self.expanded.here;
+        let here = &self.posed.expanded.here;
         let n = here.constants;
-        let pair = &self.pairs[drawn.noise];
+        let pair = &self.posed.pairs[drawn.noise];
         let [first, second] = self.traced.evidence.weighing.noise.lengths_mm(pair);
         values.extend(&x[..n]);
         let size = match self.supposing {
@@ -122,7 +112,9 @@ impl PosedAnswer<'_> {
             _ => drawn.size,
         };
         values.extend([size, f64::from(pair.discrepancy), first, second]);
-        let amplitudes = linear(here).into_iter().zip(self.amplitudes(drawn));
+        let amplitudes = linear(here)
+            .into_iter()
+            .zip(self.posed.amplitudes(&drawn.amplitudes));
         values.extend(amplitudes.map(|(c, a)| c.mean + c.sd * a));
         let acts = |k: usize| match self.supposing {
             Supposing::Small => drawn.own.contains(&k),

@@ -148,7 +148,13 @@ fn sets_and_amplitudes_are_drawn_by_their_probability() {
     let mut given = GivenChoice::new(&toy.answer, (&toy.gram, &toy.right), &now);
     let mut visits = [0.0; 8];
     for _ in 0..STEPS {
-        given = birth_or_death(given, &mut now, &inclusion, &mut rng);
+        given = birth_or_death(
+            given,
+            (&toy.gram, &toy.right),
+            &mut now,
+            &inclusion,
+            &mut rng,
+        );
         visits[now.own.iter().map(|k| 1 << k).sum::<usize>()] += 1.0;
     }
     println!("{visits:?} {weights:?}");

@@ -23,7 +23,7 @@ fn evidences_are_those_of_dense_algebra() {
     let places: Vec<(Vec<f64>, Vec<f64>)> = (0..count).map(place).collect();
     let half = equations.turned(&(DMatrix::identity(n, n) * 0.5));
     let [whole, half] = [&equations, &half].map(Compiled::new);
-    let found = log_evidences(&[&whole, &half], &PlacesOf::new(&places));
+    let found = log_evidences(&[&whole, &half], &PlacesOf::new(&places, vec![1.0; count]));
     assert_eq!(found.len(), 2 * count);
     for (i, found) in found.iter().enumerate() {
         let scale = [1.0, 0.5][i / count];
@@ -51,6 +51,9 @@ fn no_density_where_the_equations_are_not_positive() {
     let all = DMatrix::from_diagonal(&DVector::from_vec(vec![-2.0, 1.0]));
     let equations = Equations::new(&all, 1, 0);
     let here = [(vec![1.0], vec![1.0])];
-    let found = log_evidences(&[&Compiled::new(&equations)], &PlacesOf::new(&here));
+    let found = log_evidences(
+        &[&Compiled::new(&equations)],
+        &PlacesOf::new(&here, vec![1.0]),
+    );
     assert_eq!(found, [f64::NEG_INFINITY]);
 }

@@ -2,10 +2,10 @@
 
 use plychain::diagnose::{Weighed, weigh};
 use plychain::numeric::relative_weights;
-use plychain::sample::{Key, Stream};
-use plychain::trace::quoted::importance::{
+use plychain::posterior::importance::{
     in_sds, is_sound, is_told, regressed, resampled, spread_out, standardised,
 };
+use plychain::sample::{Key, Stream};
 
 const DRAWS: usize = 8000;
 

@@ -2,16 +2,17 @@
 
 use nalgebra::DVector;
 
+use super::point::LinearisationPoint;
+
 use crate::effect::{Effect, amplitude_name, force_scale};
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
 use crate::infer::EffectUnderLaw;
 use crate::linearise::{Column, Forward, Sensitivities, StepStack};
 use crate::reduce::THICKNESS;
-use crate::trace::traced::LinearisationPoint;
 
 /// A test that can be solved at any draw, on one mesh.
-pub(super) struct Full<'a> {
+pub struct Full<'a> {
     pub forward: &'a Forward<'a>,
     pub point: &'a LinearisationPoint,
     /// The test linearised about the point on this mesh.
@@ -19,10 +20,10 @@ pub(super) struct Full<'a> {
 }
 
 /// A draw as the full model takes it.
-pub(super) struct DrawnState<'a> {
-    state: SeriesState,
+pub struct DrawnState<'a> {
+    pub state: SeriesState,
     /// Columns that enter linearly all the same, and how far from where the test was linearised, prior sds.
-    left: Vec<(&'a Column, f64)>,
+    pub left: Vec<(&'a Column, f64)>,
 }
 
 /// What a column's parameter is of the state.

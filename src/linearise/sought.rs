@@ -88,7 +88,7 @@ pub fn lift_of(effect: &dyn Effect) -> Option<&'static str> {
 const FARTHEST_AXIS_MM: f64 = 100.0;
 
 /// Whether two laws of one effect have weights over these steps in common.
-pub(super) fn shares(a: &EffectUnderLaw, b: &EffectUnderLaw, loads: &[f64]) -> bool {
+pub fn shares(a: &EffectUnderLaw, b: &EffectUnderLaw, loads: &[f64]) -> bool {
     let weights = b.weights(loads);
     a.effect.name() == b.effect.name() && a.weights(loads).iter().any(|w| weights.contains(w))
 }

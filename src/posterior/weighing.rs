@@ -8,13 +8,14 @@ use super::by_component::{ComponentNoise, LENGTHS, TRACED};
 use super::noise_choices::{NoiseChoices, NoisePair, with_data};
 use crate::error::{Error, Result};
 use crate::infer::Known;
-use crate::linearise::{Measured, Sensitivities};
+use crate::linearise::{Measured, Sensitivities, StepStack};
 use crate::noise::NormalEquations;
 use crate::noise::series::{settings, steps};
 
 /// Hyperparameters of both components that are worth weighing together.
+#[derive(Clone)]
 pub struct Weighing {
-    pub(super) noise: Arc<dyn NoiseChoices>,
+    pub noise: Arc<dyn NoiseChoices>,
     /// Choices of the noise of both components, with their log prior probability.
     pub pairs: Vec<NoisePair>,
     /// Number of base columns, which come first, before those of the candidates and of the near-edge rival.
@@ -74,8 +75,28 @@ impl Weighing {
         Ok(Self::by(noise, sensitivities))
     }
 
+    /// Norms of some errors of the block averages, mm, by the noise of a pair.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub fn norms(
+        &self,
+        measured: &Measured,
+        pair: &NoisePair,
+        errors: &[StepStack],
+    ) -> Result<Vec<f64>> {
+        let columns = [0, 1].map(|c| {
+            let own: Vec<DVector<f64>> = errors.iter().map(|e| e[c].clone()).collect();
+            DMatrix::from_columns(&own)
+        });
+        let both = [&columns[0], &columns[1]];
+        let grams = self.noise.grams(&measured.blocks, both, &[*pair])?;
+        let square = |k: usize| grams.iter().map(|g| g[(k, k)]).sum::<f64>();
+        Ok((0..errors.len()).map(|k| square(k).sqrt()).collect())
+    }
+
     /// By choices that are known for the sensitivities' columns.
-    pub(super) fn by(noise: Arc<dyn NoiseChoices>, sensitivities: &Sensitivities) -> Self {
+    pub fn by(noise: Arc<dyn NoiseChoices>, sensitivities: &Sensitivities) -> Self {
         Self {
             pairs: noise.pairs(),
             noise,

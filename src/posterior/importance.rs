@@ -1,5 +1,5 @@
-//! The answer, which is linear in the amplitudes and follows the constants to second order, held against the full model at its draws
-//! (importance sampling: a draw weighs as much as the full model's density over the answer's).
+//! The density, which is linear in the amplitudes, held against the full model at its draws
+//! (importance sampling: a draw weighs as much as the full model's density over its own).
 
 use std::borrow::Cow;
 
@@ -7,15 +7,15 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::complete::CompletedDraw;
 use super::full::{DrawnState, Full};
-use super::pose::PosedAnswer;
+use super::posed::Posed;
+use super::space::{Whose, linear, stacked};
 use crate::diagnose::{Weighed, weigh};
 use crate::error::Result;
 use crate::files::{Keyed, stored};
 use crate::linearise::{Sensitivities, StepStack};
 use crate::numeric::relative_weights;
-use crate::posterior::{CompletedDraw, Whose, linear, stacked};
-use crate::sample::LogDensity;
 use crate::sample::{Key, Stream};
 
 /// How an answer's draws fare under the full nonlinear model with all effects, by which they are reweighted where it moves a mean by more
@@ -48,9 +48,18 @@ stored!(Importance {
     mesh_error
 });
 
+/// The density against the full model at some draws.
+pub struct Compared {
+    pub chosen: Vec<usize>,
+    /// By how much the prediction of the full model differs, with the number of the draw, mm; of those that it can have.
+    pub errors: Vec<(usize, StepStack)>,
+    /// Log weights.
+    pub logs: Vec<f64>,
+}
+
 /// The full model on the fine mesh, and on a coarse one where there is one.
 #[derive(Clone, Copy)]
-pub(super) struct FullModels<'a> {
+pub struct FullModels<'a> {
     pub fine: &'a Full<'a>,
     pub coarse: Option<&'a Full<'a>>,
 }
@@ -64,8 +73,8 @@ struct AnswerOnMesh<'a> {
 
 /// Completed draws of a posed answer.
 #[derive(Clone, Copy)]
-pub(super) struct PosedDraws<'a> {
-    pub posed: &'a PosedAnswer<'a>,
+pub struct PosedDraws<'a> {
+    pub posed: &'a Posed,
     pub points: &'a [Vec<f64>],
     pub drawn: &'a [CompletedDraw],
 }
@@ -94,7 +103,7 @@ impl PosedDraws<'_> {
     ///
     /// # Errors
     /// Of the program: a factorisation that fails.
-    pub(super) fn importance(
+    pub fn importance(
         &self,
         models: FullModels<'_>,
         seed: u64,
@@ -125,7 +134,13 @@ impl PosedDraws<'_> {
         });
         let fitted = fitted.filter(|weights| is_sound(weights, points, &weighed, &shifts));
         let of = |which: usize| {
-            let named = self.posed.answer.names().iter().cloned().zip(&shifts);
+            let named = self
+                .posed
+                .density
+                .constant_names()
+                .iter()
+                .cloned()
+                .zip(&shifts);
             named.map(|(name, shift)| (name, shift[which])).collect()
         };
         let found = Importance {
@@ -158,9 +173,9 @@ impl PosedDraws<'_> {
             return Ok((fine, None));
         };
         let columns = [0, 1].map(|c| {
-            let measured = &posed.traced.evidence.measured;
-            let space = &posed.answer.space;
-            stacked(full.here, posed.expanded, measured, space, &posed.kept, c)
+            let measured = &posed.measured;
+            let space = &posed.density.space;
+            stacked(full.here, &posed.expanded, measured, space, &posed.kept, c)
         });
         let coarse = AnswerOnMesh {
             full,
@@ -180,34 +195,52 @@ impl PosedDraws<'_> {
         })
     }
 
-    /// Log density of the full model over the answer's at some draws; -inf where the full model cannot be. What the full model differs by
-    /// from the answer's columns is a difference on one mesh, whichever that is.
+    /// Log density of the full model over the density's at some draws; -inf where the full model cannot be.
     fn log_weights(&self, test: &AnswerOnMesh<'_>, chosen: &[usize]) -> Result<Vec<f64>> {
+        let residuals = self.residuals(test, chosen)?;
+        self.logs(&residuals, chosen)
+    }
+
+    /// What the density, and what the full model, leaves at some draws; none where the full model cannot be. What the full model differs by
+    /// from the density's columns is a difference on one mesh, whichever that is.
+    fn residuals(
+        &self,
+        test: &AnswerOnMesh<'_>,
+        chosen: &[usize],
+    ) -> Result<Vec<Option<[StepStack; 2]>>> {
         let Self {
             posed,
             points,
             drawn,
         } = *self;
-        let states: Vec<DrawnState<'_>> = chosen
-            .iter()
-            .map(|&k| test.full.drawn(&points[k], &posed.amplitudes(&drawn[k])))
-            .collect();
+        let constants = posed.density.constants();
+        let state = |k: usize| {
+            let amplitudes = posed.amplitudes(&drawn[k].amplitudes);
+            test.full.drawn(&points[k][..constants], &amplitudes)
+        };
+        let states: Vec<DrawnState<'_>> = chosen.iter().map(|&k| state(k)).collect();
         let origin = test.full.origin()?;
-        let residuals: Vec<Option<[StepStack; 2]>> = chosen
-            .par_iter()
-            .zip(&states)
-            .map(|(&k, state)| {
-                let change = test.full.change(state, &origin).ok()?;
-                let linear = self.left(&posed.columns, k);
-                let there = self.left(&test.columns, k);
-                let own = [0, 1].map(|c| {
-                    let beyond =
-                        &change[c] + self.rival(test.full.here, k, c) - &test.base[c] + &there[c];
-                    &linear[c] - beyond
-                });
-                Some([linear, own])
-            })
-            .collect();
+        let residual = |(&k, state): (&usize, &DrawnState<'_>)| {
+            let change = test.full.change(state, &origin).ok()?;
+            let linear = self.left(&posed.columns, k);
+            let there = self.left(&test.columns, k);
+            let own = [0, 1].map(|c| {
+                let beyond =
+                    &change[c] + self.rival(test.full.here, k, c) - &test.base[c] + &there[c];
+                &linear[c] - beyond
+            });
+            Some([linear, own])
+        };
+        Ok(chosen.par_iter().zip(&states).map(residual).collect())
+    }
+
+    /// Log weights by what is left.
+    fn logs(&self, residuals: &[Option<[StepStack; 2]>], chosen: &[usize]) -> Result<Vec<f64>> {
+        let Self {
+            posed,
+            points,
+            drawn,
+        } = *self;
         let mut logs = vec![f64::NEG_INFINITY; chosen.len()];
         for (noise, pair) in posed.pairs.iter().enumerate() {
             let own: Vec<(usize, &[StepStack; 2])> = residuals
@@ -225,26 +258,42 @@ impl PosedDraws<'_> {
                     .flat_map(|(_, r)| [r[0][c].clone(), r[1][c].clone()]);
                 DMatrix::from_columns(&both.collect::<Vec<_>>())
             });
-            let measured = &posed.traced.evidence.measured;
-            let grams = posed.weighing().noise.grams(
-                &measured.blocks,
-                [&columns[0], &columns[1]],
-                &[*pair],
-            )?;
+            let blocks = &posed.measured.blocks;
+            let both = [&columns[0], &columns[1]];
+            let grams = posed.noise.grams(blocks, both, &[*pair])?;
             for (k, (i, _)) in own.iter().enumerate() {
                 let square = |j: usize| grams[0][(2 * k + j, 2 * k + j)];
-                logs[*i] = 0.5 * (square(0) - square(1));
+                let precision = posed.density.noise_scale(&points[chosen[*i]]).powi(-2);
+                logs[*i] = 0.5 * precision * (square(0) - square(1));
             }
         }
         Ok(logs)
     }
 
+    /// The density against the full model at so many draws.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution where the test was linearised.
+    pub fn compared(&self, models: FullModels<'_>, count: usize) -> Result<Compared> {
+        let (test, _) = self.on_a_mesh(models)?;
+        let all = self.points.len();
+        let chosen: Vec<usize> = (0..count.min(all)).map(|k| spread_out(k, all)).collect();
+        let residuals = self.residuals(&test, &chosen)?;
+        let logs = self.logs(&residuals, &chosen)?;
+        let error = |[density, full]: &[StepStack; 2]| [0, 1].map(|c| &density[c] - &full[c]);
+        let known = chosen.iter().zip(&residuals);
+        let errors = known.filter_map(|(k, r)| Some((*k, error(r.as_ref()?))));
+        Ok(Compared {
+            errors: errors.collect(),
+            chosen,
+            logs,
+        })
+    }
+
     /// What the answer, by its columns on a mesh, leaves of the data at a draw.
     fn left(&self, columns: &[DMatrix<f64>; 2], k: usize) -> StepStack {
-        let space = &self.posed.answer.space;
         let amplitudes = &self.drawn[k].amplitudes;
-        let gamma = space.seen.tr_mul(&amplitudes.component_div(&space.largest));
-        residual(columns, &self.posed.answer.place(&self.points[k]), &gamma)
+        self.posed.left_by(columns, &self.points[k], amplitudes)
     }
 
     /// What the near-edge rival does at a draw, which enters linearly in the full model too.
@@ -263,7 +312,7 @@ impl PosedDraws<'_> {
     /// What a draw's weight may depend on, each of unit variance: constants, and amplitudes that take part in every draw.
     fn features(&self) -> Vec<Vec<f64>> {
         let posed = self.posed;
-        let always = |k: &usize| posed.answer.space.whose[*k] == Whose::Always;
+        let always = |k: &usize| posed.density.space.whose[*k] == Whose::Always;
         let own: Vec<usize> = (0..posed.kept.len()).filter(always).collect();
         let raw: Vec<Vec<f64>> = self
             .points
@@ -278,37 +327,13 @@ impl PosedDraws<'_> {
     }
 }
 
-/// What a posed answer, by its columns on a mesh, leaves of the data where the test was linearised, with the amplitudes that it had there.
-fn left_at_linearisation(posed: &PosedAnswer<'_>, columns: &[DMatrix<f64>; 2]) -> StepStack {
-    let space = &posed.answer.space;
+/// What a density, by its columns on a mesh, leaves of the data where the test was linearised, with the amplitudes that it had there.
+fn left_at_linearisation(posed: &Posed, columns: &[DMatrix<f64>; 2]) -> StepStack {
     let all = linear(&posed.expanded.here);
-    let at = posed.kept.iter().zip(space.largest.iter());
-    let at = at.map(|(&k, largest)| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd / largest));
+    let at = posed.kept.iter();
+    let at = at.map(|&k| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd));
     let at = DVector::from_iterator(posed.kept.len(), at);
-    let about = posed
-        .expanded
-        .surface
-        .ratios
-        .constants(&vec![0.0; posed.answer.constants()]);
-    residual(
-        columns,
-        &posed.answer.place(&about),
-        &space.seen.tr_mul(&at),
-    )
-}
-
-/// What columns of [`stacked`] leave at coordinates of the constants with the factors there, and amplitudes in the directions.
-fn residual(
-    columns: &[DMatrix<f64>; 2],
-    (coordinates, factors): &(Vec<f64>, Vec<f64>),
-    gamma: &DVector<f64>,
-) -> StepStack {
-    let directions = coordinates
-        .iter()
-        .flat_map(|x| gamma.iter().map(move |g| -x * g));
-    let all = directions.chain(factors.iter().copied());
-    let coefficients = DVector::from_vec(all.collect());
-    [0, 1].map(|c| &columns[c] * &coefficients)
+    posed.left_by(columns, &posed.density.start().0, &at)
 }
 
 /// The k-th of draws that lie evenly over all `count` of them, however many of them are taken (multiples of the golden ratio).

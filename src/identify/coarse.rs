@@ -6,17 +6,17 @@
 
 use std::sync::Arc;
 
-use super::traced::over_blocks;
+use super::forward::over_blocks;
+use super::inverse::Prepared;
 use crate::error::Result;
 use crate::experiment::{FieldSolver, Sight};
 use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
-use crate::identify::Prepared;
 use crate::infer::{Model, coarse_experiment};
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
 
 /// A test that is solved on a coarse mesh.
-pub(super) struct CoarseTest {
+pub struct CoarseTest {
     experiment: Arc<dyn FieldSolver>,
     /// All points, as the fine mesh has them.
     all: Sight,

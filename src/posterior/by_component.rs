@@ -22,17 +22,17 @@ use crate::noise::series::{DISCREPANCY, SeriesNoise};
 use crate::noise::{BlockCovariance, Hyperparameters, Matern, solve};
 
 /// Ratios rho weighed here: all but that of noise that is correlated alone.
-pub(super) const TRACED: &[f64] = RATIOS.split_at(RATIOS.len() - 1).0;
+pub const TRACED: &[f64] = RATIOS.split_at(RATIOS.len() - 1).0;
 
 /// Lengths weighed, half of them noise and half discrepancy.
-pub(super) const LENGTHS: usize = 6;
+pub const LENGTHS: usize = 6;
 
 /// Choices kept for each component in each class, noise and discrepancy, the likeliest ones; white noise is always kept.
 const KEPT: usize = 6;
 
 /// Choices for u1 and u2, the likeliest first.
 #[derive(Clone)]
-pub(super) struct ComponentNoise {
+pub struct ComponentNoise {
     choices: [Vec<NoiseChoice>; 2],
     pairs: Vec<NoisePair>,
 }
@@ -66,7 +66,7 @@ stored!(NoiseChoice {
 
 impl ComponentNoise {
     /// For the sensitivities' columns over blocks; `step` is called for each point of the grid.
-    pub(super) fn new(
+    pub fn new(
         measured: &Measured,
         sensitivities: &Sensitivities,
         step: &(dyn Fn() + Sync),
@@ -178,6 +178,11 @@ impl NoiseChoices for ComponentNoise {
             let variance = |&n: &f64| s.scale2 * (mean / n + s.ratio * alone(blocks, s.length_mm));
             DVector::from_iterator(blocks.len(), blocks.worth.iter().map(variance))
         })
+    }
+
+    fn point_mm(&self, pair: &NoisePair, blocks: &Blocks) -> [f64; 2] {
+        let of = |c: &NoiseChoice| (c.scale2 * (blocks.mean_count() + c.at.ratio)).sqrt();
+        self.at(pair).map(of)
     }
 
     fn by_frames(&self) -> Option<&SeriesNoise> {

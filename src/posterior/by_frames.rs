@@ -8,7 +8,7 @@ use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated};
 use crate::error::Result;
 use crate::field::Blocks;
 use crate::noise::Hyperparameters;
-use crate::noise::series::{Frames, SeriesNoise, Setting, grams};
+use crate::noise::series::{Frames, SeriesNoise, Setting, SpatialNoise, grams};
 
 impl NoiseChoices for SeriesNoise {
     fn pairs(&self) -> Vec<NoisePair> {
@@ -76,6 +76,12 @@ impl NoiseChoices for SeriesNoise {
             let all = frames.flat_map(|d| white.iter().map(move |w| variance(*d, *w)));
             DVector::from_vec(all.collect())
         })
+    }
+
+    fn point_mm(&self, _pair: &NoisePair, blocks: &Blocks) -> [f64; 2] {
+        let count = blocks.mean_count();
+        let of = |s: &SpatialNoise| (s.scale2 * (count + s.ratio)).sqrt();
+        self.noise.spatial.each_ref().map(of)
     }
 
     fn by_frames(&self) -> Option<&SeriesNoise> {

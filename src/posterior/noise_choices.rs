@@ -15,7 +15,7 @@ use crate::noise::series::SeriesNoise;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoisePair {
     /// Indices into the choices of either component; of noise that frames measure, twice the same.
-    pub(super) of: [usize; 2],
+    pub of: [usize; 2],
     /// Log prior probability.
     pub log_prior: f64,
     /// Whether either is a discrepancy.
@@ -66,16 +66,15 @@ pub trait NoiseChoices: Send + Sync {
     /// Variance of every block average of each component, mm^2, correlated noise as [`alone`] has it.
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2];
 
+    /// Sd of the noise of a point of each component, mm, white and correlated parts together.
+    fn point_mm(&self, pair: &NoisePair, blocks: &Blocks) -> [f64; 2];
+
     /// The noise that frames have measured.
     fn by_frames(&self) -> Option<&SeriesNoise>;
 }
 
 /// All columns of one component, the near-edge rival's after the others, and last the data.
-pub(super) fn with_data(
-    measured: &Measured,
-    sensitivities: &Sensitivities,
-    c: usize,
-) -> DMatrix<f64> {
+pub fn with_data(measured: &Measured, sensitivities: &Sensitivities, c: usize) -> DMatrix<f64> {
     let rival = sensitivities.near_edge.iter().map(|field| &field[c]);
     let data = &measured.residual(sensitivities)[c];
     let columns = sensitivities.columns().map(|k| &k.values[c]);
@@ -85,12 +84,12 @@ pub(super) fn with_data(
 
 /// What correlated noise counts as where it counts as white noise, over its own variance, to leave averages over large areas as uncertain:
 /// Matern-3/2 noise of length l is one value in each area of 2 pi l^2.
-pub(super) fn alone(blocks: &Blocks, length_mm: f64) -> f64 {
+pub fn alone(blocks: &Blocks, length_mm: f64) -> f64 {
     let area = std::f64::consts::TAU * length_mm * length_mm;
     (area / (blocks.size_mm * blocks.size_mm)).max(1.0)
 }
 
 /// The length of noise whose correlated part has a ratio to the white one.
-pub(super) fn correlated(length_mm: f64, ratio: f64) -> f64 {
+pub fn correlated(length_mm: f64, ratio: f64) -> f64 {
     if ratio > 0.0 { length_mm } else { 0.0 }
 }

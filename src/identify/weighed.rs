@@ -1,0 +1,58 @@
+//! The noise under which a test that was linearised is weighed, as a stage that is kept.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::files::{KeptStages, Stored};
+use crate::infer::Model;
+use crate::linearise::{Forward, Measured, Sensitivities};
+use crate::noise::series::{found_noise, settings_under};
+use crate::posterior::{ComponentNoise, Weighing, with_data};
+use crate::progress::Progress;
+
+/// The choices of the noise for sensitivities that have a number among the stages of a run.
+///
+/// # Errors
+/// Too few blocks for the dictionary; a folder that cannot be written.
+pub fn weighed(
+    (forward, measured): (&Forward<'_>, &Measured),
+    (sensitivities, number): (&Sensitivities, &str),
+    what: &str,
+    (kept, progress): (&KeptStages, &dyn Progress),
+) -> Result<Weighing> {
+    let steps = Weighing::steps(measured);
+    let mut of = bytes_of(forward.model, measured);
+    sensitivities.put(&mut of);
+    let step = || progress.step();
+    let begin = || progress.begin(what, Some(steps as u64));
+    let Some(frames) = measured.frames() else {
+        let by_component = || {
+            begin();
+            ComponentNoise::new(measured, sensitivities, &step)
+        };
+        let name = format!("evidence-{number}");
+        let noise = kept.stage(&name, &of, by_component, progress)?;
+        return Ok(Weighing::by(Arc::new(noise), sensitivities));
+    };
+    let [first, second] = [0, 1].map(|c| with_data(measured, sensitivities, c));
+    let columns = [&first, &second];
+    // the search is nearly all of it, and its numbers are few
+    let search = || {
+        begin();
+        found_noise(&frames, columns, &step)
+    };
+    let name = format!("noise-{number}");
+    let found = kept.stage(&name, &of, search, progress)?;
+    let settings = settings_under(&frames, columns, &found, &step)?;
+    Ok(Weighing::by(Arc::new(settings), sensitivities))
+}
+
+/// The bytes of a model and of what was measured of it.
+pub fn bytes_of(model: &Model, measured: &Measured) -> Vec<u8> {
+    let mut of = Vec::new();
+    let file = model.file.to_json().unwrap_or_default();
+    file.to_string().put(&mut of);
+    (model.known.clone(), model.nominal.clone()).put(&mut of);
+    measured.averages.put(&mut of);
+    of
+}
