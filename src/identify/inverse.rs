@@ -16,7 +16,7 @@ use crate::field::{Field, Series};
 use crate::files::KeptStages;
 use crate::geometry::{Geometry, Morph};
 use crate::infer::{
-    EffectUnderLaw, Model, Observation, UnitColumns, drawn_in, problem_of, problem_within,
+    EffectUnderLaw, Model, Observation, Steps, UnitColumns, drawn_in, problem_of, problem_within,
 };
 use crate::linearise::{
     CandidateColumns, Forward, Insoluble, Measured, Sensitivities, StepStack, acting_in,
@@ -116,6 +116,8 @@ pub struct InverseProblem {
     pub left_out: Insoluble,
     /// The noise of a point: what a residual is looked at with.
     pub noise: Noise,
+    /// Where the density is expanded, in the declared effects alone.
+    pub about: LinearisationPoint,
     pub posed: Posed,
 }
 
@@ -323,9 +325,11 @@ pub(super) fn inverse_problem_kept(
         "noise of the measurement",
         (kept, progress),
     )?;
-    let field = &prepared.observation.field;
-    let of = (&*columns.modes, &*columns.effects);
-    let noise = Noise::estimate_kept(field, of, kept, progress)?;
+    let chosen = Chosen::of(&weighing, &sensitivities, discrepancy)?;
+    let steps = prepared.observation.steps.as_ref();
+    let weights = steps.map(Steps::weights).unwrap_or_default();
+    let at = weighing.noise.of_sum(&chosen.pair, &weights);
+    let noise = Noise::over(&prepared.observation.field, &columns.modes, at)?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),
@@ -333,13 +337,17 @@ pub(super) fn inverse_problem_kept(
         noise.effective_points,
     ));
     progress.end();
-    let chosen = Chosen::of(&weighing, &sensitivities, discrepancy)?;
     let few = coarse.as_ref().map(|c| CoarseForwards {
         everywhere: c.everywhere(model, &prepared, &measured),
         at_few_points: c.at_few_points(model, &prepared, &measured),
     });
     let test = (&fine, few.as_ref(), &measured);
-    let posed = posed(model, test, (&point, &weighing, &sensitivities), &chosen)?;
+    let (about, posed) = posed(
+        model,
+        test,
+        (&point, &weighing, &sensitivities),
+        (&chosen, noise.reference_nm()),
+    )?;
     prepared.problem.experiment.rest();
     drop((fine, everywhere, few));
     Ok(InverseProblem {
@@ -350,6 +358,7 @@ pub(super) fn inverse_problem_kept(
         weighing,
         left_out,
         noise,
+        about,
         posed,
     })
 }
@@ -511,21 +520,24 @@ type OnMeshes<'a> = (
     &'a Arc<Measured>,
 );
 
-/// The density of the declared model, about its own mode.
+/// The density of the declared model, about its own mode, and where that is.
 fn posed(
     model: &Model,
     (fine, coarse, measured): OnMeshes<'_>,
     (point, weighing, sensitivities): (&LinearisationPoint, &Weighing, &Sensitivities),
-    chosen: &Chosen,
-) -> Result<Posed> {
-    let mut state = point.state.clone();
+    (chosen, reference_nm): (&Chosen, f64),
+) -> Result<(LinearisationPoint, Posed)> {
+    let mut own = LinearisationPoint {
+        sought: Vec::new(),
+        ..point.clone()
+    };
     let mut moves = 0;
     loop {
         let (steps, reach) = reaches(model, &chosen.sds);
         let norms = |errors: &[StepStack]| weighing.norms(measured, &chosen.pair, errors);
         let about = About {
-            state: &state,
-            declared: &point.declared,
+            state: &own.state,
+            declared: &own.declared,
             sought: &[],
             steps,
             reach: reach.clone(),
@@ -533,7 +545,7 @@ fn posed(
         };
         let expanded = Arc::new(Expansion::new(&about, fine, coarse)?);
         let posed = declared(model, (expanded, measured), weighing, chosen)?.without_contrasts();
-        let scale = noise_scale(model, &posed, (weighing, sensitivities), chosen);
+        let scale = noise_scale(model, &posed, sensitivities, reference_nm);
         let posed = Posed {
             density: posed.density.clone().with_noise(scale),
             ..posed
@@ -541,15 +553,19 @@ fn posed(
         let mode = start(&posed.density).ok();
         let mode = mode.filter(|m| posed.density.is_credible(&m.mode));
         let Some(mode) = mode.filter(|_| moves < MOVES) else {
-            return Ok(posed);
+            return Ok((own, posed));
         };
-        let each = mode.mode.iter().zip(&state.shared.constants).zip(&reach);
+        let each = mode
+            .mode
+            .iter()
+            .zip(&own.state.shared.constants)
+            .zip(&reach);
         let is_off = each.map(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
         if !is_off.fold(false, |any, off| any | off) {
-            return Ok(posed);
+            return Ok((own, posed));
         }
-        let constants = state.shared.constants.len();
-        state.shared.constants = mode.mode[..constants].to_vec();
+        let constants = own.state.shared.constants.len();
+        own.state.shared.constants = mode.mode[..constants].to_vec();
         moves += 1;
     }
 }
@@ -583,16 +599,13 @@ fn declared(
 fn noise_scale(
     model: &Model,
     posed: &Posed,
-    (weighing, sensitivities): (&Weighing, &Sensitivities),
-    chosen: &Chosen,
+    sensitivities: &Sensitivities,
+    reference_nm: f64,
 ) -> NoiseScale {
-    let blocks = &posed.measured.blocks;
-    let [first, second] = weighing.noise.point_mm(&chosen.pair, blocks);
-    let reference = (0.5 * (first * first + second * second)).sqrt();
     let values: usize = posed.measured.averages.iter().map(DVector::len).sum();
     let explained = sensitivities.columns().count() + sensitivities.near_edge.len();
     NoiseScale {
-        reference_nm: reference * crate::quantity::NM_PER_MM,
+        reference_nm,
         freedom: values.saturating_sub(explained).max(1) as f64,
         followed: posed.followed() as f64,
         declared_nm: model.file.likelihood.noise_nm,

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::experiment::predict;
 use crate::infer::Steps;
 use crate::linearise::{AtPlaces, Forward, StepStack};
-use crate::posterior::{Full, LinearisationPoint};
+use crate::posterior::Full;
 use crate::quantity::NM_PER_MM;
 
 /// The residual field and its size.
@@ -105,13 +105,9 @@ fn left(
     let InverseProblem {
         prepared, posed, ..
     } = inverse;
-    let point = LinearisationPoint {
-        sought: Vec::new(),
-        ..inverse.point.clone()
-    };
     let full = Full {
         forward,
-        point: &point,
+        point: &inverse.about,
         here: &posed.expanded.here,
     };
     let constants = &parameters[..posed.density.constants()];
@@ -141,7 +137,7 @@ fn left(
     let mut predicted = summed(steps, points.len(), &shown);
     if !drawn.left.is_empty() {
         let here = at_points.about(&drawn.state)?;
-        for effect in &point.declared {
+        for effect in &inverse.about.declared {
             for column in here.columns(effect)? {
                 let own = drawn.left.iter().find(|(c, _)| c.name == column.name);
                 let Some((_, by)) = own else { continue };

@@ -24,9 +24,7 @@ use crate::files::{KeptStages, Stored};
 use crate::infer::Model;
 use crate::linearise::Column;
 use crate::parameter::Parameter;
-use crate::posterior::{
-    CompletedDraw, Density, Full, FullModels, Inclusion, LinearisationPoint, complete, linear,
-};
+use crate::posterior::{CompletedDraw, Density, Full, FullModels, Inclusion, complete, linear};
 use crate::progress::Progress;
 use crate::sample::{
     self, Keeping, Key, Laplace, LogDensity, Monitor, Phase, PhaseReport, Regime, Sampler,
@@ -361,14 +359,10 @@ fn against_elements(
     let coarse = coarse
         .as_ref()
         .map(|c| c.at_few_points(model, prepared, measured));
-    let point = LinearisationPoint {
-        sought: Vec::new(),
-        ..inverse.point.clone()
-    };
     let expanded = &inverse.posed.expanded;
     let full = |forward, here| Full {
         forward,
-        point: &point,
+        point: &inverse.about,
         here,
     };
     let rough = coarse

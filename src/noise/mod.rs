@@ -2,7 +2,6 @@
 
 pub mod covariance;
 mod estimate;
-mod hyperparameters;
 mod lattice;
 mod normal;
 mod random_field;
@@ -11,7 +10,7 @@ pub mod series;
 pub mod white;
 
 pub use covariance::{BlockCovariance, Matern};
-pub use estimate::{Noise, component, residual_of_fit};
+pub use estimate::{Noise, residual_of_fit};
 pub use normal::NormalEquations;
 pub(crate) use normal::solve;
 pub use random_field::matern_pair;

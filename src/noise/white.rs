@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::covariance::matern;
 use crate::field::Field;
 use crate::field::local::{LocalFit, NEIGHBOURS, mad};
 
@@ -73,68 +72,6 @@ pub fn white(field: &Field) -> WhiteNoise {
         tails,
         points: centers.len(),
     }
-}
-
-/// What the local fits of [`white`] leave of correlated noise.
-pub struct Leftover<'a> {
-    points: &'a [[f64; 2]],
-    /// Points and weights of residuals of unit variance for white noise of unit variance.
-    stencils: Vec<Vec<(usize, f64)>>,
-}
-
-impl<'a> Leftover<'a> {
-    /// From some hundred of the local fits of `field`.
-    pub fn new(field: &'a Field) -> Self {
-        const MOST: usize = 300;
-        let fits = LocalFit::new(&field.points, &field.displacement);
-        let stride = (field.len() / MOST) | 1;
-        let stencil = |i: usize| {
-            let mut stencil = vec![(i, 1.0)];
-            stencil.extend(fits.weights(i).into_iter().map(|(j, w)| (j, -w)));
-            let norm = stencil.iter().map(|(_, w)| w * w).sum::<f64>().sqrt();
-            stencil.iter_mut().for_each(|(_, w)| *w /= norm);
-            stencil
-        };
-        Self {
-            points: &field.points,
-            stencils: (0..field.len()).step_by(stride).map(stencil).collect(),
-        }
-    }
-
-    /// Variance that [`white`] sees of noise of unit variance with a Matern-3/2 correlation of length `length_mm`.
-    pub fn fraction(&self, length_mm: f64) -> f64 {
-        let seen = |stencil: &Vec<(usize, f64)>| {
-            let mut sum = 0.0;
-            for &(i, a) in stencil {
-                for &(j, b) in stencil {
-                    let (p, q) = (self.points[i], self.points[j]);
-                    sum += a * b * matern(length_mm, (p[0] - q[0]).hypot(p[1] - q[1]));
-                }
-            }
-            sum
-        };
-        let variances: Vec<f64> = self.stencils.iter().map(seen).collect();
-        truncated_variance(&variances)
-    }
-}
-
-/// What [`truncated_sd`], squared, expects of normal values of these variances: those at a border, which see more of
-/// correlated noise, are cut more often.
-fn truncated_variance(variances: &[f64]) -> f64 {
-    let n = variances.len().max(1) as f64;
-    let mut seen = variances.iter().sum::<f64>() / n;
-    for _ in 0..30 {
-        let (mut count, mut sum) = (f64::MIN_POSITIVE, 0.0);
-        for &v in variances.iter().filter(|v| **v > 0.0) {
-            let cut = CUT * (seen / v).sqrt();
-            let inside = statrs::function::erf::erf(cut / 2_f64.sqrt());
-            let density = (-0.5 * cut * cut).exp() / (2.0 * std::f64::consts::PI).sqrt();
-            count += inside;
-            sum += v * (inside - 2.0 * cut * density);
-        }
-        seen = sum / count / KEPT;
-    }
-    seen
 }
 
 /// Standard deviation about zero of normal `values` of which some are contaminated: iterated truncation at three sd.

@@ -180,8 +180,11 @@ impl NoiseChoices for ComponentNoise {
         })
     }
 
-    fn point_mm(&self, pair: &NoisePair, blocks: &Blocks) -> [f64; 2] {
-        let of = |c: &NoiseChoice| (c.scale2 * (blocks.mean_count() + c.at.ratio)).sqrt();
+    fn of_sum(&self, pair: &NoisePair, _weights: &[f64]) -> [Hyperparameters; 2] {
+        let of = |c: &NoiseChoice| Hyperparameters {
+            scale2: c.scale2,
+            ..c.at
+        };
         self.at(pair).map(of)
     }
 

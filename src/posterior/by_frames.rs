@@ -78,9 +78,17 @@ impl NoiseChoices for SeriesNoise {
         })
     }
 
-    fn point_mm(&self, _pair: &NoisePair, blocks: &Blocks) -> [f64; 2] {
-        let count = blocks.mean_count();
-        let of = |s: &SpatialNoise| (s.scale2 * (count + s.ratio)).sqrt();
+    /// Where the weights do not sum to nothing, the reference picture's noise is in the sum too.
+    fn of_sum(&self, pair: &NoisePair, weights: &[f64]) -> [Hyperparameters; 2] {
+        let reference = self.settings[pair.of[0]].at.reference;
+        let weights = DVector::from_column_slice(weights);
+        let share = weights.dot(&(self.noise.of_frames(reference) * &weights));
+        let of = |s: &SpatialNoise| Hyperparameters {
+            length_mm: s.length_mm,
+            ratio: s.ratio,
+            scale2: share * s.scale2,
+            log_likelihood: 0.0,
+        };
         self.noise.spatial.each_ref().map(of)
     }
 

@@ -66,8 +66,8 @@ pub trait NoiseChoices: Send + Sync {
     /// Variance of every block average of each component, mm^2, correlated noise as [`alone`] has it.
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2];
 
-    /// Sd of the noise of a point of each component, mm, white and correlated parts together.
-    fn point_mm(&self, pair: &NoisePair, blocks: &Blocks) -> [f64; 2];
+    /// Hyperparameters of each component of a sum of the steps with some weights; of one field as it is.
+    fn of_sum(&self, pair: &NoisePair, weights: &[f64]) -> [Hyperparameters; 2];
 
     /// The noise that frames have measured.
     fn by_frames(&self) -> Option<&SeriesNoise>;

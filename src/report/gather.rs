@@ -233,9 +233,9 @@ fn noise(round: &Identification) -> NoiseReport {
     let noise = &round.inverse.noise;
     let component = |c: usize| NoiseComponent {
         white_nm: noise.white_mm[c] * NM_PER_MM,
-        block_white_nm: noise.reml[c].white_sd() * NM_PER_MM,
-        correlated_nm: noise.reml[c].correlated_sd() * NM_PER_MM,
-        length_mm: noise.reml[c].best.length_mm,
+        block_white_nm: noise.white_sd(c) * NM_PER_MM,
+        correlated_nm: noise.correlated_sd(c) * NM_PER_MM,
+        length_mm: noise.at[c].length_mm,
     };
     NoiseReport {
         u1: component(0),
