@@ -9,7 +9,8 @@ use std::time::Instant;
 use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::{inverse_problem, prepare, start};
-use plychain::infer::{Model, Posterior};
+use plychain::infer::Model;
+use plychain::posterior::Density;
 use plychain::progress::Silent;
 use plychain::sample::{
     Ensemble, Laplace, LogDensity, MOVES, Mixture, Monitor, Outcome, Phase, PhaseReport, Sampler,
@@ -29,7 +30,8 @@ fn main() {
     let prepared = prepare(&model, Path::new("target/bench-cache"), &Silent).unwrap();
     let posterior = inverse_problem(&model, prepared, &Silent)
         .unwrap()
-        .posterior;
+        .posed
+        .density;
     let normal = start(&posterior).unwrap();
     cost(&posterior, &cloud(&normal, 64));
     println!(
@@ -75,7 +77,7 @@ fn cloud(normal: &Laplace, count: usize) -> Vec<f64> {
         .collect()
 }
 
-fn cost(posterior: &Posterior, whole: &[f64]) {
+fn cost(posterior: &Density, whole: &[f64]) {
     let dim = posterior.dim();
     let count = whole.len() / dim;
     let points: Vec<f64> = (0..count)
@@ -161,7 +163,7 @@ const WARMUP: usize = 1000;
 
 /// What is timed.
 struct Timing<'a> {
-    posterior: &'a Posterior,
+    posterior: &'a Density,
     sampler: &'a dyn Sampler,
     normal: &'a Laplace,
 }

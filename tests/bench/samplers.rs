@@ -25,7 +25,7 @@ use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::Options;
 use plychain::identify::doubts::Doubting;
-use plychain::infer::{Model, Posterior};
+use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::sample::{
     De, Ensemble, Key, Mixture, Monitor, Phase, PhaseReport, Sampler, Schedule, Start, Stop,
@@ -34,7 +34,7 @@ use plychain::sample::{
 use plychain::sample::{LogDensity, laplace};
 use plychain::trace::{explain, with_density};
 use pulp::{Simd, WithSimd};
-use tabulated::Tabulated;
+use tabulated::{Tabulated, TabulatedPosterior};
 
 const DRAWS: usize = 1_000_000;
 const WARMUP: usize = 1000;
@@ -42,9 +42,8 @@ const QUOTED_DRAWS: usize = 20_000;
 const REPEAT: u64 = 5;
 
 fn main() {
-    let table = Tabulated::load();
-    let posterior = table.posterior();
-    let plain = Plain::new(&table);
+    let posterior = Tabulated::load().posterior();
+    let plain = Plain::new(&posterior.table);
     let start = starts(&posterior, 64);
     for x in &start {
         let (a, b) = (
@@ -77,9 +76,8 @@ fn quoted() {
         schedule: Schedule::default(),
         rule: Rule::default(),
         cache: cache.path().into(),
-        refinements: 0,
         keeping: None,
-        discrepancy: [None, None],
+        discrepancy: false,
         deadline: None,
         doubting: Doubting::Unasked,
     };
@@ -186,7 +184,7 @@ fn best(measure: impl Fn(u64) -> (Draws, f64)) -> Speed {
 }
 
 /// Whether our evaluation of one point is the faster one.
-fn costs(posterior: &Posterior, plain: &Plain, points: &[[f64; 4]]) -> bool {
+fn costs(posterior: &TabulatedPosterior, plain: &Plain, points: &[[f64; 4]]) -> bool {
     let columns: Vec<f64> = (0..4)
         .flat_map(|k| points.iter().map(move |x| x[k]))
         .collect();
@@ -217,7 +215,7 @@ fn costs(posterior: &Posterior, plain: &Plain, points: &[[f64; 4]]) -> bool {
 }
 
 /// Points of the normal approximation at the mode.
-fn starts(posterior: &Posterior, count: u64) -> Vec<[f64; 4]> {
+fn starts(posterior: &TabulatedPosterior, count: u64) -> Vec<[f64; 4]> {
     let (centre, sd) = posterior.start();
     let normal = laplace(posterior, &centre, &sd).unwrap();
     let key = Key {
@@ -420,7 +418,7 @@ impl Plain {
 
 /// The faster evaluation of one point.
 struct Either<'a> {
-    ours: Option<&'a Posterior>,
+    ours: Option<&'a TabulatedPosterior>,
     plain: &'a Plain,
 }
 

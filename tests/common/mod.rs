@@ -10,6 +10,9 @@ use std::process::{Command, Output};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
 
+use plychain::identify::{InverseProblem, inverse_problem, prepare};
+use plychain::infer::Model;
+use plychain::progress::Silent;
 use serde_json::Value;
 
 /// The repository.
@@ -104,6 +107,16 @@ pub fn refused(arguments: &[&str], words: &[&str]) {
     for word in words {
         assert!(line.contains(word), "{word:?} is missing in\n{errors}");
     }
+}
+
+/// The posterior of the default test on a coarse mesh, made once.
+pub fn inverse() -> &'static InverseProblem {
+    static MADE: OnceLock<InverseProblem> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let model = Model::load(coarse().as_ref()).unwrap();
+        let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+        inverse_problem(&model, prepared, &Silent).unwrap()
+    })
 }
 
 /// The folder of what `simulate` makes of a model with these arguments.

@@ -3,12 +3,8 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector};
-use plychain::infer::{Likelihood, Marginal, Posterior, Statistics};
-use plychain::laminate::Material;
-use plychain::reduce::{Choice, CrossValidation, Quality, ReducedModel, Surface};
+use plychain::sample::{DensityError, LogDensity};
 use serde::Deserialize;
-use serde_json::json;
 
 /// Response surfaces alpha_k = sum over j of `coefficients[j][k]` times the monomials of the scaled (E1, E2, nu12, G12, t),
 /// with independent errors, and the laminate's thickness h = plies x t marginalised to first order.
@@ -56,9 +52,6 @@ pub struct TestPoint {
     pub logp: f64,
 }
 
-/// Names of the parameters.
-const NAMES: [&str; 4] = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
-
 impl Tabulated {
     /// The article's plate.
     pub fn load() -> Self {
@@ -67,107 +60,81 @@ impl Tabulated {
         serde_json::from_str(&text.unwrap()).unwrap()
     }
 
-    /// What [`Tabulated::posterior`] leaves out of the log density.
+    /// The posterior, its likelihood without the factor that does not depend on the parameters.
+    pub fn posterior(self) -> TabulatedPosterior {
+        TabulatedPosterior {
+            names: ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"]
+                .map(String::from)
+                .to_vec(),
+            table: self,
+        }
+    }
+}
+
+/// The density of a table, by the formula as it stands.
+pub struct TabulatedPosterior {
+    names: Vec<String>,
+    pub table: Tabulated,
+}
+
+impl TabulatedPosterior {
+    /// What it leaves out of the log density.
     pub fn constant(&self) -> f64 {
         let tau = std::f64::consts::TAU;
-        -0.5 * self.variance.iter().map(|v| (tau * v).ln()).sum::<f64>()
+        let variances = self.table.variance.iter();
+        -0.5 * variances.map(|v| (tau * v).ln()).sum::<f64>()
     }
 
-    /// Exponents, and the coefficients of each, with the monomials that only the derivative by the thickness has.
-    fn complete(&self) -> (Vec<Vec<u8>>, Vec<Vec<f64>>) {
-        let (mut exponents, mut coefficients) = (self.exponents.clone(), self.coefficients.clone());
-        let mut next = 0;
-        while next < exponents.len() {
-            let mut lower = exponents[next].clone();
-            next += 1;
-            lower[4] = lower[4].saturating_sub(1);
-            if !exponents.contains(&lower) {
-                exponents.push(lower);
-                coefficients.push(vec![0.0; self.alpha_measured.len()]);
+    /// Prior means, to start from, and sds.
+    pub fn start(&self) -> (Vec<f64>, Vec<f64>) {
+        let prior = &self.table.prior;
+        (prior.mean.clone(), prior.sd.clone())
+    }
+
+    /// Residuals over their sds, and the response to the thickness for one sd of it, alike.
+    fn scaled(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        let t = &self.table;
+        let point = [x[0], x[1], x[2], x[3], t.t0];
+        let z: Vec<f64> = (0..5).map(|i| (point[i] - t.mid[i]) / t.half[i]).collect();
+        let per_h = t.t0 / t.h0 / t.half[4];
+        let mut all: Vec<[f64; 2]> = t.alpha_measured.iter().map(|a| [*a, 0.0]).collect();
+        for (e, c) in t.exponents.iter().zip(&t.coefficients) {
+            let power = |i: usize, e: u8| z[i].powi(i32::from(e));
+            let others: f64 = (0..4).map(|i| power(i, e[i])).product();
+            let slope = match e[4] {
+                0 => 0.0,
+                n => f64::from(n) * power(4, n - 1) * per_h,
+            };
+            for (sum, c) in all.iter_mut().zip(c) {
+                sum[0] -= others * power(4, e[4]) * c;
+                sum[1] += others * slope * c * t.sigma_h;
             }
         }
-        (exponents, coefficients)
+        let scaled = all.iter().zip(&t.variance);
+        scaled.map(|(r, v)| r.map(|r| r / v.sqrt())).collect()
+    }
+}
+
+impl LogDensity for TabulatedPosterior {
+    fn names(&self) -> &[String] {
+        &self.names
     }
 
-    fn surface(&self) -> Surface {
-        // The surface's fifth variable is the ply's thickness, the likelihood's the laminate's.
-        let middles = self.mid.iter().zip(&self.half);
-        let mut scaling: Vec<[f64; 2]> = middles.map(|(m, h)| [*m, *h]).collect();
-        scaling[4] = scaling[4].map(|v| v * self.h0 / self.t0);
-        let variables = json!({
-            "choice": Choice::Plain,
-            "material": Material::Ply,
-            "constants": 4,
-            "thickness": 4,
-            "scaling": scaling,
-            "reference": 1.0,
-            "nominal_thickness": self.h0,
-        });
-        let (exponents, coefficients) = self.complete();
-        let of = |k: usize| coefficients.iter().map(|c| c[k]).collect();
-        // all of the error is the surface's own
-        let quality = self.variance.iter().map(|v| Quality {
-            mean: 0.0,
-            mean_abs: 0.0,
-            sd: 0.0,
-            r2: 1.0,
-            rms: 0.0,
-            press: v.sqrt(),
-        });
-        Surface {
-            variables: serde_json::from_value(variables).unwrap(),
-            exponents,
-            coefficients: (0..self.alpha_measured.len()).map(of).collect(),
-            quality: quality.collect(),
+    fn log_density(&self, x: &[f64]) -> Result<f64, DensityError> {
+        let is_ply = x[0] > 0.0 && x[1] > 0.0 && x[3] > 0.0 && x[2] * x[2] < x[0] / x[1];
+        if !is_ply {
+            return Err(DensityError::Outside);
         }
-    }
-
-    /// The posterior, its likelihood without the factor that does not depend on the parameters.
-    pub fn posterior(&self) -> Posterior {
-        /// Precision of the measured coefficients over that of the surface: the noise adds nothing.
-        const EXACT: f64 = 1e20;
-        let precision = DVector::from_vec(self.variance.iter().map(|v| EXACT / v).collect());
-        let measured = DVector::from_column_slice(&self.alpha_measured);
-        let statistics = Statistics {
-            weighted: precision.component_mul(&measured),
-            precision: DMatrix::from_diagonal(&precision),
-            effect_offset: DVector::zeros(0),
-            effect_slope: DMatrix::zeros(0, measured.len()),
-            effect_covariance: DMatrix::zeros(0, 0),
-            residual: 0.0,
-            count: 0,
-            freedom: 0.0,
+        let scaled = self.scaled(x);
+        let of = |a: usize, b: usize| scaled.iter().map(|r| r[a] * r[b]).sum::<f64>();
+        let precision = 1.0 + of(1, 1);
+        let likelihood = -0.5 * (of(0, 0) - of(0, 1).powi(2) / precision + precision.ln());
+        let prior = x
+            .iter()
+            .zip(self.table.prior.mean.iter().zip(&self.table.prior.sd));
+        let log = |(x, (mean, sd)): (&f64, (&f64, &f64))| {
+            -0.5 * (((x - mean) / sd).powi(2) + std::f64::consts::TAU.ln()) - sd.ln()
         };
-        let surface = self.surface();
-        let none = CrossValidation {
-            mm: Vec::new(),
-            percent: Vec::new(),
-        };
-        let reduced = ReducedModel {
-            dimensions: Vec::new(),
-            modes: Default::default(),
-            plain: surface.clone(),
-            surface,
-            truncation: Default::default(),
-            cross_validation: [none.clone(), none],
-            snapshots: 0,
-            mesh_size: [0; 2],
-        };
-        let thickness = (self.h0, self.sigma_h);
-        let likelihood = Likelihood::new(&statistics, &reduced, 0.0, thickness).unwrap();
-        let prior = self.prior.mean.iter().zip(&self.prior.sd);
-        let marginals = prior.map(|(&mean, &sd)| Marginal {
-            mean,
-            sd,
-            truncate: None,
-        });
-        Posterior::new(
-            NAMES.map(String::from).to_vec(),
-            Material::Ply,
-            marginals.collect(),
-            likelihood,
-            1.0,
-            Some(1.0),
-        )
+        Ok(likelihood + prior.map(log).sum::<f64>())
     }
 }

@@ -434,7 +434,7 @@ fn a_fit_counts_the_smooth_noise_of_pictures() {
             let model = Attack::Hazy.measured(of, size, seed);
             let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
             let solved = inverse_problem(&model, prepared, &Silent).unwrap();
-            let fit = start(&solved.posterior).unwrap();
+            let fit = start(&solved.posed.density).unwrap();
             let sd = |k: usize| fit.covariance[k * (fit.mode.len() + 1)].sqrt();
             let constants = of.constants().iter().enumerate();
             let z = constants.map(|(k, truth)| (fit.mode[k] - truth) / sd(k));

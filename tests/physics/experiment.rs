@@ -230,7 +230,7 @@ fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
     // two modes a component: the sheet's field is linear in as many combinations of its compliances
     assert!(prepared.reduced.truncation[0][3] < 1e-12);
     let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
-    let mode = start(&inverse.posterior).unwrap();
+    let mode = start(&inverse.posed.density).unwrap();
     let sd = |k: usize| mode.covariance[k * (mode.mode.len() + 1)].sqrt();
     for (k, truth) in CONSTANTS.iter().enumerate() {
         let z = (mode.mode[k] - truth) / sd(k);

@@ -308,7 +308,6 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
             ..Schedule::default()
         },
         cache: directory.path().join("cache"),
-        refinements: 0,
         ..options(&*sampler)
     };
     let found = identify(&model, &options, &Silent).unwrap();

@@ -7,7 +7,8 @@ use plychain::diagnose::{Rule, diagnose};
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare};
-use plychain::infer::{Joint, Marginal, Member, Model, Posterior, simulated_field};
+use plychain::infer::{Joint, Marginal, Member, Model, simulated_field};
+use plychain::posterior::Density;
 use plychain::progress::Silent;
 use plychain::sample::{DensityError, Ensemble, Quiet, Schedule, Start, run};
 use plychain::sample::{Laplace, LogDensity, laplace};
@@ -194,7 +195,7 @@ fn names_that_do_not_fit_are_refused() {
 }
 
 /// The posterior of a simulated field on a coarse mesh whose noise, not the model, limits what it says.
-fn field(directory: &Path) -> Posterior {
+fn field(directory: &Path) -> Density {
     let text = std::fs::read_to_string("models/openhole.json").unwrap();
     let mut file: serde_json::Value = serde_json::from_str(&text).unwrap();
     file["experiments"][0]["mesh_density"] = 0.3.into();
@@ -216,7 +217,8 @@ fn field(directory: &Path) -> Posterior {
     let prepared = prepare(&model, &directory.join("cache"), &Silent).unwrap();
     inverse_problem(&model, prepared, &Silent)
         .unwrap()
-        .posterior
+        .posed
+        .density
 }
 
 /// Two copies of a field halve the variance of the constants; each has a noise of its own.
@@ -224,13 +226,19 @@ fn field(directory: &Path) -> Posterior {
 fn two_copies_of_a_field_are_twice_the_data() {
     let directory = tempfile::tempdir().unwrap();
     let posterior = field(directory.path());
-    let constants = posterior.parameter_names().to_vec();
+    let constants = posterior.constant_names().to_vec();
     let joint = |copies: &[&str], wider: f64| {
         let marginals = posterior.marginals().iter();
         let priors = marginals.map(|m| normal(m.mean, wider * m.sd));
         let shared = constants.iter().cloned().zip(priors).collect();
         let members = copies.iter();
-        let members = members.map(|name| Member::of(name, &posterior, &constants));
+        let flat = posterior.marginals().iter().map(|m| Marginal::flat(m.mean));
+        let flat = posterior.with_marginals(flat.collect());
+        let members = members.map(|name| Member {
+            name: (*name).into(),
+            density: Box::new(flat.clone()),
+            start: posterior.start(),
+        });
         Joint::new(shared, members.collect()).unwrap()
     };
     // One copy with the priors as they are is the posterior itself, to rounding.

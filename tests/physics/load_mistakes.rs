@@ -9,7 +9,7 @@ use plychain::effect::{EFFECTS, Scope, force_scale, obstacle};
 use plychain::experiment::series::SeriesState;
 use plychain::field::rigid::RigidMotion;
 use plychain::field::step::CLASS_1_SD_PERCENT;
-use plychain::identify::prepare;
+use plychain::identify::{inverse_problem, prepare};
 use plychain::infer::Model;
 use plychain::linearise::Column;
 use plychain::linearise::candidates;
@@ -278,15 +278,9 @@ fn every_declared_force_has_an_error_in_its_step() {
     };
     let model = Model::load(&case.folder().join("model.json")).unwrap();
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
-    let start = model.state(&|_| None);
-    let (_, traced) = attribute(
-        &model,
-        &prepared,
-        start,
-        &|name| name == "uniform_strain",
-        &Silent,
-    )
-    .unwrap();
+    let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+    let wanted = |name: &str| name == "uniform_strain";
+    let (_, traced) = attribute(&model, &inverse, &wanted, &Silent).unwrap();
     let base = &traced.evidence.sensitivities.base;
     let errors: Vec<&Column> = base.iter().filter(|c| c.is_force_error()).collect();
     let names: Vec<&str> = errors.iter().map(|c| c.name.as_str()).collect();

@@ -116,9 +116,8 @@ pub fn options(sampler: &dyn Sampler) -> Options<'_> {
         },
         rule: Rule::default(),
         cache: workplace().join("runs/.cache"),
-        refinements: 0,
         keeping: None,
-        discrepancy: [None, None],
+        discrepancy: false,
         deadline: None,
         doubting: Doubting::Unasked,
     }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use plychain::effect::EFFECTS;
 use plychain::field::matrices::write_matrices;
-use plychain::identify::{Patterns, Residual, inverse_problem, prepare, start};
+use plychain::identify::{Patterns, Residual, forward, inverse_problem, prepare, start};
 use plychain::infer::Model;
 use plychain::progress::Silent;
 
@@ -19,19 +19,12 @@ fn patterns(model: &Model) -> Patterns {
     let cache = workplace().join("runs/.cache");
     let prepared = prepare(model, &cache, &Silent).unwrap();
     let inverse = inverse_problem(model, prepared, &Silent).unwrap();
-    let mode = start(&inverse.posterior).unwrap().mode;
-    let scale = inverse.posterior.scale(&mode);
-    let theta = &mode[..inverse.posterior.structural()];
-    let alpha = inverse.posterior.likelihood().expected(theta, scale);
-    let beta = &inverse.statistics.effect_offset - &inverse.statistics.effect_slope * &alpha;
-    let residual = Residual::new(
-        &inverse.prepared.observation,
-        &inverse.columns,
-        &inverse.noise,
-        &inverse.statistics,
-        &alpha,
-        &beta,
-    );
+    let mode = start(&inverse.posed.density).unwrap().mode;
+    let all: Vec<usize> = (0..inverse.posed.kept.len()).collect();
+    let (over_largest, _) = inverse.posed.density.given(&mode, 0).moments(&all);
+    let amplitudes = over_largest.component_mul(&inverse.posed.density.space.largest);
+    let forward = forward(model, &inverse.prepared, &inverse.measured, &|| ());
+    let residual = Residual::at(&inverse, &forward, &mode, &amplitudes).unwrap();
     let field = &inverse.prepared.observation.field;
     Patterns::of(field, &residual.field, &inverse.noise, &|p| {
         p[0].hypot(p[1]) >= 2.4

@@ -1,6 +1,6 @@
 //! A prior that is wrong and narrow: the verdict says so, and no effect is named in its place.
 
-use plychain::identify::prepare;
+use plychain::identify::{inverse_problem, prepare};
 use plychain::infer::Model;
 use plychain::progress::Silent;
 use plychain::trace::{Status, attribute};
@@ -143,8 +143,8 @@ fn narrow_priors_that_are_right_are_not_in_doubt() {
         let priors: Vec<_> = narrow(kind).iter().map(&mut prior).collect();
         let model = measured(kind, &priors, 100 + seed);
         let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
-        let start = model.state(&|_| None);
-        let (tracing, _) = attribute(&model, &prepared, start, &|_| true, &Silent).unwrap();
+        let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+        let (tracing, _) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
         let words = tracing.priors_in_doubt.iter().map(|d| d.words.clone());
         doubted.extend(words.map(|w| format!("{kind:?} {seed}: {w}")));
     }

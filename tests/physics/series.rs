@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use nalgebra::DVector;
 use plychain::experiment::series::Law;
-use plychain::identify::prepare;
+use plychain::identify::{inverse_problem, prepare};
 use plychain::infer::Model;
 use plychain::linearise::{Column, divide};
 use plychain::progress::Silent;
@@ -551,8 +551,8 @@ fn a_lens_off_the_middle_is_the_first_suspect() {
     for seed in 0..3 {
         let (model, truth) = written(Ordinary::Lens, seed);
         let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
-        let start = model.state(&|_| None);
-        let (tracing, _) = attribute(&model, &prepared, start, &|_| true, &Silent).unwrap();
+        let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+        let (tracing, _) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
         let group = &tracing.groups[0];
         assert_eq!(group.leader, "lens_distortion", "{seed}");
         let mut candidates = tracing.candidates.iter();

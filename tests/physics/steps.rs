@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use plychain::effect::{Scope, find};
 use plychain::field::Blocks;
 use plychain::field::places::BlockPoints;
-use plychain::identify::prepare;
+use plychain::identify::{inverse_problem, prepare};
 use plychain::infer::Model;
 use plychain::noise::series::{Frames, Role, SeriesNoise, settings};
 use plychain::progress::Silent;
@@ -287,10 +287,8 @@ fn traced(series: &Series, observed: &Observed, declared: bool) -> Tracing {
     }
     let model = Model::parse(&model.to_string(), &folder.join(SERIES)).unwrap();
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
-    let start = model.state(&|_| None);
-    attribute(&model, &prepared, start, &|_| true, &Silent)
-        .unwrap()
-        .0
+    let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+    attribute(&model, &inverse, &|_| true, &Silent).unwrap().0
 }
 
 /// The largest z of a step, and p of linearity.

@@ -11,7 +11,7 @@ use plychain::experiment::simulate::Truth;
 use plychain::field::Grid;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare, start};
-use plychain::infer::{Marginal, Model, simulated_field};
+use plychain::infer::{Model, simulated_field};
 use plychain::progress::Silent;
 use plychain::report::json::Keyed;
 use plychain::report::round::MeanAndSd;
@@ -114,12 +114,11 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
     let cache = workplace().join("runs/.cache");
     let mut prepared = prepare(model, &cache, &Silent).unwrap();
     let mut model = model.clone();
-    let mut state = model.state(&|_| None);
     let mut accepted = Vec::new();
     let mut first: Option<Suspect> = None;
     loop {
-        let (mut tracing, _) =
-            attribute(&model, &prepared, state.clone(), &|_| true, &Silent).unwrap();
+        let inverse = inverse_problem(&model, prepared.clone(), &Silent).unwrap();
+        let (mut tracing, traced) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
         let suspect = first.get_or_insert_with(|| tracing.suspect.clone());
         tracing.suspect = suspect.beside(&tracing.suspect);
         let called_for = tracing.accepted.clone().filter(|_| accepted.len() < 5);
@@ -129,12 +128,6 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
         let effect = called_for.effect;
         let group = tracing.groups.iter().find(|g| g.leader == effect.name());
         accepted.push((effect.name(), group.unwrap().members.clone()));
-        let means: Vec<f64> = tracing.averaged.values().map(|a| a.mean).collect();
-        let priors = model.marginals();
-        let near = |(x, m): (&f64, &Marginal)| (x - m.mean).abs() < 2.5 * m.sd;
-        if means.iter().zip(&priors).all(near) {
-            state.constants = means;
-        }
         model = extended(&model, &called_for, &tracing.averaged);
         if effect.kind() == Kind::Recorded {
             // corrected in the field, which the reduced model does not depend on
@@ -142,9 +135,8 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
             bare.effects
                 .retain(|e| e.kind() == Kind::Recorded || e.name() == "rigid_translation");
             prepared = prepare(&bare, &cache, &Silent).unwrap();
-        } else {
-            state.set(effect, called_for.amplitude.iter().map(|a| a.0).collect());
         }
+        prepared.begun = Some(traced.point.state);
     }
 }
 
@@ -439,8 +431,8 @@ fn what_cannot_be_seen_is_said_to_be() {
 fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
     let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
-    let state = model.state(&|_| None);
-    let (tracing, _) = attribute(&model, &prepared, state, &|_| true, &Silent).unwrap();
+    let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+    let (tracing, _) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
     let group = &tracing.groups[0];
     assert_eq!(group.leader, "in_plane_bending");
     if group.members.contains(&"thickness_taper") {
@@ -508,7 +500,7 @@ fn the_averaged_posterior_holds_what_the_bare_model_misses() {
             let cache = workplace().join("runs/.cache");
             let prepared = prepare(&model, &cache, &Silent).unwrap();
             let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
-            let bare = start(&inverse.posterior).unwrap();
+            let bare = start(&inverse.posed.density).unwrap();
             let (_, last) = traced(&model);
             for (k, truth) in TRUTH.iter().enumerate() {
                 let dim = bare.mode.len();

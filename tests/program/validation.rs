@@ -3,9 +3,9 @@
 mod calibration;
 mod verdicts;
 
-use plychain::infer::Posterior;
 use plychain::noise::matern_pair;
 use plychain::numeric::{hermite, legendre};
+use plychain::posterior::Density;
 use plychain::sample::{Laplace, LogDensity, laplace};
 use plychain::validate::calibration::{band, kolmogorov};
 use plychain::validate::grid::{PosteriorGrid, automatic, check_bounds};
@@ -15,15 +15,14 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Dxsm;
 use serde_json::Value;
 
-use crate::common::tabulated::Tabulated;
-use crate::common::{changed, coarse, fresh, refused, set_coarse, succeed};
+use crate::common::{changed, coarse, fresh, inverse, refused, set_coarse, succeed};
 
-fn posterior() -> (Posterior, Laplace, Vec<[f64; 2]>) {
-    let posterior = Tabulated::load().posterior();
+fn posterior() -> (Density, Laplace, Vec<[f64; 2]>) {
+    let posterior = inverse().posed.density.clone();
     let (centre, sd) = posterior.start();
     let mode = laplace(&posterior, &centre, &sd).unwrap();
     let d = posterior.dim();
-    let sd: Vec<f64> = (0..d).map(|k| mode.covariance[k * d + k].sqrt()).collect();
+    let sd: Vec<f64> = (0..4).map(|k| mode.covariance[k * d + k].sqrt()).collect();
     let bounds = automatic(&posterior, &mode.mode, &sd);
     (posterior, mode, bounds)
 }
@@ -151,9 +150,11 @@ fn impossible_bounds_are_refused() {
 /// samples).
 #[test]
 fn monte_carlo_over_the_thickness_agrees_with_the_analytic_marginal() {
-    let (posterior, _, bounds) = posterior();
+    let (_, mode, bounds) = posterior();
+    let noise = mode.mode.get(4).copied();
     let progress = plychain::progress::Silent;
-    let found = thickness::compare(&posterior, &bounds, 1.0, [200, 4000], 3, &progress).unwrap();
+    let found =
+        thickness::compare(&inverse().posed, &bounds, noise, [200, 4000], 3, &progress).unwrap();
     assert_eq!(found.differences.len(), 200);
     assert!(found.worst() < 4.2, "{}", found.worst());
     assert!((0.7..1.3).contains(&found.rms()), "{}", found.rms());

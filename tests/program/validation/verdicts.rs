@@ -39,7 +39,6 @@ fn names_are_counted_by_hand() {
     let plan = ReplicatePlan {
         replicates: 7,
         correlation_mm: 0.0,
-        reduced: false,
         seed: 1,
         grid: 41,
         share: None,

@@ -13,7 +13,6 @@ fn the_scale_of_the_response_is_drawn_with_its_prior() {
     let plan = ReplicatePlan {
         replicates: DRAWS,
         correlation_mm: 0.0,
-        reduced: false,
         seed: 3,
         grid: 61,
         share: None,
