@@ -329,7 +329,16 @@ pub(super) fn inverse_problem_kept(
     let steps = prepared.observation.steps.as_ref();
     let weights = steps.map(Steps::weights).unwrap_or_default();
     let at = weighing.noise.of_sum(&chosen.pair, &weights);
-    let noise = Noise::over(&prepared.observation.field, &columns.modes, at)?;
+    let subset = prepared
+        .observation
+        .field
+        .subset_mm
+        .filter(|_| steps.is_some());
+    let noise = Noise::over(
+        &prepared.observation.field,
+        &columns.modes,
+        (at, subset.is_some()),
+    )?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

@@ -23,13 +23,28 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Noise of some hyperparameters on blocks of the same size over all points of a field; `modes` are those of u1, then of u2, mm at the
-    /// points: local fits follow what they leave more easily than the field about a hole.
+    /// Noise of some hyperparameters on blocks of the same size over all points of a field, whose points a subset may correlate; `modes` are
+    /// those of u1, then of u2, mm at the points: local fits follow what they leave more easily than the field about a hole.
     ///
     /// # Errors
     /// Of the program, if a covariance is not positive definite.
-    pub fn over(field: &Field, modes: &[Vec<[f64; 2]>], at: [Hyperparameters; 2]) -> Result<Self> {
+    pub fn over(
+        field: &Field,
+        modes: &[Vec<[f64; 2]>],
+        (at, is_of_subsets): ([Hyperparameters; 2], bool),
+    ) -> Result<Self> {
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
+        // where points share subsets, a block's average has the variance of a point
+        let count = if is_of_subsets {
+            blocks.mean_count()
+        } else {
+            1.0
+        };
+        let at = at.map(|at| Hyperparameters {
+            ratio: at.ratio * count,
+            scale2: at.scale2 / count,
+            ..at
+        });
         let left = Field {
             displacement: residual_of_fit(field, modes),
             ..field.clone()
@@ -48,9 +63,11 @@ impl Noise {
         })
     }
 
-    /// Sd of the white part of a point, as blocks have it, mm.
+    /// Sd of the white part of a point, mm: as blocks have it, or as local differences do, which see more of it where a subset was declared that
+    /// does not correlate it.
     pub fn white_sd(&self, c: usize) -> f64 {
-        (self.at[c].scale2 * self.blocks.mean_count()).sqrt()
+        let of_blocks = (self.at[c].scale2 * self.blocks.mean_count()).sqrt();
+        of_blocks.max(self.white_mm[c])
     }
 
     /// Sd of the correlated part of a point, mm.

@@ -22,6 +22,7 @@ mod marginal;
 mod mechanics;
 mod nulls;
 mod patterns;
+mod posterior;
 mod priors_in_doubt;
 mod quoted;
 mod reduce;
