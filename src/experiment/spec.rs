@@ -57,6 +57,9 @@ pub struct ExperimentSpec {
     /// How the amplitudes of declared motions go over the steps of a series; in proportion to the force where nothing is said.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub laws: BTreeMap<String, Law>,
+    /// What measured the forces; fields of a file that do not say so share one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub load_cell: String,
     /// Effects that tracing may consider, in place of the whole dictionary.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub candidates: Option<Vec<String>>,

@@ -60,6 +60,26 @@ impl Known {
         })
     }
 
+    /// The same without what it says of a common factor of some constants, the `moduli`: an experiment with the same thickness, or the same error
+    /// of the force, knows no more of that.
+    #[must_use]
+    pub fn without_common_factor(&self, moduli: &[bool]) -> Self {
+        let each = self.scales.iter().zip(moduli);
+        let along = each.map(|([mean, sd], is_modulus)| f64::from(*is_modulus) * mean / sd);
+        let along = DVector::from_iterator(self.scales.len(), along);
+        let pulled = &self.precision * &along;
+        let size = along.dot(&pulled);
+        if size <= 0.0 {
+            return self.clone();
+        }
+        let towards = self.towards.dot(&along) / size;
+        Self {
+            precision: &self.precision - &pulled * pulled.transpose() / size,
+            towards: &self.towards - &pulled * towards,
+            scales: self.scales.clone(),
+        }
+    }
+
     /// What both say, of the same constants.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {

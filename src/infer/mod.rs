@@ -22,7 +22,7 @@ pub use effect_under_law::{Amplitude, EffectUnderLaw};
 pub use experiment::{
     coarse_experiment, experiment_over, moved_experiment_over, problem_of, problem_within,
 };
-pub use joint::{Joint, Member};
+pub use joint::{GivenLinear, Joint, Member};
 pub use known::Known;
 pub use model::{FREE_MM, Model};
 pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns};

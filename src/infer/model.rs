@@ -31,6 +31,9 @@ pub struct Model {
     pub measured: Option<Arc<Field>>,
 }
 
+/// Prior sd of the scale of forces of which none is known, percent.
+const UNKNOWN_FORCE_PERCENT: f64 = 30.0;
+
 /// Prior sd of a motion in the plane, mm and, over the picture, rad: as good as none.
 pub const FREE_MM: f64 = 10.0;
 
@@ -293,7 +296,9 @@ impl Model {
             .get(&amplitude_name(effect, parameter));
         let yield_stress = self.file.material.yield_mpa;
         let declared = yield_stress.and_then(|stress| effect.prior_sd_by_yield_stress(k, stress));
-        own.copied().or(declared).or(parameter.prior_sd)
+        let unknown = effect.is_force_scale() && self.experiment().lacks_force();
+        let unknown = unknown.then_some(UNKNOWN_FORCE_PERCENT);
+        own.copied().or(unknown).or(declared).or(parameter.prior_sd)
     }
 
     /// Prior sd of an amplitude of a series of image correlation in a scene, border units.

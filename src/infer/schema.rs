@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use serde_json::value::RawValue;
+use serde_json::{Map, Value};
 
 use super::prior::{Marginal, PriorSpec};
 use super::version1;
-use crate::effect::Effect;
+use crate::effect::{Effect, amplitude_name, force_scale};
 use crate::error::{Error, Result};
 use crate::experiment::{ExperimentKind, ExperimentSpec, check_name};
 use crate::files::{parse_json, parse_json_within, unique};
@@ -130,10 +130,66 @@ struct FileVersion2<'a> {
     note: Option<String>,
     run: Option<RunNote>,
     material: MaterialSpec,
+    #[serde(default)]
+    specimens: Map<String, Value>,
+    #[serde(default)]
+    load_cells: BTreeMap<String, LoadCell>,
     #[serde(borrow)]
     experiments: Vec<&'a RawValue>,
     reduced_model: Option<ReducedSpec>,
     likelihood: Option<LikelihoodSpec>,
+}
+
+/// What measures the forces of experiments.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LoadCell {
+    /// Sd of the error of its scale.
+    sd_percent: f64,
+}
+
+impl FileVersion2<'_> {
+    /// The entry with what it names put in its place: a specimen, a load cell, the specimen and the load `of` another experiment. None of an
+    /// entry that names nothing.
+    fn resolved(&self, raw: &RawValue, key: &str) -> Result<Option<String>> {
+        let mut entry: Value = serde_json::from_str(raw.get()).unwrap_or_default();
+        let name = |entry: &Value, key: &str| entry[key].as_str().map(String::from);
+        let unknown = |at: &str, expected: &str, name: &str| {
+            Error::input(format!("{key}.{at}"), expected).found(name)
+        };
+        let mut is_changed = false;
+        if let Some(other) = name(&entry, "of") {
+            let mut all = self.experiments.iter();
+            let found = all.find_map(|raw| {
+                let value: Value = serde_json::from_str(raw.get()).ok()?;
+                (name(&value, "name").as_ref() == Some(&other)).then_some(value)
+            });
+            let found = found.ok_or_else(|| unknown("of", "the name of an experiment", &other))?;
+            for key in ["specimen", "load", "load_cell"] {
+                if entry[key].is_null() && !found[key].is_null() {
+                    entry[key] = found[key].clone();
+                }
+            }
+            entry.as_object_mut().map(|keys| keys.remove("of"));
+            is_changed = true;
+        }
+        if let Some(specimen) = name(&entry, "specimen") {
+            let found = self.specimens.get(&specimen);
+            let wrong = || unknown("specimen", "a name in specimens", &specimen);
+            entry["specimen"] = found.ok_or_else(wrong)?.clone();
+            is_changed = true;
+        }
+        // one of which nothing is declared is a name
+        let cell = name(&entry, "load_cell").and_then(|cell| self.load_cells.get(&cell));
+        if let Some(LoadCell { sd_percent }) = cell {
+            let scale = amplitude_name(force_scale(), &force_scale().parameters()[0]);
+            if entry["plausible"][&scale].is_null() {
+                entry["plausible"][&scale] = (*sd_percent).into();
+            }
+            is_changed = true;
+        }
+        Ok(is_changed.then(|| entry.to_string()))
+    }
 }
 
 impl ExperimentEntry {
@@ -216,16 +272,26 @@ impl ModelOutline {
     fn of_version2(text: &str, place: &str) -> Result<Self> {
         let file: FileVersion2<'_> = parse_json(text, place)?;
         let entry = |(k, raw): (usize, &&RawValue)| {
+            let key = format!("experiments[{k}]");
+            let resolved = file.resolved(raw, &key).map_err(|e| e.within(place))?;
+            if let Some(json) = resolved {
+                return Ok(ExperimentEntry {
+                    key,
+                    ..ExperimentEntry::alone(json, place)
+                });
+            }
             let before = &text[..raw.get().as_ptr() as usize - text.as_ptr() as usize];
             let line = before.matches('\n').count();
             let column = before.len() - before.rfind('\n').map_or(0, |at| at + 1);
-            ExperimentEntry {
+            Ok(ExperimentEntry {
                 json: raw.get().into(),
                 start: [line, column],
-                key: format!("experiments[{k}]"),
+                key,
                 place: place.into(),
-            }
+            })
         };
+        let experiments = file.experiments.iter().enumerate().map(entry);
+        let experiments: Vec<ExperimentEntry> = experiments.collect::<Result<_>>()?;
         Ok(Self {
             name: file.name,
             note: file.note,
@@ -233,7 +299,7 @@ impl ModelOutline {
             material: file.material,
             reduced_model: file.reduced_model,
             likelihood: file.likelihood,
-            experiments: file.experiments.iter().enumerate().map(entry).collect(),
+            experiments,
         })
     }
 

@@ -73,6 +73,7 @@ pub fn parse(text: &str, place: &str) -> Result<ModelOutline> {
     let file: FileVersion1 = parse_json(text, place)?;
     let specimen = file.specimen;
     let experiment = ExperimentSpec {
+        load_cell: String::new(),
         name: NAME.into(),
         kind: ExperimentKind::Field,
         specimen: SpecimenSpec {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::json::Keyed;
 use super::round::MeanAndSd;
 use crate::infer::{Marginal, Model};
-use crate::parameter::Parameter;
+use crate::parameter::{Parameter, is_modulus};
 use crate::section::TableCell;
 
 /// What the data added to the prior of a constant.
@@ -54,7 +54,17 @@ pub fn learned(model: &Model, found: &Keyed<MeanAndSd>) -> Keyed<Learned> {
     let priors = model.constants().iter().zip(model.marginals());
     let one = |(name, prior): (&&str, Marginal)| {
         let prior = (prior.mean, prior.sd).into();
-        Some(((*name).to_string(), Learned::new(prior, *found.get(*name)?)))
+        let learned = Learned::new(prior, *found.get(*name)?);
+        // the force was taken from what the priors of the moduli expect
+        let is_assumed = model.experiment().lacks_force() && is_modulus(name);
+        let from_data = if is_assumed { 0.0 } else { learned.from_data };
+        Some((
+            (*name).to_string(),
+            Learned {
+                from_data,
+                ..learned
+            },
+        ))
     };
     priors.filter_map(one).collect()
 }

@@ -8,6 +8,7 @@ use super::{Disagreement, Observed, Study, Undeclared, WORTH};
 use crate::error::Result;
 use crate::identify::Options;
 use crate::infer::{Known, Marginal, Model, Moments};
+use crate::parameter::is_modulus;
 use crate::progress::Progress;
 use crate::trace::{self, Closed, LoopStage, Round};
 
@@ -110,9 +111,21 @@ impl LoopState<'_, '_> {
         together
     }
 
+    /// What all others say of the constants; of a common factor of the moduli only those whose specimen and load cell are others.
     fn others(&self, k: usize) -> Option<Known> {
-        let said: Vec<&Known> = self.alone.iter().map(|a| &a.said).collect();
-        others(&said, Some(k))
+        let own = self.study.experiments[k].owners();
+        let moduli: Vec<bool> = (self.study.shared().constants.iter())
+            .map(|(name, _)| is_modulus(name))
+            .collect();
+        let one = |(e, alone): (usize, &Alone)| {
+            let mut owners = self.study.experiments[e].owners().into_iter();
+            match owners.any(|o| own.contains(&o)) {
+                true => alone.said.without_common_factor(&moduli),
+                false => alone.said.clone(),
+            }
+        };
+        let said: Vec<Known> = self.alone.iter().enumerate().map(one).collect();
+        others(&said.iter().collect::<Vec<_>>(), Some(k))
     }
 
     /// The model of a field, with what all others say of the material.

@@ -13,8 +13,10 @@ use crate::error::Result;
 use crate::experiment::simulate::HALF_WINDOW;
 use crate::identify::{Identification, Options, identify};
 use crate::infer::{ExperimentEntry, Marginal, Member, Model, ModelOutline};
+use crate::posterior::linear;
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
+use crate::reduce::THICKNESS;
 use crate::trace::{Information, field_information};
 
 pub const FIELD: ExperimentReader = ExperimentReader {
@@ -91,8 +93,18 @@ impl Experiment for MeasuredField {
         progress: &dyn Progress,
     ) -> Result<Box<dyn Observed>> {
         let found = identify(&self.model, options, progress)?;
-        let name = self.name().to_string();
-        Ok(Box::new(IdentifiedField { name, found }))
+        Ok(Box::new(IdentifiedField {
+            name: self.name().to_string(),
+            found,
+            owners: self.owners(),
+        }))
+    }
+
+    fn owners(&self) -> Vec<String> {
+        let experiment = self.model.experiment();
+        let specimen = super::json(&experiment.specimen).unwrap_or_default();
+        let load_cell = format!("load cell {}", experiment.load_cell);
+        vec![format!("specimen {specimen}"), load_cell]
     }
 
     fn field(&self) -> Option<&Model> {
@@ -104,6 +116,28 @@ impl Experiment for MeasuredField {
 struct IdentifiedField {
     name: String,
     found: Identification,
+    /// Whose its specimen and its load cell are.
+    owners: Vec<String>,
+}
+
+impl IdentifiedField {
+    /// Linear parameters that other experiments may share, by whose they are: the thickness of the specimen, the scale of the load cell. Two
+    /// specimens that are declared alike in every key are one; fields of a file share a load cell, unless they name two.
+    fn owned(&self) -> Vec<(String, usize)> {
+        let posed = &self.found.inverse.posed;
+        let columns = linear(&posed.expanded.here);
+        let kept = posed.kept.iter().enumerate();
+        let owned = kept.filter_map(|(place, &k)| {
+            let column = columns.get(k)?;
+            let owner = match () {
+                () if column.name == THICKNESS => self.owners.first()?,
+                () if column.is_load() => self.owners.last()?,
+                () => return None,
+            };
+            Some((format!("{} {} of {owner}", column.name, column.sd), place))
+        });
+        owned.collect()
+    }
 }
 
 impl Observed for IdentifiedField {
@@ -117,11 +151,12 @@ impl Observed for IdentifiedField {
             true => Marginal::flat(m.mean),
             false => *m,
         });
-        Member {
-            name: self.name.clone(),
-            density: Box::new(density.with_marginals(marginals.collect())),
-            start,
-        }
+        let own = Box::new(density.with_marginals(marginals.collect()));
+        let member = Member::new(&self.name, own, start);
+        let (owners, places): (Vec<String>, Vec<usize>) = self.owned().into_iter().unzip();
+        let density = density.clone();
+        let given = move |x: &[f64]| density.given(x, 0).moments(&places);
+        member.owning(owners, Box::new(given))
     }
 
     fn section(&self, _draws: &Draws) -> Result<ExperimentSection> {

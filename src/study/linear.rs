@@ -195,11 +195,7 @@ impl Observed for ObservedScalar {
             centre.push(0.0);
             spread.push(self.spec.offset_sd);
         }
-        Member {
-            name: self.spec.name.clone(),
-            density: Box::new(self.clone()),
-            start: (centre, spread),
-        }
+        Member::new(&self.spec.name, Box::new(self.clone()), (centre, spread))
     }
 
     fn section(&self, draws: &Draws) -> Result<ExperimentSection> {

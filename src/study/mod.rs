@@ -116,6 +116,11 @@ pub trait Experiment: Send + Sync {
         None
     }
 
+    /// Whose the specimen and the load cell are, in words that are equal where they are one.
+    fn owners(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The field and its model, which effects of the dictionary are traced in.
     fn field(&self) -> Option<&Model> {
         None

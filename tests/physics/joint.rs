@@ -46,11 +46,8 @@ fn normal(mean: f64, sd: f64) -> Marginal {
 
 fn member(name: &str, density: Linear) -> Member {
     let dim = density.names.len();
-    Member {
-        name: name.into(),
-        density: Box::new(density),
-        start: (vec![0.0; dim], vec![1.0; dim]),
-    }
+    let start = (vec![0.0; dim], vec![1.0; dim]);
+    Member::new(name, Box::new(density), start)
 }
 
 fn bending() -> Linear {
@@ -234,11 +231,8 @@ fn two_copies_of_a_field_are_twice_the_data() {
         let members = copies.iter();
         let flat = posterior.marginals().iter().map(|m| Marginal::flat(m.mean));
         let flat = posterior.with_marginals(flat.collect());
-        let members = members.map(|name| Member {
-            name: (*name).into(),
-            density: Box::new(flat.clone()),
-            start: posterior.start(),
-        });
+        let members =
+            members.map(|name| Member::new(name, Box::new(flat.clone()), posterior.start()));
         Joint::new(shared, members.collect()).unwrap()
     };
     // One copy with the priors as they are is the posterior itself, to rounding.

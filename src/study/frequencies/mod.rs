@@ -88,11 +88,7 @@ impl Experiment for PlateTest {
 
 impl Observed for Peaks {
     fn member(&self, _shared: &SharedConstants) -> Member {
-        Member {
-            name: self.spec.name.clone(),
-            start: self.start(),
-            density: Box::new(self.clone()),
-        }
+        Member::new(&self.spec.name, Box::new(self.clone()), self.start())
     }
 
     fn section(&self, draws: &Draws) -> Result<ExperimentSection> {
