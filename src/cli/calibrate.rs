@@ -51,7 +51,7 @@ pub fn article_twin(
     let truth = TwinTruth {
         theta: article::MEAN.to_vec(),
         thickness_mm: model.experiment().specimen.thickness_mm.mean,
-        additive: vec![0.0; twin.columns.effects.len()],
+        additive: Vec::new(),
         noise_nm: TWIN_NOISE_NM,
     };
     let u = twin.finite_elements(&truth)?;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use crate::effect::Effect;
-use crate::effect::limit::alter_checked;
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Prediction, State, predict};
@@ -14,16 +13,15 @@ use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::field::{Field, Series};
 use crate::files::KeptStages;
-use crate::geometry::{Geometry, Morph};
+use crate::geometry::Geometry;
 use crate::infer::{
-    EffectUnderLaw, Model, Observation, Steps, UnitColumns, drawn_in, problem_of, problem_within,
+    EffectUnderLaw, Model, Observation, Steps, drawn_in, problem_of, problem_within,
 };
 use crate::linearise::{
     CandidateColumns, Forward, Insoluble, Measured, Sensitivities, StepStack, acting_in,
     candidates, insoluble, is_of_a_rotation, without_insoluble,
 };
 use crate::noise::{Noise, NormalEquations};
-use crate::numeric::add_scaled;
 use crate::posterior::{
     About, Account, CoarseForwards, Density, Expansion, LinearisationPoint, MixtureChoice,
     NoisePair, NoiseScale, Posed, Weighing, Whose, linear,
@@ -63,41 +61,10 @@ impl Prepared {
         predict(&*self.problem.experiment, state, &self.observation.sight)
     }
 
-    /// The columns at the measured points, points x 2 each, mm a mm of coefficient. Modes are given at the nodes of the declared mesh. Where an
-    /// effect moves the mesh (a larger hole), they are off between the nodes. So they are corrected by what makes them right in the middle of the
-    /// design's box, which a refinement puts about the posterior. Without that, on a coarse mesh with a hole 4 % larger, constants were 30 % of an sd off.
-    /// On the declared mesh nothing is corrected. There a reduced basis may answer, or the solver, which depends on what was solved before: a run
-    /// that goes on would not find the same bits.
-    ///
-    /// # Errors
-    /// Those of a finite-element solution.
-    pub(crate) fn columns(&self, model: &Model) -> Result<UnitColumns> {
-        let problem = &self.problem;
-        let mut columns = (self.observation).columns(&self.reduced, &*problem.experiment, model)?;
-        let middle: Vec<f64> = problem.dimensions.iter().map(|d| d.at(0.5)).collect();
-        let state = problem.state(&middle);
-        let mut setup = problem.experiment.scene().setup.clone();
-        alter_checked("reduced_model.doe", state.acting(), &mut setup)?;
-        if setup.morph == Morph::NONE {
-            return Ok(columns);
-        }
-        let mut off = self.predict(&state)?.loaded;
-        add_scaled(&mut off, &self.reduced.field(&columns.modes, &middle), -1.0);
-        let coefficients = self.reduced.surface.evaluate(&middle);
-        let each = self.reduced.modes_per_component().max(1);
-        let components = columns
-            .modes
-            .chunks_mut(each)
-            .zip(coefficients.chunks(each));
-        for (c, (modes, a)) in components.enumerate() {
-            let square: f64 = a.iter().map(|a| a * a).sum();
-            for (mode, a) in modes.iter_mut().zip(a) {
-                for (u, off) in mode.iter_mut().zip(&off) {
-                    u[c] += a * off[c] / square.max(f64::MIN_POSITIVE);
-                }
-            }
-        }
-        Ok(columns)
+    /// Modes at the measured points, those of u1, then of u2, mm a mm of coefficient.
+    pub fn modes(&self) -> Vec<Vec<[f64; 2]>> {
+        let experiment = &*self.problem.experiment;
+        self.reduced.columns(experiment, &self.observation.sight)
     }
 }
 
@@ -283,11 +250,11 @@ pub(super) fn inverse_problem_kept(
     (kept, discrepancy): (&KeptStages, bool),
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
-    let columns = prepared.columns(model)?;
+    let modes = prepared.modes();
     check_size(
         &prepared.observation.field,
         &prepared.reduced,
-        &columns,
+        &modes,
         &nominal_point(&prepared.problem, model),
     )?;
     let measured = blocks_of(&prepared, &prepared.observation.field);
@@ -334,11 +301,7 @@ pub(super) fn inverse_problem_kept(
         .field
         .subset_mm
         .filter(|_| steps.is_some());
-    let noise = Noise::over(
-        &prepared.observation.field,
-        &columns.modes,
-        (at, subset.is_some()),
-    )?;
+    let noise = Noise::over(&prepared.observation.field, &modes, (at, subset.is_some()))?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

@@ -3,7 +3,6 @@
 use crate::error::{Error, Result};
 use crate::experiment::{Gauge, Sight, gauged};
 use crate::field::Field;
-use crate::infer::UnitColumns;
 use crate::reduce::ReducedModel;
 
 /// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
@@ -20,11 +19,11 @@ const SIMILAR: f64 = 0.8;
 pub fn check_size(
     field: &Field,
     reduced: &ReducedModel,
-    columns: &UnitColumns,
+    modes: &[Vec<[f64; 2]>],
     nominal: &[f64],
 ) -> Result<()> {
     let points = Sight::anywhere(&field.points, &[]);
-    let predicted = reduced.field(&columns.modes, nominal);
+    let predicted = reduced.field(modes, nominal);
     let [predicted, measured] =
         [&predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
     for (c, direction) in ["u1, along the load", "u2, across it"].iter().enumerate() {

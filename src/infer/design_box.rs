@@ -1,7 +1,6 @@
 //! The box of the design of experiments, drawn in where a corner holds no ply that can be.
 
 use super::model::Model;
-use crate::effect::amplitude_name;
 use crate::error::{Error, Result};
 use crate::laminate::Material;
 use crate::parameter::is_modulus;
@@ -75,28 +74,12 @@ fn wide_box(model: &Model) -> Vec<Dimension> {
 
 /// Whether the DoE box may have a side of this name.
 pub fn may_have_side(model: &Model, name: &str) -> bool {
-    let mut amplitudes = model.sampled().into_iter().flat_map(|effect| {
-        let parameters = effect.parameters().iter();
-        parameters.map(|p| amplitude_name(effect, p))
-    });
-    name == THICKNESS || model.constants().contains(&name) || amplitudes.any(|n| n == name)
+    name == THICKNESS || model.constants().contains(&name)
 }
 
-/// The DoE box: declared bounds, or those of [`prior_box`], the thickness' mean +- 4 sd, and effects' amplitudes +- 3 prior sd.
+/// The DoE box: declared bounds, or those of [`prior_box`], and the thickness' mean +- 4 sd.
 pub(super) fn dimensions(model: &Model) -> Result<Vec<Dimension>> {
     let mut dimensions = wide_box(model);
-    for effect in model.sampled() {
-        for (k, parameter) in effect.parameters().iter().enumerate() {
-            let reach = model
-                .prior_sd(effect, k)
-                .map_or(parameter.bound, |sd| (BOX_SDS * sd).min(parameter.bound));
-            dimensions.push(Dimension {
-                name: amplitude_name(effect, parameter),
-                low: -reach,
-                high: reach,
-            });
-        }
-    }
     let thickness = model.experiment().specimen.thickness_mm;
     if thickness.sd > 0.0 {
         dimensions.push(Dimension {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::model::Model;
 use super::supplied::{dimensions_of, with_snapshots};
-use crate::effect::{Kind, Scene};
+use crate::effect::Scene;
 use crate::error::Result;
 use crate::experiment::{
     ExperimentKind, FieldExperiment, FieldSolver, FieldTest, Imaging, MockExperiment,
@@ -106,17 +106,9 @@ pub fn problem_within(model: &Model, window: [[f64; 2]; 2]) -> Result<Problem> {
 
 fn problem_over(model: &Model, window: [[f64; 2]; 2], motion: RigidMotion) -> Result<Problem> {
     let experiment = moved_experiment_over(model, window, motion, 1.0)?;
-    let effects = model.sampled();
-    let is_changed = effects.iter().any(|e| e.kind() == Kind::Mechanical);
-    let coarse = match is_changed && !model.file.reduced_model.full_order {
-        true => coarse_experiment(model, &*experiment)?,
-        false => None,
-    };
     let problem = Problem {
         dimensions: dimensions_of(model, &*experiment)?,
-        coarse,
         experiment,
-        effects,
         spec: model.file.reduced_model.clone(),
     };
     problem

@@ -25,7 +25,7 @@ pub use experiment::{
 pub use joint::{GivenLinear, Joint, Member};
 pub use known::Known;
 pub use model::{FREE_MM, Model};
-pub use observation::{Observation, RecordedAmplitude, SteppedColumn, UnitColumns};
+pub use observation::{Observation, RecordedAmplitude};
 pub use prior::{Marginal, PriorSpec};
 pub use schema::{
     ExperimentEntry, LikelihoodSpec, MaterialSpec, ModelFile, ModelOutline, RunNote, SCHEMA,

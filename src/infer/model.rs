@@ -13,7 +13,7 @@ use crate::fem::Setup;
 use crate::field::{Field, of_settings};
 use crate::files::absolute;
 use crate::laminate::{Material, MeanSd};
-use crate::reduce::{SnapshotsSpec, exponents};
+use crate::reduce::SnapshotsSpec;
 
 /// A validated model and where it came from.
 #[derive(Clone)]
@@ -149,7 +149,7 @@ impl Model {
         let base_dir = path.parent().unwrap_or(Path::new(""));
         let read = file.experiments[0].read_mesh(base_dir);
         read.map_err(|e| e.within(&place))?;
-        let mut model = Self {
+        let model = Self {
             file,
             path: path.to_path_buf(),
             effects,
@@ -158,10 +158,6 @@ impl Model {
             measured: None,
         };
         model.validate_scene().map_err(|e| e.within(&place))?;
-        let mesh = model.experiment().mesh.as_ref();
-        if mesh.is_some_and(|m| m.measured() > 0) {
-            model.ask_for_snapshots();
-        }
         Ok(model)
     }
 
@@ -397,17 +393,5 @@ impl Model {
         });
         let thickness = self.experiment().specimen.thickness_mm.mean;
         State::new(&constants, thickness).with(acting)
-    }
-
-    /// Raise the number of snapshots to what a response surface of the model's parameters should have, half as many again as
-    /// it has monomials.
-    pub fn ask_for_snapshots(&mut self) {
-        let effects = self.sampled();
-        let amplitudes: usize = effects.iter().map(|e| e.parameters().len()).sum();
-        let thickness = usize::from(self.experiment().specimen.thickness_mm.sd > 0.0);
-        let reduced = &self.file.reduced_model;
-        let variables = self.constants().len() + thickness + amplitudes;
-        let wanted = 3 * exponents(variables, reduced.degree).len() / 2;
-        self.file.reduced_model.at_least(wanted);
     }
 }

@@ -1,13 +1,10 @@
 //! The measured field seen by the reduced model: the modes' and declared effects' columns at the measured points.
 
-use super::model::Model;
 use super::steps::Steps;
-use crate::effect::{amplitude_name, one_unit};
 use crate::error::{Error, Result};
 use crate::experiment::{FieldSolver, Sight, StepForces};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason, Series};
-use crate::laminate::MeanSd;
 use crate::noise::residual_of_fit;
 use crate::reduce::ReducedModel;
 
@@ -22,18 +19,6 @@ pub struct Observation {
     pub recorded: Vec<RecordedAmplitude>,
     /// The steps of a load series, where it is one.
     pub steps: Option<Steps>,
-    /// What declared effects do to the field of a series.
-    pub stepped: Vec<SteppedColumn>,
-}
-
-/// A parameter of a declared effect of a series, with its field.
-#[derive(Clone)]
-pub struct SteppedColumn {
-    pub name: String,
-    /// Prior, border units.
-    pub prior: MeanSd,
-    /// For one border unit, mm, at the measured points.
-    pub field: Vec<[f64; 2]>,
 }
 
 /// One amplitude of a declared effect of the recording, in its border unit.
@@ -43,19 +28,6 @@ pub struct RecordedAmplitude {
     pub name: String,
     pub mean: f64,
     pub sd: f64,
-}
-
-/// Columns at the measured points: `columns[k][i]` = (u1, u2) in mm of unit amplitude of column k at point i.
-pub struct UnitColumns {
-    /// POD modes of u1, then of u2, for one mm of coefficient.
-    pub modes: Vec<Vec<[f64; 2]>>,
-    /// Declared additive effects, for one border unit of amplitude.
-    pub effects: Vec<Vec<[f64; 2]>>,
-    /// Name of each effect column, `effect.parameter`.
-    pub names: Vec<String>,
-    /// Prior mean of each effect column's amplitude, and standard deviation; `None` is flat.
-    pub prior_mean: Vec<f64>,
-    pub prior_sd: Vec<Option<f64>>,
 }
 
 /// Share of points outside the plate above which the geometry cannot be right.
@@ -105,7 +77,6 @@ impl Observation {
             sight,
             recorded: Vec::new(),
             steps: None,
-            stepped: Vec::new(),
         };
         Ok((own, inside))
     }
@@ -130,40 +101,5 @@ impl Observation {
         let residual = residual_of_fit(&self.field, &modes);
         let deviant = deviant_points(&self.field.points, &residual);
         self.drop_outliers(|i| !deviant[i])
-    }
-
-    /// Evaluate modes and the model's additive effects at the points, under the gauge.
-    ///
-    /// # Errors
-    /// Those of [`crate::experiment::Mechanics::added`].
-    pub fn columns(
-        &self,
-        reduced: &ReducedModel,
-        experiment: &dyn FieldSolver,
-        model: &Model,
-    ) -> Result<UnitColumns> {
-        let mut columns = UnitColumns {
-            modes: reduced.columns(experiment, &self.sight),
-            effects: Vec::new(),
-            names: Vec::new(),
-            prior_mean: Vec::new(),
-            prior_sd: Vec::new(),
-        };
-        for effect in model.additive() {
-            for (k, parameter) in effect.parameters().iter().enumerate() {
-                let field = experiment.added(effect, &one_unit(effect, k), &self.sight)?;
-                columns.effects.push(field);
-                columns.names.push(amplitude_name(effect, parameter));
-                columns.prior_mean.push(0.0);
-                columns.prior_sd.push(model.prior_sd(effect, k));
-            }
-        }
-        for stepped in &self.stepped {
-            columns.effects.push(stepped.field.clone());
-            columns.names.push(stepped.name.clone());
-            columns.prior_mean.push(stepped.prior.mean);
-            columns.prior_sd.push(Some(stepped.prior.sd));
-        }
-        Ok(columns)
     }
 }

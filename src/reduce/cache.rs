@@ -27,7 +27,6 @@ struct StoredModel {
 
 /// Hash of everything that determines a reduced model (hexadecimal SHA-256).
 pub fn key(problem: &Problem) -> String {
-    let effects: Vec<_> = problem.effects.iter().map(|e| e.name()).collect();
     // What a model is compared with does not change it.
     let spec = ReducedSpec {
         reference: None,
@@ -37,7 +36,6 @@ pub fn key(problem: &Problem) -> String {
         FORMAT,
         env!("CARGO_PKG_VERSION"),
         problem.experiment.serialisation(),
-        effects,
         problem.dimensions,
         // that of predictions over supplied snapshots is not in the file
         spec.count(),

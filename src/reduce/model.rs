@@ -44,11 +44,10 @@ impl ReducedModel {
         );
         let pods = [first?, second?];
         let cross_validation = [0, 1].map(|c| leave_one_out(&pods[c], TABLED));
-        let k = problem.spec.modes.resolve(
-            problem.families(),
-            &cross_validation,
-            snapshots.points.len(),
-        );
+        let k = problem
+            .spec
+            .modes
+            .resolve(&cross_validation, snapshots.points.len());
         let values: Vec<Vec<f64>> = pods
             .iter()
             .flat_map(|pod| {
@@ -155,8 +154,7 @@ fn fit(
 
 /// The surface with the smallest held-out error: the plain one, or one in the ratios of the declared degree or
 /// up to three degrees above it, as long as three snapshots stand behind each monomial. The ratios are fewer than
-/// the parameters, so that a quintic in three ratios has no more monomials than a cubic in five parameters. Where an
-/// effect breaks the law behind the ratios there are none.
+/// the parameters, so that a quintic in three ratios has no more monomials than a cubic in five parameters.
 fn best_surface(
     problem: &Problem,
     plain: &Surface,
@@ -164,9 +162,6 @@ fn best_surface(
     values: &[Vec<f64>],
 ) -> Result<Surface> {
     let mut best = plain.clone();
-    if !problem.effects.iter().all(|e| e.scales()) {
-        return Ok(best);
-    }
     for degree in problem.spec.degree..=problem.spec.degree + 3 {
         let dims = Variables::new(Choice::Ratios, problem, points).count();
         if 3 * super::design::exponents(dims, degree).len() > points.len() {

@@ -8,7 +8,7 @@ use super::cross::CrossValidation;
 /// The `modes` key of a model file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Modes {
-    /// This many for each component and family of fields ([`super::Problem::families`]); 4 is the article's setting.
+    /// This many for each component; 4 is the article's setting.
     Count(usize),
     /// `"auto"`: the fewest with a leave-one-out field error (CV_RMS) of at most 0.05 nm in both components.
     Auto,
@@ -19,12 +19,11 @@ pub enum Modes {
 pub const AUTO_MM: f64 = 5e-8;
 
 impl Modes {
-    /// The number of modes of each component, given the number of families of fields, both components'
-    /// cross-validation and the number of snapshots. [`Modes::Auto`] takes
+    /// The number of modes of each component, given both components' cross-validation and the number of snapshots. [`Modes::Auto`] takes
     /// all modes that were cross-validated if even they are not enough.
-    pub fn resolve(self, families: usize, cross: &[CrossValidation; 2], snapshots: usize) -> usize {
+    pub fn resolve(self, cross: &[CrossValidation; 2], snapshots: usize) -> usize {
         match self {
-            Modes::Count(k) => (k * families).min(snapshots),
+            Modes::Count(k) => k.min(snapshots),
             Modes::Auto => cross
                 .iter()
                 .map(|c| {

@@ -8,8 +8,6 @@ use super::design::{Dimension, THICKNESS, enough_samples};
 use super::modes::Modes;
 use super::reference::Reference;
 use super::supplied::SuppliedSpec;
-use crate::effect::limit::alter_checked;
-use crate::effect::{Acting, Effect};
 use crate::error::{Error, Result};
 use crate::experiment::{FieldSolver, Given, State};
 use crate::laminate::Material;
@@ -121,18 +119,10 @@ impl ReducedSpec {
 pub struct Problem {
     /// What is predicted.
     pub experiment: Arc<dyn FieldSolver>,
-    /// The same on a coarse mesh, of which snapshots take what effects change that the reduced basis does not know; none without such effects.
-    pub coarse: Option<Arc<dyn FieldSolver>>,
-    /// Effects whose amplitudes vary with the constants: mechanical and optical ones.
-    pub effects: Vec<&'static dyn Effect>,
-    /// The DoE box: elastic constants, the effects' amplitudes, and last the thickness if it is uncertain. What is sampled
-    /// stands first, so that a point of the posterior is the beginning of one of the design.
+    /// The DoE box: elastic constants, and last the thickness if it is uncertain.
     pub dimensions: Vec<Dimension>,
     pub spec: ReducedSpec,
 }
-
-/// Amplitudes whose corners are all checked.
-const MOST_CORNERS: usize = 12;
 
 impl Problem {
     /// How the stiffness is parameterised.
@@ -140,14 +130,14 @@ impl Problem {
         self.experiment.scene().material
     }
 
-    /// The rows of a supplied design and their fields, where they are all of this problem's box: no effect varies, and nothing was refined.
+    /// The rows of a supplied design and their fields, where they are all of this problem's box.
     pub fn given(&self) -> Option<Given<'_>> {
         let given = self.experiment.given()?;
         let reaches = |(k, d): (usize, &Dimension)| {
             let side = |end: f64| given.rows.iter().any(|row| row.get(k) == Some(&end));
             side(d.low) && side(d.high)
         };
-        let whole = self.effects.is_empty() && self.dimensions.iter().enumerate().all(reaches);
+        let whole = self.dimensions.iter().enumerate().all(reaches);
         whole.then_some(given)
     }
 
@@ -156,31 +146,14 @@ impl Problem {
         self.material().constants().len()
     }
 
-    /// Families of fields that vary with the constants: the plate under its nominal load, and one for every amplitude
-    /// of an effect. A declared number of modes is kept for each family.
-    pub fn families(&self) -> usize {
-        1 + self.amplitudes()
-    }
-
-    /// Number of the effects' amplitudes.
-    fn amplitudes(&self) -> usize {
-        self.effects.iter().map(|e| e.parameters().len()).sum()
-    }
-
-    /// Number of parameters that are sampled: constants and amplitudes.
-    pub fn structural(&self) -> usize {
-        self.constants() + self.amplitudes()
-    }
-
     /// Whether the thickness is a parameter of the design: its last.
     pub fn varies_thickness(&self) -> bool {
-        self.dimensions.len() > self.structural()
+        self.dimensions.len() > self.constants()
     }
 
-    /// The point of the design with elastic constants and amplitudes `theta`, at a thickness of `h` mm.
+    /// The point of the design with elastic constants `theta`, at a thickness of `h` mm.
     pub fn point(&self, theta: &[f64], h: f64) -> Vec<f64> {
         let mut point = theta.to_vec();
-        point.resize(self.structural(), 0.0);
         if self.varies_thickness() {
             point.push(h);
         }
@@ -192,48 +165,13 @@ impl Problem {
         self.experiment.scene().setup.thickness
     }
 
-    /// The state of the experiment at a point of the design, or at constants and amplitudes alone with the nominal thickness.
+    /// The state of the experiment at a point of the design, or at constants alone with the nominal thickness.
     pub fn state(&self, point: &[f64]) -> State {
-        let thickness = point.get(self.structural()).copied();
+        let thickness = point.get(self.constants()).copied();
         State::new(
             &point[..self.constants()],
             thickness.unwrap_or(self.thickness_mm()),
         )
-        .with(self.acting(point))
-    }
-
-    /// The effects at a point of the design.
-    fn acting(&self, point: &[f64]) -> Vec<Acting> {
-        let mut next = self.constants();
-        let mut acting = Vec::with_capacity(self.effects.len());
-        for &effect in &self.effects {
-            let count = effect.parameters().len();
-            acting.push(Acting {
-                effect,
-                amplitude: point[next..next + count].to_vec(),
-            });
-            next += count;
-        }
-        acting
-    }
-
-    /// Check that the plate exists at every corner of the amplitudes' box.
-    fn validate_amplitudes(&self) -> Result<()> {
-        let first = self.constants();
-        let count = self.amplitudes().min(MOST_CORNERS);
-        for corner in 0..1usize << count {
-            let mut point = vec![0.0; self.dimensions.len()];
-            for k in 0..count {
-                let d = &self.dimensions[first + k];
-                point[first + k] = if corner >> k & 1 == 1 { d.high } else { d.low };
-            }
-            alter_checked(
-                "a corner of the DoE box",
-                &self.acting(&point),
-                &mut self.experiment.scene().setup.clone(),
-            )?;
-        }
-        Ok(())
     }
 
     /// The problem of the published tables on this plate, load and window: their box, cubic surfaces of 4
@@ -256,7 +194,6 @@ impl Problem {
             .collect();
         Problem {
             dimensions,
-            effects: Vec::new(),
             spec: ReducedSpec {
                 full_order: self.spec.full_order,
                 ..ReducedSpec::of(published.snapshots, Modes::Count(4), 3)
@@ -290,7 +227,7 @@ impl Problem {
                 .found(format!("[{}, {}]", d.low, d.high)));
             }
         }
-        let thickness = self.dimensions.get(self.structural());
+        let thickness = self.dimensions.get(self.constants());
         if let Some(low) = thickness.map(|d| d.low).filter(|low| *low <= 0.0) {
             let expected = "a thickness above 0";
             return Err(Error::input("reduced_model.doe.thickness_mm", expected).found(low));
@@ -307,6 +244,6 @@ impl Problem {
                 e.hint("narrow the priors or give reduced_model.doe bounds whose corners keep E, G > 0 and nu12^2 < E1/E2")
             })?;
         }
-        self.validate_amplitudes()
+        Ok(())
     }
 }

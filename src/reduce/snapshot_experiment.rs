@@ -53,8 +53,6 @@ impl SnapshotExperiment {
         let modes = MODES.min(supplied.rows.len());
         let problem = Problem {
             experiment: Arc::clone(&own),
-            coarse: None,
-            effects: Vec::new(),
             dimensions: supplied.dimensions.clone(),
             spec: ReducedSpec::of(supplied.rows.len(), Modes::Count(modes), degree),
         };

@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
-use crate::effect::{Acting, Kind};
 use crate::error::{Error, Result};
 use crate::experiment::{FieldSolver, Gauge, Sight, State, predict};
 use crate::field::rigid::{self, RigidMotion};
@@ -65,7 +64,6 @@ impl Snapshots {
         let count = support.points().len();
         check_memory(count, points.len())?;
         let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
-        let changes = Changes::of(problem, &states)?;
         let spanning = experiment.spanning(support);
         let spanned = |state: &State| {
             let answer = experiment.coordinates(state)?;
@@ -74,16 +72,8 @@ impl Snapshots {
         let solutions: Vec<Vec<[f64; 2]>> = states
             .par_iter()
             .map(|state| {
-                let known = match state.acting().iter().all(is_in_the_plate) {
-                    true => spanned(state),
-                    false => None,
-                };
-                let changed = || {
-                    let changes = changes.as_ref().filter(|_| is_unknown(experiment, state))?;
-                    Some(changes.added_to(spanned(&bare(state))?, state))
-                };
-                let field = match known.map(Ok).or_else(changed) {
-                    Some(field) => field?,
+                let field = match spanned(state) {
+                    Some(field) => field,
                     None => predict(experiment, state, support)?.field,
                 };
                 step();
@@ -126,56 +116,6 @@ impl Snapshots {
             points,
         }
     }
-}
-
-/// What effects change, by two solutions on a coarse mesh.
-struct Changes<'a> {
-    coarse: &'a dyn FieldSolver,
-    /// The fine mesh's support.
-    sight: Sight,
-}
-
-impl<'a> Changes<'a> {
-    /// None where the reduced basis knows all states, or there is no coarse mesh.
-    fn of(problem: &'a Problem, states: &[State]) -> Result<Option<Self>> {
-        let experiment = &*problem.experiment;
-        let coarse = problem.coarse.as_deref();
-        let Some(coarse) = coarse.filter(|_| states.iter().any(|s| is_unknown(experiment, s)))
-        else {
-            return Ok(None);
-        };
-        let plain: Vec<State> = states.iter().map(bare).collect();
-        experiment.span(&plain)?;
-        coarse.span(&plain)?;
-        let sight = coarse.extended(experiment.support().points(), &[]);
-        Ok(Some(Self { coarse, sight }))
-    }
-
-    /// What a specimen shows in a state, from the `field` that it shows where nothing acts.
-    fn added_to(&self, mut field: Vec<[f64; 2]>, state: &State) -> Result<Vec<[f64; 2]>> {
-        let with = predict(self.coarse, state, &self.sight)?.field;
-        let without = predict(self.coarse, &bare(state), &self.sight)?.field;
-        add_scaled(&mut field, &with, 1.0);
-        add_scaled(&mut field, &without, -1.0);
-        Ok(field)
-    }
-}
-
-/// Whether the reduced basis does not know the specimen and its load in a state.
-fn is_unknown(experiment: &dyn FieldSolver, state: &State) -> bool {
-    let in_the_plate = state.acting().iter().filter(|a| is_in_the_plate(a));
-    let plate = bare(state).with(in_the_plate.cloned());
-    experiment.coordinates(&plate).is_none()
-}
-
-/// A state without its effects.
-fn bare(state: &State) -> State {
-    State::new(&state.constants, state.thickness_mm)
-}
-
-/// Whether an effect changes the specimen or its load, and adds nothing to what that shows.
-fn is_in_the_plate(acting: &Acting) -> bool {
-    acting.effect.kind() == Kind::Mechanical
 }
 
 /// A sum of fields.

@@ -40,7 +40,7 @@ pub use averaged::{BlindSpot, Interval};
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
 pub use conclusion::{Conclusion, FORCE_UNSEEN, texts};
 pub use evidence::LARGEST_MULTIPLE;
-pub use extend::{BOX_SDS, extended};
+pub use extend::extended;
 pub use facts::Status;
 pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;

@@ -4,10 +4,12 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
+use crate::effect::{Acting, Effect};
 use crate::error::{Error, Result};
+use crate::experiment::State;
 use crate::field::Field;
 use crate::identify::{InverseProblem, Prepared, inverse_problem};
-use crate::infer::{Model, Observation, UnitColumns};
+use crate::infer::{Model, Observation};
 use crate::noise::matern_pair;
 use crate::numeric::add_scaled;
 use crate::progress::Silent;
@@ -16,10 +18,10 @@ use crate::quantity::NM_PER_MM;
 /// What is true of one simulated measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TwinTruth {
-    /// Constants, then mechanical amplitudes, border units.
+    /// Constants, then amplitudes of effects with fields of their own, border units.
     pub theta: Vec<f64>,
     pub thickness_mm: f64,
-    /// Amplitudes of the declared closed-form effects' columns, border units.
+    /// Amplitudes of the declared closed-form effects, border units.
     pub additive: Vec<f64>,
     /// Noise sd of a point, nm.
     pub noise_nm: f64,
@@ -29,8 +31,8 @@ pub struct TwinTruth {
 pub struct Twin {
     /// Problem, reduced model; the observation has the lattice's points and no displacement.
     pub prepared: Prepared,
-    /// Columns at the points.
-    pub columns: UnitColumns,
+    /// Declared effects that need fields of their own, and those that add a known one.
+    effects: [Vec<&'static dyn Effect>; 2],
     shape: [usize; 2],
     spacing: [f64; 2],
     /// Place of each point in the lattice.
@@ -66,7 +68,7 @@ impl Twin {
             ..prepared
         };
         Ok(Self {
-            columns: prepared.columns(model)?,
+            effects: [model.sampled(), model.additive()],
             prepared,
             shape: [side, side],
             spacing,
@@ -95,19 +97,19 @@ impl Twin {
     /// # Errors
     /// Those of a finite-element solution.
     pub fn finite_elements(&self, truth: &TwinTruth) -> Result<Vec<[f64; 2]>> {
-        let state = self.prepared.problem.state(&self.point(truth));
-        let mut u = self.prepared.predict(&state)?.field;
-        for (column, a) in self.columns.effects.iter().zip(&truth.additive) {
-            add_scaled(&mut u, column, *a);
-        }
-        Ok(u)
-    }
-
-    /// A point of the reduced model's parameters.
-    fn point(&self, truth: &TwinTruth) -> Vec<f64> {
-        self.prepared
-            .problem
-            .point(&truth.theta, truth.thickness_mm)
+        let constants = self.prepared.problem.constants();
+        let (own, amplitudes) = truth.theta.split_at(constants);
+        let mut amplitudes = amplitudes.iter().chain(&truth.additive).copied();
+        let acting = |effect: &&'static dyn Effect| Acting {
+            effect: *effect,
+            amplitude: amplitudes
+                .by_ref()
+                .take(effect.parameters().len())
+                .collect(),
+        };
+        let acting: Vec<Acting> = self.effects.iter().flatten().map(acting).collect();
+        let state = State::new(own, truth.thickness_mm).with(acting);
+        Ok(self.prepared.predict(&state)?.field)
     }
 
     /// Noise (mm) of sd `noise_nm` a point: white, or with a Matern-3/2 correlation of length `correlation_mm`.

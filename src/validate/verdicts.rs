@@ -17,7 +17,7 @@ use crate::infer::{EffectUnderLaw, Model};
 use crate::numeric::quantile;
 use crate::progress::{Progress, Silent};
 use crate::sample::SAMPLERS;
-use crate::trace::{Accepted, BOX_SDS, Interval, LoopStage, Status, close, explain, extended};
+use crate::trace::{Accepted, Interval, LoopStage, Status, close, explain, extended};
 
 /// Effects that act, at most.
 pub const MOST: usize = 3;
@@ -197,12 +197,10 @@ fn oracle(model: &Model, drawn: &Drawn, averaged: &Keyed<Interval>) -> Model {
     let wide: Keyed<Interval> = wide.collect();
     let mut declared = model.clone();
     for acts in &drawn.acted {
-        let sizes = drawn.amplitude(acts).iter().enumerate();
-        let around =
-            |(k, a): (usize, &f64)| (*a, model.prior_sd(acts.effect, k).unwrap_or(0.0) / BOX_SDS);
+        let sizes = drawn.amplitude(acts).iter();
         let told = Accepted {
             effect: acts.effect,
-            amplitude: sizes.map(around).collect(),
+            amplitude: sizes.map(|a| (*a, 0.0)).collect(),
             law: acts.law,
             plausible: Vec::new(),
         };

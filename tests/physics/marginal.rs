@@ -19,14 +19,17 @@ fn left_by(case: &str) -> f64 {
     let cache = workplace().join("runs/.cache");
     let field = |effects: &[&str]| {
         let model = measured(effects, Noise::Of(1e-6), 1);
-        (prepare(&model, &cache, &Silent).unwrap(), model)
+        prepare(&model, &cache, &Silent).unwrap()
     };
-    let ((with, model), (without, _)) = (field(&[case]), field(&[]));
+    let (with, without) = (field(&[case]), field(&[]));
     let (with, bare) = (&with.observation.field, &without.observation);
-    let columns = bare
-        .columns(&without.reduced, &*without.problem.experiment, &model)
-        .unwrap();
-    let columns: Vec<&Vec<[f64; 2]>> = columns.modes.iter().chain(&columns.effects).collect();
+    let mut columns = without.modes();
+    // no rig holds a specimen in its place
+    for c in 0..2 {
+        let mut one = [0.0; 2];
+        one[c] = 1.0;
+        columns.push(vec![one; bare.field.len()]);
+    }
     // an effect may move points into the hole or out of it
     let key = |p: &[f64; 2]| p.map(f64::to_bits);
     let places = with.points.iter().map(key).zip(0..);

@@ -6,14 +6,13 @@ use crate::common::article;
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, EffectParameter, Entry, Kind, Scene};
-use plychain::experiment::{Gauge, Sight, gauged};
+use plychain::experiment::{Gauge, Sight, State, gauged, predict};
 use plychain::fem::verify::{difference, window_points, without_rigid_motion};
 use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
 use plychain::geometry::{Density, PlainStrip};
 use plychain::laminate::{Material, Ply, strain_rotation};
-use plychain::reduce::{Dimension, Snapshots, SnapshotsSpec};
 
 use crate::reduce::{scene, small_problem, small_test};
 
@@ -415,20 +414,6 @@ fn an_amplitude_that_cannot_be_is_refused_with_its_bound() {
             format!("{:?}", nominal(4.0, [0.0; 2]))
         );
     }
-    let mut problem = small_problem();
-    problem.spec.snapshots = SnapshotsSpec::Count(200);
-    problem.effects = vec![effect::find("test", "hole_offset").unwrap()];
-    for (name, reach) in [("hole_offset.dx_mm", 0.9), ("hole_offset.dy_mm", 11.0)] {
-        let last = problem.dimensions.len() - 1;
-        let side = Dimension {
-            name: name.into(),
-            low: -reach,
-            high: reach,
-        };
-        problem.dimensions.insert(last, side);
-    }
-    let error = problem.validate().unwrap_err();
-    assert!(error.to_string().contains("hole_offset.dy_mm"), "{error}");
 }
 
 #[test]
@@ -468,25 +453,11 @@ impl Effect for Shifted {
 
 static SHIFTED: Shifted = Shifted;
 
-/// A snapshot holds the field of the altered plate, seen through the optics, at the nodes of the nominal mesh.
+/// A prediction is the field of the altered plate, seen through the optics, at the nodes of the nominal mesh.
 #[test]
-fn snapshots_see_the_altered_plate_through_the_optics() {
-    let mut problem = small_problem();
-    problem.spec.snapshots = SnapshotsSpec::Count(200);
-    problem.effects = vec![effect::find("test", "hole_size").unwrap(), &SHIFTED];
-    for (name, reach) in [
-        ("hole_size.diameter_percent", 6.0),
-        ("shifted.shift_mm", 0.3),
-    ] {
-        let last = problem.dimensions.len() - 1;
-        let side = Dimension {
-            name: name.into(),
-            low: -reach,
-            high: reach,
-        };
-        problem.dimensions.insert(last, side);
-    }
-    problem.validate().unwrap();
+fn predictions_see_the_altered_plate_through_the_optics() {
+    let experiment = small_problem().experiment;
+    let hole_size = effect::find("test", "hole_size").unwrap();
     let test = small_test();
     let nominal = Plate::new(&scene(&test).setup, test.density).unwrap();
     // an effect without amplitude does not act: a shift that is as good as none turns the displacements
@@ -498,12 +469,19 @@ fn snapshots_see_the_altered_plate_through_the_optics() {
         (0.0, 0.2),
         (4.0, -0.3),
     ] {
-        let point = vec![160.0, 7.5, 0.34, 4.5, size, shift, 0.78];
-        let snapshots = Snapshots::at(&problem, vec![point], &|| ()).unwrap();
+        let acting = |effect, amplitude| Acting {
+            effect,
+            amplitude: vec![amplitude],
+        };
+        let state = State::new(&[160.0, 7.5, 0.34, 4.5], 0.78);
+        let state = state.with([acting(hole_size, size), acting(&SHIFTED, shift)]);
+        let predicted = predict(&*experiment, &state, experiment.support())
+            .unwrap()
+            .field;
         let Scene { mut setup, ply, .. } = scene(&test);
-        problem.effects[0].alter(&[size], &mut setup);
+        hole_size.alter(&[size], &mut setup);
         let solution = nominal.solve(&setup, &ply).unwrap();
-        let reported = problem.experiment.support().points();
+        let reported = experiment.support().points();
         let places: Vec<[f64; 2]> = reported.iter().map(|p| [p[0] - shift, p[1]]).collect();
         let (observer, inside) = Locator::new(&solution.mesh).observe(&places);
         let seen: Vec<usize> = (0..places.len()).filter(|&k| inside[k]).collect();
@@ -514,10 +492,7 @@ fn snapshots_see_the_altered_plate_through_the_optics() {
             .map(|u| [-u[1], u[0]])
             .collect();
         let places: Vec<[f64; 2]> = seen.iter().map(|&k| reported[k]).collect();
-        let found: Field = seen
-            .iter()
-            .map(|&k| [snapshots.fields[0][(k, 0)], snapshots.fields[1][(k, 0)]])
-            .collect();
+        let found: Field = seen.iter().map(|&k| predicted[k]).collect();
         let window = Sight::anywhere(&places, &[]);
         let [found, expected] = [found, expected].map(|u| gauged(Gauge::Window, &window, &u));
         let error = largest(&combine(1.0, &found, -1.0, &expected)) / largest(&expected);

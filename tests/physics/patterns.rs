@@ -212,15 +212,9 @@ fn outliers_do_not_turn_the_gauge() {
         left.len() + left.outlying.len(),
         all.len() + all.outlying.len()
     );
-    let columns = |p: &plychain::identify::Prepared| {
-        p.observation
-            .columns(&p.reduced, &*p.problem.experiment, &clean)
-            .unwrap()
-            .modes
-    };
     let at =
         |field: &plychain::field::Field, p: &[f64; 2]| field.points.iter().position(|q| q == p);
-    for (mode, expected) in columns(&partial).iter().zip(columns(&whole)) {
+    for (mode, expected) in partial.modes().iter().zip(whole.modes()) {
         let size = expected
             .iter()
             .flatten()

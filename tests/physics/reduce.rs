@@ -1,7 +1,6 @@
 //! The reduced model: design, POD, response surfaces, cache, and inputs that cannot work.
 
 mod inputs;
-mod surrogate;
 
 use std::sync::Arc;
 
@@ -71,9 +70,7 @@ pub fn problem_of(test: FieldTest) -> Problem {
     };
     let scene = scene(&test);
     Problem {
-        coarse: None,
         experiment: Arc::new(FieldExperiment::new(test, scene).unwrap()),
-        effects: Vec::new(),
         dimensions: vec![
             side("E1_GPa", 120.0, 200.0),
             side("E2_GPa", 6.0, 9.0),
@@ -389,11 +386,11 @@ fn automatic_modes_are_the_fewest_within_the_limit() {
         percent: vec![0.0; mm.len()],
     };
     let pair = |a: &[f64], b: &[f64]| [cross(a), cross(b)];
-    let auto = |a: &[f64], b: &[f64]| Modes::Auto.resolve(1, &pair(a, b), 200);
+    let auto = |a: &[f64], b: &[f64]| Modes::Auto.resolve(&pair(a, b), 200);
     assert_eq!(auto(&[1e-5, 4e-8, 1e-8], &[6e-8, 2e-8, 1e-9]), 2);
     assert_eq!(auto(&[1e-9, 1e-9, 1e-9], &[1e-5, 1e-6, 5e-8]), 3);
     assert_eq!(auto(&[1e-5, 1e-6, 1e-7], &[1e-9; 3]), 3);
-    assert_eq!(Modes::Count(7).resolve(1, &pair(&[1.0], &[1.0]), 5), 5);
+    assert_eq!(Modes::Count(7).resolve(&pair(&[1.0], &[1.0]), 5), 5);
 }
 
 #[test]

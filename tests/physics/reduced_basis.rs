@@ -350,13 +350,6 @@ fn an_identification_does_not_change_when_every_prediction_is_solved() {
         let ((a, sd), (b, _)) = (posterior(&spanned, name), posterior(&solved, name));
         assert!((a - b).abs() < 0.02 * sd, "{name}: {a} and {b}, sd {sd}");
     }
-    // known at many more draws, and everywhere in the box
-    let of = |round: &Value, key: &str| round["surrogate"][key].clone();
-    assert_eq!(of(&solved, "truth_draws"), 32);
-    assert!(of(&spanned, "truth_draws").as_u64() > Some(1000));
-    assert!(of(&solved, "over_the_box").is_null());
-    let [rms, max] = ["rms", "max"].map(|k| of(&spanned, "over_the_box")[k].as_f64().unwrap());
-    assert!(0.0 < rms && rms < max && max < 100.0, "{rms} and {max} nm");
 }
 
 /// A whole loop, its chains and sensitivities included. What is left is the basis's own error, some ten thousandth of a nanometre.
@@ -385,10 +378,6 @@ fn a_loop_does_not_change_when_every_prediction_is_solved() {
         let width = of(&spanned, "sd") / of(&solved, "sd") - 1.0;
         assert!(width.abs() < 1e-3, "{name}: {width:e}");
     }
-    let surrogate = |report: &Value| report["rounds"][1]["surrogate"]["basis_bound_nm"].clone();
-    assert!(surrogate(&solved).is_null());
-    let bound = surrogate(&spanned).as_f64().unwrap();
-    assert!(0.0 < bound && bound < 0.1, "{bound} nm");
 }
 
 /// A run with a reduced model that is built and one with the same from the cache give the same chain, to the bit. Else a killed run could not go on.

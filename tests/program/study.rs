@@ -135,10 +135,8 @@ fn single_and_both(file: &str) -> (f64, [Vec<f64>; 2]) {
     assert!(tension["p"].as_f64().unwrap() > 1e-3, "{tension}");
     let names = ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"];
     let both = names.map(|name| posterior(&found["rounds"][0], name).1);
-    [
-        (0..4).map(|k| alone.covariance[(k, k)].sqrt()).collect(),
-        both.to_vec(),
-    ]
+    let single = (0..4).map(|k| alone.covariance[(k, k)].sqrt()).collect();
+    (alone.mean[0], [single, both.to_vec()])
 }
 
 /// Two fields of one material say what their information adds up to, but for a thickness and a force that they share: 0.64 and 0.5 % of a modulus
