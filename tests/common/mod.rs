@@ -178,9 +178,10 @@ pub fn identify(model: &str, extra: &[&str]) -> Value {
     report["rounds"][0].clone()
 }
 
-/// Mean and sd of a parameter.
+/// Mean and sd of a parameter, or of an effect's amplitude.
 pub fn posterior(round: &Value, name: &str) -> (f64, f64) {
-    let p = &round["posterior"][name];
+    let sampled = Some(&round["posterior"][name]).filter(|p| !p.is_null());
+    let p = sampled.unwrap_or(&round["effect_amplitudes"][name]);
     (p["mean"].as_f64().unwrap(), p["sd"].as_f64().unwrap())
 }
 
