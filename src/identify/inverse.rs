@@ -237,17 +237,17 @@ pub fn inverse_problem(
     prepared: Prepared,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
-    inverse_problem_kept(model, prepared, (&KeptStages::default(), false), progress)
+    inverse_problem_kept(model, prepared, &KeptStages::default(), progress)
 }
 
-/// The same with stages that are kept; with structure that is left as a discrepancy of the model, where that is asked for.
+/// The same with stages that are kept.
 ///
 /// # Errors
 /// Those of [`inverse_problem`]; a folder that cannot be written.
 pub(super) fn inverse_problem_kept(
     model: &Model,
     prepared: Prepared,
-    (kept, discrepancy): (&KeptStages, bool),
+    kept: &KeptStages,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
     let modes = prepared.modes();
@@ -292,7 +292,7 @@ pub(super) fn inverse_problem_kept(
         "noise of the measurement",
         (kept, progress),
     )?;
-    let chosen = Chosen::of(&weighing, &sensitivities, discrepancy)?;
+    let chosen = Chosen::of(&weighing, &sensitivities)?;
     let steps = prepared.observation.steps.as_ref();
     let weights = steps.map(Steps::weights).unwrap_or_default();
     let at = weighing.noise.of_sum(&chosen.pair, &weights);
@@ -431,14 +431,10 @@ struct Chosen {
 }
 
 impl Chosen {
-    /// The likeliest choice under the declared effects, as noise or, where that is asked for, as a discrepancy.
-    fn of(weighing: &Weighing, sensitivities: &Sensitivities, discrepancy: bool) -> Result<Self> {
+    /// The likeliest choice under the declared effects that is no discrepancy.
+    fn of(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Self> {
         let mut best: Option<(f64, NoisePair)> = None;
-        for pair in weighing
-            .pairs
-            .iter()
-            .filter(|p| p.discrepancy == discrepancy)
-        {
+        for pair in weighing.pairs.iter().filter(|p| !p.discrepancy) {
             let log = weighing.project(pair)?.log_base;
             if best.is_none_or(|(most, _)| log > most) {
                 best = Some((log, *pair));

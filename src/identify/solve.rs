@@ -43,8 +43,6 @@ pub struct Options<'a> {
     pub cache: PathBuf,
     /// Where the chains are kept while the run goes.
     pub keeping: Option<Keeping>,
-    /// Whether structure is to be counted as a discrepancy of the model.
-    pub discrepancy: bool,
     /// When to stop sampling in any case.
     pub deadline: Option<Instant>,
     /// What is done with doubts about the input.
@@ -60,7 +58,6 @@ impl<'a> Options<'a> {
             rule: Rule::default(),
             cache: cache.into(),
             keeping: None,
-            discrepancy: false,
             deadline: None,
             doubting: Doubting::Unasked,
         }
@@ -151,8 +148,8 @@ fn identify_prepared(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let asked = (&options.stages(), options.discrepancy);
-    let mut inverse = inverse_problem_kept(model, prepared, asked, progress)?;
+    let kept = options.stages();
+    let mut inverse = inverse_problem_kept(model, prepared, &kept, progress)?;
     let mode = start(&inverse.posed.density).ok();
     let mode = mode.filter(|mode| inverse.posed.density.is_credible(&mode.mode));
     let determined = mode.is_some();

@@ -166,11 +166,6 @@ impl NoiseChoices for ComponentNoise {
         both.map(|choice| correlated(choice.at.length_mm, choice.at.ratio))
     }
 
-    fn structure(&self, pair: &NoisePair, blocks: &Blocks) -> [Option<Hyperparameters>; 2] {
-        let both = self.at(pair);
-        both.map(|choice| choice.at.is_discrepancy(blocks).then_some(choice.at))
-    }
-
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2] {
         let mean = blocks.mean_count();
         self.at(pair).map(|choice| {

@@ -60,10 +60,6 @@ impl NoiseChoices for SeriesNoise {
         spatial.each_ref().map(|n| correlated(n.length_mm, n.ratio))
     }
 
-    fn structure(&self, _pair: &NoisePair, _blocks: &Blocks) -> [Option<Hyperparameters>; 2] {
-        [None, None]
-    }
-
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2] {
         let reference = self.settings[pair.of[0]].at.reference;
         self.noise.spatial.each_ref().map(|s| {

@@ -60,9 +60,6 @@ pub trait NoiseChoices: Send + Sync {
     /// Correlation length of the noise of each component, mm; 0 of white noise.
     fn lengths_mm(&self, pair: &NoisePair) -> [f64; 2];
 
-    /// Hyperparameters of each component where they are those of a discrepancy that a fit can have in the noise's place.
-    fn structure(&self, pair: &NoisePair, blocks: &Blocks) -> [Option<Hyperparameters>; 2];
-
     /// Variance of every block average of each component, mm^2, correlated noise as [`alone`] has it.
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2];
 

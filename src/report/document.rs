@@ -53,9 +53,6 @@ pub struct Closing {
     /// Why that is wider, or narrower, than the posterior of the model alone.
     #[serde(default)]
     pub averaged_note: Option<String>,
-    /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
-    #[serde(default)]
-    pub with_discrepancy: Option<RoundReport>,
     /// What could hide in the last residual.
     pub blind_spots: Vec<BlindSpotReport>,
     /// First and last round beside each other.

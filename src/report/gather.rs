@@ -39,10 +39,6 @@ pub fn closed(closed: &Closed, seed: u64) -> Report {
         averaged_posterior: averaged,
         quoted: quoted(closed),
         averaged_note: note,
-        with_discrepancy: closed
-            .with_discrepancy
-            .as_ref()
-            .map(|r| round(&last.model, r)),
         blind_spots,
         before_after: before_after(first, last),
         verdict: closed.conclusion.clone(),

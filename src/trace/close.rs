@@ -8,7 +8,6 @@
 //! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
 //! | [`Loop::with_undecided`] | the rounds | the rounds, the last held against what is undecided too |
 //! | [`conclude`] | the rounds | the [`Conclusion`] |
-//! | [`with_discrepancy`] | both | the last model with a discrepancy, where structure is left |
 //! | [`quote`] | both | the posterior [`ToQuote`] |
 
 use std::time::Instant;
@@ -17,7 +16,6 @@ use super::attribute::attribute_kept;
 use super::averaged::Interval;
 use super::conclusion::{Conclusion, conclude};
 use super::extend::extended;
-use super::facts::Status;
 use super::quoted::{Quoted, Supposing, quote};
 use super::refused::Refused;
 use super::round::Round;
@@ -46,8 +44,6 @@ pub struct Explained {
     /// Rounds, the first the model as it was given.
     pub rounds: Vec<Round>,
     pub conclusion: Conclusion,
-    /// How many attempts were made at rounds.
-    attempts: usize,
 }
 
 /// A loop that has come to its end.
@@ -55,8 +51,6 @@ pub struct Closed {
     /// Rounds, the first the model as it was given.
     pub rounds: Vec<Round>,
     pub conclusion: Conclusion,
-    /// The last model identified again with the unexplained structure as a correlated discrepancy, if some is left.
-    pub with_discrepancy: Option<Identification>,
     pub to_quote: ToQuote,
 }
 
@@ -118,7 +112,7 @@ pub fn close<'a>(
     finished(explained, options, progress)
 }
 
-/// Rounds with the discrepancy where structure is left, and with the posterior to quote. One that cannot be sampled is no error: the
+/// Rounds with the posterior to quote. One that cannot be sampled is no error: the
 /// verdict does not depend on it.
 ///
 /// # Errors
@@ -128,8 +122,6 @@ pub fn finished<'a>(
     options: &dyn Fn(LoopStage) -> Options<'a>,
     progress: &dyn Progress,
 ) -> Result<Closed> {
-    let attempt = options(LoopStage::Attempt(explained.attempts));
-    let with_discrepancy = with_discrepancy(&explained, attempt, progress)?;
     let suspect = explained.conclusion.suspect.is_some();
     let of_answer = |supposing| options(LoopStage::Answer(supposing));
     let to_quote = match quote(&explained.rounds, suspect, &of_answer, progress) {
@@ -140,7 +132,6 @@ pub fn finished<'a>(
     Ok(Closed {
         rounds: explained.rounds,
         conclusion: explained.conclusion,
-        with_discrepancy,
         to_quote,
     })
 }
@@ -178,7 +169,6 @@ pub fn explain<'a>(
     Ok(Explained {
         conclusion: conclude(&course.rounds, course.refused.all()),
         rounds: course.rounds,
-        attempts: course.attempts,
     })
 }
 
@@ -312,39 +302,6 @@ impl Loop<'_, '_> {
             course.rounds.extend(last);
         }
         course
-    }
-}
-
-/// The last model with the structure that is left as a discrepancy, where some is left and the time allows it.
-fn with_discrepancy(
-    explained: &Explained,
-    options: Options<'_>,
-    progress: &dyn Progress,
-) -> Result<Option<Identification>> {
-    let Some(last) = explained.rounds.last() else {
-        return Ok(None);
-    };
-    let structure = last.tracing.structure;
-    let unexplained = explained.conclusion.status == Status::Unexplained;
-    let wanted = unexplained && structure.iter().any(Option::is_some);
-    let options = Options {
-        discrepancy: true,
-        ..options
-    };
-    // the loop has ended without it: where it cannot be identified, nothing is lost
-    let begun = Some(last.identification.inverse.point.state.clone());
-    if !wanted || is_over(&options) {
-        return Ok(None);
-    }
-    unless_ended(identify_from(&last.model, begun, &options, progress))
-}
-
-/// What was found; none where it failed and the loop goes on without it.
-fn unless_ended<T>(found: Result<T>) -> Result<Option<T>> {
-    match found {
-        Ok(found) => Ok(Some(found)),
-        Err(e) if e.ends_all() => Err(e),
-        Err(_) => Ok(None),
     }
 }
 

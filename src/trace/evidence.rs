@@ -89,7 +89,6 @@ impl Evidence {
     /// Of the program, for columns that are not finite.
     pub fn tracing(&self, constants: &[f64], apart: FoundApart<'_>) -> Result<Tracing> {
         let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let blocks = &self.measured.blocks;
         let holdout = self.held_out();
         let found = groups(&self.subsets);
         let named = self.all_named(&found, &holdout)?;
@@ -143,7 +142,6 @@ impl Evidence {
             undecided,
             discrepancy: self.subsets.discrepancy,
             length_mm: self.weighing.noise.lengths_mm(pair),
-            structure: self.weighing.noise.structure(pair, blocks),
             averaged,
             suspect,
             leaning: leaning(&self.weighing, &self.sensitivities, &self.subsets, &doubts),

@@ -9,7 +9,6 @@ use crate::effect::Effect;
 use crate::experiment::series::{Law, SeriesState};
 use crate::files::{Keyed, stored};
 use crate::laminate::MeanSd;
-use crate::noise::Hyperparameters;
 use crate::noise::series::Linearity;
 
 /// An effect weighed against the data.
@@ -71,8 +70,6 @@ pub struct Tracing {
     pub discrepancy: f64,
     /// Correlation length (mm) of the likeliest noise or discrepancy of each component.
     pub length_mm: [f64; 2],
-    /// The likeliest hyperparameters of each component, where they are a discrepancy.
-    pub structure: [Option<Hyperparameters>; 2],
     /// The constants, averaged over what may act unseen.
     pub averaged: Keyed<Interval>,
     /// Whether the account of the residual is suspect, and what else the constants could be.

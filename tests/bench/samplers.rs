@@ -77,7 +77,6 @@ fn quoted() {
         rule: Rule::default(),
         cache: cache.path().into(),
         keeping: None,
-        discrepancy: false,
         deadline: None,
         doubting: Doubting::Unasked,
     };

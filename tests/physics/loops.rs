@@ -117,7 +117,6 @@ pub fn options(sampler: &dyn Sampler) -> Options<'_> {
         rule: Rule::default(),
         cache: workplace().join("runs/.cache"),
         keeping: None,
-        discrepancy: false,
         deadline: None,
         doubting: Doubting::Unasked,
     }

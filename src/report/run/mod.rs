@@ -43,12 +43,6 @@ pub fn identification(report: &Report, round: &RoundReport) -> Section {
 pub fn closed(page: &Page, closing: &Closing) -> Vec<Section> {
     let mut sections = vec![rounds::before_and_after(page)];
     sections.extend(rounds::steps(page));
-    sections.extend(
-        closing
-            .with_discrepancy
-            .as_ref()
-            .map(posterior::with_discrepancy),
-    );
     if let Some(last) = page.report.last().filter(|r| r.tracing.is_some()) {
         sections.push(effects::blind_spots(
             &closing.blind_spots,

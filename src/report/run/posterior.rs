@@ -96,14 +96,6 @@ pub fn closed_amplitudes(round: &RoundReport) -> Table {
     Table::new("", ["declared effect", "mean", "sd"], rows)
 }
 
-/// The last model with what is left as a discrepancy.
-pub fn with_discrepancy(round: &RoundReport) -> Section {
-    let rows = round.posterior.iter();
-    let rows = rows.map(|(name, r)| row(name, TableCell::as_precise_as(r.sd, [r.mean, r.sd])));
-    Section::new("the last model with the unexplained structure as a correlated discrepancy, if nothing acts that it does not declare")
-        .with(Table::new("", ["", "mean", "sd"], rows))
-}
-
 /// Constants: prior, rounds, averaged; summary; correlation; corner plots.
 pub fn section(page: &Page) -> Section {
     let rounds = &page.report.rounds;
