@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::forward::over_blocks;
-use super::inverse::Prepared;
+use super::prepared::Prepared;
 use crate::error::Result;
 use crate::experiment::{FieldSolver, Sight};
 use crate::field::Blocks;

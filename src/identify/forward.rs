@@ -1,6 +1,6 @@
 //! The forward model of what was measured.
 
-use super::inverse::Prepared;
+use super::prepared::Prepared;
 use crate::experiment::{FieldSolver, Sight};
 use crate::infer::Model;
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};

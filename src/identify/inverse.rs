@@ -1,25 +1,23 @@
-//! The question before it is answered: reduced model, observation, noise, posterior.
+//! The question before it is answered: where the test is linearised, its noise, its posterior.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::DVector;
 
+use super::coarse::CoarseTest;
+use super::forward::forward;
+use super::prepared::{Prepared, is_clear, nominal_point};
+use super::size::check_size;
+use super::weighed::{bytes_of, weighed};
 use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
-use crate::experiment::{Prediction, State, predict};
-use crate::field::rigid::RigidMotion;
-use crate::field::spec::OutlierRule;
-use crate::field::{Field, Series};
-use crate::files::KeptStages;
-use crate::geometry::Geometry;
-use crate::infer::{
-    EffectUnderLaw, Model, Observation, Steps, drawn_in, problem_of, problem_within,
-};
+use crate::field::Field;
+use crate::files::{KeptStages, Stored};
+use crate::infer::{EffectUnderLaw, Marginal, Model, Steps};
 use crate::linearise::{
-    CandidateColumns, Forward, Insoluble, Measured, Sensitivities, StepStack, acting_in,
-    candidates, insoluble, is_of_a_rotation, without_insoluble,
+    CandidateColumns, Column, Forward, Insoluble, Measured, STEPS, Sensitivities, StepStack,
+    acting_in, candidates, insoluble, is_of_a_rotation, without_insoluble,
 };
 use crate::noise::{Noise, NormalEquations};
 use crate::posterior::{
@@ -27,46 +25,7 @@ use crate::posterior::{
     NoisePair, NoiseScale, Posed, Weighing, Whose, linear,
 };
 use crate::progress::Progress;
-use crate::reduce::{Problem, ReducedModel, cache};
 use crate::sample::{Laplace, laplace};
-
-use super::coarse::CoarseTest;
-use super::forward::forward;
-use super::fringes::{without_jumps, without_phase_error};
-use super::own_rotation::own_rotation;
-use super::reduction::{Reduction, With};
-use super::size::check_size;
-use super::weighed::{bytes_of, weighed};
-
-/// A reduced model and the measurement it is held against.
-#[derive(Clone)]
-pub struct Prepared {
-    /// The problem it solves.
-    pub problem: Problem,
-    pub reduced: ReducedModel,
-    /// Whether it came from the cache.
-    pub cached: bool,
-    /// The measurement on the plate.
-    pub observation: Observation,
-    /// Where an earlier round left the test; the search for where to linearise it begins there.
-    pub begun: Option<SeriesState>,
-}
-
-impl Prepared {
-    /// What the finite elements predict at the measured points.
-    ///
-    /// # Errors
-    /// Those of a finite-element solution.
-    pub fn predict(&self, state: &State) -> Result<Prediction> {
-        predict(&*self.problem.experiment, state, &self.observation.sight)
-    }
-
-    /// Modes at the measured points, those of u1, then of u2, mm a mm of coefficient.
-    pub fn modes(&self) -> Vec<Vec<[f64; 2]>> {
-        let experiment = &*self.problem.experiment;
-        self.reduced.columns(experiment, &self.observation.sight)
-    }
-}
 
 /// A posterior with everything it was made of, not sampled yet.
 pub struct InverseProblem {
@@ -86,146 +45,6 @@ pub struct InverseProblem {
     /// Where the density is expanded, in the declared effects alone.
     pub about: LinearisationPoint,
     pub posed: Posed,
-}
-
-/// Read the measurement and obtain the reduced model for it.
-///
-/// # Errors
-/// Those of reading the measurement, of finite-element solutions and of `REDUCTIONS`.
-pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Result<Prepared> {
-    let (problem, observation) = observed(model, progress)?;
-    if let Some(sides) = drawn_in(model) {
-        progress.begin(
-            "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
-            None,
-        );
-        progress.say(&sides);
-        progress.end();
-    }
-    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
-    let with = With {
-        model,
-        reduced: &reduced,
-        experiment: &*problem.experiment,
-        nominal: nominal_point(&problem, model),
-    };
-    let mut steps = REDUCTIONS.iter();
-    let observation = steps.try_fold(observation, |observation, step| step(&with, observation))?;
-    Ok(Prepared {
-        problem,
-        reduced,
-        cached,
-        observation,
-        begun: None,
-    })
-}
-
-/// In this order: a region of miscounted orders would be taken for outliers, and outliers for a ripple.
-const REDUCTIONS: [Reduction; 3] = [without_jumps, without_deviant_points, without_phase_error];
-
-/// Drop points that lie far from what the reduced model can predict, where the measurement asks for it.
-fn without_deviant_points(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
-    if with.model.experiment().measurement.outliers == OutlierRule::Reject {
-        observation.drop_deviant_points(with.reduced, with.experiment);
-    }
-    Ok(observation)
-}
-
-/// The field in the specimen's own axes, where the specimen moved in the plane; where it stands stays in it, to first order.
-fn turned_back(field: Field, motion: &RigidMotion) -> Field {
-    if motion.angle == 0.0 {
-        return field;
-    }
-    let points = field.points.iter().zip(&field.displacement);
-    let displacement = points.map(|(&p, &u)| {
-        let (strained, rigid) = (motion.released(p, u), motion.at(p));
-        [0, 1].map(|k| strained[k] + rigid[k])
-    });
-    Field {
-        displacement: displacement.collect(),
-        ..field
-    }
-}
-
-/// Read the measurement, and locate it on the plate that is to be solved.
-fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
-    progress.begin("reading the measurement", None);
-    match model.read_series()? {
-        Some(series) if series.steps.len() > 1 => series_observed(model, &series, progress),
-        // one step is a field like any other
-        Some(single) => field_observed(model, single.field, progress),
-        None => field_observed(model, model.read_field()?, progress),
-    }
-}
-
-fn field_observed(
-    model: &Model,
-    field: Field,
-    progress: &dyn Progress,
-) -> Result<(Problem, Observation)> {
-    progress.say(&format!("{} points", field.len()));
-    progress.end();
-    let problem = problem_of(model, &field, 0.0)?;
-    let experiment = &*problem.experiment;
-    let moved = turned_back(field.clone(), &experiment.motion());
-    let observation = Observation::new(moved, experiment)?;
-    let own = own_rotation(model, experiment, &observation, &observation.field)?;
-    if own == 0.0 {
-        return Ok((problem, observation));
-    }
-    let problem = problem_of(model, &field, own)?;
-    let field = turned_back(field, &problem.experiment.motion());
-    let observation = Observation::new(field, &*problem.experiment)?;
-    Ok((problem, observation))
-}
-
-fn series_observed(
-    model: &Model,
-    series: &Series,
-    progress: &dyn Progress,
-) -> Result<(Problem, Observation)> {
-    let (steps, points) = (series.steps.len(), series.field.len());
-    progress.say(&format!("{steps} steps of {points} points"));
-    progress.end();
-    let problem = problem_within(model, series.field.measured_bounds())?;
-    let forces = model.experiment().forces();
-    let mut observation = Observation::of_series(series, forces, &*problem.experiment)?;
-    let growing = |observation: &Observation| {
-        let steps = observation.steps.as_ref();
-        steps.map(|steps| Field {
-            displacement: steps.combined(&observation.field.points),
-            ..observation.field.clone()
-        })
-    };
-    if let Some(field) = growing(&observation) {
-        let own = own_rotation(model, &*problem.experiment, &observation, &field)?;
-        if let Some(steps) = &mut observation.steps {
-            steps.turn_by_the_load(own);
-        }
-        observation.field = growing(&observation).unwrap_or(field);
-    }
-    Ok((problem, observation))
-}
-
-/// What lies closer to the hole's centre than this many radii is not looked at for structure: the hole's edge is where
-/// optics and meshes are worst. The recipe of the prototype study, which masked blocks and not the points of the fit.
-const CLEAR_RADII: f64 = 1.2;
-
-/// Whether residuals are looked at where a point lies.
-pub fn is_clear(geometry: &dyn Geometry, point: [f64; 2]) -> bool {
-    geometry
-        .hole_radii(point)
-        .is_none_or(|radii| radii >= CLEAR_RADII)
-}
-
-/// Prior means, mean thickness, no effect; as near to them as the design comes.
-fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
-    let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
-    let mut point = problem.point(&means, problem.thickness_mm());
-    for (value, side) in point.iter_mut().zip(&problem.dimensions) {
-        *value = value.clamp(side.low, side.high);
-    }
-    point
 }
 
 /// Reduce the measurement to a posterior.
@@ -349,14 +168,14 @@ pub fn blocks_of(prepared: &Prepared, field: &Field) -> Arc<Measured> {
 }
 
 /// Where the search for the point begins.
-pub fn begun(forward: &Forward<'_>, prepared: &Prepared) -> SeriesState {
+fn begun(forward: &Forward<'_>, prepared: &Prepared) -> SeriesState {
     let model = forward.model;
     let anew = || forward.beginning(model.state(&|_| None));
     prepared.begun.clone().unwrap_or_else(anew)
 }
 
 /// How effects may act.
-pub fn sought(
+fn sought(
     forward: &Forward<'_>,
     prepared: &Prepared,
     effects: &[&'static dyn Effect],
@@ -397,10 +216,10 @@ impl Beginning<'_> {
             _ => CandidateColumns::Here,
         };
         let mut of = bytes_of(self.forward.model, self.measured);
-        crate::files::Stored::put(&(state.clone(), declared.clone()), &mut of);
-        crate::files::Stored::put(&(sought.clone(), self.coarse.is_some()), &mut of);
+        (state.clone(), declared.clone()).put(&mut of);
+        (sought.clone(), self.coarse.is_some()).put(&mut of);
         let always = state.shared.constants.len() + self.forward.count(&declared, &state);
-        let most = (1 + crate::linearise::STEPS) * always + self.forward.count(&sought, &state);
+        let most = (1 + STEPS) * always + self.forward.count(&sought, &state);
         let at_ridge = || {
             let what = format!("sensitivities to {} effects", sought.len());
             self.progress.begin(&what, Some(most as u64));
@@ -448,7 +267,7 @@ impl Chosen {
         let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &own);
         let covariance = fit.map(|f| f.covariance());
         let constants = sensitivities.base[..sensitivities.constants].iter();
-        let sd = |(k, c): (usize, &crate::linearise::Column)| {
+        let sd = |(k, c): (usize, &Column)| {
             let own = covariance.as_ref().map_or(1.0, |c| c[(k, k)].sqrt());
             c.sd * own.min(1.0)
         };
@@ -467,7 +286,7 @@ const BOX: [f64; 2] = [0.5, 3.0];
 /// Steps beside which slopes are taken, and how far the surface reaches, border units, of constants with some posterior sds.
 pub fn reaches(model: &Model, sds: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let each = model.marginals().into_iter().zip(sds);
-    let of = |(m, sd): (crate::infer::Marginal, &f64)| {
+    let of = |(m, sd): (Marginal, &f64)| {
         let own = sd / m.sd;
         let step = m.sd * own.clamp(STEP[0], STEP[1]);
         (step, m.sd * (REACH * own).clamp(BOX[0], BOX[1]))

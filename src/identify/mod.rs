@@ -12,6 +12,7 @@ mod misfit;
 mod own_rotation;
 mod patterns;
 pub mod phase;
+mod prepared;
 mod reduction;
 mod residual;
 mod size;
@@ -27,12 +28,10 @@ pub use coarse::CoarseTest;
 pub use force::settle_force;
 pub use forward::{forward, over_blocks};
 pub use identification::Identification;
-pub use inverse::{
-    InverseProblem, Prepared, begun, blocks_of, inverse_problem, is_clear, prepare, reaches,
-    sought, start,
-};
+pub use inverse::{InverseProblem, blocks_of, inverse_problem, reaches, start};
 pub use misfit::MISFIT;
 pub use patterns::Patterns;
+pub use prepared::{Prepared, is_clear, prepare};
 pub use residual::Residual;
 pub use solve::{Options, Reporting, checked, identify, identify_from, redrawn};
 pub use structure::{RingRms, Structure, VariogramLag};

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::experiment::{FieldSolver, Gauge};
 use crate::field::blocks::one_a_tile;
 use crate::field::{Field, Reason, bounds, rigid};
-use crate::identify::inverse::{Prepared, is_clear};
+use crate::identify::prepared::{Prepared, is_clear};
 use crate::infer::{EffectUnderLaw, Model, moved_experiment_over};
 use crate::linearise::{
     AtPoints, CandidateColumns, Column, Forward, Measured, Sensitivities, Slopes,

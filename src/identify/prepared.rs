@@ -1,0 +1,188 @@
+//! The measurement on the plate that is to be solved, with a reduced model of it.
+
+use std::path::Path;
+
+use crate::error::Result;
+use crate::experiment::series::SeriesState;
+use crate::experiment::{Prediction, State, predict};
+use crate::field::rigid::RigidMotion;
+use crate::field::spec::OutlierRule;
+use crate::field::{Field, Series};
+use crate::geometry::Geometry;
+use crate::infer::{Model, Observation, drawn_in, problem_of, problem_within};
+use crate::progress::Progress;
+use crate::reduce::{Problem, ReducedModel, cache};
+
+use super::fringes::{without_jumps, without_phase_error};
+use super::own_rotation::own_rotation;
+use super::reduction::{Reduction, With};
+
+/// A reduced model and the measurement it is held against.
+#[derive(Clone)]
+pub struct Prepared {
+    /// The problem it solves.
+    pub problem: Problem,
+    pub reduced: ReducedModel,
+    /// Whether it came from the cache.
+    pub cached: bool,
+    /// The measurement on the plate.
+    pub observation: Observation,
+    /// Where an earlier round left the test; the search for where to linearise it begins there.
+    pub begun: Option<SeriesState>,
+}
+
+impl Prepared {
+    /// What the finite elements predict at the measured points.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn predict(&self, state: &State) -> Result<Prediction> {
+        predict(&*self.problem.experiment, state, &self.observation.sight)
+    }
+
+    /// Modes at the measured points, those of u1, then of u2, mm a mm of coefficient.
+    pub fn modes(&self) -> Vec<Vec<[f64; 2]>> {
+        let experiment = &*self.problem.experiment;
+        self.reduced.columns(experiment, &self.observation.sight)
+    }
+}
+
+/// Read the measurement and obtain the reduced model for it.
+///
+/// # Errors
+/// Those of reading the measurement, of finite-element solutions and of `REDUCTIONS`.
+pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Result<Prepared> {
+    let (problem, observation) = observed(model, progress)?;
+    if let Some(sides) = drawn_in(model) {
+        progress.begin(
+            "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
+            None,
+        );
+        progress.say(&sides);
+        progress.end();
+    }
+    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
+    let with = With {
+        model,
+        reduced: &reduced,
+        experiment: &*problem.experiment,
+        nominal: nominal_point(&problem, model),
+    };
+    let mut steps = REDUCTIONS.iter();
+    let observation = steps.try_fold(observation, |observation, step| step(&with, observation))?;
+    Ok(Prepared {
+        problem,
+        reduced,
+        cached,
+        observation,
+        begun: None,
+    })
+}
+
+/// In this order: a region of miscounted orders would be taken for outliers, and outliers for a ripple.
+const REDUCTIONS: [Reduction; 3] = [without_jumps, without_deviant_points, without_phase_error];
+
+/// Drop points that lie far from what the reduced model can predict, where the measurement asks for it.
+fn without_deviant_points(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+    if with.model.experiment().measurement.outliers == OutlierRule::Reject {
+        observation.drop_deviant_points(with.reduced, with.experiment);
+    }
+    Ok(observation)
+}
+
+/// The field in the specimen's own axes, where the specimen moved in the plane; where it stands stays in it, to first order.
+fn turned_back(field: Field, motion: &RigidMotion) -> Field {
+    if motion.angle == 0.0 {
+        return field;
+    }
+    let points = field.points.iter().zip(&field.displacement);
+    let displacement = points.map(|(&p, &u)| {
+        let (strained, rigid) = (motion.released(p, u), motion.at(p));
+        [0, 1].map(|k| strained[k] + rigid[k])
+    });
+    Field {
+        displacement: displacement.collect(),
+        ..field
+    }
+}
+
+/// Read the measurement, and locate it on the plate that is to be solved.
+fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
+    progress.begin("reading the measurement", None);
+    match model.read_series()? {
+        Some(series) if series.steps.len() > 1 => series_observed(model, &series, progress),
+        // one step is a field like any other
+        Some(single) => field_observed(model, single.field, progress),
+        None => field_observed(model, model.read_field()?, progress),
+    }
+}
+
+fn field_observed(
+    model: &Model,
+    field: Field,
+    progress: &dyn Progress,
+) -> Result<(Problem, Observation)> {
+    progress.say(&format!("{} points", field.len()));
+    progress.end();
+    let problem = problem_of(model, &field, 0.0)?;
+    let experiment = &*problem.experiment;
+    let moved = turned_back(field.clone(), &experiment.motion());
+    let observation = Observation::new(moved, experiment)?;
+    let own = own_rotation(model, experiment, &observation, &observation.field)?;
+    if own == 0.0 {
+        return Ok((problem, observation));
+    }
+    let problem = problem_of(model, &field, own)?;
+    let field = turned_back(field, &problem.experiment.motion());
+    let observation = Observation::new(field, &*problem.experiment)?;
+    Ok((problem, observation))
+}
+
+fn series_observed(
+    model: &Model,
+    series: &Series,
+    progress: &dyn Progress,
+) -> Result<(Problem, Observation)> {
+    let (steps, points) = (series.steps.len(), series.field.len());
+    progress.say(&format!("{steps} steps of {points} points"));
+    progress.end();
+    let problem = problem_within(model, series.field.measured_bounds())?;
+    let forces = model.experiment().forces();
+    let mut observation = Observation::of_series(series, forces, &*problem.experiment)?;
+    let growing = |observation: &Observation| {
+        let steps = observation.steps.as_ref();
+        steps.map(|steps| Field {
+            displacement: steps.combined(&observation.field.points),
+            ..observation.field.clone()
+        })
+    };
+    if let Some(field) = growing(&observation) {
+        let own = own_rotation(model, &*problem.experiment, &observation, &field)?;
+        if let Some(steps) = &mut observation.steps {
+            steps.turn_by_the_load(own);
+        }
+        observation.field = growing(&observation).unwrap_or(field);
+    }
+    Ok((problem, observation))
+}
+
+/// What lies closer to the hole's centre than this many radii is not looked at for structure: the hole's edge is where
+/// optics and meshes are worst. The recipe of the prototype study, which masked blocks and not the points of the fit.
+const CLEAR_RADII: f64 = 1.2;
+
+/// Whether residuals are looked at where a point lies.
+pub fn is_clear(geometry: &dyn Geometry, point: [f64; 2]) -> bool {
+    geometry
+        .hole_radii(point)
+        .is_none_or(|radii| radii >= CLEAR_RADII)
+}
+
+/// Prior means, mean thickness, no effect; as near to them as the design comes.
+pub(super) fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
+    let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
+    let mut point = problem.point(&means, problem.thickness_mm());
+    for (value, side) in point.iter_mut().zip(&problem.dimensions) {
+        *value = value.clamp(side.low, side.high);
+    }
+    point
+}
