@@ -18,7 +18,7 @@ use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::{self, InverseProblem, Options, SurrogateError};
 use crate::infer::Model;
-use crate::posterior::Density;
+use crate::posterior::PosteriorDensity;
 use crate::report::calibration::{article_numbers, article_section};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
@@ -225,7 +225,7 @@ const GRID_DRAWS: usize = 2500;
 /// The grid's bounds: about the chain, or as declared.
 fn bounds(
     arguments: &ValidateArguments,
-    posterior: &Density,
+    posterior: &PosteriorDensity,
     chain: &[Row],
 ) -> Result<Vec<[f64; 2]>> {
     let rows = chain[..posterior.constants()].iter();
@@ -263,7 +263,11 @@ fn finish(
 }
 
 /// Put `NAME=LOW:HIGH` into the bounds.
-fn declared_bounds(texts: &[String], posterior: &Density, bounds: &mut [[f64; 2]]) -> Result<()> {
+fn declared_bounds(
+    texts: &[String],
+    posterior: &PosteriorDensity,
+    bounds: &mut [[f64; 2]],
+) -> Result<()> {
     let names = posterior.constant_names();
     for text in texts {
         let wrong = || {

@@ -21,8 +21,8 @@ use crate::linearise::{
 };
 use crate::noise::{Noise, NormalEquations};
 use crate::posterior::{
-    About, Account, CoarseForwards, Density, Expansion, LinearisationPoint, MixtureChoice,
-    NoisePair, NoiseScale, Posed, Weighing, Whose, linear,
+    About, CoarseForwards, Composition, LinearisationPoint, MixtureChoice, NoisePair, NoiseScale,
+    Posed, PosteriorDensity, TestExpansion, Weighing, Whose, linear,
 };
 use crate::progress::Progress;
 use crate::sample::{Laplace, laplace};
@@ -33,6 +33,8 @@ pub struct InverseProblem {
     pub prepared: Prepared,
     /// The blocks of all steps.
     pub measured: Arc<Measured>,
+    /// The test on a coarse mesh, where it has one.
+    pub coarse: Option<CoarseTest>,
     /// Where the test is linearised, with what may act in it.
     pub point: LinearisationPoint,
     /// The test linearised there, with all candidates: what the noise is orthogonal to.
@@ -111,7 +113,7 @@ pub(super) fn inverse_problem_kept(
         "noise of the measurement",
         (kept, progress),
     )?;
-    let chosen = Chosen::of(&weighing, &sensitivities)?;
+    let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
     let steps = prepared.observation.steps.as_ref();
     let weights = steps.map(Steps::weights).unwrap_or_default();
     let at = weighing.noise.of_sum(&chosen.pair, &weights);
@@ -144,6 +146,7 @@ pub(super) fn inverse_problem_kept(
     Ok(InverseProblem {
         prepared,
         measured,
+        coarse,
         point,
         sensitivities,
         weighing,
@@ -243,13 +246,13 @@ impl Beginning<'_> {
 }
 
 /// The noise of the declared model, and what it says of the parameters in closed form.
-struct Chosen {
+struct DeclaredNoise {
     pair: NoisePair,
     /// Sds of the constants, border units.
     sds: Vec<f64>,
 }
 
-impl Chosen {
+impl DeclaredNoise {
     /// The likeliest choice under the declared effects that is no discrepancy.
     fn of(weighing: &Weighing, sensitivities: &Sensitivities) -> Result<Self> {
         let mut best: Option<(f64, NoisePair)> = None;
@@ -312,7 +315,7 @@ fn posed(
     model: &Model,
     (fine, coarse, measured): OnMeshes<'_>,
     (point, weighing, sensitivities): (&LinearisationPoint, &Weighing, &Sensitivities),
-    (chosen, reference_nm): (&Chosen, f64),
+    (chosen, reference_nm): (&DeclaredNoise, f64),
 ) -> Result<(LinearisationPoint, Posed)> {
     let mut own = LinearisationPoint {
         sought: Vec::new(),
@@ -326,11 +329,12 @@ fn posed(
             state: &own.state,
             declared: &own.declared,
             sought: &[],
+            here: (moves == 0).then(|| without_candidates(sensitivities)),
             steps,
             reach: reach.clone(),
             norms: &norms,
         };
-        let expanded = Arc::new(Expansion::new(&about, fine, coarse)?);
+        let expanded = Arc::new(TestExpansion::new(&about, fine, coarse)?);
         let posed = declared(model, (expanded, measured), weighing, chosen)?.without_contrasts();
         let scale = noise_scale(model, &posed, sensitivities, reference_nm);
         let posed = Posed {
@@ -357,15 +361,24 @@ fn posed(
     }
 }
 
+/// A linearisation without candidates, which lie at their prior means in it.
+fn without_candidates(sensitivities: &Sensitivities) -> Sensitivities {
+    Sensitivities {
+        candidates: Vec::new(),
+        near_edge: Vec::new(),
+        ..sensitivities.clone()
+    }
+}
+
 /// The density of the declared effects alone.
 fn declared(
     model: &Model,
-    (expanded, measured): (Arc<Expansion>, &Arc<Measured>),
+    (expanded, measured): (Arc<TestExpansion>, &Arc<Measured>),
     weighing: &Weighing,
-    chosen: &Chosen,
+    chosen: &DeclaredNoise,
 ) -> Result<Posed> {
     let count = linear(&expanded.here).len();
-    let account = Account {
+    let account = Composition {
         kept: (0..count).collect(),
         whose: vec![Whose::Always; count],
         largest: DVector::repeat(count, 1.0),
@@ -403,7 +416,7 @@ fn noise_scale(
 ///
 /// # Errors
 /// Those of [`laplace`].
-pub fn start(density: &Density) -> Result<Laplace> {
+pub fn start(density: &PosteriorDensity) -> Result<Laplace> {
     let (centre, sd) = density.start();
     let mut mode = laplace(&density.untruncated(), &centre, &sd)?;
     for (k, (x, m)) in mode.mode.iter_mut().zip(density.marginals()).enumerate() {

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use nalgebra::DVector;
+use rayon::prelude::*;
 
-use super::coarse::CoarseTest;
 use super::doubts::{Doubting, doubts};
 use super::forward::forward;
 use super::identification::Identification;
@@ -25,7 +25,9 @@ use crate::files::{KeptStages, Stored};
 use crate::infer::Model;
 use crate::linearise::Column;
 use crate::parameter::Parameter;
-use crate::posterior::{CompletedDraw, Density, Full, FullModels, Inclusion, complete, linear};
+use crate::posterior::{
+    CompletedDraw, Full, FullModels, Inclusion, PosteriorDensity, complete, linear,
+};
 use crate::progress::Progress;
 use crate::sample::{
     self, Keeping, Key, Laplace, LogDensity, Monitor, Phase, PhaseReport, Regime, Sampler,
@@ -224,8 +226,9 @@ fn assessed(
     let mean: Vec<f64> = verdict.rows.iter().map(|row| row.mean).collect();
     let completed = completed(&inverse, &draws, options.schedule.seed)?;
     let fine = forward(model, &inverse.prepared, &inverse.measured, &|| ());
-    let amplitudes = moments(&completed.1);
-    let residual = Residual::at(&inverse, &fine, &mean, &amplitudes.0)?;
+    // those that go with the constants' means: the gain and the moduli know of each other to a ten-thousandth
+    let (own, _) = inverse.posed.amplitudes_at(&mean);
+    let residual = Residual::at(&inverse, &fine, &mean, &own)?;
     drop(fine);
     let misfit = AgainstNoise::of(
         &inverse,
@@ -235,15 +238,16 @@ fn assessed(
     );
     let mut of = Vec::new();
     draws.lp().to_vec().put(&mut of);
-    let own = (&*completed.0, &*completed.1);
-    let measure = || against_elements(model, (&inverse, &draws), own, progress);
+    let drawn = (&*completed.0, &*completed.1);
+    let measure = || against_elements(model, (&inverse, &draws), drawn, progress);
     let surrogate = options
         .stages()
         .stage("finite-elements", &of, measure, progress)?;
     let field = &inverse.prepared.observation.field;
     let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
     let clear = |point: [f64; 2]| is_clear(geometry, point);
-    let left = inverse.posed.left(&mean, &amplitudes.0);
+    let left = inverse.posed.left(&mean, &own);
+    let amplitudes = moments(&inverse, &completed.0);
     let mut found = Identification {
         left,
         effect_amplitudes: of_effects(model, &inverse, amplitudes),
@@ -292,17 +296,24 @@ fn completed(
     Ok((points, found))
 }
 
-/// Means and sds of amplitudes, prior sds from their means.
-fn moments(drawn: &[CompletedDraw]) -> (DVector<f64>, DVector<f64>) {
-    let n = drawn.len().max(1) as f64;
-    let count = drawn.first().map_or(0, |d| d.amplitudes.len());
-    let mean = drawn
+/// Mean and sd of the amplitudes of the linear columns over some points, prior sds from their means: at each their normal distribution is known.
+fn moments(inverse: &InverseProblem, points: &[Vec<f64>]) -> (DVector<f64>, DVector<f64>) {
+    let all: Vec<(DVector<f64>, DVector<f64>)> = points
+        .par_iter()
+        .map(|x| {
+            let (mean, covariance) = inverse.posed.amplitudes_at(x);
+            (mean, covariance.diagonal())
+        })
+        .collect();
+    let n = all.len().max(1) as f64;
+    let count = inverse.posed.kept.len();
+    let mean = all
         .iter()
-        .fold(DVector::zeros(count), |m, d| m + &d.amplitudes / n);
-    let square = |d: &CompletedDraw| (&d.amplitudes - &mean).map(|v| v * v / n);
-    let variance: DVector<f64> = drawn
+        .fold(DVector::zeros(count), |sum, (m, _)| sum + m / n);
+    let spread = |(m, v): &(DVector<f64>, DVector<f64>)| (m - &mean).map(|d| d * d) + v;
+    let variance = all
         .iter()
-        .fold(DVector::zeros(count), |v, d| v + square(d));
+        .fold(DVector::zeros(count), |sum, one| sum + spread(one) / n);
     (mean, variance.map(f64::sqrt))
 }
 
@@ -350,10 +361,12 @@ fn against_elements(
 ) -> Result<SurrogateError> {
     progress.begin("finite elements at posterior draws", None);
     let InverseProblem {
-        prepared, measured, ..
+        prepared,
+        measured,
+        coarse,
+        ..
     } = inverse;
     let fine = forward(model, prepared, measured, &|| ());
-    let coarse = CoarseTest::new(model, prepared, measured)?;
     let coarse = coarse
         .as_ref()
         .map(|c| c.at_few_points(model, prepared, measured));
@@ -390,7 +403,7 @@ const SPREAD: f64 = 3.0;
 const PRIOR_SPREAD: f64 = 0.1;
 
 /// Where chains start that have no mode: about the prior's mean.
-fn from_prior(posterior: &Density) -> Result<Laplace> {
+fn from_prior(posterior: &PosteriorDensity) -> Result<Laplace> {
     let (mode, sd) = posterior.start();
     let mut covariance = vec![0.0; sd.len() * sd.len()];
     for (k, sd) in sd.iter().enumerate() {
@@ -404,7 +417,7 @@ fn from_prior(posterior: &Density) -> Result<Laplace> {
 }
 
 fn draw(
-    posterior: &Density,
+    posterior: &PosteriorDensity,
     mode: &Laplace,
     options: &Options<'_>,
     progress: &dyn Progress,

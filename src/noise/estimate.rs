@@ -63,11 +63,14 @@ impl Noise {
         })
     }
 
-    /// Sd of the white part of a point, mm: as blocks have it, or as local differences do, which see more of it where a subset was declared that
-    /// does not correlate it.
+    /// Sd of the white part of a point, mm: as blocks have it, or as local differences do where all of it is white, or more of it than blocks
+    /// know because a subset was declared that does not correlate it.
     pub fn white_sd(&self, c: usize) -> f64 {
         let of_blocks = (self.at[c].scale2 * self.blocks.mean_count()).sqrt();
-        of_blocks.max(self.white_mm[c])
+        match self.at[c].ratio > 0.0 {
+            true => of_blocks.max(self.white_mm[c]),
+            false => self.white_mm[c],
+        }
     }
 
     /// Sd of the correlated part of a point, mm.

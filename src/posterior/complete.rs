@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::density::{Density, MixtureChoice, lower};
+use super::density::{MixtureChoice, PosteriorDensity, lower};
 use super::space::Whose;
 use crate::numeric::relative_weights;
 use crate::sample::Stream;
@@ -33,7 +33,7 @@ pub struct Inclusion<'a> {
 
 /// Draw what was integrated out at points of an answer, each with a stream of its own.
 pub fn complete(
-    density: &Density,
+    density: &PosteriorDensity,
     points: &[Vec<f64>],
     inclusion: &Inclusion<'_>,
     stream: &(dyn Fn(usize) -> Stream + Sync),
@@ -51,7 +51,7 @@ pub fn complete(
 const BATCH: usize = 500;
 
 fn drawn(
-    density: &Density,
+    density: &PosteriorDensity,
     (x, weights): (&[f64], &[f64]),
     inclusion: &Inclusion<'_>,
     rng: &mut Stream,
@@ -74,7 +74,7 @@ fn drawn(
 }
 
 /// A part of the mixture by its weight.
-fn choose(density: &Density, weights: &[f64], rng: &mut Stream) -> MixtureChoice {
+fn choose(density: &PosteriorDensity, weights: &[f64], rng: &mut Stream) -> MixtureChoice {
     let shares = relative_weights(weights);
     let mut left = rng.uniform() * shares.iter().sum::<f64>();
     let place = shares.iter().position(|s| {
@@ -86,7 +86,7 @@ fn choose(density: &Density, weights: &[f64], rng: &mut Stream) -> MixtureChoice
 
 /// The linear amplitudes' normal distribution, given all else: gamma = K e, e of precision P = I + K' H K about P^-1 K' z.
 pub struct GivenChoice<'a> {
-    density: &'a Density,
+    density: &'a PosteriorDensity,
     /// Prior sds of the columns over the largest ones.
     sds: DVector<f64>,
     /// K, with K K' the prior covariance of gamma.
@@ -97,8 +97,17 @@ pub struct GivenChoice<'a> {
 }
 
 impl<'a> GivenChoice<'a> {
+    /// Of the first part of a density, at a point.
+    pub fn at(density: &'a PosteriorDensity, x: &[f64]) -> Self {
+        let choice = density.choice(0);
+        let (coordinates, factors) = density.place(x);
+        let (gram, right) = density.noise[choice.noise].at(&coordinates, &factors);
+        let precision = density.noise_scale(x).powi(-2);
+        Self::new(density, (&(gram * precision), &(right * precision)), choice)
+    }
+
     pub fn new(
-        density: &'a Density,
+        density: &'a PosteriorDensity,
         at: (&DMatrix<f64>, &DVector<f64>),
         choice: &MixtureChoice,
     ) -> Self {

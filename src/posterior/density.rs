@@ -7,11 +7,10 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::complete::GivenChoice;
 use super::equations::Equations;
 use super::evidence::{Compiled, PlacesOf, log_evidences};
 use super::space::Space;
-use super::surface::Surface;
+use super::surface::MeanSurface;
 use crate::error::Result;
 use crate::infer::{Known, Marginal};
 use crate::laminate::Material;
@@ -83,10 +82,10 @@ impl NoiseScale {
 
 /// A mixture of parts, each with its noise and its prior of the amplitudes.
 #[derive(Clone)]
-pub struct Density {
+pub struct PosteriorDensity {
     names: Vec<String>,
     prior: ConstantsPrior,
-    surface: Surface,
+    surface: MeanSurface,
     pub space: Space,
     /// The data under every choice of the noise.
     pub noise: Vec<Equations>,
@@ -94,11 +93,11 @@ pub struct Density {
     scale: Option<NoiseScale>,
 }
 
-impl Density {
+impl PosteriorDensity {
     /// `noise` are choices of the noise, `choices` the parts.
     pub fn new(
         prior: ConstantsPrior,
-        surface: Surface,
+        surface: MeanSurface,
         space: Space,
         noise: Vec<Equations>,
         choices: Vec<MixtureChoice>,
@@ -238,15 +237,6 @@ impl Density {
         (one().chain(own).collect(), factors)
     }
 
-    /// The amplitudes at a point, given a part.
-    pub fn given(&self, x: &[f64], part: usize) -> GivenChoice<'_> {
-        let choice = &self.parts[part].choice;
-        let (coordinates, factors) = self.place(x);
-        let (gram, right) = self.noise[choice.noise].at(&coordinates, &factors);
-        let precision = self.noise_scale(x).powi(-2);
-        GivenChoice::new(self, (&(gram * precision), &(right * precision)), choice)
-    }
-
     /// Log prior density of a point with what other experiments and contrasts say of it, -inf outside.
     fn log_prior(&self, x: &[f64]) -> f64 {
         let ConstantsPrior {
@@ -306,7 +296,7 @@ impl Density {
     }
 }
 
-impl LogDensity for Density {
+impl LogDensity for PosteriorDensity {
     fn names(&self) -> &[String] {
         &self.names
     }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::ratios::Ratios;
-use super::surface::{Snapshots, Surface};
+use super::surface::{BlockSnapshots, MeanSurface};
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
 use crate::files::stored;
@@ -14,17 +14,17 @@ use crate::reduce::latin_hypercube;
 /// The test linearised about a point and, for every coordinate of the constants, about the point with that raised; with all
 /// effects there too. Their fields are small, but an amplitude of what can be told from none of the load's scale (the sensitivity of both
 /// components) is as good as one of the load, and follows the constants as the load does.
-pub struct Expansion {
+pub struct TestExpansion {
     pub here: Sensitivities,
     /// The same on the mesh of the raised ones, of which only differences to it are taken.
     pub about: Sensitivities,
     pub raised: Vec<Sensitivities>,
     /// How far, in each coordinate.
     pub by: Vec<f64>,
-    pub surface: Surface,
+    pub surface: MeanSurface,
 }
 
-stored!(Expansion {
+stored!(TestExpansion {
     here,
     about,
     raised,
@@ -37,6 +37,8 @@ pub struct About<'a> {
     pub state: &'a SeriesState,
     pub declared: &'a [EffectUnderLaw],
     pub sought: &'a [EffectUnderLaw],
+    /// The test linearised there on the fine mesh, where that is known.
+    pub here: Option<Sensitivities>,
     /// Steps of the constants beside which slopes are taken, border units.
     pub steps: Vec<f64>,
     /// Half-widths of the surface's box, border units.
@@ -51,7 +53,7 @@ pub struct CoarseForwards<'a> {
     pub at_few_points: Forward<'a>,
 }
 
-impl Expansion {
+impl TestExpansion {
     /// Expand on the `fine` mesh, with candidates' columns from a `coarse` one where there is one, and beside the point on that at few points.
     ///
     /// # Errors
@@ -83,18 +85,19 @@ impl Expansion {
         };
         let about = few.map(|forward| (forward, None));
         let raised = (0..by.len()).map(|j| (beside, Some(j)));
-        let points: Vec<(&Forward<'_>, Option<usize>)> = [(fine, None)]
-            .into_iter()
-            .chain(about)
-            .chain(raised)
-            .collect();
+        let unknown = at.here.is_none().then_some((fine, None));
+        let points: Vec<(&Forward<'_>, Option<usize>)> =
+            unknown.into_iter().chain(about).chain(raised).collect();
         let all: Result<Vec<Sensitivities>> = points.into_par_iter().map(linearised).collect();
         let mut all = all?.into_iter();
         let mut next = || {
             let found = all.next();
             found.ok_or_else(|| Error::program("posterior", "a linearisation"))
         };
-        let here = next()?;
+        let here = match &at.here {
+            Some(here) => here.clone(),
+            None => next()?,
+        };
         let about = match few {
             Some(_) => next()?,
             None => here.clone(),
@@ -147,13 +150,13 @@ const DESIGN: u64 = 1;
 const CHECK: u64 = 2;
 
 /// The surface of the lowest degree that is good enough, or else the highest.
-fn surface(at: &About<'_>, forward: &Forward<'_>, ratios: &Ratios) -> Result<Surface> {
+fn surface(at: &About<'_>, forward: &Forward<'_>, ratios: &Ratios) -> Result<MeanSurface> {
     let constants = &at.state.shared.constants;
     if constants.is_empty() {
-        return Ok(Surface::flat(ratios.clone()));
+        return Ok(MeanSurface::flat(ratios.clone()));
     }
     let origin = forward.shown(at.state)?;
-    let snapshots = |count: usize, within: f64, seed: u64| -> Result<Snapshots> {
+    let snapshots = |count: usize, within: f64, seed: u64| -> Result<BlockSnapshots> {
         let coordinates = design(at, ratios, (count, within, seed));
         let one = |x: &Vec<f64>| {
             let mut shown = forward.shown(&moved(at.state, ratios, x))?;
@@ -163,7 +166,7 @@ fn surface(at: &About<'_>, forward: &Forward<'_>, ratios: &Ratios) -> Result<Sur
             Ok(shown)
         };
         let fields: Result<Vec<StepStack>> = coordinates.par_iter().map(one).collect();
-        Ok(Snapshots {
+        Ok(BlockSnapshots {
             fields: fields?,
             coordinates,
         })
@@ -171,9 +174,9 @@ fn surface(at: &About<'_>, forward: &Forward<'_>, ratios: &Ratios) -> Result<Sur
     let check = snapshots(CHECKED, WITHIN, CHECK)?;
     let mut found = None;
     for degree in DEGREES {
-        let count = SNAPSHOTS * Surface::regressors(constants.len(), degree) as f64;
+        let count = SNAPSHOTS * MeanSurface::regressors(constants.len(), degree) as f64;
         let own = snapshots(count.ceil() as usize, 1.0, DESIGN)?;
-        let surface = Surface::fit(ratios.clone(), degree, &own)?;
+        let surface = MeanSurface::fit(ratios.clone(), degree, &own)?;
         let off = check.coordinates.iter().zip(&check.fields);
         let off: Vec<StepStack> = off.map(|(x, u)| surface.off(x, u)).collect();
         let largest = (at.norms)(&off)?.into_iter().fold(0.0, f64::max);

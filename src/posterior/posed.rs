@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::density::{ConstantsPrior, Density, MixtureChoice};
+use super::complete::GivenChoice;
+use super::density::{ConstantsPrior, MixtureChoice, PosteriorDensity};
 use super::equations::Equations;
-use super::expansion::Expansion;
+use super::expansion::TestExpansion;
 use super::noise_choices::{NoiseChoices, NoisePair};
 use super::space::{Space, Whose, linear, shown, stacked};
 use crate::error::Result;
@@ -14,7 +15,7 @@ use crate::infer::Model;
 use crate::linearise::{Measured, StepStack};
 
 /// What a density is of: linear columns, choices of the noise, and the parts that are summed.
-pub struct Account {
+pub struct Composition {
     /// Which of the linear columns take part, and whose they are.
     pub kept: Vec<usize>,
     pub whose: Vec<Whose>,
@@ -26,8 +27,8 @@ pub struct Account {
 
 /// A density with its test.
 pub struct Posed {
-    pub density: Density,
-    pub expanded: Arc<Expansion>,
+    pub density: PosteriorDensity,
+    pub expanded: Arc<TestExpansion>,
     pub measured: Arc<Measured>,
     pub noise: Arc<dyn NoiseChoices>,
     /// Which of the linear columns take part.
@@ -46,11 +47,11 @@ impl Posed {
     /// Of the program: columns that are not finite.
     pub fn new(
         model: &Model,
-        (expanded, measured): (Arc<Expansion>, Arc<Measured>),
+        (expanded, measured): (Arc<TestExpansion>, Arc<Measured>),
         noise: Arc<dyn NoiseChoices>,
-        account: Account,
+        account: Composition,
     ) -> Result<Self> {
-        let Account {
+        let Composition {
             kept,
             whose,
             largest,
@@ -78,7 +79,7 @@ impl Posed {
         let surface = expanded.surface.clone();
         let equations = grams.iter().map(equations).collect();
         Ok(Self {
-            density: Density::new(prior, surface, space, equations, parts),
+            density: PosteriorDensity::new(prior, surface, space, equations, parts),
             expanded,
             measured,
             noise,
@@ -172,7 +173,7 @@ impl Posed {
         let tail = coordinates.len() * n;
         let left = DVector::from_column_slice(&factors).dot(&products.rows(tail, factors.len()));
         let precision = self.density.noise_scale(x).powi(-2);
-        let given = self.density.given(x, 0);
+        let given = GivenChoice::at(&self.density, x);
         precision * (left - given.along(&own))
     }
 
@@ -187,9 +188,20 @@ impl Posed {
         let precision = self.density.noise_scale(x).powi(-2);
         let values = self.measured.averages.iter().map(DVector::len).sum();
         (
-            precision * rest - self.density.given(x, 0).explained(),
+            precision * rest - GivenChoice::at(&self.density, x).explained(),
             values,
         )
+    }
+
+    /// Mean and covariance of the amplitudes of the columns that take part, prior sds from their means, at a point.
+    pub fn amplitudes_at(&self, x: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+        let all: Vec<usize> = (0..self.kept.len()).collect();
+        let (mean, covariance) = GivenChoice::at(&self.density, x).moments(&all);
+        let largest = &self.density.space.largest;
+        let scaled = DMatrix::from_fn(all.len(), all.len(), |i, j| {
+            covariance[(i, j)] * largest[i] * largest[j]
+        });
+        (mean.component_mul(largest), scaled)
     }
 
     /// What is left of the block averages at a point and amplitudes of the columns that take part, mm.

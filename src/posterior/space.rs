@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::expansion::Expansion;
+use super::expansion::TestExpansion;
 use crate::linearise::{Column, Measured, Sensitivities};
 
 /// Whose a column is that enters linearly.
@@ -110,7 +110,7 @@ pub fn shown(of: &Sensitivities, kept: &[usize], c: usize) -> DMatrix<f64> {
 /// point, make that another than the surface has it.
 pub fn stacked(
     here: &Sensitivities,
-    expanded: &Expansion,
+    expanded: &TestExpansion,
     measured: &Measured,
     space: &Space,
     kept: &[usize],

@@ -12,7 +12,7 @@ use crate::reduce::{exponents, monomial, pod};
 /// The change of the mean from where all coordinates are zero: modes with coefficients of (1 + x_0) times polynomials of the ratios, and of what
 /// does not go with the load, which follows them linearly.
 #[derive(Debug, Clone)]
-pub struct Surface {
+pub struct MeanSurface {
     pub ratios: Ratios,
     /// Exponents of the monomials in the ratios.
     exponents: Vec<Vec<u8>>,
@@ -26,7 +26,7 @@ pub struct Surface {
     pub modes: [DMatrix<f64>; 2],
 }
 
-stored!(Surface {
+stored!(MeanSurface {
     ratios,
     exponents,
     half,
@@ -36,7 +36,7 @@ stored!(Surface {
 });
 
 /// What was solved for: coordinates of the constants, and what is seen there, mm.
-pub struct Snapshots {
+pub struct BlockSnapshots {
     pub coordinates: Vec<Vec<f64>>,
     pub fields: Vec<StepStack>,
 }
@@ -45,7 +45,7 @@ pub struct Snapshots {
 /// of 10 um is 1e-6.
 const LEFT: f64 = 3e-7;
 
-impl Surface {
+impl MeanSurface {
     /// Where nothing changes with the constants.
     pub fn flat(ratios: Ratios) -> Self {
         Self {
@@ -67,8 +67,8 @@ impl Surface {
     ///
     /// # Errors
     /// Of the program: a decomposition that does not converge, snapshots that do not determine the surface.
-    pub fn fit(ratios: Ratios, degree: usize, snapshots: &Snapshots) -> Result<Self> {
-        let Snapshots {
+    pub fn fit(ratios: Ratios, degree: usize, snapshots: &BlockSnapshots) -> Result<Self> {
+        let BlockSnapshots {
             coordinates,
             fields,
         } = snapshots;

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::experiment::simulate::HALF_WINDOW;
 use crate::identify::{Identification, Options, identify};
 use crate::infer::{ExperimentEntry, Marginal, Member, Model, ModelOutline};
-use crate::posterior::linear;
+use crate::posterior::{GivenChoice, linear};
 use crate::progress::Progress;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::THICKNESS;
@@ -155,7 +155,7 @@ impl Observed for IdentifiedField {
         let member = Member::new(&self.name, own, start);
         let (owners, places): (Vec<String>, Vec<usize>) = self.owned().into_iter().unzip();
         let density = density.clone();
-        let given = move |x: &[f64]| density.given(x, 0).moments(&places);
+        let given = move |x: &[f64]| GivenChoice::at(&density, x).moments(&places);
         member.owning(owners, Box::new(given))
     }
 

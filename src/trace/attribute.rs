@@ -19,9 +19,7 @@ use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::field::Field;
 use crate::files::KeptStages;
-use crate::identify::CoarseTest;
-use crate::identify::forward;
-use crate::identify::{InverseProblem, blocks_of};
+use crate::identify::{InverseProblem, blocks_of, forward};
 use crate::infer::{EffectUnderLaw, Model};
 use crate::linearise::candidates;
 use crate::linearise::{Forward, Insoluble, Measured, insoluble, without_insoluble};
@@ -226,8 +224,7 @@ impl Tracer<'_> {
     fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
         let Forward { model, step, .. } = *self.forward;
         let prepared = &self.inverse.prepared;
-        let coarse = CoarseTest::new(model, prepared, self.measured)?;
-        let coarse = coarse.as_ref();
+        let coarse = self.inverse.coarse.as_ref();
         let coarse = coarse.map(|c| Forward {
             step,
             ..c.everywhere(model, prepared, self.measured)

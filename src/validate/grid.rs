@@ -7,7 +7,7 @@ use crate::chain::Draws;
 use crate::error::{Error, Result};
 use crate::numeric::shares;
 use crate::parameter::is_modulus;
-use crate::posterior::Density;
+use crate::posterior::PosteriorDensity;
 use crate::sample::Laplace;
 
 /// Nodes along a side by default, as in the article.
@@ -40,7 +40,7 @@ pub struct PosteriorGrid {
 ///
 /// # Errors
 /// Of the input: bounds that are reversed or not finite, or leave no admissible ply between them.
-pub fn check_bounds(posterior: &Density, bounds: &[[f64; 2]]) -> Result<()> {
+pub fn check_bounds(posterior: &PosteriorDensity, bounds: &[[f64; 2]]) -> Result<()> {
     for (name, [low, high]) in posterior.constant_names().iter().zip(bounds) {
         if !(low.is_finite() && high.is_finite() && low < high) {
             return Err(Error::input(
@@ -76,7 +76,7 @@ pub fn check_bounds(posterior: &Density, bounds: &[[f64; 2]]) -> Result<()> {
 }
 
 /// Bounds of mean +- 5 sd, within the priors' cuts.
-pub fn automatic(posterior: &Density, mean: &[f64], sd: &[f64]) -> Vec<[f64; 2]> {
+pub fn automatic(posterior: &PosteriorDensity, mean: &[f64], sd: &[f64]) -> Vec<[f64; 2]> {
     posterior
         .marginals()
         .iter()
@@ -103,7 +103,7 @@ impl PosteriorGrid {
     /// # Errors
     /// Of the input: too many nodes, fewer than 3 a side, bounds that make no sense, no probability anywhere.
     pub fn new(
-        posterior: &Density,
+        posterior: &PosteriorDensity,
         mode: &Laplace,
         bounds: &[[f64; 2]],
         side: usize,
@@ -166,7 +166,7 @@ impl PosteriorGrid {
         Ok(grid)
     }
 
-    fn judge(&mut self, posterior: &Density) {
+    fn judge(&mut self, posterior: &PosteriorDensity) {
         let d = self.bounds.len();
         let spacing: Vec<f64> = self
             .bounds

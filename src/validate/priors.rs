@@ -6,7 +6,7 @@ use super::quadrature::GridMoments;
 use crate::chain::Draws;
 use crate::error::Result;
 use crate::infer::Marginal;
-use crate::posterior::Density;
+use crate::posterior::PosteriorDensity;
 use crate::sample::{LogDensity, laplace};
 
 /// One choice of prior.
@@ -28,7 +28,7 @@ pub struct PriorTable {
 /// # Errors
 /// Those of a mode without maximum and of the grid.
 pub fn compare(
-    posterior: &Density,
+    posterior: &PosteriorDensity,
     side: usize,
     published: bool,
     draws: Option<&Draws>,
@@ -86,7 +86,7 @@ pub fn compare(
 
 /// None where a cut leaves nothing of the posterior: `outside` says so.
 fn row(
-    posterior: &Density,
+    posterior: &PosteriorDensity,
     prior: String,
     marginals: Vec<Marginal>,
     side: usize,

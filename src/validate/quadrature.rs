@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::numeric::{hermite, relative_weights};
-use crate::posterior::Density;
+use crate::posterior::PosteriorDensity;
 use crate::sample::{Laplace, LogDensity};
 
 /// What is known of a point of the constants once the noise is integrated out.
@@ -19,7 +19,7 @@ pub struct Node {
 
 /// A posterior with its noise integrated out, by a rule about the mode's noise.
 pub struct Marginalised<'a> {
-    posterior: &'a Density,
+    posterior: &'a PosteriorDensity,
     /// Noise (nm) and log weight of each node; one node without noise if it is declared.
     rule: Vec<(f64, f64)>,
 }
@@ -32,7 +32,7 @@ const CHUNK: usize = 256;
 
 impl<'a> Marginalised<'a> {
     /// The rule's place and width are those of the normal approximation in the logarithm of the noise.
-    pub fn new(posterior: &'a Density, mode: &Laplace) -> Self {
+    pub fn new(posterior: &'a PosteriorDensity, mode: &Laplace) -> Self {
         let d = posterior.constants();
         let rule = if posterior.dim() == d {
             vec![(0.0, 0.0)]
@@ -129,7 +129,7 @@ impl GridMoments {
     /// Moments of points (points x constants) with their integrals over the noise and the log of the weight
     /// of each point.
     pub fn of(
-        posterior: &Density,
+        posterior: &PosteriorDensity,
         thetas: &[f64],
         nodes: &[Node],
         log_weight: impl Fn(usize) -> f64,
@@ -178,7 +178,7 @@ impl GridMoments {
 }
 
 /// The quick second opinion: five nodes a direction, about the mode and scaled by its curvature, noise integrated.
-pub fn preview(posterior: &Density, mode: &Laplace) -> Option<GridMoments> {
+pub fn preview(posterior: &PosteriorDensity, mode: &Laplace) -> Option<GridMoments> {
     let (d, dim) = (posterior.constants(), posterior.dim());
     if d > MOST_DIRECTIONS {
         return None;

@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::linearise::Column;
-use crate::posterior::{Posed, linear};
+use crate::posterior::{GivenChoice, Posed, linear};
 use crate::progress::Progress;
 use crate::reduce::THICKNESS;
 use crate::sample::{Key, LogDensity, Stream};
@@ -63,7 +63,7 @@ struct InAmplitude {
 impl InAmplitude {
     /// At a point of a density, of the column at a place.
     fn at(posed: &Posed, x: &[f64], place: usize) -> Self {
-        let (mean, covariance) = posed.density.given(x, 0).moments(&[place]);
+        let (mean, covariance) = GivenChoice::at(&posed.density, x).moments(&[place]);
         let variance = covariance[(0, 0)];
         Self {
             slope: mean[0] / variance,

@@ -10,7 +10,7 @@ use plychain::chain::Draws;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::Model;
-use plychain::posterior::Density;
+use plychain::posterior::PosteriorDensity;
 use plychain::progress::Silent;
 use plychain::sample::{
     Ensemble, Laplace, LogDensity, MOVES, Mixture, Monitor, Outcome, Phase, PhaseReport, Sampler,
@@ -77,7 +77,7 @@ fn cloud(normal: &Laplace, count: usize) -> Vec<f64> {
         .collect()
 }
 
-fn cost(posterior: &Density, whole: &[f64]) {
+fn cost(posterior: &PosteriorDensity, whole: &[f64]) {
     let dim = posterior.dim();
     let count = whole.len() / dim;
     let points: Vec<f64> = (0..count)
@@ -163,7 +163,7 @@ const WARMUP: usize = 1000;
 
 /// What is timed.
 struct Timing<'a> {
-    posterior: &'a Density,
+    posterior: &'a PosteriorDensity,
     sampler: &'a dyn Sampler,
     normal: &'a Laplace,
 }

@@ -8,7 +8,7 @@ use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{inverse_problem, prepare};
 use plychain::infer::{Joint, Marginal, Member, Model, simulated_field};
-use plychain::posterior::Density;
+use plychain::posterior::PosteriorDensity;
 use plychain::progress::Silent;
 use plychain::sample::{DensityError, Ensemble, Quiet, Schedule, Start, run};
 use plychain::sample::{Laplace, LogDensity, laplace};
@@ -192,7 +192,7 @@ fn names_that_do_not_fit_are_refused() {
 }
 
 /// The posterior of a simulated field on a coarse mesh whose noise, not the model, limits what it says.
-fn field(directory: &Path) -> Density {
+fn field(directory: &Path) -> PosteriorDensity {
     let text = std::fs::read_to_string("models/openhole.json").unwrap();
     let mut file: serde_json::Value = serde_json::from_str(&text).unwrap();
     file["experiments"][0]["mesh_density"] = 0.3.into();

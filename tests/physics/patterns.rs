@@ -20,9 +20,7 @@ fn patterns(model: &Model) -> Patterns {
     let prepared = prepare(model, &cache, &Silent).unwrap();
     let inverse = inverse_problem(model, prepared, &Silent).unwrap();
     let mode = start(&inverse.posed.density).unwrap().mode;
-    let all: Vec<usize> = (0..inverse.posed.kept.len()).collect();
-    let (over_largest, _) = inverse.posed.density.given(&mode, 0).moments(&all);
-    let amplitudes = over_largest.component_mul(&inverse.posed.density.space.largest);
+    let (amplitudes, _) = inverse.posed.amplitudes_at(&mode);
     let forward = forward(model, &inverse.prepared, &inverse.measured, &|| ());
     let residual = Residual::at(&inverse, &forward, &mode, &amplitudes).unwrap();
     let field = &inverse.prepared.observation.field;

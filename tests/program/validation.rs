@@ -5,7 +5,7 @@ mod verdicts;
 
 use plychain::noise::matern_pair;
 use plychain::numeric::{hermite, legendre};
-use plychain::posterior::Density;
+use plychain::posterior::PosteriorDensity;
 use plychain::sample::{Laplace, LogDensity, laplace};
 use plychain::validate::calibration::{band, kolmogorov};
 use plychain::validate::grid::{PosteriorGrid, automatic, check_bounds};
@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use crate::common::{changed, coarse, fresh, inverse, refused, set_coarse, succeed};
 
-fn posterior() -> (Density, Laplace, Vec<[f64; 2]>) {
+fn posterior() -> (PosteriorDensity, Laplace, Vec<[f64; 2]>) {
     let posterior = inverse().posed.density.clone();
     let (centre, sd) = posterior.start();
     let mode = laplace(&posterior, &centre, &sd).unwrap();
@@ -60,8 +60,8 @@ fn gauss_legendre_rules_integrate_powers() {
 #[test]
 fn grid_converges_and_agrees_with_the_quadrature_about_the_mode() {
     let (posterior, mode, bounds) = posterior();
-    let grid = PosteriorGrid::new(&posterior, &mode, &bounds, 17).unwrap();
-    let finer = PosteriorGrid::new(&posterior, &mode, &bounds, 25).unwrap();
+    let grid = PosteriorGrid::new(&posterior, &mode, &bounds, 25).unwrap();
+    let finer = PosteriorGrid::new(&posterior, &mode, &bounds, 33).unwrap();
     let quick = preview(&posterior, &mode).unwrap();
     assert!(grid.warnings.is_empty(), "{:?}", grid.warnings);
     for (other, mean, sd) in [(&finer.moments, 1e-3, 1e-3), (&quick, 0.02, 0.02)] {

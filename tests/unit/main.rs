@@ -24,6 +24,7 @@ mod model;
 mod patches;
 mod phase;
 mod population;
+mod posterior;
 mod posteriordb;
 mod reduce;
 mod rivals;

@@ -9,7 +9,7 @@ use super::choices::{AnswerChoices, likeliest, with_rival};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::infer::Model;
-use crate::posterior::{Account, Expansion, Posed, Weighing, Whose};
+use crate::posterior::{Composition, Posed, TestExpansion, Weighing, Whose};
 use crate::sample::{LogDensity, NormalPart};
 use crate::trace::averaged::{Interval, MULTIPLES, unseen};
 use crate::trace::traced::Traced;
@@ -31,7 +31,7 @@ impl<'a> PosedAnswer<'a> {
     pub fn new(
         model: &Model,
         traced: &'a Traced,
-        expanded: Arc<Expansion>,
+        expanded: Arc<TestExpansion>,
         supposing: Supposing,
     ) -> Result<Self> {
         let evidence = &traced.evidence;
@@ -55,7 +55,7 @@ impl<'a> PosedAnswer<'a> {
             Whose::Candidate(_) if supposing == Supposing::Small => MULTIPLES[MULTIPLES.len() - 1],
             _ => 1.0,
         };
-        let account = Account {
+        let account = Composition {
             largest: DVector::from_iterator(whose.len(), whose.iter().map(largest)),
             kept,
             whose,
@@ -92,7 +92,7 @@ impl<'a> PosedAnswer<'a> {
 /// Linear columns of an answer, and whose they are; of the candidates' columns those that are `unseen`.
 fn kept(
     traced: &Traced,
-    expanded: &Expansion,
+    expanded: &TestExpansion,
     supposing: Supposing,
     unseen: &[bool],
 ) -> (Vec<usize>, Vec<Whose>) {

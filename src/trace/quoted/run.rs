@@ -12,15 +12,14 @@ use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, Keyed, Stored, stored};
-use crate::identify::CoarseTest;
-use crate::identify::Options;
-use crate::identify::forward;
-use crate::identify::reaches;
+use crate::identify::{CoarseTest, Options, forward, reaches};
 use crate::infer::Marginal;
-use crate::linearise::Forward;
+use crate::linearise::{Forward, Sensitivities};
 use crate::numeric::diagonal;
 use crate::parameter::Parameter;
-use crate::posterior::{About, CoarseForwards, Expansion, Full, FullModels, Importance};
+use crate::posterior::{
+    About, CoarseForwards, Full, FullModels, Importance, LinearisationPoint, TestExpansion,
+};
 use crate::progress::Progress;
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
@@ -174,8 +173,8 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let prepared = &round.identification.inverse.prepared;
     let measured = &round.traced.evidence.measured;
     let fine = forward(model, prepared, measured, &|| ());
-    let coarse = CoarseTest::new(model, prepared, measured)?;
-    let coarse = coarse.as_ref().map(|c| on_coarse(c, round));
+    let coarse = round.identification.inverse.coarse.as_ref();
+    let coarse = coarse.map(|c| on_coarse(c, round));
     let expanded = expanded(round, (&fine, coarse.as_ref()), false)?;
     let sampled = PosedAnswer::new(model, &round.traced, Arc::new(expanded), Supposing::Small)?;
     let (centre, sd) = sampled.start(averaged);
@@ -188,7 +187,7 @@ fn expanded(
     round: &Round,
     (fine, coarse): (&Forward<'_>, Option<&CoarseForwards<'_>>),
     is_wider: bool,
-) -> Result<Expansion> {
+) -> Result<TestExpansion> {
     let Traced { evidence, point } = &round.traced;
     let marginals = round.model.marginals().into_iter();
     let names = round.model.constants().iter().zip(marginals);
@@ -203,11 +202,24 @@ fn expanded(
         state: &point.state,
         declared: &point.declared,
         sought: &point.sought,
+        here: known(round),
         steps,
         reach,
         norms: &|errors| evidence.norms(errors),
     };
-    Expansion::new(&at, fine, coarse)
+    TestExpansion::new(&at, fine, coarse)
+}
+
+/// The linearisation of the identification, where tracing has not moved from it.
+fn known(round: &Round) -> Option<Sensitivities> {
+    let inverse = &round.identification.inverse;
+    let bytes = |point: &LinearisationPoint| {
+        let mut bytes = Vec::new();
+        point.put(&mut bytes);
+        bytes
+    };
+    let is_same = bytes(&round.traced.point) == bytes(&inverse.point);
+    is_same.then(|| inverse.sensitivities.clone())
 }
 
 /// The forward models of a round's test on a coarse mesh.
@@ -232,8 +244,8 @@ fn sampled(
     let prepared = &round.identification.inverse.prepared;
     let measured = &traced.evidence.measured;
     let fine = forward(model, prepared, measured, &|| ());
-    let coarse = CoarseTest::new(model, prepared, measured)?;
-    let coarse = coarse.as_ref().map(|c| on_coarse(c, round));
+    let coarse = round.identification.inverse.coarse.as_ref();
+    let coarse = coarse.map(|c| on_coarse(c, round));
     let expand = || {
         let what = "quoted posterior: sensitivities that follow the constants";
         progress.begin(what, None);
@@ -275,7 +287,7 @@ fn sampled(
 /// A round's test with its expansion, of which answers are sampled.
 struct AnsweredTest<'a> {
     round: &'a Round,
-    expanded: &'a Arc<Expansion>,
+    expanded: &'a Arc<TestExpansion>,
     models: FullModels<'a>,
 }
 

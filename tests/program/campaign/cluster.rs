@@ -40,7 +40,7 @@ fn shares_of_a_calibration_make_the_same_table() {
     bench.write(
         "campaign.json",
         &json!({ "schema": "plychain-campaign/1", "name": "calibration", "verb": "calibrate", "models": "mock.json",
-            "calibration": { "replicates": 5, "shares": 2, "correlation_mm": [0], "grid": 15, "reduced": true } }),
+            "calibration": { "replicates": 5, "shares": 2, "correlation_mm": [0], "grid": 15 } }),
     );
     bench.succeed(&["campaign", "campaign.json", "--out", "shares"]);
     assert!(all_done(&bench.manifest("shares")));
@@ -50,7 +50,6 @@ fn shares_of_a_calibration_make_the_same_table() {
         "mock.json",
         "--sbc",
         "5",
-        "--reduced",
         "--grid",
         "15",
         "--correlation-mm",

@@ -18,7 +18,6 @@ fn a_small_calibration_is_resumable_and_covers_the_truth() {
             &default,
             "--sbc",
             n,
-            "--reduced",
             "--grid",
             "41",
             "--quiet",

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use plychain::laminate::Material;
 use plychain::posterior::{
-    ConstantsPrior, Density, GivenChoice, Inclusion, MixtureChoice, Ratios, Space, Surface, Whose,
-    birth_or_death,
+    ConstantsPrior, GivenChoice, Inclusion, MeanSurface, MixtureChoice, PosteriorDensity, Ratios,
+    Space, Whose, birth_or_death,
 };
 use plychain::sample::Key;
 use plychain::sample::Stream;
@@ -18,7 +18,7 @@ fn scattered(rng: &mut Stream, rows: usize, columns: usize) -> DMatrix<f64> {
 }
 
 struct Toy {
-    answer: Density,
+    answer: PosteriorDensity,
     gram: DMatrix<f64>,
     /// G and z in the directions, and in the columns.
     right: DVector<f64>,
@@ -51,13 +51,13 @@ fn toy() -> Toy {
     Toy {
         gram: by.tr_mul(&whole.0) * &by,
         right: by.tr_mul(&whole.1),
-        answer: Density::new(
+        answer: PosteriorDensity::new(
             ConstantsPrior {
                 material: Material::Isotropic,
                 marginals: Vec::new(),
                 known: None,
             },
-            Surface::flat(Ratios::about(&[])),
+            MeanSurface::flat(Ratios::about(&[])),
             space,
             Vec::new(),
             Vec::new(),
