@@ -18,9 +18,6 @@ pub struct CalibrationSpec {
     /// Points along a side of a simulated field.
     #[serde(default)]
     pub grid: Option<u16>,
-    /// Fields by the reduced model in place of the finite elements.
-    #[serde(default)]
-    pub reduced: bool,
     /// Of the whole loop.
     #[serde(default, rename = "loop")]
     pub whole_loop: bool,
@@ -59,11 +56,7 @@ impl CalibrationSpec {
         if let Some(grid) = self.grid {
             all.extend(["--grid".into(), grid.to_string()]);
         }
-        let flags = [
-            (self.reduced, "--reduced"),
-            (self.whole_loop, "--loop"),
-            (self.withheld, "--withheld"),
-        ];
+        let flags = [(self.whole_loop, "--loop"), (self.withheld, "--withheld")];
         let flags = flags.iter().filter(|(on, _)| *on);
         all.extend(flags.map(|(_, flag)| (*flag).to_string()));
         Ok(all)

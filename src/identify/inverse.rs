@@ -114,21 +114,7 @@ pub(super) fn inverse_problem_kept(
         (kept, progress),
     )?;
     let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
-    let steps = prepared.observation.steps.as_ref();
-    let weights = steps.map(Steps::weights).unwrap_or_default();
-    let at = weighing.noise.of_sum(&chosen.pair, &weights);
-    let subset = prepared
-        .observation
-        .field
-        .subset_mm
-        .filter(|_| steps.is_some());
-    let noise = Noise::over(&prepared.observation.field, &modes, (at, subset.is_some()))?;
-    progress.say(&format!(
-        "{:.3} and {:.3} nm a point, n_eff {:.0}",
-        noise.point_sd_nm(0),
-        noise.point_sd_nm(1),
-        noise.effective_points,
-    ));
+    let noise = noise_of_a_point(&prepared, &weighing, &chosen, progress)?;
     progress.end();
     let few = coarse.as_ref().map(|c| CoarseForwards {
         everywhere: c.everywhere(model, &prepared, &measured),
@@ -155,6 +141,28 @@ pub(super) fn inverse_problem_kept(
         about,
         posed,
     })
+}
+
+/// The noise of a point of the field that is looked at: of a series the sum of its steps'.
+fn noise_of_a_point(
+    prepared: &Prepared,
+    weighing: &Weighing,
+    chosen: &DeclaredNoise,
+    progress: &dyn Progress,
+) -> Result<Noise> {
+    let observation = &prepared.observation;
+    let steps = observation.steps.as_ref();
+    let weights = steps.map(Steps::weights).unwrap_or_default();
+    let at = weighing.noise.of_sum(&chosen.pair, &weights);
+    let of_subsets = observation.field.subset_mm.is_some() && steps.is_some();
+    let noise = Noise::over(&observation.field, &prepared.modes(), (at, of_subsets))?;
+    progress.say(&format!(
+        "{:.3} and {:.3} nm a point, n_eff {:.0}",
+        noise.point_sd_nm(0),
+        noise.point_sd_nm(1),
+        noise.effective_points,
+    ));
+    Ok(noise)
 }
 
 /// The blocks of a field, of a series those of all steps.

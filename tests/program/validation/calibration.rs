@@ -14,14 +14,7 @@ fn a_small_calibration_is_resumable_and_covers_the_truth() {
     let default = coarse();
     let arguments = |n: &'static str| -> Vec<String> {
         [
-            "validate",
-            &default,
-            "--sbc",
-            n,
-            "--grid",
-            "41",
-            "--quiet",
-            "--out",
+            "validate", &default, "--sbc", n, "--grid", "41", "--quiet", "--out",
         ]
         .iter()
         .map(|s| (*s).to_string())
