@@ -44,10 +44,12 @@ impl Forward<'_> {
     ) -> Result<Sensitivities> {
         let mut sensitivities = self.sensitivities_with(state, declared, candidates, columns)?;
         for _ in 0..STEPS {
-            let moved = self.ridge_step(measured, state, declared, &sensitivities);
+            let mut next = state.clone();
+            let moved = self.ridge_step(measured, &mut next, declared, &sensitivities);
             if moved < CONVERGED {
                 break;
             }
+            *state = next;
             sensitivities = self.again(state, declared, sensitivities)?;
         }
         Ok(sensitivities)
