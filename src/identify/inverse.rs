@@ -110,7 +110,6 @@ pub(super) fn inverse_problem_kept(
     let weighing = weighed(
         (&fine, &measured),
         (&sensitivities, "0-0-0"),
-        "noise of the measurement",
         (kept, progress),
     )?;
     let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
@@ -121,12 +120,13 @@ pub(super) fn inverse_problem_kept(
         at_few_points: c.at_few_points(model, &prepared, &measured),
     });
     let test = (&fine, few.as_ref(), &measured);
-    let (about, posed) = posed(
-        model,
-        test,
-        (&point, &weighing, &sensitivities),
-        (&chosen, noise.reference_nm()),
-    )?;
+    let look = FirstLook {
+        sensitivities: &sensitivities,
+        weighing: &weighing,
+        chosen: &chosen,
+        reference_nm: noise.reference_nm(),
+    };
+    let (about, posed) = look.posed(model, test, &point)?;
     prepared.problem.experiment.rest();
     drop((fine, everywhere, few));
     Ok(InverseProblem {
@@ -318,54 +318,71 @@ type OnMeshes<'a> = (
     &'a Arc<Measured>,
 );
 
-/// The density of the declared model, about its own mode, and where that is.
-fn posed(
-    model: &Model,
-    (fine, coarse, measured): OnMeshes<'_>,
-    (point, weighing, sensitivities): (&LinearisationPoint, &Weighing, &Sensitivities),
-    (chosen, reference_nm): (&DeclaredNoise, f64),
-) -> Result<(LinearisationPoint, Posed)> {
-    let mut own = LinearisationPoint {
-        sought: Vec::new(),
-        ..point.clone()
-    };
-    let mut moves = 0;
-    loop {
-        let (steps, reach) = reaches(model, &chosen.sds);
-        let norms = |errors: &[StepStack]| weighing.norms(measured, &chosen.pair, errors);
-        let about = About {
-            state: &own.state,
-            declared: &own.declared,
-            sought: &[],
-            here: (moves == 0).then(|| without_candidates(sensitivities)),
-            steps,
-            reach: reach.clone(),
-            norms: &norms,
+/// What the first linearisation says of a measurement.
+struct FirstLook<'a> {
+    sensitivities: &'a Sensitivities,
+    weighing: &'a Weighing,
+    chosen: &'a DeclaredNoise,
+    reference_nm: f64,
+}
+
+impl FirstLook<'_> {
+    /// The density of the declared model, about its own mode, and where that is.
+    fn posed(
+        &self,
+        model: &Model,
+        (fine, coarse, measured): OnMeshes<'_>,
+        point: &LinearisationPoint,
+    ) -> Result<(LinearisationPoint, Posed)> {
+        let Self {
+            sensitivities,
+            weighing,
+            chosen,
+            reference_nm,
+        } = *self;
+        let mut own = LinearisationPoint {
+            sought: Vec::new(),
+            ..point.clone()
         };
-        let expanded = Arc::new(TestExpansion::new(&about, fine, coarse)?);
-        let posed = declared(model, (expanded, measured), weighing, chosen)?.without_contrasts();
-        let scale = noise_scale(model, &posed, sensitivities, reference_nm);
-        let posed = Posed {
-            density: posed.density.clone().with_noise(scale),
-            ..posed
-        };
-        let mode = start(&posed.density).ok();
-        let mode = mode.filter(|m| posed.density.is_credible(&m.mode));
-        let Some(mode) = mode.filter(|_| moves < MOVES) else {
-            return Ok((own, posed));
-        };
-        let each = mode
-            .mode
-            .iter()
-            .zip(&own.state.shared.constants)
-            .zip(&reach);
-        let is_off = each.map(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
-        if !is_off.fold(false, |any, off| any | off) {
-            return Ok((own, posed));
+        let mut moves = 0;
+        loop {
+            let (steps, reach) = reaches(model, &chosen.sds);
+            let norms = |errors: &[StepStack]| weighing.norms(measured, &chosen.pair, errors);
+            let about = About {
+                state: &own.state,
+                declared: &own.declared,
+                sought: &[],
+                here: (moves == 0).then(|| without_candidates(sensitivities)),
+                steps,
+                reach: reach.clone(),
+                norms: &norms,
+            };
+            let expanded = Arc::new(TestExpansion::new(&about, fine, coarse)?);
+            let posed =
+                declared(model, (expanded, measured), weighing, chosen)?.without_contrasts();
+            let scale = noise_scale(model, &posed, sensitivities, reference_nm);
+            let posed = Posed {
+                density: posed.density.clone().with_noise(scale),
+                ..posed
+            };
+            let mode = start(&posed.density).ok();
+            let mode = mode.filter(|m| posed.density.is_credible(&m.mode));
+            let Some(mode) = mode.filter(|_| moves < MOVES) else {
+                return Ok((own, posed));
+            };
+            let each = mode
+                .mode
+                .iter()
+                .zip(&own.state.shared.constants)
+                .zip(&reach);
+            let is_off = each.map(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
+            if !is_off.fold(false, |any, off| any | off) {
+                return Ok((own, posed));
+            }
+            let constants = own.state.shared.constants.len();
+            own.state.shared.constants = mode.mode[..constants].to_vec();
+            moves += 1;
         }
-        let constants = own.state.shared.constants.len();
-        own.state.shared.constants = mode.mode[..constants].to_vec();
-        moves += 1;
     }
 }
 

@@ -17,14 +17,13 @@ use crate::progress::Progress;
 pub fn weighed(
     (forward, measured): (&Forward<'_>, &Measured),
     (sensitivities, number): (&Sensitivities, &str),
-    what: &str,
     (kept, progress): (&KeptStages, &dyn Progress),
 ) -> Result<Weighing> {
     let steps = Weighing::steps(measured);
     let mut of = bytes_of(forward.model, measured);
     sensitivities.put(&mut of);
     let step = || progress.step();
-    let begin = || progress.begin(what, Some(steps as u64));
+    let begin = || progress.begin("noise of the measurement", Some(steps as u64));
     let Some(frames) = measured.frames() else {
         let by_component = || {
             begin();

@@ -212,11 +212,10 @@ impl PointSearch<'_> {
     }
 
     fn weighed(&self, pass: usize, sensitivities: Sensitivities) -> Result<Evidence> {
-        let what = format!("tracing, pass {pass}: effects against noise");
         let test = (self.forward, &**self.measured);
         let number = self.numbered(pass);
         let of = (&sensitivities, &*number);
-        let weighing = weighed(test, of, &what, (self.kept, self.progress))?;
+        let weighing = weighed(test, of, (self.kept, self.progress))?;
         Evidence::new(weighing, sensitivities, self.measured)
     }
 
