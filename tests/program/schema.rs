@@ -90,7 +90,6 @@ fn a_report_goes_through_its_type_unchanged() {
             "averaged_posterior",
             "quoted",
             "averaged_note",
-            "with_discrepancy",
             "blind_spots",
             "before_after",
             "verdict",
