@@ -31,9 +31,7 @@ pub fn folder_of(run: &Path, study: &Study, k: usize) -> PathBuf {
 
 /// Print what a loop found: a screen, or with `--verbose` everything.
 pub fn say((closed, page): (&Closed, &Page), run: &RunPlan, console: &Console) -> Result<()> {
-    if let ToQuote::ClosedForm(why) = &closed.to_quote
-        && run.verbose
-    {
+    if let ToQuote::ClosedForm(why) = &closed.to_quote {
         // the verdict stands
         console.warn(&format!(
             "The intervals to quote are those of the closed form: {why}"

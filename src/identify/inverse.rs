@@ -107,11 +107,7 @@ pub(super) fn inverse_problem_kept(
             Ok((point, sensitivities, [&left_out[..], &left].concat()))
         },
     )?;
-    let weighing = weighed(
-        (&fine, &measured),
-        (&sensitivities, "0-0-0"),
-        (kept, progress),
-    )?;
+    let weighing = weighed((&fine, &measured), (&sensitivities, "1"), (kept, progress))?;
     let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
     let noise = noise_of_a_point(&prepared, &weighing, &chosen, progress)?;
     progress.end();
@@ -241,9 +237,9 @@ impl Beginning<'_> {
             self.progress.end();
             Ok((at, found?))
         };
-        let (state, found) =
-            self.kept
-                .stage("sensitivities-1-0-0", &of, at_ridge, self.progress)?;
+        let (state, found) = self
+            .kept
+            .stage("sensitivities-1", &of, at_ridge, self.progress)?;
         let point = LinearisationPoint {
             state,
             declared,

@@ -35,6 +35,6 @@ pub use prepared::{Prepared, is_clear, prepare};
 pub use residual::Residual;
 pub use solve::{Options, Reporting, checked, identify, identify_from, redrawn};
 pub use structure::{RingRms, Structure, VariogramLag};
-pub use surrogate::{CHECKED_DRAWS, SurrogateError, TOLERANCE};
+pub use surrogate::{SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;
 pub use weighed::{bytes_of, weighed};

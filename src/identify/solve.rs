@@ -239,7 +239,7 @@ fn assessed(
     let mut of = Vec::new();
     draws.lp().to_vec().put(&mut of);
     let drawn = (&*completed.0, &*completed.1);
-    let measure = || against_elements(model, (&inverse, &draws), drawn, progress);
+    let measure = || against_elements(model, &inverse, drawn, progress);
     let surrogate = options
         .stages()
         .stage("finite-elements", &of, measure, progress)?;
@@ -349,13 +349,13 @@ pub fn checked(
     progress: &dyn Progress,
 ) -> Result<SurrogateError> {
     let (points, drawn) = completed(inverse, draws, seed)?;
-    against_elements(model, (inverse, draws), (&points, &drawn), progress)
+    against_elements(model, inverse, (&points, &drawn), progress)
 }
 
 /// The same at completed draws.
 fn against_elements(
     model: &Model,
-    (inverse, draws): (&InverseProblem, &Draws),
+    inverse: &InverseProblem,
     completed: (&[Vec<f64>], &[CompletedDraw]),
     progress: &dyn Progress,
 ) -> Result<SurrogateError> {
@@ -383,7 +383,7 @@ fn against_elements(
         fine: &full(&fine, &expanded.here),
         coarse: rough.as_ref(),
     };
-    let error = SurrogateError::measure(inverse, draws, completed, models)?;
+    let error = SurrogateError::measure(&inverse.posed, completed, models)?;
     progress.say(&format!(
         "{:.3} % of a posterior sd",
         100.0 * error.max_sd()

@@ -1,10 +1,5 @@
 //! The finite elements against the density at draws of the posterior.
 
-use nalgebra::{DMatrix, DVector};
-
-use super::inverse::InverseProblem;
-use crate::chain::Draws;
-use crate::diagnose::weigh;
 use crate::error::Result;
 use crate::files::stored;
 use crate::numeric::shares;
@@ -40,9 +35,6 @@ pub struct Reweighted {
     pub weighted: [f64; 2],
 }
 
-/// Draws at which the finite elements are solved.
-pub const CHECKED_DRAWS: usize = 12;
-
 /// Largest error, posterior sds, that is not worth a word.
 pub const TOLERANCE: f64 = 0.05;
 
@@ -75,56 +67,36 @@ impl SurrogateError {
 
     /// Compare at some completed `points` of the draws.
     ///
-    /// With an error d of the prediction, the posterior's gradient changes by g = grad (log L(d) - log L) and its mode by one Newton step,
-    /// Sigma g, with Sigma the covariance of the draws.
-    ///
     /// # Errors
     /// Those of a finite-element solution.
     pub fn measure(
-        run: &InverseProblem,
-        draws: &Draws,
+        posed: &Posed,
         (points, drawn): (&[Vec<f64>], &[CompletedDraw]),
         models: FullModels<'_>,
     ) -> Result<Self> {
-        let posed = &run.posed;
         let names = posed.density.constant_names();
-        let d = names.len();
         let compared = PosedDraws {
             posed,
             points,
             drawn,
         }
-        .compared(models, CHECKED_DRAWS)?;
-        let covariance = covariance(draws, d);
-        let sd = DVector::from_fn(d, |k, _| covariance[(k, k)].sqrt());
-        let mut largest = vec![0.0_f64; d];
-        let mut bias = vec![0.0; d];
-        let (mut max_field, mut sum, mut count) = (0.0_f64, 0.0, 0.0_f64);
-        for (k, error) in &compared.errors {
-            let products = posed.products(error)?;
-            let shift = &covariance * gradient(posed, &points[*k], &sd, &products);
-            for i in 0..d {
-                let by = shift[i] / sd[i];
-                largest[i] = largest[i].max(by.abs());
-                bias[i] += by / compared.errors.len() as f64;
-            }
-            for e in error.iter().flat_map(|e| e.iter()) {
-                max_field = max_field.max(e.abs());
-                sum += e * e;
-                count += 1.0;
-            }
-        }
-        let own: Vec<&[f64]> = compared.chosen.iter().map(|&k| &points[k][..d]).collect();
-        let weighed = weigh(&own, &compared.logs);
-        debug_assert!(weighed.effective <= 1.0 + 1e-9);
+        .compared(models)?;
+        let shifts = &compared.shifts;
+        let largest = |k: usize| shifts.iter().fold(0.0_f64, |most, s| most.max(s[k].abs()));
+        let bias = |k: usize| shifts.iter().map(|s| s[k]).sum::<f64>() / shifts.len() as f64;
+        let errors = || compared.errors.iter().flatten().flat_map(|e| e.iter());
+        let squares: f64 = errors().map(|e| e * e).sum();
+        let own = compared.chosen.iter().map(|&k| &points[k][..names.len()]);
+        let own: Vec<&[f64]> = own.collect();
+        let each = names.iter().cloned().enumerate();
         Ok(Self {
             draws: compared.chosen.len(),
-            shift_sd: names.iter().cloned().zip(largest).collect(),
-            bias_sd: bias,
+            shift_sd: each.map(|(k, name)| (name, largest(k))).collect(),
+            bias_sd: (0..names.len()).map(bias).collect(),
             moments: reweighted(names, &own, &compared.logs),
+            max_field_nm: errors().fold(0.0_f64, |most, e| most.max(e.abs())) * NM_PER_MM,
+            rms_field_nm: (squares / errors().count().max(1) as f64).sqrt() * NM_PER_MM,
             log_weights: compared.logs,
-            max_field_nm: max_field * NM_PER_MM,
-            rms_field_nm: (sum / count.max(1.0)).sqrt() * NM_PER_MM,
         })
     }
 }
@@ -144,31 +116,4 @@ fn reweighted(names: &[String], draws: &[&[f64]], log_weights: &[f64]) -> Vec<Re
         weighted: moments(&weights, k),
     };
     names.iter().enumerate().map(reweighted).collect()
-}
-
-/// Covariance of the first `d` parameters of the draws.
-fn covariance(draws: &Draws, d: usize) -> DMatrix<f64> {
-    let n = draws.len() as f64;
-    let mean = draws.points().fold(DVector::zeros(d), |m, x| {
-        m + DVector::from_column_slice(&x[..d]) / n
-    });
-    let mut sum = DMatrix::zeros(d, d);
-    for x in draws.points() {
-        let r = DVector::from_column_slice(&x[..d]) - &mean;
-        sum.ger(1.0 / n, &r, &r, 1.0);
-    }
-    sum
-}
-
-/// Gradient of the change of the log likelihood, by central differences over a tenth of a posterior sd.
-fn gradient(posed: &Posed, x: &[f64], sd: &DVector<f64>, products: &DVector<f64>) -> DVector<f64> {
-    const STEP: f64 = 0.1;
-    let at = |k: usize, by: f64| {
-        let mut moved = x.to_vec();
-        moved[k] += by * sd[k];
-        posed.change_with(&moved, products)
-    };
-    DVector::from_fn(sd.len(), |k, _| {
-        (at(k, STEP) - at(k, -STEP)) / (2.0 * STEP * sd[k])
-    })
 }

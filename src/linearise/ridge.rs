@@ -65,8 +65,20 @@ impl Forward<'_> {
     ) -> f64 {
         let solution = sensitivities.ridge(measured).solution;
         // a prior sd a step keeps the constants admissible and the linearisation valid
-        let wanted = solution.as_slice();
-        let mut moved = constants_moved(&mut state.shared, sensitivities, wanted, 1.0);
+        let of = (sensitivities, solution.as_slice());
+        self.moved(state, declared, of, 1.0)
+    }
+
+    /// Move what varies in every model and the declared amplitudes of a state to a solution (prior sds from the prior means), constants by at most so
+    /// many prior sds; how far it goes, in prior sds.
+    pub fn moved(
+        &self,
+        state: &mut SeriesState,
+        declared: &[EffectUnderLaw],
+        (sensitivities, wanted): (&Sensitivities, &[f64]),
+        most: f64,
+    ) -> f64 {
+        let mut moved = constants_moved(&mut state.shared, sensitivities, wanted, most);
         let base = &sensitivities.base;
         let shifts = state.shifts.iter_mut().flatten();
         let phases = base.iter().zip(wanted).filter(|(c, _)| c.is_phase());
@@ -80,7 +92,7 @@ impl Forward<'_> {
                     continue;
                 };
                 let (column, k) = (&base[at], amplitude.parameter);
-                let wanted = column.mean + column.sd * solution[at];
+                let wanted = column.mean + column.sd * wanted[at];
                 let by = column.within(wanted, effect.effect, k) - column.at;
                 *state = state.raised(effect.effect, k, by, &amplitude.weights);
                 // of an effect that is linear the sensitivities do not depend on the amplitude

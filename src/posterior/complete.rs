@@ -11,10 +11,8 @@ use crate::sample::Stream;
 /// What is drawn beside a point.
 #[derive(Debug, Clone)]
 pub struct CompletedDraw {
-    pub noise: usize,
-    /// Candidates that act with their full prior sds, and the size of all others over theirs.
-    pub own: Vec<usize>,
-    pub size: f64,
+    /// The noise, the candidates that act with their full prior sds, and the size of all others over theirs.
+    pub choice: MixtureChoice,
     /// Amplitudes of the answer's linear columns, prior sds from their means.
     pub amplitudes: DVector<f64>,
 }
@@ -67,9 +65,7 @@ fn drawn(
     }
     CompletedDraw {
         amplitudes: given.amplitudes(rng),
-        noise: choice.noise,
-        size: choice.size,
-        own: choice.own,
+        choice,
     }
 }
 
@@ -97,9 +93,8 @@ pub struct GivenChoice<'a> {
 }
 
 impl<'a> GivenChoice<'a> {
-    /// Of the first part of a density, at a point.
-    pub fn at(density: &'a PosteriorDensity, x: &[f64]) -> Self {
-        let choice = density.choice(0);
+    /// Of a part of a density, at a point.
+    pub fn at(density: &'a PosteriorDensity, x: &[f64], choice: &MixtureChoice) -> Self {
         let (coordinates, factors) = density.place(x);
         let (gram, right) = density.noise[choice.noise].at(&coordinates, &factors);
         let precision = density.noise_scale(x).powi(-2);

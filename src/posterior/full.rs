@@ -37,15 +37,6 @@ enum ColumnPlace {
 }
 
 impl<'a> Full<'a> {
-    /// Draws at which it is solved, one number after the other until enough is known: a dozen show that nothing is wrong, twice as many
-    /// that something is, and four times as many how all others weigh. Of a series fewer, all of whose steps are solved at each.
-    pub fn draws(&self) -> &'static [usize] {
-        match self.point.state.loads.len() {
-            1 => &[6, 12, 24, 96],
-            _ => &[6, 12, 24],
-        }
-    }
-
     /// The state of some constants (border units) and of amplitudes of the linear columns in prior sds from their means.
     pub fn drawn(&self, constants: &[f64], amplitudes: &[f64]) -> DrawnState<'a> {
         let mut left: Vec<(&Column, f64)> = Vec::new();

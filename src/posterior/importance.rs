@@ -10,16 +10,13 @@ use serde::{Deserialize, Serialize};
 use super::complete::CompletedDraw;
 use super::full::{DrawnState, Full};
 use super::posed::Posed;
-use super::space::{Whose, linear, stacked};
-use crate::diagnose::{Weighed, weigh};
+use super::space::{linear, stacked};
+use crate::diagnose::weigh;
 use crate::error::Result;
 use crate::files::{Keyed, stored};
 use crate::linearise::{Sensitivities, StepStack};
-use crate::numeric::relative_weights;
-use crate::sample::{Key, Stream};
 
-/// How an answer's draws fare under the full nonlinear model with all effects, by which they are reweighted where it moves a mean by more
-/// than a twentieth of an sd.
+/// How an answer's draws fare under the full nonlinear model with all effects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Importance {
     /// Draws at which the full model was solved, and those that it cannot have.
@@ -27,12 +24,12 @@ pub struct Importance {
     pub impossible: usize,
     /// Effective share of them.
     pub effective: f64,
-    /// By how much the mean of each constant moves, posterior sds.
+    /// By how much the full model moves each constant, posterior sds: the mean over the draws of one Newton step.
     pub shift_sd: Keyed<f64>,
     /// Standard errors of that.
     pub shift_error_sd: Keyed<f64>,
-    /// Whether the draws were reweighted for it.
-    pub reweighted: bool,
+    /// Whether the draws are moved by that.
+    pub corrected: bool,
     /// By how much the fine mesh changes the log weight of one draw, where what the full model adds to the answer is taken from a coarse mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh_error: Option<f64>,
@@ -44,17 +41,38 @@ stored!(Importance {
     effective,
     shift_sd,
     shift_error_sd,
-    reweighted,
+    corrected,
     mesh_error
 });
+
+/// Errors of a shift beyond which the draws are moved by it, and posterior sds beyond which one Newton step no longer says how far.
+const ERRORS: f64 = 2.0;
+const FAR: f64 = 0.3;
+
+impl Importance {
+    /// The constant that moves farthest, with its shift and the error of that, posterior sds.
+    pub fn largest(&self) -> Option<(&str, [f64; 2])> {
+        let all = self.shift_sd.iter().zip(self.shift_error_sd.iter());
+        let each = all.map(|((name, shift), (_, error))| (name.as_str(), [*shift, *error]));
+        each.max_by(|a, b| a.1[0].abs().total_cmp(&b.1[0].abs()))
+    }
+
+    /// The constant that moves by more than one Newton step can say.
+    pub fn far(&self) -> Option<(&str, [f64; 2])> {
+        self.largest().filter(|(_, [shift, _])| shift.abs() > FAR)
+    }
+}
 
 /// The density against the full model at some draws.
 pub struct Compared {
     pub chosen: Vec<usize>,
-    /// By how much the prediction of the full model differs, with the number of the draw, mm; of those that it can have.
-    pub errors: Vec<(usize, StepStack)>,
+    /// By how much the prediction of the full model differs, mm, at those that it can have.
+    pub errors: Vec<StepStack>,
+    /// By how much that moves the mode of the constants, posterior sds.
+    pub shifts: Vec<DVector<f64>>,
     /// Log weights.
     pub logs: Vec<f64>,
+    mesh_error: Option<f64>,
 }
 
 /// The full model on the fine mesh, and on a coarse one where there is one.
@@ -79,86 +97,54 @@ pub struct PosedDraws<'a> {
     pub drawn: &'a [CompletedDraw],
 }
 
-/// Effective shares of some draws: above the first, a dozen say that the full model moves nothing; below the second, six say that no number
-/// of them will do.
-const CALM: f64 = 0.9;
-const HOPELESS: f64 = 0.3;
-const DOZEN: usize = 12;
+/// Draws at which the full model is solved.
+pub const CHECKED_DRAWS: usize = 12;
 
 /// Change of a log weight from the coarse mesh to the fine one with which draws are solved on the fine one.
 const TOO_COARSE: f64 = 0.1;
 
-/// Fewest effective draws that say how all others weigh.
-const ENOUGH: f64 = 40.0;
-
-/// A shift of a mean that is corrected, posterior sds.
-const WORTH: f64 = 0.05;
-
-/// Stream that resamples, apart from those of ensembles and of completion.
-const RESAMPLING: u64 = u64::MAX - 2;
-
 impl PosedDraws<'_> {
-    /// Hold the draws against the full model. Where it shifts a mean by more than a twentieth of an sd, an order of draws that has them as
-    /// often as they weigh comes with it.
+    /// Hold the draws against the full model, and by how much that moves each of the constants, border units: not where it is no more than its
+    /// error, or farther than one Newton step can say.
     ///
     /// # Errors
     /// Of the program: a factorisation that fails.
-    pub fn importance(
-        &self,
-        models: FullModels<'_>,
-        seed: u64,
-    ) -> Result<(Importance, Option<Vec<usize>>)> {
-        let points = self.points;
-        let (test, mesh_error) = self.on_a_mesh(models)?;
-        let (mut chosen, mut logs) = (Vec::new(), Vec::new());
-        let mut weighed = weigh(&[], &[]);
-        let mut shifts = Vec::new();
-        for &count in test.full.draws() {
-            let more: Vec<usize> = (chosen.len()..count.min(points.len()))
-                .map(|k| spread_out(k, points.len()))
-                .collect();
-            logs.extend(self.log_weights(&test, &more)?);
-            chosen.extend(more);
-            let own: Vec<&[f64]> = chosen.iter().map(|&k| &*points[k]).collect();
-            weighed = weigh(&own, &logs);
-            shifts = in_sds(&weighed, points);
-            if is_told(&weighed, &shifts, chosen.len()) {
-                break;
-            }
-        }
-        let known = weighed.effective * chosen.len() as f64 > ENOUGH;
-        let wanted = known && shifts.iter().any(beyond(2.0));
-        let fitted = wanted.then(|| {
-            let logs = regressed(&self.features(), &chosen, &logs);
-            relative_weights(&logs)
-        });
-        let fitted = fitted.filter(|weights| is_sound(weights, points, &weighed, &shifts));
-        let of = |which: usize| {
-            let named = self
-                .posed
-                .density
-                .constant_names()
-                .iter()
-                .cloned()
-                .zip(&shifts);
-            named.map(|(name, shift)| (name, shift[which])).collect()
+    pub fn importance(&self, models: FullModels<'_>) -> Result<(Importance, Vec<f64>)> {
+        let compared = self.compared(models)?;
+        let own = compared.chosen.iter().map(|&k| &*self.points[k]);
+        let weighed = weigh(&own.collect::<Vec<_>>(), &compared.logs);
+        let n = compared.shifts.len() as f64;
+        let of = |k: usize| {
+            let each = || compared.shifts.iter().map(|s| s[k]);
+            let mean = each().sum::<f64>() / n;
+            let squares: f64 = each().map(|s| (s - mean).powi(2)).sum();
+            [mean, (squares / (n * (n - 1.0))).sqrt()]
         };
+        let names = self.posed.density.constant_names();
+        // one draw has no error
+        let known = if n > 1.0 { names.len() } else { 0 };
+        let shifts: Vec<[f64; 2]> = (0..known).map(of).collect();
+        let keyed = |which: usize| {
+            let pairs = names.iter().cloned().zip(&shifts);
+            pairs.map(|(name, s)| (name, s[which])).collect()
+        };
+        let is_near = shifts.iter().all(|[shift, _]| shift.abs() <= FAR);
+        let sds = self.covariance().diagonal().map(f64::sqrt);
+        let correction = |([shift, error], sd): (&[f64; 2], &f64)| {
+            let moved = is_near && shift.abs() > ERRORS * error;
+            if moved { shift * sd } else { 0.0 }
+        };
+        let by: Vec<f64> = shifts.iter().zip(sds.iter()).map(correction).collect();
         let found = Importance {
-            draws: chosen.len(),
+            draws: compared.chosen.len(),
             impossible: weighed.impossible,
             effective: weighed.effective,
-            shift_sd: of(0),
-            shift_error_sd: of(1),
-            reweighted: fitted.is_some(),
-            mesh_error,
+            shift_sd: keyed(0),
+            shift_error_sd: keyed(1),
+            corrected: by.iter().any(|by| *by != 0.0),
+            mesh_error: compared.mesh_error,
         };
-        let key = Key {
-            seed,
-            ensemble: RESAMPLING,
-        };
-        let start = || Stream::at(key, 0, 0).uniform();
-        let order = fitted.map(|weights| resampled(&weights, start()));
-        Ok((found, order))
+        Ok((found, by))
     }
 
     /// The coarse mesh, if the fine one makes the same of the first draw, and how far the log weights of that are apart.
@@ -246,7 +232,7 @@ impl PosedDraws<'_> {
             let own: Vec<(usize, &[StepStack; 2])> = residuals
                 .iter()
                 .enumerate()
-                .filter(|(i, _)| drawn[chosen[*i]].noise == noise)
+                .filter(|(i, _)| drawn[chosen[*i]].choice.noise == noise)
                 .filter_map(|(i, r)| Some((i, r.as_ref()?)))
                 .collect();
             if own.is_empty() {
@@ -270,24 +256,53 @@ impl PosedDraws<'_> {
         Ok(logs)
     }
 
-    /// The density against the full model at so many draws.
+    /// The density against the full model at some draws.
     ///
     /// # Errors
     /// Those of a finite-element solution where the test was linearised.
-    pub fn compared(&self, models: FullModels<'_>, count: usize) -> Result<Compared> {
-        let (test, _) = self.on_a_mesh(models)?;
+    pub fn compared(&self, models: FullModels<'_>) -> Result<Compared> {
+        let (test, mesh_error) = self.on_a_mesh(models)?;
         let all = self.points.len();
-        let chosen: Vec<usize> = (0..count.min(all)).map(|k| spread_out(k, all)).collect();
+        let count = CHECKED_DRAWS.min(all);
+        let chosen: Vec<usize> = (0..count).map(|k| spread_out(k, all)).collect();
         let residuals = self.residuals(&test, &chosen)?;
         let logs = self.logs(&residuals, &chosen)?;
-        let error = |[density, full]: &[StepStack; 2]| [0, 1].map(|c| &density[c] - &full[c]);
-        let known = chosen.iter().zip(&residuals);
-        let errors = known.filter_map(|(k, r)| Some((*k, error(r.as_ref()?))));
+        let covariance = self.covariance();
+        let error = |(k, r): (&usize, &Option<[StepStack; 2]>)| {
+            let [density, full] = r.as_ref()?;
+            Some((*k, [0, 1].map(|c| &density[c] - &full[c])))
+        };
+        let errors: Vec<(usize, StepStack)> =
+            chosen.iter().zip(&residuals).filter_map(error).collect();
+        let shift = |(k, error): &(usize, StepStack)| {
+            let at = (&*self.points[*k], &self.drawn[*k].choice);
+            self.posed.shift_with(at, error, &covariance)
+        };
+        let shifts: Result<Vec<DVector<f64>>> = errors.par_iter().map(shift).collect();
         Ok(Compared {
-            errors: errors.collect(),
             chosen,
+            errors: errors.into_iter().map(|(_, error)| error).collect(),
+            shifts: shifts?,
             logs,
+            mesh_error,
         })
+    }
+
+    /// Covariance of the constants over all draws.
+    fn covariance(&self) -> DMatrix<f64> {
+        let d = self.posed.density.constants();
+        let n = self.points.len() as f64;
+        let of = |x: &Vec<f64>| DVector::from_column_slice(&x[..d]);
+        let mean = self
+            .points
+            .iter()
+            .fold(DVector::zeros(d), |m, x| m + of(x) / n);
+        let outer = |x: &Vec<f64>| {
+            let by = of(x) - &mean;
+            &by * by.transpose() / n
+        };
+        let start = DMatrix::zeros(d, d);
+        self.points.iter().fold(start, |sum, x| sum + outer(x))
     }
 
     /// What the answer, by its columns on a mesh, leaves of the data at a draw.
@@ -308,23 +323,6 @@ impl PosedDraws<'_> {
         }
         sum
     }
-
-    /// What a draw's weight may depend on, each of unit variance: constants, and amplitudes that take part in every draw.
-    fn features(&self) -> Vec<Vec<f64>> {
-        let posed = self.posed;
-        let always = |k: &usize| posed.density.space.whose[*k] == Whose::Always;
-        let own: Vec<usize> = (0..posed.kept.len()).filter(always).collect();
-        let raw: Vec<Vec<f64>> = self
-            .points
-            .iter()
-            .zip(self.drawn)
-            .map(|(x, d)| {
-                let amplitudes = own.iter().map(|&k| d.amplitudes[k]);
-                x.iter().copied().chain(amplitudes).collect()
-            })
-            .collect();
-        standardised(raw)
-    }
 }
 
 /// What a density, by its columns on a mesh, leaves of the data where the test was linearised, with the amplitudes that it had there.
@@ -341,106 +339,4 @@ pub fn spread_out(k: usize, count: usize) -> usize {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let place = ((k as f64 + 0.5) * GOLDEN).fract() * count as f64;
     (place as usize).min(count - 1)
-}
-
-/// Whether a shift and its error, sds, are worth a correction: beyond a twentieth of an sd, and beyond so many errors.
-fn beyond(errors: f64) -> impl Fn(&[f64; 2]) -> bool {
-    move |s| s[0].abs() > WORTH.max(errors * s[1])
-}
-
-/// Whether more draws than so many would say nothing else.
-pub fn is_told(weighed: &Weighed, shifts: &[[f64; 2]], draws: usize) -> bool {
-    match draws {
-        0..DOZEN => weighed.effective < HOPELESS,
-        DOZEN => weighed.effective > CALM && !shifts.iter().any(beyond(1.0)),
-        _ => !shifts.iter().any(beyond(2.0)),
-    }
-}
-
-/// Each of zero mean and unit variance; what does not vary stays 0.
-pub fn standardised(mut raw: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let n = raw.len() as f64;
-    for k in 0..raw.first().map_or(0, Vec::len) {
-        let mean = raw.iter().map(|x| x[k]).sum::<f64>() / n;
-        let sd = (raw.iter().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n).sqrt();
-        for x in &mut raw {
-            x[k] = if sd > 0.0 { (x[k] - mean) / sd } else { 0.0 };
-        }
-    }
-    raw
-}
-
-/// Whether weights of all draws say what was found at the draws where they are known: as many are effective, and the means move as far.
-/// (A regression that was quadratic in twelve features of 192 draws put all weight on a single draw in 5 of 200 calibrated loops.)
-pub fn is_sound(
-    weights: &[f64],
-    points: &[Vec<f64>],
-    known: &Weighed,
-    shifts: &[[f64; 2]],
-) -> bool {
-    /// Share of the effective draws that must be left, and of a shift that may be missed.
-    const LEFT: f64 = 0.5;
-    let logs: Vec<f64> = weights.iter().map(|w| w.ln()).collect();
-    let all: Vec<&[f64]> = points.iter().map(|x| &x[..]).collect();
-    let fitted = weigh(&all, &logs);
-    let moved = in_sds(&fitted, points);
-    let agree = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs() < WORTH.max(2.0 * b[1]);
-    fitted.effective > LEFT * known.effective && moved.iter().zip(shifts).all(agree)
-}
-
-/// Shifts of means and their errors in sds of some points.
-pub fn in_sds(weighed: &Weighed, points: &[Vec<f64>]) -> Vec<[f64; 2]> {
-    let n = points.len() as f64;
-    let sd = |k: usize| {
-        let mean = points.iter().map(|x| x[k]).sum::<f64>() / n;
-        let variance = points.iter().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n;
-        variance.sqrt().max(f64::MIN_POSITIVE)
-    };
-    let shifts = weighed.shifts.iter().enumerate();
-    shifts.map(|(k, shift)| shift.map(|s| s / sd(k))).collect()
-}
-
-/// Log weights of all draws by a ridge regression on their features, within the range of those draws of which they are known: what moves
-/// means is linear in them.
-pub fn regressed(features: &[Vec<f64>], chosen: &[usize], logs: &[f64]) -> Vec<f64> {
-    let row =
-        |x: &Vec<f64>| -> Vec<f64> { std::iter::once(1.0).chain(x.iter().copied()).collect() };
-    let known: Vec<(Vec<f64>, f64)> = chosen
-        .iter()
-        .zip(logs)
-        .filter(|(_, l)| l.is_finite())
-        .map(|(&k, l)| (row(&features[k]), *l))
-        .collect();
-    let width = row(&features[0]).len();
-    let x = DMatrix::from_fn(known.len(), width, |i, j| known[i].0[j]);
-    let y = DVector::from_iterator(known.len(), known.iter().map(|k| k.1));
-    let mut normal = x.tr_mul(&x);
-    for k in 1..width {
-        normal[(k, k)] += 1.0;
-    }
-    let solved = normal.lu().solve(&x.tr_mul(&y));
-    let Some(slope) = solved else {
-        return vec![0.0; features.len()];
-    };
-    let [least, most] = [y.min(), y.max()];
-    let of = |x: &Vec<f64>| {
-        let fitted: f64 = row(x).iter().zip(slope.iter()).map(|(a, b)| a * b).sum();
-        fitted.clamp(least, most)
-    };
-    features.iter().map(of).collect()
-}
-
-/// Systematic resampling: every draw as often as it weighs, in their order.
-pub fn resampled(weights: &[f64], start: f64) -> Vec<usize> {
-    let n = weights.len();
-    let step = weights.iter().sum::<f64>() / n as f64;
-    let (mut order, mut sum) = (Vec::with_capacity(n), 0.0);
-    for (k, w) in weights.iter().enumerate() {
-        sum += w;
-        while order.len() < n && (order.len() as f64 + start) * step < sum {
-            order.push(k);
-        }
-    }
-    order.resize(n, n - 1);
-    order
 }

@@ -140,11 +140,11 @@ impl Posed {
         all
     }
 
-    /// Products of an error of the prediction, mm, with all columns, under the first noise.
+    /// Products of an error of the prediction, mm, with all columns, under one of the noises.
     ///
     /// # Errors
     /// Of the program: a factorisation that fails.
-    pub fn products(&self, error: &StepStack) -> Result<DVector<f64>> {
+    fn products(&self, error: &StepStack, noise: usize) -> Result<DVector<f64>> {
         let with = [0, 1].map(|c| {
             let width = self.columns[c].ncols();
             let mut all = self.columns[c].clone().insert_column(width, 0.0);
@@ -152,9 +152,8 @@ impl Posed {
             all
         });
         let blocks = &self.measured.blocks;
-        let grams = self
-            .noise
-            .grams(blocks, [&with[0], &with[1]], &self.pairs[..1])?;
+        let own = &self.pairs[noise..=noise];
+        let grams = self.noise.grams(blocks, [&with[0], &with[1]], own)?;
         let width = self.columns[0].ncols();
         let own = grams
             .first()
@@ -163,7 +162,7 @@ impl Posed {
     }
 
     /// Change of the log likelihood at a point where the prediction gains an error of such products with the columns, to first order.
-    pub fn change_with(&self, x: &[f64], products: &DVector<f64>) -> f64 {
+    fn change_with(&self, x: &[f64], products: &DVector<f64>, choice: &MixtureChoice) -> f64 {
         let (coordinates, factors) = self.density.place(x);
         let n = self.density.space.directions();
         let mut own = DVector::zeros(n);
@@ -173,8 +172,37 @@ impl Posed {
         let tail = coordinates.len() * n;
         let left = DVector::from_column_slice(&factors).dot(&products.rows(tail, factors.len()));
         let precision = self.density.noise_scale(x).powi(-2);
-        let given = GivenChoice::at(&self.density, x);
+        let given = GivenChoice::at(&self.density, x, choice);
         precision * (left - given.along(&own))
+    }
+
+    /// By how much an error of the prediction (mm) at a draw moves the mode of the constants, sds: it changes the posterior's gradient by
+    /// g = grad (log L(error) - log L), by central differences over a tenth of an sd, and the mode by one Newton step, Sigma g.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub fn shift_with(
+        &self,
+        (x, choice): (&[f64], &MixtureChoice),
+        error: &StepStack,
+        covariance: &DMatrix<f64>,
+    ) -> Result<DVector<f64>> {
+        const STEP: f64 = 0.1;
+        let products = self.products(error, choice.noise)?;
+        let sd = covariance.diagonal().map(f64::sqrt);
+        let at = |k: usize, by: f64| {
+            let mut moved = x.to_vec();
+            moved[k] += by * sd[k];
+            self.change_with(&moved, &products, choice)
+        };
+        let slope = |k: usize, sd: f64| (at(k, STEP) - at(k, -STEP)) / (2.0 * STEP * sd);
+        let gradient = DVector::from_fn(sd.len(), |k, _| slope(k, sd[k]));
+        Ok((covariance * gradient).component_div(&sd))
+    }
+
+    /// The amplitudes at a point under the first part.
+    fn given(&self, x: &[f64]) -> GivenChoice<'_> {
+        GivenChoice::at(&self.density, x, self.density.choice(0))
     }
 
     /// Square of what is left at a point with the amplitudes at their likeliest, by noise and priors, and of how many values it is. Of a
@@ -187,16 +215,13 @@ impl Posed {
         let rest = left.dot(&(gram * &left));
         let precision = self.density.noise_scale(x).powi(-2);
         let values = self.measured.averages.iter().map(DVector::len).sum();
-        (
-            precision * rest - GivenChoice::at(&self.density, x).explained(),
-            values,
-        )
+        (precision * rest - self.given(x).explained(), values)
     }
 
     /// Mean and covariance of the amplitudes of the columns that take part, prior sds from their means, at a point.
     pub fn amplitudes_at(&self, x: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
         let all: Vec<usize> = (0..self.kept.len()).collect();
-        let (mean, covariance) = GivenChoice::at(&self.density, x).moments(&all);
+        let (mean, covariance) = self.given(x).moments(&all);
         let largest = &self.density.space.largest;
         let scaled = DMatrix::from_fn(all.len(), all.len(), |i, j| {
             covariance[(i, j)] * largest[i] * largest[j]

@@ -151,31 +151,13 @@ fn correlation(draws: &Draws, a: &str, b: &str) -> Option<f64> {
     Some(sums[2] / (sums[0] * sums[1]).sqrt()).filter(|r| r.is_finite())
 }
 
-/// Effective share below which draws do not say how the full model moves them.
-const SAYS: f64 = 0.3;
-
 /// What the full model makes of an answer's draws.
 fn under_the_full_model(of: &Importance, answer: &str) -> String {
-    let [draws, share] = [
-        of.draws.to_string(),
-        format!("{:.0} %", 100.0 * of.effective),
-    ];
-    if of.effective < SAYS {
-        return format!(
-            " The full nonlinear model at {draws} draws{answer} differs by more than they can be weighted for ({share} effective): what it moves \
-             cannot be said."
-        );
-    }
-    let largest = of
-        .shift_sd
-        .iter()
-        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let Some((name, shift)) = largest else {
+    let Some((name, [shift, error])) = of.largest() else {
         return String::new();
     };
-    let error = of.shift_error_sd.get(name).copied().unwrap_or(f64::NAN);
-    let weighted = match of.reweighted {
-        true => ", for which the draws are reweighted",
+    let moved = match of.corrected {
+        true => ", and the draws with them",
         false => "",
     };
     let mesh = of.mesh_error.map_or_else(String::new, |error| {
@@ -184,18 +166,20 @@ fn under_the_full_model(of: &Importance, answer: &str) -> String {
         )
     });
     format!(
-        " The full nonlinear model at {draws} draws{answer} ({share} effective) moves the means by {shift:+.2} +- {error:.2} sd at most \
-         ({name}){weighted}.{mesh}"
+        " The full nonlinear model at {} draws{answer} moves the means by {shift:+.2} +- {error:.2} sd at most ({name}){moved}.{mesh}",
+        of.draws,
     )
 }
 
 impl QuotedReport {
-    /// A warning where the full model cannot be said to agree.
+    /// A warning where the full model has the constants elsewhere.
     pub fn doubt(&self) -> Option<String> {
-        let loose = |a: &QuotedAnswer| a.full_model.draws > 0 && a.full_model.effective < SAYS;
-        self.answers.iter().any(loose).then(|| {
-            "The full nonlinear model differs from the sampled posterior by more than draws can be weighted for. The intervals lack this difference."
-                .into()
+        let largest = self.answers.iter().filter_map(|a| a.full_model.far());
+        let farthest = largest.max_by(|a, b| a.1[0].abs().total_cmp(&b.1[0].abs()));
+        farthest.map(|(name, [shift, error])| {
+            format!(
+                "The full nonlinear model has {name} {shift:+.2} +- {error:.2} sd from where the sampled posterior has it. The intervals lack this difference."
+            )
         })
     }
 

@@ -155,7 +155,8 @@ impl Observed for IdentifiedField {
         let member = Member::new(&self.name, own, start);
         let (owners, places): (Vec<String>, Vec<usize>) = self.owned().into_iter().unzip();
         let density = density.clone();
-        let given = move |x: &[f64]| GivenChoice::at(&density, x).moments(&places);
+        let given =
+            move |x: &[f64]| GivenChoice::at(&density, x, density.choice(0)).moments(&places);
         member.owning(owners, Box::new(given))
     }
 

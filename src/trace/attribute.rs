@@ -21,7 +21,7 @@ use crate::field::Field;
 use crate::files::KeptStages;
 use crate::identify::{InverseProblem, blocks_of, forward};
 use crate::infer::{EffectUnderLaw, Model};
-use crate::linearise::candidates;
+use crate::linearise::{Candidate, candidates};
 use crate::linearise::{Forward, Insoluble, Measured, insoluble, without_insoluble};
 use crate::posterior::LinearisationPoint;
 use crate::progress::Progress;
@@ -222,13 +222,6 @@ impl Tracer<'_> {
 
     /// What was measured, linearised and weighed until the strongest effect repeats.
     fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
-        let Forward { model, step, .. } = *self.forward;
-        let prepared = &self.inverse.prepared;
-        let coarse = self.inverse.coarse.as_ref();
-        let coarse = coarse.map(|c| Forward {
-            step,
-            ..c.everywhere(model, prepared, self.measured)
-        });
         let InverseProblem {
             point,
             sensitivities,
@@ -236,9 +229,14 @@ impl Tracer<'_> {
             ..
         } = self.inverse;
         let is_same = self.is_whole && sought.len() == point.sought.len();
+        let is_sought = |c: &Candidate| {
+            let mut all = sought.iter();
+            all.any(|e| e.effect.name() == c.effect.name() && e.law == c.law)
+        };
+        let mut about = sensitivities.clone();
+        about.candidates.retain(is_sought);
         let search = PointSearch {
             forward: self.forward,
-            coarse: coarse.as_ref(),
             measured: self.measured,
             progress: self.progress,
             kept: self.kept,
@@ -247,10 +245,9 @@ impl Tracer<'_> {
                 declared: self.forward.declared(),
                 sought: sought.to_vec(),
             },
-            restarts: 0,
-            first: is_same.then_some((sensitivities, weighing)),
+            taken: None,
         };
-        let (evidence, point) = search.converged()?;
+        let (evidence, point) = search.converged(about, is_same.then(|| weighing.clone()))?;
         Ok(Traced { evidence, point })
     }
 }

@@ -148,7 +148,8 @@ pub fn choices(
     Ok(all)
 }
 
-/// Mean and sd of the constants by the likeliest subset and noise, effects beside it as small as is likeliest, border units.
+/// Mean and sd of the parameters of the base model by the likeliest subset and noise, effects beside it as small as is likeliest, prior sds from
+/// their means.
 ///
 /// # Errors
 /// Those of [`averaged`].
@@ -157,12 +158,24 @@ pub fn likeliest(
     sensitivities: &Sensitivities,
     subsets: &SubsetPosterior,
 ) -> Result<Vec<(f64, f64)>> {
-    let parts = choices(weighing, sensitivities, subsets, 1)?;
-    let parts = parts.into_iter().map(|chosen| chosen.part);
-    let best = parts.max_by(|a, b| a.log_weight.total_cmp(&b.log_weight));
-    Ok(best.map_or_else(Vec::new, |best| {
-        best.mean.into_iter().zip(best.sd).collect()
-    }))
+    let parts = choices(weighing, sensitivities, subsets, 1)?.into_iter();
+    let best = parts.max_by(|a, b| a.part.log_weight.total_cmp(&b.part.log_weight));
+    let Some(best) = best else {
+        return Ok(Vec::new());
+    };
+    let unseen = unseen(weighing, sensitivities, subsets)?;
+    let mut own = subsets.layout.columns(&best.own);
+    own.extend((0..unseen.len()).filter(|k| unseen[*k]));
+    let sizes = Sizes {
+        own: &own,
+        effects: best.size,
+        rival: 0.0,
+    };
+    let pair = &weighing.pairs[best.pair];
+    let (_, fit) = fit_of(weighing, sensitivities, pair, &sizes)?;
+    let (mean, covariance) = (fit.mean(), fit.covariance());
+    let each = 0..sensitivities.base.len();
+    Ok(each.map(|k| (mean[k], covariance[(k, k)].sqrt())).collect())
 }
 
 /// Which of the candidates' columns one field would not show at their prior sds: they act with those, whatever the common size of all

@@ -1,4 +1,4 @@
-//! Linearise and weigh with the strongest effect in the state, until it repeats.
+//! Linearise and weigh about the likeliest account, until it repeats.
 
 use std::sync::Arc;
 
@@ -8,215 +8,165 @@ use super::evidence::Evidence;
 use super::phases::shifts;
 use crate::effect::Kind;
 use crate::error::Result;
-use crate::experiment::series::SeriesState;
 use crate::files::{KeptStages, Stored};
 use crate::identify::{bytes_of, weighed};
 use crate::infer::EffectUnderLaw;
-use crate::linearise::shares;
 use crate::linearise::{
-    CONVERGED, CandidateColumns, Forward, Measured, STEPS, Sensitivities, constants_moved, divide,
+    CONVERGED, CandidateColumns, Forward, Measured, Sensitivities, divide, shares,
 };
-use crate::posterior::LinearisationPoint;
-use crate::posterior::Weighing;
+use crate::posterior::{LinearisationPoint, Weighing};
 use crate::progress::Progress;
 
-/// Passes of linearisation, each with the strongest effect at its estimate: linearising at several new effects at once oscillated on a
-/// large offset of the hole (prototype study).
-const PASSES: usize = 4;
+/// Linearisations, the identification's with them: each is about the account that the last one found likeliest, a step of Gauss and Newton.
+const PASSES: usize = 3;
 
-/// How often the constants are moved to where the noise has them, and by how many prior sds each time at most.
-const RESTARTS: usize = 3;
-const LONGEST: f64 = 2.5;
-
-/// Share of a constant's sd by which a straight line from the ridge estimate to its own may miss.
+/// Share of a constant's sd by which a straight line from the point to its estimate may miss.
 const MISSED: f64 = 0.5;
+
+/// Prior sds by which a constant is moved at once.
+const LONGEST: f64 = 2.5;
 
 /// The search for the point about which effects are weighed.
 pub struct PointSearch<'a> {
     pub forward: &'a Forward<'a>,
-    /// The test on a coarse mesh, from which columns of candidates are taken at first.
-    pub coarse: Option<&'a Forward<'a>>,
     pub measured: &'a Arc<Measured>,
     pub progress: &'a dyn Progress,
     pub kept: &'a KeptStages,
     pub point: LinearisationPoint,
-    /// How often the constants were moved to where the noise has them. From then on they are not those of the ridge.
-    pub restarts: usize,
-    /// What is known of the first pass: the identification's.
-    pub first: Option<(&'a Sensitivities, &'a Weighing)>,
+    /// The effect that was taken into the state.
+    pub taken: Option<EffectUnderLaw>,
 }
 
 impl PointSearch<'_> {
-    /// Linearise and weigh, with the strongest effect of the best subset in the state, until that effect and its amplitudes repeat. Where two
-    /// accounts follow each other in turn, each the other's cause, the evidence midway between them decides.
+    /// Weigh what was linearised about the point, and again about the account that is likeliest, with its strongest effect in the state, until
+    /// that moves no more. Several new effects at once oscillated on a large offset of the hole (prototype study).
     ///
     /// # Errors
     /// Those of finite-element solutions; too few blocks for the dictionary.
-    pub fn converged(mut self) -> Result<(Evidence, LinearisationPoint)> {
-        let mut leaders: Vec<EffectUnderLaw> = Vec::new();
-        let mut before: Option<(Evidence, SeriesState)> = None;
-        let mut pass = 0;
+    pub fn converged(
+        mut self,
+        about: Sensitivities,
+        mut known: Option<Weighing>,
+    ) -> Result<(Evidence, LinearisationPoint)> {
+        let mut sensitivities = about;
+        let mut pass = 1;
         loop {
-            pass += 1;
-            let evidence = before.as_ref().map(|(evidence, _)| evidence);
-            let first = self.first.take().filter(|_| pass == 1);
-            let sensitivities = match first {
-                Some((known, _)) => known.clone(),
-                None => self.linearised(pass, evidence, &leaders)?,
+            let weighing = match known.take() {
+                Some(weighing) => weighing,
+                None => self.weighed(pass, &sensitivities)?,
             };
-            if !sensitivities.is_finite()
-                && let Some((found, at)) = before
-            {
-                // what was taken in lies beyond where the picture's map has an inverse
-                self.point.state = at;
-                return Ok((found, self.point));
-            }
-            let found = match first {
-                Some((_, weighing)) => {
-                    Evidence::new(weighing.clone(), sensitivities, self.measured)?
-                }
-                None => self.weighed(pass, sensitivities)?,
-            };
-            let again = match self.is_moved(&found)? {
-                true => Some("again, from the constants that the measured noise asks for"),
-                false if self.is_shifted(&found)? => {
-                    Some("again, with the phase that the wave has in each step")
-                }
-                false => None,
-            };
-            if let Some(why) = again {
-                self.progress.say(why);
-                self.progress.end();
-                pass -= 1;
-                before = None;
-                continue;
-            }
+            let found = Evidence::new(weighing, sensitivities, self.measured)?;
             let strongest = groups(&found.subsets).first().map(|g| g.leader);
             let name = |k: usize| self.point.sought[k].effect.name();
             self.progress.say(strongest.map_or("no effect", name));
             self.progress.end();
-            let in_turn = pass > 1 && is_in_turn(&leaders);
-            let Some(k) = strongest.filter(|_| pass < PASSES && !in_turn) else {
-                return Ok((found, self.point));
-            };
-            let at = self.point.state.clone();
-            let moved = self.adopt(&found, k, leaders.last().copied());
-            leaders.push(self.point.sought[k]);
-            let freed = self.free(found.subsets.best());
-            if let Some((_, other)) = before.as_ref().filter(|_| is_in_turn(&leaders)) {
-                self.point.state = midway(other, &at);
-            } else if moved < CONVERGED && !freed {
-                return Ok((found, self.point));
+            let at = self.point.clone();
+            if pass == PASSES {
+                return Ok((found, at));
             }
-            before = Some((found, at));
+            let Some(moved) = self.follow(&found, strongest)? else {
+                return Ok((found, at));
+            };
+            pass += 1;
+            sensitivities = self.linearised(pass, &found, &moved)?;
+            if !sensitivities.is_finite() {
+                // what was taken in lies beyond where the picture's map has an inverse
+                return Ok((found, at));
+            }
         }
     }
 
-    /// Move the constants to where the noise that was found has them, where those of the ridge, which takes all noise for white, are too far
-    /// off to be linear up to there; whether they moved. Noise that is smooth over a third of the window and twice as large as the white
-    /// one sent E1 to 97 GPa for 154, and a line from there ends at 137 +- 3.
-    fn is_moved(&mut self, found: &Evidence) -> Result<bool> {
-        if self.restarts == RESTARTS {
-            return Ok(false);
-        }
-        let wanted = likeliest(&found.weighing, &found.sensitivities, &found.subsets)?;
-        let state = &mut self.point.state.shared;
-        // a modulus acts by its reciprocal
-        let misses =
-            |(at, (mean, sd)): (&f64, &(f64, f64))| (mean - at).powi(2) > MISSED * sd * at.abs();
-        if !state.constants.iter().zip(&wanted).any(misses) {
-            return Ok(false);
-        }
-        let columns = wanted.iter().zip(&found.sensitivities.base);
-        let wanted: Vec<f64> = columns.map(|((m, _), c)| (m - c.mean) / c.sd).collect();
-        constants_moved(state, &found.sensitivities, &wanted, LONGEST);
-        self.restarts += 1;
-        Ok(true)
-    }
-
-    /// Shift a wave of the state in each step, where that is called for and was not done; whether it is now.
-    fn is_shifted(&mut self, found: &Evidence) -> Result<bool> {
-        let state = &mut self.point.state;
-        if !state.shifts.is_empty() {
-            return Ok(false);
-        }
-        state.shifts = shifts(found, &self.forward.phases(state)?)?;
-        Ok(!state.shifts.is_empty())
-    }
-
-    /// Linearise about the ridge estimate. After the first pass constants, declared effects and what has moved are taken anew, nothing else.
-    fn linearised(
+    /// Move the point to the likeliest account, if that lies beyond what is linear about it; the effects whose amplitudes moved. The ridge takes
+    /// all noise for white: noise that is smooth over a third of the window and twice as large as the white one sent E1 to 97 GPa for 154,
+    /// and a line from there ends at 137 +- 3.
+    fn follow(
         &mut self,
+        found: &Evidence,
+        strongest: Option<usize>,
+    ) -> Result<Option<Vec<&'static str>>> {
+        let solution = likeliest(&found.weighing, &found.sensitivities, &found.subsets)?;
+        let columns = found.sensitivities.base[..found.sensitivities.constants].iter();
+        // a modulus acts by its reciprocal
+        let misses = columns.zip(&solution).any(|(c, (mean, sd))| {
+            (c.mean + c.sd * mean - c.at).powi(2) > MISSED * c.sd * sd * c.at.abs()
+        });
+        let before = self.point.state.clone();
+        let mut acting = Vec::new();
+        let mut moved = 0.0;
+        // another law of what was taken in leaves nearly the same field: midway between two a rotation was refitted to half of it
+        let is_law = |old: &EffectUnderLaw, new: &EffectUnderLaw| {
+            !old.is(new) && old.effect.name() == new.effect.name()
+        };
+        if let Some(k) = strongest {
+            let new = self.point.sought[k];
+            let old = self.taken;
+            if !old.is_some_and(|old| is_law(&old, &new)) {
+                moved = self.adopt(found, k, old);
+                self.taken = Some(new);
+                acting.extend(old.iter().chain([&new]).map(|e| e.effect.name()));
+            }
+        }
+        let mut again = misses || moved >= CONVERGED;
+        again |= self.free(found.subsets.best());
+        if before.shifts.is_empty() {
+            self.point.state.shifts = shifts(found, &self.forward.phases(&before)?)?;
+            again |= !self.point.state.shifts.is_empty();
+        }
+        if !again {
+            return Ok(None);
+        }
+        let solution: Vec<f64> = solution.into_iter().map(|(mean, _)| mean).collect();
+        let LinearisationPoint {
+            state, declared, ..
+        } = &mut self.point;
+        let of = (&found.sensitivities, &solution[..]);
+        self.forward.moved(state, declared, of, LONGEST);
+        Ok(Some(acting))
+    }
+
+    /// Linearise about the point anew: constants, declared effects and what has moved, nothing else.
+    fn linearised(
+        &self,
         pass: usize,
-        before: Option<&Evidence>,
-        leaders: &[EffectUnderLaw],
+        before: &Evidence,
+        moved: &[&'static str],
     ) -> Result<Sensitivities> {
-        let name = format!("sensitivities-{}", self.numbered(pass));
         let LinearisationPoint {
             state,
             declared,
             sought,
-        } = &mut self.point;
-        let last = leaders.iter().rev().take(2);
-        let moved: Vec<&'static str> = last.map(|l| l.effect.name()).collect();
-        let columns = match (before, self.coarse) {
-            (Some(evidence), _) => CandidateColumns::Kept {
-                of: &evidence.sensitivities,
-                moved: &moved,
-            },
-            // the steps of a series tell more of a column than one field does: there the discrepancy's probability went from 0.72 to 0.49
-            (None, Some(coarse)) if !self.forward.observing.of_each_step() => {
-                CandidateColumns::On(coarse)
-            }
-            (None, _) => CandidateColumns::Here,
+        } = &self.point;
+        let of = &before.sensitivities;
+        let known = of.candidates.len();
+        let own = sought.iter().enumerate();
+        let own = own.filter(|(k, e)| *k >= known || moved.contains(&e.effect.name()));
+        let anew: Vec<EffectUnderLaw> = own.map(|(_, e)| *e).collect();
+        let always = state.shared.constants.len() + self.forward.count(declared, state);
+        let most = always + self.forward.count(&anew, state);
+        let mut bytes = bytes_of(self.forward.model, self.measured);
+        (of.clone(), (state.clone(), declared.clone())).put(&mut bytes);
+        sought.clone().put(&mut bytes);
+        moved.iter().for_each(|name| bytes.extend(name.bytes()));
+        let linearised = || {
+            let what = format!(
+                "tracing, pass {pass}: sensitivities to {} effects",
+                anew.len()
+            );
+            self.progress.begin(&what, Some(most as u64));
+            let columns = CandidateColumns::Kept { of, moved };
+            let forward = self.forward;
+            let found = forward.sensitivities_with(state, declared, sought, columns);
+            self.progress.end();
+            found
         };
-        let anew: Vec<EffectUnderLaw> = match before {
-            Some(evidence) => {
-                let known = evidence.sensitivities.candidates.len();
-                let own = sought.iter().enumerate();
-                let own = own.filter(|(k, e)| *k >= known || moved.contains(&e.effect.name()));
-                own.map(|(_, e)| *e).collect()
-            }
-            None => sought.clone(),
-        };
-        let mut of = bytes_of(self.forward.model, self.measured);
-        let sensitivities = before.map(|evidence| evidence.sensitivities.clone());
-        (sensitivities, (state.clone(), declared.clone())).put(&mut of);
-        (sought.clone(), (self.coarse.is_some(), self.restarts)).put(&mut of);
-        moved.iter().for_each(|name| of.extend(name.bytes()));
-        let (forward, measured, progress) = (self.forward, self.measured, self.progress);
-        let restarts = self.restarts;
-        let always = state.shared.constants.len() + forward.count(declared, state);
-        let most = (1 + STEPS) * always + forward.count(&anew, state);
-        let count = anew.len();
-        let what = format!("tracing, pass {pass}: sensitivities to {count} effects");
-        let at_ridge = || {
-            progress.begin(&what, Some(most as u64));
-            let mut at = state.clone();
-            let found = match restarts {
-                0 => forward.at_ridge(measured, &mut at, declared, sought, columns),
-                _ => forward.sensitivities_with(&at, declared, sought, columns),
-            };
-            progress.end();
-            Ok((at, found?))
-        };
-        let (at, found) = self.kept.stage(&name, &of, at_ridge, progress)?;
-        *state = at;
-        Ok(found)
+        let name = format!("sensitivities-traced-{pass}");
+        self.kept.stage(&name, &bytes, linearised, self.progress)
     }
 
-    /// The number of a pass, how often the constants had been moved, and in how many steps a wave is shifted.
-    fn numbered(&self, pass: usize) -> String {
-        let shifted = self.point.state.shifts.len();
-        format!("{pass}-{}-{shifted}", self.restarts)
-    }
-
-    fn weighed(&self, pass: usize, sensitivities: Sensitivities) -> Result<Evidence> {
+    fn weighed(&self, pass: usize, sensitivities: &Sensitivities) -> Result<Weighing> {
         let test = (self.forward, &**self.measured);
-        let number = self.numbered(pass);
-        let of = (&sensitivities, &*number);
-        let weighing = weighed(test, of, (self.kept, self.progress))?;
-        Evidence::new(weighing, sensitivities, self.measured)
+        let of = (sensitivities, &*format!("traced-{pass}"));
+        weighed(test, of, (self.kept, self.progress))
     }
 
     /// Offer an amplitude of its own in every step for the motions of a subset; whether any was not offered before.
@@ -269,34 +219,4 @@ impl PointSearch<'_> {
         }
         moved
     }
-}
-
-/// Whether the strongest effect of the last pass is that of the pass before the one before, and another came between.
-pub fn is_in_turn(leaders: &[EffectUnderLaw]) -> bool {
-    match leaders {
-        [.., first, other, last] => last.is(first) && !last.is(other),
-        _ => false,
-    }
-}
-
-/// The state midway between two, in constants and in amplitudes: as far from the one's account as from the other's.
-pub fn midway(a: &SeriesState, b: &SeriesState) -> SeriesState {
-    let mean = |a: &[f64], b: &[f64]| -> Vec<f64> {
-        a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect()
-    };
-    let mut state = a.clone();
-    state.shared.constants = mean(&a.shared.constants, &b.shared.constants);
-    for acting in a.shared.acting().iter().chain(b.shared.acting()) {
-        let own = [a, b].map(|s| s.shared.amplitude(acting.effect));
-        state.shared.set(acting.effect, mean(&own[0], &own[1]));
-    }
-    for moving in b.moving.iter().chain(&a.moving) {
-        let own = [a, b].map(|s| s.amplitude(moving.effect, &moving.weights));
-        let now = state.amplitude(moving.effect, &moving.weights);
-        let wanted = mean(&own[0], &own[1]);
-        for (k, (wanted, now)) in wanted.iter().zip(&now).enumerate() {
-            state = state.raised(moving.effect, k, wanted - now, &moving.weights);
-        }
-    }
-    state
 }

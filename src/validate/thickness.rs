@@ -63,7 +63,8 @@ struct InAmplitude {
 impl InAmplitude {
     /// At a point of a density, of the column at a place.
     fn at(posed: &Posed, x: &[f64], place: usize) -> Self {
-        let (mean, covariance) = GivenChoice::at(&posed.density, x).moments(&[place]);
+        let (mean, covariance) =
+            GivenChoice::at(&posed.density, x, posed.density.choice(0)).moments(&[place]);
         let variance = covariance[(0, 0)];
         Self {
             slope: mean[0] / variance,

@@ -1,8 +1,9 @@
 //! The density against the finite elements: surfaces of laminates on and off their axes, the posterior's shift, and the same bits in any company.
 
+use nalgebra::DMatrix;
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
-use plychain::identify::{InverseProblem, forward, inverse_problem, prepare};
+use plychain::identify::{InverseProblem, forward, inverse_problem, prepare, start};
 use plychain::infer::{Model, simulated_field};
 use plychain::linearise::StepStack;
 use plychain::progress::Silent;
@@ -45,7 +46,7 @@ fn deltas(model: &Model, of: &InverseProblem, sds: f64) -> Vec<f64> {
     let forward = forward(model, &of.prepared, &of.measured, &|| ());
     let surface = &of.posed.expanded.surface;
     let origin = forward.shown(&of.about.state).unwrap();
-    let mode = plychain::identify::start(&of.posed.density).unwrap();
+    let mode = start(&of.posed.density).unwrap();
     let dim = mode.mode.len();
     let sd = |k: usize| mode.covariance[k * dim + k].sqrt();
     let constants = &of.about.state.shared.constants;
@@ -119,5 +120,39 @@ fn the_same_bits_in_any_company() {
         }
         let together: Vec<u64> = out.iter().map(|v| v.to_bits()).collect();
         assert_eq!(alone, together, "in batches of {size}");
+    }
+}
+
+/// A prediction that errs as a constant's own change would moves the mode back by that change, as far as the data and not the prior hold it:
+/// by -(I - S P) h, with the posterior's covariance S and the priors' precisions P.
+#[test]
+fn an_error_along_a_constant_moves_the_mode_back_by_it() {
+    const STEP_SDS: f64 = 0.05;
+    let of = inverse();
+    let (posed, density) = (&of.posed, &of.posed.density);
+    let found = start(density).unwrap();
+    let (d, dim) = (density.constants(), found.mode.len());
+    let covariance = DMatrix::from_fn(d, d, |i, j| found.covariance[i * dim + j]);
+    let sd = covariance.diagonal().map(f64::sqrt);
+    let surface = &posed.expanded.surface;
+    let change = |x: &[f64]| surface.change(&surface.ratios.of(&x[..d]));
+    for k in 0..d {
+        let mut raised = found.mode.clone();
+        raised[k] += STEP_SDS * sd[k];
+        let by = change(&raised) - change(&found.mode);
+        let error = [0, 1].map(|c| &surface.modes[c] * &by);
+        let at = (&found.mode[..], density.choice(0));
+        let shift = posed.shift_with(at, &error, &covariance).unwrap();
+        for i in 0..d {
+            let own = if i == k { STEP_SDS * sd[k] } else { 0.0 };
+            let held = covariance[(i, k)] / density.marginals()[k].sd.powi(2);
+            let expected = -(own - held * STEP_SDS * sd[k]) / sd[i];
+            println!("{k} {i}: {:.4} {expected:.4}", shift[i]);
+            assert!(
+                (shift[i] - expected).abs() < 0.04 * STEP_SDS,
+                "{k} {i}: {} {expected}",
+                shift[i]
+            );
+        }
     }
 }

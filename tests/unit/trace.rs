@@ -1,10 +1,8 @@
 mod averaged;
 mod complete;
 mod conclusion;
-mod converged;
 mod evidence;
 mod facts;
 mod holdout;
-mod importance;
 mod parts;
 mod wedge;

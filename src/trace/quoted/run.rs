@@ -20,7 +20,7 @@ use crate::parameter::Parameter;
 use crate::posterior::{
     About, CoarseForwards, Full, FullModels, Importance, LinearisationPoint, TestExpansion,
 };
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
     adapted,
@@ -175,39 +175,18 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let fine = forward(model, prepared, measured, &|| ());
     let coarse = round.identification.inverse.coarse.as_ref();
     let coarse = coarse.map(|c| on_coarse(c, round));
-    let expanded = expanded(round, (&fine, coarse.as_ref()), false)?;
+    let meshes = RoundMeshes {
+        round,
+        fine: &fine,
+        coarse: coarse.as_ref(),
+        is_wider: false,
+        progress: &Silent,
+    };
+    let expanded = meshes.expanded()?;
     let sampled = PosedAnswer::new(model, &round.traced, Arc::new(expanded), Supposing::Small)?;
     let (centre, sd) = sampled.start(averaged);
     act(&sampled.posed.density, &centre, &sd);
     Ok(())
-}
-
-/// A round's test about its point.
-fn expanded(
-    round: &Round,
-    (fine, coarse): (&Forward<'_>, Option<&CoarseForwards<'_>>),
-    is_wider: bool,
-) -> Result<TestExpansion> {
-    let Traced { evidence, point } = &round.traced;
-    let marginals = round.model.marginals().into_iter();
-    let names = round.model.constants().iter().zip(marginals);
-    // answers beside the account may be as wide as the prior
-    let sd = |(name, m): (&&str, Marginal)| match round.tracing.averaged.get(*name) {
-        Some(own) if !is_wider => own.sd,
-        _ => m.sd,
-    };
-    let sds: Vec<f64> = names.map(sd).collect();
-    let (steps, reach) = reaches(&round.model, &sds);
-    let at = About {
-        state: &point.state,
-        declared: &point.declared,
-        sought: &point.sought,
-        here: known(round),
-        steps,
-        reach,
-        norms: &|errors| evidence.norms(errors),
-    };
-    TestExpansion::new(&at, fine, coarse)
 }
 
 /// The linearisation of the identification, where tracing has not moved from it.
@@ -240,55 +219,78 @@ fn sampled(
     progress: &dyn Progress,
 ) -> Result<Vec<AnswerDraws>> {
     let traced = &round.traced;
-    let (model, averaged) = (&round.model, &round.tracing.averaged);
     let prepared = &round.identification.inverse.prepared;
-    let measured = &traced.evidence.measured;
-    let fine = forward(model, prepared, measured, &|| ());
+    let fine = forward(&round.model, prepared, &traced.evidence.measured, &|| ());
     let coarse = round.identification.inverse.coarse.as_ref();
     let coarse = coarse.map(|c| on_coarse(c, round));
-    let expand = || {
-        let what = "quoted posterior: sensitivities that follow the constants";
-        progress.begin(what, None);
-        let is_wider = which.iter().any(|s| *s != Supposing::Small);
-        let expanded = expanded(round, (&fine, coarse.as_ref()), is_wider);
-        progress.end();
-        expanded
-    };
-    let mut of = traced.bytes(model);
-    averaged.put(&mut of);
+    let mut of = traced.bytes(&round.model);
+    round.tracing.averaged.put(&mut of);
     let Some(kept) = which.first().map(|first| options(*first).stages()) else {
         return Ok(Vec::new());
     };
-    let expanded = Arc::new(kept.stage("slopes", &of, expand, progress)?);
-    let full = |forward, here| Full {
-        forward,
-        point: &traced.point,
-        here,
-    };
-    let at_few_points = coarse.as_ref().map(|c| &c.at_few_points);
-    let rough = at_few_points.map(|forward| full(forward, &expanded.about));
-    let test = AnsweredTest {
+    let meshes = RoundMeshes {
         round,
-        expanded: &expanded,
-        models: FullModels {
-            fine: &full(&fine, &expanded.here),
-            coarse: rough.as_ref(),
-        },
+        fine: &fine,
+        coarse: coarse.as_ref(),
+        // answers beside the account may be as wide as the prior
+        is_wider: which.iter().any(|s| *s != Supposing::Small),
+        progress,
+    };
+    let expand = || meshes.expanded();
+    let test = AnsweredTest {
+        meshes: &meshes,
+        expanded: Arc::new(kept.stage("slopes", &of, expand, progress)?),
     };
     let mut answers = Vec::new();
     for &supposing in which {
-        let options = options(supposing);
-        answers.push(test.answer(supposing, &options, &of, progress)?);
+        answers.push(test.answer(supposing, &options(supposing), &of)?);
     }
     prepared.problem.experiment.rest();
     Ok(answers)
 }
 
-/// A round's test with its expansion, of which answers are sampled.
-struct AnsweredTest<'a> {
+/// A round's test on its meshes.
+struct RoundMeshes<'a> {
     round: &'a Round,
-    expanded: &'a Arc<TestExpansion>,
-    models: FullModels<'a>,
+    fine: &'a Forward<'a>,
+    coarse: Option<&'a CoarseForwards<'a>>,
+    is_wider: bool,
+    progress: &'a dyn Progress,
+}
+
+impl RoundMeshes<'_> {
+    /// The test about the point of the round.
+    fn expanded(&self) -> Result<TestExpansion> {
+        let what = "quoted posterior: sensitivities that follow the constants";
+        self.progress.begin(what, None);
+        let Traced { evidence, point } = &self.round.traced;
+        let model = &self.round.model;
+        let names = model.constants().iter().zip(model.marginals());
+        let sd = |(name, m): (&&str, Marginal)| match self.round.tracing.averaged.get(*name) {
+            Some(own) if !self.is_wider => own.sd,
+            _ => m.sd,
+        };
+        let sds: Vec<f64> = names.map(sd).collect();
+        let (steps, reach) = reaches(model, &sds);
+        let at = About {
+            state: &point.state,
+            declared: &point.declared,
+            sought: &point.sought,
+            here: known(self.round),
+            steps,
+            reach,
+            norms: &|errors| evidence.norms(errors),
+        };
+        let expanded = TestExpansion::new(&at, self.fine, self.coarse);
+        self.progress.end();
+        expanded
+    }
+}
+
+/// A round's test with its expansion about a point, of which answers are sampled.
+struct AnsweredTest<'a> {
+    meshes: &'a RoundMeshes<'a>,
+    expanded: Arc<TestExpansion>,
 }
 
 impl AnsweredTest<'_> {
@@ -298,20 +300,19 @@ impl AnsweredTest<'_> {
         supposing: Supposing,
         options: &Options<'_>,
         of: &[u8],
-        progress: &dyn Progress,
     ) -> Result<AnswerDraws> {
         let mut own = of.to_vec();
         let Schedule {
             max_draws, thin, ..
         } = options.schedule;
         own.extend(format!("{:?} {max_draws} {thin:?}", options.rule).bytes());
-        let make = || self.sampled(supposing, options, progress);
+        let make = || self.sampled(supposing, options);
         // what a deadline cuts off is no finished stage
         let kept = match options.deadline {
             Some(_) => KeptStages::default(),
             None => options.stages(),
         };
-        let found = kept.stage("answer", &own, make, progress)?;
+        let found = kept.stage("answer", &own, make, self.meshes.progress)?;
         let ((draws, verdict), (proposals, importance)) = found;
         Ok(AnswerDraws {
             name: supposing.key(),
@@ -322,31 +323,43 @@ impl AnsweredTest<'_> {
         })
     }
 
-    fn sampled(
-        &self,
-        supposing: Supposing,
-        options: &Options<'_>,
-        progress: &dyn Progress,
-    ) -> Result<SampledAnswer> {
-        let (model, traced) = (&self.round.model, &self.round.traced);
-        let averaged = &self.round.tracing.averaged;
-        let what = format!("quoted posterior: {}", supposing.words());
-        progress.begin(&what, None);
-        let sampled = PosedAnswer::new(model, traced, Arc::clone(self.expanded), supposing)?;
+    fn sampled(&self, supposing: Supposing, options: &Options<'_>) -> Result<SampledAnswer> {
+        let RoundMeshes {
+            round,
+            fine,
+            coarse,
+            progress,
+            ..
+        } = *self.meshes;
+        progress.begin(&format!("quoted posterior: {}", supposing.words()), None);
+        let expanded = Arc::clone(&self.expanded);
+        let sampled = PosedAnswer::new(&round.model, &round.traced, expanded, supposing)?;
         progress.say(&sampled.posed.density.size_in_words());
-        let (draws, proposals) = draw(&sampled, averaged, options, progress)?;
+        let (draws, proposals) = draw(&sampled, &round.tracing.averaged, options, progress)?;
         let mut verdict = diagnose(&draws, &rule(&options.rule));
         progress.end();
         progress.begin(
             "quoted posterior: amplitudes, and the full model at some draws",
             None,
         );
+        let full = |forward, here| Full {
+            forward,
+            point: &round.traced.point,
+            here,
+        };
+        let rough = coarse.map(|c| full(&c.at_few_points, &self.expanded.about));
+        let models = FullModels {
+            fine: &full(fine, &self.expanded.here),
+            coarse: rough.as_ref(),
+        };
         let Completed { draws, importance } =
-            sampled.completed(&draws, self.models, options.schedule.seed)?;
-        if importance.reweighted {
+            sampled.completed(&draws, models, options.schedule.seed)?;
+        if let Some((name, [shift, error])) = importance.largest() {
+            progress.say(&format!("{name} {shift:+.2} +- {error:.2} sd"));
+        }
+        if importance.corrected {
             // convergence is that of what was drawn, moments are those of what is quoted
-            let constants = self.expanded.here.constants;
-            let constants = draws.only(&draws.names()[..constants])?;
+            let constants = draws.only(&draws.names()[..self.expanded.here.constants])?;
             verdict.rows = diagnose(&constants, &rule(&options.rule)).rows;
         }
         progress.end();

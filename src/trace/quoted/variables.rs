@@ -55,7 +55,7 @@ impl PosedAnswer<'_> {
     }
 
     /// The draws of the answer's density with all that was integrated out of it drawn, in border units, and how they fare under the `full`
-    /// model, by which they are weighed where that matters.
+    /// model, by which they are moved where that is more than its error.
     ///
     /// # Errors
     /// Of the program, for draws of another density.
@@ -80,19 +80,20 @@ impl PosedAnswer<'_> {
         };
         let stream = |k: usize| Stream::at(key, k as u64, 0);
         let found = complete(&self.posed.density, &points, &inclusion, &stream);
-        let (importance, order) = PosedDraws {
+        let (importance, by) = PosedDraws {
             posed: &self.posed,
             points: &points,
             drawn: &found,
         }
-        .importance(full, seed)?;
-        let order = order.unwrap_or_else(|| (0..points.len()).collect());
-        let (mut values, mut lp) = (Vec::new(), Vec::new());
-        for k in order {
-            self.write(&points[k], &found[k], &mut values);
-            lp.push(draws.lp()[k]);
+        .importance(full)?;
+        let mut values = Vec::new();
+        for (x, drawn) in points.iter().zip(&found) {
+            let by = by.iter().chain(std::iter::repeat(&0.0));
+            let moved: Vec<f64> = x.iter().zip(by).map(|(x, by)| x + by).collect();
+            self.write(&moved, drawn, &mut values);
         }
-        let mut completed = Draws::new(self.names(), draws.ensemble().to_vec(), values, lp)?;
+        let (ensemble, lp) = (draws.ensemble().to_vec(), draws.lp().to_vec());
+        let mut completed = Draws::new(self.names(), ensemble, values, lp)?;
         completed.info = draws.info.clone();
         Ok(Completed {
             draws: completed,
@@ -104,12 +105,12 @@ impl PosedAnswer<'_> {
     fn write(&self, x: &[f64], drawn: &CompletedDraw, values: &mut Vec<f64>) {
         let here = &self.posed.expanded.here;
         let n = here.constants;
-        let pair = &self.posed.pairs[drawn.noise];
+        let pair = &self.posed.pairs[drawn.choice.noise];
         let [first, second] = self.traced.evidence.weighing.noise.lengths_mm(pair);
         values.extend(&x[..n]);
         let size = match self.supposing {
             Supposing::None => 0.0,
-            _ => drawn.size,
+            _ => drawn.choice.size,
         };
         values.extend([size, f64::from(pair.discrepancy), first, second]);
         let amplitudes = linear(here)
@@ -117,7 +118,7 @@ impl PosedAnswer<'_> {
             .zip(self.posed.amplitudes(&drawn.amplitudes));
         values.extend(amplitudes.map(|(c, a)| c.mean + c.sd * a));
         let acts = |k: usize| match self.supposing {
-            Supposing::Small => drawn.own.contains(&k),
+            Supposing::Small => drawn.choice.own.contains(&k),
             Supposing::All => true,
             Supposing::None => false,
         };
