@@ -31,7 +31,7 @@ use crate::trace::{self, LoopStage, Suspect};
 pub struct LoopArguments {
     #[command(flatten)]
     pub(super) running: Running,
-    /// Maximum number of effects to add, 0 to 20
+    /// Maximum number of attempts to add an effect, 0 to 20
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
     rounds: u8,
     /// Write the draws as tables too: chain.csv beside each chain.zarr

@@ -17,7 +17,7 @@ use crate::study::Study;
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
 #[command(after_help = "Two models are served, in the UM-Bridge protocol:
-  posterior    the log posterior of the constants, effects and noise (-1.8e308 outside its support)
+  posterior    the log posterior of the constants and the noise (-1.8e308 outside its support)
   forward      the displacements in mm at the measured points, by finite elements: u1 of all points, then u2 of all
 The order of the inputs is printed at the start. End it with Ctrl-C.
 

@@ -107,7 +107,15 @@ pub(super) fn inverse_problem_kept(
             Ok((point, sensitivities, [&left_out[..], &left].concat()))
         },
     )?;
-    let weighing = weighed((&fine, &measured), (&sensitivities, "1"), (kept, progress))?;
+    let weighing = weighed(
+        (&fine, &measured),
+        (
+            &sensitivities,
+            "1",
+            prepared.begun.as_ref().map(|b| &b.weighing),
+        ),
+        (kept, progress),
+    )?;
     let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
     let noise = noise_of_a_point(&prepared, &weighing, &chosen, progress)?;
     progress.end();
@@ -178,7 +186,8 @@ pub fn blocks_of(prepared: &Prepared, field: &Field) -> Arc<Measured> {
 fn begun(forward: &Forward<'_>, prepared: &Prepared) -> SeriesState {
     let model = forward.model;
     let anew = || forward.beginning(model.state(&|_| None));
-    prepared.begun.clone().unwrap_or_else(anew)
+    let begun = prepared.begun.as_ref().map(|b| b.state.clone());
+    begun.unwrap_or_else(anew)
 }
 
 /// How effects may act.

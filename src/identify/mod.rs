@@ -31,7 +31,7 @@ pub use identification::Identification;
 pub use inverse::{InverseProblem, blocks_of, inverse_problem, reaches, start};
 pub use misfit::MISFIT;
 pub use patterns::Patterns;
-pub use prepared::{Prepared, is_clear, prepare};
+pub use prepared::{Begun, Prepared, is_clear, prepare};
 pub use residual::Residual;
 pub use solve::{Options, Reporting, checked, identify, identify_from, redrawn};
 pub use structure::{RingRms, Structure, VariogramLag};

@@ -10,6 +10,7 @@ use crate::field::spec::OutlierRule;
 use crate::field::{Field, Series};
 use crate::geometry::Geometry;
 use crate::infer::{Model, Observation, drawn_in, problem_of, problem_within};
+use crate::posterior::Weighing;
 use crate::progress::Progress;
 use crate::reduce::{Problem, ReducedModel, cache};
 
@@ -27,8 +28,17 @@ pub struct Prepared {
     pub cached: bool,
     /// The measurement on the plate.
     pub observation: Observation,
-    /// Where an earlier round left the test; the search for where to linearise it begins there.
-    pub begun: Option<SeriesState>,
+    /// Where an earlier round left the test.
+    pub begun: Option<Begun>,
+}
+
+/// Where a round begins that another one came before.
+#[derive(Clone)]
+pub struct Begun {
+    /// The search for where to linearise the test begins there.
+    pub state: SeriesState,
+    /// What that round knew of the noise.
+    pub weighing: Weighing,
 }
 
 impl Prepared {

@@ -12,6 +12,7 @@ use super::identification::Identification;
 use super::inverse::{InverseProblem, inverse_problem_kept, start};
 use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
+use super::prepared::Begun;
 use super::prepared::{Prepared, is_clear, prepare};
 use super::residual::Residual;
 use super::structure::Structure;
@@ -20,7 +21,6 @@ use super::warnings::{NO_MODE, first_fit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Blame, Error, Result};
-use crate::experiment::series::SeriesState;
 use crate::files::{KeptStages, Stored};
 use crate::infer::Model;
 use crate::linearise::Column;
@@ -99,7 +99,7 @@ pub fn identify(
 /// Those of [`identify`].
 pub fn identify_from(
     model: &Model,
-    begun: Option<SeriesState>,
+    begun: Option<Begun>,
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {

@@ -51,7 +51,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     let error = of.surrogate.max_sd();
     if error > TOLERANCE {
         said.push(format!(
-            "The density's own error moves a constant by {:.1} % of its posterior sd, more than {} %. Raise degree, modes and snapshots, or leave them to \"auto\".",
+            "The density's own error moves a constant by {:.1} % of its posterior sd, more than {} %. The intervals that a loop quotes are corrected for it.",
             100.0 * error,
             100.0 * TOLERANCE
         ));

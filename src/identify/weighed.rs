@@ -6,17 +6,18 @@ use crate::error::Result;
 use crate::files::{KeptStages, Stored};
 use crate::infer::Model;
 use crate::linearise::{Forward, Measured, Sensitivities};
-use crate::noise::series::{found_noise, settings_under};
+use crate::noise::series::{FrameNoise, Frames, found_noise, settings_under};
 use crate::posterior::{ComponentNoise, Weighing, with_data};
 use crate::progress::Progress;
 
-/// The choices of the noise for sensitivities that have a number among the stages of a run.
+/// The choices of the noise for sensitivities that have a number among the stages of a run. What frame contrasts knew about another point
+/// `before` holds here too: no model reaches them.
 ///
 /// # Errors
 /// Too few blocks for the dictionary; a folder that cannot be written.
 pub fn weighed(
     (forward, measured): (&Forward<'_>, &Measured),
-    (sensitivities, number): (&Sensitivities, &str),
+    (sensitivities, number, before): (&Sensitivities, &str, Option<&Weighing>),
     (kept, progress): (&KeptStages, &dyn Progress),
 ) -> Result<Weighing> {
     let steps = Weighing::steps(measured);
@@ -35,15 +36,31 @@ pub fn weighed(
     };
     let [first, second] = [0, 1].map(|c| with_data(measured, sensitivities, c));
     let columns = [&first, &second];
-    // the search is nearly all of it, and its numbers are few
-    let search = || {
-        begin();
-        found_noise(&frames, columns, &step)
+    let noise = match before.and_then(|b| known(b, &frames)) {
+        Some(known) => {
+            begin();
+            known
+        }
+        None => {
+            // the search is nearly all of it, and its numbers are few
+            let search = || {
+                begin();
+                found_noise(&frames, columns, &step)
+            };
+            let name = format!("noise-{number}");
+            kept.stage(&name, &of, search, progress)?.over(&frames)?
+        }
     };
-    let name = format!("noise-{number}");
-    let found = kept.stage(&name, &of, search, progress)?;
-    let settings = settings_under(&frames, columns, &found, &step)?;
+    let settings = settings_under(&frames, columns, noise, &step)?;
     Ok(Weighing::by(Arc::new(settings), sensitivities))
+}
+
+/// The noise of the same frames that was found by contrasts.
+fn known(before: &Weighing, frames: &Frames<'_>) -> Option<FrameNoise> {
+    let noise = &before.noise.by_frames()?.noise;
+    let blocks = noise.spatial[0].covariance.variances().len();
+    let is_same = noise.scales.len() == frames.len() && blocks == frames.blocks.len();
+    (noise.by_contrasts && is_same).then(|| noise.clone())
 }
 
 /// The bytes of a model and of what was measured of it.

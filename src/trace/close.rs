@@ -21,12 +21,12 @@ use super::refused::Refused;
 use super::round::Round;
 use super::traced::Traced;
 use super::tracing::{Accepted, Tracing};
-use super::vetoes::contradiction;
+use super::vetoes::refuted;
 use crate::effect::Kind;
 use crate::error::{Blame, Error, Result};
 use crate::experiment::series::{Law, SeriesState};
 use crate::files::Keyed;
-use crate::identify::{Identification, InverseProblem, Options, identify_from};
+use crate::identify::{Begun, Identification, InverseProblem, Options, identify_from};
 use crate::infer::{EffectUnderLaw, Model};
 use crate::progress::Progress;
 
@@ -139,7 +139,7 @@ pub fn finished<'a>(
 /// Run rounds until nothing more is accepted, at most `most` refits, none begun after the deadline, and conclude. A later round that the
 /// deadline cuts off before there is anything to say of it does not count.
 ///
-/// An added effect whose refit contradicts its tracing, does not lower the misfit or cannot be fitted at all is taken out again, and left
+/// An added effect that does not lower the misfit, is not told from nothing or cannot be fitted at all is taken out again, and left
 /// undecided: an effect is added at most once, and taken out at most once. `most` bounds all attempts, not only those that stay.
 ///
 /// # Errors
@@ -191,7 +191,7 @@ enum Turn {
 /// A model to be identified: what is declared, with the effects that were added, and where the round before left the test.
 struct NextModel {
     model: Model,
-    begun: Option<SeriesState>,
+    begun: Option<Begun>,
 }
 
 impl Course {
@@ -205,10 +205,10 @@ impl Course {
     }
 
     /// The round whose effect does not hold once all others are in the model, and why.
-    fn contradicted(&self) -> Option<(usize, String)> {
+    fn refuted(&self) -> Option<(usize, String)> {
         let (last, before) = self.rounds.split_last()?;
         let mut called = before.iter().enumerate();
-        called.find_map(|(k, round)| Some((k, contradiction(round, last)?)))
+        called.find_map(|(k, round)| Some((k, refuted(round, last)?)))
     }
 }
 
@@ -242,7 +242,7 @@ impl Loop<'_, '_> {
             return Ok(Turn::Ended(course));
         }
         match course.next(self.most) {
-            Turn::Ended(mut course) => match course.contradicted() {
+            Turn::Ended(mut course) => match course.refuted() {
                 Some((at, why)) => {
                     course.rounds.truncate(at + 1);
                     self.retraced(course, why)
@@ -315,7 +315,10 @@ fn next_model(round: &Round) -> Option<NextModel> {
     let accepted = tracing.accepted.as_ref()?;
     Some(NextModel {
         model: extended(&round.model, accepted, &tracing.averaged),
-        begun: Some(begun(round, accepted)),
+        begun: Some(Begun {
+            state: begun(round, accepted),
+            weighing: round.traced.evidence.weighing.clone(),
+        }),
     })
 }
 

@@ -49,12 +49,14 @@ impl PointSearch<'_> {
         mut known: Option<Weighing>,
     ) -> Result<(Evidence, LinearisationPoint)> {
         let mut sensitivities = about;
+        let mut before: Option<Weighing> = None;
         let mut pass = 1;
         loop {
             let weighing = match known.take() {
                 Some(weighing) => weighing,
-                None => self.weighed(pass, &sensitivities)?,
+                None => self.weighed(pass, &sensitivities, before.as_ref())?,
             };
+            before = Some(weighing.clone());
             let found = Evidence::new(weighing, sensitivities, self.measured)?;
             let strongest = groups(&found.subsets).first().map(|g| g.leader);
             let name = |k: usize| self.point.sought[k].effect.name();
@@ -163,9 +165,14 @@ impl PointSearch<'_> {
         self.kept.stage(&name, &bytes, linearised, self.progress)
     }
 
-    fn weighed(&self, pass: usize, sensitivities: &Sensitivities) -> Result<Weighing> {
+    fn weighed(
+        &self,
+        pass: usize,
+        sensitivities: &Sensitivities,
+        before: Option<&Weighing>,
+    ) -> Result<Weighing> {
         let test = (self.forward, &**self.measured);
-        let of = (sensitivities, &*format!("traced-{pass}"));
+        let of = (sensitivities, &*format!("traced-{pass}"), before);
         weighed(test, of, (self.kept, self.progress))
     }
 

@@ -38,8 +38,10 @@ const BESIDE_ROTATION_SDS: f64 = 4.0;
 const BESIDE_ROTATION_LOG_BAYES_FACTOR: f64 = 10.0;
 
 /// An amplitude of more prior sds is never accepted, whatever the evidence: another effect is the likelier cause, or the model of
-/// this one does not hold. A hole size of 4.1 prior sds was accepted (measured on the program as built).
-pub const LARGEST_MULTIPLE: f64 = 4.0;
+/// this one does not hold. Beside a probable discrepancy fewer are enough: there a hole size of 4.1 prior sds was accepted (measured on the
+/// program as built), and a rotation of 5.0 is named where nothing else is left.
+pub const LARGEST_MULTIPLE: f64 = 6.0;
+const LARGEST_IN_DOUBT: f64 = 4.0;
 
 /// What the data say of every candidate.
 pub struct Evidence {
@@ -389,7 +391,13 @@ impl Evidence {
         if !group.predicts {
             return Some(format!("{leader} does not predict what was held out"));
         }
-        if found.multiple >= LARGEST_MULTIPLE {
+        let doubtful = self.subsets.discrepancy > DOUBT;
+        let most = if doubtful {
+            LARGEST_IN_DOUBT
+        } else {
+            LARGEST_MULTIPLE
+        };
+        if found.multiple >= most {
             let times = found.multiple;
             return Some(format!(
                 "{leader} would be {times:.1} times its plausible size (where it can be as large, say so under \"plausible\")"
@@ -412,7 +420,6 @@ impl Evidence {
         if !doubts.is_empty() {
             return Some("a prior that is wrong would explain the residual as well".into());
         }
-        let doubtful = self.subsets.discrepancy > DOUBT;
         (doubtful && group.log_bayes_factor <= DOUBT_LOG_BAYES_FACTOR)
             .then(|| "structure that no effect explains might be its cause".into())
     }

@@ -9,12 +9,8 @@ use crate::identify::{Identification, MISFIT};
 use crate::infer::Model;
 use crate::quantity::plus_minus;
 
-/// A refit and its tracing agree within so many combined sds, and a refit lies so many sds from zero.
-const AGREE_SDS: f64 = 4.0;
+/// What acts lies so many sds from zero.
 const ACTS_SDS: f64 = 2.0;
-
-/// By so many prior sds a traced amplitude may be off, because it is that beside the other effects of the best subset.
-const CONDITIONAL: f64 = 0.1;
 
 /// A step is predicted by all others within so many sds of its misfit (prototype study).
 const STEP_SDS: f64 = 4.5;
@@ -28,7 +24,7 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
         .flatten()
         .collect();
     for pair in rounds.windows(2) {
-        let refit = contradiction(&pair[0], last);
+        let refit = refuted(&pair[0], last);
         said.extend(refit);
         said.extend(held_out(&pair[0]));
     }
@@ -63,8 +59,8 @@ fn misfit(last: &Round) -> Option<String> {
         .then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
 }
 
-/// 2. The refit of what a round called for, in the last round, against the round without it and against its tracing.
-pub fn contradiction(before: &Round, last: &Round) -> Option<String> {
+/// 2. The refit of what a round called for, in the last round, against the round without it.
+pub fn refuted(before: &Round, last: &Round) -> Option<String> {
     let (model, refit) = (&last.model, &last.identification);
     let accepted = before.tracing.accepted.as_ref()?;
     let effect = accepted.effect;
@@ -79,27 +75,12 @@ pub fn contradiction(before: &Round, last: &Round) -> Option<String> {
     if refused.is_some() {
         return refused;
     }
-    let mut acts = false;
-    let traced = accepted.amplitude.iter();
-    for (k, (parameter, &(traced, traced_sd))) in effect.parameters().iter().zip(traced).enumerate()
-    {
-        let name = amplitude_name(effect, parameter);
-        let (mean, sd) = refit.moments(&name)?;
-        // where the specimen stands is nothing to hold a fit against
-        let prior_sd = model.prior_sd(effect, k)?;
-        let combined = sd.hypot(traced_sd).hypot(CONDITIONAL * prior_sd);
-        if (mean - traced).abs() > AGREE_SDS * combined {
-            return Some(format!(
-                "{name} is {} when fitted, and {} when traced",
-                plus_minus(mean, sd),
-                plus_minus(traced, traced_sd)
-            ));
-        }
-        acts |= mean.abs() > ACTS_SDS * sd;
-    }
     // of several amplitudes only a combination may be known
-    let alone = effect.parameters().len() == 1;
-    (alone && !acts).then(|| {
+    let [only] = effect.parameters() else {
+        return None;
+    };
+    let (mean, sd) = refit.moments(&amplitude_name(effect, only))?;
+    (mean.abs() <= ACTS_SDS * sd).then(|| {
         format!(
             "{} is not told from nothing once it is fitted",
             effect.name()

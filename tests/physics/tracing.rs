@@ -10,7 +10,7 @@ use plychain::effect::{Acting, Kind};
 use plychain::experiment::simulate::Truth;
 use plychain::field::Grid;
 use plychain::field::matrices::write_matrices;
-use plychain::identify::{inverse_problem, prepare, start};
+use plychain::identify::{Begun, inverse_problem, prepare, start};
 use plychain::infer::{Model, simulated_field};
 use plychain::progress::Silent;
 use plychain::report::json::Keyed;
@@ -136,7 +136,10 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
                 .retain(|e| e.kind() == Kind::Recorded || e.name() == "rigid_translation");
             prepared = prepare(&bare, &cache, &Silent).unwrap();
         }
-        prepared.begun = Some(traced.point.state);
+        prepared.begun = Some(Begun {
+            state: traced.point.state,
+            weighing: inverse.weighing.clone(),
+        });
     }
 }
 

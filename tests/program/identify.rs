@@ -172,10 +172,11 @@ fn declared_mechanical_effects_are_sampled_with_the_right_sign() {
             "{parameter} {amplitude}, truth {truth}"
         );
         for (name, truth) in CONSTANTS.iter().zip([140.0, 7.9, 0.33, 5.0]) {
-            let (mean, sd) = posterior(&round, name);
+            // without noise the codes differ by their discretisations
+            let (mean, _) = posterior(&round, name);
             assert!(
-                (mean - truth).abs() < 3.0 * sd,
-                "{effect}: {name} {mean} +- {sd}, truth {truth}"
+                (mean / truth - 1.0).abs() < 1e-3,
+                "{effect}: {name} {mean}, truth {truth}"
             );
         }
     }

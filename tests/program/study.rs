@@ -174,9 +174,15 @@ fn two_fields_share_what_has_one_owner() {
             "{shares:?}: {} {expected}",
             both[0]
         );
-        // of a ratio no gain is known
-        let ratio = both[2] / one[2];
-        assert!((ratio - 0.5_f64.sqrt()).abs() < 0.04, "{shares:?}: {ratio}");
+        // of a ratio no gain is known, and its prior counts once
+        let prior = model["material"]["parameters"]["nu12"]["prior"]["normal"]["sd"].as_f64();
+        let of_prior = prior.unwrap().powi(-2);
+        let expected = (2.0 * (one[2].powi(-2) - of_prior) + of_prior).powf(-0.5);
+        assert!(
+            (both[2] / expected - 1.0).abs() < 0.05,
+            "{shares:?}: {} {expected}",
+            both[2]
+        );
     }
 }
 

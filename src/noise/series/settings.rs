@@ -102,7 +102,7 @@ pub fn settings(
     step: &(dyn Fn() + Sync),
 ) -> Result<SeriesNoise> {
     let found = found_noise(frames, columns, step)?;
-    settings_under(frames, columns, &found, step)
+    settings_under(frames, columns, found.over(frames)?, step)
 }
 
 /// Weigh all settings under the noise that was found with the same `columns`; kept are those within 60 nats of the best of their class
@@ -113,10 +113,9 @@ pub fn settings(
 pub fn settings_under(
     frames: &Frames<'_>,
     columns: [&DMatrix<f64>; 2],
-    found: &FoundNoise,
+    noise: FrameNoise,
     step: &(dyn Fn() + Sync),
 ) -> Result<SeriesNoise> {
-    let noise = found.over(frames)?;
     let references = references(frames);
     let references = match noise.walks {
         true => vec![(0.0, 0.0)],
