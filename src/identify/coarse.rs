@@ -14,6 +14,7 @@ use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
 use crate::infer::{Model, coarse_experiment};
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
+use crate::posterior::CoarseForwards;
 
 /// A test that is solved on a coarse mesh.
 pub struct CoarseTest {
@@ -56,7 +57,20 @@ impl CoarseTest {
         }))
     }
 
-    /// The forward model of what was measured, at all points.
+    /// The forward models of what was measured.
+    pub fn forwards<'a>(
+        &'a self,
+        model: &'a Model,
+        prepared: &'a Prepared,
+        measured: &'a Measured,
+    ) -> CoarseForwards<'a> {
+        CoarseForwards {
+            everywhere: self.everywhere(model, prepared, measured),
+            at_few_points: self.at_few_points(model, prepared, measured),
+        }
+    }
+
+    /// That at all points.
     pub fn everywhere<'a>(
         &'a self,
         model: &'a Model,

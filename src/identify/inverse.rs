@@ -119,10 +119,9 @@ pub(super) fn inverse_problem_kept(
     let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
     let noise = noise_of_a_point(&prepared, &weighing, &chosen, progress)?;
     progress.end();
-    let few = coarse.as_ref().map(|c| CoarseForwards {
-        everywhere: c.everywhere(model, &prepared, &measured),
-        at_few_points: c.at_few_points(model, &prepared, &measured),
-    });
+    let few = coarse
+        .as_ref()
+        .map(|c| c.forwards(model, &prepared, &measured));
     let test = (&fine, few.as_ref(), &measured);
     let look = FirstLook {
         sensitivities: &sensitivities,

@@ -60,7 +60,7 @@ pub trait NoiseChoices: Send + Sync {
     /// Correlation length of the noise of each component, mm; 0 of white noise.
     fn lengths_mm(&self, pair: &NoisePair) -> [f64; 2];
 
-    /// Variance of every block average of each component, mm^2, correlated noise as [`alone`] has it.
+    /// Variance of every block average of each component, mm^2, correlated noise as if each block stood alone.
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2];
 
     /// Hyperparameters of each component of a sum of the steps with some weights; of one field as it is.

@@ -12,7 +12,7 @@ use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
 use crate::files::{KeptStages, Keyed, Stored, stored};
-use crate::identify::{CoarseTest, Options, forward, reaches};
+use crate::identify::{Options, forward, reaches};
 use crate::infer::Marginal;
 use crate::linearise::{Forward, Sensitivities};
 use crate::numeric::diagonal;
@@ -174,7 +174,8 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
     let measured = &round.traced.evidence.measured;
     let fine = forward(model, prepared, measured, &|| ());
     let coarse = round.identification.inverse.coarse.as_ref();
-    let coarse = coarse.map(|c| on_coarse(c, round));
+    let coarse =
+        coarse.map(|c| c.forwards(&round.model, prepared, &round.traced.evidence.measured));
     let meshes = RoundMeshes {
         round,
         fine: &fine,
@@ -201,16 +202,6 @@ fn known(round: &Round) -> Option<Sensitivities> {
     is_same.then(|| inverse.sensitivities.clone())
 }
 
-/// The forward models of a round's test on a coarse mesh.
-fn on_coarse<'a>(test: &'a CoarseTest, round: &'a Round) -> CoarseForwards<'a> {
-    let prepared = &round.identification.inverse.prepared;
-    let measured = &round.traced.evidence.measured;
-    CoarseForwards {
-        everywhere: test.everywhere(&round.model, prepared, measured),
-        at_few_points: test.at_few_points(&round.model, prepared, measured),
-    }
-}
-
 /// Some answers of a round.
 fn sampled(
     round: &Round,
@@ -222,7 +213,8 @@ fn sampled(
     let prepared = &round.identification.inverse.prepared;
     let fine = forward(&round.model, prepared, &traced.evidence.measured, &|| ());
     let coarse = round.identification.inverse.coarse.as_ref();
-    let coarse = coarse.map(|c| on_coarse(c, round));
+    let coarse =
+        coarse.map(|c| c.forwards(&round.model, prepared, &round.traced.evidence.measured));
     let mut of = traced.bytes(&round.model);
     round.tracing.averaged.put(&mut of);
     let Some(kept) = which.first().map(|first| options(*first).stages()) else {
