@@ -8,7 +8,7 @@ use super::coarse::CoarseTest;
 use super::forward::forward;
 use super::prepared::{Prepared, is_clear, nominal_point};
 use super::size::check_size;
-use super::weighed::{bytes_of, weighed};
+use super::weighed::{NumberedPoint, bytes_of, weighed};
 use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
@@ -107,15 +107,12 @@ pub(super) fn inverse_problem_kept(
             Ok((point, sensitivities, [&left_out[..], &left].concat()))
         },
     )?;
-    let weighing = weighed(
-        (&fine, &measured),
-        (
-            &sensitivities,
-            "1",
-            prepared.begun.as_ref().map(|b| &b.weighing),
-        ),
-        (kept, progress),
-    )?;
+    let numbered = NumberedPoint {
+        sensitivities: &sensitivities,
+        number: "1",
+        before: prepared.begun.as_ref().map(|b| &b.weighing),
+    };
+    let weighing = weighed((&fine, &measured), numbered, (kept, progress))?;
     let chosen = DeclaredNoise::of(&weighing, &sensitivities)?;
     let noise = noise_of_a_point(&prepared, &weighing, &chosen, progress)?;
     progress.end();

@@ -10,6 +10,15 @@ use crate::noise::series::{FrameNoise, Frames, found_noise, settings_under};
 use crate::posterior::{ComponentNoise, Weighing, with_data};
 use crate::progress::Progress;
 
+/// A point about which a test was linearised.
+pub struct NumberedPoint<'a> {
+    pub sensitivities: &'a Sensitivities,
+    /// Its number among the stages of a run.
+    pub number: &'a str,
+    /// What was weighed about another one.
+    pub before: Option<&'a Weighing>,
+}
+
 /// The choices of the noise for sensitivities that have a number among the stages of a run. What frame contrasts knew about another point
 /// `before` holds here too: no model reaches them.
 ///
@@ -17,9 +26,14 @@ use crate::progress::Progress;
 /// Too few blocks for the dictionary; a folder that cannot be written.
 pub fn weighed(
     (forward, measured): (&Forward<'_>, &Measured),
-    (sensitivities, number, before): (&Sensitivities, &str, Option<&Weighing>),
+    of: NumberedPoint<'_>,
     (kept, progress): (&KeptStages, &dyn Progress),
 ) -> Result<Weighing> {
+    let NumberedPoint {
+        sensitivities,
+        number,
+        before,
+    } = of;
     let steps = Weighing::steps(measured);
     let mut of = bytes_of(forward.model, measured);
     sensitivities.put(&mut of);

@@ -146,7 +146,7 @@ struct Powers<'a, S: Simd> {
 }
 
 /// Coordinates of the constants, and the factors of what the data leave there.
-type Place = (Vec<f64>, Vec<f64>);
+type PointFactors = (Vec<f64>, Vec<f64>);
 
 /// Places of some points: coordinates of the constants, 1 first, and factors of what the data leave; one row for each, a number a point.
 pub struct PlacesOf {
@@ -158,8 +158,8 @@ pub struct PlacesOf {
 
 impl PlacesOf {
     /// Of points one by one.
-    pub fn new(points: &[(Vec<f64>, Vec<f64>)], precision: Vec<f64>) -> Self {
-        let rows = |of: &dyn Fn(&Place) -> Vec<f64>| -> Vec<Vec<f64>> {
+    pub fn new(points: &[PointFactors], precision: Vec<f64>) -> Self {
+        let rows = |of: &dyn Fn(&PointFactors) -> Vec<f64>| -> Vec<Vec<f64>> {
             let all: Vec<Vec<f64>> = points.iter().map(of).collect();
             let count = all.first().map_or(0, Vec::len);
             let row = |k: usize| all.iter().map(|p| p[k]).collect();

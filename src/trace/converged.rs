@@ -9,7 +9,7 @@ use super::phases::shifts;
 use crate::effect::Kind;
 use crate::error::Result;
 use crate::files::{KeptStages, Stored};
-use crate::identify::{bytes_of, weighed};
+use crate::identify::{NumberedPoint, bytes_of, weighed};
 use crate::infer::EffectUnderLaw;
 use crate::linearise::{
     CONVERGED, CandidateColumns, Forward, Measured, Sensitivities, divide, shares,
@@ -172,7 +172,11 @@ impl PointSearch<'_> {
         before: Option<&Weighing>,
     ) -> Result<Weighing> {
         let test = (self.forward, &**self.measured);
-        let of = (sensitivities, &*format!("traced-{pass}"), before);
+        let of = NumberedPoint {
+            sensitivities,
+            number: &format!("traced-{pass}"),
+            before,
+        };
         weighed(test, of, (self.kept, self.progress))
     }
 
