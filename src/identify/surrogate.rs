@@ -59,6 +59,15 @@ impl SurrogateError {
         self.shift_sd.iter().fold(0.0, |a, (_, s)| a.max(*s))
     }
 
+    /// The constant that the error moves farthest, and by how many posterior sds; none that is worth a word. What it does at a single draw
+    /// averages out.
+    pub fn farthest(&self) -> Option<(&str, f64)> {
+        let all = self.shift_sd.iter().zip(&self.bias_sd);
+        let each = all.map(|((name, _), by)| (name.as_str(), *by));
+        let most = each.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        most.filter(|(_, by)| by.abs() > TOLERANCE)
+    }
+
     /// Effective number of draws with the finite elements' likelihood: (sum w)^2 / sum w^2 of the importance weights.
     pub fn effective_draws(&self) -> f64 {
         let weights = shares(&self.log_weights);

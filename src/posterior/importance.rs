@@ -47,7 +47,7 @@ stored!(Importance {
 
 /// Errors of a shift beyond which the draws are moved by it, and posterior sds beyond which one Newton step no longer says how far.
 const ERRORS: f64 = 2.0;
-const FAR: f64 = 0.3;
+pub const FAR: f64 = 0.3;
 
 impl Importance {
     /// The constant that moves farthest, with its shift and the error of that, posterior sds.

@@ -62,15 +62,7 @@ impl ReducedSpec {
     pub fn count(&self) -> usize {
         match &self.snapshots {
             SnapshotsSpec::Count(count) => *count,
-            SnapshotsSpec::Supplied(supplied) => supplied.predicted.max(PREDICTED),
-        }
-    }
-
-    /// Raise the number of predictions to `count`.
-    pub fn at_least(&mut self, count: usize) {
-        match &mut self.snapshots {
-            SnapshotsSpec::Count(own) => *own = count.max(*own),
-            SnapshotsSpec::Supplied(supplied) => supplied.predicted = count.max(supplied.predicted),
+            SnapshotsSpec::Supplied(_) => PREDICTED,
         }
     }
 

@@ -91,11 +91,6 @@ impl Variables {
         }
     }
 
-    /// The numerator of [`Variables::factor`] over the first parameter, at a thickness of `h` mm; none without a factor.
-    pub fn factor_numerator(&self, h: f64) -> Option<f64> {
-        (self.choice == Choice::Ratios).then(|| self.reference / h)
-    }
-
     /// Every variable before scaling: the index of a parameter (the thickness among them), and whether it is divided by
     /// the first parameter.
     pub fn terms(&self) -> Vec<(usize, bool)> {
@@ -137,12 +132,6 @@ impl Variables {
     /// Index of the thickness among the parameters, if it varies.
     pub fn thickness(&self) -> Option<usize> {
         self.thickness
-    }
-
-    /// Half-width of a variable over the design: the derivative of the parameter by its scaled variable where the
-    /// choice is plain.
-    pub fn half_width(&self, variable: usize) -> f64 {
-        self.scaling[variable][1]
     }
 
     fn thickness_of(&self, point: &[f64]) -> f64 {

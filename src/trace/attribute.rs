@@ -220,7 +220,7 @@ impl Tracer<'_> {
         .converged(begun, sought)
     }
 
-    /// What was measured, linearised and weighed until the strongest effect repeats.
+    /// What was measured, linearised and weighed about its likeliest account.
     fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
         let InverseProblem {
             point,

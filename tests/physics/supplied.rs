@@ -105,13 +105,27 @@ impl Bench {
 
     /// Of a test without undeclared effects: those that act on the material are no candidates over another program's fields, and would be noise.
     fn agrees(&self, sds: f64) {
+        for [a, b] in self.both() {
+            assert!((a[0] - b[0]).abs() < sds * a[1], "{a:?} {b:?}");
+            assert!((b[1] / a[1] - 1.0).abs() < 0.1, "{a:?} {b:?}");
+        }
+    }
+
+    /// The same, within a share of every constant.
+    fn agrees_within(&self, share: f64) {
+        for [a, b] in self.both() {
+            println!("{a:?} {b:?}");
+            assert!((a[0] / b[0] - 1.0).abs() < share, "{a:?} {b:?}");
+            assert!((b[1] / a[1] - 1.0).abs() < 0.1, "{a:?} {b:?}");
+        }
+    }
+
+    /// Mean and sd of each constant by the own elements and by the supplied fields.
+    fn both(&self) -> Vec<[[f64; 2]; 2]> {
         let simulate = "simulate own.json --grid 121 --noise-nm 10 --seed 5 --out plain";
         self.succeed(&simulate.split(' ').collect::<Vec<_>>());
         let (own, theirs) = (self.posterior("own.json"), self.posterior("model.json"));
-        for (a, b) in own.iter().zip(&theirs) {
-            assert!((a[0] - b[0]).abs() < sds * a[1], "{own:?} {theirs:?}");
-            assert!((b[1] / a[1] - 1.0).abs() < 0.1, "{own:?} {theirs:?}");
-        }
+        own.into_iter().zip(theirs).map(|(a, b)| [a, b]).collect()
     }
 }
 
@@ -397,7 +411,6 @@ fn mangled_fields_are_read_or_refused() {
             doe: "doe.csv".into(),
             fields: format!("*.{extension}").into(),
             origin_mm: None,
-            predicted: 0,
         };
         let read = || spec.read(&place, &["E_GPa", "nu"]);
         assert_eq!(read().unwrap().points, points);
@@ -451,6 +464,6 @@ fn calculix_gives_the_posterior_of_the_own_solver() {
         .output()
         .unwrap();
     assert!(solved.status.success(), "{solved:?}");
-    // the meshes differ by 0.3 % of E2, at 90 and at 130 snapshots
-    bench.agrees(0.3);
+    // two meshes, neither of them converged: of a modulus as much as a force of class 1 leaves
+    bench.agrees_within(0.005);
 }

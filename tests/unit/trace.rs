@@ -4,5 +4,6 @@ mod conclusion;
 mod evidence;
 mod facts;
 mod holdout;
+mod importance;
 mod parts;
 mod wedge;

@@ -30,9 +30,6 @@ pub struct SuppliedSpec {
     /// is not given. The fields' axes are parallel to the data's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin_mm: Option<[f64; 2]>,
-    /// Predictions that are asked of the surfaces through the rows where an effect widens the design.
-    #[serde(skip)]
-    pub predicted: usize,
 }
 
 /// A design and its fields, in the fields' own coordinates.
