@@ -336,6 +336,11 @@ impl BlockCovariance {
             .sum::<f64>()
     }
 
+    /// Mean variance of a block's average at s = 1.
+    pub fn mean_variance(&self) -> f64 {
+        self.lower.norm_squared() / self.lower.nrows() as f64
+    }
+
     /// Variance of a single point at s = 1: nbar, or that of the given white part, + rho (correlated).
     pub fn point_variance(&self) -> f64 {
         self.white + self.ratio

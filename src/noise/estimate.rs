@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::normal::solve;
 use super::reml::Hyperparameters;
+use super::white::truncated_sd;
 use super::{BlockCovariance, Matern, white};
 use crate::error::Result;
 use crate::field::{Blocks, Field};
@@ -18,6 +19,8 @@ pub struct Noise {
     covariance: [BlockCovariance; 2],
     /// White sd of a point from local differences, mm.
     pub white_mm: [f64; 2],
+    /// Sd of a point, mm: its block's average and what it differs from that by.
+    point_mm: [f64; 2],
     /// Effective number of independent points of both components.
     pub effective_points: f64,
 }
@@ -54,8 +57,13 @@ impl Noise {
             BlockCovariance::new(&blocks, &matern, at[c].ratio)
         };
         let covariance = [of(0)?, of(1)?];
+        let point = |c: usize| {
+            let average = at[c].scale2 * covariance[c].mean_variance();
+            (average + within_blocks(&left, &blocks, c)).sqrt()
+        };
         Ok(Self {
             white_mm: white(&left).sd_mm,
+            point_mm: [0, 1].map(point),
             effective_points: covariance.iter().map(|c| c.effective_points()).sum(),
             covariance,
             at,
@@ -63,14 +71,10 @@ impl Noise {
         })
     }
 
-    /// Sd of the white part of a point, mm: as blocks have it, or as local differences do where all of it is white, or more of it than blocks
-    /// know because a subset was declared that does not correlate it.
+    /// Sd of what is not correlated over blocks of a point, mm.
     pub fn white_sd(&self, c: usize) -> f64 {
-        let of_blocks = (self.at[c].scale2 * self.blocks.mean_count()).sqrt();
-        match self.at[c].ratio > 0.0 {
-            true => of_blocks.max(self.white_mm[c]),
-            false => self.white_mm[c],
-        }
+        let white = self.point_mm[c].powi(2) - self.correlated_sd(c).powi(2);
+        white.max(0.0).sqrt()
     }
 
     /// Sd of the correlated part of a point, mm.
@@ -78,9 +82,9 @@ impl Noise {
         (self.at[c].scale2 * self.at[c].ratio).sqrt()
     }
 
-    /// Sd of a point's noise in nm, white and correlated parts together.
+    /// Sd of a point's noise in nm.
     pub fn point_sd_nm(&self, c: usize) -> f64 {
-        self.white_sd(c).hypot(self.correlated_sd(c)) * NM_PER_MM
+        self.point_mm[c] * NM_PER_MM
     }
 
     /// Root mean square of the point sd over both components, nm.
@@ -97,6 +101,27 @@ impl Noise {
     pub fn colour(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].colour(columns) * self.at[c].scale2.sqrt()
     }
+}
+
+/// Variance of the points of one component about their blocks' averages, mm^2, whatever they are correlated by; outliers do not count.
+fn within_blocks(field: &Field, blocks: &Blocks, c: usize) -> f64 {
+    let values = field.component(c);
+    let averages = blocks.average(&values);
+    let of_points = values.iter().zip(&blocks.of_point);
+    let scaled: Vec<f64> = of_points
+        .filter_map(|(value, block)| Some((value, (*block)? as usize)))
+        .filter(|&(_, block)| blocks.count[block] > 1)
+        .map(|(value, block)| {
+            let n = blocks.count[block] as f64;
+            (value - averages[block]) * (n / (n - 1.0)).sqrt()
+        })
+        .collect();
+    let shares: f64 = blocks.count.iter().map(|&n| (n - 1) as f64).sum();
+    let points: f64 = blocks.count.iter().map(|&n| n as f64).sum();
+    if scaled.is_empty() {
+        return 0.0;
+    }
+    truncated_sd(&scaled).powi(2) * shares / points
 }
 
 /// Residual (mm) of each component's least-squares fit on its own modes and {1, s, t}; `modes` are those of u1, then of u2.

@@ -14,5 +14,5 @@ pub use estimate::{Noise, residual_of_fit};
 pub use normal::NormalEquations;
 pub(crate) use normal::solve;
 pub use random_field::matern_pair;
-pub use reml::{Hyperparameters, Reml};
+pub use reml::Hyperparameters;
 pub use white::white;

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::covariance::{BlockCovariance, discrepancy_lengths_mm, over_grid};
+use super::covariance::{BlockCovariance, discrepancy_lengths_mm};
 use super::normal::NormalEquations;
 use crate::dense::gram;
 use crate::error::{Error, Result};
@@ -37,52 +37,19 @@ impl Hyperparameters {
     }
 }
 
-/// The restricted likelihood over a grid of hyperparameters.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Reml {
-    /// Lengths outermost, ratios within, as given; a ratio of zero once.
-    pub table: Vec<Hyperparameters>,
-    /// Those of the largest likelihood (the first of equals).
-    pub best: Hyperparameters,
-    /// Mean number of points of a block, nbar.
-    pub mean_count: f64,
-    /// Number of contrasts: blocks minus the rank of the columns.
-    pub contrasts: usize,
-}
-
-stored!(Reml {
-    table,
-    best,
-    mean_count,
-    contrasts
-});
-
-impl Reml {
-    /// Sd of the white part of a single point, unit of the data.
-    pub fn white_sd(&self) -> f64 {
-        (self.best.scale2 * self.mean_count).sqrt()
-    }
-
-    /// Sd of the correlated part of a single point, unit of the data.
-    pub fn correlated_sd(&self) -> f64 {
-        (self.best.scale2 * self.best.ratio).sqrt()
-    }
-}
-
 /// Block averages of one component, of which only what is orthogonal to some columns counts.
-pub struct Contrasts<'a> {
-    blocks: &'a Blocks,
+pub struct Contrasts {
     y: DVector<f64>,
     basis: DMatrix<f64>,
     count: usize,
 }
 
-impl<'a> Contrasts<'a> {
+impl Contrasts {
     /// Block averages `y` without what the columns (blocks x p, of any rank, p may be zero) explain.
     ///
     /// # Errors
     /// Of the program: nothing left to estimate from (fewer than ten contrasts), a value that is not finite.
-    pub fn new(blocks: &'a Blocks, y: DVector<f64>, columns: &DMatrix<f64>) -> Result<Self> {
+    pub fn new(blocks: &Blocks, y: DVector<f64>, columns: &DMatrix<f64>) -> Result<Self> {
         if !y
             .iter()
             .chain(columns.iter())
@@ -103,7 +70,6 @@ impl<'a> Contrasts<'a> {
         }
         Ok(Self {
             count: blocks.len() - rank,
-            blocks,
             y,
             basis,
         })
@@ -112,43 +78,6 @@ impl<'a> Contrasts<'a> {
     /// Number of contrasts: blocks minus the rank of the columns.
     pub fn count(&self) -> usize {
         self.count
-    }
-
-    /// The restricted likelihood over all `lengths_mm` and `ratios`.
-    ///
-    /// # Errors
-    /// Of the program: empty lengths or ratios, a factorisation that fails.
-    pub fn table(&self, lengths_mm: &[f64], ratios: &[f64]) -> Result<Reml> {
-        self.reml(over_grid(self.blocks, lengths_mm, ratios, |c| self.at(c))?)
-    }
-
-    /// The same of two components of the same blocks, each covariance factorised once.
-    ///
-    /// # Errors
-    /// Those of [`Contrasts::table`].
-    pub fn tables(both: [&Self; 2], lengths_mm: &[f64], ratios: &[f64]) -> Result<[Reml; 2]> {
-        let at = |c: &BlockCovariance| Ok((both[0].at(c)?, both[1].at(c)?));
-        let found = over_grid(both[0].blocks, lengths_mm, ratios, at)?;
-        let (first, second) = found.into_iter().unzip();
-        Ok([both[0].reml(first)?, both[1].reml(second)?])
-    }
-
-    fn reml(&self, table: Vec<Hyperparameters>) -> Result<Reml> {
-        let best = table.iter().copied().reduce(|a, b| {
-            if b.log_likelihood > a.log_likelihood {
-                b
-            } else {
-                a
-            }
-        });
-        let best =
-            best.ok_or_else(|| Error::program("noise::reml", "at least one length and one ratio"))?;
-        Ok(Reml {
-            table,
-            best,
-            mean_count: self.blocks.mean_count(),
-            contrasts: self.count,
-        })
     }
 
     /// The restricted likelihood (Patterson and Thompson 1971; Harville 1974) with s^2 profiled out.

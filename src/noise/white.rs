@@ -75,7 +75,7 @@ pub fn white(field: &Field) -> WhiteNoise {
 }
 
 /// Standard deviation about zero of normal `values` of which some are contaminated: iterated truncation at three sd.
-fn truncated_sd(values: &[f64]) -> f64 {
+pub(super) fn truncated_sd(values: &[f64]) -> f64 {
     let mut sd = mad(values.iter().copied());
     for _ in 0..30 {
         let (n, sum) = values

@@ -482,24 +482,25 @@ fn a_smaller_hole_is_not_taken_for_damage() {
     }
 }
 
-/// A lens off the middle of four times the plausible size is not accepted, and it is said why; declared as plausible it is, and its fit to the
-/// one field that is sampled agrees with what tracing found over all steps.
+/// A lens off the middle of seven times the plausible size is not accepted, and it is said why; of four times it is, and its fit to the one
+/// field that is sampled agrees with what tracing found over all steps.
 #[test]
 #[ignore = "slow: run by .ci/run"]
-fn a_strong_lens_is_named_where_it_is_declared_to_be_plausible() {
+fn a_strong_lens_is_named_up_to_six_times_its_plausible_size() {
     let folder = moving("lens_distortion=0.3,8,-5");
-    let model = Model::load(&folder.join("model.json")).unwrap();
-    let ended = looped("a strong lens", &model, &CONSTANTS);
+    let of_plausible = |percent: f64| {
+        let mut file = read(&folder, "model.json");
+        file["experiments"][0]["plausible"] = json!({ "lens_distortion.percent_at_12mm": percent });
+        Model::parse(&file.to_string(), &folder.join("model.json")).unwrap()
+    };
+    let ended = looped("a strong lens", &of_plausible(0.04), &CONSTANTS);
     println!("{}", ended.line());
     assert_eq!(ended.status, Status::Unexplained, "{}", ended.line());
     assert_eq!(ended.held(), 4, "{}", ended.line());
     let why = ended.reasons.join("; ");
     assert!(
-        why.contains("4.1 times its plausible size") && why.contains("\"plausible\""),
+        why.contains("times its plausible size") && why.contains("\"plausible\""),
         "{why}"
     );
-    let mut file = read(&folder, "model.json");
-    file["experiments"][0]["plausible"] = json!({ "lens_distortion.percent_at_12mm": 0.3 });
-    let model = Model::parse(&file.to_string(), &folder.join("model.json")).unwrap();
-    closes_on("lens_distortion", &model);
+    closes_on("lens_distortion", &of_plausible(0.07));
 }

@@ -1,8 +1,9 @@
 use nalgebra::{DMatrix, DVector};
 use plychain::field::places::BlockPoints;
 use plychain::field::{Blocks, Field, MeasurementSpec, Reason, outliers};
+use plychain::noise::Hyperparameters;
 use plychain::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
-use plychain::noise::reml::{Contrasts, Reml, orthonormal};
+use plychain::noise::reml::{Contrasts, orthonormal};
 use plychain::noise::{self, BlockCovariance, Matern};
 use rand::RngExt;
 
@@ -54,6 +55,15 @@ fn columns(blocks: &Blocks, field: &Field, component: usize) -> DMatrix<f64> {
     all
 }
 
+/// The restricted likelihood over a grid.
+#[derive(Debug, PartialEq)]
+struct Reml {
+    /// Lengths outermost, ratios within.
+    table: Vec<Hyperparameters>,
+    best: Hyperparameters,
+    contrasts: usize,
+}
+
 fn reml(
     blocks: &Blocks,
     y: &DVector<f64>,
@@ -61,7 +71,15 @@ fn reml(
     lengths_mm: &[f64],
     ratios: &[f64],
 ) -> plychain::error::Result<Reml> {
-    Contrasts::new(blocks, y.clone(), columns)?.table(lengths_mm, ratios)
+    let contrasts = Contrasts::new(blocks, y.clone(), columns)?;
+    let table = over_grid(blocks, lengths_mm, ratios, |c| contrasts.at(c))?;
+    let by_likelihood =
+        |a: &&Hyperparameters, b: &&Hyperparameters| a.log_likelihood.total_cmp(&b.log_likelihood);
+    Ok(Reml {
+        best: *table.iter().max_by(by_likelihood).unwrap(),
+        contrasts: contrasts.count(),
+        table,
+    })
 }
 
 fn blocks_of(field: &Field) -> Blocks {
@@ -400,8 +418,8 @@ fn recovered(lengths: &[f64], ratios: &[f64], fields: u64) -> (f64, f64, f64, Ve
         .unwrap();
         let diagonal = |length| Matern::new(&blocks, length).correlation[(0, 0)];
         let truth = 81e-12 / blocks.mean_count() + 16e-12 * diagonal(0.5);
-        white += mean * r.white_sd() * 1e6;
-        rough += mean * r.correlated_sd() * 1e6;
+        white += mean * (r.best.scale2 * blocks.mean_count()).sqrt() * 1e6;
+        rough += mean * (r.best.scale2 * r.best.ratio).sqrt() * 1e6;
         variance +=
             mean * r.best.scale2 * (1.0 + r.best.ratio * diagonal(r.best.length_mm)) / truth;
         found.push(r.best.length_mm);
@@ -451,7 +469,7 @@ fn reml_finds_no_correlation_in_white_noise() {
         // twice the gain is a mixture of chi^2 below chi^2 of 2: 0.1 % beyond 13.8
         assert!(2.0 * (r.best.log_likelihood - null.log_likelihood) < 13.8);
         kept += usize::from(r.best.ratio <= 0.1);
-        let variance = null.scale2 * r.mean_count / 81e-12 - 1.0;
+        let variance = null.scale2 * blocks.mean_count() / 81e-12 - 1.0;
         assert!(
             variance.abs() < 4.0 * (2.0 / r.contrasts as f64).sqrt(),
             "{variance}"
