@@ -17,6 +17,9 @@ pub struct Learned {
     pub from_data: f64,
     /// Posterior mean less the prior's, prior sds.
     pub shift_prior_sd: f64,
+    /// Whether it is of a common factor that only a force would tell, and none is known: the data say nothing then.
+    #[serde(default)]
+    pub lacks_force: bool,
 }
 
 /// Share of the prior variance that the data must have taken away before an interval is called measured.
@@ -28,6 +31,25 @@ impl Learned {
             prior,
             from_data: 1.0 - (found.sd / prior.sd).powi(2),
             shift_prior_sd: (found.mean - prior.mean) / prior.sd,
+            lacks_force: false,
+        }
+    }
+
+    /// The same constant where it is of a common factor of which no force is known.
+    fn without_force(self) -> Self {
+        Self {
+            from_data: 0.0,
+            lacks_force: true,
+            ..self
+        }
+    }
+
+    /// The same constant as another posterior has it.
+    pub fn of(&self, found: MeanAndSd) -> Self {
+        let other = Self::new(self.prior, found);
+        match self.lacks_force {
+            true => other.without_force(),
+            false => other,
         }
     }
 
@@ -41,6 +63,7 @@ impl Learned {
         let share = learned.map_or(TableCell::Blank, |l| {
             let percent = format!("{:.0} %", 100.0 * l.from_data.max(0.0));
             match l.is_mostly_prior() {
+                true if l.lacks_force => format!("{percent}: no force is known").into(),
                 true => format!("{percent}: mostly the prior").into(),
                 false => percent.into(),
             }
@@ -55,16 +78,13 @@ pub fn learned(model: &Model, found: &Keyed<MeanAndSd>) -> Keyed<Learned> {
     let one = |(name, prior): (&&str, Marginal)| {
         let prior = (prior.mean, prior.sd).into();
         let learned = Learned::new(prior, *found.get(*name)?);
-        // the force was taken from what the priors of the moduli expect
-        let is_assumed = model.experiment().lacks_force() && is_modulus(name);
-        let from_data = if is_assumed { 0.0 } else { learned.from_data };
-        Some((
-            (*name).to_string(),
-            Learned {
-                from_data,
-                ..learned
-            },
-        ))
+        let lacks_force = model.experiment().lacks_force() && is_modulus(name);
+        let learned = if lacks_force {
+            learned.without_force()
+        } else {
+            learned
+        };
+        Some(((*name).to_string(), learned))
     };
     priors.filter_map(one).collect()
 }

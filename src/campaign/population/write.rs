@@ -47,6 +47,7 @@ impl OfConstant {
             prior: self.prior.into(),
             from_data: self.from_data,
             shift_prior_sd: (self.mean.mean - mean) / sd,
+            lacks_force: false,
         }))
     }
 }

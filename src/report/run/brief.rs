@@ -111,7 +111,7 @@ pub fn constants(page: &Page) -> Table {
         let learned = report
             .learned
             .get(name)
-            .map(|l| Learned::new(l.prior, MeanAndSd { mean, sd }));
+            .map(|l| l.of(MeanAndSd { mean, sd }));
         let [prior, data] = Learned::cells(learned.as_ref());
         let truth = page.truth_cell(name);
         let interval = TableCell::from(format!("{low} to {high}"));

@@ -73,7 +73,7 @@ pub fn table(caption: &str, round: &RoundReport, learned: &Keyed<Learned>) -> Ta
             quantiles: [r.low, r.median, r.high],
             rhat: r.rhat,
             ess_bulk: r.ess_bulk,
-            learned: learned.get(name).map(|l| Learned::new(l.prior, found)),
+            learned: learned.get(name).map(|l| l.of(found)),
             published: r.published,
         }
     });
