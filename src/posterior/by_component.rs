@@ -31,7 +31,7 @@ pub const LENGTHS: usize = 6;
 const KEPT: usize = 6;
 
 /// Lengths tried between two of the grid.
-const BETWEEN: i32 = 3;
+const BETWEEN: i32 = 2;
 
 /// Choices for u1 and u2, the likeliest first.
 #[derive(Clone)]

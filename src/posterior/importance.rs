@@ -274,15 +274,30 @@ impl PosedDraws<'_> {
         };
         let errors: Vec<(usize, StepStack)> =
             chosen.iter().zip(&residuals).filter_map(error).collect();
-        let shift = |(k, error): &(usize, StepStack)| {
-            let at = (&*self.points[*k], &self.drawn[*k].choice);
-            self.posed.shift_with(at, error, &covariance)
-        };
-        let shifts: Result<Vec<DVector<f64>>> = errors.par_iter().map(shift).collect();
+        let mut shifts = vec![DVector::zeros(0); errors.len()];
+        for noise in 0..self.posed.pairs.len() {
+            let of_noise = |&i: &usize| self.drawn[errors[i].0].choice.noise == noise;
+            let own: Vec<usize> = (0..errors.len()).filter(of_noise).collect();
+            if own.is_empty() {
+                continue;
+            }
+            let fields: Vec<&StepStack> = own.iter().map(|&i| &errors[i].1).collect();
+            let products = self.posed.products(&fields, noise)?;
+            let shift = |(place, &i): (usize, &usize)| {
+                let k = errors[i].0;
+                let at = (&*self.points[k], &self.drawn[k].choice);
+                let products = products.column(place).into_owned();
+                (i, self.posed.shift_with(at, &products, &covariance))
+            };
+            let found: Vec<_> = own.par_iter().enumerate().map(shift).collect();
+            for (i, shift) in found {
+                shifts[i] = shift;
+            }
+        }
         Ok(Compared {
             chosen,
             errors: errors.into_iter().map(|(_, error)| error).collect(),
-            shifts: shifts?,
+            shifts,
             logs,
             mesh_error,
         })

@@ -140,25 +140,29 @@ impl Posed {
         all
     }
 
-    /// Products of an error of the prediction, mm, with all columns, under one of the noises.
+    /// Products of some errors of the prediction, mm, with all columns under one of the noises, columns x errors.
     ///
     /// # Errors
     /// Of the program: a factorisation that fails.
-    fn products(&self, error: &StepStack, noise: usize) -> Result<DVector<f64>> {
+    pub fn products(&self, errors: &[&StepStack], noise: usize) -> Result<DMatrix<f64>> {
+        let width = self.columns[0].ncols();
         let with = [0, 1].map(|c| {
-            let width = self.columns[c].ncols();
-            let mut all = self.columns[c].clone().insert_column(width, 0.0);
-            all.set_column(width, &error[c]);
+            let mut all = self.columns[c]
+                .clone()
+                .resize_horizontally(width + errors.len(), 0.0);
+            for (k, error) in errors.iter().enumerate() {
+                all.set_column(width + k, &error[c]);
+            }
             all
         });
         let blocks = &self.measured.blocks;
         let own = &self.pairs[noise..=noise];
         let grams = self.noise.grams(blocks, [&with[0], &with[1]], own)?;
-        let width = self.columns[0].ncols();
-        let own = grams
+        let shape = (width, errors.len());
+        let products = |g: &DMatrix<f64>| g.view((0, width), shape).into_owned();
+        Ok(grams
             .first()
-            .map(|g| g.view((0, width), (width, 1)).column(0).into_owned());
-        Ok(own.unwrap_or_else(|| DVector::zeros(width)))
+            .map_or_else(|| DMatrix::zeros(shape.0, shape.1), products))
     }
 
     /// Change of the log likelihood at a point where the prediction gains an error of such products with the columns, to first order.
@@ -176,28 +180,25 @@ impl Posed {
         precision * (left - given.along(&own))
     }
 
-    /// By how much an error of the prediction (mm) at a draw moves the mode of the constants, sds: it changes the posterior's gradient by
-    /// g = grad (log L(error) - log L), by central differences over a tenth of an sd, and the mode by one Newton step, Sigma g.
-    ///
-    /// # Errors
-    /// Of the program: a factorisation that fails.
+    /// By how much an error of the prediction with some [`Posed::products`] at a draw moves the mode of the constants, sds: it changes the
+    /// posterior's gradient by g = grad (log L(error) - log L), by central differences over a tenth of an sd, and the mode by one Newton step,
+    /// Sigma g.
     pub fn shift_with(
         &self,
         (x, choice): (&[f64], &MixtureChoice),
-        error: &StepStack,
+        products: &DVector<f64>,
         covariance: &DMatrix<f64>,
-    ) -> Result<DVector<f64>> {
+    ) -> DVector<f64> {
         const STEP: f64 = 0.1;
-        let products = self.products(error, choice.noise)?;
         let sd = covariance.diagonal().map(f64::sqrt);
         let at = |k: usize, by: f64| {
             let mut moved = x.to_vec();
             moved[k] += by * sd[k];
-            self.change_with(&moved, &products, choice)
+            self.change_with(&moved, products, choice)
         };
         let slope = |k: usize, sd: f64| (at(k, STEP) - at(k, -STEP)) / (2.0 * STEP * sd);
         let gradient = DVector::from_fn(sd.len(), |k, _| slope(k, sd[k]));
-        Ok((covariance * gradient).component_div(&sd))
+        (covariance * gradient).component_div(&sd)
     }
 
     /// The amplitudes at a point under the first part.

@@ -16,9 +16,7 @@ use plychain::trace::{Status, attribute};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::common::{
-    changed, fresh, posterior, set_coarse, shared, simulated, succeed, workplace,
-};
+use crate::common::{changed, fresh, posterior, set_coarse, shared, simulated, succeed, workplace};
 use crate::dic::cases::{Kind, campaign, case};
 use crate::dic::causes::{self, Cause};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
@@ -612,7 +610,12 @@ fn a_series_without_forces_gives_ratios() {
     }
     std::fs::write(&file, model.to_string()).unwrap();
     let run = fresh("run");
-    let said = succeed(&["identify", file.to_str().unwrap(), "--out", run.to_str().unwrap()]);
+    let said = succeed(&[
+        "identify",
+        file.to_str().unwrap(),
+        "--out",
+        run.to_str().unwrap(),
+    ]);
     let report: Value =
         serde_json::from_str(&std::fs::read_to_string(run.join("report.json")).unwrap()).unwrap();
     let round = &report["rounds"][0];
