@@ -21,7 +21,6 @@ mod structure;
 mod surrogate;
 mod tiles;
 mod warnings;
-pub mod waves;
 mod weighed;
 
 pub use coarse::CoarseTest;

@@ -1,13 +1,10 @@
-//! What stationary noise does not do: break out in one place, or swing in waves finer than the blocks of the noise model.
-//!
-//! Both are sought without any model of what makes them, so that an effect that is in no dictionary, or one that
-//! passes for noise, does not go unsaid.
+//! What stationary noise does not do: break out in one place. That is sought without any model of what makes it, so that an effect that is in no
+//! dictionary does not go unsaid.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, DiscreteCDF, Normal, Poisson};
 
-use super::waves::{self, IMPROBABLE, Wave};
 use crate::field::Field;
 use crate::noise::Noise;
 
@@ -36,8 +33,10 @@ pub struct Patterns {
     /// Where the residual breaks out of the noise.
     #[serde(rename = "breakout")]
     pub exceedance: Option<Exceedance>,
-    pub wave: Option<Wave>,
 }
+
+/// Patterns more probable than this by noise alone are not spoken of.
+const IMPROBABLE: f64 = 1e-4;
 
 /// Sds of a block average that is far out: 0.1 of 1800 by chance.
 const FAR: f64 = 4.0;
@@ -51,22 +50,15 @@ impl Patterns {
         clear: &dyn Fn([f64; 2]) -> bool,
     ) -> Self {
         let exceedances = [0, 1].map(|c| exceedance(field, residual, noise, c, clear));
-        let exceedance = exceedances
-            .into_iter()
-            .flatten()
-            .min_by(|a, b| a.p.total_cmp(&b.p));
-        let beyond = |i: usize| clear(field.points[i]);
-        // an edge in the residual has waves of every length
-        let wave = match exceedance {
-            None => waves::clearest(field, residual, beyond),
-            Some(_) => None,
-        };
-        Self { exceedance, wave }
+        let exceedances = exceedances.into_iter().flatten();
+        Self {
+            exceedance: exceedances.min_by(|a, b| a.p.total_cmp(&b.p)),
+        }
     }
 
     /// Whether there is any.
     pub fn any(&self) -> bool {
-        self.exceedance.is_some() || self.wave.is_some()
+        self.exceedance.is_some()
     }
 }
 

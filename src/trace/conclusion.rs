@@ -489,15 +489,12 @@ fn words(
     said.join(" ")
 }
 
-/// Share of the parts of a field from which a wave is all over it.
-const EVERYWHERE: f64 = 0.8;
-
-/// Sentences about what stationary noise does not do.
-fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
-    let Patterns { exceedance, wave } = round.patterns();
+/// A sentence about what stationary noise does not do.
+fn pattern_words(round: &Round, structure: bool) -> Option<String> {
+    let Patterns { exceedance } = round.patterns();
     let size_mm = round.identification.inverse.noise.blocks.size_mm;
     let place = |[x, y]: [f64; 2]| format!("({x:.1}, {y:.1}) mm of the data");
-    let exceedance = exceedance.map(|b| {
+    exceedance.map(|b| {
         let begin = format!(
             "In {} the residual is larger than uniform noise in places: {} of {} averages over {:.2} mm are beyond 4 sd ({:.1} expected)",
             b.component, b.blocks, b.of, size_mm, b.expected
@@ -511,20 +508,5 @@ fn pattern_words(round: &Round, structure: bool) -> Vec<String> {
             place(b.place_in_data_mm),
             if structure { ", or a peak of the structure that is left" } else { "" }
         )
-    });
-    let wave = wave.map(|w| {
-        let [dx, dy] = w.direction_in_data;
-        let angle = dy.atan2(dx).to_degrees().rem_euclid(180.0);
-        let extent = if w.share > EVERYWHERE {
-            "all over the field".to_string()
-        } else {
-            let share = 100.0 * w.share;
-            format!("clearest about {}, in {share:.0} % of the parts looked at", place(w.place_in_data_mm))
-        };
-        format!(
-            "In {} a fine wave is left: about {:.2} mm long ({:.2} to {:.2}), at {angle:.0} deg from x, {:.0} nm in amplitude, {}. A phase-shift error, the interpolation of image correlation or the raster of a camera leaves such a wave. It is counted as noise.",
-            w.component, w.length_mm, w.length_range_mm[0], w.length_range_mm[1], w.amplitude_nm, extent
-        )
-    });
-    exceedance.into_iter().chain(wave).collect()
+    })
 }

@@ -142,7 +142,8 @@ fn an_error_along_a_constant_moves_the_mode_back_by_it() {
         let by = change(&raised) - change(&found.mode);
         let error = [0, 1].map(|c| &surface.modes[c] * &by);
         let at = (&found.mode[..], density.choice(0));
-        let shift = posed.shift_with(at, &error, &covariance).unwrap();
+        let products = posed.products(&[&error], 0).unwrap().column(0).into_owned();
+        let shift = posed.shift_with(at, &products, &covariance);
         for i in 0..d {
             let own = if i == k { STEP_SDS * sd[k] } else { 0.0 };
             let held = covariance[(i, k)] / density.marginals()[k].sd.powi(2);
