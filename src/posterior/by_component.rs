@@ -5,7 +5,7 @@
 //! the bare fit's residual, loud effects were never named, because they inflate it (prototype study). Short lengths are noise; long
 //! ones are a smooth discrepancy, the rival of every named effect.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data
 use crate::dense;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
-use crate::files::stored;
+use crate::files::{Stored, stored};
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
@@ -55,6 +55,19 @@ struct NoiseChoice {
     scale2: f64,
     /// Number of values.
     values: usize,
+    factor: KnownFactor,
+}
+
+/// The factorised covariance of a choice at unit scale, once it was asked for; it is not kept in files.
+#[derive(Debug, Clone, Default)]
+struct KnownFactor(OnceLock<Arc<BlockCovariance>>);
+
+impl Stored for KnownFactor {
+    fn put(&self, _: &mut Vec<u8>) {}
+
+    fn take(_: &mut &[u8]) -> Option<Self> {
+        Some(Self::default())
+    }
 }
 
 stored!(ComponentNoise { choices, pairs });
@@ -64,8 +77,20 @@ stored!(NoiseChoice {
     gram,
     beyond_rival,
     scale2,
-    values
+    values,
+    factor
 });
+
+impl NoiseChoice {
+    fn factor(&self, blocks: &Blocks) -> Result<Arc<BlockCovariance>> {
+        if let Some(known) = self.factor.0.get() {
+            return Ok(Arc::clone(known));
+        }
+        let matern = Matern::new(blocks, self.at.length_mm);
+        let made = Arc::new(BlockCovariance::new(blocks, &matern, self.at.ratio)?);
+        Ok(Arc::clone(self.factor.0.get_or_init(|| made)))
+    }
+}
 
 impl ComponentNoise {
     /// For the sensitivities' columns over blocks; `step` is called for each point of the grid.
@@ -125,11 +150,9 @@ impl NoiseChoices for ComponentNoise {
         let found: Vec<Result<DMatrix<f64>>> = wanted
             .par_iter()
             .map(|&(c, k)| {
-                let NoiseChoice { at, scale2, .. } = &self.choices[c][k];
-                let matern = Matern::new(blocks, at.length_mm);
-                let covariance = BlockCovariance::new(blocks, &matern, at.ratio)?;
-                let white = covariance.whiten(columns[c]);
-                Ok(dense::gram(&white) / *scale2)
+                let choice = &self.choices[c][k];
+                let white = choice.factor(blocks)?.whiten(columns[c]);
+                Ok(dense::gram(&white) / choice.scale2)
             })
             .collect();
         let found = found.into_iter().collect::<Result<Vec<_>>>()?;
@@ -283,6 +306,7 @@ impl ComponentColumns {
             beyond_rival: left / self.freedom as f64,
             scale2: at.scale2,
             values,
+            factor: KnownFactor::default(),
         })
     }
 }
