@@ -60,7 +60,7 @@ pub fn identify(plan: RunPlan, console: &Console) -> Result<()> {
     let priors = shared.priors();
     let said: Vec<&Known> = each.iter().map(|a| &a.said).collect();
     let moments = each.iter().map(|a| (a.name.clone(), a.moments.clone()));
-    let together = Disagreement::new(moments.collect(), &said, &priors);
+    let together = Disagreement::new(moments.collect(), &said, (&priors, &shared.moduli()));
     let about = study::others(&said, None).and_then(|known| known.moments());
     let observed: Vec<&dyn Observed> = each.iter().map(|a| &*a.observed).collect();
     let found = study::sampled(&observed, about.as_ref(), (&shared, &options), console)?;

@@ -478,6 +478,11 @@ pub trait Effect: Sync {
         None
     }
 
+    /// Whether every specimen has some of it: where it is not found it acts with its prior sd all the same.
+    fn always_acts(&self) -> bool {
+        false
+    }
+
     /// Why the effect cannot act in this test; nothing if it can.
     fn obstacle(&self, _scene: &Scene) -> Option<&'static str> {
         None

@@ -34,4 +34,4 @@ pub use shipped::{OPENHOLE, STEEL, unchanged};
 pub use simulated::{simulated_field, simulated_series};
 pub use steps::Steps;
 pub use supplied::box_to_solve;
-pub use tension::{Moments, Tension};
+pub use tension::{ExperimentFactor, Moments, Tension};

@@ -323,11 +323,13 @@ impl Model {
         }
     }
 
-    /// Whether `plausible` declares how much of a manufacturing error every specimen has.
-    pub fn declares_scatter(&self, effect: &dyn Effect) -> bool {
+    /// Whether every specimen has some of an effect: by its nature, or as `plausible` declares it of a manufacturing error.
+    pub fn always_acts(&self, effect: &dyn Effect) -> bool {
         let declared = |name: String| self.experiment().plausible.contains_key(&name);
         let mut parameters = effect.parameters().iter();
-        effect.is_manufacturing() && parameters.any(|p| declared(amplitude_name(effect, p)))
+        let is_declared =
+            effect.is_manufacturing() && parameters.any(|p| declared(amplitude_name(effect, p)));
+        is_declared || effect.always_acts()
     }
 
     /// What effects may need to know of the nominal test: the nominal constants, the mean thickness.

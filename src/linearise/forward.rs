@@ -177,7 +177,7 @@ impl Forward<'_> {
                 effect: effect.effect,
                 law: effect.law,
                 columns: there.columns(effect)?,
-                scatters: self.model.declares_scatter(effect.effect),
+                scatters: self.model.always_acts(effect.effect),
             })
         };
         let all = candidates.par_iter().enumerate().map(candidate);

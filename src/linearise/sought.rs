@@ -23,7 +23,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             left_out.push((name, "not among the model's candidates".to_string()));
         } else if let Some(reason) = obstacle(*effect, &scene) {
             left_out.push((name, reason.to_string()));
-        } else if effect.needs_declared_scatter() && !model.declares_scatter(*effect) {
+        } else if effect.needs_declared_scatter() && !model.always_acts(*effect) {
             let why = "how much of it specimens have is not declared in plausible";
             left_out.push((name, why.to_string()));
         } else if effect.is_force_scale() {

@@ -105,6 +105,15 @@ impl Weighing {
         }
     }
 
+    /// The same without what other experiments say.
+    #[must_use]
+    pub fn alone(&self) -> Self {
+        Self {
+            known: None,
+            ..self.clone()
+        }
+    }
+
     /// The same with noise of the scale that the near-edge rival leaves.
     pub fn beyond_rival(&self) -> Self {
         Self {

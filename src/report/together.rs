@@ -51,10 +51,14 @@ pub struct TensionReport {
     pub p: f64,
     /// For one material against one for each experiment.
     pub log_bayes_factor: Option<f64>,
+    /// All moduli by the first too large by so much, and the log Bayes factor for that against no such error.
+    #[serde(default)]
+    pub factor_percent: f64,
+    #[serde(default)]
+    pub factor_log_bayes_factor: f64,
+    #[serde(default)]
+    pub contradicts: bool,
 }
-
-/// Probability of a disagreement by chance below which it is called one.
-const APART: f64 = 0.01;
 
 impl TensionReport {
     pub fn new(tension: &Tension, names: &[&str]) -> Self {
@@ -67,6 +71,9 @@ impl TensionReport {
             directions: tension.directions,
             p: tension.p,
             log_bayes_factor: finite(tension.log_bayes_factor),
+            factor_percent: tension.factor.percent,
+            factor_log_bayes_factor: tension.factor.log_bayes_factor,
+            contradicts: tension.contradicts(),
         }
     }
 
@@ -74,10 +81,13 @@ impl TensionReport {
         let bayes = self.log_bayes_factor.map_or(String::new(), |b| {
             format!("; log Bayes factor {b:+.1} for one material")
         });
-        let verdict = if self.p < APART {
-            "they contradict each other"
+        let verdict = if self.contradicts {
+            let percent = self.factor_percent;
+            format!(
+                "they contradict each other (all moduli of the first would be {percent:+.1} % off: its force, a thickness, a width, or another batch)"
+            )
         } else {
-            "they agree"
+            "they agree".to_string()
         };
         let p = if self.p < 0.01 {
             format!("{:.0e}", self.p)
@@ -181,7 +191,7 @@ impl TogetherReport {
 
     /// Whether the models as they were given contradict each other.
     pub fn contradicts(&self) -> bool {
-        self.tensions.iter().any(|t| t.tension.p < APART)
+        self.tensions.iter().any(|t| t.tension.contradicts)
     }
 
     /// What the disagreement means, in sentences.

@@ -8,7 +8,6 @@ use super::{Disagreement, Observed, Study, Undeclared, WORTH};
 use crate::error::Result;
 use crate::identify::Options;
 use crate::infer::{Known, Marginal, Model, Moments};
-use crate::parameter::is_modulus;
 use crate::progress::Progress;
 use crate::trace::{self, Closed, LoopStage, Round};
 
@@ -103,7 +102,8 @@ impl LoopState<'_, '_> {
         let said: Vec<&Known> = self.alone.iter().map(|a| &a.said).collect();
         let moments = |a: &Alone| (a.name.clone(), a.moments.clone());
         let alone = self.alone.iter().map(moments).collect();
-        let mut together = Disagreement::new(alone, &said, &self.priors);
+        let mut together =
+            Disagreement::new(alone, &said, (&self.priors, &self.study.shared().moduli()));
         for sampled in self.alone.iter().filter_map(|a| a.sampled.as_ref()) {
             together.sections.extend(sampled.sections.iter().cloned());
             together.warnings.extend(sampled.warnings.iter().cloned());
@@ -114,9 +114,7 @@ impl LoopState<'_, '_> {
     /// What all others say of the constants; of a common factor of the moduli only those whose specimen and load cell are others.
     fn others(&self, k: usize) -> Option<Known> {
         let own = self.study.experiments[k].owners();
-        let moduli: Vec<bool> = (self.study.shared().constants.iter())
-            .map(|(name, _)| is_modulus(name))
-            .collect();
+        let moduli = self.study.shared().moduli();
         let one = |(e, alone): (usize, &Alone)| {
             let mut owners = self.study.experiments[e].owners().into_iter();
             match owners.any(|o| own.contains(&o)) {

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::identify::{Identification, Options, redrawn};
 use crate::infer::{Joint, Known, Marginal, Member, Moments, Tension};
 use crate::numeric::diagonal;
+use crate::parameter::is_modulus;
 use crate::progress::Progress;
 use crate::sample::{self, LogDensity, Regime, Schedule, Start, Stopped};
 
@@ -151,7 +152,15 @@ impl SharedConstants {
     pub fn priors(&self) -> Vec<Marginal> {
         self.constants.iter().map(|c| c.1).collect()
     }
+
+    /// Which of the constants are moduli.
+    pub fn moduli(&self) -> Vec<bool> {
+        self.constants.iter().map(|c| is_modulus(&c.0)).collect()
+    }
 }
+
+/// Priors of some constants, and which of them are moduli.
+pub type PriorsOf<'a> = (&'a [Marginal], &'a [bool]);
 
 /// What moments say beyond the constants' prior.
 ///
@@ -174,12 +183,12 @@ pub fn others(said: &[&Known], except: Option<usize>) -> Option<Known> {
 pub fn tensions(
     alone: &[(String, Moments)],
     said: &[&Known],
-    priors: &[Marginal],
+    (priors, moduli): PriorsOf<'_>,
 ) -> Vec<PairTension> {
     let mut all = Vec::new();
     for (i, (first, own)) in alone.iter().enumerate() {
         for (second, other) in &alone[i + 1..] {
-            let tension = Tension::between(own, other, priors);
+            let tension = Tension::between(own, other, priors, moduli);
             all.extend(tension.map(|tension| PairTension {
                 first: first.clone(),
                 second: Some(second.clone()),
@@ -190,7 +199,7 @@ pub fn tensions(
     if alone.len() > 2 {
         for (k, (first, own)) in alone.iter().enumerate() {
             let rest = others(said, Some(k)).and_then(|known| known.moments());
-            let tension = rest.and_then(|rest| Tension::between(own, &rest, priors));
+            let tension = rest.and_then(|rest| Tension::between(own, &rest, priors, moduli));
             all.extend(tension.map(|tension| PairTension {
                 first: first.clone(),
                 second: None,
@@ -203,12 +212,12 @@ pub fn tensions(
 
 impl Disagreement {
     /// What some experiments say alone and how far they disagree; of sections nothing yet.
-    pub fn new(alone: Vec<(String, Moments)>, said: &[&Known], priors: &[Marginal]) -> Self {
+    pub fn new(alone: Vec<(String, Moments)>, said: &[&Known], of: PriorsOf<'_>) -> Self {
         let rest = others(said, Some(0)).and_then(|known| known.moments());
         let first = alone.first().zip(rest.as_ref());
         Self {
-            tensions: tensions(&alone, said, priors),
-            first: first.and_then(|((_, own), rest)| Tension::between(own, rest, priors)),
+            tensions: tensions(&alone, said, of),
+            first: first.and_then(|((_, own), rest)| Tension::between(own, rest, of.0, of.1)),
             others: rest,
             alone,
             sections: Vec::new(),

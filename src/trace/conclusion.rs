@@ -7,6 +7,7 @@ use super::facts::{Status, VerdictFacts};
 use super::patches::Patches;
 use super::round::Round;
 use super::suspect::Suspect;
+use super::together::both_alone;
 use super::tracing::{Named, Resembling};
 use super::vetoes::vetoes;
 use crate::effect::{EFFECTS, Effect, amplitude_name};
@@ -156,6 +157,7 @@ pub fn conclude(rounds: &[Round], refused: &[(&'static str, String)]) -> Conclus
     let vetoes = vetoes(rounds);
     let mut suspect = rounds[0].tracing.suspect.beside(&last.tracing.suspect);
     suspect.reasons.extend(vetoes.iter().cloned());
+    suspect.answers.extend(both_alone(last));
     let suspect = (!suspect.reasons.is_empty()).then_some(suspect);
     let facts = VerdictFacts {
         added: !groups.is_empty(),

@@ -10,6 +10,7 @@ use super::load_rivals::load_rivals;
 use super::priors::{leaning, priors_in_doubt};
 use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::{PriorInDoubt, suspect};
+use super::together::Contradiction;
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use crate::effect::{EFFECTS, Effect, amplitude_name, force_scale};
 use crate::error::Result;
@@ -51,6 +52,12 @@ pub struct Evidence {
     pub(super) weighing: Weighing,
     /// The posterior over subsets.
     pub subsets: SubsetPosterior,
+}
+
+/// What of the inputs would explain a residual as well as an effect.
+struct Doubts {
+    priors: Vec<PriorInDoubt>,
+    experiments: Option<Contradiction>,
 }
 
 impl Evidence {
@@ -105,7 +112,10 @@ impl Evidence {
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
         let prior_sd = apart.series.as_ref().map(|(_, prior_sd)| *prior_sd);
-        let doubts = priors_in_doubt(&self.weighing, &self.sensitivities, &self.subsets);
+        let doubts = Doubts {
+            priors: priors_in_doubt(&self.weighing, &self.sensitivities, &self.subsets),
+            experiments: Contradiction::of(self)?,
+        };
         let stands = |g: &Named| {
             self.is_called_for(g, &candidates) && self.objection(g, &candidates, &doubts).is_none()
         };
@@ -118,7 +128,9 @@ impl Evidence {
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
         let rivals = named.iter().flat_map(|g| &g.rivals);
-        let answers = rivals.chain(doubts.iter().map(|d| &d.answer)).cloned();
+        let answers = rivals
+            .chain(doubts.priors.iter().map(|d| &d.answer))
+            .cloned();
         let suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?.with(
             self.objections(&named, &candidates, &doubts),
             answers.collect(),
@@ -146,8 +158,13 @@ impl Evidence {
             length_mm: self.weighing.noise.lengths_mm(pair),
             averaged,
             suspect,
-            leaning: leaning(&self.weighing, &self.sensitivities, &self.subsets, &doubts),
-            priors_in_doubt: doubts,
+            leaning: leaning(
+                &self.weighing,
+                &self.sensitivities,
+                &self.subsets,
+                &doubts.priors,
+            ),
+            priors_in_doubt: doubts.priors,
             blind_spots: self
                 .load_scale()
                 .into_iter()
@@ -359,12 +376,7 @@ impl Evidence {
     }
 
     /// Why groups that are called for are not accepted, in words.
-    fn objections(
-        &self,
-        groups: &[Named],
-        candidates: &[Finding],
-        doubts: &[PriorInDoubt],
-    ) -> Vec<String> {
+    fn objections(&self, groups: &[Named], candidates: &[Finding], doubts: &Doubts) -> Vec<String> {
         let called = groups.iter().filter(|g| self.is_called_for(g, candidates));
         let words = |group: &Named| {
             let why = self.objection(group, candidates, doubts)?;
@@ -377,12 +389,7 @@ impl Evidence {
     }
 
     /// What forbids to accept a group that is probable enough, in words.
-    fn objection(
-        &self,
-        group: &Named,
-        candidates: &[Finding],
-        doubts: &[PriorInDoubt],
-    ) -> Option<String> {
+    fn objection(&self, group: &Named, candidates: &[Finding], doubts: &Doubts) -> Option<String> {
         let found = self.of(candidates, group.leader, group.laws.first().copied());
         let Some(found) = found.filter(|f| f.multiple.is_finite()) else {
             return Some("its size is not determined".into());
@@ -417,7 +424,10 @@ impl Evidence {
                 "an error of the load and something else explain the residual equally well, and the constants depend on which of them acts".into(),
             );
         }
-        if !doubts.is_empty() {
+        if let Some(why) = (doubts.experiments.as_ref()).and_then(|e| e.objection(self, leader)) {
+            return Some(why);
+        }
+        if !doubts.priors.is_empty() {
             return Some("a prior that is wrong would explain the residual as well".into());
         }
         (doubtful && group.log_bayes_factor <= DOUBT_LOG_BAYES_FACTOR)

@@ -5,7 +5,7 @@ use super::patches::{PatchPart, largest_part};
 use super::round::Round;
 use super::together::tension;
 use crate::effect::{Effect, Kind, amplitude_name};
-use crate::identify::{Identification, MISFIT};
+use crate::identify::Identification;
 use crate::infer::Model;
 use crate::quantity::plus_minus;
 
@@ -203,8 +203,9 @@ fn steps_apart(last: &Round) -> Option<String> {
 
 /// 6. Experiments beside the field that contradict it, with all that was found.
 fn in_tension(last: &Round) -> Option<String> {
-    let p = tension(last)?.p;
-    (p < MISFIT).then(|| {
-        format!("field and frequencies contradict each other whatever was found in the field (p = {p:.0e})")
+    let tension = tension(last)?;
+    let (p, percent) = (tension.p, tension.factor.percent);
+    tension.contradicts().then(|| {
+        format!("the field and the other experiments contradict each other whatever was found in the field (p = {p:.0e}); by the field all moduli would be {percent:+.1} % off, as by a wrong force, thickness or width, or another batch")
     })
 }

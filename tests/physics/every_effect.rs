@@ -130,7 +130,7 @@ impl Stage {
 /// Whether an effect can act in a test and is looked for there, or takes part in it whatever is found.
 fn acts(effect: &dyn Effect, nominal: &Model) -> bool {
     let scene = nominal.scene();
-    let declared = !effect.needs_declared_scatter() || nominal.declares_scatter(effect);
+    let declared = !effect.needs_declared_scatter() || nominal.always_acts(effect);
     declared && effect.concerns(&scene) && obstacle(effect, &scene).is_none()
 }
 

@@ -94,6 +94,68 @@ fn moments((mean, covariance): (DVector<f64>, DMatrix<f64>)) -> Moments {
     }
 }
 
+const MODULI: [bool; 3] = [true, true, false];
+
+/// Logarithm of the normal density of mean zero.
+fn log_normal(x: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+    let factor = covariance.clone().cholesky().unwrap();
+    let log_det: f64 = factor.l().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+    -0.5 * (x.dot(&factor.solve(x)) + log_det + x.len() as f64 * std::f64::consts::TAU.ln())
+}
+
+/// An error of an experiment as a whole is found with its size, by the Bayes factor of the difference of the means; where there is none two
+/// experiments are said to contradict each other in 1 case of 50 at most.
+#[test]
+fn an_error_of_all_moduli_is_found_in_the_disagreement() {
+    const CASES: usize = 2000;
+    let mut rng = Pcg64::seed_from_u64(6);
+    let (mut found, mut false_alarms, mut z) = (0, 0, [0.0; 2]);
+    for case in 0..CASES {
+        let c = DVector::from_fn(3, |_, _| StandardNormal.sample(&mut rng));
+        let percent = if case % 2 == 0 { 0.0 } else { 8.0 };
+        let wrong = DVector::from_fn(3, |k, _| match MODULI[k] {
+            true => c[k] + 0.01 * percent * (PRIORS[k][0] / PRIORS[k][1] + c[k]),
+            false => c[k],
+        });
+        let first = Linear::of(&wrong, 5, 0.2, &mut rng);
+        let second = Linear::of(&c, 5, 0.2, &mut rng);
+        let [p, q] = [&first, &second].map(Linear::posterior);
+        let off = &p.0 - &q.0;
+        let spread = &p.1 + &q.1 - &p.1 * &q.1 - &q.1 * &p.1;
+        let [a, b] = [p, q].map(moments);
+        let tension = Tension::between(&a, &b, &priors(), &MODULI).unwrap();
+        let factor = tension.factor;
+        if case < 50 {
+            let one = DVector::from_fn(3, |k, _| match MODULI[k] {
+                true => 0.01 * PRIORS[k][0] / PRIORS[k][1],
+                false => 0.0,
+            });
+            let shrunk = DMatrix::from_fn(3, 3, |i, j| {
+                a.covariance[(i, j)] / (PRIORS[i][1] * PRIORS[j][1])
+            });
+            let u = &one - shrunk * &one;
+            let with = &spread + 25.0 * &u * u.transpose();
+            let expected = log_normal(&off, &with) - log_normal(&off, &spread);
+            assert!((factor.log_bayes_factor - expected).abs() < 1e-6);
+        }
+        if percent == 0.0 {
+            false_alarms += usize::from(tension.contradicts());
+            z[0] += factor.z;
+            z[1] += factor.z * factor.z;
+        } else {
+            found += usize::from(tension.contradicts());
+        }
+    }
+    let n = 0.5 * CASES as f64;
+    let (mean, square) = (z[0] / n.sqrt(), (z[1] / n - 1.0) / (2.0 / n).sqrt());
+    assert!(mean.abs() < 4.0 && square.abs() < 4.0, "{mean} {square}");
+    assert!(
+        false_alarms as f64 <= 0.02 * n + 4.0 * (0.02 * n).sqrt(),
+        "{false_alarms}"
+    );
+    assert!(found as f64 > 0.5 * n, "{found}");
+}
+
 /// The Bayes factor is that of the data themselves, and over materials drawn from the prior the disagreement is chi^2.
 #[test]
 fn tension_of_linear_measurements_is_that_of_their_data() {
@@ -107,7 +169,7 @@ fn tension_of_linear_measurements_is_that_of_their_data() {
         let first = Linear::of(&c, 5, sd, &mut rng);
         let second = Linear::of(&c, 4, 0.3, &mut rng);
         let [a, b] = [&first, &second].map(|l| moments(l.posterior()));
-        let tension = Tension::between(&a, &b, &priors()).unwrap();
+        let tension = Tension::between(&a, &b, &priors(), &MODULI).unwrap();
         assert_eq!(tension.directions, 3);
         sum += tension.chi2;
         below += usize::from(tension.p < 0.1);
