@@ -14,7 +14,7 @@ use super::space::{linear, stacked};
 use crate::diagnose::weigh;
 use crate::error::Result;
 use crate::files::{Keyed, stored};
-use crate::linearise::{Sensitivities, StepStack};
+use crate::linearise::{Column, Sensitivities, StepStack};
 
 /// How an answer's draws fare under the full nonlinear model with all effects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -153,7 +153,7 @@ impl PosedDraws<'_> {
         let fine = AnswerOnMesh {
             full: models.fine,
             columns: Cow::Borrowed(&posed.columns),
-            base: left_at_linearisation(posed, &posed.columns),
+            base: left_at_linearisation(posed, &posed.columns, models.fine.here),
         };
         let Some(full) = models.coarse.filter(|_| !self.points.is_empty()) else {
             return Ok((fine, None));
@@ -165,7 +165,7 @@ impl PosedDraws<'_> {
         });
         let coarse = AnswerOnMesh {
             full,
-            base: left_at_linearisation(posed, &columns),
+            base: left_at_linearisation(posed, &columns, full.here),
             columns: Cow::Owned(columns),
         };
         let first = [spread_out(0, self.points.len())];
@@ -341,12 +341,24 @@ impl PosedDraws<'_> {
 }
 
 /// What a density, by its columns on a mesh, leaves of the data where the test was linearised, with the amplitudes that it had there.
-fn left_at_linearisation(posed: &Posed, columns: &[DMatrix<f64>; 2]) -> StepStack {
-    let all = linear(&posed.expanded.here);
-    let at = posed.kept.iter();
-    let at = at.map(|&k| all.get(k).map_or(0.0, |c| (c.at - c.mean) / c.sd));
-    let at = DVector::from_iterator(posed.kept.len(), at);
-    posed.left_by(columns, &posed.density.start().0, &at)
+/// Those of effects that the density leaves out are there too: `here` has their columns.
+fn left_at_linearisation(
+    posed: &Posed,
+    columns: &[DMatrix<f64>; 2],
+    here: &Sensitivities,
+) -> StepStack {
+    let at = |c: &Column| (c.at - c.mean) / c.sd;
+    let all = linear(here);
+    let own = posed.kept.iter();
+    let own = own.map(|&k| all.get(k).map_or(0.0, |c| at(c)));
+    let own = DVector::from_iterator(posed.kept.len(), own);
+    let mut left = posed.left_by(columns, &posed.density.start().0, &own);
+    for (_, column) in (all.iter().enumerate()).filter(|(k, _)| !posed.kept.contains(k)) {
+        for (left, values) in left.iter_mut().zip(&column.values) {
+            left.axpy(-at(column), values, 1.0);
+        }
+    }
+    left
 }
 
 /// The k-th of draws that lie evenly over all `count` of them, however many of them are taken (multiples of the golden ratio).

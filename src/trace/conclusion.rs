@@ -139,7 +139,7 @@ impl Confirming {
 }
 
 /// What no field shows, and no verdict therefore speaks of.
-pub const FORCE_UNSEEN: &str = "A force or a thickness that is wrong by 1 % makes all moduli wrong by 1 %, and no field shows it.";
+pub const FORCE_UNSEEN: &str = "A force, a thickness or a width that is wrong by 1 % makes all moduli wrong by 1 % or more, and no field shows it.";
 
 /// Names as the report keeps them.
 pub fn texts(names: &[&str]) -> Vec<String> {
