@@ -101,3 +101,12 @@ pub fn plus_minus(mean: f64, sd: f64) -> String {
     }
     both(1.0)
 }
+
+/// A probability of chance in words; one that is too small for a number is said to be.
+pub fn chance(p: f64) -> String {
+    match p {
+        p if p < 1e-300 => "p < 1e-300".into(),
+        p if p < 0.01 => format!("p = {p:.0e}"),
+        p => format!("p = {p:.2}"),
+    }
+}

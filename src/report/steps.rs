@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::residual::ByComponent;
+use crate::quantity::chance;
 use crate::section::{Table, TableCell, row};
 use crate::trace::NOT_LINEAR;
 
@@ -53,8 +54,8 @@ impl LinearityReport {
     pub fn words(&self) -> Option<String> {
         (self.p < NOT_LINEAR).then(|| {
             format!(
-                "The response is not proportional to the load: yielding, slip or damage (p = {:.0e}).",
-                self.p
+                "The response is not proportional to the load: yielding, slip or damage ({}).",
+                chance(self.p)
             )
         })
     }

@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::json::{Keyed, finite};
 use super::round::MeanAndSd;
 use crate::infer::{Moments, Tension};
+use crate::quantity::chance;
 use crate::section::{Piece, Section, Table, TableCell, row};
 use crate::study::{ClosedStudy, Disagreement, ExperimentSection, PairTension};
 
@@ -89,14 +90,11 @@ impl TensionReport {
         } else {
             "they agree".to_string()
         };
-        let p = if self.p < 0.01 {
-            format!("{:.0e}", self.p)
-        } else {
-            format!("{:.2}", self.p)
-        };
         format!(
-            "{verdict}: chi2 {:.1} in {} directions, p = {p}{bayes}",
-            self.chi2, self.directions
+            "{verdict}: chi2 {:.1} in {} directions, {}{bayes}",
+            self.chi2,
+            self.directions,
+            chance(self.p)
         )
     }
 }

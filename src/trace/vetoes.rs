@@ -7,7 +7,7 @@ use super::together::tension;
 use crate::effect::{Effect, Kind, amplitude_name};
 use crate::identify::Identification;
 use crate::infer::Model;
-use crate::quantity::plus_minus;
+use crate::quantity::{chance, plus_minus};
 
 /// What acts lies so many sds from zero.
 const ACTS_SDS: f64 = 2.0;
@@ -56,7 +56,7 @@ fn misfit(last: &Round) -> Option<String> {
     let p = misfit.p;
     misfit
         .is_too_large()
-        .then(|| format!("the misfit is larger than noise makes it (p = {p:.0e})"))
+        .then(|| format!("the misfit is larger than noise makes it ({})", chance(p)))
 }
 
 /// 2. The refit of what a round called for, in the last round, against the round without it.
@@ -206,6 +206,6 @@ fn in_tension(last: &Round) -> Option<String> {
     let tension = tension(last)?;
     let (p, percent) = (tension.p, tension.factor.percent);
     tension.contradicts().then(|| {
-        format!("the field and the other experiments contradict each other whatever was found in the field (p = {p:.0e}); by the field all moduli would be {percent:+.1} % off, as by a wrong force, thickness or width, or another batch")
+        format!("the field and the other experiments contradict each other whatever was found in the field ({}); by the field all moduli would be {percent:+.1} % off, as by a wrong force, thickness or width, or another batch", chance(p))
     })
 }

@@ -165,7 +165,7 @@ fn nothing_of_this_kind_is_nothing() {
 fn rings_of_lost_stiffness_end_as_damage_or_unexplained() {
     const HOLE_MM: f64 = 2.0;
     let cases = [0.15, 0.35, 0.6].map(|loss| [1.15, 1.3, 1.6].map(|radii| (loss, radii)));
-    let mut faults = Vec::new();
+    let (mut faults, mut held) = (Vec::new(), 0);
     for (loss, radii) in cases.into_iter().flatten() {
         let ring = |[s, t]: [f64; 2]| match s.hypot(t) < radii * HOLE_MM {
             true => 1.0 - loss,
@@ -176,9 +176,12 @@ fn rings_of_lost_stiffness_end_as_damage_or_unexplained() {
         println!("{}", ended.line());
         let is_damage = |name: &String| name == "hole_edge_damage";
         let named = ended.effects.iter().all(is_damage) || ended.status == Status::Unexplained;
-        if !named || ended.held() < 4 {
+        held += ended.held();
+        if !named {
             faults.push(ended.line());
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
+    // of 36 intervals of 95 %
+    assert!(held >= 33, "{held}");
 }

@@ -226,6 +226,26 @@ fn a_subset_that_is_larger_than_declared_is_named_with_its_size() {
     assert!((side - 1.6).abs() < 0.25, "{}", ended.text);
 }
 
+/// Loud effects bend: what one linearisation leaves of them is mended by a second effect, which does not act. The account is of one.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_loud_effect_is_not_mended_by_a_second_one() {
+    for (name, size) in [
+        ("hole_size", "5"),
+        ("hole_edge_damage", "35,0"),
+        ("out_of_plane_bending", "0.025,0"),
+        ("ply_misorientation", "1.2"),
+    ] {
+        let effect = format!("{name}={size}");
+        let model = measured_with(&coarse(), 121, &[&effect], Noise::White, 8);
+        let ended = looped(name, &model, &TRUTH);
+        println!("{}", ended.line());
+        assert_eq!(ended.effects, [name], "{}", ended.line());
+        assert_eq!(ended.status, Status::Closed, "{}", ended.line());
+        assert_eq!(ended.held(), 4, "{}", ended.line());
+    }
+}
+
 /// A hole that is 4 % larger than declared is found in the default field. If points were measured inside of it (here with the displacement of
 /// the nearest one outside), it is not accepted.
 #[test]

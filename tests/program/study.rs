@@ -220,6 +220,38 @@ fn a_loop_names_the_effect_in_the_right_field() {
     }
 }
 
+/// The force of the second of two coupons is 6 % too large in the file: that is said with its size, no effect is named in its place, and the
+/// interval to quote holds the truth.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn a_wrong_force_of_one_of_two_coupons_is_no_effect() {
+    let file = front_and_back("--seed 14");
+    let mut model: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+    let back = &mut model["experiments"][1];
+    back["specimen"]["thickness_mm"]["sd"] = json!(0.005_000_1);
+    back["load_cell"] = json!("another");
+    let force = back["load"]["force_N"].as_f64().unwrap();
+    back["load"]["force_N"] = json!(1.06 * force);
+    std::fs::write(&file, model.to_string()).unwrap();
+    let out = fresh("coupons").display().to_string();
+    succeed(&["loop", &file, "--quiet", "--out", &out]);
+    let found = report(&out);
+    let together = &found["together"];
+    assert_eq!(
+        together["effects"],
+        json!({ "front": [], "back": [] }),
+        "{together}"
+    );
+    let tension = &together["tensions"][0];
+    assert_eq!(tension["contradicts"], true, "{tension}");
+    let percent = tension["factor_percent"].as_f64().unwrap();
+    assert!((percent + 6.0).abs() < 3.0, "{tension}");
+    assert_eq!(found["verdict"]["status"], "unexplained");
+    let e1 = &found["averaged_posterior"]["E1_GPa"];
+    let [low, high] = ["q2.5", "q97.5"].map(|end| e1[end].as_f64().unwrap());
+    assert!(low < 162.0 && 162.0 < high, "{e1}");
+}
+
 /// What stands in the file but no experiment asks for, and what is no experiment, is refused by place.
 #[test]
 fn studies_that_cannot_be_are_refused() {

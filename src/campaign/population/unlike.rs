@@ -33,8 +33,12 @@ impl Unlike {
             p,
         } = self;
         format!(
-            "{specimen} is unlike the others: its {constant} is {:.4} +- {:.2}, theirs {:.4} +- {:.2} (p {p:.0e})",
-            own[0], own[1], others[0], others[1]
+            "{specimen} is unlike the others: its {constant} is {:.4} +- {:.2}, theirs {:.4} +- {:.2} ({})",
+            own[0],
+            own[1],
+            others[0],
+            others[1],
+            chance(*p)
         )
     }
 }
