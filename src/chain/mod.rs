@@ -5,6 +5,7 @@ mod arviz;
 mod coda;
 #[cfg(feature = "identify")]
 mod codecs;
+mod columns;
 mod csv;
 mod digest;
 mod draws;
@@ -14,6 +15,7 @@ mod npy;
 #[cfg(feature = "identify")]
 mod npz;
 mod reader;
+mod stan;
 mod store;
 mod table;
 mod zarr;

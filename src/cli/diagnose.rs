@@ -11,7 +11,7 @@ use crate::chain::{
     read_getdist, read_groups, read_npz, read_zarr, write_csv, write_getdist, write_npz,
     write_stan,
 };
-use crate::diagnose::{Rule, diagnose};
+use crate::diagnose::{Rule, diagnose, transitions};
 use crate::error::{Error, Result};
 use crate::report::json::load;
 use crate::report::{QuotedReport, chains};
@@ -70,6 +70,10 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         draws.info.remarks.push(remark.into());
         verdict.converged = reasons.is_empty();
         verdict.reasons = reasons;
+    }
+    for fault in transitions(&draws) {
+        let remark = format!("{}: {}", fault.figure, fault.meaning);
+        draws.info.remarks.push(remark);
     }
     if draws.info.thin > 1 {
         draws.info.remarks.push(format!(
@@ -143,6 +147,13 @@ fn store(path: &Path) -> Option<PathBuf> {
 /// Read chains in whichever format they are; of a store about `most` draws.
 fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
     let [path] = files else {
+        let index = files.first().and_then(|path| coda_index(path));
+        if let Some(index) =
+            index.filter(|i| files.iter().all(|f| coda_index(f).as_ref() == Some(i)))
+        {
+            let chains: Vec<PathBuf> = files.iter().filter(|f| **f != index).cloned().collect();
+            return read_coda(&index, &chains);
+        }
         if let Some(root) = files.first().and_then(|path| getdist_root(path)) {
             return Err(
                 Error::input("chain files", "the root of GetDist files alone")
@@ -166,7 +177,7 @@ fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
         return read_getdist(&root);
     }
     if let Some(index) = coda_index(path) {
-        return read_coda(&index);
+        return read_coda(&index, &[]);
     }
     if path.is_dir() {
         return Err(

@@ -292,13 +292,18 @@ fn remarks(map: &ColumnMap, field: &Field) -> String {
 
 /// How the images were correlated, as the user or the file says.
 fn images(export: &Export, arguments: &TableArguments, said: &mut String) -> Option<Value> {
-    let scale = export.map.units.mm_per_pixel;
-    let stated = export.subset_px.filter(|_| arguments.subset_mm.is_none());
-    let subset = match (stated, scale) {
+    let given = arguments.subset_px.or(export.subset_px);
+    let given = given.filter(|_| arguments.subset_mm.is_none());
+    let subset = match (given, export.pixel_mm) {
         (Some(px), Some(mm)) => {
+            let by = if arguments.subset_px.is_some() {
+                "--subset-px"
+            } else {
+                "the file"
+            };
             let _ = writeln!(
                 said,
-                "  image_correlation.subset_mm {:.4}: subsets of {px} px, as the file says",
+                "  image_correlation.subset_mm {:.4}: subsets of {px} px, as {by} says",
                 px * mm
             );
             Some(round(px * mm, 6))
@@ -313,8 +318,8 @@ fn images(export: &Export, arguments: &TableArguments, said: &mut String) -> Opt
         (None, _) => arguments.subset_mm,
     }?;
     let mut images = arguments.images(subset);
-    if let Some(size) = scale.filter(|_| stated.is_some()) {
-        images["pixel_mm"] = json!(size);
+    if let Some(size) = export.pixel_mm {
+        images["pixel_mm"] = json!(round(size, 9));
     }
     Some(images)
 }

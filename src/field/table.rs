@@ -1,7 +1,6 @@
 //! A table with named columns, as programs for digital image correlation export it: found in its file by `super::sheet`, failed points
 //! have empty cells or words for no value.
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -11,10 +10,12 @@ use rstar::primitives::GeomWithData;
 use super::cells::number;
 use super::frame::Frame;
 use super::grid::Grid;
+use super::level::WORTH_A_WORD_DEG;
 use super::measured::{Field, Reason, Rejected};
 use super::programs::{MatchedColumns, matching, newtons};
 use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
-use super::row::{CsvRow, Point};
+use super::row::{CsvRow, MeasuredRow, Point};
+use super::rows::TableRows;
 use super::sheet::Sheet;
 use super::text;
 use crate::error::{Error, Result};
@@ -99,62 +100,102 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
         files: vec![path.to_owned()],
         ..Field::empty(frame)
     };
-    let mut sigmas = Vec::new();
+    let mut rows = TableRows::default();
     let (mut faint, mut of_zeros) = (0, 0);
-    let mut known = KnownColumns::default();
     let said = sheet.rows(&mut |line, cells| {
-        let place = |line| format!("{}:{line}", path.display());
-        match row.point(cells, &|| place(line))? {
+        let place = || format!("{}:{line}", path.display());
+        match row.point(cells, &place)? {
             Point::Missing => field.rejected.missing += 1,
             Point::Failed => field.rejected.uncorrelated += 1,
             Point::Faint => faint += 1,
-            Point::Measured { at, u, .. } if [at, u] == [[0.0; 2]; 2] && of_zeros > 0 => {
-                of_zeros += 1
-            }
-            Point::Measured { at, u, .. } if known.has(at, (u, line), &place)? => {
-                field.rejected.repeated += 1;
-            }
-            Point::Measured { at, u, sigma } => {
-                of_zeros += usize::from([at, u] == [[0.0; 2]; 2]);
-                field.points.push(frame.point(at));
-                field.displacement.push(frame.vector(u));
-                sigmas.push(sigma);
+            Point::Measured(row) => {
+                of_zeros += usize::from(row.is_unfilled());
+                if !row.is_unfilled() || of_zeros == 1 {
+                    rows.add(row, line);
+                }
             }
         }
         Ok(())
     })?;
-    let mut remarks = sheet.remarks;
+    let mut remarks = sheet.remarks.clone();
     remarks.extend(said);
     if of_zeros > 1 {
         // a point is measured once: these are rows that a program did not fill
-        let is_kept: Vec<bool> = std::iter::zip(&field.points, &field.displacement)
-            .map(|(p, u)| *p != [0.0; 2] || *u != [0.0; 2])
-            .collect();
-        let mut of_points = is_kept.iter().copied();
-        sigmas.retain(|_| of_points.next().unwrap_or(true));
-        let one = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
-        field.rejected.uncorrelated += of_zeros - one;
+        rows.drop_unfilled();
+        field.rejected.uncorrelated += of_zeros;
         remarks.push(format!(
             "{of_zeros} rows of zeros alone are not measured: dropped"
         ));
     }
-    remarks.extend(take_sigmas(&mut field, sigmas, row.keeps_sigma()));
+    field.rejected.repeated = rows.again;
+    remarks.extend(rows.settle(path, &mut field.rejected.repeated)?);
+    let level = sheet
+        .out_of_plane(&map.columns)
+        .and_then(|[z, _]| Some((rows.plane()?, z)));
+    if let Some((plane, z)) = &level {
+        plane.check(&path.display().to_string(), z)?;
+        field.levelled_deg = Some(plane.angle_deg());
+        if plane.angle_deg() > WORTH_A_WORD_DEG {
+            remarks.push(format!(
+                "{}: places and displacements are taken along its axes",
+                plane.said(z)
+            ));
+        }
+    }
+    for MeasuredRow {
+        at,
+        u,
+        out_of_plane: [z, uz],
+        ..
+    } in &rows.all
+    {
+        let (at, u) = level.as_ref().map_or((*at, *u), |(plane, _)| {
+            plane.level([at[0], at[1], *z], [u[0], u[1], *uz])
+        });
+        field.points.push(frame.point(at));
+        field.displacement.push(frame.vector(u));
+    }
+    let sigmas = rows.all.iter().map(|row| row.sigma).collect();
+    remarks.extend(take_sigmas(&mut field, sigmas, &row));
     remarks.extend(drop_unmoved(&mut field));
     field.rejected.uncorrelated += faint;
     check_measured(path, map, &field, faint)?;
     Ok((field, remarks))
 }
 
-/// Points whose standard deviation is 0 were not correlated, unless that of all points is: then it says nothing.
-fn take_sigmas(field: &mut Field, sigmas: Vec<f64>, keeps: bool) -> Option<String> {
+/// Points whose standard deviation is 0 were not correlated, unless that of all points is: then it says nothing. Beside a coefficient that
+/// is good the standard deviation was rounded to 0, and is half of the least other.
+fn take_sigmas(field: &mut Field, mut sigmas: Vec<f64>, row: &CsvRow) -> Option<String> {
     if sigmas.iter().all(|s| *s == 0.0) {
         return (!sigmas.is_empty())
             .then(|| "sigma is 0 everywhere: it says nothing and is not used".into());
     }
+    let above = sigmas.iter().copied().filter(|s| *s > 0.0);
+    let least = above.fold(f64::INFINITY, f64::min);
+    let rounded = |i: usize| row.has_correlation() && field.displacement[i] != [0.0; 2];
+    let mut count = 0;
+    for (i, sigma) in sigmas.iter_mut().enumerate() {
+        if *sigma == 0.0 && rounded(i) {
+            *sigma = 0.5 * least;
+            count += 1;
+        }
+    }
     let is_kept: Vec<bool> = sigmas.iter().map(|s| *s > 0.0).collect();
-    field.sigma = keeps.then_some(sigmas);
-    field.retain(Reason::Uncorrelated, |i| is_kept[i]);
-    None
+    field.sigma = row.keeps_sigma().then_some(sigmas);
+    let dropped = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
+    let said = [
+        (
+            count,
+            "with sigma 0 and a good correlation are kept: sigma was rounded to 0",
+        ),
+        (
+            dropped,
+            "with sigma 0 are taken for not correlated: dropped",
+        ),
+    ];
+    let said = said.iter().filter(|(n, _)| *n > 0);
+    let said: Vec<String> = said.map(|(n, what)| format!("{n} points {what}")).collect();
+    (!said.is_empty()).then(|| said.join("; "))
 }
 
 /// Programs write zeros, or another number, where they correlated nothing: points with both displacements exactly this number that lie
@@ -218,33 +259,6 @@ fn filled_with(displacement: &[[f64; 2]]) -> [f64; 2] {
     let all = displacement.as_flattened();
     let is_largest = |fill: &f64| all.iter().all(|u| u.abs() <= fill.abs());
     [most.map_or(0.0, |same| same[0]); 2].map(|fill| if is_largest(&fill) { fill } else { 0.0 })
-}
-
-/// The points of a table so far, by the bits of their coordinates: what was measured there, and in which line.
-#[derive(Default)]
-struct KnownColumns(HashMap<[u64; 2], ([f64; 2], usize)>);
-
-impl KnownColumns {
-    /// Whether a row at some line of the file stands in the table already.
-    ///
-    /// # Errors
-    /// The input's fault: another displacement at the same point.
-    fn has(
-        &mut self,
-        at: [f64; 2],
-        (u, line): ([f64; 2], usize),
-        place: &dyn Fn(usize) -> String,
-    ) -> Result<bool> {
-        // 0 is added to make one of both zeros
-        let key = at.map(|x| (x + 0.0).to_bits());
-        let (same, first) = *self.0.entry(key).or_insert((u, line));
-        if same != u {
-            return Err(Error::input(place(line), "one displacement of every point")
-                .found(format!("another one of the point of {}", place(first)))
-                .hint("are these two steps, or two regions that overlap, in one file? give each step a file of its own, and export each point once"));
-        }
-        Ok(first != line)
-    }
 }
 
 /// Something was measured, and little of it is `faint`.
