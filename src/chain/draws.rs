@@ -311,6 +311,38 @@ impl Draws {
         }
     }
 
+    /// The draws of each chain after the first `count`.
+    ///
+    /// # Errors
+    /// The input's fault if none are left.
+    pub fn after(&self, count: usize) -> Result<Self> {
+        if count >= self.draws {
+            let expected = format!("fewer than the {} draws of a chain", self.draws);
+            return Err(Error::input("--burn-in", expected).found(count));
+        }
+        let late = |values: &[f64], width: usize| -> Vec<f64> {
+            let chains = values.chunks((width * self.draws).max(1));
+            chains
+                .flat_map(|chain| &chain[width * count..])
+                .copied()
+                .collect()
+        };
+        let values = late(&self.values, self.dim());
+        let mut cut = Self::new(
+            self.names.clone(),
+            self.ensemble.clone(),
+            values,
+            late(&self.lp, 1),
+        )?;
+        let columns = self.info.columns.iter();
+        let columns = columns.map(|(name, values)| (name.clone(), late(values, 1)));
+        cut.info = Info {
+            columns: columns.collect(),
+            ..self.info.clone()
+        };
+        Ok(cut)
+    }
+
     /// The last of every `stride` draws of each chain.
     ///
     /// # Errors

@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 
 use super::machine_file::MachineFile;
 use crate::error::{Error, Result};
-use crate::field::programs::{FORCE_UNITS, newtons};
+use crate::field::programs::{self, FORCE_UNITS, newtons};
+use crate::field::table;
 
 /// Where forces come from.
 #[derive(Debug, Args)]
@@ -53,13 +54,11 @@ const SAME: f64 = 5e-3;
 
 /// Words of a column's name and the unit that it states.
 fn parts(name: &str) -> (Vec<String>, Option<(&'static str, f64)>) {
-    let lower = name.to_lowercase();
     let apart = |c: char| !(c.is_alphanumeric() || c == '#');
-    let words = lower.split(apart).filter(|w| !w.is_empty());
-    let words: Vec<String> = words.map(String::from).collect();
+    let words: Vec<&str> = name.split(apart).filter(|w| !w.is_empty()).collect();
     // the first word is the name, whatever else it means
     let unit = words.iter().skip(1).find_map(|w| newtons(w));
-    (words, unit)
+    (words.into_iter().map(str::to_lowercase).collect(), unit)
 }
 
 impl ForceArguments {
@@ -85,16 +84,17 @@ impl ForceArguments {
                 ""
             }
         );
-        let mean = |rows: &[usize]| {
-            let all: Option<Vec<f64>> = rows.iter().map(|r| file.number(*r, column)).collect();
+        let mean = |rows: &[(usize, f64)]| {
+            let share = |(row, share): &(usize, f64)| Some(share * file.number(*row, column)?);
+            let all: Option<Vec<f64>> = rows.iter().map(share).collect();
             all.filter(|a| !a.is_empty())
-                .map(|a| newtons * a.iter().sum::<f64>() / a.len() as f64)
+                .map(|a| newtons * a.iter().sum::<f64>())
         };
-        let of = |what: &str, rows: &[usize]| {
+        let of = |what: &str, rows: &[(usize, f64)]| {
             mean(rows).ok_or_else(|| {
-                let line = rows.first().map_or(0, |r| file.rows[*r].0);
+                let line = rows.first().map_or(0, |r| file.rows[r.0].0);
                 Error::input(format!("{place}:{line}"), format!("the force of {what}"))
-                    .found(rows.first().map_or("", |r| file.cell(*r, column)))
+                    .found(rows.first().map_or("", |r| file.cell(r.0, column)))
             })
         };
         let mut reference = 0.0;
@@ -111,11 +111,12 @@ impl ForceArguments {
         let mut forces = Vec::with_capacity(steps.len());
         for (step, rows) in steps.iter().zip(&rows.steps) {
             let force = round(of(&step.display().to_string(), rows)? - reference);
-            let more = match rows.len() {
-                1 => String::new(),
-                count => format!(", the mean of {count} rows"),
+            let more = match (rows.len(), rows.iter().all(|r| r.1 == rows[0].1)) {
+                (1, _) => String::new(),
+                (count, true) => format!(", the mean of {count} rows"),
+                (_, false) => ", between this and the next row".into(),
             };
-            let line = rows.first().map_or(0, |r| file.rows[*r].0);
+            let line = rows.first().map_or(0, |r| file.rows[r.0].0);
             let _ = writeln!(
                 said,
                 "    {}: force_N {force} (line {line}{more})",
@@ -197,10 +198,18 @@ impl ForceArguments {
         {
             return Ok((found, "matched by the pictures' names".into()));
         }
+        if self.force_offset.is_none()
+            && let Some(found) = by_time(file, steps, place)?
+        {
+            return Ok((
+                found,
+                "interpolated over time at the times of the pictures".into(),
+            ));
+        }
         if let Some(column) = number_column(file, force) {
             return self.by_number(file, column, steps, place);
         }
-        let order = |first: usize| (first..file.rows.len()).map(|r| vec![r]).collect();
+        let order = |first: usize| (first..file.rows.len()).map(|r| vec![(r, 1.0)]).collect();
         let (rows, count) = (file.rows.len(), steps.len());
         if rows == count {
             let found = StepRows {
@@ -212,7 +221,7 @@ impl ForceArguments {
         if rows == count + 1 {
             let found = StepRows {
                 steps: order(1),
-                reference: Some(vec![0]),
+                reference: Some(vec![(0, 1.0)]),
             };
             return Ok((
                 found,
@@ -259,7 +268,7 @@ impl ForceArguments {
                     .found(format!("pictures {first} to {last}"))
                     .hint("the file counts otherwise? --force-offset N: its number less that in the fields' names")
             })?;
-            of_steps.push(found.clone());
+            of_steps.push(alike(found.clone()));
         }
         let lowest = numbers.iter().min().map_or(0, |n| n + offset);
         let before = rows.first_key_value().filter(|(n, _)| **n < lowest);
@@ -267,7 +276,7 @@ impl ForceArguments {
             "matched by the pictures' numbers, \"{}\" {first} to {last}, offset {offset} (--force-offset changes it)",
             file.names[column]
         );
-        let reference = before.map(|(_, rows)| rows.clone());
+        let reference = before.map(|(_, rows)| alike(rows.clone()));
         Ok((
             StepRows {
                 steps: of_steps,
@@ -278,10 +287,86 @@ impl ForceArguments {
     }
 }
 
-/// Rows of a file by what they are of.
+/// Rows of a file by what they are of, each with its share in the force.
 struct StepRows {
-    steps: Vec<Vec<usize>>,
-    reference: Option<Vec<usize>>,
+    steps: Vec<Vec<(usize, f64)>>,
+    reference: Option<Vec<(usize, f64)>>,
+}
+
+/// Rows of equal shares.
+fn alike(rows: Vec<usize>) -> Vec<(usize, f64)> {
+    let share = 1.0 / rows.len().max(1) as f64;
+    rows.into_iter().map(|row| (row, share)).collect()
+}
+
+/// What columns of times are called.
+const TIMES: [&str; 7] = ["time", "zeit", "temps", "tiempo", "tempo", "elapsed", "t"];
+
+/// By a column of times, where every step's file states when its picture was taken: in its name, a line or a column.
+///
+/// # Errors
+/// Of the input: times outside of the record, or a record that does not go on in time.
+fn by_time(file: &MachineFile, steps: &[PathBuf], place: &str) -> Result<Option<StepRows>> {
+    let is_time = |name: &String| {
+        parts(name)
+            .0
+            .first()
+            .is_some_and(|w| TIMES.contains(&w.as_str()))
+    };
+    let Some(column) = file.names.iter().position(is_time) else {
+        return Ok(None);
+    };
+    let of_step = |step: &PathBuf| {
+        let name = step.file_name().unwrap_or_default().to_string_lossy();
+        match programs::in_name(&name, programs::seconds) {
+            Some(time) => Ok(Some(time)),
+            None => table::stated_time(step),
+        }
+    };
+    let pictures: Option<Vec<f64>> = steps.iter().map(of_step).collect::<Result<_>>()?;
+    let unit = file.names[column].split(|c: char| !c.is_alphanumeric());
+    let unit = unit.skip(1).find_map(programs::seconds).unwrap_or(1.0);
+    let rows = (0..file.rows.len()).filter_map(|r| Some((r, unit * file.number(r, column)?)));
+    let (Some(pictures), record) = (pictures, rows.collect::<Vec<(usize, f64)>>()) else {
+        return Ok(None);
+    };
+    if let Some(pair) = record.windows(2).find(|w| w[1].1 < w[0].1) {
+        let line = file.rows[pair[1].0].0;
+        let error = Error::input(
+            format!("{place}:{line}"),
+            "times that go on from row to row",
+        );
+        return Err(error.found(format!("{} after {} s", pair[1].1, pair[0].1)));
+    }
+    let at = |(step, time): (&PathBuf, &f64)| {
+        let next = record.partition_point(|(_, t)| t < time);
+        let shares = match (
+            next.checked_sub(1).and_then(|k| record.get(k)),
+            record.get(next),
+        ) {
+            (_, Some((row, t))) if t == time => vec![(*row, 1.0)],
+            (Some((a, from)), Some((b, to))) => {
+                let share = (time - from) / (to - from);
+                vec![(*a, 1.0 - share), (*b, share)]
+            }
+            _ => {
+                let ends = record.first().zip(record.last());
+                let (first, last) = ends.map_or((f64::NAN, f64::NAN), |(a, b)| (a.1, b.1));
+                return Err(Error::input(
+                    place,
+                    format!("the force at {time} s, of {}", step.display()),
+                )
+                .found(format!("times {first} to {last} s"))
+                .hint("do both clocks start together? shift the record's times"));
+            }
+        };
+        Ok(shares)
+    };
+    let steps = steps.iter().zip(&pictures).map(at).collect::<Result<_>>()?;
+    Ok(Some(StepRows {
+        steps,
+        reference: None,
+    }))
 }
 
 /// By a column of file names: the longest that a step's name has in it.
@@ -305,9 +390,10 @@ fn by_name(file: &MachineFile, steps: &[PathBuf]) -> Option<StepRows> {
     };
     let found: Vec<Vec<usize>> = steps.iter().map(of_step).collect::<Option<_>>()?;
     let first = found.iter().flatten().min().copied()?;
-    let reference = (first > 0).then(|| (0..first).filter(|r| names[*r] == names[0]).collect());
+    let reference =
+        (first > 0).then(|| alike((0..first).filter(|r| names[*r] == names[0]).collect()));
     Some(StepRows {
-        steps: found,
+        steps: found.into_iter().map(alike).collect(),
         reference,
     })
 }

@@ -78,12 +78,14 @@ fn put(files: &[PathBuf], experiment: &mut Value) -> Result<(Vec<PathBuf>, Strin
     let mut said = String::new();
     if let [file] = files {
         experiment["measurement"]["file"] = json!(file);
-        if let Some(force) = table::stated_force(file)? {
+        let stated = table::stated_force(file)?;
+        let by = match stated {
+            Some(_) => "stated in the file; N if it says no unit",
+            None => "by the file's name",
+        };
+        if let Some(force) = stated.or_else(|| exports::force_in_name(file).filter(|f| *f != 0.0)) {
             experiment["load"]["force_N"] = json!(force);
-            let _ = writeln!(
-                said,
-                "  load.force_N {force}: stated in the file; N if it says no unit"
-            );
+            let _ = writeln!(said, "  load.force_N {force}: {by}");
         }
         return Ok((files.to_vec(), said));
     }

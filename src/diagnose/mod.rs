@@ -6,6 +6,7 @@
 //! converged.
 
 mod autocov;
+mod burn_in;
 mod ess;
 mod importance;
 mod mcse;
@@ -15,6 +16,7 @@ mod transform;
 mod transitions;
 mod verdict;
 
+pub use burn_in::joined;
 pub use ess::{ess_bulk, ess_mean, ess_quantile, ess_tail};
 pub use importance::{Weighed, weigh};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};

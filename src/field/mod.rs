@@ -5,7 +5,7 @@
 
 mod agreement;
 pub mod blocks;
-mod cells;
+pub(crate) mod cells;
 mod coincident;
 mod common;
 pub mod conventions;

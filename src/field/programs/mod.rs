@@ -19,7 +19,7 @@ mod vic2d;
 mod vic3d;
 
 pub use program::{ExportColumns, Habit, Program};
-pub use units::{FORCE_UNITS, newtons, split, unit_of};
+pub use units::{FORCE_UNITS, in_name, newtons, seconds, split, unit_of};
 
 use super::reader::PIXEL;
 
