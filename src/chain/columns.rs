@@ -21,7 +21,7 @@ pub(super) fn is_draw(at: usize, name: &str) -> bool {
 
 /// What a sampler's column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum ColumnRole {
     LogDensity,
     Divergent,
     TreeDepth,
@@ -32,7 +32,7 @@ pub(super) enum Role {
     Other,
 }
 
-impl Role {
+impl ColumnRole {
     /// Its name in [`crate::chain::Info::columns`], Stan's where Stan has one.
     pub fn name(self) -> Option<&'static str> {
         match self {
@@ -48,7 +48,7 @@ impl Role {
 /// Columns of one program. Their names are words that a parameter may have too: they count where all of `marks` are there.
 struct SamplerColumns {
     marks: &'static [&'static str],
-    columns: &'static [(Role, &'static [&'static str])],
+    columns: &'static [(ColumnRole, &'static [&'static str])],
 }
 
 const SAMPLERS: &[SamplerColumns] = &[
@@ -56,16 +56,16 @@ const SAMPLERS: &[SamplerColumns] = &[
     SamplerColumns {
         marks: &["diverging"],
         columns: &[
-            (Role::LogDensity, &["lp", "logp"]),
-            (Role::Divergent, &["diverging"]),
-            (Role::TreeDepth, &["tree_depth", "depth"]),
+            (ColumnRole::LogDensity, &["lp", "logp", "model_logp"]),
+            (ColumnRole::Divergent, &["diverging"]),
+            (ColumnRole::TreeDepth, &["tree_depth", "depth"]),
             (
-                Role::Saturated,
+                ColumnRole::Saturated,
                 &["reached_max_treedepth", "maxdepth_reached"],
             ),
-            (Role::Energy, &["energy"]),
+            (ColumnRole::Energy, &["energy"]),
             (
-                Role::Other,
+                ColumnRole::Other,
                 &[
                     "energy_error",
                     "max_energy_error",
@@ -91,12 +91,12 @@ const SAMPLERS: &[SamplerColumns] = &[
     SamplerColumns {
         marks: &["hamiltonian_energy"],
         columns: &[
-            (Role::LogDensity, &["lp"]),
-            (Role::Divergent, &["numerical_error"]),
-            (Role::TreeDepth, &["tree_depth"]),
-            (Role::Energy, &["hamiltonian_energy"]),
+            (ColumnRole::LogDensity, &["lp"]),
+            (ColumnRole::Divergent, &["numerical_error"]),
+            (ColumnRole::TreeDepth, &["tree_depth"]),
+            (ColumnRole::Energy, &["hamiltonian_energy"]),
             (
-                Role::Other,
+                ColumnRole::Other,
                 &[
                     "log_density",
                     "hamiltonian_energy_error",
@@ -117,16 +117,19 @@ const SAMPLERS: &[SamplerColumns] = &[
     SamplerColumns {
         marks: &["iteration", "chain", "lp"],
         columns: &[
-            (Role::LogDensity, &["lp"]),
-            (Role::Other, &["logprior", "loglikelihood", "logjoint"]),
+            (ColumnRole::LogDensity, &["lp"]),
+            (
+                ColumnRole::Other,
+                &["logprior", "loglikelihood", "logjoint"],
+            ),
         ],
     },
     SamplerColumns {
         marks: &["logl", "logprior"],
         columns: &[
-            (Role::LogDensity, &["logpost"]),
+            (ColumnRole::LogDensity, &["logpost"]),
             (
-                Role::Other,
+                ColumnRole::Other,
                 &[
                     "logl",
                     "logprior",
@@ -141,14 +144,22 @@ const SAMPLERS: &[SamplerColumns] = &[
     },
 ];
 
+/// What arrays of a role are called in `sample_stats`.
+#[cfg(feature = "identify")]
+pub(super) fn statistics(role: ColumnRole) -> &'static [&'static str] {
+    let mut all = SAMPLERS[0].columns.iter();
+    all.find(|(own, _)| *own == role)
+        .map_or(&[], |(_, names)| names)
+}
+
 /// What the column `name` is for its sampler; none of a parameter.
-pub(super) fn role(name: &str, columns: &[String]) -> Option<Role> {
+pub(super) fn role(name: &str, columns: &[String]) -> Option<ColumnRole> {
     match name {
-        "lp__" => return Some(Role::LogDensity),
-        "divergent__" => return Some(Role::Divergent),
-        "treedepth__" => return Some(Role::TreeDepth),
-        "energy__" => return Some(Role::Energy),
-        _ if name.ends_with("__") => return Some(Role::Other),
+        "lp__" => return Some(ColumnRole::LogDensity),
+        "divergent__" => return Some(ColumnRole::Divergent),
+        "treedepth__" => return Some(ColumnRole::TreeDepth),
+        "energy__" => return Some(ColumnRole::Energy),
+        _ if name.ends_with("__") => return Some(ColumnRole::Other),
         _ => {}
     }
     let is_there = |mark: &&str| columns.iter().any(|c| c == mark);

@@ -1,13 +1,13 @@
 //! Chain CSV: our own `chain.csv` (`chain,draw,lp__,NAME...`), and any program's CSV of draws (Stan CSV with `#`
 //! comments, one file a chain). Floats are written so that they read back to the same bits.
 
-use std::collections::HashSet;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Cursor, Read, Write};
 use std::path::Path;
 
-use super::columns::{CHAIN, Role, is_draw, role};
+use super::columns::{ColumnRole, is_draw, role};
 use super::draws::{Chains, Draws};
+use super::header::{ChainHeader, number};
 use super::stan::StanSettings;
 use crate::error::{Error, Result};
 use crate::files;
@@ -190,7 +190,7 @@ impl CsvTable {
         let (mut names, mut kept, mut apart) = (Vec::new(), Vec::new(), Vec::new());
         for (at, name) in self.columns.iter().enumerate() {
             match (name.as_str(), role(name, &self.columns)) {
-                (_, Some(Role::LogDensity)) => lp = column(at),
+                (_, Some(ColumnRole::LogDensity)) => lp = column(at),
                 (_, Some(role)) => {
                     apart.push((role.name().unwrap_or(name).to_string(), column(at)));
                 }
@@ -221,87 +221,8 @@ impl CsvTable {
 /// Bytes of a line that ends somewhere: a million columns of 25 characters have fewer.
 const LONGEST_LINE: u64 = 1 << 26;
 
-/// The cells of a line, without blanks and quotation marks; no sign is any number of blanks.
-fn cells(line: &str, sign: Option<char>) -> Vec<&str> {
-    let ends = |c: char| sign.map_or(c.is_whitespace(), |sign| c == sign);
-    let cells = files::cells(line, ends).map(|f| f.trim().trim_matches('"'));
-    cells.filter(|f| sign.is_some() || !f.is_empty()).collect()
-}
-
-/// The header of a file: its columns, and what stands between the cells.
-struct ChainHeader {
-    columns: Vec<String>,
-    sign: Option<char>,
-    chain: Option<usize>,
-    /// Whether no row was read yet.
-    is_first: bool,
-}
-
-/// What stands between the cells of a line; none is any number of blanks.
-fn sign_of(line: &str) -> Option<char> {
-    let splits = |s: &char| cells(line, Some(*s)).len() > 1;
-    [',', ';', '\t'].into_iter().find(splits)
-}
-
-/// A number as programs write it, or whether something is so (pandas, R, Julia).
-fn number(field: &str) -> Option<f64> {
-    let of_word = |(word, value): (&str, f64)| field.eq_ignore_ascii_case(word).then_some(value);
-    let words = [("true", 1.0), ("false", 0.0)].into_iter();
-    field
-        .parse()
-        .ok()
-        .or_else(|| words.filter_map(of_word).next())
-}
-
-impl ChainHeader {
-    /// The header in a file's first line, and whether that is a row already: the names then stand in the comment before it.
-    fn before(line: &str, comment: &str) -> Result<(Self, bool)> {
-        let row = cells(line, sign_of(line));
-        let names = cells(comment, sign_of(comment));
-        if names.len() == row.len() && row.iter().all(|cell| number(cell).is_some()) {
-            return Ok((Self::new(comment, sign_of(line))?, true));
-        }
-        Ok((Self::new(line, sign_of(line))?, false))
-    }
-
-    /// The names in a line, of rows with a sign between the cells.
-    fn new(line: &str, sign: Option<char>) -> Result<Self> {
-        let columns = cells(line, sign_of(line));
-        let columns: Vec<String> = columns.into_iter().map(String::from).collect();
-        check_header(&columns)?;
-        Ok(Self {
-            chain: columns.iter().position(|c| CHAIN.contains(&c.as_str())),
-            columns,
-            sign,
-            is_first: true,
-        })
-    }
-
-    /// The cells of a row. Names of rows, as R writes them, have no name of their own.
-    fn row<'a>(&mut self, line: &'a str) -> Result<Vec<&'a str>> {
-        let row = cells(line, self.sign);
-        let beside = row.len() == self.columns.len() + 1;
-        if beside && self.sign.is_none() && std::mem::take(&mut self.is_first) {
-            self.columns.insert(0, String::new());
-            self.chain = self.chain.map(|at| at + 1);
-        }
-        self.is_first = false;
-        let wanted = self.columns.len();
-        if row.len() == wanted {
-            return Ok(row);
-        }
-        Err(Error::input("row", format!("{wanted} columns"))
-            .found(format!("{} columns", row.len()))
-            .hint("the last line of a chain that was killed may be cut: remove it"))
-    }
-
-    /// Whether a column is a number of every draw, not the name of a row or a chain.
-    fn is_read(&self, at: usize) -> bool {
-        Some(at) != self.chain && !(at == 0 && self.columns[0].is_empty())
-    }
-}
-
-fn read_table(path: &Path) -> Result<CsvTable> {
+/// The text of a chain file, line by line.
+fn opened(path: &Path) -> Result<Box<dyn BufRead>> {
     let unreadable = |e| Error::input(path.display(), "a readable chain file").found(e);
     let mut text = BufReader::new(File::open(path).map_err(unreadable)?);
     let start = text.fill_buf().map_err(unreadable)?;
@@ -309,23 +230,43 @@ fn read_table(path: &Path) -> Result<CsvTable> {
         let error = Error::input(path.display(), "chains as text, .npz or a Zarr store");
         return Err(error.found(what).hint(hint));
     }
+    // UTF-16, as a shell of Windows redirects
+    if start.starts_with(&[0xff, 0xfe]) || start.starts_with(&[0xfe, 0xff]) {
+        let mut bytes = Vec::new();
+        text.read_to_end(&mut bytes).map_err(unreadable)?;
+        return Ok(Box::new(Cursor::new(files::plain(bytes))));
+    }
+    Ok(Box::new(text))
+}
+
+/// Read the next line into `line`; whether there was one.
+fn next_line(
+    text: &mut dyn BufRead,
+    line: &mut String,
+    place: &dyn Fn() -> String,
+) -> Result<bool> {
+    line.clear();
+    let read = text.take(LONGEST_LINE).read_line(line);
+    let length = read.map_err(|e| Error::input(place(), "UTF-8 text").found(e))?;
+    if length as u64 == LONGEST_LINE {
+        let expected = format!("lines of fewer than {LONGEST_LINE} bytes");
+        return Err(Error::input(place(), expected)
+            .found("no end of the line")
+            .hint("this is no file of draws"));
+    }
+    Ok(length > 0)
+}
+
+fn read_table(path: &Path) -> Result<CsvTable> {
+    let mut text = opened(path)?;
     let mut header: Option<ChainHeader> = None;
     let mut chains: Vec<(String, Vec<f64>)> = Vec::new();
     let mut settings = StanSettings::default();
     let (mut line, mut comment) = (String::new(), String::new());
     for index in 0.. {
         let place = || format!("{}, line {}", path.display(), index + 1);
-        line.clear();
-        let read = (&mut text).take(LONGEST_LINE).read_line(&mut line);
-        match read.map_err(|e| Error::input(place(), "UTF-8 text").found(e))? {
-            0 => break,
-            length if length as u64 == LONGEST_LINE => {
-                let expected = format!("lines of fewer than {LONGEST_LINE} bytes");
-                return Err(Error::input(place(), expected)
-                    .found("no end of the line")
-                    .hint("this is no file of draws"));
-            }
-            _ => {}
+        if !next_line(&mut *text, &mut line, &place)? {
+            break;
         }
         let line = line.trim_start_matches('\u{feff}').trim();
         if let Some(text) = line.strip_prefix(['#', '%']) {
@@ -384,7 +325,7 @@ fn finished(
     let draw = (0..columns.len()).find(|&at| is_draw(at, &columns[at]));
     let depth = columns
         .iter()
-        .position(|c| role(c, &columns) == Some(Role::TreeDepth));
+        .position(|c| role(c, &columns) == Some(ColumnRole::TreeDepth));
     let limit = settings.max_depth.unwrap_or(f64::INFINITY);
     for (label, rows) in &mut chains {
         *label = match label.is_empty() {
@@ -438,29 +379,4 @@ fn rows_of<'a>(chains: &'a mut Vec<(String, Vec<f64>)>, label: &str) -> &'a mut 
         }
     };
     &mut chains[at].1
-}
-
-fn check_header(fields: &[String]) -> Result<()> {
-    let mut known = HashSet::new();
-    for (at, field) in fields.iter().enumerate() {
-        if (field.is_empty() && at > 0) || field.parse::<f64>().is_ok() {
-            return Err(Error::input(
-                format!("column {}", at + 1),
-                "the name of a column (the first line that is no comment is the header)",
-            )
-            .found(field)
-            .hint("write the names as the first line, such as E1_GPa,nu12"));
-        }
-        if !known.insert(field) {
-            return Err(Error::input(format!("column {}", at + 1), "each name once").found(field));
-        }
-    }
-    let is_parameter = |(at, f): (usize, &String)| {
-        let counts = CHAIN.contains(&f.as_str()) || is_draw(at, f);
-        role(f, fields).is_none() && !f.is_empty() && !counts
-    };
-    if !fields.iter().enumerate().any(is_parameter) {
-        return Err(Error::input("header", "at least one parameter").found(fields.join(",")));
-    }
-    Ok(())
 }

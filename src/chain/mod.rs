@@ -10,6 +10,7 @@ mod csv;
 mod digest;
 mod draws;
 mod getdist;
+mod header;
 #[cfg(feature = "identify")]
 mod npy;
 #[cfg(feature = "identify")]

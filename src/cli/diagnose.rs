@@ -137,6 +137,11 @@ impl BurnIn {
             Self::Auto => joins.iter().copied().max().unwrap_or(0),
         };
         let mut cut = draws.after(first)?;
+        if first == 0 {
+            let remark = "All chains are together from their first draws on: none is left out.";
+            cut.info.remarks.push(remark.into());
+            return Ok(cut);
+        }
         let [before, after] = [draws, &cut].map(|d| diagnose(d, &Rule::default()));
         let moved = before.rows.iter().zip(&after.rows);
         let moved = moved.map(|(a, b)| ((a.mean - b.mean).abs() / b.sd, &b.name));

@@ -83,6 +83,7 @@ pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
         let stated = table::stated_force(file)?;
         let (force_n, reason) = match (stated, force_in_name(file)) {
             (Some(force), _) => (Some(force), "stated in the file; N if it says no unit"),
+            (None, Some(0.0)) => (Some(0.0), "no load, by the file's name"),
             (None, Some(force)) => (Some(force), "by the file's name"),
             (None, None) => (None, "not known"),
         };

@@ -37,19 +37,7 @@ impl Export {
     /// # Errors
     /// Of the input: a table that is none, columns that are not known, a unit that nothing states, an option that is not used.
     pub fn read(csv: &Path, user: &TableOptions) -> Result<Self> {
-        let named = user
-            .columns
-            .as_ref()
-            .map(Columns::named)
-            .unwrap_or_default();
-        let bare = |name: &'_ str| name.trim().trim_start_matches('-').to_string();
-        let names: Vec<String> = named.iter().map(|(_, name)| bare(name)).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let header = table::described(csv, &names)?;
-        if let Some(uz) = user.uz.as_ref().filter(|uz| !header.names.contains(uz)) {
-            let expected = format!("a column of {}: {}", csv.display(), header.names.join(", "));
-            return Err(Error::input("--columns uz", expected).found(uz));
-        }
+        let header = header(csv, user)?;
         let found = match &user.columns {
             Some(columns) => given(&header, columns),
             None => of_a_program(csv, &header, user)?,
@@ -85,33 +73,12 @@ impl Export {
         }
         said += &unused_marks(&header.names, &map.columns);
         let in_pixels = units.contains(&PIXEL) || sigma_in_pixels;
-        let by_table = found.scale.zip(map.units.in_mm().ok());
-        let by_table = by_table.map(|(scale, [mm, _])| scale * mm);
-        let pixel_mm = user.mm_per_pixel.or(by_table);
-        if let (Some(size), None) = (pixel_mm, user.mm_per_pixel) {
-            let of_sigma = if sigma_in_pixels {
-                ": the scale of sigma"
-            } else {
-                ""
-            };
-            let _ = writeln!(
-                said,
-                "    a pixel is {size:.6} mm, by the coordinates in both units{of_sigma}"
-            );
-        }
-        if user.subset_px.is_some() && pixel_mm.is_none() {
-            return Err(Error::input(
-                "--subset-px",
-                "a table or an option that says how large a pixel is",
-            )
-            .found("none")
-            .hint("give --mm-per-pixel MM, or --subset-mm MM"));
-        }
+        let pixel_mm = pixel(found.scale, &map.units, user, &mut said)?;
         map.units.mm_per_pixel = pixel_mm.filter(|_| in_pixels);
         said += &turn(&mut map.columns, units[0], program, user);
         let field = read(csv, &mut map, &mut said)?;
         said += &counted(&field);
-        said += &stated(&header, program, user);
+        said += &stated(&header, program, user, field.levelled_deg.is_some());
         Ok(Self {
             label: found.label,
             pixel_mm,
@@ -123,6 +90,49 @@ impl Export {
             said,
         })
     }
+}
+
+/// The header of a table, with the columns that the user names.
+fn header(csv: &Path, user: &TableOptions) -> Result<TableHeader> {
+    let named = user
+        .columns
+        .as_ref()
+        .map(Columns::named)
+        .unwrap_or_default();
+    let bare = |name: &'_ str| name.trim().trim_start_matches('-').to_string();
+    let names: Vec<String> = named.iter().map(|(_, name)| bare(name)).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let header = table::described(csv, &names)?;
+    if let Some(uz) = user.uz.as_ref().filter(|uz| !header.names.contains(uz)) {
+        let expected = format!("a column of {}: {}", csv.display(), header.names.join(", "));
+        return Err(Error::input("--columns uz", expected).found(uz));
+    }
+    Ok(header)
+}
+
+/// The size of a pixel, mm, as the user says or the coordinates in both units, one of which is `scale` of the other.
+fn pixel(
+    scale: Option<f64>,
+    units: &Units,
+    user: &TableOptions,
+    said: &mut String,
+) -> Result<Option<f64>> {
+    let by_table = scale.zip(units.in_mm().ok());
+    let by_table = by_table.map(|(scale, [mm, _])| scale * mm);
+    if let (Some(size), None) = (by_table, user.mm_per_pixel) {
+        let _ = writeln!(
+            said,
+            "    a pixel is {size:.6} mm, by the coordinates in both units"
+        );
+    }
+    let size = user.mm_per_pixel.or(by_table);
+    if user.subset_px.is_some() && size.is_none() {
+        let expected = "a table or an option that says how large a pixel is";
+        return Err(Error::input("--subset-px", expected)
+            .found("none")
+            .hint("give --mm-per-pixel MM, or --subset-mm MM"));
+    }
+    Ok(size)
 }
 
 /// Turn y and uy if the user says that they count downwards; what is to be said of that.
@@ -344,7 +354,12 @@ fn counted(field: &Field) -> String {
 }
 
 /// What the lines before the table say, and its column out of the plane.
-fn stated(header: &TableHeader, program: Option<&Program>, user: &TableOptions) -> String {
+fn stated(
+    header: &TableHeader,
+    program: Option<&Program>,
+    user: &TableOptions,
+    is_levelled: bool,
+) -> String {
     let mut said = String::new();
     if let Some(program) = program {
         if let Some(step) = program
@@ -369,9 +384,14 @@ fn stated(header: &TableHeader, program: Option<&Program>, user: &TableOptions) 
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let uz = user.uz.as_ref();
     if let Some(name) = uz.or_else(|| programs::named(&header.names, &words)) {
+        let used = if is_levelled {
+            "used for the tilt of the plane alone"
+        } else {
+            "not used"
+        };
         let _ = writeln!(
             said,
-            "  out of the plane \"{name}\": not used; if it changes from step to step, declare the effects out_of_plane_translation and out_of_plane_rotation"
+            "  out of the plane \"{name}\": {used}; if it changes from step to step, declare the effects out_of_plane_translation and out_of_plane_rotation"
         );
     }
     said

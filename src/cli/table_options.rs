@@ -25,7 +25,7 @@ pub struct TableArguments {
     #[arg(long, value_name = "MM", group = "subset", value_parser = length_mm)]
     pub subset_mm: Option<f64>,
     /// The same in pixels, if the size of a pixel is known (--mm-per-pixel, or columns in pixels and mm)
-    #[arg(long, value_name = "PX", group = "subset", requires = "csv", value_parser = length_mm)]
+    #[arg(long, value_name = "PX", group = "subset", requires = "csv", value_parser = pixels)]
     pub subset_px: Option<f64>,
     /// Distance of the camera from the specimen, mm (a rough value is enough)
     #[arg(long, value_name = "MM", requires = "subset", value_parser = length_mm)]
@@ -45,9 +45,17 @@ impl TableArguments {
 
 /// A size as it is typed.
 fn length_mm(text: &str) -> std::result::Result<f64, String> {
+    above_0(text, "a length in mm")
+}
+
+fn pixels(text: &str) -> std::result::Result<f64, String> {
+    above_0(text, "a number of pixels")
+}
+
+fn above_0(text: &str, what: &str) -> std::result::Result<f64, String> {
     let size = text.trim().parse::<f64>().ok();
     let size = size.filter(|s| s.is_finite() && *s > 0.0);
-    size.ok_or_else(|| "expected a length above 0".into())
+    size.ok_or_else(|| format!("expected {what} above 0"))
 }
 
 /// What the user says of the tables.

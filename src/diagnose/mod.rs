@@ -23,7 +23,7 @@ pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rhat::rhat;
 pub use tau::{autocorrelation, tau};
 pub use transform::{mean, sd, sorted};
-pub use transitions::{Fault, transitions};
+pub use transitions::{TransitionFault, transitions};
 pub use verdict::{Row, Rule, Verdict, diagnose};
 
 use crate::chain::ScalarDraws;

@@ -7,13 +7,13 @@ use crate::chain::Draws;
 const LEAST_EBFMI: f64 = 0.3;
 
 /// A fault of the transitions: what was counted, and what it means.
-pub struct Fault {
+pub struct TransitionFault {
     pub figure: String,
     pub meaning: &'static str,
 }
 
 /// Divergent transitions, trajectories that ended at the largest depth, energies that are explored too slowly.
-pub fn transitions(draws: &Draws) -> Vec<Fault> {
+pub fn transitions(draws: &Draws) -> Vec<TransitionFault> {
     let column = |name: &str| {
         let found = draws.info.columns.iter().find(|(n, _)| n == name);
         found
@@ -25,7 +25,7 @@ pub fn transitions(draws: &Draws) -> Vec<Fault> {
     let count = |marks: &[f64]| marks.iter().filter(|d| **d != 0.0).count();
     let mut faults = Vec::new();
     if count(divergent) > 0 {
-        faults.push(Fault {
+        faults.push(TransitionFault {
             figure: format!(
                 "{} of {} draws ended in a divergent transition",
                 count(divergent),
@@ -37,7 +37,7 @@ pub fn transitions(draws: &Draws) -> Vec<Fault> {
     if count(saturated) > 0 {
         let reached = depth.iter().zip(saturated).filter(|(_, s)| **s != 0.0);
         let limit = reached.map(|(depth, _)| *depth).fold(0.0, f64::max);
-        faults.push(Fault {
+        faults.push(TransitionFault {
             figure: format!(
                 "{} of {} draws hit max_depth{}",
                 count(saturated),
@@ -60,7 +60,7 @@ pub fn transitions(draws: &Draws) -> Vec<Fault> {
         .collect();
     if !low.is_empty() {
         let least = low.iter().copied().fold(f64::INFINITY, f64::min);
-        faults.push(Fault {
+        faults.push(TransitionFault {
             figure: format!(
                 "E-BFMI is below {LEAST_EBFMI} in {} of {} chains (least {least:.2})",
                 low.len(),

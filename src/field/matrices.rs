@@ -11,8 +11,9 @@ use rayon::prelude::*;
 use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::{FARTHEST_MM, Field};
-use super::reader::{ColumnMap, Reader, number, read_text, unwritable};
+use super::reader::{ColumnMap, Reader, number, unwritable};
 use super::table::drop_unmoved;
+use super::text;
 use crate::error::{Error, Result};
 use crate::quantity::UM_PER_MM;
 
@@ -193,7 +194,7 @@ fn assemble(x: &Matrix, y: &Matrix, u: &Matrix, v: &Matrix) -> Result<Grid> {
 
 /// Read one matrix; blank lines are skipped.
 fn read_matrix(path: &Path) -> Result<Matrix> {
-    let mut text = read_text(path)?;
+    let mut text = text::read_settings(path)?;
     // without a point in the file a comma is the decimal sign
     if text.contains(',') && !text.contains('.') {
         text = text.replace(',', ".");

@@ -32,6 +32,7 @@ mod rows;
 pub mod series;
 mod sheet;
 pub mod spec;
+mod stated;
 pub mod step;
 pub mod table;
 mod text;

@@ -46,6 +46,8 @@ pub(super) struct MeasuredRow {
     pub out_of_plane: [f64; 2],
     /// Standard deviation, mm.
     pub sigma: f64,
+    /// Unit of the last decimal of a standard deviation that is written as 0, mm: it is below.
+    pub zero_below: Option<f64>,
 }
 
 impl MeasuredRow {
@@ -174,6 +176,13 @@ impl<'a> CsvRow<'a> {
                 u: [ux, uy],
                 out_of_plane: [z, uz],
                 sigma,
+                zero_below: self
+                    .sigma
+                    .filter(|_| sigma == 0.0)
+                    .and_then(|(k, _, scale)| {
+                        let unit = last_decimal(cells.get(k)?)?;
+                        Some(scale.unwrap_or(1.0) * unit)
+                    }),
             })
         })
     }
@@ -185,6 +194,13 @@ impl<'a> CsvRow<'a> {
         }
         error.hint("leave the cell empty where nothing was measured, or take the column out of measurement.columns")
     }
+}
+
+/// The unit of the last decimal of a number that is written without an exponent.
+fn last_decimal(cell: &str) -> Option<f64> {
+    let (_, decimals) = cell.split_once(['.', ','])?;
+    let plain = decimals.bytes().all(|b| b.is_ascii_digit());
+    plain.then(|| 10_f64.powi(-(decimals.len() as i32)))
 }
 
 /// The column called `name`, which must be there once.

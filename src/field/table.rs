@@ -7,17 +7,16 @@ use std::path::{Path, PathBuf};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
-use super::cells::number;
 use super::frame::Frame;
 use super::grid::Grid;
 use super::level::WORTH_A_WORD_DEG;
 use super::measured::{Field, Reason, Rejected};
-use super::programs::{MatchedColumns, matching, newtons, seconds};
+use super::programs::{MatchedColumns, matching};
 use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
 use super::row::{CsvRow, MeasuredRow, Point};
 use super::rows::TableRows;
 use super::sheet::Sheet;
-use super::text;
+pub use super::stated::{stated_force, stated_time};
 use crate::error::{Error, Result};
 use crate::numeric::median;
 use crate::quantity::UM_PER_MM;
@@ -155,31 +154,37 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
         field.points.push(frame.point(at));
         field.displacement.push(frame.vector(u));
     }
-    let sigmas = rows.all.iter().map(|row| row.sigma).collect();
-    remarks.extend(take_sigmas(&mut field, sigmas, &row));
+    remarks.extend(take_sigmas(&mut field, &rows.all, &row));
     remarks.extend(drop_unmoved(&mut field));
     field.rejected.uncorrelated += faint;
     check_measured(path, map, &field, faint)?;
     Ok((field, remarks))
 }
 
+/// Standard deviations reach down to 0 where the least is below this share of the typical one.
+const NEAR_0: f64 = 0.25;
+
 /// Points whose standard deviation is 0 were not correlated, unless that of all points is: then it says nothing. Beside a coefficient that
-/// is good the standard deviation was rounded to 0, and is half of the least other.
-fn take_sigmas(field: &mut Field, mut sigmas: Vec<f64>, row: &CsvRow) -> Option<String> {
-    if sigmas.iter().all(|s| *s == 0.0) {
-        return (!sigmas.is_empty())
+/// is good it was rounded to 0, and is half of the least other, where no other is below its last decimal or others come near to 0.
+fn take_sigmas(field: &mut Field, rows: &[MeasuredRow], row: &CsvRow) -> Option<String> {
+    let above = rows.iter().map(|row| row.sigma).filter(|s| *s > 0.0);
+    let least = above.clone().fold(f64::INFINITY, f64::min);
+    if least.is_infinite() {
+        return (!rows.is_empty())
             .then(|| "sigma is 0 everywhere: it says nothing and is not used".into());
     }
-    let above = sigmas.iter().copied().filter(|s| *s > 0.0);
-    let least = above.fold(f64::INFINITY, f64::min);
-    let rounded = |i: usize| row.has_correlation() && field.displacement[i] != [0.0; 2];
-    let mut count = 0;
-    for (i, sigma) in sigmas.iter_mut().enumerate() {
-        if *sigma == 0.0 && rounded(i) {
-            *sigma = 0.5 * least;
-            count += 1;
-        }
-    }
+    let mut above: Vec<f64> = above.collect();
+    let near_0 = least < NEAR_0 * median(&mut above);
+    let rounded = |of: &MeasuredRow| {
+        let is_good = row.has_correlation() && of.u != [0.0; 2];
+        let below = of
+            .zero_below
+            .is_some_and(|unit| unit <= least * (1.0 + 1e-9));
+        of.sigma == 0.0 && is_good && (below || near_0)
+    };
+    let sigma = |of: &MeasuredRow| if rounded(of) { 0.5 * least } else { of.sigma };
+    let sigmas: Vec<f64> = rows.iter().map(sigma).collect();
+    let count = rows.iter().filter(|of| rounded(of)).count();
     let is_kept: Vec<bool> = sigmas.iter().map(|s| *s > 0.0).collect();
     field.sigma = row.keeps_sigma().then_some(sigmas);
     let dropped = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
@@ -337,75 +342,4 @@ pub fn described(path: &Path, named: &[&str]) -> Result<TableHeader> {
         names: sheet.names,
         units: sheet.units,
     })
-}
-
-/// Words of a force and of a time, in small letters.
-const FORCE: &[&str] = &["force", "load", "kraft"];
-const TIME: &[&str] = &["time", "relative_time", "zeit", "temps"];
-
-/// The force that the lines before the numbers of a table state (ARAMIS: `# force : 15000`), N; without a unit it is
-/// taken for newtons.
-///
-/// # Errors
-/// Of the input: a missing or non-text file.
-pub fn stated_force(path: &Path) -> Result<Option<f64>> {
-    before_numbers(path, FORCE, |unit| Some(newtons(unit)?.1))
-}
-
-/// The time that the lines before the numbers of a table state, or a column of it in the first row, seconds.
-///
-/// # Errors
-/// Of the input: a missing or non-text file, a file without a table.
-pub fn stated_time(path: &Path) -> Result<Option<f64>> {
-    if let Some(time) = before_numbers(path, TIME, seconds)? {
-        return Ok(Some(time));
-    }
-    let sheet = Sheet::open(path, &|names| matching(names, None, "").is_some())?;
-    let is_time = |name: &String| {
-        let words = name.to_lowercase();
-        let stem = words.split(['[', '(']).next().unwrap_or_default().trim();
-        TIME.contains(&stem.strip_suffix("_s").unwrap_or(stem))
-    };
-    let Some(column) = sheet.names.iter().position(is_time) else {
-        return Ok(None);
-    };
-    let mut time = None;
-    sheet.rows(&mut |_, cells| {
-        time = time.or_else(|| number(cells.get(column)?, sheet.comma));
-        Ok(())
-    })?;
-    Ok(time.filter(|t| t.is_finite()))
-}
-
-/// What a line before the numbers states of a quantity.
-fn before_numbers(
-    path: &Path,
-    words: &[&str],
-    size: impl Fn(&str) -> Option<f64>,
-) -> Result<Option<f64>> {
-    let (text, _) = text::read(path)?;
-    let number = |line: &&str| line.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
-    let lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
-    let mut before = lines.take_while(|line| !number(line));
-    Ok(before
-        .find_map(|line| quantity_in(line.trim_start_matches(['#', '%', '*', ' ']), words, &size)))
-}
-
-/// The quantity of a line `force [kN] : 1.5`, `Force = 1500 N`, `force : value_element : 1500`.
-fn quantity_in(line: &str, names: &[&str], size: impl Fn(&str) -> Option<f64>) -> Option<f64> {
-    let (key, value) = line.split_once([':', '=', ';', ',', '\t'])?;
-    let value = value.rsplit_once(':').map_or(value, |(_, value)| value);
-    let apart = |c: char| c.is_whitespace() || "[]()_;\"".contains(c);
-    let words = |text| -> Vec<&str> {
-        let words = str::split(text, apart);
-        words.filter(|w| !w.is_empty()).collect()
-    };
-    let (key, value) = (words(key), words(value));
-    if !names.contains(&key.first()?.to_lowercase().as_str()) {
-        return None;
-    }
-    let number = number(value.first()?, false).filter(|f| f.is_finite())?;
-    let mut units = key[1..].iter().chain(&value[1..]);
-    let sizes: Option<Vec<f64>> = units.by_ref().map(|unit| size(unit)).collect();
-    Some(number * sizes?.first().unwrap_or(&1.0))
 }

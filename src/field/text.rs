@@ -58,6 +58,15 @@ pub fn of_settings(path: &Path, bytes: &[u8]) -> Result<String> {
     Ok(decoded(path, bytes)?.0)
 }
 
+/// The same of a file that is still to be read.
+///
+/// # Errors
+/// Of the input: a file that cannot be read or is no text.
+pub(in crate::field) fn read_settings(path: &Path) -> Result<String> {
+    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+    of_settings(path, &bytes)
+}
+
 fn decoded(path: &Path, bytes: &[u8]) -> Result<(String, Option<&'static str>)> {
     if let Some((encoding, mark)) = Encoding::for_bom(bytes).or_else(|| unmarked_utf16(bytes)) {
         let (text, failed) = encoding.decode_without_bom_handling(&bytes[mark..]);

@@ -124,6 +124,17 @@ fn names_behind_a_comment_sign_are_the_header() {
     );
 }
 
+/// What a shell of Windows writes to a file has two bytes a letter.
+#[test]
+fn chains_in_sixteen_bits_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("\u{feff}a,b\r\n{}", rows(0, ",", |_| String::new()));
+    let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    fs::write(folder.path().join("c.csv"), bytes).unwrap();
+    let (done, found, said) = in_folder(folder.path(), &["c.csv"], &[]);
+    assert!(done && names(&found) == ["a", "b"], "{said}");
+}
+
 /// Chains of CmdStan with energies and depths of trees.
 fn stan(chain: usize, model: &str, depth: usize, energy: impl Fn(usize) -> f64) -> String {
     let head = format!(

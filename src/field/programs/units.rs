@@ -13,8 +13,9 @@ const UNITS: &[(&str, &[&str])] = &[
     (PIXEL, &["px", "pix", "pixel"]),
 ];
 
-/// Units of force and their newtons (NIST SP 811, appendix B.8).
-pub const FORCE_UNITS: [(&str, f64); 10] = [
+/// Units of force and their newtons (NIST SP 811, appendix B.8). Without mN: few machines write millinewtons, and a meganewton would be
+/// taken for one.
+pub const FORCE_UNITS: [(&str, f64); 8] = [
     ("N", 1.0),
     ("kN", 1e3),
     ("daN", 10.0),
@@ -23,16 +24,13 @@ pub const FORCE_UNITS: [(&str, f64); 10] = [
     ("lb", 4.448_221_615_260_5),
     ("kip", 4_448.221_615_260_5),
     ("klbf", 4_448.221_615_260_5),
-    ("mN", 1e-3),
-    ("MN", 1e6),
 ];
 
-/// A unit of force by its name, and its newtons; in whatever letters, but for those that tell milli from mega.
+/// A unit of force by its name in upper or lower case, and its newtons.
 pub fn newtons(written: &str) -> Option<(&'static str, f64)> {
-    let like = |unit: &str| unit.eq_ignore_ascii_case(written);
-    let exact = FORCE_UNITS.into_iter().find(|(unit, _)| *unit == written);
-    let mut alike = FORCE_UNITS.into_iter().filter(|(unit, _)| like(unit));
-    exact.or_else(|| alike.next().filter(|_| alike.next().is_none()))
+    FORCE_UNITS
+        .into_iter()
+        .find(|(unit, _)| unit.eq_ignore_ascii_case(written))
 }
 
 /// Seconds of a unit of time.

@@ -137,7 +137,7 @@ fn untabbed(line: &str) -> String {
         if c != '\t' {
             text.push(c);
             columns += 1;
-            is_full = columns >= SMALL && (columns - SMALL) % width == 0;
+            is_full = columns >= SMALL && (columns - SMALL).is_multiple_of(width);
             continue;
         }
         let rest = match columns {
