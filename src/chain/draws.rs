@@ -322,25 +322,20 @@ impl Draws {
         }
         let late = |values: &[f64], width: usize| -> Vec<f64> {
             let chains = values.chunks((width * self.draws).max(1));
-            chains
-                .flat_map(|chain| &chain[width * count..])
-                .copied()
-                .collect()
+            let late = chains.flat_map(|chain| &chain[width * count..]);
+            late.copied().collect()
         };
-        let values = late(&self.values, self.dim());
-        let mut cut = Self::new(
-            self.names.clone(),
-            self.ensemble.clone(),
-            values,
-            late(&self.lp, 1),
-        )?;
-        let columns = self.info.columns.iter();
-        let columns = columns.map(|(name, values)| (name.clone(), late(values, 1)));
-        cut.info = Info {
-            columns: columns.collect(),
-            ..self.info.clone()
-        };
-        Ok(cut)
+        let cut = |(name, values): &(String, Vec<f64>)| (name.clone(), late(values, 1));
+        Ok(Self {
+            draws: self.draws - count,
+            values: late(&self.values, self.dim()),
+            lp: late(&self.lp, 1),
+            info: Info {
+                columns: self.info.columns.iter().map(cut).collect(),
+                ..self.info.clone()
+            },
+            ..self.clone()
+        })
     }
 
     /// The last of every `stride` draws of each chain.

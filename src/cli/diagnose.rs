@@ -77,24 +77,7 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         verdict.converged = reasons.is_empty();
         verdict.reasons = reasons;
     }
-    for fault in transitions(&draws) {
-        let remark = format!("{}: {}", fault.figure, fault.meaning);
-        draws.info.remarks.push(remark);
-    }
-    if draws.info.thin > 1 {
-        draws.info.remarks.push(format!(
-            "a long run: of {} stored draws of a chain one is diagnosed",
-            draws.info.thin
-        ));
-    }
-    if draws.ensembles() > draws.draws() {
-        let remark = "There are more chains than draws. Is it the other way round, or were the chains joined?";
-        draws.info.remarks.push(remark.into());
-    } else if draws.ensembles() > MANY && arguments.walkers.is_none() {
-        let remark =
-            "if these are walkers of ensembles, not chains of their own, say so: --walkers N";
-        draws.info.remarks.push(remark.into());
-    }
+    remark(&mut draws, arguments.walkers.is_some());
     results(&chains::json(&verdict, &draws.info.remarks))?;
     if arguments.csv {
         print(&chains::csv(&verdict))?;
@@ -108,6 +91,28 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         return Err(Error::input("--strict", "converged chains").found(verdict.line()));
     }
     Ok(())
+}
+
+/// Add what is odd about draws to their remarks.
+fn remark(draws: &mut Draws, has_walkers: bool) {
+    for fault in transitions(draws) {
+        let remark = format!("{}: {}", fault.figure, fault.meaning);
+        draws.info.remarks.push(remark);
+    }
+    if draws.info.thin > 1 {
+        draws.info.remarks.push(format!(
+            "a long run: of {} stored draws of a chain one is diagnosed",
+            draws.info.thin
+        ));
+    }
+    if draws.ensembles() > draws.draws() {
+        let remark = "There are more chains than draws. Is it the other way round, or were the chains joined?";
+        draws.info.remarks.push(remark.into());
+    } else if draws.ensembles() > MANY && !has_walkers {
+        let remark =
+            "if these are walkers of ensembles, not chains of their own, say so: --walkers N";
+        draws.info.remarks.push(remark.into());
+    }
 }
 
 /// Draws that a chain begins with and that are left out.

@@ -152,29 +152,15 @@ impl ForceRecord<'_> {
             );
             return Err(error.found(format!("{} after {} s", pair[1].1, pair[0].1)));
         }
+        let ends = record.first().zip(record.last());
+        let [first, last] = ends.map_or([f64::NAN; 2], |(a, b)| [a.1, b.1]);
         let at = |(step, time): (&PathBuf, &f64)| {
-            let next = record.partition_point(|(_, t)| t < time);
-            let shares = match (
-                next.checked_sub(1).and_then(|k| record.get(k)),
-                record.get(next),
-            ) {
-                (_, Some((row, t))) if t == time => vec![(*row, 1.0)],
-                (Some((a, from)), Some((b, to))) => {
-                    let share = (time - from) / (to - from);
-                    vec![(*a, 1.0 - share), (*b, share)]
-                }
-                _ => {
-                    let ends = record.first().zip(record.last());
-                    let (first, last) = ends.map_or((f64::NAN, f64::NAN), |(a, b)| (a.1, b.1));
-                    return Err(Error::input(
-                        place,
-                        format!("the force at {time} s, of {}", step.display()),
-                    )
+            shares(&record, *time).ok_or_else(|| {
+                let expected = format!("the force at {time} s, of {}", step.display());
+                Error::input(place, expected)
                     .found(format!("times {first} to {last} s"))
-                    .hint("do both clocks start together? shift the record's times"));
-                }
-            };
-            Ok(shares)
+                    .hint("do both clocks start together? shift the record's times")
+            })
         };
         let steps = steps.iter().zip(&pictures).map(at).collect::<Result<_>>()?;
         let how = "interpolated over time at the times of the pictures";
@@ -183,6 +169,18 @@ impl ForceRecord<'_> {
             ..StepRows::of(steps, None, how)
         }))
     }
+}
+
+/// The rows of a record over time about a moment, each with its share; none outside of the record.
+fn shares(record: &[(usize, f64)], time: f64) -> Option<Vec<(usize, f64)>> {
+    let next = record.partition_point(|(_, t)| *t < time);
+    let (row, to) = *record.get(next)?;
+    if to == time {
+        return Some(vec![(row, 1.0)]);
+    }
+    let (before, from) = *record.get(next.checked_sub(1)?)?;
+    let share = (time - from) / (to - from);
+    Some(vec![(before, 1.0 - share), (row, share)])
 }
 
 /// Rows of a file by what they are of, each with its share in the force.

@@ -151,13 +151,7 @@ impl<'a> CsvRow<'a> {
                 .hint("percent, or another measure? leave columns.correlation out, or export the coefficient"));
         }
         let [x, y, ux, uy] = values;
-        let [z, uz] = self.out_of_plane.map_or([f64::NAN; 2], |both| {
-            let of = |(index, scale): (usize, f64)| {
-                let cell = cells.get(index).copied().unwrap_or("");
-                scale * number(cell, self.comma).unwrap_or(f64::NAN)
-            };
-            both.map(of)
-        });
+        let [z, uz] = self.beside(cells);
         let (at, z) = if self.deformed {
             ([x - ux, y - uy], z - uz)
         } else {
@@ -176,15 +170,24 @@ impl<'a> CsvRow<'a> {
                 u: [ux, uy],
                 out_of_plane: [z, uz],
                 sigma,
-                zero_below: self
-                    .sigma
-                    .filter(|_| sigma == 0.0)
-                    .and_then(|(k, _, scale)| {
-                        let unit = last_decimal(cells.get(k)?)?;
-                        Some(scale.unwrap_or(1.0) * unit)
-                    }),
+                zero_below: self.zero_below(sigma, cells),
             })
         })
+    }
+
+    /// The coordinate and the displacement out of the plane, mm; NaN without.
+    fn beside(&self, cells: &[&str]) -> [f64; 2] {
+        let of = |(index, scale): (usize, f64)| {
+            let cell = cells.get(index).copied().unwrap_or("");
+            scale * number(cell, self.comma).unwrap_or(f64::NAN)
+        };
+        self.out_of_plane.map_or([f64::NAN; 2], |both| both.map(of))
+    }
+
+    /// Below what a standard deviation is that is written as 0, mm.
+    fn zero_below(&self, sigma: f64, cells: &[&str]) -> Option<f64> {
+        let (index, _, scale) = self.sigma.filter(|_| sigma == 0.0)?;
+        Some(scale.unwrap_or(1.0) * last_decimal(cells.get(index)?)?)
     }
 
     fn not_a_number(&self, place: String, cell: &str) -> Error {

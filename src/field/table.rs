@@ -9,7 +9,7 @@ use rstar::primitives::GeomWithData;
 
 use super::frame::Frame;
 use super::grid::Grid;
-use super::level::WORTH_A_WORD_DEG;
+use super::level::{TiltedPlane, WORTH_A_WORD_DEG};
 use super::measured::{Field, Reason, Rejected};
 use super::programs::{MatchedColumns, matching};
 use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
@@ -128,37 +128,37 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
     }
     field.rejected.repeated = rows.again;
     remarks.extend(rows.settle(path, &mut field.rejected.repeated)?);
-    let level = sheet
-        .out_of_plane(&map.columns)
-        .and_then(|[z, _]| Some((rows.plane()?, z)));
-    if let Some((plane, z)) = &level {
-        plane.check(&path.display().to_string(), z)?;
-        field.levelled_deg = Some(plane.angle_deg());
-        if plane.angle_deg() > WORTH_A_WORD_DEG {
-            remarks.push(format!(
-                "{}: places and displacements are taken along its axes",
-                plane.said(z)
-            ));
-        }
-    }
-    for MeasuredRow {
-        at,
-        u,
-        out_of_plane: [z, uz],
-        ..
-    } in &rows.all
-    {
-        let (at, u) = level.as_ref().map_or((*at, *u), |(plane, _)| {
-            plane.level([at[0], at[1], *z], [u[0], u[1], *uz])
-        });
-        field.points.push(frame.point(at));
-        field.displacement.push(frame.vector(u));
-    }
+    let z = sheet.out_of_plane(&map.columns).map(|[z, _]| z);
+    remarks.extend(take_points(&mut field, &rows, z.as_deref())?);
     remarks.extend(take_sigmas(&mut field, &rows.all, &row));
     remarks.extend(drop_unmoved(&mut field));
     field.rejected.uncorrelated += faint;
     check_measured(path, map, &field, faint)?;
     Ok((field, remarks))
+}
+
+/// The rows as points of the field, along the axes of their plane where the table has `z` and all points a place and a displacement
+/// along it. What is said of that.
+///
+/// # Errors
+/// Of the input: a plane that no camera sees.
+fn take_points(field: &mut Field, rows: &TableRows, z: Option<&str>) -> Result<Option<String>> {
+    let plane = z.and_then(|z| Some((rows.plane()?, z)));
+    for row in &rows.all {
+        let ([x, y], [u, v], [z, w]) = (row.at, row.u, row.out_of_plane);
+        let level = |(plane, _): &(TiltedPlane, &str)| plane.level([x, y, z], [u, v, w]);
+        let (at, u) = plane.as_ref().map_or((row.at, row.u), level);
+        field.points.push(field.frame.point(at));
+        field.displacement.push(field.frame.vector(u));
+    }
+    let Some((plane, z)) = plane else {
+        return Ok(None);
+    };
+    plane.check(&field.place(), z)?;
+    field.levelled_deg = Some(plane.angle_deg());
+    let said = plane.said(z);
+    let said = format!("{said}: places and displacements are taken along its axes");
+    Ok((plane.angle_deg() > WORTH_A_WORD_DEG).then_some(said))
 }
 
 /// Standard deviations reach down to 0 where the least is below this share of the typical one.
